@@ -1,0 +1,122 @@
+/*
+ * The rig's geometry: where cameras, lamps, lasers and axes are, and what follows from it. Nominal
+ * values come from the rig file, better ones from calibration; both are this one struct and this one
+ * file format.
+ *
+ * Rig frame: millimetres, right-handed, origin on the turntable's axis in the plane of its top, z
+ * up. Sample frame: turns with the turntable; at turntable angle τ (counter-clockwise seen from
+ * above) a point p of the sample is at Rz(τ) p in the rig. A fixed camera at azimuth φ_c is seen by
+ * the sample at φ_c − τ; a lamp on the arc at arc angle α is seen at φ = α − τ.
+ *
+ * Pure functions over plain data: any thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+#include "vec.h"
+
+#define RIG_MAX_CAMERAS 16
+#define RIG_MAX_LAMPS 16
+#define RIG_MAX_LASERS 16
+#define RIG_NAME 32
+
+/* A pinhole with Brown distortion, OpenCV's convention: the centre of the top left pixel is (0, 0),
+ * x right, y down; x' = x/z of the point in camera coordinates (z forward). */
+struct rig_camera {
+    char name[RIG_NAME];
+    int width, height;
+    double fx_px, fy_px, cx_px, cy_px;
+    double k1, k2, k3, p1, p2;
+    struct mat3 rotation;   /* camera = rotation · rig + translation_mm */
+    struct vec3 translation_mm;
+    double vignetting;      /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
+    double response;        /* DN a second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
+};
+
+/* A lamp on the light arc. Radiant intensity in direction d: intensity · max(0, cos(d, aim))^n. */
+struct rig_lamp {
+    char name[RIG_NAME];
+    struct vec3 position_mm; /* with the arc at α = 0 (then it stands over the +x axis) */
+    struct vec3 aim;         /* unit, with the arc at α = 0 */
+    double exponent;
+    double intensity;        /* W·sr⁻¹ along aim */
+};
+
+/* A line laser on the light arc: a sheet of light through position that turns about an axis in that
+ * sheet. With sweep angle s the sheet's normal is normal rotated about axis by s (right-handed). */
+struct rig_laser {
+    char name[RIG_NAME];
+    struct vec3 position_mm; /* with the arc at α = 0 */
+    struct vec3 axis;        /* unit, at α = 0: tangential, so that the line lies across the sweep */
+    struct vec3 normal;      /* unit, at α = 0 and s = 0, perpendicular to axis; at s = 0 the sheet
+                                goes through the origin (nominally) */
+};
+
+struct rig {
+    char id[64];             /* which rig this is; a calibration of another one is refused */
+    struct rig_camera cameras[RIG_MAX_CAMERAS];
+    int n_cameras;
+    struct rig_lamp lamps[RIG_MAX_LAMPS];
+    int n_lamps;
+    struct rig_laser lasers[RIG_MAX_LASERS];
+    int n_lasers;
+    double arc_radius_mm;    /* of the arc's inner edge, and */
+    double arc_width_mm;     /* its width across: together what it hides from a camera */
+};
+
+#define RIG_ERROR rig_error_quark()
+GQuark rig_error_quark(void);
+enum rig_error {
+    RIG_ERROR_FORMAT, /* not a calibration file, or of another version */
+    RIG_ERROR_VALUE,  /* a value is missing, not finite, or makes no sense */
+};
+
+/* One readable key file, "calibration.conf". The numbers are written so that they come back bit
+ * for bit. */
+char *rig_to_text(const struct rig *rig); /* g_free() */
+gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error);
+
+/* Places a camera at a point looking at another, image x to the right when seen from above. */
+void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct vec3 target_mm);
+
+struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
+
+/* Projects a point of the rig frame. FALSE if it is behind the camera or so far out that the
+ * distortion model folds back; it may lie outside the picture. */
+gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
+                     double *ret_y_px);
+
+/* The viewing ray of a pixel: from the camera's centre, unit, in the rig frame. The distortion is
+ * inverted to 1e-9 px. */
+struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y_px);
+
+/* Turns about z: rig from sample coordinates is by +τ, sample from rig by −τ; the arc by +α. */
+struct vec3 rig_turn(struct vec3 v, double angle_rad);
+
+struct vec3 rig_lamp_position_mm(const struct rig_lamp *lamp, double arc_rad);
+
+/* Irradiance on a plane perpendicular to the direction of the lamp, W·m⁻². */
+double rig_lamp_irradiance(const struct rig_lamp *lamp, double arc_rad, struct vec3 point_mm);
+
+struct vec3 rig_laser_position_mm(const struct rig_laser *laser, double arc_rad);
+
+/* The sheet of light: points p of the rig frame with normal · p = offset_mm. */
+struct rig_plane {
+    struct vec3 normal; /* unit */
+    double offset_mm;
+};
+struct rig_plane rig_laser_sheet(const struct rig_laser *laser, double arc_rad, double sweep_rad);
+
+/* The sweep angle at which the sheet goes through a point. */
+double rig_laser_sweep_rad(const struct rig_laser *laser, double arc_rad, struct vec3 point_mm);
+
+/* Free width between the light arc and the cone of sight from a camera to a disc of radius_mm
+ * around the origin; negative: the arc stands in the picture. The arc is a half-circle band of
+ * arc_radius_mm in the plane of azimuth α, from α over the zenith down to the horizon at α only
+ * (a quarter circle). */
+double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm);
+
+/* Spherical angles of a direction: θ from +z in [0, π], φ from +x, counter-clockwise in [0, 2π). */
+void rig_angles(struct vec3 direction, double *ret_theta_rad, double *ret_phi_rad);
+struct vec3 rig_direction(double theta_rad, double phi_rad);

@@ -1,0 +1,73 @@
+/*
+ * A session being captured: devices, session directory, sequencer and intake together. What the bus
+ * shows and the commands drive. Main loop's thread.
+ *
+ * The sequencer (sequencer.c) moves, switches and triggers; the intake (intake.c) takes accepted
+ * frames, merges brackets to linear radiance and feeds sweeps in one worker lane a camera, and hands
+ * back what is to be committed. Any fault makes the rig safe and pauses the session with the reason;
+ * everything committed stays, and capture_continue() or a later capture_resume() goes on.
+ */
+#pragma once
+
+#include "devices.h"
+#include "plan.h"
+
+typedef struct Capture Capture;
+
+enum capture_state {
+    CAPTURE_HOMING,
+    CAPTURE_RUNNING,
+    CAPTURE_PAUSING, /* finishing what is under way */
+    CAPTURE_PAUSED,  /* by the user, or by a fault: see reason; the rig is safe */
+    CAPTURE_DONE,
+    CAPTURE_ABORTED,
+};
+
+struct capture_status {
+    enum capture_state state;
+    const char *reason;     /* of a pause; NULL otherwise */
+    const char *doing;      /* in a few words, for people */
+    int shots, shots_done;  /* of the whole session, those from before a resume counted */
+    gint64 frames, retakes; /* camera frames accepted and refused since started */
+    double elapsed_s, left_s; /* on the rig's clock; left_s predicted */
+    double predicted_s, lower_bound_s;
+};
+
+struct capture_thumbnail {
+    int width, height;
+    guint8 *rgb; /* width × height × 3 */
+    double time_s;
+};
+
+struct capture_callbacks {
+    void (*changed)(Capture *capture, gpointer data);  /* at most every 100 ms of real time */
+    void (*event)(Capture *capture, const char *level, const char *source, const char *message,
+                  gpointer data);
+    gpointer data;
+};
+
+/* Checks everything (session against rig, free disk, blocked poses) without moving: what a capture
+ * would refuse. The plan is returned on success; free with plan_free(). */
+struct plan *capture_validate(struct devices *devices, const struct session_conf *conf,
+                              const char *directory, GError **error);
+
+/* Makes the session directory and starts. Borrows devices. */
+Capture *capture_start(struct devices *devices, const struct session_conf *conf,
+                       const char *directory, const struct capture_callbacks *callbacks,
+                       GError **error);
+
+/* Goes on with a session directory; takes exactly what is missing. */
+Capture *capture_resume(struct devices *devices, const char *directory,
+                        const struct capture_callbacks *callbacks, GError **error);
+
+/* Makes the rig safe and closes the session. NULL is ignored. */
+void capture_free(Capture *capture);
+
+void capture_pause(Capture *capture);    /* after the shot under way */
+gboolean capture_continue(Capture *capture, GError **error);
+void capture_abort(Capture *capture);    /* now; the session can still be resumed later */
+
+void capture_get_status(Capture *capture, struct capture_status *ret);
+
+/* The latest picture of a camera, white at the 99th percentile; NULL before the first. */
+const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera);

@@ -1,0 +1,64 @@
+/*
+ * The rig as its file describes it: every device opened through its driver, and the nominal geometry
+ * (calib/rig.h) that the same sections give. The visible arrays of drivers are in devices.c.
+ *
+ * Sections: [rig]; [axis turntable], [axis arc] and one axis a laser sweep; [lamps BANK] and a
+ * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME], optional.
+ */
+#pragma once
+
+#include "calib/rig.h"
+#include "drivers/axis.h"
+#include "drivers/camera.h"
+#include "drivers/interlock.h"
+#include "drivers/lamps.h"
+#include "drivers/laser.h"
+
+#define DEVICES_MAX_BANKS 8
+#define DEVICES_MAX_INTERLOCKS 4
+
+/* How long things take: what a plan needs to know of the devices. Indices as in struct rig. */
+struct rig_timing {
+    struct axis_motion turntable, arc, sweep[RIG_MAX_LASERS];
+    double lamp_warm_up_s[RIG_MAX_LAMPS];
+    double laser_warm_up_s[RIG_MAX_LASERS];
+    gint64 readout_us[RIG_MAX_CAMERAS];
+    gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
+    int bits[RIG_MAX_CAMERAS];
+};
+
+struct devices {
+    Clock *clock;
+    struct rig geometry; /* nominal, from the rig file */
+    struct rig_timing timing;
+    Axis *turntable, *arc;
+    Camera *cameras[RIG_MAX_CAMERAS];   /* as geometry.cameras */
+    LampBank *banks[DEVICES_MAX_BANKS];
+    int n_banks;
+    struct {
+        LampBank *bank; /* one of banks */
+        int index;
+    } lamps[RIG_MAX_LAMPS];             /* as geometry.lamps */
+    Laser *lasers[RIG_MAX_LASERS];      /* as geometry.lasers */
+    Axis *sweeps[RIG_MAX_LASERS];       /* the sweep of each */
+    Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
+    int n_interlocks;
+    char *text; /* the rig file as it was read */
+};
+
+/* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error
+ * names file, line and key. */
+struct devices *devices_open(const char *rig_path, GError **error);
+
+/* The geometry alone, checked in the same way, without opening a device. */
+gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
+
+/* Lamps and lasers off, axes stopped, everything closed. NULL is ignored. */
+void devices_close(struct devices *devices);
+
+/* Commands the safe state now: all lamps and lasers off, all axes stopped. Errors are collected
+ * into the first one; every device is tried. */
+gboolean devices_make_safe(struct devices *devices, GError **error);
+
+/* All drivers and their options, for `mesorig drivers`; name NULL: all. g_free(). */
+char *devices_describe_drivers(const char *name, gboolean json);

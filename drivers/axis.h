@@ -1,0 +1,87 @@
+/*
+ * An axis: turntable, light arc, laser sweep. Positions are degrees; a linear stage says in its
+ * options how many millimetres a degree stands for.
+ */
+#pragma once
+
+#include "device.h"
+
+typedef struct Axis Axis;
+
+enum axis_event {
+    AXIS_ARRIVED, /* at the target, and still */
+    AXIS_HOMED,   /* at its reference; position is known from now on */
+    AXIS_STOPPED, /* by axis_stop(); position is still known */
+    AXIS_FAULT,   /* error says why; position is unknown until the next homing */
+};
+
+/* error is set with AXIS_FAULT only, and valid during the call. */
+typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error, gpointer data);
+
+/* How an axis moves, so that a plan can predict time. Filled by the driver's open(). */
+struct axis_motion {
+    double min_deg, max_deg; /* limits, inclusive */
+    gboolean wraps;          /* may turn on without end: targets are taken modulo 360, the short way */
+    double speed_deg_s;      /* > 0 */
+    double accel_deg_s2;     /* > 0, also to stop */
+    double backlash_deg;     /* >= 0: taken up by always arriving in the positive direction */
+    double settle_s;         /* after arrival, before the load is still; waited for by the class */
+};
+
+struct axis_driver {
+    struct driver_info info;
+    /* Connects and fills axis->motion; moves nothing. */
+    gboolean (*open)(Axis *axis, GError **error);
+    /* Stops if it moves, and lets go of the device. Called once for every open() that succeeded. */
+    void (*close)(Axis *axis);
+    /* Starts; the driver ends it by axis_report() once. */
+    gboolean (*home)(Axis *axis, GError **error);
+    /* Goes straight to the target, within limits already checked. Ends like home(). */
+    gboolean (*move)(Axis *axis, double target_deg, GError **error);
+    /* Stops now; a move or homing under way is ended by axis_report(AXIS_STOPPED). */
+    gboolean (*stop)(Axis *axis, GError **error);
+    /* Where it last said it was. Never blocks. */
+    double (*position)(Axis *axis);
+};
+
+struct Axis {
+    struct device device;
+    const struct axis_driver *driver;
+    struct axis_motion motion;
+    struct axis_state *state; /* the class's own */
+};
+
+/* Opens the device a section describes; not homed. also: see device_init(). */
+Axis *axis_open(const struct axis_driver *driver, const struct config_section *section,
+                const char *const *also, Clock *clock, GError **error);
+
+/* Stops the axis and lets go of it. NULL is ignored. No event comes afterwards. */
+void axis_close(Axis *axis);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Axis, axis_close)
+
+/* Who hears the events; one listener. */
+void axis_listen(Axis *axis, AxisFunc func, gpointer data);
+
+gboolean axis_home(Axis *axis, GError **error);
+
+/* Refused before anything moves: not homed, busy, NaN, outside the limits. Takes up backlash. */
+gboolean axis_move(Axis *axis, double target_deg, GError **error);
+
+/* Does nothing, successfully, on an axis that stands. */
+gboolean axis_stop(Axis *axis, GError **error);
+
+gboolean axis_is_homed(const Axis *axis);
+gboolean axis_is_moving(const Axis *axis); /* until its event was delivered, settling included */
+double axis_position_deg(Axis *axis);
+
+/* For drivers: says how what was started has ended; main loop's thread, not from within home() or
+ * move(). Takes ownership of error (NULL but for AXIS_FAULT). A report nobody waits for is
+ * ignored, except AXIS_FAULT. */
+void axis_report(Axis *axis, enum axis_event event, GError *error);
+
+/* Seconds a move takes, backlash and settling included; 0 if from and to are the same. Pure.
+ * Trapezoidal speed: t = d/v + v/a, or 2 sqrt(d/a) where the top speed is not reached. */
+double axis_move_time_s(const struct axis_motion *motion, double from_deg, double to_deg);
+
+/* Signed way from one position to another: the short way round if the axis wraps. Pure. */
+double axis_way_deg(const struct axis_motion *motion, double from_deg, double to_deg);

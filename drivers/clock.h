@@ -1,0 +1,48 @@
+/*
+ * Time, asked of an object: the real clock, or a virtual one that jumps to the next event.
+ *
+ * Everything that waits (deadlines, settling, warm-up, a simulated exposure) asks its Clock, so that
+ * a session of ten hours can be simulated in the time its pictures take to render.
+ *
+ * Times are microseconds since an arbitrary start, never stepped back. All functions belong to the
+ * main loop's thread, except clock_hold() and clock_release(), which any thread may call.
+ */
+#pragma once
+
+#include <glib.h>
+
+typedef struct Clock Clock;
+typedef void (*ClockFunc)(gpointer data);
+
+/* Real time: callbacks come from timers of the default main context. */
+Clock *clock_new_real(void);
+
+/*
+ * Virtual time: when the default main context has nothing else to do and nobody holds the clock,
+ * time jumps to the next call and makes it. Calls due at the same time are made in the order in
+ * which they were asked for.
+ */
+Clock *clock_new_virtual(void);
+
+Clock *clock_ref(Clock *clock);
+void clock_unref(Clock *clock); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Clock, clock_unref)
+
+gboolean clock_is_virtual(const Clock *clock);
+gint64 clock_now_us(const Clock *clock);
+
+/* Calls func once, at a time or after a delay; a time that has passed means as soon as possible.
+ * Returns an id, never 0. */
+guint clock_call_at(Clock *clock, gint64 at_us, ClockFunc func, gpointer data);
+guint clock_call_in(Clock *clock, gint64 delay_us, ClockFunc func, gpointer data);
+
+/* Cancels a call that has not been made yet. *id is set to 0; an id of 0 is ignored. A callback
+ * must set its own id to 0, since ids are not used twice but cancelling a call that was made is a
+ * programming error. */
+void clock_cancel(Clock *clock, guint *id);
+
+/* While held, virtual time stands still: something is going on in another thread (a picture is
+ * being rendered, a file is written) that takes no simulated time. Holds nest. No effect on the
+ * real clock. */
+void clock_hold(Clock *clock);
+void clock_release(Clock *clock);

@@ -1,0 +1,62 @@
+/*
+ * Configuration files in GKeyFile syntax, with the line of every key kept for error messages.
+ *
+ * A section "[class name]" (as in "[axis turntable]") has a class and a name; "[session]" has only
+ * a class. A Config is read once and never changed; it may be read from any thread.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+#define CONFIG_ERROR config_error_quark()
+GQuark config_error_quark(void);
+
+/* Messages read "FILE:LINE: [section] key: what is wrong and what would be right". */
+enum config_error {
+    CONFIG_ERROR_SYNTAX,  /* not a key file, or a section or key given twice */
+    CONFIG_ERROR_UNKNOWN, /* a key, section, driver or choice that does not exist */
+    CONFIG_ERROR_MISSING, /* a key that has no default, a section that is referred to */
+    CONFIG_ERROR_VALUE,   /* not a number, NaN, out of range, wrong unit */
+};
+
+typedef struct Config Config;
+
+struct config_section {
+    const Config *config; /* not owned */
+    char *group;          /* as written between the brackets */
+    char *class_name;     /* first word */
+    char *name;           /* the rest, or NULL */
+    int line;
+};
+
+/* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. */
+Config *config_load(const char *path, GError **error);
+
+/* The same from memory; path is used in messages and for relative paths. */
+Config *config_parse(const char *text, const char *path, GError **error);
+
+void config_free(Config *config); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Config, config_free)
+
+const char *config_path(const Config *config);
+const char *config_text(const Config *config); /* as it was read */
+
+/* Sections in file order. Owned by the Config. */
+const struct config_section *config_sections(const Config *config, gsize *ret_n);
+
+/* The only section of a class, or the one of that name; NULL if there is none. */
+const struct config_section *config_find(const Config *config, const char *class_name,
+                                         const char *name);
+
+/* A key's raw value, or NULL; ret_line may be NULL. Owned by the Config. */
+const char *config_value(const struct config_section *section, const char *key, int *ret_line);
+
+/* All keys of a section in file order, NULL-terminated. Owned by the Config. */
+const char *const *config_keys(const struct config_section *section);
+
+/* A path as written in the file, made absolute; free with g_free(). */
+char *config_resolve(const Config *config, const char *path);
+
+/* Sets an error that begins with file, line and section; key may be NULL. */
+void config_set_error(GError **error, enum config_error code, const struct config_section *section,
+                      const char *key, const char *format, ...) G_GNUC_PRINTF(5, 6);

@@ -1,0 +1,36 @@
+/* An input that forbids laser and motion while it is open: a door switch, an emergency stop. */
+#pragma once
+
+#include "device.h"
+
+typedef struct Interlock Interlock;
+
+typedef void (*InterlockFunc)(Interlock *interlock, gboolean closed, gpointer data);
+
+struct interlock_driver {
+    struct driver_info info;
+    gboolean (*open)(Interlock *interlock, GError **error); /* reports its first state */
+    void (*close)(Interlock *interlock);
+};
+
+struct Interlock {
+    struct device device;
+    const struct interlock_driver *driver;
+    struct interlock_state *state;
+};
+
+Interlock *interlock_open(const struct interlock_driver *driver,
+                          const struct config_section *section, const char *const *also,
+                          Clock *clock, GError **error);
+void interlock_close(Interlock *interlock); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Interlock, interlock_close)
+
+/* Any number of listeners; returns an id for interlock_unlisten(). */
+guint interlock_listen(Interlock *interlock, InterlockFunc func, gpointer data);
+void interlock_unlisten(Interlock *interlock, guint id);
+
+/* Open until a driver has said closed, and again when it is lost. */
+gboolean interlock_is_closed(const Interlock *interlock);
+
+/* For drivers; may be called from within open(). */
+void interlock_report(Interlock *interlock, gboolean closed);

@@ -1,0 +1,49 @@
+/* A lamp bank: lamps that are switched one by one, by relay or by a driver board. */
+#pragma once
+
+#include "device.h"
+
+typedef struct LampBank LampBank;
+
+/* index is -1 for all_off; error is set if it failed, and valid during the call. at_us is when the
+ * switch took effect (the warm-up counts from there). */
+typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                          gpointer data);
+
+struct lamps_driver {
+    struct driver_info info;
+    /* Connects and fills bank->n and bank->warm_up_s; leaves all lamps off. */
+    gboolean (*open)(LampBank *bank, GError **error);
+    /* Switches all lamps off before it lets go. */
+    void (*close)(LampBank *bank);
+    /* Start; ended by lamps_report() once. index -1 with on FALSE: all. */
+    gboolean (*set)(LampBank *bank, int index, gboolean on, GError **error);
+};
+
+struct LampBank {
+    struct device device;
+    const struct lamps_driver *driver;
+    int n;
+    double warm_up_s; /* from switching on until the output is stable */
+    struct lamps_state *state;
+};
+
+LampBank *lamps_open(const struct lamps_driver *driver, const struct config_section *section,
+                     const char *const *also, Clock *clock, GError **error);
+
+/* All lamps off, then closed. NULL is ignored. */
+void lamps_close(LampBank *bank);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(LampBank, lamps_close)
+
+void lamps_listen(LampBank *bank, LampsFunc func, gpointer data);
+
+/* Several switches may be under way at once; each ends in its own event, in order. */
+gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error);
+gboolean lamps_all_off(LampBank *bank, GError **error);
+
+gboolean lamps_is_on(const LampBank *bank, int index); /* as last reported */
+gint64 lamps_on_since_us(const LampBank *bank, int index); /* -1 while off */
+double lamps_hours(const LampBank *bank, int index); /* burnt since opened */
+
+/* For drivers: one answer a set(), in order. Takes ownership of error. */
+void lamps_report(LampBank *bank, int index, gboolean on, GError *error);

@@ -1,0 +1,41 @@
+/* A line laser's power switch. Its sweep is an Axis. Never on with the interlock open. */
+#pragma once
+
+#include "device.h"
+#include "interlock.h"
+
+typedef struct Laser Laser;
+
+typedef void (*LaserFunc)(Laser *laser, gboolean on, const GError *error, gpointer data);
+
+struct laser_driver {
+    struct driver_info info;
+    gboolean (*open)(Laser *laser, GError **error); /* leaves it off; fills warm_up_s */
+    void (*close)(Laser *laser);                    /* switches it off */
+    gboolean (*set)(Laser *laser, gboolean on, GError **error); /* ended by laser_report() once */
+};
+
+struct Laser {
+    struct device device;
+    const struct laser_driver *driver;
+    double warm_up_s;
+    struct laser_state *state;
+};
+
+Laser *laser_open(const struct laser_driver *driver, const struct config_section *section,
+                  const char *const *also, Clock *clock, GError **error);
+void laser_close(Laser *laser); /* off first; NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Laser, laser_close)
+
+void laser_listen(Laser *laser, LaserFunc func, gpointer data);
+
+/* The interlock that guards it (not owned, must live longer), or NULL for none. When it opens the
+ * laser is switched off at once, whoever is listening. */
+void laser_guard(Laser *laser, Interlock *interlock);
+
+/* Off always works, on is refused with DEVICE_ERROR_INTERLOCK while the interlock is open. */
+gboolean laser_set(Laser *laser, gboolean on, GError **error);
+gboolean laser_is_on(const Laser *laser); /* as last reported, or asked for */
+
+/* For drivers. Takes ownership of error. */
+void laser_report(Laser *laser, gboolean on, GError *error);

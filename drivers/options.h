@@ -1,0 +1,54 @@
+/*
+ * Options tables: what a section of a configuration file may say, declared beside the code that
+ * uses it. From one table the file is parsed and checked, `mesorig drivers` prints its help, and
+ * the manual page is written.
+ */
+#pragma once
+
+#include "config.h"
+
+enum option_type {
+    OPTION_BOOL,    /* gboolean: yes/no, true/false */
+    OPTION_INT,     /* int */
+    OPTION_DOUBLE,  /* double, finite */
+    OPTION_STRING,  /* char *, owned by the target */
+    OPTION_PATH,    /* char *, made absolute relative to the file */
+    OPTION_CHOICE,  /* int: index into choices */
+    OPTION_DOUBLES, /* struct option_doubles: numbers separated by ';', each within the range */
+    OPTION_STRINGS, /* char **, NULL-terminated, separated by ';' */
+};
+
+struct option_doubles {
+    double *values; /* owned by the target */
+    int n;
+};
+
+struct option {
+    const char *name; /* the unit is in the name: settle_ms, theta_deg */
+    enum option_type type;
+    const char *unit; /* for the help text; NULL where there is none */
+    double min, max;  /* INT, DOUBLE, DOUBLES: inclusive range */
+    const char *fallback; /* the default as it would be written; NULL: the key must be given */
+    const char *const *choices; /* CHOICE: NULL-terminated */
+    gsize offset; /* of the field in the target struct */
+    const char *help; /* one sentence, no full stop */
+};
+
+/* Fills target (zeroed before) from a section. Every key must be in the table, or in also
+ * (NULL-terminated names that somebody else reads; may be NULL). On failure target holds nothing
+ * that needs freeing. A key whose stem is known but whose unit suffix is not (settle_s for
+ * settle_ms) is told so. The table ends with an entry whose name is NULL. */
+gboolean options_parse(const struct option *table, const struct config_section *section,
+                       const char *const *also, gpointer target, GError **error);
+
+/* Fills target with the defaults alone; keys without one are left zero. */
+void options_defaults(const struct option *table, gpointer target);
+
+/* Frees the strings and lists in a target, not the target itself. */
+void options_clear(const struct option *table, gpointer target);
+
+/* Help text, a paragraph an option: name, type, unit, range, default, help. */
+void options_describe(const struct option *table, GString *to);
+
+/* The same as a JSON array of objects. */
+void options_describe_json(const struct option *table, GString *to);

@@ -1,0 +1,79 @@
+/*
+ * Pictures and tables on disk: multi-part scan line OpenEXR with custom attributes, through
+ * OpenEXRCore. In memory everything is float; on disk each part is half or float. A file is written
+ * beside its name, synced and renamed, so that a file that exists is whole.
+ *
+ * Hostile files are refused with an error: sizes are checked against the file's length and
+ * EXR_MAX_PIXELS before anything is allocated. Any thread; one call a file at a time.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+#define EXR_MAX_PIXELS (1 << 28) /* of one channel of one part */
+#define EXR_MAX_CHANNELS 64
+
+#define EXR_ERROR exr_error_quark()
+GQuark exr_error_quark(void);
+enum exr_error {
+    EXR_ERROR_IO,
+    EXR_ERROR_FORMAT,    /* not an EXR, truncated, or a kind that is not read (deep, tiled) */
+    EXR_ERROR_TOO_LARGE,
+    EXR_ERROR_MISSING,   /* a part, channel or attribute that was asked for */
+};
+
+enum exr_type { EXR_HALF, EXR_FLOAT };
+enum exr_compression { EXR_NONE, EXR_ZIP, EXR_PIZ };
+
+struct exr_attribute {
+    char *name;
+    enum { EXR_ATTR_STRING, EXR_ATTR_INT, EXR_ATTR_DOUBLE, EXR_ATTR_V3D } kind;
+    char *string;
+    int integer;
+    double v[3]; /* DOUBLE uses v[0] */
+};
+
+struct exr_part {
+    char *name;       /* unique in the file */
+    int width, height;
+    int n_channels;
+    char **channels;  /* names, in alphabetical order as EXR wants them: "B","G","R" */
+    float **planes;   /* one a channel, height rows of width, top row first; NULL if not read */
+    enum exr_type type;
+    GPtrArray *attributes; /* of struct exr_attribute */
+};
+
+struct exr_file {
+    GPtrArray *parts; /* of struct exr_part */
+};
+
+/* planes are allocated and zeroed. channels is NULL-terminated and in alphabetical order. */
+struct exr_part *exr_part_new(const char *name, int width, int height, const char *const *channels,
+                              enum exr_type type);
+void exr_part_free(struct exr_part *part);
+float *exr_part_plane(const struct exr_part *part, const char *channel); /* NULL: no such */
+
+void exr_set_string(struct exr_part *part, const char *name, const char *value);
+void exr_set_int(struct exr_part *part, const char *name, int value);
+void exr_set_double(struct exr_part *part, const char *name, double value);
+void exr_set_v3d(struct exr_part *part, const char *name, double x, double y, double z);
+gboolean exr_get_string(const struct exr_part *part, const char *name, const char **ret,
+                        GError **error);
+gboolean exr_get_int(const struct exr_part *part, const char *name, int *ret, GError **error);
+gboolean exr_get_double(const struct exr_part *part, const char *name, double *ret, GError **error);
+gboolean exr_get_v3d(const struct exr_part *part, const char *name, double ret[3], GError **error);
+
+struct exr_file *exr_file_new(void);
+void exr_file_add(struct exr_file *file, struct exr_part *part); /* takes ownership */
+void exr_file_free(struct exr_file *file);                       /* NULL is ignored */
+struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /* NULL: no such */
+
+/* Halves beyond ±65504 are written as ±65504; NaN is written as it is. sync: on disk when it
+ * returns, folder entry included. The bytes depend on nothing but the arguments. */
+gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
+                   gboolean sync, GError **error);
+
+/* Everything; or the headers alone, with planes NULL; or one part with its planes. */
+struct exr_file *exr_read(const char *path, GError **error);
+struct exr_file *exr_read_headers(const char *path, GError **error);
+struct exr_part *exr_read_part(const char *path, const char *name, GError **error);

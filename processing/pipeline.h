@@ -1,0 +1,56 @@
+/*
+ * From the frames of a session to its products; follows a capture that is still running.
+ *
+ *   products/btf/view_0000.exr   one a view, a part "light_0000" a light: B G R half, reflectance
+ *                                (see below) on the texel grid; attributes of every part:
+ *                                view.theta_deg view.phi_deg light.theta_deg light.phi_deg (double)
+ *   products/mdf.exr             a part "view_0000" a view: channels "D" (mm, −1: not seen),
+ *                                "N" (number of laser positions that saw it), "S" (standard error,
+ *                                mm), float; attributes view.theta_deg view.phi_deg
+ *   products/eigenmaps.exr       see eigenmaps.h
+ *
+ * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0
+ * is at +y), in the reference plane. A BTF value is the reflected radiance relative to that of a
+ * white diffuser lying there and lit from its normal by the same lamp at the same distance,
+ * L·π / E_⊥: it contains n·l. A view shows the surface as seen through the reference plane: the
+ * value at p belongs to the ray from p away from the camera. MDF values are lengths along that ray
+ * from p to the surface. Both use the true (near-field) ray of each texel.
+ */
+#pragma once
+
+#include "session.h"
+
+struct pipeline_progress {
+    const char *stage; /* "btf", "mdf", "eigenmaps" */
+    int done, total;
+    double left_s; /* −1: not known */
+};
+typedef void (*PipelineFunc)(const struct pipeline_progress *progress, gpointer data);
+
+struct pipeline_options {
+    gboolean follow;      /* wait for what is missing until the capture has ended */
+    int n_eigenmaps;      /* seed 004 §5: 4 */
+    int n_threads;        /* 0: one a processor */
+    PipelineFunc progress; /* may be NULL; called from the calling thread */
+    gpointer data;
+    GCancellable *cancellable; /* may be NULL */
+};
+
+struct pipeline_result {
+    int n_views, n_lights; /* in the BTF; views that are not complete are left out */
+    int n_mdf_views;
+    double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
+    double mdf_coverage;    /* of the texels of all views */
+};
+
+#define PIPELINE_ERROR pipeline_error_quark()
+GQuark pipeline_error_quark(void);
+enum pipeline_error {
+    PIPELINE_ERROR_INCOMPLETE, /* frames are missing and follow was not asked for */
+    PIPELINE_ERROR_DATA,       /* a frame does not fit its session: size, NaN, checksum */
+};
+
+/* Runs in the calling thread and a pool of its own. What is up to date is not made again. The
+ * products' bytes depend on the frames alone, not on threads or order. */
+gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
+                      struct pipeline_result *ret, GError **error);

@@ -1,0 +1,143 @@
+/*
+ * The session directory: the only interface between capture, processing and preview.
+ *
+ *   NAME.session/
+ *     session.db         SQLite (WAL): files as they were, plan, shots, frames, events, products
+ *     frames/…exr        linear radiance, half float, one a shot and camera
+ *     laser/…exr         what is left of a laser sweep, one a shot and camera
+ *     products/…         what processing makes of them
+ *
+ * A frame's row is committed after its file is on disk, so a row says that the file is there. One
+ * process writes plan, shots and frames (it holds an exclusive lock, see SESSION_CAPTURE); any
+ * number may read or write products at the same time. A Session belongs to one thread at a time.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+#define SESSION_FORMAT 1
+
+#define SESSION_ERROR session_error_quark()
+GQuark session_error_quark(void);
+enum session_error {
+    SESSION_ERROR_IO,
+    SESSION_ERROR_FORMAT, /* not a session, damaged, or of a newer version */
+    SESSION_ERROR_LOCKED, /* another process captures into it */
+    SESSION_ERROR_EXISTS,
+    SESSION_ERROR_FULL, /* the disk is full: nothing was lost, free some and go on */
+};
+
+typedef struct Session Session;
+
+enum session_mode { SESSION_READ, SESSION_PRODUCTS, SESSION_CAPTURE };
+
+/* What does not change: the files that describe it, by name. */
+struct session_texts {
+    const char *rig_conf, *session_conf; /* as the user wrote them */
+    const char *calibration;             /* rig_to_text() */
+};
+
+struct session_grid { /* the texels of the reference plane, in the sample frame */
+    int width, height;         /* texels */
+    double width_mm, height_mm;
+    double reference_mm;       /* height of the reference plane above the turntable */
+    double depth_mm;           /* of the structure below it, at most */
+};
+
+/* One direction a view, light or laser position is meant to have, in the sample frame. */
+struct session_direction {
+    int index;          /* 0 … n−1 */
+    int device;         /* which camera, lamp or laser of the calibration */
+    double theta_deg, phi_deg; /* as planned: a view with its turntable angle, and so on */
+    double turntable_deg;      /* views only: the angle that shows this view */
+    char *note;         /* what was re-planned about it, or NULL */
+};
+
+enum session_shot_kind { SHOT_DARK, SHOT_LAMP, SHOT_SWEEP };
+enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
+
+struct session_shot {
+    gint64 id;   /* 1 … n, in planned order; also the tag given to cameras */
+    enum session_shot_kind kind;
+    int pose;    /* number of the pose in planned order */
+    double turntable_deg, arc_deg; /* commanded */
+    int source;  /* SHOT_LAMP: index of the light; SHOT_SWEEP: of the laser position; else −1 */
+    int device;  /* lamp or laser of the calibration; −1 for dark */
+    guint32 cameras; /* bit c: camera c takes part */
+    double sweep_from_deg, sweep_to_deg; /* SHOT_SWEEP */
+    int sweep_steps;
+    enum session_shot_state state;
+    char *note;  /* why it was skipped or changed, or NULL */
+};
+
+struct session_frame {
+    gint64 shot;
+    int camera;
+    char *path;   /* relative to the session directory */
+    char *sha256;
+    gint64 bytes;
+    int retakes;
+    double captured_s; /* on the session's clock */
+};
+
+struct session_event {
+    double time_s;
+    char *level;   /* "info", "warning", "error" */
+    char *source;  /* the device or stage */
+    char *message;
+};
+
+/* Everything a plan says, for session_create(). Arrays are of the structs above, borrowed. */
+struct session_plan {
+    struct session_grid grid;
+    const struct session_direction *views, *lights, *lasers;
+    int n_views, n_lights, n_lasers;
+    const struct session_shot *shots;
+    int n_shots;
+};
+
+/* Makes the directory (it must not exist) with the whole plan in it, in one transaction. */
+Session *session_create(const char *path, const char *name, const struct session_texts *texts,
+                        const struct session_plan *plan, GError **error);
+Session *session_open(const char *path, enum session_mode mode, GError **error);
+void session_close(Session *session); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Session, session_close)
+
+const char *session_path(const Session *session);
+const char *session_name(const Session *session);
+char *session_file(const Session *session, const char *relative); /* g_free() */
+
+/* "rig.conf", "session.conf", "calibration.conf" as stored; g_free(). */
+char *session_text(Session *session, const char *name, GError **error);
+
+gboolean session_grid(Session *session, struct session_grid *ret, GError **error);
+
+/* Arrays with free functions set; elements are structs above. NULL on error. */
+GPtrArray *session_views(Session *session, GError **error);
+GPtrArray *session_lights(Session *session, GError **error);
+GPtrArray *session_lasers(Session *session, GError **error);
+GPtrArray *session_shots(Session *session, GError **error);   /* in planned order */
+GPtrArray *session_frames(Session *session, GError **error);  /* by shot, camera */
+GPtrArray *session_events(Session *session, GError **error);
+
+/* The planned name of a frame's file, relative: "frames/000123_cam1.exr", "laser/…". */
+char *session_frame_path(const struct session_shot *shot, const char *camera);
+
+/* Capture. All frames of a shot and its state in one transaction, after the files are synced. */
+gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
+                             const struct session_frame *frames, int n_frames, const char *note,
+                             GError **error);
+gboolean session_add_event(Session *session, double time_s, const char *level, const char *source,
+                           const char *message, GError **error);
+
+/* Small facts by name ("state", "clock_s", …): capture's bookkeeping and processing's results. */
+gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
+char *session_value(Session *session, const char *key); /* NULL: not set; g_free() */
+
+/* Says what a product was made of; checksum and size are taken from the file. */
+gboolean session_add_product(Session *session, const char *relative, const char *made_by,
+                             GError **error);
+
+/* Compares every committed frame's size (and, if thorough, checksum) with its file. Frames that
+ * fail are forgotten and their shots planned again; each is told in an event. */
+gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

@@ -1,0 +1,30 @@
+/*
+ * A laser sweep seen by one camera, analysed as the frames come (space-time analysis, seed 004
+ * §3.2): for every pixel the frame in which it was brightest, to a fraction of a frame, without the
+ * frames being kept.
+ *
+ * State a pixel: the brightest value so far, its index, and both neighbours in time. Feed frames in
+ * order; a frame may be fed once only. One thread at a time.
+ */
+#pragma once
+
+#include <glib.h>
+
+typedef struct Sweep Sweep;
+
+Sweep *sweep_new(int width, int height, int n_frames, int saturation);
+void sweep_free(Sweep *sweep); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
+
+/* The next frame, width × height values. */
+void sweep_add(Sweep *sweep, const guint16 *pixels);
+int sweep_count(const Sweep *sweep);
+
+/* What is left, each width × height, written to the caller's arrays:
+ *   peak       time of the peak in frames (0 is the first frame's middle), −1 where there is none:
+ *              peak − background below threshold, or at the very first or last frame
+ *   width      standard deviation of the pulse in frames, from the three samples around it
+ *   intensity  brightest value above background
+ * background is each pixel's own darkest value, threshold in the same units (DN). */
+void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
+                  float *ret_intensity);

@@ -1,0 +1,69 @@
+/*
+ * The simulated world: one physical truth that all simulated devices read and change, so that
+ * pictures follow motion and light. It has a sample on a turntable, lamps and lasers on an arc,
+ * cameras; described by a world file (etc/demo/world.conf documents every key).
+ *
+ * Nothing here is shared with calib/ or processing/: projection, distortion and triangulation are
+ * written anew, so that an error made there does not cancel.
+ *
+ * State is set from the main loop's thread. world_snapshot() copies it; rendering from a snapshot
+ * may be done in any thread, and depends on the snapshot alone.
+ */
+#pragma once
+
+#include "drivers/frame.h"
+
+#include <gio/gio.h>
+
+#define WORLD_MAX_CAMERAS 16
+#define WORLD_MAX_LAMPS 16
+#define WORLD_MAX_LASERS 16
+
+typedef struct World World;
+
+/* Devices that name the same file share one world; the last world_unref() ends it. Building the
+ * sample and its light transport takes a second or so. */
+World *world_get(const char *path, GError **error);
+World *world_ref(World *world);
+void world_unref(World *world); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(World, world_unref)
+
+int world_find_camera(const World *world, const char *name); /* −1: none of that name */
+int world_find_lamp(const World *world, const char *name);
+int world_find_laser(const World *world, const char *name);
+
+struct world_sensor {
+    int width, height, bits;
+    enum cfa cfa;
+    double black_level;
+};
+void world_sensor(const World *world, int camera, struct world_sensor *ret);
+
+/* True positions, degrees; devices add their own errors before they say so here. */
+void world_set_turntable(World *world, double deg);
+void world_set_arc(World *world, double deg);
+void world_set_sweep(World *world, int laser, double deg);
+
+/* Switching at a time; the lamp's output then follows its warm-up curve (exactly its full output
+ * from warm-up time on) and, if the world has it, its slow drift. A lamp said to be dead gives no
+ * light. */
+void world_set_lamp(World *world, int lamp, gboolean on, gint64 at_us);
+void world_set_lamp_dead(World *world, int lamp, gboolean dead);
+double world_lamp_warm_up_s(const World *world);
+void world_set_laser(World *world, int laser, gboolean on);
+
+struct world_state {
+    double turntable_deg, arc_deg;
+    double sweep_deg[WORLD_MAX_LASERS];
+    float lamp_output[WORLD_MAX_LAMPS]; /* 0 … 1, of nominal, at time_us */
+    gboolean laser_on[WORLD_MAX_LASERS];
+    gint64 time_us;
+};
+/* The state, with lamp outputs averaged over an exposure. */
+void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct world_state *ret);
+
+/* What a camera's sensor reads: optics, light transport, vignetting, colour filters, photon and
+ * read noise, black level, ADC. The noise is a function of noise_key, the camera and the pixel
+ * alone. pixels holds height × width values. Any thread. */
+void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
+                  double gain_db, guint64 noise_key, guint16 *ret_pixels);
