@@ -20,14 +20,17 @@ enum exr_error {
     EXR_ERROR_FORMAT,    /* not an EXR, truncated, or a kind that is not read (deep, tiled) */
     EXR_ERROR_TOO_LARGE,
     EXR_ERROR_MISSING,   /* a part, channel or attribute that was asked for */
+    EXR_ERROR_FULL,      /* the disk is full: nothing under the file's own name has changed */
 };
 
 enum exr_type { EXR_HALF, EXR_FLOAT };
 enum exr_compression { EXR_NONE, EXR_ZIP, EXR_PIZ };
 
+enum exr_kind { EXR_KIND_STRING, EXR_KIND_INT, EXR_KIND_DOUBLE, EXR_KIND_V3D };
+
 struct exr_attribute {
     char *name;
-    enum { EXR_ATTR_STRING, EXR_ATTR_INT, EXR_ATTR_DOUBLE, EXR_ATTR_V3D } kind;
+    enum exr_kind kind;
     char *string;
     int integer;
     double v[3]; /* DOUBLE uses v[0] */
@@ -77,3 +80,6 @@ gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compr
 struct exr_file *exr_read(const char *path, GError **error);
 struct exr_file *exr_read_headers(const char *path, GError **error);
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error);
+
+/* Of any file, as 64 hexadecimal digits; g_free(). NULL on error. ret_bytes may be NULL. */
+char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error);
