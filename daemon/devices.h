@@ -44,6 +44,7 @@ struct devices {
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_interlocks;
     char *text; /* the rig file as it was read */
+    char *path; /* of the rig file, absolute */
 };
 
 /* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error

@@ -35,6 +35,7 @@ enum session_mode { SESSION_READ, SESSION_PRODUCTS, SESSION_CAPTURE };
 struct session_texts {
     const char *rig_conf, *session_conf; /* as the user wrote them */
     const char *calibration;             /* rig_to_text() */
+    const char *rig_path; /* absolute; kept as the value "rig_path"; NULL: not known */
 };
 
 struct session_grid { /* the texels of the reference plane, in the sample frame */
