@@ -1,0 +1,473 @@
+#include "intake.h"
+
+#include <math.h>
+
+#include "intake_write.h"
+#include "radiance.h"
+
+#define MAX_DARKS (PLAN_MAX_BRACKET + 1)
+/* What may lie in the queues of all workers together, and with how much of it full is over. */
+#define FULL_BYTES (G_GUINT64_CONSTANT(256) << 20)
+#define ROOM_BYTES (FULL_BYTES / 2)
+/* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
+#define BATCH 8
+/* A pixel this far above dark is lit; that many make a laser line. */
+#define LASER_PIXELS 4
+
+struct dark_level {
+    gint64 exposure_us;
+    double mean_dn;
+    float *pixels; /* NULL: not known */
+};
+
+struct job {
+    guint generation;
+    const struct session_shot *shot;
+    int sub;
+    int retakes;
+    double time_s;
+    Frame *frame;
+};
+
+/* A camera's worker. What the worker touches belongs to its thread; batch to the main loop's. */
+struct lane {
+    Intake *intake;
+    int camera;
+    GThread *thread;
+    GAsyncQueue *queue; /* of GPtrArray of struct job; an empty one ends the thread */
+    GPtrArray *batch;
+
+    guint generation;
+    const struct session_shot *shot; /* being collected */
+    int n_frames;
+    Frame *bracket[PLAN_MAX_BRACKET];
+    guint32 *sums;
+    Sweep *sweep;
+    gboolean laser_seen;
+    GError *error; /* the first, while a shot's frames are being kept */
+    struct dark_level darks[MAX_DARKS];
+};
+
+struct finished {
+    guint generation;
+    struct intake_result result;
+};
+
+struct Intake {
+    struct intake_setup setup;
+    struct intake_hooks hooks;
+    GPtrArray *lanes;
+    GAsyncQueue *finished;
+    GSource *wake;
+    guint generation; /* read by workers */
+    gsize bytes;      /* in the queues; written by workers */
+    int full;         /* read by workers */
+};
+
+static void job_free(gpointer data) {
+    struct job *job = data;
+    frame_unref(job->frame);
+    g_free(job);
+}
+
+static void finished_free(gpointer data) {
+    struct finished *finished = data;
+    g_free(finished->result.frame.path);
+    g_free(finished->result.frame.sha256);
+    g_clear_error(&finished->result.error);
+    g_free(finished);
+}
+
+static int dark_exposures(const struct session_conf *conf, gint64 ret[MAX_DARKS]) {
+    int n = 0;
+    for (int i = 0; i <= conf->n_exposures; i++) {
+        gint64 us =
+            llround(i < conf->n_exposures ? conf->exposures_us[i] : conf->laser_exposure_us);
+        gboolean known = FALSE;
+        for (int k = 0; k < n; k++)
+            known |= ret[k] == us;
+        if (!known)
+            ret[n++] = us;
+    }
+    return n;
+}
+
+int intake_n_frames(const struct session_conf *conf, const struct session_shot *shot) {
+    gint64 exposures[MAX_DARKS];
+    switch (shot->kind) {
+    case SHOT_DARK:
+        return dark_exposures(conf, exposures) * conf->dark_frames;
+    case SHOT_SWEEP:
+        return shot->sweep_steps + 1;
+    default:
+        return conf->n_exposures;
+    }
+}
+
+gint64 intake_exposure_us(const struct session_conf *conf, const struct session_shot *shot,
+                          int sub) {
+    gint64 exposures[MAX_DARKS];
+    switch (shot->kind) {
+    case SHOT_DARK:
+        dark_exposures(conf, exposures);
+        return exposures[sub / conf->dark_frames];
+    case SHOT_SWEEP:
+        return llround(conf->laser_exposure_us);
+    default:
+        return llround(conf->exposures_us[sub]);
+    }
+}
+
+static void lane_reset(struct lane *lane) {
+    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
+        g_clear_pointer(&lane->bracket[i], frame_unref);
+    g_clear_pointer(&lane->sums, g_free);
+    g_clear_pointer(&lane->sweep, sweep_free);
+    g_clear_error(&lane->error);
+    lane->laser_seen = FALSE;
+    lane->n_frames = 0;
+    lane->shot = NULL;
+}
+
+/* The dark level at an exposure; the sensor's nominal black where none was measured. */
+static const struct dark_level *dark_at(struct lane *lane, gint64 exposure_us, const Frame *frame) {
+    struct dark_level *unused = NULL;
+    for (int i = 0; i < MAX_DARKS && !unused; i++) {
+        if (!lane->darks[i].pixels)
+            unused = &lane->darks[i];
+        else if (lane->darks[i].exposure_us == exposure_us)
+            return &lane->darks[i];
+    }
+    gsize n = (gsize)frame->width * frame->height;
+    g_return_val_if_fail(unused != NULL, &lane->darks[0]);
+    unused->pixels = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        unused->pixels[i] = (float)frame->black_level;
+    unused->mean_dn = frame->black_level;
+    unused->exposure_us = exposure_us;
+    return unused;
+}
+
+static void set_dark(struct lane *lane, int index, gint64 exposure_us, float *pixels, double mean) {
+    g_free(lane->darks[index].pixels);
+    lane->darks[index] = (struct dark_level){exposure_us, mean, pixels};
+}
+
+static void describe(struct lane *lane, const struct job *job, struct intake_file *file) {
+    const struct intake_setup *setup = &lane->intake->setup;
+    const struct rig *rig = &setup->devices->geometry;
+    *file = (struct intake_file){
+        .directory = setup->directory,
+        .shot = job->shot,
+        .camera = lane->camera,
+        .camera_name = rig->cameras[lane->camera].name,
+        .conf = setup->conf,
+        .last = job->frame,
+        .time_s = job->time_s,
+    };
+    if (job->shot->kind == SHOT_LAMP)
+        file->source_name = rig->lamps[job->shot->device].name;
+    if (job->shot->kind == SHOT_SWEEP)
+        file->source_name = rig->lasers[job->shot->device].name;
+}
+
+/* Hands a camera's part of a shot back to the main loop. Takes what result owns. */
+static void hand_back(struct lane *lane, const struct job *job, struct intake_result result) {
+    struct finished *finished = g_new0(struct finished, 1);
+    finished->generation = job->generation;
+    finished->result = result;
+    finished->result.shot = job->shot;
+    finished->result.frame.shot = job->shot->id;
+    finished->result.frame.camera = lane->camera;
+    finished->result.frame.retakes = job->retakes;
+    finished->result.frame.captured_s = job->time_s;
+    g_async_queue_push(lane->intake->finished, finished);
+    g_source_set_ready_time(lane->intake->wake, 0);
+}
+
+static void take_dark(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    gsize n = (gsize)job->frame->width * job->frame->height;
+    if (job->sub % conf->dark_frames == 0) {
+        g_free(lane->sums);
+        lane->sums = g_new0(guint32, n);
+    }
+    radiance_add(job->frame, lane->sums);
+    if ((job->sub + 1) % conf->dark_frames != 0)
+        return;
+    float *pixels = g_new(float, n);
+    double mean = radiance_mean(lane->sums, conf->dark_frames, n, pixels);
+    set_dark(lane, job->sub / conf->dark_frames, job->frame->exposure_us, pixels, mean);
+}
+
+static void finish_dark(struct lane *lane, const struct job *job) {
+    gint64 exposures[MAX_DARKS];
+    int n = dark_exposures(lane->intake->setup.conf, exposures);
+    struct intake_file file;
+    describe(lane, job, &file);
+    struct intake_result result = {0};
+    const float *pixels[MAX_DARKS];
+    for (int i = 0; i < n; i++) {
+        pixels[i] = lane->darks[i].pixels;
+        result.dark_dn = MAX(result.dark_dn, lane->darks[i].mean_dn);
+    }
+    file.dark_dn = result.dark_dn;
+    intake_write_dark(&file, exposures, pixels, n, &result.frame, &result.error);
+    hand_back(lane, job, result);
+}
+
+static void finish_lamp(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const float *darks[PLAN_MAX_BRACKET];
+    struct intake_file file;
+    describe(lane, job, &file);
+    for (int i = 0; i < conf->n_exposures; i++) {
+        const struct dark_level *dark = dark_at(lane, lane->bracket[i]->exposure_us, job->frame);
+        darks[i] = dark->pixels;
+        file.dark_dn = dark->mean_dn;
+    }
+    g_autofree float *merged = g_new(float, (gsize)job->frame->width * job->frame->height);
+    struct radiance_stats stats;
+    radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
+                   merged, &stats);
+    file.saturated = stats.saturated;
+    struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
+    intake_write_lamp(&file, merged, &result.frame, &result.error);
+    hand_back(lane, job, result);
+}
+
+static void finish_sweep(struct lane *lane, const struct job *job) {
+    struct intake_file file;
+    describe(lane, job, &file);
+    file.dark_dn = dark_at(lane, job->frame->exposure_us, job->frame)->mean_dn;
+    struct intake_result result = {.laser_seen = lane->laser_seen, .error = lane->error};
+    lane->error = NULL;
+    if (!result.error && !result.laser_seen)
+        intake_write_sweep(&file, lane->sweep, &result.frame, &result.error);
+    hand_back(lane, job, result);
+}
+
+static void take_sweep(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const Frame *frame = job->frame;
+    if (job->sub == job->shot->sweep_steps) {
+        const struct dark_level *dark = dark_at(lane, frame->exposure_us, frame);
+        gint64 lit = radiance_lit(frame, dark->pixels, conf->laser_threshold_dn);
+        lane->laser_seen = lit >= LASER_PIXELS;
+        return;
+    }
+    if (!lane->sweep)
+        lane->sweep = sweep_new(frame->width, frame->height, job->shot->sweep_steps,
+                                radiance_saturation(frame->bits));
+    sweep_add(lane->sweep, frame->pixels);
+    if (!conf->keep_laser_frames || lane->error)
+        return;
+    struct intake_file file;
+    describe(lane, job, &file);
+    intake_write_raw(&file, job->sub, &lane->error);
+}
+
+static void take(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    if (lane->shot != job->shot || lane->generation != job->generation)
+        lane_reset(lane);
+    lane->shot = job->shot;
+    lane->generation = job->generation;
+    /* Frames come in order; another one would be mixed up with its neighbours. */
+    g_return_if_fail(job->sub == lane->n_frames);
+    lane->n_frames++;
+    gboolean last = lane->n_frames == intake_n_frames(conf, job->shot);
+    switch (job->shot->kind) {
+    case SHOT_DARK:
+        take_dark(lane, job);
+        if (last)
+            finish_dark(lane, job);
+        break;
+    case SHOT_LAMP:
+        lane->bracket[job->sub] = frame_ref(job->frame);
+        if (last)
+            finish_lamp(lane, job);
+        break;
+    case SHOT_SWEEP:
+        take_sweep(lane, job);
+        if (last)
+            finish_sweep(lane, job);
+        break;
+    }
+    if (last)
+        lane_reset(lane);
+}
+
+static gsize job_bytes(const struct job *job) {
+    return (gsize)job->frame->width * job->frame->height * sizeof(guint16);
+}
+
+static void job_done(Intake *intake, const struct job *job) {
+    gsize bytes = job_bytes(job);
+    gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, -(gssize)bytes);
+    if (g_atomic_int_get(&intake->full) && before - bytes <= ROOM_BYTES)
+        g_source_set_ready_time(intake->wake, 0);
+}
+
+static gpointer lane_run(gpointer data) {
+    struct lane *lane = data;
+    Intake *intake = lane->intake;
+    gboolean running = TRUE;
+    while (running) {
+        g_autoptr(GPtrArray) jobs = g_async_queue_pop(lane->queue);
+        running = jobs->len > 0;
+        for (guint i = 0; i < jobs->len; i++) {
+            const struct job *job = jobs->pdata[i];
+            if (job->generation == (guint)g_atomic_int_get(&intake->generation))
+                take(lane, job);
+            job_done(intake, job);
+        }
+    }
+    lane_reset(lane);
+    return NULL;
+}
+
+static void tell_results(Intake *intake) {
+    struct finished *finished;
+    while ((finished = g_async_queue_try_pop(intake->finished))) {
+        if (finished->generation == intake->generation)
+            intake->hooks.result(&finished->result, intake->hooks.data);
+        finished_free(finished);
+    }
+}
+
+static void set_full(Intake *intake, gboolean full) {
+    if (full == intake->full)
+        return;
+    g_atomic_int_set(&intake->full, full);
+    if (full)
+        clock_hold(intake->setup.devices->clock);
+    else
+        clock_release(intake->setup.devices->clock);
+}
+
+static gsize queued_bytes(Intake *intake) {
+    return (gsize)g_atomic_pointer_get((void **)&intake->bytes);
+}
+
+static gboolean dispatch(GSource *source, GSourceFunc func, gpointer data) {
+    return func(data);
+}
+
+static gboolean woken(gpointer data) {
+    Intake *intake = data;
+    g_source_set_ready_time(intake->wake, -1);
+    tell_results(intake);
+    if (intake->full && queued_bytes(intake) <= ROOM_BYTES) {
+        set_full(intake, FALSE);
+        intake->hooks.room(intake->hooks.data);
+    }
+    return G_SOURCE_CONTINUE;
+}
+
+static struct lane *lane_new(Intake *intake, int camera) {
+    struct lane *lane = g_new0(struct lane, 1);
+    lane->intake = intake;
+    lane->camera = camera;
+    lane->queue = g_async_queue_new();
+    lane->batch = g_ptr_array_new_with_free_func(job_free);
+    lane->thread =
+        g_thread_new(intake->setup.devices->geometry.cameras[camera].name, lane_run, lane);
+    return lane;
+}
+
+static void lane_free(gpointer data) {
+    struct lane *lane = data;
+    g_async_queue_push(lane->queue, g_ptr_array_new());
+    g_thread_join(lane->thread);
+    g_async_queue_unref(lane->queue);
+    g_ptr_array_unref(lane->batch);
+    for (int i = 0; i < MAX_DARKS; i++)
+        g_free(lane->darks[i].pixels);
+    g_free(lane);
+}
+
+Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *hooks) {
+    static GSourceFuncs funcs = {.dispatch = dispatch};
+    Intake *intake = g_new0(Intake, 1);
+    intake->setup = *setup;
+    intake->hooks = *hooks;
+    intake->finished = g_async_queue_new_full(finished_free);
+    intake->wake = g_source_new(&funcs, sizeof(GSource));
+    g_source_set_callback(intake->wake, woken, intake, NULL);
+    g_source_attach(intake->wake, NULL);
+    intake->lanes = g_ptr_array_new_with_free_func(lane_free);
+    for (int c = 0; c < setup->devices->geometry.n_cameras; c++)
+        g_ptr_array_add(intake->lanes, lane_new(intake, c));
+    return intake;
+}
+
+void intake_free(Intake *intake) {
+    if (!intake)
+        return;
+    intake_discard(intake);
+    g_ptr_array_unref(intake->lanes);
+    g_source_destroy(intake->wake);
+    g_source_unref(intake->wake);
+    set_full(intake, FALSE);
+    g_async_queue_unref(intake->finished);
+    g_free(intake);
+}
+
+static void flush(struct lane *lane) {
+    if (lane->batch->len == 0)
+        return;
+    g_async_queue_push(lane->queue, lane->batch);
+    lane->batch = g_ptr_array_new_with_free_func(job_free);
+}
+
+void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,
+                  Frame *frame, int retakes, double time_s) {
+    struct lane *lane = intake->lanes->pdata[camera];
+    struct job *job = g_new0(struct job, 1);
+    *job = (struct job){intake->generation, shot, sub, retakes, time_s, frame_ref(frame)};
+    gsize bytes = job_bytes(job);
+    gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, (gssize)bytes);
+    g_ptr_array_add(lane->batch, job);
+    gboolean last = sub + 1 == intake_n_frames(intake->setup.conf, shot);
+    if (last || lane->batch->len >= BATCH)
+        flush(lane);
+    if (before + bytes < FULL_BYTES)
+        return;
+    /* What waits in batches would never make room. */
+    for (guint i = 0; i < intake->lanes->len; i++)
+        flush(intake->lanes->pdata[i]);
+    set_full(intake, TRUE);
+    g_source_set_ready_time(intake->wake, 0);
+}
+
+gboolean intake_is_full(const Intake *intake) {
+    return intake->full;
+}
+
+void intake_discard(Intake *intake) {
+    g_atomic_int_inc(&intake->generation);
+    for (guint i = 0; i < intake->lanes->len; i++)
+        flush(intake->lanes->pdata[i]);
+}
+
+gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
+                          GError **error) {
+    struct lane *lane = intake->lanes->pdata[camera];
+    const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
+    const char *name = intake->setup.devices->geometry.cameras[camera].name;
+    gint64 exposures[MAX_DARKS];
+    int n = dark_exposures(intake->setup.conf, exposures);
+    gsize n_pixels = (gsize)format->width * format->height;
+    for (int i = 0; i < n; i++) {
+        g_autofree float *pixels =
+            intake_read_dark(intake->setup.directory, shot, name, format, exposures[i], error);
+        if (!pixels)
+            return FALSE;
+        double sum = 0;
+        for (gsize p = 0; p < n_pixels; p++)
+            sum += pixels[p];
+        set_dark(lane, i, exposures[i], g_steal_pointer(&pixels), sum / n_pixels);
+    }
+    return TRUE;
+}

@@ -1,0 +1,155 @@
+#include "intake_write.h"
+
+#include <errno.h>
+#include <string.h>
+
+#include "intake.h"
+#include "processing/exr.h"
+
+static const char *const mono_channels[] = {"Y", NULL};
+static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
+
+static char *exposures_text(const struct intake_file *file) {
+    int n = intake_n_frames(file->conf, file->shot);
+    GString *text = g_string_new(NULL);
+    gint64 before = -1;
+    for (int i = 0; i < n; i++) {
+        gint64 us = intake_exposure_us(file->conf, file->shot, i);
+        if (us != before)
+            g_string_append_printf(text, "%s%" G_GINT64_FORMAT, text->len ? ";" : "", us);
+        before = us;
+    }
+    return g_string_free(text, FALSE);
+}
+
+static struct exr_part *part_new(const struct intake_file *file, const char *name,
+                                 const char *const *channels, enum exr_type type,
+                                 const char *unit) {
+    const Frame *frame = file->last;
+    struct exr_part *part = exr_part_new(name, frame->width, frame->height, channels, type);
+    g_autofree char *exposures = exposures_text(file);
+    exr_set_string(part, "mesorig.camera", file->camera_name);
+    exr_set_int(part, "mesorig.shot", (int)file->shot->id);
+    exr_set_double(part, "mesorig.turntable_deg", file->shot->turntable_deg);
+    exr_set_double(part, "mesorig.arc_deg", file->shot->arc_deg);
+    exr_set_string(part, "mesorig.cfa", cfa_name(frame->cfa));
+    exr_set_string(part, "mesorig.exposures_us", exposures);
+    exr_set_double(part, "mesorig.frame_id", (double)frame->id);
+    exr_set_double(part, "mesorig.time_s", file->time_s);
+    exr_set_double(part, "mesorig.dark_dn", file->dark_dn);
+    exr_set_int(part, "mesorig.saturated", (int)file->saturated);
+    exr_set_string(part, "mesorig.unit", unit);
+    return part;
+}
+
+static void fill(struct exr_part *part, const float *pixels) {
+    memcpy(part->planes[0], pixels, (gsize)part->width * part->height * sizeof(float));
+}
+
+/* The checksum is of the bytes as they can be read back. */
+static gboolean write_frame(const struct intake_file *file, struct exr_file *exr,
+                            enum exr_compression compression, struct session_frame *ret_frame,
+                            GError **error) {
+    g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
+    g_autofree char *path = g_build_filename(file->directory, relative, NULL);
+    g_autofree char *bytes = NULL;
+    gsize length;
+    if (!exr_write(path, exr, compression, TRUE, error) ||
+        !g_file_get_contents(path, &bytes, &length, error))
+        return FALSE;
+    ret_frame->sha256 = g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)bytes, length);
+    ret_frame->bytes = (gint64)length;
+    ret_frame->path = g_steal_pointer(&relative);
+    return TRUE;
+}
+
+gboolean intake_write_lamp(const struct intake_file *file, const float *radiance,
+                           struct session_frame *ret_frame, GError **error) {
+    struct exr_part *part = part_new(file, "radiance", mono_channels, EXR_HALF, "DN/ms");
+    exr_set_string(part, "mesorig.lamp", file->source_name);
+    fill(part, radiance);
+    struct exr_file *exr = exr_file_new();
+    exr_file_add(exr, part);
+    gboolean ok = write_frame(file, exr, EXR_PIZ, ret_frame, error);
+    exr_file_free(exr);
+    return ok;
+}
+
+static char *dark_name(gint64 exposure_us) {
+    return g_strdup_printf("dark_%" G_GINT64_FORMAT "_us", exposure_us);
+}
+
+gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposures_us,
+                           const float *const *pixels, int n, struct session_frame *ret_frame,
+                           GError **error) {
+    struct exr_file *exr = exr_file_new();
+    for (int i = 0; i < n; i++) {
+        g_autofree char *name = dark_name(exposures_us[i]);
+        struct exr_part *part = part_new(file, name, mono_channels, EXR_FLOAT, "DN");
+        fill(part, pixels[i]);
+        exr_file_add(exr, part);
+    }
+    gboolean ok = write_frame(file, exr, EXR_PIZ, ret_frame, error);
+    exr_file_free(exr);
+    return ok;
+}
+
+gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
+                            struct session_frame *ret_frame, GError **error) {
+    struct exr_part *part = part_new(file, "sweep", sweep_channels, EXR_FLOAT, "DN");
+    const struct session_shot *shot = file->shot;
+    exr_set_string(part, "mesorig.laser", file->source_name);
+    exr_set_double(part, "sweep.from_deg", shot->sweep_from_deg);
+    exr_set_double(part, "sweep.to_deg", shot->sweep_to_deg);
+    exr_set_int(part, "sweep.steps", shot->sweep_steps);
+    sweep_finish(sweep, file->conf->laser_threshold_dn, exr_part_plane(part, "peak"),
+                 exr_part_plane(part, "width"), exr_part_plane(part, "intensity"));
+    struct exr_file *exr = exr_file_new();
+    exr_file_add(exr, part);
+    gboolean ok = write_frame(file, exr, EXR_PIZ, ret_frame, error);
+    exr_file_free(exr);
+    return ok;
+}
+
+gboolean intake_write_raw(const struct intake_file *file, int step, GError **error) {
+    g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
+    g_autofree char *folder = g_build_filename(file->directory, relative, NULL);
+    folder[strlen(folder) - strlen(".exr")] = '\0';
+    if (g_mkdir_with_parents(folder, 0777) < 0) {
+        int code = errno;
+        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code), "%s: %s", folder,
+                    g_strerror(code));
+        return FALSE;
+    }
+    g_autofree char *path = g_strdup_printf("%s/%04d.exr", folder, step);
+    struct exr_part *part = part_new(file, "frame", mono_channels, EXR_FLOAT, "DN");
+    exr_set_string(part, "mesorig.laser", file->source_name);
+    for (gsize i = 0; i < (gsize)part->width * part->height; i++)
+        part->planes[0][i] = file->last->pixels[i];
+    struct exr_file *exr = exr_file_new();
+    exr_file_add(exr, part);
+    gboolean ok = exr_write(path, exr, EXR_PIZ, FALSE, error);
+    exr_file_free(exr);
+    return ok;
+}
+
+float *intake_read_dark(const char *directory, const struct session_shot *shot,
+                        const char *camera_name, const struct camera_format *format,
+                        gint64 exposure_us, GError **error) {
+    g_autofree char *relative = session_frame_path(shot, camera_name);
+    g_autofree char *path = g_build_filename(directory, relative, NULL);
+    g_autofree char *name = dark_name(exposure_us);
+    struct exr_part *part = exr_read_part(path, name, error);
+    if (!part)
+        return NULL;
+    float *pixels = NULL;
+    const float *plane = exr_part_plane(part, "Y");
+    if (plane && part->width == format->width && part->height == format->height)
+        pixels = g_memdup2(plane, (gsize)part->width * part->height * sizeof(float));
+    else
+        g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING,
+                    "%s: part %s is not a dark frame of %d × %d pixels", path, name, format->width,
+                    format->height);
+    exr_part_free(part);
+    return pixels;
+}

@@ -1,0 +1,70 @@
+#include "radiance.h"
+
+#include <math.h>
+
+int radiance_saturation(int bits) {
+    return (int)ceil(0.98 * ((1 << bits) - 1));
+}
+
+static double mean_above(const Frame *frame, const float *dark) {
+    gsize n = (gsize)frame->width * frame->height;
+    double sum = 0;
+    for (gsize i = 0; i < n; i++)
+        sum += frame->pixels[i] - (double)dark[i];
+    return n > 0 ? sum / n : 0;
+}
+
+static gint64 merge_pixels(const Frame *const *frames, const float *const *dark, int n,
+                           const float *ms, float scale, float *ret) {
+    gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;
+    int limit = radiance_saturation(frames[0]->bits);
+    gint64 saturated = 0;
+    for (gsize p = 0; p < n_pixels; p++) {
+        float sum = 0, time = 0;
+        for (int i = 0; i < n; i++) {
+            gboolean good = frames[i]->pixels[p] < limit;
+            sum += good ? frames[i]->pixels[p] - dark[i][p] : 0;
+            time += good ? ms[i] : 0;
+        }
+        if (time <= 0) {
+            saturated++;
+            sum = frames[0]->pixels[p] - dark[0][p];
+            time = ms[0];
+        }
+        ret[p] = sum / time * scale;
+    }
+    return saturated;
+}
+
+void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
+                    float *ret, struct radiance_stats *ret_stats) {
+    g_autofree float *ms = g_new(float, n);
+    for (int i = 0; i < n; i++)
+        ms[i] = frames[i]->exposure_us * 1e-3f;
+    float scale = (float)pow(10, -gain_db / 20);
+    ret_stats->saturated = merge_pixels(frames, dark, n, ms, scale, ret);
+    ret_stats->signal_dn = mean_above(frames[n - 1], dark[n - 1]);
+}
+
+void radiance_add(const Frame *frame, guint32 *sums) {
+    gsize n = (gsize)frame->width * frame->height;
+    for (gsize i = 0; i < n; i++)
+        sums[i] += frame->pixels[i];
+}
+
+double radiance_mean(const guint32 *sums, int n, gsize n_pixels, float *ret) {
+    double total = 0;
+    for (gsize i = 0; i < n_pixels; i++) {
+        ret[i] = (float)((double)sums[i] / n);
+        total += ret[i];
+    }
+    return n_pixels > 0 ? total / n_pixels : 0;
+}
+
+gint64 radiance_lit(const Frame *frame, const float *dark, double margin_dn) {
+    gsize n = (gsize)frame->width * frame->height;
+    gint64 lit = 0;
+    for (gsize i = 0; i < n; i++)
+        lit += frame->pixels[i] - dark[i] > margin_dn;
+    return lit;
+}

@@ -1,0 +1,33 @@
+/*
+ * From raw pictures to linear radiance: the mean of dark frames, and the merging of an exposure
+ * bracket. Pure functions over arrays; any thread.
+ *
+ * Values are DN a millisecond of exposure at 0 dB, above dark. Divided by the camera's response
+ * (DN a second per W·sr⁻¹·m⁻²) and times 1000 they are radiance, vignetting aside. Milliseconds,
+ * because 4095 DN in half a millisecond are 8.2e6 DN/s, more than a half float holds.
+ */
+#pragma once
+
+#include "drivers/frame.h"
+
+/* DN from which a pixel is taken to be saturated: 98 % of full scale, rounded up. */
+int radiance_saturation(int bits);
+
+struct radiance_stats {
+    gint64 saturated; /* pixels saturated in every exposure: they hold the shortest's value */
+    double signal_dn; /* mean above dark, of the longest exposure */
+};
+
+/* Merges n ≥ 1 frames of the same size, shortest exposure first. dark[i] is the dark level of every
+ * pixel at frame i's exposure. Each pixel's exposures are weighted by their length; saturated ones
+ * are left out. ret has width × height values. */
+void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
+                    float *ret, struct radiance_stats *ret_stats);
+
+/* Adds a frame to sums; n sums divided by n are the dark level. */
+void radiance_add(const Frame *frame, guint32 *sums);
+/* Writes the dark level of every pixel and returns their mean. */
+double radiance_mean(const guint32 *sums, int n, gsize n_pixels, float *ret);
+
+/* How many pixels are more than margin_dn above dark: what a laser that stays on lights up. */
+gint64 radiance_lit(const Frame *frame, const float *dark, double margin_dn);
