@@ -1,0 +1,190 @@
+#include "processing/sweep.h"
+
+#include <math.h>
+
+/* Pulses with known times; the sweep sees them through noise, rounding and the converter's end. */
+struct pulses {
+    int width, height, frames, saturation;
+    double sigma, amplitude, background, noise;
+    double *centre; /* of each pixel */
+};
+
+static double gauss(GRand *random) {
+    double u = g_rand_double_range(random, 1e-12, 1), v = g_rand_double(random);
+    return sqrt(-2 * log(u)) * cos(2 * G_PI * v);
+}
+
+static Sweep *feed(const struct pulses *pulses, GRand *random) {
+    int n = pulses->width * pulses->height;
+    Sweep *sweep = sweep_new(pulses->width, pulses->height, pulses->frames, pulses->saturation);
+    g_autofree guint16 *pixels = g_new(guint16, n);
+    for (int t = 0; t < pulses->frames; t++) {
+        for (int i = 0; i < n; i++) {
+            double u = (t - pulses->centre[i]) / pulses->sigma;
+            double value = pulses->background + pulses->amplitude * exp(-0.5 * u * u) +
+                           (pulses->noise > 0 ? pulses->noise * gauss(random) : 0);
+            pixels[i] = (guint16)lround(CLAMP(value, 0, pulses->saturation));
+        }
+        sweep_add(sweep, pixels);
+    }
+    g_assert_cmpint(sweep_count(sweep), ==, pulses->frames);
+    return sweep;
+}
+
+struct result {
+    double rms, bias, mean_width;
+    int missing;
+};
+
+static struct result measure(const struct pulses *pulses, double threshold) {
+    int n = pulses->width * pulses->height;
+    g_autofree float *peak = g_new(float, n), *width = g_new(float, n), *bright = g_new(float, n);
+    GRand *random = g_rand_new_with_seed(7);
+    g_autoptr(Sweep) sweep = feed(pulses, random);
+    g_rand_free(random);
+    sweep_finish(sweep, threshold, peak, width, bright);
+    struct result result = {0};
+    for (int i = 0; i < n; i++) {
+        if (peak[i] < 0) {
+            result.missing++;
+            continue;
+        }
+        double error = peak[i] - pulses->centre[i];
+        result.rms += error * error;
+        result.bias += error;
+        result.mean_width += width[i];
+    }
+    int found = MAX(1, n - result.missing);
+    result.rms = sqrt(result.rms / found);
+    result.bias /= found;
+    result.mean_width /= found;
+    return result;
+}
+
+static double *random_centres(int n, double from, double to) {
+    double *centre = g_new(double, n);
+    GRand *random = g_rand_new_with_seed(3);
+    for (int i = 0; i < n; i++)
+        centre[i] = g_rand_double_range(random, from, to);
+    g_rand_free(random);
+    return centre;
+}
+
+/* Integer peaks err by .29 frames; a Gaussian through three samples by about a tenth of that. */
+static void test_accuracy(void) {
+    g_autofree double *centre = random_centres(61 * 47, 3, 92);
+    struct pulses pulses = {61, 47, 96, 4095, 1.6, 1500, 70, 10, centre};
+    struct result noisy = measure(&pulses, 100);
+    g_test_message("RMS %.4f frames with noise", noisy.rms);
+    g_assert_cmpint(noisy.missing, ==, 0);
+    g_assert_cmpfloat(noisy.rms, <, 0.03);
+    g_assert_cmpfloat(fabs(noisy.bias), <, 0.002);
+    g_assert_cmpfloat(fabs(noisy.mean_width - 1.6), <, 0.1);
+    pulses.noise = 0;
+    struct result clean = measure(&pulses, 100);
+    g_assert_cmpfloat(clean.rms, <, 0.002);
+    g_assert_cmpfloat(fabs(clean.mean_width - 1.6), <, 0.005);
+}
+
+static void test_many_frames(void) {
+    g_autofree double *centre = random_centres(50 * 3, 5, 995);
+    struct pulses pulses = {50, 3, 1000, 4095, 2, 1500, 70, 5, centre};
+    struct result result = measure(&pulses, 100);
+    g_assert_cmpint(result.missing, ==, 0);
+    g_assert_cmpfloat(result.rms, <, 0.03);
+}
+
+static void test_saturated(void) {
+    g_autofree double *centre = random_centres(64 * 32, 8, 50);
+    struct pulses pulses = {64, 32, 60, 1023, 2, 3000, 60, 5, centre};
+    struct result result = measure(&pulses, 100);
+    g_test_message("RMS %.4f frames, saturated", result.rms);
+    g_assert_cmpint(result.missing, ==, 0);
+    g_assert_cmpfloat(result.rms, <, 0.02); /* the middle of the plateau errs by .28 */
+    g_assert_cmpfloat(fabs(result.bias), <, 0.02);
+}
+
+/* Values above the saturation given are as good as equal. */
+static void test_above_saturation(void) {
+    static const guint16 values[] = {10, 10, 50, 900, 1000, 950, 50, 10, 10};
+    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
+        sweep_add(sweep, &values[i]);
+    float peak, width, bright;
+    sweep_finish(sweep, 20, &peak, &width, &bright);
+    g_assert_cmpfloat_with_epsilon(peak, 4, 1e-6);
+    g_assert_cmpfloat(bright, ==, 890);
+}
+
+static float peak_of(const guint16 *values, int n, double threshold) {
+    g_autoptr(Sweep) sweep = sweep_new(1, 1, n, 65535);
+    for (int i = 0; i < n; i++)
+        sweep_add(sweep, &values[i]);
+    float peak, width, bright;
+    sweep_finish(sweep, threshold, &peak, &width, &bright);
+    g_assert_false(isnan(width) || isnan(bright));
+    return peak;
+}
+#define PEAK_OF(threshold, ...)                                                                    \
+    peak_of((const guint16[]){__VA_ARGS__}, sizeof((const guint16[]){__VA_ARGS__}) / 2, threshold)
+
+static void test_no_peak(void) {
+    g_assert_cmpfloat(PEAK_OF(20, 10, 12, 10, 12, 11, 10), ==, -1); /* below threshold */
+    g_assert_cmpfloat(PEAK_OF(20, 90, 50, 10, 10, 10), ==, -1);     /* at the first frame */
+    g_assert_cmpfloat(PEAK_OF(20, 10, 10, 10, 50, 90), ==, -1);     /* at the last */
+    g_assert_cmpfloat(PEAK_OF(20, 10, 10, 90, 90, 90), ==, -1);     /* a plateau to the end */
+    g_assert_cmpfloat(PEAK_OF(20, 90, 90, 50, 10, 10), ==, -1);
+    g_assert_cmpfloat(PEAK_OF(0, 0, 0, 0, 0, 0, 0, 0, 0), ==, -1);
+    g_assert_cmpfloat(PEAK_OF(0, 7, 7, 7, 7, 7, 7), ==, -1);
+    g_assert_cmpfloat(PEAK_OF(20, 99), ==, -1);
+}
+
+static void test_shapes(void) {
+    g_assert_cmpfloat(PEAK_OF(20, 10, 10, 50, 90, 50, 10, 10), ==, 3);
+    g_assert_cmpfloat(PEAK_OF(20, 10, 10, 10, 90, 10, 10, 10), ==, 3); /* a single frame */
+    g_assert_cmpfloat(PEAK_OF(20, 10, 50, 90, 90, 50, 10, 10), ==, 2.5);
+    g_assert_cmpfloat(PEAK_OF(20, 0, 0, 65535, 65535, 65535, 0, 0), ==, 3);
+    /* Of two peaks the brighter one; of two alike the first. */
+    g_assert_cmpfloat_with_epsilon(PEAK_OF(20, 10, 40, 60, 40, 10, 50, 90, 50, 10), 6, 1e-6);
+    g_assert_cmpfloat_with_epsilon(PEAK_OF(20, 10, 50, 90, 50, 10, 50, 90, 50, 10), 2, 1e-6);
+    float tilted = PEAK_OF(20, 10, 10, 50, 90, 70, 10, 10);
+    g_assert_cmpfloat(tilted, >, 3);
+    g_assert_cmpfloat(tilted, <, 3.5);
+}
+
+/* Whatever the number of pixels and frames, queued or absorbed, the answer is the same. */
+static void test_sizes(void) {
+    for (int n = 1; n < 40; n += 3)
+        for (int frames = 9; frames < 22; frames++) {
+            g_autofree double *centre = random_centres(n, 2, 7);
+            struct pulses pulses = {n, 1, frames, 4095, 1, 2000, 64, 0, centre};
+            struct result result = measure(&pulses, 100);
+            g_assert_cmpint(result.missing, ==, 0);
+            g_assert_cmpfloat(result.rms, <, 0.01);
+        }
+}
+
+/* sweep_finish() may look in between. */
+static void test_look_in_between(void) {
+    g_autoptr(Sweep) sweep = sweep_new(1, 1, 20, 65535);
+    float peak, width, bright;
+    for (int t = 0; t < 20; t++) {
+        guint16 value = (guint16)(t == 10 ? 500 : t == 9 || t == 11 ? 200 : 5);
+        sweep_add(sweep, &value);
+        sweep_finish(sweep, 50, &peak, &width, &bright);
+        g_assert_cmpfloat(peak, ==, t > 10 ? 10 : -1);
+    }
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/sweep/accuracy", test_accuracy);
+    g_test_add_func("/sweep/many-frames", test_many_frames);
+    g_test_add_func("/sweep/saturated", test_saturated);
+    g_test_add_func("/sweep/above-saturation", test_above_saturation);
+    g_test_add_func("/sweep/no-peak", test_no_peak);
+    g_test_add_func("/sweep/shapes", test_shapes);
+    g_test_add_func("/sweep/sizes", test_sizes);
+    g_test_add_func("/sweep/look-in-between", test_look_in_between);
+    return g_test_run();
+}
