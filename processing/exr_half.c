@@ -1,0 +1,60 @@
+#include "exr_half.h"
+
+#include <string.h>
+
+#define HALF_MAX      0x7bffu
+#define FLOAT_INF     0x7f800000u
+#define FLOAT_TOO_BIG 0x477ff000u /* 65520: from here on a half rounds to infinity */
+#define FLOAT_NORMAL  0x38800000u /* 2⁻¹⁴, the smallest normal half */
+
+static inline guint32 bits_of(float value) {
+    guint32 bits;
+
+    memcpy(&bits, &value, sizeof bits);
+    return bits;
+}
+
+static inline float float_of(guint32 bits) {
+    float value;
+
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static inline guint16 half_of(float value) {
+    guint32 bits = bits_of(value), sign = bits >> 16 & 0x8000, magnitude = bits & 0x7fffffff;
+    guint32 half;
+
+    if (magnitude > FLOAT_INF) {
+        half = 0x7c00 | (magnitude >> 13 & 0x3ff);
+        half |= half == 0x7c00 ? 0x200 : 0; /* all set bits were cut off: it would be infinity */
+    } else if (magnitude >= FLOAT_TOO_BIG) {
+        half = HALF_MAX;
+    } else if (magnitude < FLOAT_NORMAL) {
+        /* The sum has the subnormal half as its last bits, rounded by the processor. */
+        half = bits_of(float_of(magnitude) + 0.5f) - bits_of(0.5f);
+    } else {
+        half = (magnitude - ((127 - 15) << 23) + 0xfff + (magnitude >> 13 & 1)) >> 13;
+    }
+    return (guint16)(sign | half);
+}
+
+static inline float float_of_half(guint16 half) {
+    guint32 sign = (guint32)(half & 0x8000) << 16, rest = half & 0x7fff;
+
+    if (rest >= 0x7c00)
+        return float_of(sign | FLOAT_INF | (rest & 0x3ff) << 13);
+    if (rest >= 0x400)
+        return float_of(sign | ((rest << 13) + ((127 - 15) << 23)));
+    return float_of(sign | bits_of((float)rest * 0x1p-24f));
+}
+
+void exr_half_from_floats(guint16 *to, const float *from, gsize n) {
+    for (gsize i = 0; i < n; i++)
+        to[i] = GUINT16_TO_LE(half_of(from[i]));
+}
+
+void exr_half_to_floats(float *to, const guint16 *from, gsize n) {
+    for (gsize i = 0; i < n; i++)
+        to[i] = float_of_half(GUINT16_FROM_LE(from[i]));
+}
