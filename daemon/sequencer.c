@@ -1,0 +1,341 @@
+#include "sequencer.h"
+
+#include <math.h>
+
+#include "intake.h"
+#include "stage.h"
+
+enum state { IDLE, HOMING, PREPARING, EXPOSING };
+
+struct eye { /* a camera in the picture under way */
+    Sequencer *sequencer;
+    int camera;
+    int refused; /* in a row */
+    int retakes; /* in this shot */
+};
+
+struct Sequencer {
+    struct devices *devices;
+    const struct session_conf *conf;
+    struct sequencer_hooks hooks;
+    Stage *stage;
+    enum state state;
+    gboolean pausing;
+    const GPtrArray *shots;
+    guint next; /* index of the shot after the one under way */
+    const struct session_shot *shot;
+    int sub, n_subs;
+    guint32 pending;  /* cameras still to be triggered for this picture */
+    guint32 exposing; /* triggered, the lamp must stay */
+    guint32 waiting;  /* triggered, no frame yet */
+    struct eye eyes[RIG_MAX_CAMERAS];
+    guint timer;
+};
+
+static void advance(Sequencer *seq);
+
+static void quiet(Sequencer *seq) {
+    seq->state = IDLE;
+    seq->shot = NULL;
+    seq->pending = seq->exposing = seq->waiting = 0;
+    clock_cancel(seq->devices->clock, &seq->timer);
+}
+
+gboolean sequencer_stop(Sequencer *seq, GError **error) {
+    quiet(seq);
+    gboolean safe = stage_make_safe(seq->stage, error);
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
+        camera_disarm(seq->devices->cameras[c]);
+    return safe;
+}
+
+static void fail(Sequencer *seq, const char *source, const char *reason) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *told = g_strdup(reason);
+    if (!sequencer_stop(seq, &error)) {
+        g_free(told);
+        told = g_strdup_printf("%s THE RIG COULD NOT BE MADE SAFE: %s.", reason, error->message);
+    }
+    seq->hooks.fault(source, told, seq->hooks.data);
+}
+
+static void finish(Sequencer *seq) {
+    g_autoptr(GError) error = NULL;
+    if (sequencer_stop(seq, &error)) {
+        seq->hooks.finished(seq->hooks.data);
+        return;
+    }
+    g_autofree char *told =
+        g_strdup_printf("THE RIG COULD NOT BE MADE SAFE: %s. Switch it off by hand, then continue.",
+                        error->message);
+    seq->hooks.fault("rig", told, seq->hooks.data);
+}
+
+static void camera_fails(Sequencer *seq, int camera, const GError *error) {
+    const char *name = seq->devices->geometry.cameras[camera].name;
+    g_autofree char *reason = stage_advise("camera", name, error);
+    fail(seq, name, reason);
+}
+
+/* Step k of n stands at from + k·(to − from)/(n − 1); what comes after the last stays there. */
+static double sweep_at_deg(const struct session_shot *shot, int sub) {
+    int k = MIN(sub, shot->sweep_steps - 1);
+    double way = shot->sweep_to_deg - shot->sweep_from_deg;
+    return shot->sweep_from_deg + (shot->sweep_steps > 1 ? k * way / (shot->sweep_steps - 1) : 0);
+}
+
+static struct stage_goal goal_of(const struct session_shot *shot, int sub) {
+    struct stage_goal goal = {shot->turntable_deg, shot->arc_deg, -1, -1, -1, 0};
+    if (shot->kind == SHOT_LAMP)
+        goal.lamp = shot->device;
+    if (shot->kind == SHOT_SWEEP) {
+        goal.laser = sub < shot->sweep_steps ? shot->device : -1;
+        goal.sweep = shot->device;
+        goal.sweep_deg = sweep_at_deg(shot, sub);
+    }
+    return goal;
+}
+
+/* What the stage may do as soon as the picture under way is exposed. */
+static struct stage_goal goal_after(const Sequencer *seq) {
+    if (seq->sub + 1 < seq->n_subs)
+        return goal_of(seq->shot, seq->sub + 1);
+    if (seq->next < seq->shots->len && !seq->pausing)
+        return goal_of(seq->shots->pdata[seq->next], 0);
+    struct stage_goal goal = goal_of(seq->shot, seq->sub);
+    goal.lamp = goal.laser = -1;
+    return goal;
+}
+
+/* FALSE when there is nothing left to take. */
+static gboolean begin_shot(Sequencer *seq) {
+    if (seq->next >= seq->shots->len)
+        return FALSE;
+    seq->shot = seq->shots->pdata[seq->next++];
+    seq->sub = 0;
+    seq->n_subs = intake_n_frames(seq->conf, seq->shot);
+    seq->pending = seq->shot->cameras;
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+        seq->eyes[c].refused = seq->eyes[c].retakes = 0;
+    return TRUE;
+}
+
+static gboolean trigger(Sequencer *seq, int c, GError **error) {
+    Camera *camera = seq->devices->cameras[c];
+    struct camera_settings settings = {
+        .exposure_us = intake_exposure_us(seq->conf, seq->shot, seq->sub),
+        .gain_db = seq->conf->gain_db,
+    };
+    guint64 tag = (guint64)seq->shot->id << 16 | (guint64)seq->sub;
+    return camera_configure(camera, &settings, error) &&
+           (camera_is_armed(camera) || camera_arm(camera, error)) &&
+           camera_trigger(camera, tag, error);
+}
+
+static void trigger_all(Sequencer *seq) {
+    seq->state = EXPOSING;
+    seq->exposing = seq->waiting = seq->pending;
+    seq->pending = 0;
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
+        g_autoptr(GError) error = NULL;
+        if ((seq->waiting & 1u << c) && !trigger(seq, c, &error)) {
+            camera_fails(seq, c, error);
+            return;
+        }
+    }
+}
+
+static void timer_due(gpointer data) {
+    Sequencer *seq = data;
+    seq->timer = 0;
+    advance(seq);
+}
+
+static void prepare(Sequencer *seq) {
+    struct stage_goal goal = goal_of(seq->shot, seq->sub);
+    gint64 light_us;
+    stage_pursue(seq->stage, &goal);
+    if (seq->state != PREPARING || !stage_has_reached(seq->stage, &goal, &light_us))
+        return;
+    clock_cancel(seq->devices->clock, &seq->timer);
+    if (light_us > clock_now_us(seq->devices->clock))
+        seq->timer = clock_call_at(seq->devices->clock, light_us, timer_due, seq);
+    else if (seq->hooks.may_trigger(seq->hooks.data))
+        trigger_all(seq);
+}
+
+static void start_shots(Sequencer *seq) {
+    seq->state = PREPARING;
+    seq->hooks.homed(seq->hooks.data);
+    if (seq->state != PREPARING)
+        return;
+    if (begin_shot(seq))
+        prepare(seq);
+    else
+        finish(seq);
+}
+
+/* Something has changed: does what can be done now. */
+static void advance(Sequencer *seq) {
+    if (seq->state == HOMING && stage_is_homed(seq->stage)) {
+        start_shots(seq);
+    } else if (seq->state == PREPARING) {
+        prepare(seq);
+    } else if (seq->state == EXPOSING && seq->exposing == 0) {
+        struct stage_goal goal = goal_after(seq);
+        stage_pursue(seq->stage, &goal);
+    }
+}
+
+/* All cameras have answered: the refused ones once more, or the next picture, or the next shot. */
+static void picture_over(Sequencer *seq) {
+    seq->state = PREPARING;
+    if (seq->pending == 0 && seq->sub + 1 < seq->n_subs) {
+        seq->sub++;
+        seq->pending = seq->shot->cameras;
+    } else if (seq->pending == 0 && (seq->pausing || !begin_shot(seq))) {
+        finish(seq);
+        return;
+    }
+    prepare(seq);
+}
+
+static void answered(Sequencer *seq, int camera) {
+    guint32 bit = 1u << camera;
+    gboolean was_exposing = seq->exposing != 0;
+    seq->exposing &= ~bit;
+    seq->waiting &= ~bit;
+    if (seq->waiting == 0)
+        picture_over(seq);
+    else if (was_exposing && seq->exposing == 0)
+        advance(seq);
+}
+
+static void take_frame(Sequencer *seq, int camera, Frame *frame) {
+    struct eye *eye = &seq->eyes[camera];
+    eye->refused = 0;
+    seq->hooks.frame(seq->shot, camera, seq->sub, frame, eye->retakes, seq->hooks.data);
+    if (seq->state == EXPOSING)
+        answered(seq, camera);
+}
+
+static void take_again(Sequencer *seq, int camera, const GError *error) {
+    struct eye *eye = &seq->eyes[camera];
+    const char *name = seq->devices->geometry.cameras[camera].name;
+    eye->retakes++;
+    if (++eye->refused > seq->conf->retries) {
+        g_autofree char *advised = stage_advise("camera", name, error);
+        g_autofree char *reason =
+            g_strdup_printf("No good picture in %d attempts. The last: %s", eye->refused, advised);
+        fail(seq, name, reason);
+        return;
+    }
+    seq->hooks.retake(camera, error->message, seq->hooks.data);
+    if (seq->state != EXPOSING)
+        return;
+    seq->pending |= 1u << camera;
+    answered(seq, camera);
+}
+
+static void on_camera(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
+                      gpointer data) {
+    struct eye *eye = data;
+    Sequencer *seq = eye->sequencer;
+    guint32 bit = 1u << eye->camera;
+    if (seq->state != EXPOSING || !(seq->waiting & bit))
+        return;
+    switch (event) {
+    case CAMERA_EXPOSED:
+        seq->exposing &= ~bit;
+        if (seq->exposing == 0)
+            advance(seq);
+        break;
+    case CAMERA_FRAME:
+        take_frame(seq, eye->camera, frame);
+        break;
+    case CAMERA_FAULT:
+        camera_disarm(camera); /* trigger() arms it again */
+        take_again(seq, eye->camera, error);
+        break;
+    case CAMERA_REFUSED:
+        take_again(seq, eye->camera, error);
+        break;
+    }
+}
+
+static void on_stage_changed(gpointer data) {
+    advance(data);
+}
+
+static void on_stage_fault(const char *source, const char *reason, gpointer data) {
+    Sequencer *seq = data;
+    if (seq->state != IDLE)
+        fail(seq, source, reason);
+}
+
+Sequencer *sequencer_new(struct devices *devices, const struct session_conf *conf,
+                         const struct sequencer_hooks *hooks) {
+    Sequencer *seq = g_new0(Sequencer, 1);
+    struct stage_hooks stage_hooks = {on_stage_changed, on_stage_fault, seq};
+    seq->devices = devices;
+    seq->conf = conf;
+    seq->hooks = *hooks;
+    seq->stage = stage_new(devices, &stage_hooks);
+    for (int c = 0; c < devices->geometry.n_cameras; c++) {
+        seq->eyes[c] = (struct eye){.sequencer = seq, .camera = c};
+        camera_listen(devices->cameras[c], on_camera, &seq->eyes[c]);
+    }
+    return seq;
+}
+
+void sequencer_free(Sequencer *seq) {
+    if (!seq)
+        return;
+    clock_cancel(seq->devices->clock, &seq->timer);
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
+        camera_listen(seq->devices->cameras[c], NULL, NULL);
+    stage_free(seq->stage);
+    g_free(seq);
+}
+
+void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
+    g_return_if_fail(seq->state == IDLE);
+    seq->shots = shots;
+    seq->next = 0;
+    seq->pausing = FALSE;
+    seq->state = HOMING;
+    const char *open = stage_open_interlock(seq->stage);
+    if (open) {
+        g_autofree char *reason = g_strdup_printf(
+            "interlock %s is open: laser and motion are forbidden. Close it, then continue.", open);
+        fail(seq, open, reason);
+        return;
+    }
+    stage_home(seq->stage);
+}
+
+void sequencer_pause(Sequencer *seq) {
+    seq->pausing = TRUE;
+    gboolean untouched =
+        seq->state == PREPARING && seq->sub == 0 && seq->shot && seq->pending == seq->shot->cameras;
+    if (seq->state == HOMING || untouched)
+        finish(seq);
+}
+
+void sequencer_poke(Sequencer *seq) {
+    advance(seq);
+}
+
+gboolean sequencer_is_running(const Sequencer *seq) {
+    return seq->state != IDLE;
+}
+
+const char *sequencer_open_interlock(const Sequencer *seq) {
+    return stage_open_interlock(seq->stage);
+}
+
+const struct session_shot *sequencer_shot(const Sequencer *seq, int *ret_sub, int *ret_n) {
+    *ret_sub = seq->sub;
+    *ret_n = seq->n_subs;
+    return seq->shot;
+}
