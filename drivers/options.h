@@ -27,7 +27,7 @@ struct option {
     const char *name; /* the unit is in the name: settle_ms, theta_deg */
     enum option_type type;
     const char *unit; /* for the help text; NULL where there is none */
-    double min, max;  /* INT, DOUBLE, DOUBLES: inclusive range */
+    double min, max;  /* INT, DOUBLE, DOUBLES: inclusive range; both the same: any finite value */
     const char *fallback; /* the default as it would be written; NULL: the key must be given */
     const char *const *choices; /* CHOICE: NULL-terminated */
     gsize offset; /* of the field in the target struct */

@@ -1,0 +1,346 @@
+#include "config.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define MAX_BYTES (1024 * 1024)
+
+/*
+ * A parser of its own, since GKeyFile keeps no line numbers and merges what is given twice. Escapes
+ * are not interpreted: a value is what stands between '=' and the end of the line, trimmed.
+ */
+
+struct entry {
+    char *value;
+    int line;
+};
+
+struct section_data {
+    GPtrArray *keys;     /* of char *, in file order, NULL-terminated at the end */
+    GHashTable *entries; /* key -> struct entry; keys owned by the array above */
+};
+
+struct Config {
+    char *path, *text;
+    GArray *sections;     /* of struct config_section */
+    GHashTable *by_group; /* "class name" -> struct section_data; keys owned */
+};
+
+G_DEFINE_QUARK(mesorig - config - error, config_error)
+
+static void entry_free(gpointer data) {
+    struct entry *entry = data;
+    g_free(entry->value);
+    g_free(entry);
+}
+
+static void section_data_free(gpointer data) {
+    struct section_data *section = data;
+    g_hash_table_unref(section->entries);
+    g_ptr_array_unref(section->keys);
+    g_free(section);
+}
+
+static void section_clear(gpointer data) {
+    struct config_section *section = data;
+    g_free(section->group);
+    g_free(section->class_name);
+    g_free(section->name);
+}
+
+static void G_GNUC_PRINTF(4, 5)
+    syntax_error(GError **error, const Config *config, int line, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *message = g_strdup_vprintf(format, args);
+    va_end(args);
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX, "%s:%d: %s", config->path, line, message);
+}
+
+/* How sections are told apart: spaces within the brackets do not count. */
+static char *section_id(const char *class_name, const char *name) {
+    return name ? g_strconcat(class_name, " ", name, NULL) : g_strdup(class_name);
+}
+
+static const struct section_data *data_of(const struct config_section *section) {
+    g_autofree char *id = section_id(section->class_name, section->name);
+    return g_hash_table_lookup(section->config->by_group, id);
+}
+
+static int line_of_section(const Config *config, const char *class_name, const char *name) {
+    const struct config_section *section = config_find(config, class_name, name);
+    return section ? section->line : 0;
+}
+
+/* text is what stands between the brackets, trimmed. */
+static gboolean add_section(Config *config, const char *text, int line, GError **error) {
+    if (!*text || strpbrk(text, "[]")) {
+        syntax_error(error, config, line, "a section is written as [class] or [class name]");
+        return FALSE;
+    }
+    gsize class_length = strcspn(text, " \t");
+    const char *rest = text + class_length + strspn(text + class_length, " \t");
+    struct config_section section = {.config = config, .line = line};
+    section.group = g_strdup(text);
+    section.class_name = g_strndup(text, class_length);
+    section.name = *rest ? g_strdup(rest) : NULL;
+
+    char *id = section_id(section.class_name, section.name);
+    if (g_hash_table_contains(config->by_group, id)) {
+        int before = line_of_section(config, section.class_name, section.name);
+        syntax_error(error, config, line, "[%s] was given before, in line %d: merge the two", text,
+                     before);
+        g_free(id);
+        section_clear(&section);
+        return FALSE;
+    }
+    struct section_data *data = g_new0(struct section_data, 1);
+    data->keys = g_ptr_array_new_with_free_func(g_free);
+    data->entries = g_hash_table_new_full(g_str_hash, g_str_equal, NULL, entry_free);
+    g_hash_table_insert(config->by_group, id, data);
+    g_array_append_val(config->sections, section);
+    return TRUE;
+}
+
+static gboolean is_key(const char *key) {
+    for (const char *c = key; *c; c++) {
+        if (!g_ascii_isalnum(*c) && *c != '_' && *c != '-' && *c != '.')
+            return FALSE;
+    }
+    return *key != '\0';
+}
+
+static gboolean add_entry(Config *config, char *text, int line, GError **error) {
+    if (config->sections->len == 0) {
+        syntax_error(error, config, line, "text before the first [section]");
+        return FALSE;
+    }
+    const struct config_section *section =
+        &g_array_index(config->sections, struct config_section, config->sections->len - 1);
+    char *equals = strchr(text, '=');
+    if (!equals) {
+        syntax_error(error, config, line, "[%s]: neither \"key = value\" nor a [section]",
+                     section->group);
+        return FALSE;
+    }
+    *equals = '\0';
+    const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
+    if (!is_key(key)) {
+        syntax_error(error, config, line,
+                     "[%s]: \"%s\" is not a key: letters, digits, '_', '-' and '.' make one",
+                     section->group, key);
+        return FALSE;
+    }
+    struct section_data *data = (struct section_data *)data_of(section);
+    const struct entry *before = g_hash_table_lookup(data->entries, key);
+    if (before) {
+        syntax_error(error, config, line, "[%s] %s: was given before, in line %d", section->group,
+                     key, before->line);
+        return FALSE;
+    }
+    struct entry *entry = g_new0(struct entry, 1);
+    entry->value = g_strdup(value);
+    entry->line = line;
+    char *owned = g_strdup(key);
+    g_ptr_array_add(data->keys, owned);
+    g_hash_table_insert(data->entries, owned, entry);
+    return TRUE;
+}
+
+static gboolean parse_line(Config *config, char *text, int line, GError **error) {
+    g_strstrip(text);
+    if (!*text || *text == '#')
+        return TRUE;
+    for (const char *c = text; *c; c++) {
+        if (g_ascii_iscntrl(*c) && *c != '\t') {
+            syntax_error(error, config, line, "a control character (%d)", *c);
+            return FALSE;
+        }
+    }
+    if (*text != '[')
+        return add_entry(config, text, line, error);
+    gsize length = strlen(text);
+    if (text[length - 1] != ']') {
+        syntax_error(error, config, line, "the section's ']' is missing, or text follows it");
+        return FALSE;
+    }
+    text[length - 1] = '\0';
+    return add_section(config, g_strstrip(text + 1), line, error);
+}
+
+static int line_at(const char *text, const char *at) {
+    int line = 1;
+    for (; text < at; text++)
+        line += *text == '\n';
+    return line;
+}
+
+static gboolean parse(Config *config, gsize length, GError **error) {
+    const char *text = config->text, *bad;
+    if (strlen(text) != length) {
+        syntax_error(error, config, line_at(text, text + strlen(text)), "a NUL byte");
+        return FALSE;
+    }
+    if (!g_utf8_validate(text, -1, &bad)) {
+        syntax_error(error, config, line_at(text, bad), "not UTF-8");
+        return FALSE;
+    }
+    if (g_str_has_prefix(text, "\xef\xbb\xbf"))
+        text += 3;
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    for (int i = 0; lines[i]; i++) {
+        if (!parse_line(config, lines[i], i + 1, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* Takes ownership of text, which is NUL-terminated and may hold other NULs, to be refused. */
+static Config *config_new(char *text, gsize length, const char *path, GError **error) {
+    Config *config = g_new0(Config, 1);
+    config->path = g_strdup(path);
+    config->text = text;
+    config->sections = g_array_new(FALSE, TRUE, sizeof(struct config_section));
+    g_array_set_clear_func(config->sections, section_clear);
+    config->by_group = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, section_data_free);
+    if (!parse(config, length, error)) {
+        config_free(config);
+        return NULL;
+    }
+    GHashTableIter iter;
+    gpointer data;
+    g_hash_table_iter_init(&iter, config->by_group);
+    while (g_hash_table_iter_next(&iter, NULL, &data))
+        g_ptr_array_add(((struct section_data *)data)->keys, NULL);
+    return config;
+}
+
+static void too_long(GError **error, const char *path) {
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX,
+                "%s: longer than 1 MiB: this is not a configuration file", path);
+}
+
+static gboolean read_file(const char *path, GByteArray *to, GError **error) {
+    /* Not blocking, so that a path that is a pipe is refused and not waited for. */
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    struct stat st;
+    int failed = fd < 0 || fstat(fd, &st) < 0 ? errno : S_ISREG(st.st_mode) ? 0 : EINVAL;
+    guint8 buffer[16384];
+    ssize_t n = 1;
+    while (!failed && n > 0 && to->len <= MAX_BYTES) {
+        n = read(fd, buffer, sizeof buffer);
+        if (n < 0)
+            failed = errno;
+        else
+            g_byte_array_append(to, buffer, (guint)n);
+    }
+    if (fd >= 0)
+        close(fd);
+    if (failed) {
+        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(failed), "cannot read %s: %s",
+                    path, failed == EINVAL ? "not a plain file" : g_strerror(failed));
+        return FALSE;
+    }
+    if (to->len > MAX_BYTES) {
+        too_long(error, path);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+Config *config_load(const char *path, GError **error) {
+    g_return_val_if_fail(path, NULL);
+    g_autoptr(GByteArray) bytes = g_byte_array_new();
+    if (!read_file(path, bytes, error))
+        return NULL;
+    gsize length = bytes->len;
+    g_byte_array_append(bytes, (const guint8 *)"", 1);
+    return config_new((char *)g_byte_array_free(g_steal_pointer(&bytes), FALSE), length, path,
+                      error);
+}
+
+Config *config_parse(const char *text, const char *path, GError **error) {
+    g_return_val_if_fail(text && path, NULL);
+    gsize length = strlen(text);
+    if (length > MAX_BYTES) {
+        too_long(error, path);
+        return NULL;
+    }
+    return config_new(g_strdup(text), length, path, error);
+}
+
+void config_free(Config *config) {
+    if (!config)
+        return;
+    g_hash_table_unref(config->by_group);
+    g_array_unref(config->sections);
+    g_free(config->path);
+    g_free(config->text);
+    g_free(config);
+}
+
+const char *config_path(const Config *config) {
+    return config->path;
+}
+
+const char *config_text(const Config *config) {
+    return config->text;
+}
+
+const struct config_section *config_sections(const Config *config, gsize *ret_n) {
+    *ret_n = config->sections->len;
+    return (const struct config_section *)(gpointer)config->sections->data;
+}
+
+const struct config_section *config_find(const Config *config, const char *class_name,
+                                         const char *name) {
+    const struct config_section *found = NULL;
+    for (guint i = 0; i < config->sections->len; i++) {
+        const struct config_section *section =
+            &g_array_index(config->sections, struct config_section, i);
+        if (strcmp(section->class_name, class_name) != 0)
+            continue;
+        if (name && g_strcmp0(section->name, name) == 0)
+            return section;
+        if (!name && found)
+            return NULL;
+        if (!name)
+            found = section;
+    }
+    return found;
+}
+
+const char *config_value(const struct config_section *section, const char *key, int *ret_line) {
+    const struct entry *entry = g_hash_table_lookup(data_of(section)->entries, key);
+    if (ret_line && entry)
+        *ret_line = entry->line;
+    return entry ? entry->value : NULL;
+}
+
+const char *const *config_keys(const struct config_section *section) {
+    return (const char *const *)data_of(section)->keys->pdata;
+}
+
+char *config_resolve(const Config *config, const char *path) {
+    if (g_path_is_absolute(path))
+        return g_canonicalize_filename(path, NULL);
+    g_autofree char *file = g_canonicalize_filename(config->path, NULL);
+    g_autofree char *folder = g_path_get_dirname(file);
+    return g_canonicalize_filename(path, folder);
+}
+
+void config_set_error(GError **error, enum config_error code, const struct config_section *section,
+                      const char *key, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *message = g_strdup_vprintf(format, args);
+    va_end(args);
+    int line = section->line;
+    if (key)
+        config_value(section, key, &line);
+    g_set_error(error, CONFIG_ERROR, code, "%s:%d: [%s]%s%s: %s", config_path(section->config),
+                line, section->group, key ? " " : "", key ? key : "", message);
+}

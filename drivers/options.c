@@ -1,0 +1,379 @@
+#include "options.h"
+
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+/* What names end in to say their unit; longer ones first. */
+static const char *const units[] = {"deg_s2", "deg_s", "mm_s", "deg", "rad", "us", "ms", "min",
+                                    "mm",     "cm",    "um",   "nm",  "px",  "hz", "db", "baud",
+                                    "s",      "m",     "h",    "rpm", "pct", NULL};
+
+static gboolean is_limited(const struct option *option) {
+    return option->min != option->max;
+}
+
+static char *range_text(const struct option *option) {
+    if (!is_limited(option))
+        return g_strdup("any");
+    char low[G_ASCII_DTOSTR_BUF_SIZE], high[G_ASCII_DTOSTR_BUF_SIZE];
+    g_ascii_formatd(low, sizeof low, "%.9g", option->min);
+    g_ascii_formatd(high, sizeof high, "%.9g", option->max);
+    if (option->max >= G_MAXDOUBLE)
+        return option->min <= -G_MAXDOUBLE ? g_strdup("any") : g_strdup_printf("%s or more", low);
+    return option->min <= -G_MAXDOUBLE ? g_strdup_printf("%s or less", high)
+                                       : g_strdup_printf("%s to %s", low, high);
+}
+
+static gboolean value_error(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
+static gboolean value_error(GError **error, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    GError *made = g_error_new_valist(CONFIG_ERROR, CONFIG_ERROR_VALUE, format, args);
+    va_end(args);
+    g_propagate_error(error, made);
+    return FALSE;
+}
+
+static gboolean check_range(const struct option *option, double value, const char *text,
+                            GError **error) {
+    if (!is_limited(option) || (value >= option->min && value <= option->max))
+        return TRUE;
+    g_autofree char *range = range_text(option);
+    return value_error(error, "%s is out of range: %s%s%s", text, range, option->unit ? " " : "",
+                       option->unit ? option->unit : "");
+}
+
+/* Decimal only: strtod() would also take hexadecimal, "inf" and "nan". */
+static gboolean parse_double(const struct option *option, const char *text, double *ret,
+                             GError **error) {
+    char *end = NULL;
+    double value = g_ascii_strtod(text, &end);
+    if (!*text || *end || strspn(text, "0123456789+-.eE") != strlen(text) || !isfinite(value))
+        return value_error(error, "\"%s\" is not a number%s%s%s", text,
+                           option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
+                           option->unit ? "; write the number alone)" : "");
+    *ret = value;
+    return check_range(option, value, text, error);
+}
+
+static gboolean parse_int(const struct option *option, const char *text, int *ret, GError **error) {
+    char *end = NULL;
+    errno = 0;
+    gint64 value = g_ascii_strtoll(text, &end, 10);
+    if (!*text || *end || g_ascii_isspace(*text))
+        return value_error(error, "\"%s\" is not a whole number", text);
+    if (errno == ERANGE || value < G_MININT || value > G_MAXINT)
+        return value_error(error, "%s is out of range", text);
+    *ret = (int)value;
+    return check_range(option, (double)value, text, error);
+}
+
+static gboolean parse_bool(const char *text, gboolean *ret, GError **error) {
+    gboolean yes = g_ascii_strcasecmp(text, "yes") == 0 || g_ascii_strcasecmp(text, "true") == 0;
+    if (!yes && g_ascii_strcasecmp(text, "no") != 0 && g_ascii_strcasecmp(text, "false") != 0)
+        return value_error(error, "\"%s\" is neither yes nor no", text);
+    *ret = yes;
+    return TRUE;
+}
+
+static gboolean parse_choice(const struct option *option, const char *text, int *ret,
+                             GError **error) {
+    for (int i = 0; option->choices[i]; i++) {
+        if (strcmp(option->choices[i], text) == 0) {
+            *ret = i;
+            return TRUE;
+        }
+    }
+    g_autofree char *all = g_strjoinv(", ", (char **)option->choices);
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN, "there is no \"%s\"; choose from: %s",
+                text, all);
+    return FALSE;
+}
+
+/* Items between ';', trimmed; one ';' at the end may stand as in GKeyFile. NULL: one is empty. */
+static char **split_list(const char *text, GError **error) {
+    g_auto(GStrv) items = g_strsplit(text, ";", -1);
+    guint n = g_strv_length(items);
+    for (guint i = 0; i < n; i++)
+        g_strstrip(items[i]);
+    if (n > 0 && !*items[n - 1]) {
+        g_free(items[n - 1]);
+        items[--n] = NULL;
+    }
+    for (guint i = 0; i < n; i++) {
+        if (!*items[i]) {
+            value_error(error, "item %u of the list is empty", i + 1);
+            return NULL;
+        }
+    }
+    return g_steal_pointer(&items);
+}
+
+static gboolean parse_doubles(const struct option *option, const char *text,
+                              struct option_doubles *ret, GError **error) {
+    g_auto(GStrv) items = split_list(text, error);
+    if (!items)
+        return FALSE;
+    int n = (int)g_strv_length(items);
+    g_autofree double *values = g_new0(double, MAX(n, 1));
+    for (int i = 0; i < n; i++) {
+        if (!parse_double(option, items[i], &values[i], error))
+            return FALSE;
+    }
+    ret->values = g_steal_pointer(&values);
+    ret->n = n;
+    return TRUE;
+}
+
+static gboolean parse_value(const struct option *option, const char *text, const Config *config,
+                            gpointer target, GError **error) {
+    gpointer field = (char *)target + option->offset;
+    switch (option->type) {
+    case OPTION_BOOL:
+        return parse_bool(text, field, error);
+    case OPTION_INT:
+        return parse_int(option, text, field, error);
+    case OPTION_DOUBLE:
+        return parse_double(option, text, field, error);
+    case OPTION_STRING:
+        *(char **)field = g_strdup(text);
+        return TRUE;
+    case OPTION_PATH:
+        *(char **)field = *text && config ? config_resolve(config, text) : g_strdup(text);
+        return TRUE;
+    case OPTION_CHOICE:
+        return parse_choice(option, text, field, error);
+    case OPTION_DOUBLES:
+        return parse_doubles(option, text, field, error);
+    case OPTION_STRINGS:
+        return (*(char ***)field = split_list(text, error)) != NULL;
+    }
+    g_return_val_if_reached(FALSE);
+}
+
+static gsize stem_length(const char *name) {
+    gsize length = strlen(name);
+    for (int i = 0; units[i]; i++) {
+        gsize unit = strlen(units[i]);
+        if (length > unit + 1 && name[length - unit - 1] == '_' &&
+            strcmp(name + length - unit, units[i]) == 0)
+            return length - unit - 1;
+    }
+    return length;
+}
+
+static gboolean same_stem(const char *a, const char *b) {
+    gsize n = stem_length(a);
+    return n == stem_length(b) && strncmp(a, b, n) == 0;
+}
+
+/* Levenshtein's; names longer than 63 are not compared. */
+static int edit_distance(const char *a, const char *b) {
+    int n = (int)strlen(b), row[64];
+    if (n > 63 || strlen(a) > 63)
+        return G_MAXINT;
+    for (int j = 0; j <= n; j++)
+        row[j] = j;
+    for (int i = 1; a[i - 1]; i++) {
+        int diagonal = row[0];
+        row[0] = i;
+        for (int j = 1; j <= n; j++) {
+            int here = MIN(diagonal + (a[i - 1] != b[j - 1]), MIN(row[j], row[j - 1]) + 1);
+            diagonal = row[j];
+            row[j] = here;
+        }
+    }
+    return row[n];
+}
+
+static void closer(const char *key, const char *name, const char **nearest, int *distance) {
+    int d = edit_distance(key, name);
+    if (d < *distance) {
+        *distance = d;
+        *nearest = name;
+    }
+}
+
+static void unknown_key(const struct option *table, const struct config_section *section,
+                        const char *const *also, const char *key, GError **error) {
+    const char *nearest = NULL;
+    int distance = (int)MIN(strlen(key) / 3 + 1, 3) + 1;
+    for (const struct option *option = table; option && option->name; option++) {
+        if (same_stem(option->name, key)) {
+            config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
+                             "the unit is part of the name: write %s%s%s%s", option->name,
+                             option->unit ? " (in " : "", option->unit ? option->unit : "",
+                             option->unit ? ")" : "");
+            return;
+        }
+        closer(key, option->name, &nearest, &distance);
+    }
+    for (; also && *also; also++)
+        closer(key, *also, &nearest, &distance);
+    if (nearest)
+        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key,
+                         "there is no such key; did you mean %s?", nearest);
+    else
+        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key, "there is no such key here");
+}
+
+static gboolean is_known(const struct option *table, const char *const *also, const char *key) {
+    for (; table && table->name; table++) {
+        if (strcmp(table->name, key) == 0)
+            return TRUE;
+    }
+    return also && g_strv_contains(also, key);
+}
+
+static gboolean parse_option(const struct option *option, const struct config_section *section,
+                             gpointer target, GError **error) {
+    const char *text = config_value(section, option->name, NULL);
+    if (!text && !option->fallback) {
+        config_set_error(error, CONFIG_ERROR_MISSING, section, option->name, "must be given: %s",
+                         option->help ? option->help : "it has no default");
+        return FALSE;
+    }
+    GError *failed = NULL;
+    if (parse_value(option, text ? text : option->fallback, section->config, target, &failed))
+        return TRUE;
+    if (!text)
+        g_error("option %s: its default is wrong: %s", option->name, failed->message);
+    config_set_error(error, failed->code, section, option->name, "%s", failed->message);
+    g_error_free(failed);
+    return FALSE;
+}
+
+gboolean options_parse(const struct option *table, const struct config_section *section,
+                       const char *const *also, gpointer target, GError **error) {
+    for (const char *const *key = config_keys(section); *key; key++) {
+        if (!is_known(table, also, *key)) {
+            unknown_key(table, section, also, *key, error);
+            return FALSE;
+        }
+    }
+    for (const struct option *option = table; option && option->name; option++) {
+        if (!parse_option(option, section, target, error)) {
+            options_clear(table, target);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
+void options_defaults(const struct option *table, gpointer target) {
+    for (; table && table->name; table++) {
+        GError *failed = NULL;
+        if (table->fallback && !parse_value(table, table->fallback, NULL, target, &failed))
+            g_error("option %s: its default is wrong: %s", table->name, failed->message);
+    }
+}
+
+void options_clear(const struct option *table, gpointer target) {
+    for (; table && table->name; table++) {
+        gpointer field = (char *)target + table->offset;
+        if (table->type == OPTION_STRING || table->type == OPTION_PATH) {
+            g_clear_pointer((char **)field, g_free);
+        } else if (table->type == OPTION_STRINGS) {
+            g_clear_pointer((char ***)field, g_strfreev);
+        } else if (table->type == OPTION_DOUBLES) {
+            struct option_doubles *list = field;
+            g_clear_pointer(&list->values, g_free);
+            list->n = 0;
+        }
+    }
+}
+
+static const char *type_name(enum option_type type) {
+    static const char *const names[] = {
+        [OPTION_BOOL] = "yes or no",  [OPTION_INT] = "whole number", [OPTION_DOUBLE] = "number",
+        [OPTION_STRING] = "text",     [OPTION_PATH] = "path",        [OPTION_CHOICE] = "choice",
+        [OPTION_DOUBLES] = "numbers", [OPTION_STRINGS] = "texts",
+    };
+    return names[type];
+}
+
+static gboolean has_range(const struct option *option) {
+    return is_limited(option) && (option->type == OPTION_INT || option->type == OPTION_DOUBLE ||
+                                  option->type == OPTION_DOUBLES);
+}
+
+void options_describe(const struct option *table, GString *to) {
+    for (; table && table->name; table++) {
+        g_string_append_printf(to, "  %s: %s", table->name, type_name(table->type));
+        if (table->type == OPTION_DOUBLES || table->type == OPTION_STRINGS)
+            g_string_append(to, " separated by ';'");
+        if (has_range(table)) {
+            g_autofree char *range = range_text(table);
+            g_string_append_printf(to, ", %s", range);
+        }
+        if (table->unit)
+            g_string_append_printf(to, " %s", table->unit);
+        if (table->type == OPTION_CHOICE) {
+            g_autofree char *all = g_strjoinv(", ", (char **)table->choices);
+            g_string_append_printf(to, " of: %s", all);
+        }
+        if (!table->fallback)
+            g_string_append(to, "; must be given");
+        else if (*table->fallback)
+            g_string_append_printf(to, "; default %s", table->fallback);
+        g_string_append_printf(to, "\n      %s\n", table->help ? table->help : "");
+    }
+}
+
+static void append_json_string(GString *to, const char *text) {
+    if (!text) {
+        g_string_append(to, "null");
+        return;
+    }
+    g_string_append_c(to, '"');
+    for (; *text; text++) {
+        if (*text == '"' || *text == '\\')
+            g_string_append_printf(to, "\\%c", *text);
+        else if ((guchar)*text < 0x20)
+            g_string_append_printf(to, "\\u%04x", *text);
+        else
+            g_string_append_c(to, *text);
+    }
+    g_string_append_c(to, '"');
+}
+
+static void append_json_number(GString *to, double value) {
+    char buffer[G_ASCII_DTOSTR_BUF_SIZE];
+    g_string_append(to, g_ascii_formatd(buffer, sizeof buffer, "%.17g", value));
+}
+
+static void append_json_option(GString *to, const struct option *option) {
+    g_string_append(to, "{\"name\":");
+    append_json_string(to, option->name);
+    g_string_append(to, ",\"type\":");
+    append_json_string(to, type_name(option->type));
+    g_string_append(to, ",\"unit\":");
+    append_json_string(to, option->unit);
+    if (has_range(option)) {
+        g_string_append(to, ",\"min\":");
+        append_json_number(to, option->min);
+        g_string_append(to, ",\"max\":");
+        append_json_number(to, option->max);
+    }
+    for (int i = 0; option->type == OPTION_CHOICE && option->choices[i]; i++) {
+        g_string_append(to, i ? "," : ",\"choices\":[");
+        append_json_string(to, option->choices[i]);
+        g_string_append(to, option->choices[i + 1] ? "" : "]");
+    }
+    g_string_append(to, ",\"default\":");
+    append_json_string(to, option->fallback);
+    g_string_append(to, ",\"help\":");
+    append_json_string(to, option->help);
+    g_string_append_c(to, '}');
+}
+
+void options_describe_json(const struct option *table, GString *to) {
+    g_string_append_c(to, '[');
+    for (const struct option *option = table; option && option->name; option++) {
+        if (option != table)
+            g_string_append_c(to, ',');
+        append_json_option(to, option);
+    }
+    g_string_append_c(to, ']');
+}
