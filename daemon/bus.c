@@ -1,0 +1,508 @@
+#include "bus.h"
+
+#include "bus_devices.h"
+#include "bus_errors.h"
+#include "capture.h"
+#include "follower.h"
+#include "report.h"
+#include "rig1-bus.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+#define THUMBNAIL_INTERVAL_US (1 * G_USEC_PER_SEC)
+
+struct Bus {
+    BusRig1 *object;
+    char *address;
+    struct devices *devices; /* NULL: closed */
+    char *rig_path;
+    Capture *capture; /* NULL: nothing under way, not even paused */
+    char *directory;  /* of the session that is or was captured */
+    Follower *follower;
+    GHashTable *faults;       /* device name to message */
+    gint64 started_us;        /* real time */
+    double started_elapsed_s; /* on the rig's clock */
+    double thumbnail_time_s[RIG_MAX_CAMERAS];
+    gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
+    guint end_id; /* the idle call that lets go of a capture that has ended */
+    BusFunc func;
+    gpointer data;
+};
+
+static const char *const state_names[] = {
+    [CAPTURE_HOMING] = "homing", [CAPTURE_RUNNING] = "running", [CAPTURE_PAUSING] = "pausing",
+    [CAPTURE_PAUSED] = "paused", [CAPTURE_DONE] = "done",       [CAPTURE_ABORTED] = "aborted",
+};
+
+static void tell(Bus *bus) {
+    if (bus->func)
+        bus->func(bus, bus->data);
+}
+
+static void event(Capture *capture, const char *level, const char *source, const char *message,
+                  gpointer data) {
+    Bus *bus = data;
+    const gboolean bad = strcmp(level, "error") == 0;
+    bus_rig1_emit_event(bus->object, level, source, message);
+    if (bad)
+        g_hash_table_insert(bus->faults, g_strdup(source), g_strdup(message));
+    g_log_structured(G_LOG_DOMAIN,
+                     bad                             ? G_LOG_LEVEL_WARNING
+                     : strcmp(level, "warning") == 0 ? G_LOG_LEVEL_MESSAGE
+                                                     : G_LOG_LEVEL_INFO,
+                     "MESORIG_SOURCE", source, "MESSAGE", "%s: %s", source, message);
+}
+
+/* Real seconds from now to the end. A simulated rig's clock runs at a pace of its own, which is
+ * taken from what was done so far. */
+static double real_left_s(Bus *bus, const struct capture_status *status) {
+    if (!clock_is_virtual(bus->devices->clock))
+        return status->left_s;
+    const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
+    const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
+    return simulated_s > 0 ? status->left_s * real_s / simulated_s : -1;
+}
+
+static void show_status(Bus *bus, const struct capture_status *status) {
+    const gboolean runs = status->state <= CAPTURE_PAUSING;
+    const double left_s = runs ? real_left_s(bus, status) : -1;
+    const guint64 end = left_s >= 0 && left_s < 1e9
+                            ? (guint64)(g_get_real_time() / G_USEC_PER_SEC) + (guint64)left_s
+                            : 0;
+    g_object_set(bus->object, "state", state_names[status->state], "reason",
+                 status->reason ? status->reason : "", "doing", status->doing ? status->doing : "",
+                 "shots", status->shots, "shots-done", status->shots_done, "frames", status->frames,
+                 "retakes", status->retakes, "elapsed", status->elapsed_s, "left", status->left_s,
+                 "predicted-end", end, NULL);
+}
+
+static void show_devices(Bus *bus) {
+    bus_rig1_set_devices(bus->object, bus_devices(bus->devices, bus->faults));
+}
+
+static void show_thumbnails(Bus *bus) {
+    const gint64 now_us = g_get_monotonic_time();
+    for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
+        const struct capture_thumbnail *thumbnail = capture_thumbnail(bus->capture, i);
+        if (!thumbnail || thumbnail->time_s == bus->thumbnail_time_s[i] ||
+            now_us < bus->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
+            continue;
+        bus->thumbnail_time_s[i] = thumbnail->time_s;
+        bus->thumbnail_sent_us[i] = now_us;
+        bus_rig1_emit_thumbnail_changed(bus->object, bus->devices->geometry.cameras[i].name);
+    }
+}
+
+static void remove_control(Bus *bus) {
+    if (!bus->directory)
+        return;
+    g_autofree char *path = g_build_filename(bus->directory, BUS_CONTROL, NULL);
+    g_unlink(path);
+}
+
+static void end_capture(Bus *bus) {
+    if (bus->end_id)
+        g_source_remove(bus->end_id);
+    bus->end_id = 0;
+    if (bus->capture)
+        remove_control(bus);
+    g_clear_pointer(&bus->capture, capture_free);
+}
+
+/* The session is let go of as soon as it has ended, so that another program may go on with it; what
+ * is shown stays. Not from within the capture's own call. */
+static gboolean end_capture_idle(gpointer data) {
+    Bus *bus = data;
+    bus->end_id = 0;
+    end_capture(bus);
+    show_devices(bus);
+    tell(bus);
+    return G_SOURCE_REMOVE;
+}
+
+static void changed(Capture *capture, gpointer data) {
+    Bus *bus = data;
+    struct capture_status status;
+    if (!bus->capture)
+        return; /* from within capture_start() */
+    capture_get_status(capture, &status);
+    show_status(bus, &status);
+    show_devices(bus);
+    show_thumbnails(bus);
+    if (status.state >= CAPTURE_DONE && !bus->end_id)
+        bus->end_id = g_idle_add(end_capture_idle, bus);
+    tell(bus);
+}
+
+static gboolean need_rig(Bus *bus, GError **error) {
+    if (!bus->devices)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_RIG, "no rig is open: call OpenRig first");
+    return bus->devices != NULL;
+}
+
+static gboolean need_capture(Bus *bus, GError **error) {
+    if (!bus->capture)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_SESSION, "nothing is being captured");
+    return bus->capture != NULL;
+}
+
+static gboolean need_free(Bus *bus, GError **error) {
+    if (bus->capture)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "%s is being captured (%s): Abort it, or wait for its end", bus->directory,
+                    bus_rig1_get_state(bus->object));
+    return !bus->capture;
+}
+
+static gboolean need_absolute(const char *path, GError **error) {
+    if (g_path_is_absolute(path))
+        return TRUE;
+    g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH, "“%s” is not an absolute path", path);
+    return FALSE;
+}
+
+static void show_nothing(Bus *bus) {
+    g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "doing", "",
+                 "rig-path", bus->rig_path ? bus->rig_path : "", "session", "", "shots", 0,
+                 "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
+                 0.0, "predicted-end", (guint64)0, NULL);
+    show_devices(bus);
+    tell(bus);
+}
+
+gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
+    if (!need_free(bus, error) || !need_absolute(path, error))
+        return FALSE;
+    if (bus->devices) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is open: call CloseRig first",
+                    bus->rig_path);
+        return FALSE;
+    }
+    bus->devices = devices_open(path, error);
+    if (!bus->devices)
+        return FALSE;
+    g_free(bus->rig_path);
+    bus->rig_path = g_strdup(path);
+    show_nothing(bus);
+    return TRUE;
+}
+
+static void close_rig(Bus *bus) {
+    g_clear_pointer(&bus->follower, follower_free);
+    end_capture(bus);
+    g_clear_pointer(&bus->devices, devices_close);
+    g_clear_pointer(&bus->rig_path, g_free);
+    g_clear_pointer(&bus->directory, g_free);
+    g_hash_table_remove_all(bus->faults);
+    show_nothing(bus);
+}
+
+static GVariant *validate(Bus *bus, const char *session_path, const char *directory,
+                          GError **error) {
+    struct session_conf conf = {0};
+    if (!need_rig(bus, error) || !need_absolute(session_path, error) ||
+        !need_absolute(directory, error) || !session_conf_load(&conf, session_path, error))
+        return NULL;
+    struct plan *plan = capture_validate(bus->devices, &conf, directory, error);
+    GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
+    plan_free(plan);
+    session_conf_clear(&conf);
+    return report;
+}
+
+static gboolean check_options(GVariant *options, gboolean *ret_process, GError **error) {
+    GVariantIter iter;
+    const char *key;
+    g_autoptr(GVariant) value = NULL;
+    *ret_process = FALSE;
+    g_variant_iter_init(&iter, options);
+    while (g_variant_iter_next(&iter, "{&sv}", &key, &value)) {
+        if (strcmp(key, "process") != 0 || !g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
+            g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
+                        "no such option, or not of its type: %s (there is: process, a boolean)",
+                        key);
+            return FALSE;
+        }
+        *ret_process = g_variant_get_boolean(value);
+        g_clear_pointer(&value, g_variant_unref);
+    }
+    return TRUE;
+}
+
+/* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
+ * moved. */
+static void remember_rig(Bus *bus) {
+    g_autoptr(Session) session = session_open(bus->directory, SESSION_PRODUCTS, NULL);
+    g_autofree char *known = session ? session_value(session, "rig_path") : NULL;
+    if (session && g_strcmp0(known, bus->rig_path) != 0)
+        session_set_value(session, "rig_path", bus->rig_path, NULL);
+}
+
+static void write_control(Bus *bus) {
+    g_autofree char *path = g_build_filename(bus->directory, BUS_CONTROL, NULL);
+    g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
+    g_autoptr(GError) error = NULL;
+    if (!g_file_set_contents(path, line, -1, &error))
+        g_message("other terminals will not find this session by its folder: %s", error->message);
+}
+
+static void begin(Bus *bus, Capture *capture, const char *directory, gboolean process) {
+    struct capture_status status;
+    g_autoptr(GError) error = NULL;
+    g_free(bus->directory);
+    bus->directory = g_strdup(directory);
+    bus->capture = capture;
+    capture_get_status(capture, &status);
+    bus->started_us = g_get_monotonic_time();
+    bus->started_elapsed_s = status.elapsed_s;
+    memset(bus->thumbnail_time_s, 0, sizeof(bus->thumbnail_time_s));
+    remember_rig(bus);
+    write_control(bus);
+    bus_rig1_set_session(bus->object, directory);
+    if (process && !(bus->follower = follower_start(directory, &error)))
+        event(capture, "warning", "process", error->message, bus);
+    changed(capture, bus);
+}
+
+static gboolean start(Bus *bus, const char *session_path, const char *directory, GVariant *options,
+                      GError **error) {
+    const struct capture_callbacks callbacks = {changed, event, bus};
+    struct session_conf conf = {0};
+    gboolean process = FALSE;
+    const gboolean begins = session_path != NULL;
+    if (!need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error) ||
+        !check_options(options, &process, error))
+        return FALSE;
+    if (begins &&
+        (!need_absolute(session_path, error) || !session_conf_load(&conf, session_path, error)))
+        return FALSE;
+    g_clear_pointer(&bus->follower, follower_free);
+    g_hash_table_remove_all(bus->faults);
+    Capture *capture = begins ? capture_start(bus->devices, &conf, directory, &callbacks, error)
+                              : capture_resume(bus->devices, directory, &callbacks, error);
+    if (begins)
+        session_conf_clear(&conf);
+    if (capture)
+        begin(bus, capture, directory, process);
+    return capture != NULL;
+}
+
+static gboolean make_safe(Bus *bus, GError **error) {
+    if (!need_rig(bus, error))
+        return FALSE;
+    if (bus->capture)
+        capture_abort(bus->capture);
+    const gboolean ok = devices_make_safe(bus->devices, error);
+    show_devices(bus);
+    return ok;
+}
+
+static int find_camera(Bus *bus, const char *name, GError **error) {
+    g_autoptr(GString) names = g_string_new(NULL);
+    for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
+        if (strcmp(bus->devices->geometry.cameras[i].name, name) == 0)
+            return i;
+        g_string_append_printf(names, "%s%s", i ? ", " : "",
+                               bus->devices->geometry.cameras[i].name);
+    }
+    g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN, "no camera “%s”: there are %s", name,
+                names->str);
+    return -1;
+}
+
+static const struct capture_thumbnail *thumbnail(Bus *bus, const char *camera, GError **error) {
+    const int index = need_rig(bus, error) ? find_camera(bus, camera, error) : -1;
+    if (index < 0 || !need_capture(bus, error))
+        return NULL;
+    const struct capture_thumbnail *found = capture_thumbnail(bus->capture, index);
+    if (!found)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_PICTURE, "%s has not taken a picture yet",
+                    camera);
+    return found;
+}
+
+/* What a handler does when it has failed: answers with the error. */
+static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
+    g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
+    return TRUE;
+}
+
+static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, const char *path,
+                            Bus *bus) {
+    GError *error = NULL;
+    if (!bus_open_rig(bus, path, &error))
+        return refuse(invocation, error);
+    bus_rig1_complete_open_rig(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!need_rig(bus, &error))
+        return refuse(invocation, error);
+    close_rig(bus);
+    bus_rig1_complete_close_rig(object, invocation);
+    return TRUE;
+}
+
+/* What is wrong with a session is the answer; what is wrong with the call is an error. */
+static gboolean on_validate(BusRig1 *object, GDBusMethodInvocation *invocation,
+                            const char *session_path, const char *directory, Bus *bus) {
+    GError *error = NULL;
+    GVariant *report = validate(bus, session_path, directory, &error);
+    if (!report && error->domain == BUS_ERROR)
+        return refuse(invocation, error);
+    g_autofree char *text = report ? report_text(report) : g_strdup(error->message);
+    bus_rig1_complete_validate(object, invocation, report != NULL, text,
+                               report ? report : g_variant_new("a{sv}", NULL));
+    g_clear_pointer(&report, g_variant_unref);
+    g_clear_error(&error);
+    return TRUE;
+}
+
+static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
+                         const char *session_path, const char *directory, GVariant *options,
+                         Bus *bus) {
+    GError *error = NULL;
+    if (!start(bus, session_path, directory, options, &error))
+        return refuse(invocation, error);
+    bus_rig1_complete_start(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, const char *directory,
+                          GVariant *options, Bus *bus) {
+    GError *error = NULL;
+    if (!start(bus, NULL, directory, options, &error))
+        return refuse(invocation, error);
+    bus_rig1_complete_resume(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!need_capture(bus, &error))
+        return refuse(invocation, error);
+    capture_pause(bus->capture);
+    bus_rig1_complete_pause(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!need_capture(bus, &error))
+        return refuse(invocation, error);
+    if (!capture_continue(bus->capture, &error))
+        return refuse(invocation, error);
+    g_hash_table_remove_all(bus->faults);
+    bus_rig1_complete_continue(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!need_capture(bus, &error))
+        return refuse(invocation, error);
+    capture_abort(bus->capture);
+    bus_rig1_complete_abort(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_safe_state(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!make_safe(bus, &error))
+        return refuse(invocation, error);
+    bus_rig1_complete_safe_state(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocation,
+                                 const char *camera, Bus *bus) {
+    GError *error = NULL;
+    const struct capture_thumbnail *found = thumbnail(bus, camera, &error);
+    if (!found)
+        return refuse(invocation, error);
+    GVariant *rgb = g_variant_new_fixed_array(G_VARIANT_TYPE_BYTE, found->rgb,
+                                              (gsize)found->width * found->height * 3, 1);
+    bus_rig1_complete_get_thumbnail(object, invocation, (guint)found->width, (guint)found->height,
+                                    rgb, found->time_s);
+    return TRUE;
+}
+
+Bus *bus_new(const char *address) {
+    Bus *bus = g_new0(Bus, 1);
+    const struct {
+        const char *signal;
+        GCallback handler;
+    } handlers[] = {
+        {"handle-open-rig", G_CALLBACK(on_open_rig)},
+        {"handle-close-rig", G_CALLBACK(on_close_rig)},
+        {"handle-validate", G_CALLBACK(on_validate)},
+        {"handle-start", G_CALLBACK(on_start)},
+        {"handle-resume", G_CALLBACK(on_resume)},
+        {"handle-pause", G_CALLBACK(on_pause)},
+        {"handle-continue", G_CALLBACK(on_continue)},
+        {"handle-abort", G_CALLBACK(on_abort)},
+        {"handle-safe-state", G_CALLBACK(on_safe_state)},
+        {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
+    };
+    bus_errors_register();
+    bus->object = bus_rig1_skeleton_new();
+    bus->address = g_strdup(address);
+    bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    for (gsize i = 0; i < G_N_ELEMENTS(handlers); i++)
+        g_signal_connect(bus->object, handlers[i].signal, handlers[i].handler, bus);
+    show_nothing(bus);
+    return bus;
+}
+
+void bus_free(Bus *bus) {
+    if (!bus)
+        return;
+    bus->func = NULL;
+    close_rig(bus);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(bus->object));
+    g_dbus_interface_skeleton_unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
+    g_object_unref(bus->object);
+    g_hash_table_unref(bus->faults);
+    g_free(bus->address);
+    g_free(bus);
+}
+
+void bus_listen(Bus *bus, BusFunc func, gpointer data) {
+    bus->func = func;
+    bus->data = data;
+}
+
+static void connection_closed(GDBusConnection *connection, gboolean by_peer, GError *error,
+                              gpointer object) {
+    if (g_dbus_interface_skeleton_has_connection(object, connection))
+        g_dbus_interface_skeleton_unexport_from_connection(object, connection);
+}
+
+gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error) {
+    GDBusInterfaceSkeleton *skeleton = G_DBUS_INTERFACE_SKELETON(bus->object);
+    if (!g_dbus_interface_skeleton_export(skeleton, connection, BUS_PATH, error))
+        return FALSE;
+    g_signal_connect_object(connection, "closed", G_CALLBACK(connection_closed), skeleton, 0);
+    return TRUE;
+}
+
+char *bus_status(Bus *bus) {
+    const char *state = bus_rig1_get_state(bus->object);
+    const int shots = bus_rig1_get_shots(bus->object), done = bus_rig1_get_shots_done(bus->object);
+    const char *reason = bus_rig1_get_reason(bus->object);
+    if (shots <= 0)
+        return g_strdup(state);
+    GString *text = g_string_new(state);
+    g_string_append_printf(text, ", %d %% (%d of %d shots)", (int)(100.0 * done / shots), done,
+                           shots);
+    if (*reason) {
+        g_string_append_printf(text, ": %s", reason);
+    } else if (done < shots && bus->capture) {
+        g_autofree char *left = report_duration(bus_rig1_get_left(bus->object));
+        g_string_append_printf(text, ", %s left", left);
+    }
+    return g_string_free(text, FALSE);
+}

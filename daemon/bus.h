@@ -1,0 +1,42 @@
+/*
+ * The rig on D-Bus: org.mesorig.Rig1 (etc/org.mesorig.Rig1.xml) at /org/mesorig/Rig1, on any number
+ * of connections at once. Holds the devices and the session being captured. Main loop's thread.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+#define BUS_NAME    "org.mesorig.Rig1"
+#define BUS_PATH    "/org/mesorig/Rig1"
+#define BUS_CONTROL "control" /* in a session directory: where its daemon listens */
+
+typedef struct Bus Bus;
+
+/* Called when what it shows has changed, at most every 100 ms. */
+typedef void (*BusFunc)(Bus *bus, gpointer data);
+
+/* address: how clients reach it: "system", "session" or a D-Bus address; it is written to the file
+ * "control" of the session directory while a session is captured. */
+Bus *bus_new(const char *address);
+
+/* The rig safe, the session closed (it can be resumed), devices closed, and gone from every
+ * connection. NULL is ignored. */
+void bus_free(Bus *bus);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Bus, bus_free)
+
+void bus_listen(Bus *bus, BusFunc func, gpointer data);
+
+/* Shows the rig on a connection, until that closes. */
+gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error);
+
+/* As the method OpenRig. */
+gboolean bus_open_rig(Bus *bus, const char *path, GError **error);
+
+/* One line for people: "running, 12 % (120 of 1000 shots), 1 h 20 min left"; g_free(). */
+char *bus_status(Bus *bus);
+
+/* A server for clients of the same user, who are let in by the kernel's word alone (EXTERNAL).
+ * address is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig.
+ * only_client_gone may be NULL; it is called when the first connection that was made has closed. */
+GDBusServer *bus_serve(Bus *bus, const char *address, BusFunc only_client_gone, gpointer data,
+                       GError **error);

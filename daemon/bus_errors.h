@@ -1,0 +1,25 @@
+/* What errors are called on the bus. */
+#pragma once
+
+#include <glib.h>
+
+#define BUS_ERROR bus_error_quark()
+GQuark bus_error_quark(void);
+enum bus_error {
+    BUS_ERROR_BUSY,       /* something else is under way; says what to do first */
+    BUS_ERROR_NO_RIG,     /* no rig is open */
+    BUS_ERROR_NO_SESSION, /* nothing is being captured */
+    BUS_ERROR_BAD_PATH,   /* not an absolute path */
+    BUS_ERROR_UNKNOWN,    /* no camera or option of that name */
+    BUS_ERROR_NO_PICTURE, /* the camera has not taken one yet */
+    BUS_ERROR_FAILED,     /* anything whose own domain has no name on the bus */
+};
+
+/* Registers the names of all error domains that cross the bus, so that a GError goes through as
+ * org.mesorig.Error.SessionLocked and comes out with its domain and code. Daemon and client call
+ * it once; more often does no harm. */
+void bus_errors_register(void);
+
+/* An error as it may be given to D-Bus: its own if its domain has names, else BUS_ERROR_FAILED
+ * with the same message. Takes and gives ownership. */
+GError *bus_errors_wrap(GError *error);

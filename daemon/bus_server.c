@@ -1,0 +1,88 @@
+#include "bus.h"
+
+#include <gio/gunixsocketaddress.h>
+#include <glib/gstdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+struct guest {
+    Bus *bus;
+    BusFunc gone;
+    gpointer data;
+    gboolean first_came;
+};
+
+/* The kernel's word on who it is; cookies in home folders are not asked for. */
+static gboolean allow_mechanism(GDBusAuthObserver *observer, const char *mechanism, gpointer data) {
+    return strcmp(mechanism, "EXTERNAL") == 0;
+}
+
+static void first_closed(GDBusConnection *connection, gboolean by_peer, GError *error,
+                         gpointer data) {
+    const struct guest *guest = data;
+    guest->gone(guest->bus, guest->data);
+}
+
+static gboolean new_connection(GDBusServer *server, GDBusConnection *connection, gpointer data) {
+    struct guest *guest = data;
+    g_autoptr(GError) error = NULL;
+    if (!bus_export(guest->bus, connection, &error)) {
+        g_warning("a client was turned away: %s", error->message);
+        return FALSE;
+    }
+    if (!guest->first_came && guest->gone)
+        g_signal_connect(connection, "closed", G_CALLBACK(first_closed), guest);
+    guest->first_came = TRUE;
+    return TRUE;
+}
+
+/* TRUE if nobody answers at a socket's path any more, which then is removed. */
+static gboolean remove_stale(const char *path, GError **error) {
+    struct sockaddr_un to = {.sun_family = AF_UNIX};
+    struct stat info;
+    if (lstat(path, &info) != 0)
+        return TRUE;
+    if (!S_ISSOCK(info.st_mode) || strlen(path) >= sizeof(to.sun_path)) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_EXISTS,
+                    "%s exists and is no socket: choose another path for --listen", path);
+        return FALSE;
+    }
+    strcpy(to.sun_path, path);
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const gboolean answered = fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof(to)) == 0;
+    if (fd >= 0)
+        close(fd);
+    if (answered)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE,
+                    "another program listens at %s: choose another path for --listen", path);
+    else
+        g_unlink(path);
+    return !answered;
+}
+
+GDBusServer *bus_serve(Bus *bus, const char *address, BusFunc only_client_gone, gpointer data,
+                       GError **error) {
+    if (!g_str_has_prefix(address, "unix:path=/")) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "%s: an address to listen at reads unix:path=/…/NAME", address);
+        return NULL;
+    }
+    if (!remove_stale(address + strlen("unix:path="), error))
+        return NULL;
+    g_autofree char *guid = g_dbus_generate_guid();
+    g_autoptr(GDBusAuthObserver) observer = g_dbus_auth_observer_new();
+    g_signal_connect(observer, "allow-mechanism", G_CALLBACK(allow_mechanism), NULL);
+    GDBusServer *server = g_dbus_server_new_sync(
+        address, G_DBUS_SERVER_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER, guid, observer, NULL, error);
+    if (!server)
+        return NULL;
+    struct guest *guest = g_new(struct guest, 1);
+    *guest = (struct guest){bus, only_client_gone, data, FALSE};
+    g_object_set_data_full(G_OBJECT(server), "guest", guest, g_free);
+    g_signal_connect(server, "new-connection", G_CALLBACK(new_connection), guest);
+    g_dbus_server_start(server);
+    return server;
+}

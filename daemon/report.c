@@ -1,0 +1,103 @@
+#include "report.h"
+
+#include <math.h>
+
+char *report_duration(double seconds) {
+    if (!isfinite(seconds) || seconds < 0 || seconds > 1e9)
+        return g_strdup("?");
+    const gint64 s = (gint64)(seconds + 0.5);
+    if (s >= 86400)
+        return g_strdup_printf("%d d %02d h", (int)(s / 86400), (int)(s / 3600 % 24));
+    if (s >= 3600)
+        return g_strdup_printf("%d h %02d min", (int)(s / 3600), (int)(s / 60 % 60));
+    if (s >= 60)
+        return g_strdup_printf("%d min %02d s", (int)(s / 60), (int)(s % 60));
+    return g_strdup_printf("%d s", (int)s);
+}
+
+GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) {
+    GVariantBuilder builder, notes;
+    g_variant_builder_init(&notes, G_VARIANT_TYPE("as"));
+    for (guint i = 0; plan->notes && i < plan->notes->len; i++)
+        g_variant_builder_add(&notes, "s", (const char *)plan->notes->pdata[i]);
+
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    const char *name = conf->name ? conf->name : "";
+    g_variant_builder_add(&builder, "{sv}", "session", g_variant_new_string(name));
+    const struct {
+        const char *key;
+        int value;
+    } counts[] = {
+        {"views", plan->session.n_views},   {"lights", plan->session.n_lights},
+        {"lasers", plan->session.n_lasers}, {"poses", plan->n_poses},
+        {"shots", plan->session.n_shots},   {"frames", plan->n_frames},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(counts); i++)
+        g_variant_builder_add(&builder, "{sv}", counts[i].key,
+                              g_variant_new_int32(counts[i].value));
+    g_variant_builder_add(&builder, "{sv}", "bytes", g_variant_new_uint64(plan->bytes));
+    const struct {
+        const char *key;
+        double value;
+    } times[] = {
+        {"predicted_s", plan->predicted_s},
+        {"lower_bound_s", plan->lower_bound_s},
+        {"nested_s", plan->nested_s},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(times); i++)
+        g_variant_builder_add(&builder, "{sv}", times[i].key, g_variant_new_double(times[i].value));
+    g_variant_builder_add(&builder, "{sv}", "notes", g_variant_builder_end(&notes));
+    return g_variant_builder_end(&builder);
+}
+
+static int get_int(GVariant *report, const char *key) {
+    gint32 value = 0;
+    g_variant_lookup(report, key, "i", &value);
+    return value;
+}
+
+static double get_double(GVariant *report, const char *key) {
+    double value = 0;
+    g_variant_lookup(report, key, "d", &value);
+    return value;
+}
+
+static void append_times(GString *text, GVariant *report) {
+    const double predicted_s = get_double(report, "predicted_s");
+    const double bound_s = get_double(report, "lower_bound_s");
+    const double nested_s = get_double(report, "nested_s");
+    g_autofree char *predicted = report_duration(predicted_s);
+    g_autofree char *bound = report_duration(bound_s);
+    g_autofree char *nested = report_duration(nested_s);
+    g_string_append_printf(text, "predicted time  %s", predicted);
+    if (bound_s > 0)
+        g_string_append_printf(text, ", %.1f %% above the lower bound of %s",
+                               100 * (predicted_s / bound_s - 1), bound);
+    g_string_append(text, "\n");
+    if (predicted_s > 0)
+        g_string_append_printf(text, "nested order    %s, %.2f times as long\n", nested,
+                               nested_s / predicted_s);
+}
+
+char *report_text(GVariant *report) {
+    GString *text = g_string_new(NULL);
+    const char *name = "";
+    guint64 bytes = 0;
+    g_variant_lookup(report, "session", "&s", &name);
+    g_variant_lookup(report, "bytes", "t", &bytes);
+    g_autofree char *size = g_format_size(bytes);
+    g_string_append_printf(text, "session         %s\n", name);
+    g_string_append_printf(text, "directions      %d views, %d lights, %d laser positions\n",
+                           get_int(report, "views"), get_int(report, "lights"),
+                           get_int(report, "lasers"));
+    g_string_append_printf(text, "poses           %d\n", get_int(report, "poses"));
+    g_string_append_printf(text, "shots           %d, with %d camera frames\n",
+                           get_int(report, "shots"), get_int(report, "frames"));
+    g_string_append_printf(text, "on disk         about %s\n", size);
+    append_times(text, report);
+    g_autofree const char **notes = NULL;
+    g_variant_lookup(report, "notes", "^a&s", &notes);
+    for (int i = 0; notes && notes[i]; i++)
+        g_string_append_printf(text, "note            %s\n", notes[i]);
+    return g_string_free(text, FALSE);
+}
