@@ -3,9 +3,9 @@
  * shows and the commands drive. Main loop's thread.
  *
  * The sequencer (sequencer.c) moves, switches and triggers; the intake (intake.c) takes accepted
- * frames, merges brackets to linear radiance and feeds sweeps in one worker lane a camera, and hands
- * back what is to be committed. Any fault makes the rig safe and pauses the session with the reason;
- * everything committed stays, and capture_continue() or a later capture_resume() goes on.
+ * frames, merges brackets to linear radiance and feeds sweeps in one worker lane a camera, and
+ * hands back what is to be committed. Any fault makes the rig safe and pauses the session with the
+ * reason; everything committed stays, and capture_continue() or a later capture_resume() goes on.
  */
 #pragma once
 
@@ -25,10 +25,10 @@ enum capture_state {
 
 struct capture_status {
     enum capture_state state;
-    const char *reason;     /* of a pause; NULL otherwise */
-    const char *doing;      /* in a few words, for people */
-    int shots, shots_done;  /* of the whole session, those from before a resume counted */
-    gint64 frames, retakes; /* camera frames accepted and refused since started */
+    const char *reason;       /* of a pause; NULL otherwise */
+    const char *doing;        /* in a few words, for people */
+    int shots, shots_done;    /* of the whole session, those from before a resume counted */
+    gint64 frames, retakes;   /* camera frames accepted and refused since started */
     double elapsed_s, left_s; /* on the rig's clock; left_s predicted */
     double predicted_s, lower_bound_s;
 };
@@ -40,7 +40,7 @@ struct capture_thumbnail {
 };
 
 struct capture_callbacks {
-    void (*changed)(Capture *capture, gpointer data);  /* at most every 100 ms of real time */
+    void (*changed)(Capture *capture, gpointer data); /* at most every 100 ms of real time */
     void (*event)(Capture *capture, const char *level, const char *source, const char *message,
                   gpointer data);
     gpointer data;
@@ -63,9 +63,9 @@ Capture *capture_resume(struct devices *devices, const char *directory,
 /* Makes the rig safe and closes the session. NULL is ignored. */
 void capture_free(Capture *capture);
 
-void capture_pause(Capture *capture);    /* after the shot under way */
+void capture_pause(Capture *capture); /* after the shot under way */
 gboolean capture_continue(Capture *capture, GError **error);
-void capture_abort(Capture *capture);    /* now; the session can still be resumed later */
+void capture_abort(Capture *capture); /* now; the session can still be resumed later */
 
 void capture_get_status(Capture *capture, struct capture_status *ret);
 

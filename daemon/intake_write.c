@@ -46,19 +46,13 @@ static void fill(struct exr_part *part, const float *pixels) {
     memcpy(part->planes[0], pixels, (gsize)part->width * part->height * sizeof(float));
 }
 
-/* The checksum is of the bytes as they can be read back. */
 static gboolean write_frame(const struct intake_file *file, struct exr_file *exr,
-                            enum exr_compression compression, struct session_frame *ret_frame,
-                            GError **error) {
+                            struct session_frame *ret_frame, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
     g_autofree char *path = g_build_filename(file->directory, relative, NULL);
-    g_autofree char *bytes = NULL;
-    gsize length;
-    if (!exr_write(path, exr, compression, TRUE, error) ||
-        !g_file_get_contents(path, &bytes, &length, error))
+    if (!exr_write(path, exr, EXR_PIZ, TRUE, error) ||
+        !(ret_frame->sha256 = exr_sha256(path, &ret_frame->bytes, error)))
         return FALSE;
-    ret_frame->sha256 = g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)bytes, length);
-    ret_frame->bytes = (gint64)length;
     ret_frame->path = g_steal_pointer(&relative);
     return TRUE;
 }
@@ -70,7 +64,7 @@ gboolean intake_write_lamp(const struct intake_file *file, const float *radiance
     fill(part, radiance);
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
-    gboolean ok = write_frame(file, exr, EXR_PIZ, ret_frame, error);
+    gboolean ok = write_frame(file, exr, ret_frame, error);
     exr_file_free(exr);
     return ok;
 }
@@ -89,7 +83,7 @@ gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposur
         fill(part, pixels[i]);
         exr_file_add(exr, part);
     }
-    gboolean ok = write_frame(file, exr, EXR_PIZ, ret_frame, error);
+    gboolean ok = write_frame(file, exr, ret_frame, error);
     exr_file_free(exr);
     return ok;
 }
@@ -106,7 +100,7 @@ gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
                  exr_part_plane(part, "width"), exr_part_plane(part, "intensity"));
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
-    gboolean ok = write_frame(file, exr, EXR_PIZ, ret_frame, error);
+    gboolean ok = write_frame(file, exr, ret_frame, error);
     exr_file_free(exr);
     return ok;
 }

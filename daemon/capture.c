@@ -1,0 +1,327 @@
+#include "capture_private.h"
+
+#include <math.h>
+
+#include "capture_check.h"
+#include "thumbnail.h"
+
+static double load_value(Session *session, const char *key) {
+    g_autofree char *text = session_value(session, key);
+    double value = text ? g_ascii_strtod(text, NULL) : 0;
+    return isfinite(value) ? value : 0;
+}
+
+struct plan *capture_validate(struct devices *devices, const struct session_conf *conf,
+                              const char *directory, GError **error) {
+    if (directory && g_file_test(directory, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS,
+                    "%s exists already; choose another name, or resume it", directory);
+        return NULL;
+    }
+    struct plan *plan = plan_build(conf, &devices->geometry, &devices->timing, error);
+    if (plan && directory && !capture_check_disk(directory, plan->bytes, error))
+        g_clear_pointer(&plan, plan_free);
+    return plan;
+}
+
+static void count_shots(Capture *capture) {
+    for (guint i = 0; i < capture->shots->len; i++) {
+        const struct session_shot *shot = capture->shots->pdata[i];
+        capture->n_shots += shot->state != SHOT_SKIPPED;
+        capture->n_done += shot->state == SHOT_DONE;
+    }
+}
+
+/* The latest dark shot of a camera that was taken before what remains. */
+static const struct session_shot *dark_before(const GPtrArray *shots, int camera) {
+    const struct session_shot *found = NULL;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind == SHOT_DARK && shot->state == SHOT_DONE && shot->cameras & 1u << camera)
+            found = shot;
+        if (shot->state == SHOT_PLANNED)
+            break;
+    }
+    return found;
+}
+
+static gboolean load_darks(Capture *capture, GError **error) {
+    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        const struct session_shot *shot = dark_before(capture->shots, c);
+        if (shot && !intake_load_dark(capture->intake, shot, c, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static Capture *capture_new(struct devices *devices, Session *session,
+                            const struct capture_callbacks *callbacks) {
+    Capture *capture = g_new0(Capture, 1);
+    capture->devices = devices;
+    capture->session = session;
+    if (callbacks)
+        capture->callbacks = *callbacks;
+    capture->state = CAPTURE_PAUSED;
+    capture->since_us = -1;
+    capture->left_committed = -1;
+    g_queue_init(&capture->flights);
+    return capture;
+}
+
+/* Everything but the session itself; takes what it says of conf and shots. */
+static gboolean set_up(Capture *capture, GError **error) {
+    struct intake_hooks intake_hooks = capture_intake_hooks;
+    struct sequencer_hooks hooks = capture_sequencer_hooks;
+    intake_hooks.data = hooks.data = capture;
+    Session *session = capture->session;
+    g_autofree char *text = session_text(session, "session.conf", error);
+    if (!text || !session_conf_parse(&capture->conf, text, session_path(session), error) ||
+        !(capture->shots = session_shots(session, error)))
+        return FALSE;
+    struct intake_setup setup = {capture->devices, &capture->conf, session_path(session)};
+    capture->intake = intake_new(&setup, &intake_hooks);
+    capture->sequencer = sequencer_new(capture->devices, &capture->conf, &hooks);
+    capture->predicted_s = load_value(session, "predicted_s");
+    capture->lower_bound_s = load_value(session, "lower_bound_s");
+    capture->clock_base_s = load_value(session, "clock_s");
+    count_shots(capture);
+    return TRUE;
+}
+
+static Session *create_session(struct devices *devices, const struct session_conf *conf,
+                               const char *directory, const struct plan *plan, GError **error) {
+    g_autofree char *calibration = rig_to_text(&devices->geometry);
+    struct session_texts texts = {
+        .rig_conf = devices->text,
+        .session_conf = conf->text,
+        .calibration = calibration,
+        .rig_path = devices->path,
+    };
+    return session_create(directory, conf->name, &texts, &plan->session, error);
+}
+
+static void keep_plan(Capture *capture, const struct plan *plan) {
+    capture_save_value(capture, "predicted_s", plan->predicted_s);
+    capture_save_value(capture, "lower_bound_s", plan->lower_bound_s);
+    capture_save_value(capture, "predicted_bytes", (double)plan->bytes);
+    for (guint i = 0; plan->notes && i < plan->notes->len; i++)
+        capture_tell(capture, "info", "plan", plan->notes->pdata[i]);
+}
+
+Capture *capture_start(struct devices *devices, const struct session_conf *conf,
+                       const char *directory, const struct capture_callbacks *callbacks,
+                       GError **error) {
+    struct plan *plan = capture_validate(devices, conf, directory, error);
+    if (!plan)
+        return NULL;
+    Session *session = create_session(devices, conf, directory, plan, error);
+    Capture *capture = session ? capture_new(devices, session, callbacks) : NULL;
+    if (capture)
+        keep_plan(capture, plan);
+    plan_free(plan);
+    if (!capture || !set_up(capture, error)) {
+        capture_free(capture);
+        return NULL;
+    }
+    capture_begin_soon(capture);
+    return capture;
+}
+
+static gboolean take_latest_time(Capture *capture, GError **error) {
+    g_autoptr(GPtrArray) frames = session_frames(capture->session, error);
+    for (guint i = 0; frames && i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (isfinite(frame->captured_s))
+            capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
+    }
+    return frames != NULL;
+}
+
+/* A dark frame that cannot be read is looked into by its checksum, and so taken again. */
+static gboolean reload_shots(Capture *capture, GError **error) {
+    int lost;
+    if (!session_verify(capture->session, TRUE, &lost, error))
+        return FALSE;
+    GPtrArray *shots = session_shots(capture->session, error);
+    if (!shots)
+        return FALSE;
+    g_ptr_array_unref(capture->shots);
+    capture->shots = shots;
+    capture->n_shots = capture->n_done = 0;
+    count_shots(capture);
+    return load_darks(capture, error);
+}
+
+static gboolean check_resumed(Capture *capture, GError **error) {
+    g_autofree char *warning = NULL;
+    if (!capture_check_rig(capture->session, capture->shots, &capture->devices->geometry, &warning,
+                           error) ||
+        !take_latest_time(capture, error))
+        return FALSE;
+    double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
+    double bytes = load_value(capture->session, "predicted_bytes") * part;
+    if (part > 0 &&
+        !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
+        return FALSE;
+    if (!load_darks(capture, NULL) && !reload_shots(capture, error))
+        return FALSE;
+    if (warning)
+        capture_tell(capture, "warning", "rig", warning);
+    return TRUE;
+}
+
+Capture *capture_resume(struct devices *devices, const char *directory,
+                        const struct capture_callbacks *callbacks, GError **error) {
+    int lost;
+    Session *session = session_open(directory, SESSION_CAPTURE, error);
+    if (!session)
+        return NULL;
+    Capture *capture = capture_new(devices, session, callbacks);
+    if (!session_verify(session, FALSE, &lost, error) || !set_up(capture, error) ||
+        !check_resumed(capture, error)) {
+        capture_free(capture);
+        return NULL;
+    }
+    g_autofree char *message =
+        g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
+    capture_tell(capture, "info", "capture", message);
+    capture_begin_soon(capture);
+    return capture;
+}
+
+void capture_free(Capture *capture) {
+    if (!capture)
+        return;
+    clock_cancel(capture->devices->clock, &capture->starter);
+    if (capture->sequencer)
+        sequencer_stop(capture->sequencer, NULL);
+    if (capture->since_us >= 0)
+        capture_save_value(capture, "clock_s", capture_now_s(capture));
+    intake_free(capture->intake);
+    g_queue_clear_full(&capture->flights, capture_flight_free);
+    sequencer_free(capture->sequencer);
+    session_close(capture->session);
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
+        frame_unref(capture->views[c].frame);
+        g_free(capture->views[c].thumbnail.rgb);
+    }
+    g_clear_handle_id(&capture->changed_source, g_source_remove);
+    g_clear_pointer(&capture->remaining, g_ptr_array_unref);
+    g_clear_pointer(&capture->shots, g_ptr_array_unref);
+    session_conf_clear(&capture->conf);
+    g_free(capture->reason);
+    g_free(capture->doing);
+    g_free(capture);
+}
+
+void capture_pause(Capture *capture) {
+    if (capture->state != CAPTURE_RUNNING && capture->state != CAPTURE_HOMING)
+        return;
+    capture_set_state(capture, CAPTURE_PAUSING);
+    if (capture->starter != 0) {
+        clock_cancel(capture->devices->clock, &capture->starter);
+        capture_start_clock(capture);
+        capture_pause_for(capture, "info", "capture", "paused by the user");
+        return;
+    }
+    sequencer_pause(capture->sequencer);
+}
+
+gboolean capture_continue(Capture *capture, GError **error) {
+    const char *open = sequencer_open_interlock(capture->sequencer);
+    if (capture->state != CAPTURE_PAUSED) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "the session is not paused%s",
+                    capture->state == CAPTURE_ABORTED ? " but aborted: resume it" : "");
+        return FALSE;
+    }
+    if (open) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK,
+                    "interlock %s is open; close it first", open);
+        return FALSE;
+    }
+    capture_tell(capture, "info", "capture", "continued");
+    capture_begin_soon(capture);
+    return TRUE;
+}
+
+void capture_abort(Capture *capture) {
+    if (capture->state == CAPTURE_DONE || capture->state == CAPTURE_ABORTED)
+        return;
+    g_autoptr(GError) error = NULL;
+    clock_cancel(capture->devices->clock, &capture->starter);
+    if (!sequencer_stop(capture->sequencer, &error))
+        capture_tell(capture, "error", "rig", error->message);
+    capture_clear_flights(capture);
+    capture_tell(capture, "info", "capture",
+                 "aborted; what is there stays, the session can be resumed");
+    capture_come_to_rest(capture, CAPTURE_ABORTED);
+}
+
+static double time_left_s(Capture *capture) {
+    if (capture->state == CAPTURE_DONE || !capture->remaining)
+        return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
+    if (capture->left_committed != capture->committed) {
+        const struct session_shot *const *shots =
+            (const struct session_shot *const *)capture->remaining->pdata + capture->committed;
+        capture->left_s = plan_remaining_s(
+            shots, (int)(capture->remaining->len - capture->committed), &capture->conf,
+            &capture->devices->timing, axis_position_deg(capture->devices->turntable),
+            axis_position_deg(capture->devices->arc));
+        capture->left_at_s = capture_now_s(capture);
+        capture->left_committed = capture->committed;
+    }
+    return MAX(capture->left_s - (capture_now_s(capture) - capture->left_at_s), 0);
+}
+
+static char *doing_now(const Capture *capture) {
+    int sub, n;
+    const struct rig *rig = &capture->devices->geometry;
+    const struct session_shot *shot = sequencer_shot(capture->sequencer, &sub, &n);
+    if (capture->state == CAPTURE_HOMING)
+        return g_strdup("homing the axes");
+    if (!shot)
+        return g_strdup(capture->state == CAPTURE_DONE      ? "done"
+                        : capture->state == CAPTURE_PAUSED  ? "paused"
+                        : capture->state == CAPTURE_ABORTED ? "aborted"
+                                                            : "writing the last frames");
+    if (shot->kind == SHOT_DARK)
+        return g_strdup_printf("dark frames, %d of %d", sub + 1, n);
+    const char *source =
+        shot->kind == SHOT_LAMP ? rig->lamps[shot->device].name : rig->lasers[shot->device].name;
+    return g_strdup_printf("%s at turntable %g°, arc %g°: %s %d of %d", source, shot->turntable_deg,
+                           shot->arc_deg, shot->kind == SHOT_LAMP ? "exposure" : "step", sub + 1,
+                           n);
+}
+
+void capture_get_status(Capture *capture, struct capture_status *ret) {
+    g_free(capture->doing);
+    capture->doing = doing_now(capture);
+    *ret = (struct capture_status){
+        .state = capture->state,
+        .reason = capture->state == CAPTURE_PAUSED ? capture->reason : NULL,
+        .doing = capture->doing,
+        .shots = capture->n_shots,
+        .shots_done = capture->n_done,
+        .frames = capture->frames,
+        .retakes = capture->retakes,
+        .elapsed_s = capture_now_s(capture),
+        .left_s = time_left_s(capture),
+        .predicted_s = capture->predicted_s,
+        .lower_bound_s = capture->lower_bound_s,
+    };
+}
+
+const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera) {
+    if (camera < 0 || camera >= capture->devices->geometry.n_cameras ||
+        !capture->views[camera].frame)
+        return NULL;
+    struct view *view = &capture->views[camera];
+    if (!view->fresh) {
+        g_free(view->thumbnail.rgb);
+        thumbnail_make(view->frame, &view->thumbnail.width, &view->thumbnail.height,
+                       &view->thumbnail.rgb);
+        view->thumbnail.time_s = view->time_s;
+        view->fresh = TRUE;
+    }
+    return &view->thumbnail;
+}

@@ -1,0 +1,19 @@
+/* What a capture asks before it moves anything: room on the disk, and whether a session fits the
+ * rig it is to be continued on. Main loop's thread. */
+#pragma once
+
+#include "plan.h"
+
+/* Free bytes where a path is or will be; G_MAXUINT64 if that cannot be told. */
+guint64 capture_free_bytes(const char *path);
+
+/* Whether writing failed because there is no room. */
+gboolean capture_is_full(const char *directory, const GError *error);
+
+/* Refuses if that much does not fit, and says how much is missing. */
+gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
+
+/* Refuses a session of another rig, or one whose shots name devices this rig lacks. ret_warning is
+ * set if the rig's geometry is not that of the session any more; g_free(). */
+gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct rig *rig,
+                           char **ret_warning, GError **error);

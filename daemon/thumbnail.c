@@ -1,0 +1,58 @@
+#include "thumbnail.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Mean of each colour over a square of side pixels, above black. */
+static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb[3]) {
+    double sum[3] = {0};
+    int n[3] = {0};
+    for (int y = y0; y < MIN(y0 + side, frame->height); y++) {
+        for (int x = x0; x < MIN(x0 + side, frame->width); x++) {
+            enum cfa_colour colour = cfa_colour_at(frame->cfa, x, y);
+            sum[colour] += frame->pixels[(gsize)y * frame->width + x] - frame->black_level;
+            n[colour]++;
+        }
+    }
+    for (int c = 0; c < 3; c++) {
+        int from = frame->cfa == CFA_MONO ? CFA_GREEN : c;
+        rgb[c] = n[from] > 0 ? (float)(sum[from] / n[from]) : 0;
+    }
+}
+
+static int compare_floats(const void *a, const void *b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+static float white_level(const float *values, gsize n) {
+    g_autofree float *sorted = g_memdup2(values, n * sizeof(float));
+    qsort(sorted, n, sizeof(float), compare_floats);
+    return MAX(sorted[(gsize)((n - 1) * 0.99)], 1.0f);
+}
+
+static guint8 srgb(double linear) {
+    double v = CLAMP(linear, 0, 1);
+    v = v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+    return (guint8)lround(255 * v);
+}
+
+void thumbnail_make(const Frame *frame, int *ret_width, int *ret_height, guint8 **ret_rgb) {
+    int longer = MAX(frame->width, frame->height);
+    int side = (longer + THUMBNAIL_SIDE - 1) / THUMBNAIL_SIDE;
+    if (frame->cfa != CFA_MONO)
+        side = MAX(side + side % 2, 2); /* whole tiles of the filter */
+    int width = MAX(frame->width / side, 1), height = MAX(frame->height / side, 1);
+    gsize n = (gsize)width * height * 3;
+    g_autofree float *values = g_new(float, n);
+    for (int y = 0; y < height; y++) {
+        for (int x = 0; x < width; x++)
+            merge_square(frame, x * side, y * side, side, &values[((gsize)y * width + x) * 3]);
+    }
+    float white = white_level(values, n);
+    *ret_rgb = g_new(guint8, n);
+    for (gsize i = 0; i < n; i++)
+        (*ret_rgb)[i] = srgb(values[i] / white);
+    *ret_width = width;
+    *ret_height = height;
+}
