@@ -1,0 +1,164 @@
+#include "session_private.h"
+
+#include "exr.h"
+
+#include <math.h>
+#include <string.h>
+#include <sys/stat.h>
+
+static gboolean refuse(const struct session_frame *frame, const char *what, GError **error) {
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO,
+                "frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s", frame->shot,
+                frame->camera, frame->path ? frame->path : "", what);
+    return FALSE;
+}
+
+static gboolean is_sha256(const char *text) {
+    return text && strlen(text) == 64 && strspn(text, "0123456789abcdef") == 64;
+}
+
+static gint64 size_of(const Session *session, const char *relative) {
+    g_autofree char *file = session_file(session, relative);
+    struct stat status;
+
+    return stat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
+}
+
+static gboolean check_frame(const Session *session, gint64 shot, const struct session_frame *frame,
+                            GError **error) {
+    if (frame->shot != shot || frame->camera < 0 || frame->camera > 31)
+        return refuse(frame, "not of this shot, or no such camera", error);
+    if (!session_is_relative(frame->path))
+        return refuse(frame, "not a name inside the session", error);
+    if (!is_sha256(frame->sha256) || !isfinite(frame->captured_s))
+        return refuse(frame, "no checksum or no time", error);
+    if (size_of(session, frame->path) != frame->bytes)
+        return refuse(frame, "the file is not there, or not of this size", error);
+    return TRUE;
+}
+
+static gboolean check_frames(const Session *session, gint64 shot, enum session_shot_state state,
+                             const struct session_frame *frames, int n_frames, GError **error) {
+    if (state == SHOT_PLANNED && n_frames > 0) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "shot %" G_GINT64_FORMAT ": a shot that is only planned has no frames", shot);
+        return FALSE;
+    }
+    for (int i = 0; i < n_frames; i++)
+        if (!check_frame(session, shot, &frames[i], error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean set_state(Session *session, gint64 shot, enum session_shot_state state,
+                          const char *note, GError **error) {
+    g_autofree char *valid = note ? g_utf8_make_valid(note, -1) : NULL;
+
+    if (!session_db_run(session, error, "UPDATE shot SET state = ?2, note = ?3 WHERE id = ?1",
+                        "lss", shot, session_shot_states[state], valid))
+        return FALSE;
+    if (sqlite3_changes(session->db) == 1)
+        return TRUE;
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                "%s: no shot %" G_GINT64_FORMAT " in its plan", session->path, shot);
+    return FALSE;
+}
+
+static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
+                               int n_frames, GError **error) {
+    gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot);
+
+    for (int i = 0; ok && i < n_frames; i++)
+        ok = session_db_run(session, error, "INSERT INTO frame VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+                            "lisslid", shot, frames[i].camera, frames[i].path, frames[i].sha256,
+                            frames[i].bytes, frames[i].retakes, frames[i].captured_s);
+    return ok;
+}
+
+gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
+                             const struct session_frame *frames, int n_frames, const char *note,
+                             GError **error) {
+    g_return_val_if_fail(state <= SHOT_SKIPPED, FALSE);
+    if (!session_may(session, SESSION_CAPTURE, error) ||
+        !check_frames(session, shot, state, frames, n_frames, error) ||
+        !session_begin(session, error))
+        return FALSE;
+    if (set_state(session, shot, state, note, error) &&
+        replace_frames(session, shot, frames, n_frames, error))
+        return session_commit(session, error);
+    session_rollback(session);
+    return FALSE;
+}
+
+/* NULL if the frame is as it was committed; else what is wrong, g_free(). */
+static char *verify_frame(const Session *session, const struct session_frame *frame,
+                          gboolean thorough) {
+    g_autofree char *file = session_file(session, frame->path), *sha256 = NULL;
+    gint64 size = size_of(session, frame->path);
+
+    if (size < 0)
+        return g_strdup_printf("%s is gone", frame->path);
+    if (size != frame->bytes)
+        return g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
+                               frame->path, size, frame->bytes);
+    if (!thorough)
+        return NULL;
+    sha256 = exr_sha256(file, NULL, NULL);
+    if (g_strcmp0(sha256, frame->sha256) == 0)
+        return NULL;
+    return g_strdup_printf("%s has changed since it was taken (checksum)", frame->path);
+}
+
+static double now_s(Session *session) {
+    g_autofree char *clock = session_value(session, "clock_s");
+    double now = clock ? g_ascii_strtod(clock, NULL) : 0;
+
+    return isfinite(now) ? now : 0;
+}
+
+/* The shot's other frames go too: a shot is taken as a whole. */
+static gboolean forget(Session *session, gint64 shot, const char *why, GError **error) {
+    g_autofree char *message =
+        g_strdup_printf("shot %" G_GINT64_FORMAT " is planned again: %s", shot, why);
+
+    return set_state(session, shot, SHOT_PLANNED, why, error) &&
+           replace_frames(session, shot, NULL, 0, error) &&
+           session_add_event(session, now_s(session), "warning", "session", message, error);
+}
+
+/* All at once, in as short a transaction as can be: the files were looked at before. */
+static gboolean forget_all(Session *session, const GPtrArray *frames, char *const *why,
+                           GError **error) {
+    gboolean ok = session_begin(session, error);
+
+    for (guint i = 0; ok && i < frames->len; i++) {
+        const struct session_frame *frame = g_ptr_array_index(frames, i);
+
+        ok = !why[i] || forget(session, frame->shot, why[i], error);
+    }
+    if (ok)
+        return session_commit(session, error);
+    session_rollback(session);
+    return FALSE;
+}
+
+gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
+    g_autoptr(GPtrArray) frames = NULL;
+    g_autofree char **why = NULL;
+    gboolean ok;
+    int lost = 0;
+
+    if (!session_may(session, SESSION_CAPTURE, error) || !(frames = session_frames(session, error)))
+        return FALSE;
+    why = g_new0(char *, frames->len + 1);
+    for (guint i = 0; i < frames->len; i++) {
+        why[i] = verify_frame(session, g_ptr_array_index(frames, i), thorough);
+        lost += why[i] != NULL;
+    }
+    ok = lost == 0 || forget_all(session, frames, why, error);
+    for (guint i = 0; i < frames->len; i++)
+        g_free(why[i]);
+    if (ok && ret_lost)
+        *ret_lost = lost;
+    return ok;
+}
