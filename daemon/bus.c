@@ -48,9 +48,7 @@ static void event(Capture *capture, const char *level, const char *source, const
     if (bad)
         g_hash_table_insert(bus->faults, g_strdup(source), g_strdup(message));
     g_log_structured(G_LOG_DOMAIN,
-                     bad                             ? G_LOG_LEVEL_WARNING
-                     : strcmp(level, "warning") == 0 ? G_LOG_LEVEL_MESSAGE
-                                                     : G_LOG_LEVEL_INFO,
+                     strcmp(level, "info") == 0 ? G_LOG_LEVEL_MESSAGE : G_LOG_LEVEL_WARNING,
                      "MESORIG_SOURCE", source, "MESSAGE", "%s: %s", source, message);
 }
 
