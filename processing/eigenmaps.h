@@ -15,13 +15,13 @@
 
 struct eigenmaps {
     char *name;
-    int width, height;     /* texels */
-    double texel_mm;
+    int width, height; /* texels */
+    double texel_mm, reference_mm;
     int n_views, n_lights, n_terms;
     float *view_theta_deg, *view_phi_deg;   /* n_views */
     float *light_theta_deg, *light_phi_deg; /* n_lights */
-    float *weights;        /* n_terms × n_views */
-    float *maps;           /* n_terms × n_lights × height × width × 3 (R, G, B) */
+    float *weights;                         /* n_terms × n_views */
+    float *maps; /* n_terms × n_lights × height × width × 3 (R, G, B) */
 };
 
 void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
@@ -31,8 +31,14 @@ gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError 
 /* Gives the columns of A one view at a time: n_lights × height × width × 3 floats (R, G, B). */
 typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
 
-/* Fills weights and maps, everything else being set; two passes over the columns, of which two are
- * in memory at a time beside the maps. Exact: the eigenvectors of AᵀA, in double precision.
- * ret_error is ‖A − Â‖_F / ‖A‖_F. */
+/* Fills weights and maps (allocated here), everything else being set. Exact: W_i are the unit
+ * eigenvectors of AᵀA, in double precision, E_i = A·W_i; the largest entry of each W_i is positive.
+ * The result does not depend on the number of threads. ret_error is ‖A − Â‖_F / ‖A‖_F. */
 gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
                            double *ret_error, GError **error);
+
+/* The same with at most this much memory for columns (two are held at least); eigenmaps_compute()
+ * takes EIGENMAPS_MEMORY. Columns that do not fit are asked for again and again. */
+#define EIGENMAPS_MEMORY ((gsize)256 << 20)
+gboolean eigenmaps_compute_within(gsize memory, struct eigenmaps *maps, EigenmapsColumn column,
+                                  gpointer data, double *ret_error, GError **error);

@@ -6,7 +6,8 @@
  *                                view.theta_deg view.phi_deg light.theta_deg light.phi_deg (double)
  *   products/mdf.exr             a part "view_0000" a view: channels "D" (mm, −1: not seen),
  *                                "N" (number of laser positions that saw it), "S" (standard error,
- *                                mm), float; attributes view.theta_deg view.phi_deg
+ *                                mm; −1: fewer than two), float; attributes view.theta_deg
+ *                                view.phi_deg
  *   products/eigenmaps.exr       see eigenmaps.h
  *
  * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0
@@ -50,7 +51,10 @@ enum pipeline_error {
     PIPELINE_ERROR_DATA,       /* a frame does not fit its session: size, NaN, checksum */
 };
 
-/* Runs in the calling thread and a pool of its own. What is up to date is not made again. The
- * products' bytes depend on the frames alone, not on threads or order. */
+/* Runs in the calling thread and a pool of its own. What is up to date is not made again: every
+ * part says in mesorig.inputs (string) what it was made of. The products' bytes depend on the frames
+ * alone, not on threads or order. With follow it ends when the session's value "state" is "done" or
+ * "aborted" or everything is there. Sets the session's values "eigenmaps_error", "mdf_coverage",
+ * "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

@@ -1,0 +1,160 @@
+#include "btf.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MOST_HOLES 0.5 /* of the texels: with more of them something is wrong with the frame */
+
+static const char *const rgb_channels[] = {"B", "G", "R", NULL};
+
+void btf_view_free(struct btf_view *view) {
+    if (!view)
+        return;
+    for (guint i = 0; view->lights && i < view->lights->len; i++)
+        input_clear(&g_array_index(view->lights, struct btf_light, i).input);
+    g_clear_pointer(&view->lights, g_array_unref);
+    g_free(view->inputs);
+    g_free(view);
+}
+
+static struct exr_part *light_part(const struct btf_view *view, const struct btf_light *light) {
+    g_autofree char *name = g_strdup_printf("light_%04d", light->index);
+    struct exr_part *part =
+        exr_part_new(name, view->grid.width, view->grid.height, rgb_channels, EXR_HALF);
+    exr_set_double(part, "view.theta_deg", view->theta_deg);
+    exr_set_double(part, "view.phi_deg", view->phi_deg);
+    exr_set_double(part, "light.theta_deg", light->theta_deg);
+    exr_set_double(part, "light.phi_deg", light->phi_deg);
+    exr_set_string(part, "mesorig.inputs", view->inputs);
+    return part;
+}
+
+/* L·π / E: what is seen relative to a white diffuser that faces the lamp. */
+static void to_reflectance(const struct btf_view *view, const struct btf_light *light, float *rgb,
+                           struct exr_part *part) {
+    int n = view->grid.width * view->grid.height;
+    g_autofree float *irradiance = g_new(float, n);
+    rectify_irradiance(light->lamp, light->arc_rad, view->turntable_rad, &view->grid, irradiance);
+    for (int i = 0; i < n; i++)
+        for (int c = 0; c < 3; c++)
+            part->planes[2 - c][i] =
+                irradiance[i] > 0 ? rgb[3 * i + c] * (float)G_PI / irradiance[i] : 0;
+}
+
+/* The rectification is made of the first frame's colour filter, and serves all. */
+static gboolean get_rectify(const struct btf_view *view, const struct input *input,
+                            const struct exr_part *frame, Rectify **rectify, char **cfa,
+                            GError **error) {
+    const char *found = "mono";
+    int shot = (int)input->shot;
+    if (!exr_get_string(frame, "mesorig.cfa", &found, error)) {
+        g_prefix_error(error, "%s: ", input->path);
+        return FALSE;
+    }
+    if (exr_get_int(frame, "mesorig.shot", &shot, NULL) && shot != (int)input->shot) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s: it says that it is of shot %d, the session says shot %d", input->path,
+                    shot, (int)input->shot);
+        return FALSE;
+    }
+    if (*rectify && strcmp(found, *cfa) == 0)
+        return TRUE;
+    g_clear_pointer(rectify, rectify_free);
+    g_free(*cfa);
+    *cfa = g_strdup(found);
+    *rectify = rectify_new(view->camera, found, view->turntable_rad, &view->grid, error);
+    return *rectify != NULL;
+}
+
+static struct exr_part *make_light(const struct btf_view *view, const struct btf_light *light,
+                                   Rectify **rectify, char **cfa, GError **error) {
+    static const char *const channels[] = {"Y", NULL};
+    struct exr_part *frame = input_read(&light->input, channels, error);
+    if (!frame || !get_rectify(view, &light->input, frame, rectify, cfa, error)) {
+        exr_part_free(frame);
+        return NULL;
+    }
+    int n = view->grid.width * view->grid.height;
+    g_autofree float *rgb = g_new(float, 3 * n);
+    int holes = rectify_apply(*rectify, exr_part_plane(frame, "Y"), rgb);
+    exr_part_free(frame);
+    if (holes > MOST_HOLES * n) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s: %d of %d texels show pixels that are not numbers", light->input.path,
+                    holes, n);
+        return NULL;
+    }
+    struct exr_part *part = light_part(view, light);
+    exr_set_int(part, "mesorig.holes", holes);
+    to_reflectance(view, light, rgb, part);
+    return part;
+}
+
+gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
+                       GError **error) {
+    g_autoptr(Rectify) rectify = NULL;
+    g_autofree char *cfa = NULL;
+    struct exr_file *file = exr_file_new();
+    gboolean ok = TRUE;
+    for (guint i = 0; ok && i < view->lights->len; i++) {
+        const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
+        struct exr_part *part = NULL;
+        ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
+             (part = make_light(view, light, &rectify, &cfa, error)) != NULL;
+        if (part)
+            exr_file_add(file, part);
+    }
+    ok = ok && exr_write(path, file, EXR_PIZ, TRUE, error);
+    exr_file_free(file);
+    return ok;
+}
+
+gboolean btf_is_made(const struct btf_view *view, const char *path) {
+    if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
+        return FALSE;
+    struct exr_file *file = exr_read_headers(path, NULL);
+    gboolean made = file && file->parts->len == view->lights->len;
+    for (guint i = 0; made && i < file->parts->len; i++) {
+        const char *inputs = NULL;
+        made = exr_get_string(g_ptr_array_index(file->parts, i), "mesorig.inputs", &inputs, NULL) &&
+               strcmp(inputs, view->inputs) == 0;
+    }
+    exr_file_free(file);
+    return made;
+}
+
+static gboolean copy_light(const struct exr_part *part, const struct session_grid *grid,
+                           float *ret_rgb) {
+    if (!part || part->width != grid->width || part->height != grid->height)
+        return FALSE;
+    const float *r = exr_part_plane(part, "R"), *g = exr_part_plane(part, "G");
+    const float *b = exr_part_plane(part, "B");
+    if (!r || !g || !b)
+        return FALSE;
+    for (int i = 0; i < grid->width * grid->height; i++) {
+        ret_rgb[3 * i] = r[i];
+        ret_rgb[3 * i + 1] = g[i];
+        ret_rgb[3 * i + 2] = b[i];
+    }
+    return TRUE;
+}
+
+gboolean btf_read_view(const char *path, const int *lights, int n_lights,
+                       const struct session_grid *grid, float *ret_rgb, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    if (!file)
+        return FALSE;
+    gboolean ok = TRUE;
+    gsize size = (gsize)grid->width * (gsize)grid->height * 3;
+    for (int i = 0; ok && i < n_lights; i++) {
+        g_autofree char *name = g_strdup_printf("light_%04d", lights[i]);
+        ok = copy_light(exr_file_part(file, name), grid, ret_rgb + size * (gsize)i);
+        if (!ok)
+            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                        "%s: part %s is missing or is not %d × %d texels; delete the file and "
+                        "process again",
+                        path, name, grid->width, grid->height);
+    }
+    exr_file_free(file);
+    return ok;
+}

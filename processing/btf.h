@@ -1,0 +1,40 @@
+/*
+ * One view of the BTF: the frames of all lights, rectified and divided by what a white diffuser
+ * would have shown; see pipeline.h for the file. Any thread.
+ */
+#pragma once
+
+#include "inputs.h"
+#include "rectify.h"
+
+struct btf_light {
+    int index; /* of the light */
+    double theta_deg, phi_deg;
+    const struct rig_lamp *lamp; /* borrowed */
+    double arc_rad;
+    struct input input;
+};
+
+struct btf_view {
+    int index; /* of the view */
+    double theta_deg, phi_deg;
+    const struct rig_camera *camera; /* borrowed */
+    double turntable_rad;
+    struct session_grid grid;
+    GArray *lights; /* of struct btf_light, in order of index */
+    char *inputs;   /* hash of all of the above */
+};
+
+void btf_view_free(struct btf_view *view); /* NULL is ignored */
+
+/* Writes the file. Attributes of its parts beside those of pipeline.h: mesorig.inputs (string) and
+ * mesorig.holes (int, texels set to 0 since no good pixel shows them). */
+gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
+                       GError **error);
+
+/* Whether the file is there and was made of these inputs. */
+gboolean btf_is_made(const struct btf_view *view, const char *path);
+
+/* Reads a view back: n_lights × height × width × 3, R G B. */
+gboolean btf_read_view(const char *path, const int *lights, int n_lights,
+                       const struct session_grid *grid, float *ret_rgb, GError **error);

@@ -1,0 +1,354 @@
+#include "eigenmaps.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "exr.h"
+#include "pipeline.h"
+
+#define CHUNK    2048 /* rows multiplied at a time, in double precision */
+#define MAX_MAPS 1024
+#define COLOURS  3
+
+void eigenmaps_free(struct eigenmaps *maps) {
+    if (!maps)
+        return;
+    g_free(maps->name);
+    g_free(maps->view_theta_deg);
+    g_free(maps->view_phi_deg);
+    g_free(maps->light_theta_deg);
+    g_free(maps->light_phi_deg);
+    g_free(maps->weights);
+    g_free(maps->maps);
+    g_free(maps);
+}
+
+static gsize plane_size(const struct eigenmaps *maps) {
+    return (gsize)maps->width * (gsize)maps->height;
+}
+
+static gsize column_size(const struct eigenmaps *maps) {
+    return plane_size(maps) * COLOURS * (gsize)maps->n_lights;
+}
+
+/* What a computation holds: the columns of one block, and one more. */
+struct gram {
+    const struct eigenmaps *maps;
+    EigenmapsColumn column;
+    gpointer data;
+    gsize rows;
+    int block;      /* columns in memory */
+    float *columns; /* block + 1 of rows */
+    double *matrix; /* n_views², row by row */
+};
+
+static gboolean get_column(const struct gram *gram, int view, float *ret, GError **error) {
+    if (!gram->column(view, ret, gram->data, error))
+        return FALSE;
+    for (gsize i = 0; i < gram->rows; i++)
+        if (!isfinite(ret[i])) {
+            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                        "view %d: value %" G_GSIZE_FORMAT " is not a number; make its BTF again",
+                        view, i);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+/* Both in double precision, CHUNK rows at a time; to is n_columns rows of CHUNK. */
+static gsize widen(const float *columns, gsize rows, int n_columns, gsize from, double *to) {
+    gsize n = MIN(CHUNK, rows - from);
+    for (int c = 0; c < n_columns; c++)
+        for (gsize i = 0; i < n; i++)
+            to[(gsize)c * CHUNK + i] = columns[(gsize)c * rows + from + i];
+    return n;
+}
+
+static void multiply_block(const struct gram *gram, int first, int n) {
+    g_autofree double *wide = g_new(double, (gsize)n *CHUNK);
+    int views = gram->maps->n_views;
+    for (gsize from = 0; from < gram->rows; from += CHUNK) {
+        gsize rows = widen(gram->columns, gram->rows, n, from, wide);
+        cblas_dsyrk(CblasRowMajor, CblasUpper, CblasNoTrans, n, (int)rows, 1, wide, CHUNK, 1,
+                    gram->matrix + (gsize)first * views + first, views);
+    }
+}
+
+static void multiply_column(const struct gram *gram, int first, int n, int view) {
+    g_autofree double *wide = g_new(double, (gsize)(n + 1) * CHUNK);
+    int views = gram->maps->n_views;
+    const float *other = gram->columns + gram->rows * (gsize)gram->block;
+    for (gsize from = 0; from < gram->rows; from += CHUNK) {
+        gsize rows = widen(gram->columns, gram->rows, n, from, wide);
+        widen(other, gram->rows, 1, from, wide + (gsize)n * CHUNK);
+        cblas_dgemv(CblasRowMajor, CblasNoTrans, n, (int)rows, 1, wide, CHUNK,
+                    wide + (gsize)n * CHUNK, 1, 1, gram->matrix + (gsize)first * views + view,
+                    views);
+    }
+}
+
+/* The upper half of AᵀA. */
+static gboolean gram_matrix(struct gram *gram, GError **error) {
+    int views = gram->maps->n_views;
+    for (int first = 0; first < views; first += gram->block) {
+        int n = MIN(gram->block, views - first);
+        for (int i = 0; i < n; i++)
+            if (!get_column(gram, first + i, gram->columns + gram->rows * (gsize)i, error))
+                return FALSE;
+        multiply_block(gram, first, n);
+        for (int view = first + n; view < views; view++) {
+            if (!get_column(gram, view, gram->columns + gram->rows * (gsize)gram->block, error))
+                return FALSE;
+            multiply_column(gram, first, n, view);
+        }
+    }
+    return TRUE;
+}
+
+/* Eigenvalues ascend; row i of weights is the one that belongs to the i-th largest. */
+static void take_weights(struct eigenmaps *maps, const double *vectors) {
+    int n = maps->n_views;
+    maps->weights = g_new(float, (gsize)maps->n_terms *n);
+    for (int term = 0; term < maps->n_terms; term++) {
+        int row = n - 1 - term, largest = 0;
+        for (int view = 1; view < n; view++)
+            if (fabs(vectors[view * n + row]) > fabs(vectors[largest * n + row]) * (1 + 1e-9))
+                largest = view;
+        double sign = vectors[largest * n + row] < 0 ? -1 : 1;
+        for (int view = 0; view < n; view++)
+            maps->weights[term * n + view] = (float)(sign * vectors[view * n + row]);
+    }
+}
+
+static double truncation_error(const double *values, int n, int n_terms) {
+    double rest = 0, all = 0;
+    for (int i = 0; i < n; i++) {
+        all += MAX(values[i], 0);
+        rest += i < n - n_terms ? MAX(values[i], 0) : 0;
+    }
+    return all > 0 ? sqrt(rest / all) : 0;
+}
+
+/* From light × texel × RGB, as columns are, to term × light × texel × RGB: the same order. */
+static gboolean project_columns(struct gram *gram, struct eigenmaps *maps, GError **error) {
+    maps->maps = g_new0(float, gram->rows *(gsize)maps->n_terms);
+    for (int view = 0; view < maps->n_views; view++) {
+        const float *column = gram->columns + gram->rows * (gsize)view;
+        if (gram->block < maps->n_views) {
+            if (!get_column(gram, view, gram->columns, error))
+                return FALSE;
+            column = gram->columns;
+        }
+        for (int term = 0; term < maps->n_terms; term++) {
+            float weight = maps->weights[term * maps->n_views + view];
+            float *map = maps->maps + gram->rows * (gsize)term;
+            for (gsize i = 0; i < gram->rows; i++)
+                map[i] += weight * column[i];
+        }
+    }
+    return TRUE;
+}
+
+static gboolean decompose(struct gram *gram, struct eigenmaps *maps, double *ret_error,
+                          GError **error) {
+    int n = maps->n_views;
+    if (!gram_matrix(gram, error))
+        return FALSE;
+    g_autofree double *values = g_new(double, n);
+    int info = LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, gram->matrix, n, values);
+    if (info != 0) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "the eigenvectors of %d views were not found (dsyev: %d)", n, info);
+        return FALSE;
+    }
+    take_weights(maps, gram->matrix);
+    *ret_error = truncation_error(values, n, maps->n_terms);
+    return project_columns(gram, maps, error);
+}
+
+gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
+                           double *ret_error, GError **error) {
+    return eigenmaps_compute_within(EIGENMAPS_MEMORY, maps, column, data, ret_error, error);
+}
+
+gboolean eigenmaps_compute_within(gsize memory, struct eigenmaps *maps, EigenmapsColumn column,
+                                  gpointer data, double *ret_error, GError **error) {
+    if (maps->n_terms < 1 || maps->n_terms > maps->n_views) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%d eigen-maps of %d views: there can be 1 to %d", maps->n_terms, maps->n_views,
+                    maps->n_views);
+        return FALSE;
+    }
+    struct gram gram = {maps, column, data, column_size(maps)};
+    gsize fit = memory / (gram.rows * sizeof(float));
+    gram.block = (int)CLAMP(fit, 1, (gsize)maps->n_views);
+    gram.columns = g_try_new(float, gram.rows *(gsize)(gram.block + (gram.block < maps->n_views)));
+    if (!gram.columns) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "not enough memory for %d columns of %" G_GSIZE_FORMAT " values", gram.block,
+                    gram.rows);
+        return FALSE;
+    }
+    gram.matrix = g_new0(double, (gsize)maps->n_views * maps->n_views);
+    g_clear_pointer(&maps->weights, g_free);
+    g_clear_pointer(&maps->maps, g_free);
+    /* The order of sums, and with it the last bits, would depend on the number of threads. */
+    int threads = openblas_get_num_threads();
+    openblas_set_num_threads(1);
+    gboolean ok = decompose(&gram, maps, ret_error, error);
+    openblas_set_num_threads(threads);
+    g_free(gram.columns);
+    g_free(gram.matrix);
+    return ok;
+}
+
+static struct exr_part *directions_part(const char *name, const float *theta_deg,
+                                        const float *phi_deg, int n) {
+    static const char *const channels[] = {"phi_deg", "theta_deg", NULL};
+    struct exr_part *part = exr_part_new(name, n, 1, channels, EXR_FLOAT);
+    memcpy(part->planes[0], phi_deg, (gsize)n * sizeof(float));
+    memcpy(part->planes[1], theta_deg, (gsize)n * sizeof(float));
+    return part;
+}
+
+static struct exr_part *map_part(const struct eigenmaps *maps, int term, int light) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    g_autofree char *name = g_strdup_printf("E%03d_light_%04d", term, light);
+    struct exr_part *part = exr_part_new(name, maps->width, maps->height, channels, EXR_HALF);
+    gsize n = plane_size(maps);
+    const float *rgb = maps->maps + n * COLOURS * (gsize)(term * maps->n_lights + light);
+    for (gsize i = 0; i < n; i++)
+        for (int c = 0; c < COLOURS; c++)
+            part->planes[COLOURS - 1 - c][i] = rgb[COLOURS * i + (gsize)c];
+    return part;
+}
+
+gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error) {
+    static const char *const channels[] = {"W", NULL};
+    struct exr_part *weights =
+        exr_part_new("weights", maps->n_views, maps->n_terms, channels, EXR_FLOAT);
+    memcpy(weights->planes[0], maps->weights,
+           (gsize)maps->n_views * (gsize)maps->n_terms * sizeof(float));
+    exr_set_string(weights, "mesorig.kind", "eigenmaps");
+    exr_set_double(weights, "texel_mm", maps->texel_mm);
+    exr_set_double(weights, "reference_mm", maps->reference_mm);
+    exr_set_string(weights, "name", maps->name ? maps->name : "");
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, weights);
+    exr_file_add(file,
+                 directions_part("views", maps->view_theta_deg, maps->view_phi_deg, maps->n_views));
+    exr_file_add(file, directions_part("lights", maps->light_theta_deg, maps->light_phi_deg,
+                                       maps->n_lights));
+    for (int term = 0; term < maps->n_terms; term++)
+        for (int light = 0; light < maps->n_lights; light++)
+            exr_file_add(file, map_part(maps, term, light));
+    gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
+    exr_file_free(file);
+    return ok;
+}
+
+static gboolean format_error(const char *path, GError **error, const char *what) {
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT, "%s: these are not whole eigen-maps: %s", path,
+                what);
+    return FALSE;
+}
+
+static gboolean all_finite(const float *values, gsize n) {
+    for (gsize i = 0; i < n; i++)
+        if (!isfinite(values[i]))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean read_directions(const struct exr_file *file, const char *name, const char *path,
+                                float **ret_theta_deg, float **ret_phi_deg, int *ret_n,
+                                GError **error) {
+    const struct exr_part *part = exr_file_part(file, name);
+    const float *theta = part ? exr_part_plane(part, "theta_deg") : NULL;
+    const float *phi = part ? exr_part_plane(part, "phi_deg") : NULL;
+    if (!theta || !phi || part->height != 1 || !all_finite(theta, (gsize)part->width) ||
+        !all_finite(phi, (gsize)part->width)) {
+        g_autofree char *what = g_strdup_printf("part %s is missing or damaged", name);
+        return format_error(path, error, what);
+    }
+    *ret_n = part->width;
+    *ret_theta_deg = g_memdup2(theta, (gsize)part->width * sizeof(float));
+    *ret_phi_deg = g_memdup2(phi, (gsize)part->width * sizeof(float));
+    return TRUE;
+}
+
+static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, const char *path,
+                          GError **error) {
+    const struct exr_part *weights = exr_file_part(file, "weights");
+    const float *plane = weights ? exr_part_plane(weights, "W") : NULL;
+    const char *kind = NULL, *name = NULL;
+    if (!plane || !exr_get_string(weights, "mesorig.kind", &kind, NULL) ||
+        strcmp(kind, "eigenmaps") != 0)
+        return format_error(path, error, "there is no part \"weights\" of that kind");
+    if (!exr_get_double(weights, "texel_mm", &maps->texel_mm, error) ||
+        !exr_get_double(weights, "reference_mm", &maps->reference_mm, error) ||
+        !exr_get_string(weights, "name", &name, error) ||
+        !read_directions(file, "views", path, &maps->view_theta_deg, &maps->view_phi_deg,
+                         &maps->n_views, error) ||
+        !read_directions(file, "lights", path, &maps->light_theta_deg, &maps->light_phi_deg,
+                         &maps->n_lights, error))
+        return FALSE;
+    maps->name = g_strdup(name);
+    maps->n_terms = weights->height;
+    if (!(maps->texel_mm > 0) || !isfinite(maps->texel_mm) || !isfinite(maps->reference_mm))
+        return format_error(path, error, "texel_mm or reference_mm makes no sense");
+    if (weights->width != maps->n_views || maps->n_terms > MAX_MAPS ||
+        !all_finite(plane, (gsize)maps->n_views * (gsize)maps->n_terms))
+        return format_error(path, error, "the weights do not fit the views");
+    maps->weights = g_memdup2(plane, (gsize)maps->n_views * (gsize)maps->n_terms * sizeof(float));
+    return TRUE;
+}
+
+static gboolean read_map(struct eigenmaps *maps, const struct exr_file *file, int term, int light,
+                         const char *path, GError **error) {
+    static const char *const channels[] = {"R", "G", "B"};
+    g_autofree char *name = g_strdup_printf("E%03d_light_%04d", term, light);
+    const struct exr_part *part = exr_file_part(file, name);
+    if (!part || part->width != maps->width || part->height != maps->height)
+        return format_error(path, error, name);
+    gsize n = plane_size(maps);
+    float *rgb = maps->maps + n * COLOURS * (gsize)(term * maps->n_lights + light);
+    for (int c = 0; c < COLOURS; c++) {
+        const float *plane = exr_part_plane(part, channels[c]);
+        if (!plane || !all_finite(plane, n))
+            return format_error(path, error, name);
+        for (gsize i = 0; i < n; i++)
+            rgb[COLOURS * i + (gsize)c] = plane[i];
+    }
+    return TRUE;
+}
+
+static gboolean read_maps(struct eigenmaps *maps, const struct exr_file *file, const char *path,
+                          GError **error) {
+    const struct exr_part *first = exr_file_part(file, "E000_light_0000");
+    if (!first || (gint64)maps->n_terms * maps->n_lights > (gint64)file->parts->len)
+        return format_error(path, error, "maps are missing");
+    maps->width = first->width;
+    maps->height = first->height;
+    maps->maps = g_try_new(float, column_size(maps) * (gsize)maps->n_terms);
+    if (!maps->maps)
+        return format_error(path, error, "they are larger than memory");
+    for (int term = 0; term < maps->n_terms; term++)
+        for (int light = 0; light < maps->n_lights; light++)
+            if (!read_map(maps, file, term, light, path, error))
+                return FALSE;
+    return TRUE;
+}
+
+struct eigenmaps *eigenmaps_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    if (!file)
+        return NULL;
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    if (!read_head(maps, file, path, error) || !read_maps(maps, file, path, error))
+        g_clear_pointer(&maps, eigenmaps_free);
+    exr_file_free(file);
+    return maps;
+}

@@ -1,0 +1,81 @@
+#include "inputs.h"
+
+#include <string.h>
+
+G_DEFINE_QUARK(pipeline_error_quark, pipeline_error)
+
+#define REMEDY "; `mesorig capture resume` takes it again"
+
+void input_clear(struct input *input) {
+    g_clear_pointer(&input->path, g_free);
+    g_clear_pointer(&input->sha256, g_free);
+}
+
+static gboolean check_sum(const struct input *input, GError **error) {
+    g_autoptr(GError) cause = NULL;
+    g_autoptr(GMappedFile) file = g_mapped_file_new(input->path, FALSE, &cause);
+    if (!file) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s: the session lists this frame, but: %s" REMEDY, input->path,
+                    cause->message);
+        return FALSE;
+    }
+    if (!input->sha256 || !*input->sha256)
+        return TRUE;
+    g_autofree char *sum =
+        g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)g_mapped_file_get_contents(file),
+                                    g_mapped_file_get_length(file));
+    if (strcmp(sum, input->sha256) == 0)
+        return TRUE;
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "%s: the file (%" G_GSIZE_FORMAT " bytes) is not the one the session committed: "
+                "its SHA-256 differs" REMEDY,
+                input->path, g_mapped_file_get_length(file));
+    return FALSE;
+}
+
+static gboolean check_part(const struct input *input, const struct exr_part *part,
+                           const char *const *channels, GError **error) {
+    if (part->width != input->width || part->height != input->height) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s: it has %d × %d pixels, but the session's calibration says that its camera "
+                    "has %d × %d",
+                    input->path, part->width, part->height, input->width, input->height);
+        return FALSE;
+    }
+    for (int i = 0; channels[i]; i++)
+        if (!exr_part_plane(part, channels[i])) {
+            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                        "%s: part %s has no channel %s" REMEDY, input->path, part->name,
+                        channels[i]);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+struct exr_part *input_read(const struct input *input, const char *const *channels,
+                            GError **error) {
+    if (!check_sum(input, error))
+        return NULL;
+    g_autoptr(GError) cause = NULL;
+    struct exr_file *file = exr_read(input->path, &cause);
+    if (!file) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s" REMEDY, cause->message);
+        return NULL;
+    }
+    struct exr_part *part = NULL;
+    if (file->parts->len == 0)
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: no parts" REMEDY, input->path);
+    else if (check_part(input, g_ptr_array_index(file->parts, 0), channels, error))
+        part = g_ptr_array_steal_index(file->parts, 0);
+    exr_file_free(file);
+    return part;
+}
+
+void input_hash(GChecksum *checksum, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *text = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_checksum_update(checksum, (const guchar *)text, (gssize)strlen(text) + 1);
+}

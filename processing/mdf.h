@@ -1,0 +1,41 @@
+/*
+ * The mesostructure distance function of one view from laser sweeps (seed 004 §3.2): each sweep
+ * gives a displacement image, and those of all laser positions are merged.
+ *
+ * A pixel's peak time is a sweep angle, hence a sheet of light; where the pixel's ray meets it the
+ * surface is. All sheets are intersected as they are, near the laser and not parallel to each
+ * other. One thread a MdfView.
+ */
+#pragma once
+
+#include "calib/rig.h"
+#include "session.h"
+
+#define MDF_MAX_SWEEPS 128
+
+typedef struct MdfView MdfView;
+
+MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
+                      const struct session_grid *grid);
+void mdf_view_free(MdfView *view); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
+
+/* A sweep as sweep_finish() left it, in the camera's pixels; frame k was taken at sweep angle
+ * from + k·step. */
+struct mdf_sweep {
+    const struct rig_laser *laser;
+    double arc_rad;
+    double from_rad, step_rad;
+    const float *peak, *width, *intensity;
+};
+
+/* At most MDF_MAX_SWEEPS. Returns how many texels it saw. */
+int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep);
+
+/* Of each texel, row by row: the distance in mm (−1: seen from no laser position), the number of
+ * laser positions it is the mean of, and its standard error in mm (−1 where there is one only). */
+void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
+
+/* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart on
+ * the line that the laser draws through the turntable's centre: how well a sweep can tell depth. */
+double mdf_weight(const struct rig_laser *laser, double arc_rad, struct vec3 camera_mm);

@@ -1,0 +1,29 @@
+/* The MDF of a view from its sweeps' files, and the file of all of them: see pipeline.h. */
+#pragma once
+
+#include "catalogue.h"
+
+struct mdf_result {
+    char *inputs; /* hash of what it was made of */
+    int index;    /* of the view */
+    double theta_deg, phi_deg;
+    float *planes[3]; /* D, N, S of each texel */
+};
+
+void mdf_result_free(struct mdf_result *result); /* NULL is ignored */
+
+/* Any thread. */
+struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
+                                 GCancellable *cancellable, GError **error);
+
+/* results are of n views, NULL where there is none. */
+gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
+                   const struct session_grid *grid, GError **error);
+
+/* Takes what there is of the catalogue's views; nothing if the file is missing or damaged. Returns
+ * whether the file holds something else and should be written again. */
+gboolean mdf_read(const char *path, const struct catalogue *catalogue,
+                  struct mdf_result **ret_results);
+
+/* How much of the texels of the views that there are was seen. */
+double mdf_coverage(struct mdf_result *const *results, int n, int n_texels);
