@@ -1,0 +1,602 @@
+#include "plan_private.h"
+
+#include <string.h>
+
+#include "intake.h"
+
+#define DEG(rad)            ((rad) * (180 / G_PI))
+#define RAD(deg)            ((deg) * (G_PI / 180))
+#define FULL_TURN           ((gint64)360 * UDEG)
+#define THETA_TOLERANCE_DEG 0.5
+
+G_DEFINE_QUARK(plan - error - quark, plan_error)
+
+/* What stands somewhere in the rig: cameras, or lamps or lasers with the arc at 0. */
+struct stand {
+    const char *name;
+    double theta_deg;
+    gint64 phi_udeg;
+};
+
+/* All cameras that show a view at one angle of the turntable. */
+struct turn {
+    gint64 udeg;
+    guint32 cameras;
+};
+
+struct build {
+    const struct session_conf *conf;
+    const struct rig *rig;
+    const struct rig_timing *timing;
+    double radius_mm;                /* around the sample */
+    GArray *views, *lights, *lasers; /* of struct session_direction */
+    GArray *turns;                   /* of struct turn */
+    GArray *azimuths;                /* of gint64: α − τ that light some direction */
+    GArray *light_at, *laser_at; /* of int: which of them each light and laser position is lit at */
+    GArray *poses;               /* of struct plan_pose */
+    GHashTable *pose_index;      /* of poses, number + 1 */
+    GArray *shots;               /* of struct session_shot; pose: index into poses */
+    GPtrArray *notes;            /* char * */
+    GArray *note_counts;         /* of int */
+};
+
+static gint64 wrap(gint64 udeg) {
+    return (udeg % FULL_TURN + FULL_TURN) % FULL_TURN;
+}
+
+gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg) {
+    gint64 min = (gint64)ceil(motion->min_deg * UDEG - 0.5);
+    gint64 max = (gint64)floor(motion->max_deg * UDEG + 0.5);
+    gint64 up = wrap(udeg), down = up - FULL_TURN;
+
+    if (motion->wraps) {
+        *ret_udeg = up;
+        return TRUE;
+    }
+    if (up < min)
+        up += (min - up + FULL_TURN - 1) / FULL_TURN * FULL_TURN;
+    if (down > max)
+        down -= (down - max + FULL_TURN - 1) / FULL_TURN * FULL_TURN;
+    gboolean up_fits = up <= max, down_fits = down >= min;
+    *ret_udeg = up_fits && (!down_fits || ABS(up) <= ABS(down)) ? up : down;
+    return up_fits || down_fits;
+}
+
+static struct stand stand_of(const char *name, struct vec3 position_mm) {
+    double theta, phi;
+
+    rig_angles(position_mm, &theta, &phi);
+    if (sin(theta) < 1e-6) /* overhead, every azimuth is as good */
+        phi = 0;
+    return (struct stand){name, DEG(theta), wrap(llround(DEG(phi) * UDEG))};
+}
+
+struct stands {
+    const char *kind, *section; /* for messages */
+    enum plan_error missing;
+    struct stand list[MAX(RIG_MAX_CAMERAS, MAX(RIG_MAX_LAMPS, RIG_MAX_LASERS))];
+    int n;
+};
+
+static gboolean none_stands(const struct stands *stands, double theta_deg, GError **error) {
+    g_autoptr(GString) there = g_string_new(NULL);
+
+    for (int i = 0; i < stands->n; i++)
+        g_string_append_printf(there, "%s%.4g° (%s)", i ? ", " : "", stands->list[i].theta_deg,
+                               stands->list[i].name);
+    g_set_error(error, PLAN_ERROR, stands->missing,
+                "[%s]: no %s stands at elevation %g° (within %g°); there are: %s. Change the rings "
+                "in the session file, or the rig file",
+                stands->section, stands->kind, theta_deg, THETA_TOLERANCE_DEG,
+                stands->n ? there->str : "none");
+    return FALSE;
+}
+
+static int find_udeg(const GArray *list, gsize stride, gint64 udeg) {
+    for (guint i = 0; i < list->len; i++)
+        if (*(const gint64 *)(list->data + i * stride) == udeg)
+            return (int)i;
+    return -1;
+}
+
+/* The device for one direction: of those at its elevation, one that the axis can bring there, if
+ * possible by an angle that is needed anyway, so that no pose is added. */
+static int choose(const struct stands *stands, double theta_deg, gint64 phi_udeg, int sign,
+                  const GArray *angles, gsize stride, const struct axis_motion *limits,
+                  gint64 *ret_udeg) {
+    int chosen = -1, best = -1;
+
+    for (int i = 0; i < stands->n; i++) {
+        if (fabs(stands->list[i].theta_deg - theta_deg) > THETA_TOLERANCE_DEG)
+            continue;
+        gint64 udeg = wrap(sign * (stands->list[i].phi_udeg - phi_udeg));
+        gboolean reached = !limits || plan_axis_reach(limits, udeg, &udeg);
+        int merit = 2 * reached + (find_udeg(angles, stride, udeg) >= 0);
+        if (merit > best) {
+            best = merit;
+            chosen = i;
+            *ret_udeg = udeg;
+        }
+    }
+    return chosen;
+}
+
+static struct session_direction direction_of(const struct stands *stands, int device, int index,
+                                             double theta_deg, double phi_deg) {
+    struct session_direction d = {
+        .index = index, .device = device, .theta_deg = theta_deg, .phi_deg = phi_deg};
+
+    if (fabs(stands->list[device].theta_deg - theta_deg) > 1e-6)
+        d.note = g_strdup_printf("%s stands at elevation %.4g°", stands->list[device].name,
+                                 stands->list[device].theta_deg);
+    return d;
+}
+
+static double ring_phi_deg(const struct ring *ring, int k) {
+    double phi = fmod(ring->offset_deg + 360.0 * k / ring->count, 360);
+
+    phi = phi < 0 ? phi + 360 : phi;
+    return phi >= 360 ? 0 : phi;
+}
+
+static gboolean cannot_turn(const struct axis_motion *limits, const char *camera, double theta_deg,
+                            double phi_deg, gint64 udeg, GError **error) {
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                "[views]: the turntable cannot turn to %g°, from where %s would see theta %g° phi "
+                "%g°: its limits are %g° to %g°. Change the rings or the limits in the rig file",
+                (double)udeg / UDEG, camera, theta_deg, phi_deg, limits->min_deg, limits->max_deg);
+    return FALSE;
+}
+
+static void add_turn(struct build *b, gint64 udeg, int camera) {
+    int at = find_udeg(b->turns, sizeof(struct turn), udeg);
+
+    if (at < 0) {
+        struct turn turn = {udeg, 0};
+        g_array_append_val(b->turns, turn);
+        at = (int)b->turns->len - 1;
+    }
+    g_array_index(b->turns, struct turn, at).cameras |= 1u << camera;
+}
+
+/* A camera at azimuth φ_c sees the sample from φ_c − τ. */
+static gboolean add_view(struct build *b, const struct stands *cameras, double theta_deg,
+                         double phi_deg, GError **error) {
+    const struct axis_motion *limits = &b->timing->turntable;
+    gint64 udeg = 0;
+    int camera = choose(cameras, theta_deg, llround(phi_deg * UDEG), 1, b->turns,
+                        sizeof(struct turn), limits, &udeg);
+
+    if (camera < 0)
+        return none_stands(cameras, theta_deg, error);
+    if (!plan_axis_reach(limits, udeg, &udeg))
+        return cannot_turn(limits, cameras->list[camera].name, theta_deg, phi_deg, udeg, error);
+    add_turn(b, udeg, camera);
+    struct session_direction d =
+        direction_of(cameras, camera, (int)b->views->len, theta_deg, phi_deg);
+    d.turntable_deg = (double)udeg / UDEG;
+    g_array_append_val(b->views, d);
+    return TRUE;
+}
+
+static gboolean add_views(struct build *b, const struct stands *cameras, GError **error) {
+    for (int r = 0; r < b->conf->n_views; r++) {
+        const struct ring *ring = &b->conf->views[r];
+        for (int k = 0; k < ring->count; k++)
+            if (!add_view(b, cameras, ring->theta_deg, ring_phi_deg(ring, k), error))
+                return FALSE;
+    }
+    return TRUE;
+}
+
+/* A lamp on the arc is seen from the sample at φ = α − τ (plus its own azimuth at α = 0). */
+static gboolean add_sources(struct build *b, const struct stands *stands, const struct ring *rings,
+                            int n_rings, GArray *directions, GArray *lit_at, GError **error) {
+    for (int r = 0; r < n_rings; r++)
+        for (int k = 0; k < rings[r].count; k++) {
+            double phi_deg = ring_phi_deg(&rings[r], k);
+            gint64 udeg = 0;
+            int device = choose(stands, rings[r].theta_deg, llround(phi_deg * UDEG), -1,
+                                b->azimuths, sizeof(gint64), NULL, &udeg);
+            if (device < 0)
+                return none_stands(stands, rings[r].theta_deg, error);
+            int at = find_udeg(b->azimuths, sizeof(gint64), udeg);
+            if (at < 0) {
+                g_array_append_val(b->azimuths, udeg);
+                at = (int)b->azimuths->len - 1;
+            }
+            struct session_direction d =
+                direction_of(stands, device, (int)directions->len, rings[r].theta_deg, phi_deg);
+            g_array_append_val(directions, d);
+            g_array_append_val(lit_at, at);
+        }
+    return TRUE;
+}
+
+static gboolean add_directions(struct build *b, GError **error) {
+    const struct rig *rig = b->rig;
+    struct stands cameras = {.kind = "camera", .section = "views", .missing = PLAN_ERROR_NO_CAMERA};
+    struct stands lamps = {.kind = "lamp", .section = "lights", .missing = PLAN_ERROR_NO_LAMP};
+    struct stands lasers = {.kind = "laser", .section = "lasers", .missing = PLAN_ERROR_NO_LASER};
+
+    for (int i = 0; i < rig->n_cameras; i++)
+        cameras.list[cameras.n++] =
+            stand_of(rig->cameras[i].name, rig_camera_centre_mm(&rig->cameras[i]));
+    for (int i = 0; i < rig->n_lamps; i++)
+        lamps.list[lamps.n++] = stand_of(rig->lamps[i].name, rig->lamps[i].position_mm);
+    for (int i = 0; i < rig->n_lasers; i++)
+        lasers.list[lasers.n++] = stand_of(rig->lasers[i].name, rig->lasers[i].position_mm);
+    return add_views(b, &cameras, error) &&
+           add_sources(b, &lamps, b->conf->lights, b->conf->n_lights, b->lights, b->light_at,
+                       error) &&
+           add_sources(b, &lasers, b->conf->lasers, b->conf->n_lasers, b->lasers, b->laser_at,
+                       error);
+}
+
+static int pose_for(struct build *b, gint64 turn_udeg, gint64 arc_udeg) {
+    gint64 key = turn_udeg * 4 * FULL_TURN + arc_udeg;
+    int index = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
+
+    if (index < 0) {
+        struct plan_pose pose = {turn_udeg, arc_udeg};
+        index = (int)b->poses->len;
+        g_array_append_val(b->poses, pose);
+        g_hash_table_insert(b->pose_index, g_memdup2(&key, sizeof key), GINT_TO_POINTER(index + 1));
+    }
+    return index;
+}
+
+/* The sweep angles at which the sheet passes the edges of the sample's box. */
+static gboolean set_sweep(const struct build *b, struct session_shot *shot, GError **error) {
+    const struct session_grid *grid = &b->conf->grid;
+    const struct rig_laser *laser = &b->rig->lasers[shot->device];
+    const struct axis_motion *limits = &b->timing->sweep[shot->device];
+    double from = G_MAXDOUBLE, to = -G_MAXDOUBLE;
+
+    for (int corner = 0; corner < 8; corner++) {
+        double x = grid->width_mm / 2 + b->conf->sweep_margin_mm;
+        double y = grid->height_mm / 2 + b->conf->sweep_margin_mm;
+        double z = grid->reference_mm - (corner & 4 ? grid->depth_mm : 0);
+        struct vec3 p =
+            rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), RAD(shot->turntable_deg));
+        double s = DEG(rig_laser_sweep_rad(laser, RAD(shot->arc_deg), p));
+        from = MIN(from, s);
+        to = MAX(to, s);
+    }
+    shot->sweep_from_deg = from;
+    shot->sweep_to_deg = to;
+    shot->sweep_steps = b->conf->sweep_steps;
+    if (from >= limits->min_deg && to <= limits->max_deg && to > from && to - from < 180)
+        return TRUE;
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and its sweep "
+                "axis goes from %g° to %g°: reduce [capture] sweep_margin_mm or widen the limits "
+                "in the rig file",
+                laser->name, from, to, limits->min_deg, limits->max_deg);
+    return FALSE;
+}
+
+struct pose_plan { /* shots of some cameras in one pose */
+    gint64 turn_udeg, arc_udeg;
+    guint32 cameras;
+    int azimuth; /* index into azimuths */
+    enum session_shot_state state;
+    const char *note;
+};
+
+static gboolean add_shot(struct build *b, const struct pose_plan *p, enum session_shot_kind kind,
+                         const struct session_direction *source, GError **error) {
+    struct session_shot shot = {.kind = kind,
+                                .pose = pose_for(b, p->turn_udeg, p->arc_udeg),
+                                .turntable_deg = (double)p->turn_udeg / UDEG,
+                                .arc_deg = (double)p->arc_udeg / UDEG,
+                                .source = source->index,
+                                .device = source->device,
+                                .cameras = p->cameras,
+                                .state = p->state};
+
+    if (kind == SHOT_SWEEP && !set_sweep(b, &shot, error))
+        return FALSE;
+    shot.note = g_strdup(p->note);
+    g_array_append_val(b->shots, shot);
+    return TRUE;
+}
+
+static gboolean add_shots(struct build *b, const struct pose_plan *p, GError **error) {
+    if (!p->cameras)
+        return TRUE;
+    for (guint i = 0; i < b->lights->len; i++)
+        if (g_array_index(b->light_at, int, i) == p->azimuth &&
+            !add_shot(b, p, SHOT_LAMP, &g_array_index(b->lights, struct session_direction, i),
+                      error))
+            return FALSE;
+    for (guint i = 0; i < b->lasers->len; i++)
+        if (g_array_index(b->laser_at, int, i) == p->azimuth &&
+            !add_shot(b, p, SHOT_SWEEP, &g_array_index(b->lasers, struct session_direction, i),
+                      error))
+            return FALSE;
+    return TRUE;
+}
+
+/* Positions, with the arc at 0, of the lights that shine at one azimuth. */
+static int lights_at(const struct build *b, int azimuth,
+                     struct vec3 ret[RIG_MAX_LAMPS + RIG_MAX_LASERS]) {
+    gboolean lamp[RIG_MAX_LAMPS] = {FALSE}, laser[RIG_MAX_LASERS] = {FALSE};
+    int n = 0;
+
+    for (guint i = 0; i < b->lights->len; i++)
+        if (g_array_index(b->light_at, int, i) == azimuth)
+            lamp[g_array_index(b->lights, struct session_direction, i).device] = TRUE;
+    for (guint i = 0; i < b->lasers->len; i++)
+        if (g_array_index(b->laser_at, int, i) == azimuth)
+            laser[g_array_index(b->lasers, struct session_direction, i).device] = TRUE;
+    for (int i = 0; i < b->rig->n_lamps; i++)
+        if (lamp[i])
+            ret[n++] = b->rig->lamps[i].position_mm;
+    for (int i = 0; i < b->rig->n_lasers; i++)
+        if (laser[i])
+            ret[n++] = b->rig->lasers[i].position_mm;
+    return n;
+}
+
+static char *camera_names(const struct rig *rig, guint32 cameras) {
+    GString *names = g_string_new(NULL);
+
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (cameras & 1u << c)
+            g_string_append_printf(names, "%s%s", names->len ? ", " : "", rig->cameras[c].name);
+    return g_string_free(names, FALSE);
+}
+
+/* Notes of the same text are counted. */
+static void note(struct build *b, const char *text) {
+    int one = 1;
+
+    for (guint i = 0; i < b->notes->len; i++)
+        if (g_str_equal(b->notes->pdata[i], text)) {
+            g_array_index(b->note_counts, int, i)++;
+            return;
+        }
+    g_ptr_array_add(b->notes, g_strdup(text));
+    g_array_append_val(b->note_counts, one);
+}
+
+static gboolean refuse_blocked(const struct pose_plan *p, const char *names, GError **error) {
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
+                "the light arc stands in the picture of %s with the turntable at %g° and the arc "
+                "at %g°: turn [lights] and [lasers] by another offset_deg, or set [capture] "
+                "on_blocked = shift",
+                names, (double)p->turn_udeg / UDEG, (double)p->arc_udeg / UDEG);
+    return FALSE;
+}
+
+/* Cameras in whose picture the arc stands get a pose of their own, or none. */
+static gboolean add_blocked(struct build *b, struct pose_plan p, const struct vec3 *lights,
+                            int n_lights, GError **error) {
+    g_autofree char *names = camera_names(b->rig, p.cameras), *text = NULL;
+    gint64 shift;
+
+    if (b->conf->on_blocked == BLOCKED_REFUSE)
+        return refuse_blocked(&p, names, error);
+    if (b->conf->on_blocked == BLOCKED_SHIFT &&
+        plan_shift(b->rig, &b->timing->arc, p.cameras, p.arc_udeg, b->radius_mm, lights, n_lights,
+                   &shift) &&
+        plan_axis_reach(&b->timing->arc, p.arc_udeg + shift, &p.arc_udeg)) {
+        text = g_strdup_printf("arc shifted by %+.1f°: it stood in the picture of %s",
+                               (double)shift / UDEG, names);
+    } else {
+        text = g_strdup_printf("skipped: the arc stands in the picture of %s%s", names,
+                               b->conf->on_blocked == BLOCKED_SHIFT ? ", shifted by 20° too" : "");
+        p.state = SHOT_SKIPPED;
+    }
+    note(b, text);
+    p.note = text;
+    return add_shots(b, &p, error);
+}
+
+static gboolean add_pose(struct build *b, const struct turn *turn, int azimuth, GError **error) {
+    struct vec3 lights[RIG_MAX_LAMPS + RIG_MAX_LASERS];
+    int n_lights = lights_at(b, azimuth, lights);
+    gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, gint64, azimuth);
+    struct pose_plan p = {.turn_udeg = turn->udeg, .azimuth = azimuth, .state = SHOT_PLANNED};
+
+    if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
+        g_set_error(
+            error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+            "the light arc cannot turn to %g°, which the turntable at %g° needs: its limits "
+            "are %g° to %g°. Leave out directions, or change the limits in the rig file",
+            (double)wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG, b->timing->arc.min_deg,
+            b->timing->arc.max_deg);
+        return FALSE;
+    }
+    guint32 blocked = plan_blocked(b->rig, turn->cameras, (double)p.arc_udeg / UDEG, b->radius_mm,
+                                   lights, n_lights);
+    p.cameras = turn->cameras & ~blocked;
+    if (!add_shots(b, &p, error))
+        return FALSE;
+    p.cameras = blocked;
+    return !blocked || add_blocked(b, p, lights, n_lights, error);
+}
+
+static gboolean add_poses(struct build *b, GError **error) {
+    struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
+
+    for (guint t = 0; t < b->turns->len; t++)
+        dark.cameras |= g_array_index(b->turns, struct turn, t).cameras;
+    g_array_append_val(b->shots, dark);
+    for (guint t = 0; t < b->turns->len; t++)
+        for (guint a = 0; a < b->azimuths->len; a++)
+            if (!add_pose(b, &g_array_index(b->turns, struct turn, t), (int)a, error))
+                return FALSE;
+    return TRUE;
+}
+
+static gboolean check_exposure(const struct build *b, int camera, double exposure_us,
+                               const char *key, GError **error) {
+    gint64 min = b->timing->min_exposure_us[camera], max = b->timing->max_exposure_us[camera];
+
+    if (llround(exposure_us) >= min && llround(exposure_us) <= max)
+        return TRUE;
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                "[capture] %s: %g us is outside what camera %s can do, %" G_GINT64_FORMAT
+                " to %" G_GINT64_FORMAT " us",
+                key, exposure_us, b->rig->cameras[camera].name, min, max);
+    return FALSE;
+}
+
+static gboolean check_exposures(const struct build *b, GError **error) {
+    const struct session_conf *conf = b->conf;
+
+    for (guint v = 0; v < b->views->len; v++) {
+        int camera = g_array_index(b->views, struct session_direction, v).device;
+        for (int i = 0; i < conf->n_exposures; i++)
+            if (!check_exposure(b, camera, conf->exposures_us[i], "exposures_us", error))
+                return FALSE;
+        if (!check_exposure(b, camera, conf->laser_exposure_us, "laser_exposure_us", error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static guint64 bytes_of(const struct build *b, const struct session_shot *shot, int n_frames) {
+    guint64 pixels = 0;
+
+    for (int c = 0; c < b->rig->n_cameras; c++)
+        if (shot->cameras & 1u << c)
+            pixels += (guint64)b->rig->cameras[c].width * (guint64)b->rig->cameras[c].height;
+    if (shot->kind == SHOT_LAMP)
+        return pixels * 2;
+    if (shot->kind == SHOT_DARK)
+        return pixels * 4 * (guint64)(n_frames / b->conf->dark_frames);
+    return pixels * 4 * (3 + (b->conf->keep_laser_frames ? (guint64)n_frames : 0));
+}
+
+static void count(const struct build *b, struct plan *plan) {
+    for (guint i = 0; i < b->shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        if (shot->state != SHOT_PLANNED)
+            continue;
+        int n = intake_n_frames(b->conf, shot);
+        plan->n_frames += n * __builtin_popcount(shot->cameras);
+        plan->bytes += bytes_of(b, shot, n);
+    }
+}
+
+static void take_notes(struct build *b, struct plan *plan) {
+    for (guint i = 0; i < b->notes->len; i++) {
+        int n = g_array_index(b->note_counts, int, i);
+        g_ptr_array_add(plan->notes, g_strdup_printf("%d pose%s: %s", n, n == 1 ? "" : "s",
+                                                     (char *)b->notes->pdata[i]));
+    }
+}
+
+static void predict(struct build *b, struct plan *plan) {
+    const struct plan_pose *poses = (const struct plan_pose *)(gpointer)b->poses->data;
+    int n_poses = (int)b->poses->len;
+    g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+
+    g_array_append_vals(nested, b->shots->data, b->shots->len);
+    plan_order_nested(nested);
+    plan->nested_s = plan_total_s(nested, b->conf, b->timing);
+    plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
+    plan->n_poses = plan_order(b->shots, poses, n_poses, b->conf, b->timing);
+    plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing);
+    for (guint i = 0; i < b->shots->len; i++)
+        g_array_index(b->shots, struct session_shot, i).id = i + 1;
+}
+
+static struct plan *finish(struct build *b) {
+    struct plan *plan = g_new0(struct plan, 1);
+
+    plan->notes = g_ptr_array_new_with_free_func(g_free);
+    predict(b, plan);
+    count(b, plan);
+    take_notes(b, plan);
+    plan->session = (struct session_plan){.grid = b->conf->grid,
+                                          .n_views = (int)b->views->len,
+                                          .n_lights = (int)b->lights->len,
+                                          .n_lasers = (int)b->lasers->len,
+                                          .n_shots = (int)b->shots->len};
+    plan->session.views = (gpointer)g_array_free(g_steal_pointer(&b->views), FALSE);
+    plan->session.lights = (gpointer)g_array_free(g_steal_pointer(&b->lights), FALSE);
+    plan->session.lasers = (gpointer)g_array_free(g_steal_pointer(&b->lasers), FALSE);
+    plan->session.shots = (gpointer)g_array_free(g_steal_pointer(&b->shots), FALSE);
+    return plan;
+}
+
+static void clear_direction(gpointer direction) {
+    g_free(((struct session_direction *)direction)->note);
+}
+
+static void clear_shot(gpointer shot) {
+    g_free(((struct session_shot *)shot)->note);
+}
+
+static GArray *owning_array(gsize size, GDestroyNotify clear) {
+    GArray *array = g_array_new(FALSE, FALSE, (guint)size);
+
+    g_array_set_clear_func(array, clear);
+    return array;
+}
+
+static void build_init(struct build *b) {
+    b->views = owning_array(sizeof(struct session_direction), clear_direction);
+    b->lights = owning_array(sizeof(struct session_direction), clear_direction);
+    b->lasers = owning_array(sizeof(struct session_direction), clear_direction);
+    b->turns = g_array_new(FALSE, FALSE, sizeof(struct turn));
+    b->azimuths = g_array_new(FALSE, FALSE, sizeof(gint64));
+    b->light_at = g_array_new(FALSE, FALSE, sizeof(int));
+    b->laser_at = g_array_new(FALSE, FALSE, sizeof(int));
+    b->poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
+    b->pose_index = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
+    b->shots = owning_array(sizeof(struct session_shot), clear_shot);
+    b->notes = g_ptr_array_new_with_free_func(g_free);
+    b->note_counts = g_array_new(FALSE, FALSE, sizeof(int));
+}
+
+static void build_clear(struct build *b) {
+    g_clear_pointer(&b->views, g_array_unref);
+    g_clear_pointer(&b->lights, g_array_unref);
+    g_clear_pointer(&b->lasers, g_array_unref);
+    g_clear_pointer(&b->shots, g_array_unref);
+    g_array_unref(b->turns);
+    g_array_unref(b->azimuths);
+    g_array_unref(b->light_at);
+    g_array_unref(b->laser_at);
+    g_array_unref(b->poses);
+    g_hash_table_unref(b->pose_index);
+    g_ptr_array_unref(b->notes);
+    g_array_unref(b->note_counts);
+}
+
+struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
+                        const struct rig_timing *timing, GError **error) {
+    struct build b = {.conf = conf, .rig = rig, .timing = timing};
+    struct plan *plan = NULL;
+
+    b.radius_mm = hypot(conf->grid.width_mm, conf->grid.height_mm) / 2;
+    build_init(&b);
+    if (add_directions(&b, error) && check_exposures(&b, error) && add_poses(&b, error))
+        plan = finish(&b);
+    build_clear(&b);
+    return plan;
+}
+
+static void free_directions(const struct session_direction *directions, int n) {
+    for (int i = 0; i < n; i++)
+        g_free(directions[i].note);
+    g_free((gpointer)directions);
+}
+
+void plan_free(struct plan *plan) {
+    if (!plan)
+        return;
+    free_directions(plan->session.views, plan->session.n_views);
+    free_directions(plan->session.lights, plan->session.n_lights);
+    free_directions(plan->session.lasers, plan->session.n_lasers);
+    for (int i = 0; i < plan->session.n_shots; i++)
+        g_free(plan->session.shots[i].note);
+    g_free((gpointer)plan->session.shots);
+    g_ptr_array_unref(plan->notes);
+    g_free(plan);
+}

@@ -1,0 +1,260 @@
+#include "plan_private.h"
+
+#include <string.h>
+
+typedef GArray Order; /* of guint: indices of shots */
+
+static const struct session_shot *shot_at(GArray *shots, guint index) {
+    return &g_array_index(shots, struct session_shot, index);
+}
+
+static gboolean is_lit(const struct session_shot *shot) {
+    return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
+}
+
+/* What is planned in each pose: lamps by number, then sweeps by how long they take to prepare. */
+struct pose_shots {
+    GArray *lamps, *sweeps; /* of guint */
+};
+
+struct orderer {
+    GArray *shots;
+    const struct session_conf *conf;
+    const struct rig_timing *timing;
+    struct plan_moves *moves;
+    struct pose_shots *poses;
+    double readout_s;
+    int lit; /* lamp that the last shot of the order left on, −1: none */
+};
+
+static int compare_lamps(gconstpointer a, gconstpointer b, gpointer data) {
+    guint x = *(const guint *)a, y = *(const guint *)b;
+    const struct session_shot *s = shot_at(data, x), *t = shot_at(data, y);
+
+    if (s->device != t->device)
+        return s->device - t->device;
+    return x < y ? -1 : x > y;
+}
+
+static int compare_sweeps(gconstpointer a, gconstpointer b, gpointer data) {
+    const struct orderer *o = data;
+    guint x = *(const guint *)a, y = *(const guint *)b;
+    double s = plan_lead_s(NULL, shot_at(o->shots, x), o->timing);
+    double t = plan_lead_s(NULL, shot_at(o->shots, y), o->timing);
+
+    if (s != t)
+        return s > t ? -1 : 1;
+    return x < y ? -1 : x > y;
+}
+
+static void collect(struct orderer *o, int n_poses) {
+    o->poses = g_new(struct pose_shots, n_poses);
+    for (int p = 0; p < n_poses; p++) {
+        o->poses[p].lamps = g_array_new(FALSE, FALSE, sizeof(guint));
+        o->poses[p].sweeps = g_array_new(FALSE, FALSE, sizeof(guint));
+    }
+    for (guint i = 0; i < o->shots->len; i++) {
+        const struct session_shot *shot = shot_at(o->shots, i);
+        if (!is_lit(shot))
+            continue;
+        struct pose_shots *pose = &o->poses[shot->pose];
+        g_array_append_val(shot->kind == SHOT_LAMP ? pose->lamps : pose->sweeps, i);
+        o->readout_s = MAX(o->readout_s, plan_readout_s(shot, o->timing));
+    }
+    for (int p = 0; p < n_poses; p++) {
+        g_array_sort_with_data(o->poses[p].lamps, compare_lamps, o->shots);
+        g_array_sort_with_data(o->poses[p].sweeps, compare_sweeps, o);
+    }
+}
+
+static void orderer_clear(struct orderer *o, int n_poses) {
+    for (int p = 0; p < n_poses; p++) {
+        g_array_unref(o->poses[p].lamps);
+        g_array_unref(o->poses[p].sweeps);
+    }
+    g_free(o->poses);
+    plan_moves_free(o->moves);
+}
+
+static void append(struct orderer *o, Order *order, guint index) {
+    const struct session_shot *shot = shot_at(o->shots, index);
+
+    g_array_append_val(order, index);
+    o->lit = shot->kind == SHOT_LAMP ? shot->device : -1;
+}
+
+/* Up or down the lamps, so that one that is still on from the pose before comes first. */
+static void append_lamps(struct orderer *o, Order *order, const GArray *lamps) {
+    guint n = lamps->len;
+    gboolean down =
+        n > 0 && shot_at(o->shots, g_array_index(lamps, guint, n - 1))->device == o->lit;
+
+    for (guint i = 0; i < n; i++)
+        append(o, order, g_array_index(lamps, guint, down ? n - 1 - i : i));
+}
+
+static void append_sweeps(struct orderer *o, Order *order, const GArray *sweeps) {
+    for (guint i = 0; i < sweeps->len; i++)
+        append(o, order, g_array_index(sweeps, guint, i));
+}
+
+/* What takes longest to prepare comes first: it is prepared during the move. */
+static void append_pose(struct orderer *o, Order *order, int pose) {
+    const struct pose_shots *shots = &o->poses[pose];
+    double lamp_s = 0, sweep_s = 0;
+
+    if (shots->lamps->len)
+        lamp_s =
+            plan_lead_s(NULL, shot_at(o->shots, g_array_index(shots->lamps, guint, 0)), o->timing);
+    if (shots->sweeps->len)
+        sweep_s =
+            plan_lead_s(NULL, shot_at(o->shots, g_array_index(shots->sweeps, guint, 0)), o->timing);
+    if (sweep_s >= lamp_s)
+        append_sweeps(o, order, shots->sweeps);
+    append_lamps(o, order, shots->lamps);
+    if (sweep_s < lamp_s)
+        append_sweeps(o, order, shots->sweeps);
+}
+
+/* Everything in a pose before the next one. */
+static void order_by_poses(struct orderer *o, Order *order) {
+    g_autofree int *poses = g_new(int, o->moves->n);
+    int n = 0;
+
+    for (int p = 0; p < o->moves->n; p++)
+        if (o->poses[p].lamps->len + o->poses[p].sweeps->len > 0)
+            poses[n++] = p;
+    plan_tour(o->moves, poses, n, o->readout_s);
+    o->lit = -1;
+    for (int i = 0; i < n; i++)
+        append_pose(o, order, poses[i]);
+}
+
+/* One lamp in all poses before the next one, and the sweeps at last: what is quickest where lamps
+ * take longer to warm up than axes to move. */
+static void order_by_lamps(struct orderer *o, Order *order) {
+    g_autofree int *poses = g_new(int, o->moves->n);
+
+    for (int lamp = 0; lamp <= RIG_MAX_LAMPS; lamp++) {
+        int n = 0;
+        for (int p = 0; p < o->moves->n; p++) {
+            gboolean wanted = lamp == RIG_MAX_LAMPS && o->poses[p].sweeps->len > 0;
+            for (guint i = 0; i < o->poses[p].lamps->len; i++)
+                wanted |=
+                    shot_at(o->shots, g_array_index(o->poses[p].lamps, guint, i))->device == lamp;
+            if (wanted)
+                poses[n++] = p;
+        }
+        plan_tour(o->moves, poses, n, o->readout_s);
+        for (int k = 0; k < n; k++) {
+            const GArray *lamps = o->poses[poses[k]].lamps;
+            for (guint i = 0; i < lamps->len; i++)
+                if (shot_at(o->shots, g_array_index(lamps, guint, i))->device == lamp)
+                    append(o, order, g_array_index(lamps, guint, i));
+            if (lamp == RIG_MAX_LAMPS)
+                append_sweeps(o, order, o->poses[poses[k]].sweeps);
+        }
+    }
+}
+
+static int compare_nested(gconstpointer a, gconstpointer b, gpointer data) {
+    const struct session_shot *s = shot_at(data, *(const guint *)a);
+    const struct session_shot *t = shot_at(data, *(const guint *)b);
+
+    if (s->turntable_deg != t->turntable_deg)
+        return s->turntable_deg > t->turntable_deg ? 1 : -1;
+    if (s->arc_deg != t->arc_deg)
+        return s->arc_deg > t->arc_deg ? 1 : -1;
+    if (s->kind != t->kind)
+        return s->kind > t->kind ? 1 : -1;
+    return compare_lamps(a, b, data);
+}
+
+static void order_nested(GArray *shots, Order *order) {
+    for (guint i = 0; i < shots->len; i++)
+        if (is_lit(shot_at(shots, i)))
+            g_array_append_val(order, i);
+    g_array_sort_with_data(order, compare_nested, shots);
+}
+
+/* The shots in an order, with the dark ones, which go where the first pose is, before them, and
+ * those that are skipped after them. */
+static GArray *arranged(GArray *shots, const Order *order) {
+    GArray *result = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+
+    for (guint i = 0; i < shots->len; i++) {
+        struct session_shot shot = *shot_at(shots, i);
+        if (shot.kind != SHOT_DARK)
+            continue;
+        if (order->len) {
+            const struct session_shot *first = shot_at(shots, g_array_index(order, guint, 0));
+            shot.turntable_deg = first->turntable_deg;
+            shot.arc_deg = first->arc_deg;
+            shot.pose = first->pose;
+        }
+        g_array_append_val(result, shot);
+    }
+    for (guint i = 0; i < order->len; i++)
+        g_array_append_vals(result, shot_at(shots, g_array_index(order, guint, i)), 1);
+    for (guint i = 0; i < shots->len; i++)
+        if (shot_at(shots, i)->state != SHOT_PLANNED)
+            g_array_append_vals(result, shot_at(shots, i), 1);
+    return result;
+}
+
+/* The same shots in another order; what they own stays theirs. */
+static void replace(GArray *shots, const GArray *with) {
+    g_assert(shots->len == with->len);
+    memcpy(shots->data, with->data, with->len * sizeof(struct session_shot));
+}
+
+/* Instead of indices of poses, numbers of visits. */
+static int number_visits(GArray *shots) {
+    int visit = -1, pose = -1;
+
+    for (guint i = 0; i < shots->len; i++) {
+        struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
+        if (shot->pose != pose)
+            visit++;
+        pose = shot->pose;
+        shot->pose = visit;
+    }
+    return visit + 1;
+}
+
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct session_conf *conf, const struct rig_timing *timing) {
+    struct orderer o = {.shots = shots, .conf = conf, .timing = timing};
+    g_autoptr(GArray) best = NULL;
+    double best_s = G_MAXDOUBLE;
+
+    o.moves = plan_moves_new(poses, n_poses, timing);
+    collect(&o, n_poses);
+    for (int candidate = 0; candidate < 3; candidate++) {
+        g_autoptr(GArray) order = g_array_new(FALSE, FALSE, sizeof(guint));
+        if (candidate == 0)
+            order_by_poses(&o, order);
+        else if (candidate == 1)
+            order_by_lamps(&o, order);
+        else
+            order_nested(shots, order);
+        g_autoptr(GArray) result = arranged(shots, order);
+        double total_s = plan_total_s(result, conf, timing);
+        if (total_s < best_s - 1e-9) {
+            best_s = total_s;
+            g_clear_pointer(&best, g_array_unref);
+            best = g_steal_pointer(&result);
+        }
+    }
+    orderer_clear(&o, n_poses);
+    replace(shots, best);
+    return number_visits(shots);
+}
+
+void plan_order_nested(GArray *shots) {
+    g_autoptr(GArray) order = g_array_new(FALSE, FALSE, sizeof(guint));
+
+    order_nested(shots, order);
+    g_autoptr(GArray) result = arranged(shots, order);
+    replace(shots, result);
+}

@@ -1,0 +1,82 @@
+/*
+ * What the parts of the planner share: plan.c makes shots of directions, plan_blocked.c keeps the
+ * arc out of the pictures, plan_tour.c orders poses, plan_order.c the shots, plan_time.c predicts
+ * time.
+ */
+#pragma once
+
+#include "plan.h"
+
+/* Angles of poses are counted in millionths of a degree, so that equal ones are equal. */
+#define UDEG 1000000
+
+struct plan_pose {
+    gint64 turntable_udeg, arc_udeg;
+};
+
+/* The position of an axis for an angle: that in [0, 360) if the axis wraps, else the one within its
+ * limits that is nearest to 0. FALSE if there is none. */
+gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg);
+
+/* Which of the cameras (bits) cannot see the disc of radius_mm around the origin because the arc or
+ * one of the lights (positions at arc 0) is in the way, or shade one of the lights. */
+guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
+                     const struct vec3 *lights, int n_lights);
+
+/* The smallest turn of the arc, up to 20°, after which none of the cameras is blocked; FALSE if
+ * there is none that the axis can reach. */
+gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
+                    gint64 arc_udeg, double radius_mm, const struct vec3 *lights, int n_lights,
+                    gint64 *ret_shift_udeg);
+
+/* Times of moves between poses, both axes together; a table, so that orders are tried quickly. */
+struct plan_moves {
+    int n;
+    const struct plan_pose *poses; /* borrowed */
+    gboolean turn_wraps, arc_wraps;
+    int *turn_at, *arc_at;  /* row of each pose in the tables */
+    int n_turn, n_arc;      /* different positions of each axis */
+    double *turn_s, *arc_s; /* from row to column */
+};
+
+struct plan_moves *plan_moves_new(const struct plan_pose *poses, int n,
+                                  const struct rig_timing *timing);
+void plan_moves_free(struct plan_moves *moves); /* NULL is ignored */
+
+static inline double plan_move_s(const struct plan_moves *m, int from, int to) {
+    double turn = m->turn_s[(gsize)m->turn_at[from] * (gsize)m->n_turn + (gsize)m->turn_at[to]];
+    double arc = m->arc_s[(gsize)m->arc_at[from] * (gsize)m->n_arc + (gsize)m->arc_at[to]];
+    return turn > arc ? turn : arc;
+}
+
+/* Orders some of the poses (indices, permuted in place) so that the moves take little time. A move
+ * shorter than floor_s costs floor_s: something else takes that long meanwhile. */
+void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
+
+/* Puts shots into the quickest order that is found. shots[i].pose is an index into poses; on return
+ * it is the number of the visit. Returns how many visits there are. SHOT_DARK come first, skipped
+ * shots last, with visits of their own. */
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct session_conf *conf, const struct rig_timing *timing);
+
+/* The order of a program that does not plan: for τ, for α, for lamps, for lasers. */
+void plan_order_nested(GArray *shots);
+
+/* From the first exposure of a shot to the end of its last. */
+double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
+                   const struct rig_timing *timing);
+
+/* What must pass before the first exposure of a shot after another one's last, both in the same
+ * pose: warm-up, the sweep's way back, read-out. previous may be NULL. */
+double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
+                   const struct rig_timing *timing);
+
+/* Read-out of the slowest camera of a shot. */
+double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing);
+
+double plan_total_s(GArray *shots, const struct session_conf *conf,
+                    const struct rig_timing *timing);
+
+/* shots[i].pose is an index into poses; see plan.h and plan_time.c for the argument. */
+double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
+                          const struct session_conf *conf, const struct rig_timing *timing);

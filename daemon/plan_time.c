@@ -1,0 +1,196 @@
+#include "plan_private.h"
+
+#include "intake.h"
+
+/*
+ * The sequencer's time, as it is predicted. Before each picture everything is prepared at once:
+ * both axes of the pose move, the lamp or laser is switched on and warms up, the sweep axis goes to
+ * its first step; frames of the picture before are read out meanwhile. All of this begins when the
+ * last exposure of the picture before has ended. A lamp that is still on from the shot before stays
+ * on and is warm. Within a bracket only read-out is waited for, within a sweep read-out and the
+ * step; a sweep ends with one picture after the laser was switched off.
+ */
+
+double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing) {
+    gint64 longest_us = 0;
+
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+        if (shot->cameras & 1u << c)
+            longest_us = MAX(longest_us, timing->readout_us[c]);
+    return longest_us / 1e6;
+}
+
+static double step_s(const struct session_shot *shot, const struct rig_timing *timing) {
+    double step_deg = (shot->sweep_to_deg - shot->sweep_from_deg) / (shot->sweep_steps - 1);
+
+    return axis_move_time_s(&timing->sweep[shot->device], shot->sweep_from_deg,
+                            shot->sweep_from_deg + step_deg);
+}
+
+double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
+                   const struct rig_timing *timing) {
+    int n = intake_n_frames(conf, shot);
+    double readout_s = plan_readout_s(shot, timing), sum_s = (n - 1) * readout_s;
+
+    if (shot->state == SHOT_SKIPPED)
+        return 0;
+    for (int i = 0; i < n; i++)
+        sum_s += intake_exposure_us(conf, shot, i) / 1e6;
+    if (shot->kind == SHOT_SWEEP)
+        sum_s += (shot->sweep_steps - 1) * MAX(0, step_s(shot, timing) - readout_s);
+    return sum_s;
+}
+
+/* The laser's own sweep is taken to have ended where this one does: the way back is the same. */
+static double light_s(const struct session_shot *previous, const struct session_shot *shot,
+                      const struct rig_timing *timing) {
+    if (shot->kind == SHOT_SWEEP)
+        return MAX(timing->laser_warm_up_s[shot->device],
+                   axis_move_time_s(&timing->sweep[shot->device], shot->sweep_to_deg,
+                                    shot->sweep_from_deg));
+    if (shot->kind == SHOT_DARK ||
+        (previous && previous->kind == SHOT_LAMP && previous->device == shot->device))
+        return 0;
+    return timing->lamp_warm_up_s[shot->device];
+}
+
+double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
+                   const struct rig_timing *timing) {
+    double readout_s = previous ? plan_readout_s(previous, timing) : 0;
+
+    return MAX(light_s(previous, shot, timing), readout_s);
+}
+
+double plan_remaining_s(const struct session_shot *const *shots, int n,
+                        const struct session_conf *conf, const struct rig_timing *timing,
+                        double turntable_deg, double arc_deg) {
+    const struct session_shot *previous = NULL;
+    double total_s = 0;
+
+    for (int i = 0; i < n; i++) {
+        if (shots[i]->state != SHOT_PLANNED)
+            continue;
+        double turn = axis_move_time_s(&timing->turntable, turntable_deg, shots[i]->turntable_deg);
+        double arc = axis_move_time_s(&timing->arc, arc_deg, shots[i]->arc_deg);
+        double lead = plan_lead_s(previous, shots[i], timing);
+        total_s += MAX(lead, MAX(turn, arc)) + plan_shot_s(shots[i], conf, timing);
+        previous = shots[i];
+        turntable_deg = previous->turntable_deg;
+        arc_deg = previous->arc_deg;
+    }
+    return total_s + (previous ? plan_readout_s(previous, timing) : 0);
+}
+
+double plan_total_s(GArray *shots, const struct session_conf *conf,
+                    const struct rig_timing *timing) {
+    g_autofree const struct session_shot **list = g_new(const struct session_shot *, shots->len);
+    const struct session_shot *first = NULL;
+
+    for (guint i = 0; i < shots->len; i++) {
+        list[i] = &g_array_index(shots, struct session_shot, i);
+        if (!first && list[i]->state == SHOT_PLANNED)
+            first = list[i];
+    }
+    return first ? plan_remaining_s(list, (int)shots->len, conf, timing, first->turntable_deg,
+                                    first->arc_deg)
+                 : 0;
+}
+
+/*
+ * The lower bound. In whatever order, a shot s comes after another one in the same pose p, or it
+ * enters p by a move. Let R be the shortest read-out of any shot, M the quickest move into p from
+ * any other pose of the plan, M' that from any other pose with the same lamp, W the time that its
+ * light takes. Then before s there pass at least
+ *   l = max(W, R)                    if s is a sweep: its laser was off before;
+ *   l = min(max(W, R), max(M', R))   if s has a lamp: it warms up, or it was left on in another
+ *                                    pose, which a move then has to leave.
+ * Every pose but the first is entered, and before the shot that enters it there pass at least
+ * max(M, R, l). So pose p takes at least Σ l + min over its shots of max(0, max(M, R) − l), and the
+ * first one at least that without its largest l and without the move: it may have no lead at all.
+ * All exposures, and read-out and steps between them, come on top, as does the last read-out.
+ */
+struct pose_bound {
+    double sum_s;   /* Σ l */
+    double extra_s; /* what the move adds */
+    double largest_s;
+    double into_s; /* M */
+};
+
+/* From those poses that have a count; none if there is no other. */
+static double quickest_into(const struct plan_moves *moves, int pose, const int *counts,
+                            double none) {
+    double quickest = G_MAXDOUBLE;
+
+    for (int p = 0; p < moves->n; p++)
+        if (p != pose && counts[p] > 0)
+            quickest = MIN(quickest, plan_move_s(moves, p, pose));
+    return quickest < G_MAXDOUBLE ? quickest : none;
+}
+
+/* l of a shot. */
+static double least_lead(const struct session_shot *shot, const struct plan_moves *moves,
+                         const struct rig_timing *timing, const int *with_lamp, double into_s,
+                         double readout_s) {
+    double warm_s = light_s(NULL, shot, timing);
+
+    if (shot->kind == SHOT_SWEEP || warm_s <= MAX(into_s, readout_s))
+        return MAX(warm_s, readout_s);
+    if (with_lamp[shot->pose] > 1) /* another one in this pose may have left it on */
+        return readout_s;
+    double from_same_s = quickest_into(moves, shot->pose, with_lamp, G_MAXDOUBLE);
+    return MIN(MAX(warm_s, readout_s), MAX(from_same_s, readout_s));
+}
+
+static void bound_poses(GPtrArray *shots, const struct plan_moves *moves,
+                        const struct rig_timing *timing, double readout_s,
+                        struct pose_bound *bounds) {
+    g_autofree int *used = g_new0(int, moves->n);
+    g_autofree int *lamps = g_new0(int, (gsize)moves->n *RIG_MAX_LAMPS);
+
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        used[shot->pose]++;
+        if (shot->kind == SHOT_LAMP)
+            lamps[shot->device * moves->n + shot->pose]++;
+    }
+    for (int p = 0; p < moves->n; p++)
+        if (used[p])
+            bounds[p] = (struct pose_bound){.into_s = quickest_into(moves, p, used, 0),
+                                            .extra_s = G_MAXDOUBLE};
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        struct pose_bound *b = &bounds[shot->pose];
+        const int *with_lamp = shot->kind == SHOT_LAMP ? lamps + shot->device * moves->n : NULL;
+        double lead = least_lead(shot, moves, timing, with_lamp, b->into_s, readout_s);
+        b->sum_s += lead;
+        b->largest_s = MAX(b->largest_s, lead);
+        b->extra_s = MIN(b->extra_s, MAX(0, MAX(b->into_s, readout_s) - lead));
+    }
+}
+
+double plan_lower_bound_s(GArray *shots, const struct plan_pose *poses, int n_poses,
+                          const struct session_conf *conf, const struct rig_timing *timing) {
+    g_autoptr(GPtrArray) lit = g_ptr_array_new(); /* shots that have a pose of their own */
+    double total_s = 0, readout_s = G_MAXDOUBLE, spared_s = 0;
+
+    for (guint i = 0; i < shots->len; i++) {
+        struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
+        if (shot->state != SHOT_PLANNED)
+            continue;
+        total_s += plan_shot_s(shot, conf, timing);
+        readout_s = MIN(readout_s, plan_readout_s(shot, timing));
+        if (shot->kind != SHOT_DARK)
+            g_ptr_array_add(lit, shot);
+    }
+    if (total_s == 0)
+        return 0;
+    struct plan_moves *moves = plan_moves_new(poses, n_poses, timing);
+    g_autofree struct pose_bound *bounds = g_new0(struct pose_bound, n_poses);
+    bound_poses(lit, moves, timing, readout_s, bounds);
+    for (int p = 0; p < n_poses; p++) {
+        total_s += bounds[p].sum_s + bounds[p].extra_s;
+        spared_s = MAX(spared_s, bounds[p].largest_s + bounds[p].extra_s);
+    }
+    plan_moves_free(moves);
+    return total_s - spared_s + readout_s;
+}
