@@ -5,10 +5,8 @@
 #include "intake_write.h"
 #include "radiance.h"
 
-#define MAX_DARKS (PLAN_MAX_BRACKET + 1)
-/* What may lie in the queues of all workers together, and with how much of it full is over. */
-#define FULL_BYTES (G_GUINT64_CONSTANT(256) << 20)
-#define ROOM_BYTES (FULL_BYTES / 2)
+#define MAX_DARKS  (PLAN_MAX_BRACKET + 1)
+#define FULL_BYTES ((gsize)256 << 20)
 /* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
 #define BATCH 8
 /* A pixel this far above dark is lit; that many make a laser line. */
@@ -305,7 +303,7 @@ static gsize job_bytes(const struct job *job) {
 static void job_done(Intake *intake, const struct job *job) {
     gsize bytes = job_bytes(job);
     gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, -(gssize)bytes);
-    if (g_atomic_int_get(&intake->full) && before - bytes <= ROOM_BYTES)
+    if (g_atomic_int_get(&intake->full) && before - bytes <= intake->setup.full_bytes / 2)
         g_source_set_ready_time(intake->wake, 0);
 }
 
@@ -358,7 +356,7 @@ static gboolean woken(gpointer data) {
     Intake *intake = data;
     g_source_set_ready_time(intake->wake, -1);
     tell_results(intake);
-    if (intake->full && queued_bytes(intake) <= ROOM_BYTES) {
+    if (intake->full && queued_bytes(intake) <= intake->setup.full_bytes / 2) {
         set_full(intake, FALSE);
         intake->hooks.room(intake->hooks.data);
     }
@@ -391,6 +389,8 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
     static GSourceFuncs funcs = {.dispatch = dispatch};
     Intake *intake = g_new0(Intake, 1);
     intake->setup = *setup;
+    if (setup->full_bytes == 0)
+        intake->setup.full_bytes = FULL_BYTES;
     intake->hooks = *hooks;
     intake->finished = g_async_queue_new_full(finished_free);
     intake->wake = g_source_new(&funcs, sizeof(GSource));
@@ -432,7 +432,7 @@ void intake_frame(Intake *intake, const struct session_shot *shot, int camera, i
     gboolean last = sub + 1 == intake_n_frames(intake->setup.conf, shot);
     if (last || lane->batch->len >= BATCH)
         flush(lane);
-    if (before + bytes < FULL_BYTES)
+    if (before + bytes < intake->setup.full_bytes)
         return;
     /* What waits in batches would never make room. */
     for (guint i = 0; i < intake->lanes->len; i++)
