@@ -1,0 +1,99 @@
+/*
+ * Ray optics of the simulated rig: lenses, lamps and laser sheets as they truly are, written apart
+ * from calib/ so that an error on one side shows on the other.
+ *
+ * Millimetres and radians; rig frame, or any frame turned about z (optics_turn_…). Pure functions.
+ */
+#pragma once
+
+#include "drivers/frame.h"
+
+#include <math.h>
+
+struct v3 {
+    double x, y, z;
+};
+
+static inline struct v3 v3(double x, double y, double z) {
+    return (struct v3){x, y, z};
+}
+static inline struct v3 v3_mad(struct v3 a, double s, struct v3 b) { /* a·s + b */
+    return v3(a.x * s + b.x, a.y * s + b.y, a.z * s + b.z);
+}
+static inline struct v3 v3_minus(struct v3 a, struct v3 b) {
+    return v3(a.x - b.x, a.y - b.y, a.z - b.z);
+}
+static inline double v3_dot(struct v3 a, struct v3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+static inline struct v3 v3_cross(struct v3 a, struct v3 b) {
+    return v3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+static inline struct v3 v3_norm(struct v3 a) {
+    double s = 1 / sqrt(v3_dot(a, a));
+    return v3(a.x * s, a.y * s, a.z * s);
+}
+static inline struct v3 v3_turn_z(struct v3 a, double c, double s) {
+    return v3(c * a.x - s * a.y, s * a.x + c * a.y, a.z);
+}
+
+struct optics_camera {
+    int width, height, bits;
+    enum cfa cfa;
+    double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
+    double k1, k2, p1, p2; /* seen = ideal·(1 + k1 r² + k2 r⁴) + tangential, r = tan of the angle */
+    struct v3 centre_mm, right, down, forward;
+    double vignetting; /* 1 − vignetting·(r/r_corner)² */
+    double falloff;    /* times cos^falloff of the angle to the axis */
+    double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
+    double colour[3];  /* of the response behind each filter, relative */
+    double black_level, full_well_e, read_noise_e;
+};
+
+/* Stands at a point and looks at the origin; right is e_φ of that point. */
+void optics_camera_place(struct optics_camera *camera, double theta, double phi,
+                         double distance_mm);
+
+/* Turns the camera about its own right, down and forward axes, in that order. */
+void optics_camera_turn(struct optics_camera *camera, double rx, double ry, double rz);
+
+/* Unit viewing ray through a point of the picture. */
+struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_px);
+
+/* Response at a point of the picture behind a filter, DN·s⁻¹ per W·sr⁻¹·m⁻². */
+double optics_response(const struct optics_camera *camera, double x_px, double y_px,
+                       enum cfa_colour colour);
+
+struct optics_lamp {
+    struct v3 position_mm, aim; /* aim: unit */
+    double exponent, intensity; /* W·sr⁻¹ */
+};
+
+struct optics_lamp optics_turn_lamp(const struct optics_lamp *lamp, double angle);
+
+/* W·m⁻² on a surface that faces the lamp. */
+double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm);
+
+/* A sheet of light that turns about an axis through position. axis × forward is its normal at
+ * sweep 0, up to start. */
+struct optics_laser {
+    struct v3 position_mm, axis, forward; /* unit, perpendicular */
+    double start;                         /* sweep at which the sheet holds forward */
+    double sigma;                         /* of the Gaussian profile, as an angle of the sweep */
+    double fan;                           /* full angle in the sheet, evenly lit */
+    double power_w;
+    double colour[3]; /* response of the three filters to its wavelength, relative to white */
+};
+
+struct optics_laser optics_turn_laser(const struct optics_laser *laser, double angle);
+
+/* The sweep angle at which the sheet's middle goes through a point. */
+double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm);
+
+/* W·m⁻² at the middle of the line, on a surface that faces the laser; 0 outside the fan. */
+double optics_laser_peak(const struct optics_laser *laser, struct v3 point_mm);
+
+/* Sensor: DN from a picture of DN·s⁻¹ rates, with photon and read noise, black level, saturation
+ * and ADC. rate NULL: a dark picture. */
+void optics_sense(const struct optics_camera *camera, const float *rate, double exposure_s,
+                  double gain_db, gboolean noise, guint64 key, guint16 *ret_pixels);

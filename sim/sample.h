@@ -1,0 +1,94 @@
+/*
+ * Samples to put on the turntable: triangle meshes with a material at every vertex, made from
+ * parameters and a seed, or loaded. Millimetres in the sample frame: x and y from −size/2 to
+ * +size/2, z = 0 is the turntable's top.
+ */
+#pragma once
+
+#include "drivers/options.h"
+
+/* Diffuse albedo, and a layer of gloss (Ward's anisotropic lobe, bounded form): gloss is its
+ * albedo, along and across its roughness in the direction of the tangent and across it. */
+struct vertex {
+    float p[3], n[3], t[3];
+    float albedo[3];
+    float gloss, along, across;
+    float spare; /* a ray tracer may read a little beyond a position */
+};
+
+struct mesh {
+    GArray *vertices;  /* struct vertex */
+    GArray *triangles; /* guint32[3], counter-clockwise seen from outside */
+};
+
+enum sample_kind {
+    SAMPLE_FLAT,
+    SAMPLE_WEAVE,
+    SAMPLE_BRUSHED,
+    SAMPLE_BRICK,
+    SAMPLE_PEANUTS,
+    SAMPLE_RIDGES,
+    SAMPLE_PICTURE,
+    SAMPLE_OBJ,
+};
+
+struct sample_options {
+    int kind;
+    int seed;
+    double width_mm, height_mm; /* along x and y */
+    double base_mm, relief_mm, top_mm, period_mm;
+    int grid;
+    struct option_doubles albedo, albedo2; /* empty, one value, or three */
+    double gloss, along, across;           /* −1: the kind's own */
+    gboolean smooth;
+    char *path, *albedo_path;
+};
+
+extern const struct option sample_option_table[];
+
+/* Makes or loads the sample of a section. Errors name the section's file and line, or the file
+ * that could not be loaded and where in it. */
+struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
+                        GError **error);
+void sample_free(struct mesh *mesh); /* NULL is ignored */
+
+/* For the kinds. */
+struct mesh *sample_mesh_new(void);
+guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex);
+void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c);
+/* Two triangles; corners counter-clockwise. */
+void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d);
+/* Area-weighted normals from the triangles, for vertices from first on. */
+void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle);
+void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b);
+
+/* A surface z(x, y) on a grid, with walls down to the turntable. The function sets p[2], albedo and
+ * gloss of a vertex whose p[0] and p[1] are set. */
+typedef void (*SampleRelief)(struct vertex *vertex, gconstpointer data);
+void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
+                       SampleRelief relief, gconstpointer data);
+
+struct mesh *sample_weave(const struct sample_options *options);
+struct mesh *sample_peanuts(const struct sample_options *options);
+struct mesh *sample_relief(const struct sample_options *options); /* flat, brushed, brick, ridges */
+struct mesh *sample_picture(const struct sample_options *options, GError **error);
+struct mesh *sample_obj(const struct sample_options *options, GError **error);
+
+/* The hash that everything random in the simulated world comes from. */
+static inline guint64 sample_hash(guint64 x) {
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return x ^ (x >> 31);
+}
+
+struct sample_random {
+    guint64 state;
+};
+
+static inline double sample_uniform(struct sample_random *random) { /* 0 … 1, without 1 */
+    random->state += 0x9e3779b97f4a7c15u;
+    return (double)(sample_hash(random->state) >> 11) * 0x1p-53;
+}
+
+/* Smooth noise in −1 … 1 of unit grid, repeating every period (integer) cells. */
+double sample_noise(double x, double y, int period_x, int period_y, guint64 seed);

@@ -1,0 +1,129 @@
+#include "sample.h"
+
+#include <math.h>
+
+/* Peanuts in their shells, strewn over a tray: surfaces of revolution with a waist, lying on each
+ * other so that some hide others. */
+
+#define ALONG  30
+#define AROUND 24
+
+struct peanut {
+    const struct sample_options *options;
+    double x, y, z, turn, tilt;
+    double length_mm, radius_mm, waist, lean;
+    float albedo[3];
+    guint64 seed;
+};
+
+/* Radius along the axis, −1 … 1: a capsule with a waist, one end a little thicker. */
+static double profile(const struct peanut *peanut, double s) {
+    double end = sqrt(MAX(0, 1 - pow(fabs(s), 3.2)));
+    double waist = 1 - peanut->waist * exp(-pow((s - peanut->lean) / 0.33, 2));
+    return peanut->radius_mm * end * waist * (1 - 0.08 * s);
+}
+
+static void to_world(const struct peanut *peanut, const double local[3], float to[3],
+                     double weight) {
+    double ct = cos(peanut->tilt), st = sin(peanut->tilt);
+    double c = cos(peanut->turn), s = sin(peanut->turn);
+    double x = ct * local[0] - st * local[2], z = st * local[0] + ct * local[2];
+    to[0] = (float)(c * x - s * local[1] + weight * peanut->x);
+    to[1] = (float)(s * x + c * local[1] + weight * peanut->y);
+    to[2] = (float)(z + weight * peanut->z);
+}
+
+static void shell_vertex(const struct peanut *peanut, int i, int k, struct vertex *to) {
+    double s = -cos(G_PI * i / ALONG), turn = 2 * G_PI * k / AROUND;
+    double ribs = 0.5 + 0.5 * cos(8 * turn), rings = 0.5 + 0.5 * cos(11 * s);
+    double net = MAX(pow(ribs, 3), 0.8 * pow(rings, 4));
+    double rough = sample_noise(s * 7 + 20, turn * 3, 100, 100, peanut->seed);
+    double r = profile(peanut, s) * (0.94 + 0.06 * net + 0.02 * rough);
+    double local[3] = {s * peanut->length_mm / 2, r * cos(turn), r * sin(turn)};
+    const double axis[3] = {1, 0, 0};
+    to_world(peanut, local, to->p, 1);
+    to_world(peanut, axis, to->t, 0);
+    for (int c = 0; c < 3; c++)
+        to->albedo[c] = (float)CLAMP(peanut->albedo[c] * (0.72 + 0.3 * net + 0.15 * rough), 0, 1);
+    const struct sample_options *o = peanut->options;
+    to->gloss = (float)(o->gloss >= 0 ? o->gloss : 0.03);
+    to->along = (float)(o->along > 0 ? o->along : 0.35);
+    to->across = (float)(o->across > 0 ? o->across : 0.35);
+}
+
+static void add_peanut(struct mesh *mesh, const struct peanut *peanut) {
+    guint32 first = mesh->vertices->len;
+    guint first_triangle = mesh->triangles->len;
+    for (int i = 0; i <= ALONG; i++) {
+        for (int k = 0; k < AROUND; k++) {
+            struct vertex vertex = {0};
+            shell_vertex(peanut, i, k, &vertex);
+            sample_add_vertex(mesh, &vertex);
+        }
+    }
+    for (guint32 i = 0; i < ALONG; i++)
+        for (guint32 k = 0; k < AROUND; k++) {
+            guint32 a = first + i * AROUND + k, b = first + i * AROUND + (k + 1) % AROUND;
+            sample_add_quad(mesh, a, b, b + AROUND, a + AROUND);
+        }
+    for (guint i = first_triangle; i < mesh->triangles->len; i++) {
+        guint32 *corner = (guint32 *)(gpointer)mesh->triangles->data + 3 * i;
+        guint32 swap = corner[1];
+        corner[1] = corner[2];
+        corner[2] = swap;
+    }
+    sample_smooth_normals(mesh, first, first_triangle);
+}
+
+static void tray(struct vertex *vertex, gconstpointer data) {
+    const struct sample_options *o = data;
+    double u = vertex->p[0] / o->width_mm + 0.5, v = vertex->p[1] / o->height_mm + 0.5;
+    double grain = sample_noise(u * 3, v * 70, 3, 70, (guint64)o->seed + 5);
+    vertex->p[2] = (float)o->base_mm;
+    sample_set_rgb(vertex->albedo, &o->albedo2, 0.16f, 0.11f, 0.08f);
+    for (int k = 0; k < 3; k++)
+        vertex->albedo[k] *= (float)(1 + 0.25 * grain);
+}
+
+/* The lower layer lies flat on a jittered grid, the upper one across it; none leaves the tray. */
+static void throw_peanut(const struct sample_options *o, struct sample_random *random, int layer,
+                         double u, double v, struct peanut *to) {
+    double high = o->relief_mm, size = 0.85 + 0.3 * sample_uniform(random);
+    to->options = o;
+    to->radius_mm = high / 4.1 * MIN(size, 1.08);
+    to->length_mm = to->radius_mm * (4.6 + 1.2 * sample_uniform(random));
+    to->waist = 0.18 + 0.17 * sample_uniform(random);
+    to->lean = 0.3 * (sample_uniform(random) - 0.5);
+    to->turn = 2 * G_PI * sample_uniform(random);
+    to->tilt = layer ? 0.16 * (sample_uniform(random) - 0.5) : 0;
+    double half = to->length_mm / 2;
+    to->x = CLAMP((u - 0.5) * o->width_mm, -o->width_mm / 2 + half, o->width_mm / 2 - half);
+    to->y = CLAMP((v - 0.5) * o->height_mm, -o->height_mm / 2 + half, o->height_mm / 2 - half);
+    to->z = o->base_mm + to->radius_mm + layer * high * (0.37 + 0.06 * sample_uniform(random));
+    double tone = 0.75 + 0.4 * sample_uniform(random), warm = sample_uniform(random);
+    sample_set_rgb(to->albedo, &o->albedo, 0.66f, 0.44f, (float)(0.19 + 0.08 * warm));
+    for (int k = 0; k < 3; k++)
+        to->albedo[k] = (float)MIN(1, to->albedo[k] * tone);
+    to->seed = sample_hash(random->state);
+}
+
+struct mesh *sample_peanuts(const struct sample_options *options) {
+    struct mesh *mesh = sample_mesh_new();
+    sample_add_relief(mesh, options, 96, 96, tray, options);
+    struct sample_random random = {sample_hash((guint64)options->seed + 11)};
+    double spread = options->relief_mm * 1.9;
+    int nx = (int)CLAMP(rint(options->width_mm / spread), 1, 30);
+    int ny = (int)CLAMP(rint(options->height_mm / spread), 1, 30);
+    for (int layer = 0; layer < 2; layer++)
+        for (int i = 0; i < nx * ny; i++) {
+            double jitter_x = sample_uniform(&random), jitter_y = sample_uniform(&random);
+            if (layer && sample_uniform(&random) < 0.45)
+                continue;
+            double u = (i % nx + 0.15 + 0.7 * jitter_x) / nx;
+            double v = (i / nx + 0.15 + 0.7 * jitter_y) / ny;
+            struct peanut peanut;
+            throw_peanut(options, &random, layer, u, v, &peanut);
+            add_peanut(mesh, &peanut);
+        }
+    return mesh;
+}

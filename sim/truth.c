@@ -1,0 +1,200 @@
+#include "truth.h"
+
+#include "world_private.h"
+
+#include <string.h>
+
+/* Fine samples a texel, in x and y, in which depth edges are looked for. */
+#define FINE 4
+
+void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]) {
+    struct v3 eye = world_eye_mm(world, camera, turntable_deg);
+    ret[0] = eye.x;
+    ret[1] = eye.y;
+    ret[2] = eye.z;
+}
+
+/* Points of the reference plane in a raster, fine × fine a texel; and what the
+ * viewing rays through one of its rows see. */
+struct raster {
+    World *world;
+    const struct truth_grid *grid;
+    struct v3 eye;
+    int fine, n; /* a row */
+    struct v3 *points, *rays;
+    struct surface *surfaces;
+    gboolean *hit;
+};
+
+static void raster_init(struct raster *raster, World *world, int camera, double turntable_deg,
+                        const struct truth_grid *grid, int fine) {
+    *raster = (struct raster){.world = world, .grid = grid, .fine = fine};
+    raster->eye = world_eye_mm(world, camera, turntable_deg);
+    raster->n = grid->width * fine;
+    raster->points = g_new(struct v3, raster->n);
+    raster->rays = g_new(struct v3, raster->n);
+    raster->surfaces = g_new0(struct surface, raster->n);
+    raster->hit = g_new0(gboolean, raster->n);
+}
+
+static void raster_clear(struct raster *raster) {
+    g_free(raster->points);
+    g_free(raster->rays);
+    g_free(raster->surfaces);
+    g_free(raster->hit);
+}
+
+static void raster_trace(struct raster *raster, int row) {
+    const struct truth_grid *grid = raster->grid;
+    double y = grid->height_mm * (0.5 - (row + 0.5) / (grid->height * raster->fine));
+    for (int i = 0; i < raster->n; i++) {
+        double x = grid->width_mm * ((i + 0.5) / raster->n - 0.5);
+        raster->points[i] = v3(x, y, grid->reference_mm);
+        raster->rays[i] = v3_norm(v3_minus(raster->points[i], raster->eye));
+    }
+    scene_trace(&raster->world->scene, raster->eye, raster->points, raster->rays, raster->n,
+                raster->surfaces, raster->hit);
+}
+
+/* Along the ray from the reference plane; −1 where it meets nothing. */
+static float raster_distance(const struct raster *raster, int i) {
+    if (!raster->hit[i])
+        return -1;
+    const float *p = raster->surfaces[i].p;
+    return (float)v3_dot(v3_minus(v3(p[0], p[1], p[2]), raster->points[i]), raster->rays[i]);
+}
+
+static void distances(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
+                      int fine, float *ret) {
+    struct raster raster;
+    raster_init(&raster, world, camera, turntable_deg, grid, fine);
+    for (int row = 0; row < grid->height * fine; row++) {
+        raster_trace(&raster, row);
+        for (int i = 0; i < raster.n; i++)
+            *ret++ = raster_distance(&raster, i);
+    }
+    raster_clear(&raster);
+}
+
+/* Marks the texels within one texel of a step that lies between fine samples (i, j) and a next. */
+static void mark(const struct truth_grid *grid, int i, int j, guint8 *edge) {
+    double x = (i + 0.5) / FINE, y = (j + 0.5) / FINE;
+    int from_x = MAX(0, (int)ceil(x - 1.5)), to_x = MIN(grid->width - 1, (int)floor(x + 0.5));
+    int from_y = MAX(0, (int)ceil(y - 1.5)), to_y = MIN(grid->height - 1, (int)floor(y + 0.5));
+    for (int v = from_y; v <= to_y; v++)
+        for (int u = from_x; u <= to_x; u++)
+            edge[v * grid->width + u] = 1;
+}
+
+static void find_edges(World *world, int camera, double turntable_deg,
+                       const struct truth_grid *grid, guint8 *ret_edge) {
+    int w = grid->width * FINE, h = grid->height * FINE;
+    float step = (float)(grid->width_mm / grid->width / 2);
+    g_autofree float *fine = g_new(float, (gsize)w *(gsize)h);
+    distances(world, camera, turntable_deg, grid, FINE, fine);
+    memset(ret_edge, 0, (gsize)grid->width * (gsize)grid->height);
+    for (int j = 0; j < h; j++) {
+        for (int i = 0; i < w; i++) {
+            float d = fine[j * w + i];
+            if ((i + 1 < w && fabsf(fine[j * w + i + 1] - d) > step) ||
+                (j + 1 < h && fabsf(fine[(j + 1) * w + i] - d) > step))
+                mark(grid, i, j, ret_edge);
+        }
+    }
+}
+
+void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
+               float *ret_distance_mm, guint8 *ret_edge) {
+    distances(world, camera, turntable_deg, grid, 1, ret_distance_mm);
+    if (ret_edge)
+        find_edges(world, camera, turntable_deg, grid, ret_edge);
+}
+
+/* Adds one where the laser, swept, lights the surface that the row shows. */
+static void count_laser(const struct raster *raster, const struct optics_laser *laser,
+                        guint8 *seen) {
+    for (int first = 0; first < raster->n; first += SCENE_BATCH) {
+        int n = MIN(SCENE_BATCH, raster->n - first);
+        const struct surface *points[SCENE_BATCH];
+        guint8 blocked[SCENE_BATCH];
+        for (int i = 0; i < n; i++)
+            points[i] = &raster->surfaces[first + i];
+        scene_shadow(&raster->world->scene, laser->position_mm, points, n, blocked);
+        for (int i = 0; i < n; i++) {
+            struct v3 p = v3(points[i]->p[0], points[i]->p[1], points[i]->p[2]);
+            seen[first + i] +=
+                raster->hit[first + i] && !blocked[i] && optics_laser_peak(laser, p) > 0;
+        }
+    }
+}
+
+void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
+                      const double *arc_deg, const int *laser, int n, guint8 *ret_seen) {
+    struct raster raster;
+    raster_init(&raster, world, camera, turntable_deg, grid, 1);
+    memset(ret_seen, 0, (gsize)grid->width * (gsize)grid->height);
+    for (int row = 0; row < grid->height; row++) {
+        raster_trace(&raster, row);
+        for (int k = 0; k < n; k++) {
+            double relative = world_relative_rad(arc_deg[k], turntable_deg);
+            struct optics_laser turned = optics_turn_laser(&world->lasers[laser[k]], relative);
+            count_laser(&raster, &turned, ret_seen + row * grid->width);
+        }
+    }
+    raster_clear(&raster);
+}
+
+struct lamp_light {
+    struct optics_lamp lamp;
+    const float *bounce;
+};
+
+/* Adds π L / E_⊥ of the row's rays to their texels' sums. E_⊥ is that at the texel's centre. */
+static void add_reflectance(const struct raster *raster, const struct lamp_light *light,
+                            const double *facing, float *rgb) {
+    float share = 1.0f / (float)(raster->fine * raster->fine);
+    for (int i = 0; i < raster->n; i++) {
+        const struct surface *s = &raster->surfaces[i];
+        guint8 blocked;
+        if (!raster->hit[i])
+            continue;
+        scene_shadow(&raster->world->scene, light->lamp.position_mm, &s, 1, &blocked);
+        double direct =
+            blocked ? 0 : optics_lamp_irradiance(&light->lamp, v3(s->p[0], s->p[1], s->p[2]));
+        for (int c = 0; c < 3; c++) {
+            enum cfa_colour colour = (enum cfa_colour)c;
+            double radiance =
+                direct * scene_reflect(s, light->lamp.position_mm, raster->eye, colour) +
+                s->albedo[c] * M_1_PI * world_bounce_at(raster->world, light->bounce, s, colour);
+            rgb[3 * (i / raster->fine) + c] +=
+                (float)(radiance * G_PI / facing[i / raster->fine]) * share;
+        }
+    }
+}
+
+static void set_facing(const struct truth_grid *grid, const struct optics_lamp *lamp, int row,
+                       double *ret) {
+    double y = grid->height_mm * (0.5 - (row + 0.5) / grid->height);
+    for (int i = 0; i < grid->width; i++) {
+        double x = grid->width_mm * ((i + 0.5) / grid->width - 0.5);
+        ret[i] = optics_lamp_irradiance(lamp, v3(x, y, grid->reference_mm));
+    }
+}
+
+void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
+               const struct truth_grid *grid, int samples, float *ret_rgb) {
+    double relative = world_relative_rad(arc_deg, turntable_deg);
+    struct cache_entry *bounce = world_bounce(world, lamp, relative);
+    struct lamp_light light = {optics_turn_lamp(&world->lamps[lamp], relative), bounce->value};
+    struct raster raster;
+    raster_init(&raster, world, camera, turntable_deg, grid, samples);
+    g_autofree double *facing = g_new(double, grid->width);
+    memset(ret_rgb, 0, sizeof(float) * 3 * (gsize)grid->width * (gsize)grid->height);
+    for (int row = 0; row < grid->height * samples; row++) {
+        set_facing(grid, &light.lamp, row / samples, facing);
+        raster_trace(&raster, row);
+        add_reflectance(&raster, &light, facing, ret_rgb + 3 * grid->width * (row / samples));
+    }
+    raster_clear(&raster);
+    cache_release(world->cache, bounce);
+}

@@ -1,0 +1,114 @@
+#include "world_cache.h"
+
+#include "sample.h"
+
+struct node {
+    struct cache_entry entry; /* first */
+    struct cache_key key;
+    gsize bytes;
+    int users;
+    gboolean ready;
+    GList link; /* in the queue while ready */
+};
+
+struct Cache {
+    GMutex lock;
+    GCond made;
+    GHashTable *nodes;
+    GQueue recent; /* head: used last */
+    gsize bytes, limit;
+};
+
+static guint key_hash(gconstpointer p) {
+    const struct cache_key *key = p;
+    guint64 h = 0;
+    for (int i = 0; i < 4; i++)
+        h = sample_hash(h + key->words[i] + 0x9e3779b97f4a7c15u);
+    return (guint)h;
+}
+
+static gboolean key_equal(gconstpointer a, gconstpointer b) {
+    const struct cache_key *p = a, *q = b;
+    return p->words[0] == q->words[0] && p->words[1] == q->words[1] && p->words[2] == q->words[2] &&
+           p->words[3] == q->words[3];
+}
+
+static void node_free(gpointer p) {
+    struct node *node = p;
+    g_free(node->entry.value);
+    g_free(node);
+}
+
+Cache *cache_new(gsize limit_bytes) {
+    Cache *cache = g_new0(Cache, 1);
+    g_mutex_init(&cache->lock);
+    g_cond_init(&cache->made);
+    cache->nodes = g_hash_table_new_full(key_hash, key_equal, NULL, node_free);
+    cache->limit = limit_bytes;
+    return cache;
+}
+
+void cache_free(Cache *cache) {
+    if (!cache)
+        return;
+    g_hash_table_unref(cache->nodes);
+    g_mutex_clear(&cache->lock);
+    g_cond_clear(&cache->made);
+    g_free(cache);
+}
+
+static void shrink(Cache *cache) {
+    GList *link = cache->recent.tail;
+    while (link && cache->bytes > cache->limit) {
+        GList *before = link->prev;
+        struct node *node = link->data;
+        if (node->users == 0) {
+            g_queue_unlink(&cache->recent, link);
+            cache->bytes -= node->bytes;
+            g_hash_table_remove(cache->nodes, &node->key);
+        }
+        link = before;
+    }
+}
+
+static struct node *node_new(const struct cache_key *key) {
+    struct node *node = g_new0(struct node, 1);
+    node->key = *key;
+    node->link.data = node;
+    return node;
+}
+
+struct cache_entry *cache_get(Cache *cache, const struct cache_key *key, CacheMake make,
+                              gconstpointer data) {
+    g_mutex_lock(&cache->lock);
+    struct node *node = g_hash_table_lookup(cache->nodes, key);
+    if (node) {
+        node->users++;
+        while (!node->ready)
+            g_cond_wait(&cache->made, &cache->lock);
+        g_queue_unlink(&cache->recent, &node->link);
+    } else {
+        node = node_new(key);
+        node->users = 1;
+        g_hash_table_insert(cache->nodes, &node->key, node);
+        g_mutex_unlock(&cache->lock);
+        gsize bytes = 0;
+        gpointer value = make(key, data, &bytes);
+        g_mutex_lock(&cache->lock);
+        node->entry.value = value;
+        node->bytes = bytes;
+        node->ready = TRUE;
+        cache->bytes += bytes;
+        g_cond_broadcast(&cache->made);
+    }
+    g_queue_push_head_link(&cache->recent, &node->link);
+    shrink(cache);
+    g_mutex_unlock(&cache->lock);
+    return &node->entry;
+}
+
+void cache_release(Cache *cache, struct cache_entry *entry) {
+    g_mutex_lock(&cache->lock);
+    ((struct node *)entry)->users--;
+    g_mutex_unlock(&cache->lock);
+}

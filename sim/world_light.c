@@ -1,0 +1,268 @@
+#include "world_private.h"
+
+#include <string.h>
+
+#define RAD(deg) ((deg) * (G_PI / 180))
+
+enum cached {
+    CACHED_VIEW = 1,
+    CACHED_BOUNCE,
+    CACHED_PICTURE,
+};
+
+static double whole_turn(double deg) { /* 0 … 360, in steps of 1e-9 */
+    double rest = fmod(deg, 360);
+    double steps = rint((rest < 0 ? rest + 360 : rest) * 1e9);
+    return steps >= 360e9 ? 0 : steps * 1e-9;
+}
+
+static guint64 bits(double value) {
+    guint64 word;
+    memcpy(&word, &value, sizeof word);
+    return word;
+}
+
+double world_relative_rad(double arc_deg, double turntable_deg) {
+    return RAD(whole_turn(arc_deg - turntable_deg));
+}
+
+struct v3 world_eye_mm(const World *world, int camera, double turntable_deg) {
+    double angle = -RAD(whole_turn(turntable_deg));
+    return v3_turn_z(world->cameras[camera].centre_mm, cos(angle), sin(angle));
+}
+
+struct v3 world_ray(const World *world, int camera, double turntable_deg, double x_px,
+                    double y_px) {
+    double angle = -RAD(whole_turn(turntable_deg));
+    return v3_turn_z(optics_ray(&world->cameras[camera], x_px, y_px), cos(angle), sin(angle));
+}
+
+struct view_job {
+    const World *world;
+    int camera;
+    double turntable_deg;
+};
+
+struct tracer { /* of one picture row */
+    struct v3 *rays;
+    struct surface *surfaces;
+    gboolean *hit;
+};
+
+static float pixel_weight(const struct optics_camera *camera, int x, int y) {
+    return (float)optics_response(camera, x, y, cfa_colour_at(camera->cfa, x, y));
+}
+
+static void add_point(GArray *points, const struct surface *surface, guint32 pixel, float weight) {
+    struct point point = {.surface = *surface, .pixel = pixel, .weight = weight};
+    g_array_append_val(points, point);
+}
+
+/* Turntable alone has no detail: one sample a pixel is as good as many. */
+static void add_pixel(const struct view_job *job, const struct tracer *row, int x, int y,
+                      GArray *points) {
+    const struct optics_camera *camera = &job->world->cameras[job->camera];
+    int n = job->world->supersample * job->world->supersample, sample = 0;
+    const struct surface *surfaces = row->surfaces + x * n;
+    const gboolean *hit = row->hit + x * n;
+    for (int i = 0; i < n; i++)
+        sample += hit[i] && surfaces[i].triangle != NO_TRIANGLE;
+    float weight = pixel_weight(camera, x, y);
+    guint32 pixel = (guint32)(y * camera->width + x);
+    if (sample > 0) {
+        for (int i = 0; i < n; i++)
+            if (hit[i])
+                add_point(points, &surfaces[i], pixel, weight / (float)n);
+        return;
+    }
+    struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    struct v3 ray = world_ray(job->world, job->camera, job->turntable_deg, x, y);
+    struct surface table;
+    gboolean seen;
+    scene_trace(&job->world->scene, eye, NULL, &ray, 1, &table, &seen);
+    if (seen)
+        add_point(points, &table, pixel, weight);
+}
+
+static void trace_row(const struct view_job *job, const struct tracer *row, int y) {
+    const struct optics_camera *camera = &job->world->cameras[job->camera];
+    int aa = job->world->supersample, k = 0;
+    for (int x = 0; x < camera->width; x++)
+        for (int j = 0; j < aa; j++)
+            for (int i = 0; i < aa; i++)
+                row->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg,
+                                           x + (i + 0.5) / aa - 0.5, y + (j + 0.5) / aa - 0.5);
+    struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    scene_trace(&job->world->scene, eye, NULL, row->rays, k, row->surfaces, row->hit);
+}
+
+static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
+    const struct view_job *job = data;
+    const struct optics_camera *camera = &job->world->cameras[job->camera];
+    gsize n = (gsize)camera->width * (gsize)(job->world->supersample * job->world->supersample);
+    g_autofree struct v3 *rays = g_new(struct v3, n);
+    g_autofree struct surface *surfaces = g_new(struct surface, n);
+    g_autofree gboolean *hit = g_new(gboolean, n);
+    struct tracer row = {rays, surfaces, hit};
+    g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct point));
+    for (int y = 0; y < camera->height; y++) {
+        trace_row(job, &row, y);
+        for (int x = 0; x < camera->width; x++)
+            add_pixel(job, &row, x, y, points);
+    }
+    *ret_bytes = sizeof(struct view) + points->len * sizeof(struct point);
+    struct view *view = g_malloc(*ret_bytes);
+    view->eye_mm = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    view->n = points->len;
+    if (points->len)
+        memcpy(view->points, points->data, points->len * sizeof(struct point));
+    return view;
+}
+
+struct cache_entry *world_view(World *world, int camera, double turntable_deg) {
+    struct view_job job = {world, camera, turntable_deg};
+    struct cache_key key = {{CACHED_VIEW, (guint64)camera, bits(whole_turn(turntable_deg)), 0}};
+    return cache_get(world->cache, &key, make_view, &job);
+}
+
+struct bounce_job {
+    const World *world;
+    int lamp;
+    double relative_rad;
+};
+
+/* Direct irradiance at every vertex. */
+static float *light_vertices(const World *world, const struct optics_lamp *lamp) {
+    const struct scene *scene = &world->scene;
+    float *direct = g_new0(float, scene->n_vertices);
+    g_autofree struct surface *surfaces = g_new0(struct surface, SCENE_BATCH);
+    const struct surface *pointers[SCENE_BATCH];
+    guint8 blocked[SCENE_BATCH];
+    for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
+        int n = (int)MIN(SCENE_BATCH, scene->n_vertices - first);
+        for (int i = 0; i < n; i++) {
+            const struct vertex *from = &scene->vertices[first + (guint)i];
+            memcpy(surfaces[i].p, from->p, sizeof from->p);
+            memcpy(surfaces[i].n, from->n, sizeof from->n);
+            memcpy(surfaces[i].ng, from->n, sizeof from->n);
+            surfaces[i].albedo[CFA_GREEN] = (float)G_PI; /* makes scene_reflect() n·l */
+            pointers[i] = &surfaces[i];
+        }
+        scene_shadow(scene, lamp->position_mm, pointers, n, blocked);
+        for (int i = 0; i < n; i++) {
+            struct v3 p = v3(surfaces[i].p[0], surfaces[i].p[1], surfaces[i].p[2]);
+            if (!blocked[i])
+                direct[first + (guint)i] =
+                    (float)optics_lamp_irradiance(lamp, p) *
+                    scene_reflect(&surfaces[i], lamp->position_mm, lamp->position_mm, CFA_GREEN);
+        }
+    }
+    return direct;
+}
+
+static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
+    const struct bounce_job *job = data;
+    const struct scene *scene = &job->world->scene;
+    *ret_bytes = (gsize)scene->n_vertices * 3 * sizeof(float);
+    float *bounce = g_malloc0(*ret_bytes);
+    if (scene->n_gather == 0)
+        return bounce;
+    struct optics_lamp lamp = optics_turn_lamp(&job->world->lamps[job->lamp], job->relative_rad);
+    g_autofree float *direct = light_vertices(job->world, &lamp);
+    float share = 1.0f / (float)scene->n_gather;
+    const guint32 *gather = scene->gather;
+    for (guint i = 0; i < scene->n_vertices; i++, gather += scene->n_gather) {
+        for (int k = 0; k < scene->n_gather; k++) {
+            if (gather[k] == NO_TRIANGLE)
+                continue;
+            float e = direct[gather[k]] * share;
+            const float *albedo = scene->vertices[gather[k]].albedo;
+            for (int c = 0; c < 3; c++)
+                bounce[3 * i + (guint)c] += e * albedo[c];
+        }
+    }
+    return bounce;
+}
+
+struct cache_entry *world_bounce(World *world, int lamp, double relative_rad) {
+    struct bounce_job job = {world, lamp, relative_rad};
+    struct cache_key key = {{CACHED_BOUNCE, (guint64)lamp, bits(relative_rad), 0}};
+    return cache_get(world->cache, &key, make_bounce, &job);
+}
+
+float world_bounce_at(const World *world, const float *bounce, const struct surface *s,
+                      enum cfa_colour colour) {
+    if (s->triangle == NO_TRIANGLE)
+        return 0;
+    const guint32 *corners = world->scene.triangles[s->triangle];
+    return bounce[3 * corners[0] + colour] * (1 - s->u - s->v) +
+           bounce[3 * corners[1] + colour] * s->u + bounce[3 * corners[2] + colour] * s->v;
+}
+
+struct picture_job {
+    World *world;
+    int camera, lamp;
+    double turntable_deg, arc_deg;
+};
+
+struct lit { /* what shading a block of points needs */
+    const World *world;
+    const struct optics_camera *camera;
+    struct optics_lamp lamp;
+    struct v3 eye_mm;
+    const float *bounce;
+};
+
+static float point_radiance(const struct lit *lit, const struct surface *s, gboolean blocked,
+                            enum cfa_colour colour) {
+    float radiance = 0;
+    if (!blocked) {
+        float e = (float)optics_lamp_irradiance(&lit->lamp, v3(s->p[0], s->p[1], s->p[2]));
+        radiance = e * scene_reflect(s, lit->lamp.position_mm, lit->eye_mm, colour);
+    }
+    return radiance +
+           s->albedo[colour] * (float)M_1_PI * world_bounce_at(lit->world, lit->bounce, s, colour);
+}
+
+static void shade_block(const struct lit *lit, const struct point *points, int n, float *picture) {
+    const struct surface *surfaces[SCENE_BATCH];
+    guint8 blocked[SCENE_BATCH];
+    for (int i = 0; i < n; i++)
+        surfaces[i] = &points[i].surface;
+    scene_shadow(&lit->world->scene, lit->lamp.position_mm, surfaces, n, blocked);
+    int width = lit->camera->width;
+    for (int i = 0; i < n; i++) {
+        int x = (int)points[i].pixel % width, y = (int)points[i].pixel / width;
+        enum cfa_colour colour = cfa_colour_at(lit->camera->cfa, x, y);
+        picture[points[i].pixel] +=
+            points[i].weight * point_radiance(lit, surfaces[i], blocked[i], colour);
+    }
+}
+
+static gpointer make_picture(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
+    const struct picture_job *job = data;
+    World *world = job->world;
+    const struct optics_camera *camera = &world->cameras[job->camera];
+    double relative = world_relative_rad(job->arc_deg, job->turntable_deg);
+    struct cache_entry *bounce = world_bounce(world, job->lamp, relative);
+    struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
+    const struct view *view = entry->value;
+    struct lit lit = {world, camera, optics_turn_lamp(&world->lamps[job->lamp], relative),
+                      view->eye_mm, bounce->value};
+    *ret_bytes = (gsize)camera->width * (gsize)camera->height * sizeof(float);
+    float *picture = g_malloc0(*ret_bytes);
+    for (guint i = 0; i < view->n; i += SCENE_BATCH)
+        shade_block(&lit, view->points + i, (int)MIN(SCENE_BATCH, view->n - i), picture);
+    cache_release(world->cache, entry);
+    cache_release(world->cache, bounce);
+    return picture;
+}
+
+struct cache_entry *world_lamp_picture(World *world, int camera, int lamp, double turntable_deg,
+                                       double arc_deg) {
+    struct picture_job job = {world, camera, lamp, turntable_deg, arc_deg};
+    guint64 relative = bits(world_relative_rad(arc_deg, turntable_deg));
+    struct cache_key key = {{CACHED_PICTURE | (guint64)camera << 8 | (guint64)lamp << 16,
+                             bits(whole_turn(turntable_deg)), relative, 0}};
+    return cache_get(world->cache, &key, make_picture, &job);
+}

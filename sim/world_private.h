@@ -1,0 +1,124 @@
+/* The inside of the simulated world, for world*.c and truth.c. */
+#pragma once
+
+#include "optics.h"
+#include "sample.h"
+#include "world.h"
+#include "world_cache.h"
+
+#include <embree3/rtcore.h>
+
+#define NO_TRIANGLE G_MAXUINT32
+
+struct lamp_power { /* guarded by the world's lock */
+    gboolean on, dead;
+    gint64 on_us, off_us; /* the last time it was on */
+};
+
+/* The sample as light meets it. Its vertices are the surfels of interreflection: for each, a list
+ * of vertices that a cosine-weighted set of rays from it meets first. */
+struct scene {
+    RTCDevice device;
+    RTCScene scene;
+    const struct vertex *vertices;
+    const guint32 (*triangles)[3];
+    guint n_vertices, n_triangles;
+    int n_gather;
+    guint32 *gather; /* n_gather a vertex; NO_TRIANGLE: the ray met nothing */
+    float low[3], high[3];
+    float table_albedo, table_radius_mm;
+};
+
+struct World {
+    gint ref_count; /* guarded by the registry's lock */
+    char *key;
+    struct mesh *mesh;
+    struct scene scene;
+    struct optics_camera cameras[WORLD_MAX_CAMERAS];
+    struct optics_lamp lamps[WORLD_MAX_LAMPS];
+    struct optics_laser lasers[WORLD_MAX_LASERS];
+    char *camera_names[WORLD_MAX_CAMERAS], *lamp_names[WORLD_MAX_LAMPS],
+        *laser_names[WORLD_MAX_LASERS];
+    int n_cameras, n_lamps, n_lasers;
+    int supersample;
+    gboolean noise;
+    guint64 noise_seed;
+    double warm_up_s, warm_up_start, drift, drift_period_s;
+    Cache *cache;
+
+    GMutex lock; /* of what follows */
+    double turntable_deg, arc_deg, sweep_deg[WORLD_MAX_LASERS];
+    struct lamp_power power[WORLD_MAX_LAMPS];
+    gboolean laser_on[WORLD_MAX_LASERS];
+};
+
+/* world_load.c: fills a zeroed world from its file; on failure the world may be half full. */
+gboolean world_load(World *world, const char *path, GError **error);
+
+/* world_scene.c */
+struct surface { /* where a viewing ray meets sample or turntable; sample frame, mm */
+    float p[3], n[3], t[3], ng[3]; /* normals face the viewer */
+    float albedo[3], gloss, along, across;
+    guint32 triangle; /* NO_TRIANGLE: the turntable */
+    float u, v;
+};
+
+struct scene_settings {
+    int n_gather;
+    int seed;
+    double table_albedo, table_radius_mm;
+};
+void scene_init(struct scene *scene, const struct mesh *mesh,
+                const struct scene_settings *settings);
+void scene_clear(struct scene *scene);
+
+/* First surfaces along unit rays; FALSE in hit where there is none. eye_mm and directions in the
+ * sample frame; starts_mm NULL: all start at the eye. */
+void scene_trace(const struct scene *scene, struct v3 eye_mm, const struct v3 *starts_mm,
+                 const struct v3 *directions, int n, struct surface *ret, gboolean *ret_hit);
+
+/* Whether surface points see a light: blocked[i] is set where not, be it that it is behind. */
+#define SCENE_BATCH 256
+void scene_shadow(const struct scene *scene, struct v3 light_mm,
+                  const struct surface *const *points, int n, guint8 *ret_blocked);
+
+/* n·l·(diffuse + gloss) for light from a point, seen from the eye: what makes radiance of E_⊥. */
+float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_mm,
+                    enum cfa_colour colour);
+
+/* world_light.c */
+
+/* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
+double world_relative_rad(double arc_deg, double turntable_deg);
+
+struct v3 world_eye_mm(const World *world, int camera, double turntable_deg);
+struct v3 world_ray(const World *world, int camera, double turntable_deg, double x_px, double y_px);
+
+struct point { /* a part of a pixel's area */
+    struct surface surface;
+    guint32 pixel;
+    float weight; /* DN·s⁻¹ per W·sr⁻¹·m⁻², share of the pixel's area included */
+};
+
+/* What a camera sees at a turntable angle; without the sky, and turntable by whole pixels. */
+struct view {
+    struct v3 eye_mm;
+    guint n;
+    struct point points[];
+};
+struct cache_entry *world_view(World *world, int camera, double turntable_deg);
+
+/* Irradiance by one bounce, R G B a vertex, for a lamp at full output. */
+struct cache_entry *world_bounce(World *world, int lamp, double relative_rad);
+
+/* Of three vertices of a triangle, by barycentric coordinates. */
+float world_bounce_at(const World *world, const float *bounce, const struct surface *s,
+                      enum cfa_colour colour);
+
+/* DN·s⁻¹, width × height, for a lamp at full output. */
+struct cache_entry *world_lamp_picture(World *world, int camera, int lamp, double turntable_deg,
+                                       double arc_deg);
+
+/* world_laser.c: adds DN·s⁻¹ of a laser at a sweep angle. */
+void world_add_laser(World *world, int camera, int laser, const struct world_state *state,
+                     float *rate);
