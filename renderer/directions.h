@@ -1,0 +1,56 @@
+/*
+ * Interpolation over a set of measured directions: which of them, and how much of each, stand for
+ * any direction of the hemisphere. Weights are not negative, sum to 1, change continuously with the
+ * direction, and are those of the measured direction alone where one was measured.
+ *
+ * Sets of rings (a rig's: polar angles times azimuths, any number and offset a ring, a little
+ * unevenness allowed) are interpolated bilinearly in θ and φ; above the topmost ring towards a pole
+ * that is the mean of that ring, unless a direction was measured there. Any other set is
+ * triangulated (Delaunay, in the stereographic plane). Outside of what was measured the nearest
+ * measured value holds.
+ *
+ * The hemisphere is stored in square tables: (a, b) in [−1, 1]² are x + y and x − y of the
+ * direction scaled to |x| + |y| + z = 1.
+ */
+#pragma once
+
+#include "calib/vec.h"
+#include <glib.h>
+
+#define DIRECTIONS_ERROR directions_error_quark()
+GQuark directions_error_quark(void);
+enum directions_error {
+    DIRECTIONS_ERROR_RANGE, /* none, too many, not a number, or below the horizon */
+};
+
+#define DIRECTIONS_MAX 65000
+
+struct direction_weights {
+    int index[4]; /* of the measured directions; n for the pole, see directions_pole() */
+    float weight[4];
+};
+
+typedef struct Directions Directions; /* used by one thread at a time */
+
+Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
+void directions_free(Directions *directions); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
+
+gboolean directions_are_rings(const Directions *directions);
+
+/* The directions whose mean the pole (index n) is; *ret_n is 0 if no weights name the pole. Owned
+ * by the object. */
+const int *directions_pole(const Directions *directions, int *ret_n);
+
+/* direction: a unit vector; below the horizon it counts as lying in it. */
+void directions_weights(Directions *directions, struct vec3 direction,
+                        struct direction_weights *ret);
+
+/* By how much reflectance, which contains n·l, falls from the nearest measured light to this
+ * direction: 1 within the measured ones, then in proportion to the cosine, 0 below the horizon. */
+double directions_fade(Directions *directions, struct vec3 direction);
+
+struct vec3 directions_from_square(double a, double b);
+
+/* Solid angle per area of the square at (a, b). */
+double directions_square_density(double a, double b);

@@ -1,0 +1,265 @@
+#include "eigenmaps_view.h"
+
+#include "directions.h"
+#include "gpu.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+#define VIEW_TABLE  256
+#define LIGHT_TABLE 512
+#define HALF_MAX    65504.0f
+
+struct EigenmapsView {
+    int n_terms, n_layers; /* layers a term */
+    guint maps, view_weights, light_indices, light_weights;
+};
+
+static gboolean check(const struct eigenmaps *maps, GError **error) {
+    GLint layers = 0, size = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (maps->n_views < 1 || maps->n_lights < 1 || maps->n_terms < 1 || maps->width < 1 ||
+        maps->height < 1) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
+        return FALSE;
+    }
+    gint64 needed = (gint64)maps->n_terms * ((gint64)maps->n_lights + 2);
+    if (needed > layers) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d terms of %d lights need %" G_GINT64_FORMAT
+                    " layers, %s has %d; compress the material with %d terms or fewer",
+                    maps->n_terms, maps->n_lights, needed, gpu_renderer(), layers,
+                    (int)MAX(1, layers / ((gint64)maps->n_lights + 2)));
+        return FALSE;
+    }
+    if (maps->width > size || maps->height > size) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d × %d texels: %s takes %d each way; process the material with fewer texels",
+                    maps->width, maps->height, gpu_renderer(), size);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean check_weights(const struct eigenmaps *maps, GError **error) {
+    for (gsize k = 0; k < (gsize)maps->n_terms * maps->n_views; k++)
+        if (!isfinite(maps->weights[k])) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "the weight of term %d for view %d is not a finite number",
+                        (int)(k / maps->n_views), (int)(k % maps->n_views));
+            return FALSE;
+        }
+    return TRUE;
+}
+
+static const float *map_of(const struct eigenmaps *maps, int term, int light) {
+    gsize texels = (gsize)maps->width * maps->height;
+    return maps->maps + 3 * texels * ((gsize)term * maps->n_lights + light);
+}
+
+static gboolean add_map(const struct eigenmaps *maps, int term, int light, float share, float *sum,
+                        GError **error) {
+    const float *map = map_of(maps, term, light);
+    for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++) {
+        if (!isfinite(map[k])) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "term %d, light %d, texel (%d, %d) is not a finite number", term, light,
+                        (int)(k / 3 % maps->width), (int)(k / 3 / maps->width));
+            return FALSE;
+        }
+        sum[k] += share * map[k];
+    }
+    return TRUE;
+}
+
+static void put_layer(const struct eigenmaps *maps, int layer, float *texels) {
+    for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++)
+        texels[k] = CLAMP(texels[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, maps->width, maps->height, 1, GL_RGB,
+                    GL_FLOAT, texels);
+}
+
+/* One layer that is a mix of lights. */
+static gboolean mix_layer(const struct eigenmaps *maps, int term, int layer, const float *shares,
+                          float *texels, GError **error) {
+    memset(texels, 0, 3 * sizeof(float) * (gsize)maps->width * maps->height);
+    for (int light = 0; light < maps->n_lights; light++)
+        if (shares[light] != 0.0f && !add_map(maps, term, light, shares[light], texels, error))
+            return FALSE;
+    put_layer(maps, layer, texels);
+    return TRUE;
+}
+
+static gboolean upload_maps(EigenmapsView *view, const struct eigenmaps *maps, const float *pole,
+                            const float *ambient, GError **error) {
+    g_autofree float *texels = g_new(float, 3 * (gsize)maps->width * maps->height);
+    g_autofree float *one = g_new0(float, maps->n_lights);
+    view->maps = gpu_texture(GL_RGBA16F, maps->width, maps->height, view->n_terms * view->n_layers);
+    if (!gpu_check("the material's texture", error)) {
+        g_prefix_error(error, "%d × %d texels in %d layers: ", maps->width, maps->height,
+                       view->n_terms * view->n_layers);
+        return FALSE;
+    }
+    for (int term = 0; term < view->n_terms; term++) {
+        int base = term * view->n_layers;
+        for (int light = 0; light < maps->n_lights; light++) {
+            one[light] = 1.0f;
+            if (!mix_layer(maps, term, base + light, one, texels, error))
+                return FALSE;
+            one[light] = 0.0f;
+        }
+        if (!mix_layer(maps, term, base + maps->n_lights, pole, texels, error) ||
+            !mix_layer(maps, term, base + maps->n_lights + 1, ambient, texels, error))
+            return FALSE;
+    }
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 1000);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_REPEAT);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    return gpu_check("the material's texture", error);
+}
+
+/* shares: of each light in the mean that is the pole. */
+static void pole_shares(const Directions *directions, float *shares) {
+    int n;
+    const int *members = directions_pole(directions, &n);
+    for (int k = 0; k < n; k++)
+        shares[members[k]] += 1.0f / n;
+}
+
+static void add_ambient(const struct direction_weights *weights, double share, int n_lights,
+                        const float *pole, float *ambient) {
+    for (int k = 0; k < 4; k++) {
+        if (weights->index[k] < n_lights)
+            ambient[weights->index[k]] += share * weights->weight[k];
+        else
+            for (int light = 0; light < n_lights; light++)
+                ambient[light] += share * weights->weight[k] * pole[light];
+    }
+}
+
+/* Fills the light tables and, from the same weights, each light's share of an even sky. */
+static void upload_lights(EigenmapsView *view, Directions *directions, int n_lights,
+                          const float *pole, float *ambient) {
+    g_autofree guint16 *indices = g_new(guint16, 4 * LIGHT_TABLE * LIGHT_TABLE);
+    g_autofree float *weights = g_new(float, 4 * LIGHT_TABLE * LIGHT_TABLE);
+    double step = 2.0 / LIGHT_TABLE;
+    for (int j = 0; j < LIGHT_TABLE; j++)
+        for (int i = 0; i < LIGHT_TABLE; i++) {
+            gsize at = 4 * ((gsize)j * LIGHT_TABLE + i);
+            double a = -1.0 + (i + 0.5) * step, b = -1.0 + (j + 0.5) * step;
+            struct vec3 light = directions_from_square(a, b);
+            struct direction_weights w;
+            directions_weights(directions, light, &w);
+            double fade = directions_fade(directions, light);
+            add_ambient(&w, fade * directions_square_density(a, b) * step * step / G_PI, n_lights,
+                        pole, ambient);
+            for (int k = 0; k < 4; k++) {
+                indices[at + k] = w.index[k];
+                weights[at + k] = fade * w.weight[k];
+            }
+        }
+    view->light_indices = gpu_texture(GL_RGBA16UI, LIGHT_TABLE, LIGHT_TABLE, 0);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, LIGHT_TABLE, LIGHT_TABLE, GL_RGBA_INTEGER,
+                    GL_UNSIGNED_SHORT, indices);
+    view->light_weights = gpu_texture(GL_RGBA16, LIGHT_TABLE, LIGHT_TABLE, 0);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, LIGHT_TABLE, LIGHT_TABLE, GL_RGBA, GL_FLOAT, weights);
+}
+
+static float weight_at(const struct eigenmaps *maps, const Directions *views, int term,
+                       const struct direction_weights *at) {
+    const float *w = maps->weights + (gsize)term * maps->n_views;
+    double sum = 0.0;
+    for (int k = 0; k < 4; k++) {
+        int n;
+        const int *members = directions_pole(views, &n);
+        if (at->index[k] < maps->n_views)
+            sum += at->weight[k] * w[at->index[k]];
+        else
+            for (int m = 0; m < n; m++)
+                sum += at->weight[k] * w[members[m]] / n;
+    }
+    return sum;
+}
+
+/* The table's outermost samples lie on the horizon, so that filtering needs nothing beyond it. */
+static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Directions *views) {
+    int n_pages = (maps->n_terms + 3) / 4;
+    gsize page = 4 * VIEW_TABLE * VIEW_TABLE;
+    g_autofree float *table = g_new0(float, n_pages *page);
+    for (int j = 0; j < VIEW_TABLE; j++)
+        for (int i = 0; i < VIEW_TABLE; i++) {
+            struct direction_weights w;
+            directions_weights(views,
+                               directions_from_square(-1.0 + 2.0 * i / (VIEW_TABLE - 1),
+                                                      -1.0 + 2.0 * j / (VIEW_TABLE - 1)),
+                               &w);
+            for (int term = 0; term < maps->n_terms; term++)
+                table[term / 4 * page + 4 * ((gsize)j * VIEW_TABLE + i) + term % 4] =
+                    weight_at(maps, views, term, &w);
+        }
+    view->view_weights = gpu_texture(GL_RGBA32F, VIEW_TABLE, VIEW_TABLE, n_pages);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, VIEW_TABLE, VIEW_TABLE, n_pages, GL_RGBA,
+                    GL_FLOAT, table);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+}
+
+EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
+    if (!check(maps, error) || !check_weights(maps, error))
+        return NULL;
+    g_autoptr(Directions) views =
+        directions_new(maps->view_theta_deg, maps->view_phi_deg, maps->n_views, error);
+    if (views == NULL) {
+        g_prefix_error(error, "views: ");
+        return NULL;
+    }
+    g_autoptr(Directions) lights =
+        directions_new(maps->light_theta_deg, maps->light_phi_deg, maps->n_lights, error);
+    if (lights == NULL) {
+        g_prefix_error(error, "lights: ");
+        return NULL;
+    }
+    g_autoptr(EigenmapsView) view = g_new0(EigenmapsView, 1);
+    g_autofree float *pole = g_new0(float, maps->n_lights);
+    g_autofree float *ambient = g_new0(float, maps->n_lights);
+    view->n_terms = maps->n_terms;
+    view->n_layers = maps->n_lights + 2;
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    pole_shares(lights, pole);
+    upload_lights(view, lights, maps->n_lights, pole, ambient);
+    upload_views(view, maps, views);
+    if (!upload_maps(view, maps, pole, ambient, error))
+        return NULL;
+    return g_steal_pointer(&view);
+}
+
+void eigenmaps_view_free(EigenmapsView *view) {
+    if (view == NULL)
+        return;
+    const GLuint textures[] = {view->maps, view->view_weights, view->light_indices,
+                               view->light_weights};
+    glDeleteTextures(G_N_ELEMENTS(textures), textures);
+    g_free(view);
+}
+
+static void bind(guint program, const char *name, int unit, GLenum target, guint texture) {
+    glActiveTexture(GL_TEXTURE0 + unit);
+    glBindTexture(target, texture);
+    glUniform1i(glGetUniformLocation(program, name), unit);
+}
+
+void eigenmaps_view_bind(EigenmapsView *view, guint program, gboolean nearest) {
+    bind(program, "view_weights", 1, GL_TEXTURE_2D_ARRAY, view->view_weights);
+    bind(program, "light_indices", 2, GL_TEXTURE_2D, view->light_indices);
+    bind(program, "light_weights", 3, GL_TEXTURE_2D, view->light_weights);
+    bind(program, "maps", 0, GL_TEXTURE_2D_ARRAY, view->maps);
+    glActiveTexture(GL_TEXTURE0);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER,
+                    nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, nearest ? GL_NEAREST : GL_LINEAR);
+    glUniform1i(glGetUniformLocation(program, "n_terms"), view->n_terms);
+    glUniform1i(glGetUniformLocation(program, "n_layers"), view->n_layers);
+}

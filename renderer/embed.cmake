@@ -1,0 +1,12 @@
+# Writes shaders.c: a table of file names and texts. SHADERS is a list of paths.
+set(text "#include \"shaders.h\"\n\nconst struct shader shaders[] = {\n")
+foreach(path ${SHADERS})
+  get_filename_component(name ${path} NAME)
+  file(READ ${path} source)
+  string(REPLACE "\\" "\\\\" source "${source}")
+  string(REPLACE "\"" "\\\"" source "${source}")
+  string(REPLACE "\n" "\\n\"\n     \"" source "${source}")
+  string(APPEND text "    {\"${name}\",\n     \"${source}\"},\n")
+endforeach()
+string(APPEND text "    {NULL, NULL},\n};\n")
+file(WRITE ${OUTPUT} "${text}")

@@ -1,0 +1,241 @@
+#include "gpu.h"
+#include "shaders.h"
+
+#include <epoxy/egl.h>
+#include <epoxy/gl.h>
+#include <string.h>
+
+G_DEFINE_QUARK(mesorig - gpu - error - quark, gpu_error)
+
+struct Gpu {
+    EGLDisplay display;
+    EGLContext context;
+};
+
+static EGLDisplay open_display(void) {
+    static const EGLenum platforms[] = {EGL_PLATFORM_SURFACELESS_MESA, EGL_PLATFORM_DEVICE_EXT};
+    static const char *const extensions[] = {"EGL_MESA_platform_surfaceless",
+                                             "EGL_EXT_platform_device"};
+    EGLDeviceEXT device = NULL;
+    EGLint n_devices = 0;
+    if (epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_device_enumeration"))
+        eglQueryDevicesEXT(1, &device, &n_devices);
+    for (gsize k = 0; k < G_N_ELEMENTS(platforms); k++) {
+        if (!epoxy_has_egl_extension(EGL_NO_DISPLAY, extensions[k]))
+            continue;
+        EGLDisplay display = eglGetPlatformDisplayEXT(platforms[k], k == 1 ? device : NULL, NULL);
+        if (display != EGL_NO_DISPLAY && eglInitialize(display, NULL, NULL))
+            return display;
+    }
+    return EGL_NO_DISPLAY;
+}
+
+static EGLContext create_context(EGLDisplay display) {
+    const EGLint config_wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_SURFACE_TYPE, 0,
+                                    EGL_NONE};
+    const EGLint wanted[] = {EGL_CONTEXT_MAJOR_VERSION,
+                             3,
+                             EGL_CONTEXT_MINOR_VERSION,
+                             3,
+                             EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                             EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                             EGL_NONE};
+    EGLConfig config = NULL;
+    EGLint n_configs = 0;
+    if (!eglBindAPI(EGL_OPENGL_API) ||
+        !eglChooseConfig(display, config_wanted, &config, 1, &n_configs) || n_configs == 0)
+        return EGL_NO_CONTEXT;
+    return eglCreateContext(display, config, EGL_NO_CONTEXT, wanted);
+}
+
+Gpu *gpu_new_headless(GError **error) {
+    static const char advice[] = "install Mesa's EGL (libegl-mesa0, libgl1-mesa-dri), which also "
+                                 "draws without a graphics card";
+    if (!epoxy_has_egl()) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE, "there is no EGL library here: %s", advice);
+        return NULL;
+    }
+    EGLDisplay display = open_display();
+    if (display == EGL_NO_DISPLAY) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                    "EGL offers no way to draw without a window: %s", advice);
+        return NULL;
+    }
+    EGLContext context = create_context(display);
+    if (context == EGL_NO_CONTEXT ||
+        !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE, "EGL has no OpenGL 3.3 core context: %s",
+                    advice);
+        if (context != EGL_NO_CONTEXT)
+            eglDestroyContext(display, context);
+        eglTerminate(display);
+        return NULL;
+    }
+    Gpu *gpu = g_new(Gpu, 1);
+    *gpu = (Gpu){display, context};
+    return gpu;
+}
+
+void gpu_free(Gpu *gpu) {
+    if (gpu == NULL)
+        return;
+    eglMakeCurrent(gpu->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+    eglDestroyContext(gpu->display, gpu->context);
+    eglTerminate(gpu->display);
+    eglReleaseThread();
+    g_free(gpu);
+}
+
+const char *gpu_renderer(void) {
+    const char *name = (const char *)glGetString(GL_RENDERER);
+    return name != NULL ? name : "unknown";
+}
+
+gboolean gpu_check(const char *what, GError **error) {
+    GLenum code = glGetError(), next = code;
+    for (int k = 0; next != GL_NO_ERROR && k < 16; k++)
+        next = glGetError();
+    if (code == GL_NO_ERROR)
+        return TRUE;
+    if (code == GL_OUT_OF_MEMORY)
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%s: the graphics card has no memory left", what);
+    else
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "%s: OpenGL error 0x%04x on %s", what, code,
+                    gpu_renderer());
+    return FALSE;
+}
+
+static const char *find_shader(const char *name) {
+    for (const struct shader *shader = shaders; shader->name != NULL; shader++)
+        if (strcmp(shader->name, name) == 0)
+            return shader->source;
+    g_error("no shader “%s” was compiled in", name);
+}
+
+static guint compile(GLenum kind, const char *const *sources, int n, const char *name,
+                     GError **error) {
+    GLuint shader = glCreateShader(kind);
+    GLint good = 0;
+    glShaderSource(shader, n, sources, NULL);
+    glCompileShader(shader);
+    glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
+    if (good)
+        return shader;
+    char log[2000] = "";
+    glGetShaderInfoLog(shader, sizeof log, NULL, log);
+    glDeleteShader(shader);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM, "%s does not compile on %s: %s", name,
+                gpu_renderer(), log);
+    return 0;
+}
+
+static guint link_program(guint vertex, guint fragment, const char *name, GError **error) {
+    GLuint program = glCreateProgram();
+    GLint good = 0;
+    glAttachShader(program, vertex);
+    glAttachShader(program, fragment);
+    glLinkProgram(program);
+    glGetProgramiv(program, GL_LINK_STATUS, &good);
+    if (good)
+        return program;
+    char log[2000] = "";
+    glGetProgramInfoLog(program, sizeof log, NULL, log);
+    glDeleteProgram(program);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_PROGRAM, "%s does not link on %s: %s", name,
+                gpu_renderer(), log);
+    return 0;
+}
+
+guint gpu_program(const char *const *names, GError **error) {
+    const char *sources[8] = {"#version 330 core\n", find_shader(names[0])};
+    guint program = 0, vertex = compile(GL_VERTEX_SHADER, sources, 2, names[0], error);
+    if (vertex == 0)
+        return 0;
+    int n = 1;
+    const char *last = NULL;
+    for (; names[n] != NULL && n < (int)G_N_ELEMENTS(sources); n++)
+        sources[n] = find_shader(last = names[n]);
+    guint fragment = compile(GL_FRAGMENT_SHADER, sources, n, last, error);
+    if (fragment != 0)
+        program = link_program(vertex, fragment, last, error);
+    glDeleteShader(vertex);
+    glDeleteShader(fragment);
+    return program;
+}
+
+static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
+    switch (internal_format) {
+    case GL_RGBA16UI:
+        *ret_format = GL_RGBA_INTEGER;
+        *ret_type = GL_UNSIGNED_SHORT;
+        break;
+    case GL_DEPTH_COMPONENT24:
+        *ret_format = GL_DEPTH_COMPONENT;
+        *ret_type = GL_UNSIGNED_INT;
+        break;
+    default:
+        *ret_format = GL_RGBA;
+        *ret_type = GL_FLOAT;
+    }
+}
+
+guint gpu_texture(int internal_format, int width, int height, int layers) {
+    GLenum target = layers == 0 ? GL_TEXTURE_2D : GL_TEXTURE_2D_ARRAY, format, type;
+    GLuint texture;
+    texture_format(internal_format, &format, &type);
+    glGenTextures(1, &texture);
+    glBindTexture(target, texture);
+    if (layers == 0)
+        glTexImage2D(target, 0, internal_format, width, height, 0, format, type, NULL);
+    else
+        glTexImage3D(target, 0, internal_format, width, height, layers, 0, format, type, NULL);
+    glTexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);
+    glTexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glTexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glTexParameteri(target, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(target, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    return texture;
+}
+
+gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
+                           gboolean depth, GError **error) {
+    if (target->framebuffer != 0 && target->width == width && target->height == height)
+        return TRUE;
+    gpu_target_clear(target);
+    GLint largest = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
+    if (width < 1 || height < 1 || width > largest || height > largest) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "a picture of %d × %d samples: %s draws 1 … %d each way; choose a smaller size "
+                    "or less supersampling",
+                    width, height, gpu_renderer(), largest);
+        return FALSE;
+    }
+    target->width = width;
+    target->height = height;
+    target->colour = gpu_texture(internal_format, width, height, 0);
+    glGenFramebuffers(1, &target->framebuffer);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target->colour, 0);
+    if (depth) {
+        target->depth = gpu_texture(GL_DEPTH_COMPONENT24, width, height, 0);
+        glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, target->depth,
+                               0);
+    }
+    if (!gpu_check("making a picture to draw into", error))
+        return FALSE;
+    if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                "%s cannot draw into a picture of the kind 0x%04x", gpu_renderer(),
+                internal_format);
+    return FALSE;
+}
+
+void gpu_target_clear(struct gpu_target *target) {
+    glDeleteFramebuffers(1, &target->framebuffer);
+    glDeleteTextures(1, &target->colour);
+    glDeleteTextures(1, &target->depth);
+    *target = (struct gpu_target){0};
+}

@@ -1,0 +1,45 @@
+/*
+ * OpenGL 3.3 core: a context without a window, programs, and errors as sentences. Everything that
+ * draws belongs to the thread in which the context was made.
+ */
+#pragma once
+
+#include <glib.h>
+
+#define GPU_ERROR gpu_error_quark()
+GQuark gpu_error_quark(void);
+enum gpu_error {
+    GPU_ERROR_NONE,      /* there is no OpenGL 3.3 here */
+    GPU_ERROR_TOO_LARGE, /* the card cannot hold it */
+    GPU_ERROR_PROGRAM,   /* a shader was refused */
+    GPU_ERROR_FAILED,    /* OpenGL said that something went wrong */
+};
+
+typedef struct Gpu Gpu;
+
+/* Through EGL without a surface (Mesa, or a card's device platform); made current. */
+Gpu *gpu_new_headless(GError **error);
+void gpu_free(Gpu *gpu); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Gpu, gpu_free)
+
+const char *gpu_renderer(void); /* of the current context, never NULL */
+
+/* Fails if OpenGL has an error pending; what: was being done. */
+gboolean gpu_check(const char *what, GError **error);
+
+/* names: of embedded shaders, NULL-ended; the vertex shader first, all others are joined to one
+ * fragment shader. Returns 0 on error. */
+guint gpu_program(const char *const *names, GError **error);
+
+/* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */
+guint gpu_texture(int internal_format, int width, int height, int layers);
+
+/* A colour texture with or without a depth buffer to draw into. */
+struct gpu_target {
+    guint framebuffer, colour, depth;
+    int width, height;
+};
+
+gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
+                           gboolean depth, GError **error);
+void gpu_target_clear(struct gpu_target *target);

@@ -1,0 +1,335 @@
+/* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
+#include "gpu.h"
+#include "picture.h"
+#include "view.h"
+#include "window.h"
+
+#include <locale.h>
+#include <stdio.h>
+#include <string.h>
+
+#define MAX_SIZE 16384
+
+struct options {
+    char *render, *shape, *size, *tiles, *up, *screenshot;
+    int frames, close_after, supersample;
+    gboolean light_turn, camera_turn, nearest, json, version;
+    struct view_settings settings;
+    char **rest;
+    int width, height;
+};
+
+struct rendered {
+    int n_frames;
+    double seconds;
+    char *renderer;
+    GPtrArray *files;
+};
+
+static GOptionEntry *entries(struct options *o) {
+    struct view_settings *s = &o->settings;
+    const GOptionEntry all[] = {
+        {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
+         "OUT.png"},
+        {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
+         "plane, torus (default), sphere, cylinder or an OBJ file", "SHAPE"},
+        {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
+        {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,
+         "Repetitions of the material along the shape, for example 8x3", "N|UxV"},
+        {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg,
+         "Light's angle from straight above, 0 … 180, default 50", "DEG"},
+        {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg,
+         "Light's azimuth from +x, default 215: from the left, in front", "DEG"},
+        {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg,
+         "Camera's azimuth from +x, default -90: in front", "DEG"},
+        {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
+         "Camera's height above the horizon, -90 … 90, default 35", "DEG"},
+        {"camera-distance", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_distance,
+         "In radii of the shape; default: the whole shape fits", "R"},
+        {"camera-fov-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_fov_deg,
+         "Field of view of the shorter side, 1 … 120, default 35", "DEG"},
+        {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &s->exposure_ev,
+         "Stops brighter; at 0 a lit white diffuser is just below white", "EV"},
+        {"ambient", 0, 0, G_OPTION_ARG_DOUBLE, &s->ambient,
+         "Light from all around, as a share of the lamp's, default 0.05", "SHARE"},
+        {"supersample", 0, 0, G_OPTION_ARG_INT, &o->supersample,
+         "Samples each way of a pixel, 1 … 8; default 4, in the window 1", "N"},
+        {"nearest", 0, 0, G_OPTION_ARG_NONE, &o->nearest, "Do not filter between texels", NULL},
+        {"plain", 0, 0, G_OPTION_ARG_NONE, &s->plain,
+         "One texture times n·l instead of the BTF, to compare", NULL},
+        {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "An OBJ file's upward axis, default y", "y|z"},
+        {"frames", 0, 0, G_OPTION_ARG_INT, &o->frames,
+         "With --render: this many pictures OUT_0000.png …", "N"},
+        {"light-turn", 0, 0, G_OPTION_ARG_NONE, &o->light_turn,
+         "The light goes once around during the frames", NULL},
+        {"camera-turn", 0, 0, G_OPTION_ARG_NONE, &o->camera_turn,
+         "The camera goes once around during the frames", NULL},
+        {"close-after", 0, 0, G_OPTION_ARG_INT, &o->close_after,
+         "Close the window after this many frames", "N"},
+        {"screenshot", 0, 0, G_OPTION_ARG_FILENAME, &o->screenshot,
+         "Write the window's last picture when it closes", "OUT.png"},
+        {"json", 0, 0, G_OPTION_ARG_NONE, &o->json, "Say what was done as JSON", NULL},
+        {"version", 0, 0, G_OPTION_ARG_NONE, &o->version, "Print the version", NULL},
+        {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &o->rest, NULL, "MATERIAL"},
+        {NULL}};
+    return g_memdup2(all, sizeof all);
+}
+
+static void options_clear(struct options *o) {
+    g_free(o->render);
+    g_free(o->shape);
+    g_free(o->size);
+    g_free(o->tiles);
+    g_free(o->up);
+    g_free(o->screenshot);
+    g_strfreev(o->rest);
+}
+
+static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
+                text, wanted);
+    return FALSE;
+}
+
+static gboolean parse_size(struct options *o, GError **error) {
+    char end;
+    o->width = 800;
+    o->height = 600;
+    if (o->size != NULL &&
+        (sscanf(o->size, "%5dx%5d%c", &o->width, &o->height, &end) != 2 || o->width < 1 ||
+         o->height < 1 || o->width > MAX_SIZE || o->height > MAX_SIZE))
+        return bad(error, "--size", o->size, "WIDTHxHEIGHT, each 1 … 16384");
+    return TRUE;
+}
+
+static gboolean parse_tiles(struct options *o, GError **error) {
+    char *end;
+    struct view_settings *s = &o->settings;
+    if (o->tiles == NULL)
+        return TRUE;
+    s->tiles_u = s->tiles_v = g_ascii_strtod(o->tiles, &end);
+    if (*end == 'x' && end > o->tiles)
+        s->tiles_v = g_ascii_strtod(end + 1, &end);
+    if (*end != '\0' || !(s->tiles_u > 0.0 && s->tiles_u <= 1000.0) ||
+        !(s->tiles_v > 0.0 && s->tiles_v <= 1000.0))
+        return bad(error, "--tiles", o->tiles, "N or UxV, each above 0, up to 1000,");
+    return TRUE;
+}
+
+static gboolean check_options(struct options *o, GError **error) {
+    if (o->rest == NULL || o->rest[0] == NULL || o->rest[1] != NULL) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED,
+                    "one MATERIAL is expected: an eigenmaps.exr or a session directory");
+        return FALSE;
+    }
+    if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
+        return bad(error, "--up", o->up, "y or z");
+    if (o->frames < 0 || o->frames > 10000 || o->close_after < 0) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--frames takes 1 … 10000, --close-after 1 or more");
+        return FALSE;
+    }
+    if (o->render == NULL && o->frames > 0) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--frames goes with --render OUT.png");
+        return FALSE;
+    }
+    o->settings.nearest = o->nearest;
+    o->settings.samples = o->supersample != 0 ? o->supersample : o->render != NULL ? 4 : 1;
+    return parse_size(o, error) && parse_tiles(o, error) &&
+           view_settings_check(&o->settings, error);
+}
+
+static char *material_path(const char *argument) {
+    if (g_file_test(argument, G_FILE_TEST_IS_DIR))
+        return g_build_filename(argument, "products", "eigenmaps.exr", NULL);
+    return g_strdup(argument);
+}
+
+static struct eigenmaps *load(const char *path, GError **error) {
+    if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "there is no %s; “mesorig process” makes it from a session", path);
+        return NULL;
+    }
+    return eigenmaps_read(path, error);
+}
+
+/* OUT.png becomes OUT_0000.png, … if there are more than one. */
+static char *frame_path(const struct options *o, int frame) {
+    if (o->frames == 0)
+        return g_strdup(o->render);
+    gsize length = strlen(o->render);
+    gboolean png = length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".png") == 0;
+    return g_strdup_printf("%.*s_%04d.png", (int)(png ? length - 4 : length), o->render, frame);
+}
+
+static gboolean write_frame(const struct options *o, const char *material, const char *path,
+                            const struct view_settings *s, const guint8 *rgb, GError **error) {
+    g_autofree char *light =
+        g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg);
+    g_autofree char *camera = g_strdup_printf(
+        "azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
+        s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance, s->camera_fov_deg);
+    g_autofree char *tiles = g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v);
+    g_autofree char *exposure =
+        g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient);
+    const char *texts[] = {"Software", "mesorig-view " MESORIG_VERSION,
+                           "Material", material,
+                           "Shape",    o->shape,
+                           "Tiles",    tiles,
+                           "Light",    light,
+                           "Camera",   camera,
+                           "Exposure", exposure,
+                           NULL};
+    return picture_write_png(path, rgb, o->width, o->height, texts, error);
+}
+
+static gboolean render_frames(const struct options *o, const char *material, View *view,
+                              const struct view_settings *start, struct rendered *ret,
+                              GError **error) {
+    for (int k = 0; k < MAX(o->frames, 1); k++) {
+        struct view_settings s = *start;
+        double turned = o->frames > 0 ? 360.0 * k / o->frames : 0.0;
+        s.light_phi_deg += o->light_turn ? turned : 0.0;
+        s.camera_azimuth_deg += o->camera_turn ? turned : 0.0;
+        gint64 from = g_get_monotonic_time();
+        g_autofree guint8 *rgb = view_render(view, &s, o->width, o->height, error);
+        g_autofree char *path = frame_path(o, k);
+        if (rgb == NULL)
+            return FALSE;
+        ret->seconds += (g_get_monotonic_time() - from) * 1e-6;
+        ret->n_frames++;
+        if (!write_frame(o, material, path, &s, rgb, error))
+            return FALSE;
+        g_ptr_array_add(ret->files, g_steal_pointer(&path));
+    }
+    return TRUE;
+}
+
+static enum scene_up up_of(const struct options *o) {
+    return g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
+}
+
+static gboolean render_mesh(const struct options *o, const char *material, const struct mesh *mesh,
+                            struct rendered *ret, GError **error) {
+    struct eigenmaps *maps = load(material, error);
+    if (maps == NULL)
+        return FALSE;
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    g_autoptr(View) view = gpu != NULL ? view_new(maps, error) : NULL;
+    eigenmaps_free(maps);
+    if (view == NULL || !view_set_mesh(view, mesh, error))
+        return FALSE;
+    struct view_settings settings = o->settings;
+    if (o->tiles == NULL) {
+        settings.tiles_u = mesh->tiles_u;
+        settings.tiles_v = mesh->tiles_v;
+    }
+    ret->renderer = g_strdup(gpu_renderer());
+    return render_frames(o, material, view, &settings, ret, error);
+}
+
+static gboolean render(const struct options *o, const char *material, struct rendered *ret,
+                       GError **error) {
+    struct mesh *mesh = scene_shape(o->shape, up_of(o), error);
+    gboolean good = mesh != NULL && render_mesh(o, material, mesh, ret, error);
+    mesh_free(mesh);
+    return good;
+}
+
+static gboolean show(const struct options *o, const char *material, struct rendered *ret,
+                     GError **error) {
+    const struct window_options window = {
+        .material = material,
+        .shape = o->shape,
+        .up = up_of(o),
+        .width = o->width,
+        .height = o->height,
+        .close_after = o->close_after,
+        .screenshot = o->screenshot,
+        .settings = o->settings,
+        .load = load,
+    };
+    struct window_result result;
+    gboolean good = window_run(&window, &result, error);
+    ret->n_frames = result.n_frames;
+    ret->seconds = result.seconds;
+    ret->renderer = result.renderer;
+    if (good && o->screenshot != NULL)
+        g_ptr_array_add(ret->files, g_strdup(o->screenshot));
+    return good;
+}
+
+static void append_json_string(GString *json, const char *text) {
+    g_string_append_c(json, '"');
+    for (const char *c = text; *c != '\0'; c++) {
+        if (*c == '"' || *c == '\\')
+            g_string_append_printf(json, "\\%c", *c);
+        else if ((guchar)*c < 0x20)
+            g_string_append_printf(json, "\\u%04x", *c);
+        else
+            g_string_append_c(json, *c);
+    }
+    g_string_append_c(json, '"');
+}
+
+static void report(const struct options *o, const char *material, const struct rendered *done) {
+    g_autoptr(GString) json = g_string_new("{\"material\": ");
+    append_json_string(json, material);
+    g_string_append(json, ", \"shape\": ");
+    append_json_string(json, o->shape);
+    g_string_append(json, ", \"renderer\": ");
+    append_json_string(json, done->renderer);
+    char seconds[G_ASCII_DTOSTR_BUF_SIZE];
+    g_ascii_formatd(seconds, sizeof seconds, "%.4f", done->seconds);
+    g_string_append_printf(json,
+                           ", \"width\": %d, \"height\": %d, \"frames\": %d, \"seconds\": %s, "
+                           "\"files\": [",
+                           o->width, o->height, done->n_frames, seconds);
+    for (guint k = 0; k < done->files->len; k++) {
+        g_string_append(json, k > 0 ? ", " : "");
+        append_json_string(json, done->files->pdata[k]);
+    }
+    g_print("%s]}\n", json->str);
+}
+
+static int run(struct options *o) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *material = material_path(o->rest[0]);
+    g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
+    struct rendered done = {.files = files};
+    if (o->shape == NULL)
+        o->shape = g_strdup("torus");
+    gboolean good =
+        o->render != NULL ? render(o, material, &done, &error) : show(o, material, &done, &error);
+    if (!good)
+        g_printerr("mesorig-view: %s\n", error->message);
+    else if (o->json)
+        report(o, material, &done);
+    g_free(done.renderer);
+    return good ? 0 : 1;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    struct options o = {.settings = view_settings_default};
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GOptionContext) context = g_option_context_new("– show a measured material");
+    g_autofree GOptionEntry *table = entries(&o);
+    g_option_context_add_main_entries(context, table, NULL);
+    g_option_context_set_description(
+        context, "MATERIAL is an eigenmaps.exr or the directory of a processed session.\n");
+    int status = 0;
+    gboolean parsed = g_option_context_parse(context, &argc, &argv, &error);
+    if (parsed && o.version) {
+        g_print("mesorig-view %s\n", MESORIG_VERSION);
+    } else if (!parsed || !check_options(&o, &error)) {
+        g_printerr("mesorig-view: %s\nTry “mesorig-view --help”.\n", error->message);
+        status = 2;
+    } else {
+        status = run(&o);
+    }
+    options_clear(&o);
+    return status;
+}

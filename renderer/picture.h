@@ -1,0 +1,13 @@
+/* PNG files. */
+#pragma once
+
+#include <glib.h>
+
+#define PICTURE_ERROR picture_error_quark()
+GQuark picture_error_quark(void);
+enum picture_error { PICTURE_ERROR_IO };
+
+/* rgb: width × height × 3 bytes, sRGB, top row first. texts: key, value, key, value, …, NULL; kept
+ * in the file as text chunks (UTF-8). The file appears under its name when it is whole. */
+gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
+                           const char *const *texts, GError **error);

@@ -1,0 +1,133 @@
+#include "scene.h"
+
+#include <math.h>
+#include <string.h>
+
+G_DEFINE_QUARK(mesorig - scene - error - quark, scene_error)
+
+struct grid_shape {
+    double radius, tube_radius, height;
+};
+
+/* Fills position, normal and tangent from uv in [0, 1]². */
+typedef void (*GridPoint)(const struct grid_shape *shape, double u, double v, struct vertex *ret);
+
+static void set3(float ret[3], double x, double y, double z) {
+    ret[0] = x;
+    ret[1] = y;
+    ret[2] = z;
+}
+
+static void plane_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    set3(ret->position, 2.0 * u - 1.0, 2.0 * v - 1.0, 0.0);
+    set3(ret->normal, 0.0, 0.0, 1.0);
+    set3(ret->tangent, 1.0, 0.0, 0.0);
+}
+
+static void torus_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double a = 2.0 * G_PI * u, b = 2.0 * G_PI * v;
+    double r = shape->radius + shape->tube_radius * cos(b);
+    set3(ret->position, r * cos(a), r * sin(a), shape->tube_radius * sin(b));
+    set3(ret->normal, cos(b) * cos(a), cos(b) * sin(a), sin(b));
+    set3(ret->tangent, -sin(a), cos(a), 0.0);
+}
+
+static void sphere_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double a = 2.0 * G_PI * u, b = G_PI * (v - 0.5);
+    set3(ret->normal, cos(b) * cos(a), cos(b) * sin(a), sin(b));
+    memcpy(ret->position, ret->normal, sizeof ret->position);
+    set3(ret->tangent, -sin(a), cos(a), 0.0);
+}
+
+static void cylinder_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double a = 2.0 * G_PI * u;
+    set3(ret->position, shape->radius * cos(a), shape->radius * sin(a), shape->height * (v - 0.5));
+    set3(ret->normal, cos(a), sin(a), 0.0);
+    set3(ret->tangent, -sin(a), cos(a), 0.0);
+}
+
+static void grid_indices(struct mesh *mesh, int nu, int nv) {
+    guint32 *out = mesh->indices;
+    for (int j = 0; j < nv; j++)
+        for (int i = 0; i < nu; i++) {
+            guint32 a = (guint32)j * (nu + 1) + i, b = a + 1, c = a + nu + 1, d = c + 1;
+            guint32 quad[6] = {a, b, d, a, d, c};
+            memcpy(out, quad, sizeof quad);
+            out += 6;
+        }
+}
+
+static struct mesh *grid(const char *name, const struct grid_shape *shape, GridPoint fill, int nu,
+                         int nv) {
+    struct mesh *mesh = g_new0(struct mesh, 1);
+    mesh->name = g_strdup(name);
+    mesh->n_vertices = (nu + 1) * (nv + 1);
+    mesh->vertices = g_new0(struct vertex, mesh->n_vertices);
+    mesh->n_indices = 6 * nu * nv;
+    mesh->indices = g_new(guint32, mesh->n_indices);
+    for (int j = 0; j <= nv; j++)
+        for (int i = 0; i <= nu; i++) {
+            struct vertex *vertex = &mesh->vertices[j * (nu + 1) + i];
+            double u = (double)i / nu, v = (double)j / nv;
+            fill(shape, u, v, vertex);
+            vertex->tangent[3] = 1.0f;
+            vertex->uv[0] = u;
+            vertex->uv[1] = v;
+            float *p = vertex->position;
+            mesh->radius = MAX(mesh->radius, sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]));
+        }
+    grid_indices(mesh, nu, nv);
+    return mesh;
+}
+
+static struct mesh *with_tiles(struct mesh *mesh, double u, double v) {
+    mesh->tiles_u = u;
+    mesh->tiles_v = v;
+    return mesh;
+}
+
+struct mesh *scene_plane(void) {
+    return with_tiles(grid("plane", NULL, plane_point, 1, 1), 2, 2);
+}
+
+struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube) {
+    struct grid_shape shape = {.radius = radius, .tube_radius = tube_radius};
+    double around = 8.0, tube = MAX(1.0, round(around * tube_radius / radius));
+    return with_tiles(grid("torus", &shape, torus_point, n_around, n_tube), around, tube);
+}
+
+struct mesh *scene_sphere(void) {
+    return with_tiles(grid("sphere", NULL, sphere_point, 128, 64), 6, 3);
+}
+
+struct mesh *scene_cylinder(void) {
+    struct grid_shape shape = {.radius = 0.6, .height = 1.6};
+    return with_tiles(grid("cylinder", &shape, cylinder_point, 128, 1), 5, 2);
+}
+
+void mesh_free(struct mesh *mesh) {
+    if (mesh == NULL)
+        return;
+    g_free(mesh->name);
+    g_free(mesh->vertices);
+    g_free(mesh->indices);
+    g_free(mesh);
+}
+
+struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
+    if (strcmp(name, "plane") == 0)
+        return scene_plane();
+    if (strcmp(name, "torus") == 0)
+        return scene_torus(1.0, 0.4, 192, 96);
+    if (strcmp(name, "sphere") == 0)
+        return scene_sphere();
+    if (strcmp(name, "cylinder") == 0)
+        return scene_cylinder();
+    gsize length = strlen(name);
+    if (length > 4 && g_ascii_strcasecmp(name + length - 4, ".obj") == 0)
+        return scene_read_obj(name, up, error);
+    g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
+                "“%s” is no shape: plane, torus, sphere, cylinder or the path of an .obj file",
+                name);
+    return NULL;
+}

@@ -1,0 +1,60 @@
+/*
+ * What the material is put on: a mesh with texture coordinates and tangent frames.
+ *
+ * u runs along the tangent t (the texture's +x), v along the bitangent b (the texture's +y, so that
+ * row 0 of a texture lies at v = 1), b = tangent[3] · n × t. Coordinates are z-up; one tile covers
+ * u or v from 0 to 1, and a renderer multiplies them by the number of tiles.
+ */
+#pragma once
+
+#include <glib.h>
+
+#define SCENE_ERROR scene_error_quark()
+GQuark scene_error_quark(void);
+enum scene_error {
+    SCENE_ERROR_IO,
+    SCENE_ERROR_FORMAT,     /* not a Wavefront OBJ, or damaged; the message names the line */
+    SCENE_ERROR_NO_TEXTURE, /* without texture coordinates */
+    SCENE_ERROR_TOO_LARGE,
+    SCENE_ERROR_NO_SHAPE, /* neither a shape's name nor an .obj file */
+};
+
+#define SCENE_MAX_FILE     (256 << 20) /* bytes */
+#define SCENE_MAX_VERTICES (1 << 24)
+
+struct vertex {
+    float position[3];
+    float normal[3];  /* unit */
+    float tangent[4]; /* unit, at right angles to normal; [3] is 1 or, mirrored, −1 */
+    float uv[2];
+};
+
+struct mesh {
+    char *name;
+    struct vertex *vertices;
+    guint n_vertices;
+    guint32 *indices; /* three a triangle, counter-clockwise from outside */
+    guint n_indices;
+    float radius;            /* of the sphere around the origin that holds it */
+    double tiles_u, tiles_v; /* so many tiles look right */
+};
+
+void mesh_free(struct mesh *mesh); /* NULL is ignored */
+
+enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
+
+/* "plane", "torus", "sphere", "cylinder", or the path of an .obj file. */
+struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
+
+/* plane: −1 … 1 in x and y, normal +z. */
+struct mesh *scene_plane(void);
+/* Around z; u runs around the axis, v around the tube from its outermost circle upwards. */
+struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
+struct mesh *scene_sphere(void);   /* radius 1 */
+struct mesh *scene_cylinder(void); /* around z, without lids */
+
+/* Wavefront OBJ: v, vt, vn and f with any number of corners (convex), negative indices too; the
+ * rest is passed over. Normals are made where they are missing. Moved and scaled to radius 1. */
+struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error);
+/* text is ended by NUL; name is for messages. */
+struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up up, GError **error);

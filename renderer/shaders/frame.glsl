@@ -1,0 +1,18 @@
+in vec3 world;
+in vec3 frame_n;
+in vec4 frame_t;
+in vec2 texel;
+
+uniform vec3 eye;   // in world coordinates
+uniform vec3 light; // unit, towards the light
+uniform float ambient;
+
+out vec4 colour;
+
+// The rows are t, b and n: local = frame * world. b, not n × t, is where the texture's +y points.
+mat3 local_frame() {
+    vec3 n = normalize(frame_n);
+    vec3 t = normalize(frame_t.xyz - dot(frame_t.xyz, n) * n);
+    vec3 b = cross(n, t) * (frame_t.w < 0.0 ? -1.0 : 1.0);
+    return transpose(mat3(t, b, n));
+}

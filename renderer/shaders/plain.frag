@@ -1,0 +1,9 @@
+// A plain textured mesh: one picture, times n·l. What eigen-maps are measured against.
+uniform sampler2DArray maps;
+uniform int n_layers;
+
+void main() {
+    vec3 l = local_frame() * light;
+    vec3 shown = texture(maps, vec3(texel, float(n_layers - 1))).rgb * (max(l.z, 0.0) + ambient);
+    colour = vec4(gl_FrontFacing ? abs(shown) : vec3(0.02), 1.0);
+}

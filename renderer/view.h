@@ -1,0 +1,49 @@
+/* A material on a mesh, as a picture. Needs a current GL context, of which it changes the state. */
+#pragma once
+
+#include "processing/eigenmaps.h"
+#include "scene.h"
+
+/* World coordinates are the mesh's: z up. Azimuths are from +x, counter-clockwise seen from above.
+ */
+struct view_settings {
+    double camera_azimuth_deg, camera_elevation_deg;
+    double camera_distance; /* from the origin, in radii of the mesh; 0: the whole mesh fits */
+    double camera_fov_deg;  /* of the picture's shorter side */
+    double light_theta_deg, light_phi_deg; /* a light far away */
+    double tiles_u, tiles_v;               /* 0: as the mesh has it */
+    double exposure_ev; /* 0: a white diffuser lit from its normal is 0.8 of full scale */
+    double ambient;     /* radiance of an even sky, relative to the light's irradiance / π */
+    int samples;        /* supersampling each way */
+    gboolean nearest;   /* no filtering between texels */
+    gboolean plain;     /* instead of the BTF one texture × n·l, to compare with */
+};
+
+extern const struct view_settings view_settings_default;
+
+/* Says what is out of range, and the range. */
+gboolean view_settings_check(const struct view_settings *settings, GError **error);
+
+typedef struct View View;
+
+View *view_new(const struct eigenmaps *material, GError **error);
+void view_free(View *view); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(View, view_free)
+
+gboolean view_set_material(View *view, const struct eigenmaps *material, GError **error);
+gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* copies */
+
+/* Into a framebuffer object (0: the window's) of width × height pixels, as sRGB. */
+gboolean view_draw(View *view, const struct view_settings *settings, guint framebuffer, int width,
+                   int height, GError **error);
+
+/* width × height × 3 bytes, sRGB, top row first; g_free() it. */
+guint8 *view_render(View *view, const struct view_settings *settings, int width, int height,
+                    GError **error);
+
+/* width × height × 4 floats, top row first: linear reflectance before exposure and tone, without
+ * supersampling; the fourth is 0 where only the background is seen. */
+float *view_render_linear(View *view, const struct view_settings *settings, int width, int height,
+                          GError **error);
+
+void view_finish(void); /* returns when everything asked for is drawn */
