@@ -38,43 +38,43 @@ struct session_texts {
     const char *rig_path; /* absolute; kept as the value "rig_path"; NULL: not known */
 };
 
-struct session_grid { /* the texels of the reference plane, in the sample frame */
-    int width, height;         /* texels */
+struct session_grid {  /* the texels of the reference plane, in the sample frame */
+    int width, height; /* texels */
     double width_mm, height_mm;
-    double reference_mm;       /* height of the reference plane above the turntable */
-    double depth_mm;           /* of the structure below it, at most */
+    double reference_mm; /* height of the reference plane above the turntable */
+    double depth_mm;     /* of the structure below it, at most */
 };
 
 /* One direction a view, light or laser position is meant to have, in the sample frame. */
 struct session_direction {
-    int index;          /* 0 … n−1 */
-    int device;         /* which camera, lamp or laser of the calibration */
+    int index;                 /* 0 … n−1 */
+    int device;                /* which camera, lamp or laser of the calibration */
     double theta_deg, phi_deg; /* as planned: a view with its turntable angle, and so on */
     double turntable_deg;      /* views only: the angle that shows this view */
-    char *note;         /* what was re-planned about it, or NULL */
+    char *note;                /* what was re-planned about it, or NULL */
 };
 
 enum session_shot_kind { SHOT_DARK, SHOT_LAMP, SHOT_SWEEP };
 enum session_shot_state { SHOT_PLANNED, SHOT_DONE, SHOT_SKIPPED };
 
 struct session_shot {
-    gint64 id;   /* 1 … n, in planned order; also the tag given to cameras */
+    gint64 id; /* 1 … n, in planned order; also the tag given to cameras */
     enum session_shot_kind kind;
-    int pose;    /* number of the pose in planned order */
+    int pose;                      /* number of the pose in planned order */
     double turntable_deg, arc_deg; /* commanded */
-    int source;  /* SHOT_LAMP: index of the light; SHOT_SWEEP: of the laser position; else −1 */
-    int device;  /* lamp or laser of the calibration; −1 for dark */
-    guint32 cameras; /* bit c: camera c takes part */
+    int source; /* SHOT_LAMP: index of the light; SHOT_SWEEP: of the laser position; else −1 */
+    int device; /* lamp or laser of the calibration; −1 for dark */
+    guint32 cameras;                     /* bit c: camera c takes part */
     double sweep_from_deg, sweep_to_deg; /* SHOT_SWEEP */
     int sweep_steps;
     enum session_shot_state state;
-    char *note;  /* why it was skipped or changed, or NULL */
+    char *note; /* why it was skipped or changed, or NULL */
 };
 
 struct session_frame {
     gint64 shot;
     int camera;
-    char *path;   /* relative to the session directory */
+    char *path; /* relative to the session directory */
     char *sha256;
     gint64 bytes;
     int retakes;
@@ -83,8 +83,8 @@ struct session_frame {
 
 struct session_event {
     double time_s;
-    char *level;   /* "info", "warning", "error" */
-    char *source;  /* the device or stage */
+    char *level;  /* "info", "warning", "error" */
+    char *source; /* the device or stage */
     char *message;
 };
 
@@ -97,7 +97,9 @@ struct session_plan {
     int n_shots;
 };
 
-/* Makes the directory (it must not exist) with the whole plan in it, in one transaction. */
+/* Makes the directory (it must not exist) with the whole plan in it, beside its name and renamed;
+ * a process killed meanwhile leaves at most a hidden ".NAME.session.XXXXXX" beside it. The plan is
+ * checked first. Opened as SESSION_CAPTURE. */
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
                         const struct session_plan *plan, GError **error);
 Session *session_open(const char *path, enum session_mode mode, GError **error);
@@ -117,14 +119,15 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
 GPtrArray *session_views(Session *session, GError **error);
 GPtrArray *session_lights(Session *session, GError **error);
 GPtrArray *session_lasers(Session *session, GError **error);
-GPtrArray *session_shots(Session *session, GError **error);   /* in planned order */
-GPtrArray *session_frames(Session *session, GError **error);  /* by shot, camera */
+GPtrArray *session_shots(Session *session, GError **error);  /* in planned order */
+GPtrArray *session_frames(Session *session, GError **error); /* by shot, camera */
 GPtrArray *session_events(Session *session, GError **error);
 
 /* The planned name of a frame's file, relative: "frames/000123_cam1.exr", "laser/…". */
 char *session_frame_path(const struct session_shot *shot, const char *camera);
 
-/* Capture. All frames of a shot and its state in one transaction, after the files are synced. */
+/* Capture. All frames of a shot and its state in one transaction, after the files are synced; they
+ * replace those of an earlier take. Each file must be there and have its size. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error);
@@ -140,5 +143,6 @@ gboolean session_add_product(Session *session, const char *relative, const char 
                              GError **error);
 
 /* Compares every committed frame's size (and, if thorough, checksum) with its file. Frames that
- * fail are forgotten and their shots planned again; each is told in an event. */
+ * fail are forgotten and their shots planned again, with all their frames; each is told in an
+ * event. Capture only. ret_lost: how many frames failed; may be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

@@ -35,8 +35,10 @@ static gboolean sync_folder(const char *path, GError **error) {
 }
 
 static gboolean check_texts(const char *name, const struct session_texts *texts, GError **error) {
-    const char *const all[] = {name, texts->rig_conf, texts->session_conf, texts->calibration};
-    static const char *const names[] = {"the name", "rig.conf", "session.conf", "calibration.conf"};
+    const char *const all[] = {name, texts->rig_conf, texts->session_conf, texts->calibration,
+                               texts->rig_path ? texts->rig_path : ""};
+    static const char *const names[] = {"the name", "rig.conf", "session.conf", "calibration.conf",
+                                        "the rig's path"};
 
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
         if (!all[i] || !g_utf8_validate(all[i], -1, NULL)) {
@@ -80,7 +82,8 @@ static gboolean insert_texts(Session *session, const char *name, const struct se
                           "mesorig " MESORIG_VERSION, created) &&
            insert_text(session, "rig.conf", texts->rig_conf, error) &&
            insert_text(session, "session.conf", texts->session_conf, error) &&
-           insert_text(session, "calibration.conf", texts->calibration, error);
+           insert_text(session, "calibration.conf", texts->calibration, error) &&
+           (!texts->rig_path || session_set_value(session, "rig_path", texts->rig_path, error));
 }
 
 static gboolean insert_grid(Session *session, const struct session_grid *grid, GError **error) {

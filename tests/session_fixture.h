@@ -87,6 +87,7 @@ static const struct session_texts texts = {
     .rig_conf = "[rig]\nname = Prüfstand\n",
     .session_conf = "[session]\n",
     .calibration = "",
+    .rig_path = "/etc/mesorig/rig.conf",
 };
 
 static inline struct random_plan *random_plan(guint32 seed, int n_shots) {

@@ -34,7 +34,8 @@ static void assert_refused(const struct session_plan *plan) {
 
 static void test_bad_plan(void) {
     static const double bad[] = {NAN, INFINITY, -INFINITY};
-    static const struct session_texts latin = {"\xfc", "", ""};
+    static const struct session_texts latin = {
+        .rig_conf = "\xfc", .session_conf = "", .calibration = ""};
     g_autofree struct random_plan *p = random_plan(3, 50);
     g_autofree char *path = fresh("refused");
     g_autoptr(GError) error = NULL;
@@ -174,12 +175,14 @@ static void test_modes(void) {
 }
 
 static void test_facts(void) {
-    g_autofree char *path = fresh("facts"), *file = NULL, *value = NULL, *gone = NULL;
+    g_autofree char *path = fresh("facts"), *file = NULL, *value = NULL, *gone = NULL, *rig = NULL;
     g_autoptr(Session) session = create(path, 1, 3);
     g_autoptr(GError) error = NULL;
     g_autoptr(GPtrArray) events = NULL;
     const struct session_event *event;
 
+    rig = session_value(session, "rig_path");
+    g_assert_cmpstr(rig, ==, "/etc/mesorig/rig.conf");
     g_assert_null(session_value(session, "state"));
     g_assert_true(session_set_value(session, "state", "running", &error));
     g_assert_true(session_set_value(session, "state", "done", &error));

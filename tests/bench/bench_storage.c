@@ -164,7 +164,7 @@ static double half_mb_per_s(gboolean to_half) {
 }
 
 static Session *make_session(const char *path) {
-    static const struct session_texts texts = {"", "", ""};
+    static const struct session_texts texts = {"", "", "", NULL};
     g_autofree struct session_shot *shots = g_new0(struct session_shot, SHOTS);
     struct session_plan plan = {.grid = {64, 64, 50, 50, 5, 5}, .shots = shots, .n_shots = SHOTS};
     GError *error = NULL;
