@@ -1,6 +1,7 @@
 #include "stage.h"
 
 #include <math.h>
+#include <string.h>
 
 #define MAX_AXES (2 + RIG_MAX_LASERS)
 
@@ -49,9 +50,14 @@ static const char *advice(const GError *error) {
     }
 }
 
+/* Classes name the device, and some say themselves what to do; nothing is to be said twice. */
 char *stage_advise(const char *kind, const char *name, const GError *error) {
-    return g_strdup_printf("%s %s: %s. %s, then continue.", kind, name, error->message,
-                           advice(error));
+    g_autofree char *named = strstr(error->message, name)
+                                 ? g_strdup(error->message)
+                                 : g_strdup_printf("%s %s: %s", kind, name, error->message);
+    if (strchr(error->message, ';'))
+        return g_strdup_printf("%s. Then continue.", named);
+    return g_strdup_printf("%s. %s, then continue.", named, advice(error));
 }
 
 static void fault(Stage *stage, const char *kind, const char *name, const GError *error) {
