@@ -9,7 +9,7 @@
 #define FULL_TURN           ((gint64)360 * UDEG)
 #define THETA_TOLERANCE_DEG 0.5
 
-G_DEFINE_QUARK(plan - error - quark, plan_error)
+G_DEFINE_QUARK(plan-error-quark, plan_error)
 
 /* What stands somewhere in the rig: cameras, or lamps or lasers with the arc at 0. */
 struct stand {
