@@ -10,17 +10,17 @@
 
 #include <gio/gio.h>
 
-#define EXR_MAX_PIXELS (1 << 28) /* of one channel of one part */
+#define EXR_MAX_PIXELS   (1 << 28) /* of one channel of one part */
 #define EXR_MAX_CHANNELS 64
 
 #define EXR_ERROR exr_error_quark()
 GQuark exr_error_quark(void);
 enum exr_error {
     EXR_ERROR_IO,
-    EXR_ERROR_FORMAT,    /* not an EXR, truncated, or a kind that is not read (deep, tiled) */
+    EXR_ERROR_FORMAT, /* not an EXR, truncated, or a kind that is not read (deep, tiled) */
     EXR_ERROR_TOO_LARGE,
-    EXR_ERROR_MISSING,   /* a part, channel or attribute that was asked for */
-    EXR_ERROR_FULL,      /* the disk is full: nothing under the file's own name has changed */
+    EXR_ERROR_MISSING, /* a part, channel or attribute that was asked for */
+    EXR_ERROR_FULL,    /* the disk is full: nothing under the file's own name has changed */
 };
 
 enum exr_type { EXR_HALF, EXR_FLOAT };
@@ -37,11 +37,11 @@ struct exr_attribute {
 };
 
 struct exr_part {
-    char *name;       /* unique in the file */
+    char *name; /* unique in the file */
     int width, height;
     int n_channels;
-    char **channels;  /* names, in alphabetical order as EXR wants them: "B","G","R" */
-    float **planes;   /* one a channel, height rows of width, top row first; NULL if not read */
+    char **channels; /* names, in alphabetical order as EXR wants them: "B","G","R" */
+    float **planes;  /* one a channel, height rows of width, top row first; NULL if not read */
     enum exr_type type;
     GPtrArray *attributes; /* of struct exr_attribute */
 };
@@ -67,8 +67,8 @@ gboolean exr_get_double(const struct exr_part *part, const char *name, double *r
 gboolean exr_get_v3d(const struct exr_part *part, const char *name, double ret[3], GError **error);
 
 struct exr_file *exr_file_new(void);
-void exr_file_add(struct exr_file *file, struct exr_part *part); /* takes ownership */
-void exr_file_free(struct exr_file *file);                       /* NULL is ignored */
+void exr_file_add(struct exr_file *file, struct exr_part *part);               /* takes ownership */
+void exr_file_free(struct exr_file *file);                                     /* NULL is ignored */
 struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /* NULL: no such */
 
 /* Halves beyond ±65504 are written as ±65504; NaN is written as it is. sync: on disk when it
