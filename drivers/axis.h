@@ -34,9 +34,11 @@ struct axis_driver {
     gboolean (*open)(Axis *axis, GError **error);
     /* Stops if it moves, and lets go of the device. Called once for every open() that succeeded. */
     void (*close)(Axis *axis);
-    /* Starts; the driver ends it by axis_report() once. */
+    /* Starts; the driver ends it by axis_report() once, having arrived in the positive direction. */
     gboolean (*home)(Axis *axis, GError **error);
-    /* Goes straight to the target, within limits already checked. Ends like home(). */
+    /* Goes straight to the target, within limits already checked. Ends like home(). Where the axis
+     * wraps, the target counts on from position() and may be below 0 or above 360. Called also from
+     * within axis_report(): the second leg of a move that takes up backlash. */
     gboolean (*move)(Axis *axis, double target_deg, GError **error);
     /* Stops now; a move or homing under way is ended by axis_report(AXIS_STOPPED). */
     gboolean (*stop)(Axis *axis, GError **error);
@@ -76,7 +78,7 @@ double axis_position_deg(Axis *axis);
 
 /* For drivers: says how what was started has ended; main loop's thread, not from within home() or
  * move(). Takes ownership of error (NULL but for AXIS_FAULT). A report nobody waits for is
- * ignored, except AXIS_FAULT. */
+ * ignored, except AXIS_FAULT. The listener may close the axis: touch nothing afterwards. */
 void axis_report(Axis *axis, enum axis_event event, GError *error);
 
 /* Seconds a move takes, backlash and settling included; 0 if from and to are the same. Pure.

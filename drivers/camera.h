@@ -68,7 +68,7 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data);
  * costs nothing. */
 gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error);
 gboolean camera_arm(Camera *camera, GError **error);
-void camera_disarm(Camera *camera);
+void camera_disarm(Camera *camera); /* a trigger that waits ends without an event */
 
 /* One at a time. Different pictures have different shot numbers; a retake has the same. */
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error);

@@ -1,0 +1,337 @@
+#include "axis.h"
+
+#include <math.h>
+
+/*
+ * The deadline of a movement is its predicted time · 1.5 + 2 s. Homing is predicted as ten times a
+ * move over the whole way (limits, or a full turn), since it goes slowly; a stop as v/a.
+ */
+#define DEADLINE_FACTOR  1.5
+#define DEADLINE_EXTRA_S 2.0
+#define HOMING_FACTOR    10.0
+
+/* Less than any drive resolves; more than sums of angles are off by. */
+#define SAME_DEG 1e-9
+
+enum activity { IDLE, HOMING, MOVING };
+
+struct axis_state {
+    AxisFunc func;
+    gpointer data;
+    enum activity activity;
+    gboolean homed;
+    gboolean driver_moves; /* a report is waited for; FALSE while settling */
+    gboolean stopping;
+    gboolean slack_unknown; /* stopped on the way: the next move takes up backlash anyhow */
+    gboolean another_leg;
+    double target_deg; /* of the last leg, as the driver counts */
+    guint deadline, settle;
+};
+
+double axis_way_deg(const struct axis_motion *motion, double from_deg, double to_deg) {
+    double way = to_deg - from_deg;
+    if (motion->wraps) {
+        way = fmod(way, 360);
+        if (way > 180)
+            way -= 360;
+        else if (way <= -180)
+            way += 360;
+    }
+    return fabs(way) < SAME_DEG ? 0 : way;
+}
+
+static double leg_time_s(const struct axis_motion *motion, double way_deg) {
+    double d = fabs(way_deg), v = motion->speed_deg_s, a = motion->accel_deg_s2;
+    return d >= v * v / a ? d / v + v / a : 2 * sqrt(d / a);
+}
+
+/* How far below the target a move turns round, so that it arrives in the positive direction. */
+static double overshoot_deg(const struct axis_motion *motion, double to_deg) {
+    double room = motion->wraps ? motion->backlash_deg : MAX(0, to_deg - motion->min_deg);
+    return MIN(motion->backlash_deg, room);
+}
+
+double axis_move_time_s(const struct axis_motion *motion, double from_deg, double to_deg) {
+    double way = axis_way_deg(motion, from_deg, to_deg);
+    if (way == 0)
+        return 0;
+    double over = way < 0 ? overshoot_deg(motion, to_deg) : 0;
+    return leg_time_s(motion, way - over) + leg_time_s(motion, over) + motion->settle_s;
+}
+
+static gint64 to_us(double seconds) {
+    return (gint64)MIN(ceil(seconds * 1e6), 1e15);
+}
+
+static gboolean check_motion(const Axis *axis, GError **error) {
+    const struct axis_motion *m = &axis->motion;
+    gboolean finite = isfinite(m->speed_deg_s) && isfinite(m->accel_deg_s2) &&
+                      isfinite(m->backlash_deg) && isfinite(m->settle_s) && isfinite(m->min_deg) &&
+                      isfinite(m->max_deg);
+    if (finite && m->speed_deg_s > 0 && m->accel_deg_s2 > 0 && m->backlash_deg >= 0 &&
+        m->settle_s >= 0 && (m->wraps || m->min_deg < m->max_deg))
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                "axis %s: makes no sense: limits %g to %g°, speed %g°/s, acceleration %g°/s², "
+                "backlash %g°; correct its section",
+                axis->device.name, m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2,
+                m->backlash_deg);
+    return FALSE;
+}
+
+static void axis_free(Axis *axis) {
+    device_clear(&axis->device);
+    g_free(axis->state);
+    g_free(axis);
+}
+
+Axis *axis_open(const struct axis_driver *driver, const struct config_section *section,
+                const char *const *also, Clock *clock, GError **error) {
+    Axis *axis = g_new0(Axis, 1);
+    axis->driver = driver;
+    axis->state = g_new0(struct axis_state, 1);
+    if (!device_init(&axis->device, &driver->info, section, also, clock, error) ||
+        !driver->open(axis, error)) {
+        axis_free(axis);
+        return NULL;
+    }
+    if (!check_motion(axis, error)) {
+        axis_close(axis);
+        return NULL;
+    }
+    return axis;
+}
+
+static void cancel_timers(Axis *axis) {
+    clock_cancel(axis->device.clock, &axis->state->deadline);
+    clock_cancel(axis->device.clock, &axis->state->settle);
+}
+
+void axis_close(Axis *axis) {
+    if (!axis)
+        return;
+    axis->state->func = NULL;
+    axis->state->activity = IDLE;
+    cancel_timers(axis);
+    axis->driver->close(axis);
+    axis_free(axis);
+}
+
+void axis_listen(Axis *axis, AxisFunc func, gpointer data) {
+    axis->state->func = func;
+    axis->state->data = data;
+}
+
+/* Last in its caller: the listener may close the axis. */
+static void end(Axis *axis, enum axis_event event, const GError *error) {
+    struct axis_state *state = axis->state;
+    cancel_timers(axis);
+    state->activity = IDLE;
+    state->driver_moves = state->stopping = FALSE;
+    if (state->func)
+        state->func(axis, event, error, state->data);
+}
+
+static void fault(Axis *axis, const GError *error) {
+    axis->state->homed = FALSE;
+    end(axis, AXIS_FAULT, error);
+}
+
+static const char *activity_name(const Axis *axis) {
+    return axis->state->stopping             ? "stopping"
+           : axis->state->activity == HOMING ? "homing"
+                                             : "moving";
+}
+
+static void on_deadline(gpointer data) {
+    Axis *axis = data;
+    axis->state->deadline = 0;
+    g_autoptr(GError) error =
+        g_error_new(DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
+                    "axis %s: still %s at its deadline, last seen at %.3f°; check drive and cable, "
+                    "then home it",
+                    axis->device.name, activity_name(axis), axis->driver->position(axis));
+    /* What it answers is not waited for: whatever it does, its position is unknown. */
+    axis->state->driver_moves = FALSE;
+    axis->driver->stop(axis, NULL);
+    fault(axis, error);
+}
+
+static void set_deadline(Axis *axis, double predicted_s) {
+    struct axis_state *state = axis->state;
+    clock_cancel(axis->device.clock, &state->deadline);
+    state->deadline =
+        clock_call_in(axis->device.clock, to_us(predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S),
+                      on_deadline, axis);
+}
+
+static gboolean check_idle(const Axis *axis, GError **error) {
+    if (axis->state->activity == IDLE)
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "axis %s: still %s; wait or stop it first",
+                axis->device.name, activity_name(axis));
+    return FALSE;
+}
+
+gboolean axis_home(Axis *axis, GError **error) {
+    struct axis_state *state = axis->state;
+    const struct axis_motion *motion = &axis->motion;
+    if (!check_idle(axis, error))
+        return FALSE;
+    state->homed = FALSE;
+    state->activity = HOMING;
+    state->driver_moves = TRUE;
+    if (!axis->driver->home(axis, error)) {
+        state->activity = IDLE;
+        state->driver_moves = FALSE;
+        return FALSE;
+    }
+    double way = motion->wraps ? 360 : motion->max_deg - motion->min_deg;
+    set_deadline(axis, HOMING_FACTOR * leg_time_s(motion, way));
+    return TRUE;
+}
+
+static gboolean check_target(const Axis *axis, double target_deg, GError **error) {
+    const struct axis_motion *motion = &axis->motion;
+    if (!check_idle(axis, error))
+        return FALSE;
+    if (!axis->state->homed) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "axis %s: its position is not known; home it first", axis->device.name);
+        return FALSE;
+    }
+    if (!isfinite(target_deg)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE, "axis %s: %g is no position",
+                    axis->device.name, target_deg);
+        return FALSE;
+    }
+    if (!motion->wraps && (target_deg < motion->min_deg || target_deg > motion->max_deg)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "axis %s: %g° is outside its limits, %g to %g°", axis->device.name, target_deg,
+                    motion->min_deg, motion->max_deg);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static void on_settled(gpointer data) {
+    Axis *axis = data;
+    axis->state->settle = 0;
+    end(axis, axis->state->stopping ? AXIS_STOPPED : AXIS_ARRIVED, NULL);
+}
+
+static void settle(Axis *axis, double seconds) {
+    axis->state->driver_moves = FALSE;
+    clock_cancel(axis->device.clock, &axis->state->settle);
+    axis->state->settle = clock_call_in(axis->device.clock, to_us(seconds), on_settled, axis);
+}
+
+static gboolean start_leg(Axis *axis, double target_deg, GError **error) {
+    axis->state->driver_moves = TRUE;
+    if (axis->driver->move(axis, target_deg, error))
+        return TRUE;
+    axis->state->driver_moves = FALSE;
+    return FALSE;
+}
+
+gboolean axis_move(Axis *axis, double target_deg, GError **error) {
+    struct axis_state *state = axis->state;
+    const struct axis_motion *motion = &axis->motion;
+    if (!check_target(axis, target_deg, error))
+        return FALSE;
+    double from = axis->driver->position(axis);
+    double way = axis_way_deg(motion, from, target_deg);
+    gboolean take_up = way < 0 || state->slack_unknown;
+    double over = take_up ? overshoot_deg(motion, target_deg) : 0;
+    double to = motion->wraps ? from + way : target_deg;
+
+    state->activity = MOVING;
+    state->target_deg = to;
+    state->another_leg = over > 0;
+    if (way == 0 && over == 0) {
+        settle(axis, 0);
+        return TRUE;
+    }
+    if (!start_leg(axis, to - over, error)) {
+        state->activity = IDLE;
+        return FALSE;
+    }
+    state->slack_unknown = FALSE;
+    set_deadline(axis,
+                 leg_time_s(motion, way - over) + leg_time_s(motion, over) + motion->settle_s);
+    return TRUE;
+}
+
+gboolean axis_stop(Axis *axis, GError **error) {
+    struct axis_state *state = axis->state;
+    if (state->activity == IDLE || state->stopping)
+        return TRUE;
+    state->stopping = TRUE;
+    if (!state->driver_moves) { /* settling: it stands already */
+        settle(axis, 0);
+        return TRUE;
+    }
+    if (!axis->driver->stop(axis, error)) {
+        state->stopping = FALSE;
+        return FALSE;
+    }
+    state->slack_unknown = TRUE;
+    set_deadline(axis, axis->motion.speed_deg_s / axis->motion.accel_deg_s2);
+    return TRUE;
+}
+
+gboolean axis_is_homed(const Axis *axis) {
+    return axis->state->homed;
+}
+
+gboolean axis_is_moving(const Axis *axis) {
+    return axis->state->activity != IDLE;
+}
+
+double axis_position_deg(Axis *axis) {
+    double deg = axis->driver->position(axis);
+    if (!axis->motion.wraps)
+        return deg;
+    deg = fmod(deg, 360);
+    if (deg < 0)
+        deg += 360;
+    return 360 - deg < SAME_DEG ? 0 : deg;
+}
+
+static void arrived(Axis *axis) {
+    struct axis_state *state = axis->state;
+    if (!state->another_leg) {
+        settle(axis, axis->motion.settle_s);
+        return;
+    }
+    state->another_leg = FALSE;
+    g_autoptr(GError) error = NULL;
+    if (!start_leg(axis, state->target_deg, &error))
+        fault(axis, error);
+}
+
+void axis_report(Axis *axis, enum axis_event event, GError *error) {
+    struct axis_state *state = axis->state;
+    g_autoptr(GError) owned = error;
+    if (event == AXIS_FAULT) {
+        if (!owned)
+            owned = g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "axis %s: a fault",
+                                axis->device.name);
+        fault(axis, owned);
+        return;
+    }
+    if (!state->driver_moves)
+        return;
+    if (event == AXIS_HOMED && state->activity == HOMING) {
+        state->homed = TRUE;
+        state->slack_unknown = FALSE;
+        end(axis, state->stopping ? AXIS_STOPPED : AXIS_HOMED, NULL);
+    } else if (event == AXIS_STOPPED && state->stopping) {
+        end(axis, AXIS_STOPPED, NULL);
+    } else if (event == AXIS_ARRIVED && state->activity == MOVING) {
+        if (state->stopping)
+            end(axis, AXIS_STOPPED, NULL);
+        else
+            arrived(axis);
+    }
+}

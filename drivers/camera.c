@@ -1,0 +1,328 @@
+#include "camera.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A trigger's deadline is its exposure + 3 read-outs + 2 s. */
+#define DEADLINE_READOUTS 3
+#define DEADLINE_EXTRA_US (2 * G_USEC_PER_SEC)
+
+/* How far a camera's clock may be off when its stamps are turned into ours. */
+#define STAMP_TOLERANCE_US 1000
+
+#define N_SEEN 8
+
+struct seen {
+    guint64 hash, shot;
+};
+
+struct camera_state {
+    CameraFunc func;
+    gpointer data;
+    struct camera_settings settings;
+    gboolean configured, armed, waiting, exposed;
+    guint64 shot;
+    gint64 triggered_us;
+    guint deadline;
+    guint64 last_id;
+    gboolean has_last_id;
+    struct seen seen[N_SEEN]; /* the latest pictures, in a ring */
+    guint n_seen;
+};
+
+static void camera_free(Camera *camera) {
+    device_clear(&camera->device);
+    g_free(camera->state);
+    g_free(camera);
+}
+
+static gboolean check_format(const Camera *camera, GError **error) {
+    const struct camera_format *f = &camera->format;
+    if (f->width > 0 && f->height > 0 && f->width <= 65536 && f->height <= 65536 && f->bits >= 1 &&
+        f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
+        f->readout_us >= 0 && isfinite(f->black_level))
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                "camera %s: a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
+                " to %" G_GINT64_FORMAT " µs makes no sense",
+                camera->device.name, f->width, f->height, f->bits, f->min_exposure_us,
+                f->max_exposure_us);
+    return FALSE;
+}
+
+Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
+                    const char *const *also, Clock *clock, GError **error) {
+    Camera *camera = g_new0(Camera, 1);
+    camera->driver = driver;
+    camera->state = g_new0(struct camera_state, 1);
+    if (!device_init(&camera->device, &driver->info, section, also, clock, error) ||
+        !driver->open(camera, error)) {
+        camera_free(camera);
+        return NULL;
+    }
+    if (!check_format(camera, error)) {
+        camera_close(camera);
+        return NULL;
+    }
+    return camera;
+}
+
+void camera_close(Camera *camera) {
+    if (!camera)
+        return;
+    camera->state->func = NULL;
+    camera_disarm(camera);
+    camera->driver->close(camera);
+    camera_free(camera);
+}
+
+void camera_listen(Camera *camera, CameraFunc func, gpointer data) {
+    camera->state->func = func;
+    camera->state->data = data;
+}
+
+/* Last in its caller: the listener may close the camera. */
+static void notify(Camera *camera, enum camera_event event, Frame *frame, const GError *error) {
+    if (camera->state->func)
+        camera->state->func(camera, event, frame, error, camera->state->data);
+}
+
+static gboolean check_not_waiting(const Camera *camera, GError **error) {
+    if (!camera->state->waiting)
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
+                "camera %s: still waits for the picture of its last trigger", camera->device.name);
+    return FALSE;
+}
+
+gboolean camera_configure(Camera *camera, const struct camera_settings *settings, GError **error) {
+    struct camera_state *state = camera->state;
+    const struct camera_format *format = &camera->format;
+    if (!check_not_waiting(camera, error))
+        return FALSE;
+    if (settings->exposure_us < format->min_exposure_us ||
+        settings->exposure_us > format->max_exposure_us) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "camera %s: cannot expose for %" G_GINT64_FORMAT " µs, only %" G_GINT64_FORMAT
+                    " to %" G_GINT64_FORMAT " µs",
+                    camera->device.name, settings->exposure_us, format->min_exposure_us,
+                    format->max_exposure_us);
+        return FALSE;
+    }
+    if (!isfinite(settings->gain_db)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE, "camera %s: %g is no gain",
+                    camera->device.name, settings->gain_db);
+        return FALSE;
+    }
+    if (state->configured && state->settings.exposure_us == settings->exposure_us &&
+        state->settings.gain_db == settings->gain_db)
+        return TRUE;
+    state->configured = camera->driver->configure(camera, settings, error);
+    state->settings = *settings;
+    return state->configured;
+}
+
+gboolean camera_arm(Camera *camera, GError **error) {
+    struct camera_state *state = camera->state;
+    if (state->armed)
+        return TRUE;
+    if (!camera->driver->arm(camera, error))
+        return FALSE;
+    state->armed = TRUE;
+    state->has_last_id = FALSE; /* many count anew from here */
+    return TRUE;
+}
+
+static void end_wait(Camera *camera) {
+    clock_cancel(camera->device.clock, &camera->state->deadline);
+    camera->state->waiting = FALSE;
+}
+
+void camera_disarm(Camera *camera) {
+    end_wait(camera);
+    if (!camera->state->armed)
+        return;
+    camera->state->armed = FALSE;
+    camera->driver->disarm(camera);
+}
+
+static void fault(Camera *camera, const GError *error) {
+    camera_disarm(camera);
+    notify(camera, CAMERA_FAULT, NULL, error);
+}
+
+static void on_deadline(gpointer data) {
+    Camera *camera = data;
+    camera->state->deadline = 0;
+    g_autoptr(GError) error = g_error_new(
+        DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
+        "camera %s: no picture %.1f s after its trigger (exposure %" G_GINT64_FORMAT
+        " µs); check its cable, then arm it again",
+        camera->device.name,
+        (double)(clock_now_us(camera->device.clock) - camera->state->triggered_us) / 1e6,
+        camera->state->settings.exposure_us);
+    fault(camera, error);
+}
+
+gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
+    struct camera_state *state = camera->state;
+    if (!check_not_waiting(camera, error))
+        return FALSE;
+    if (!state->armed || !state->configured) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "camera %s: cannot be triggered before it is %s", camera->device.name,
+                    state->armed ? "configured" : "armed");
+        return FALSE;
+    }
+    state->waiting = TRUE;
+    state->exposed = FALSE;
+    state->shot = shot;
+    state->triggered_us = clock_now_us(camera->device.clock);
+    if (!camera->driver->trigger(camera, shot, error)) {
+        state->waiting = FALSE;
+        return FALSE;
+    }
+    gint64 wait_us = state->settings.exposure_us + DEADLINE_READOUTS * camera->format.readout_us +
+                     DEADLINE_EXTRA_US;
+    state->deadline = clock_call_in(camera->device.clock, wait_us, on_deadline, camera);
+    return TRUE;
+}
+
+gboolean camera_is_armed(const Camera *camera) {
+    return camera->state->armed;
+}
+
+gboolean camera_is_waiting(const Camera *camera) {
+    return camera->state->waiting;
+}
+
+/* 0 for a picture that is one value all over, as a covered or saturated one may be: it says nothing
+ * about where it comes from. */
+static guint64 hash_frame(const Frame *frame) {
+    gsize n = (gsize)frame->width * (gsize)frame->height, i = 0;
+    if (memcmp(frame->pixels, frame->pixels + 1, (n - 1) * sizeof *frame->pixels) == 0)
+        return 0;
+    guint64 hash = 0xcbf29ce484222325u;
+    for (; i + 4 <= n; i += 4) {
+        guint64 word;
+        memcpy(&word, frame->pixels + i, sizeof word);
+        hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
+        hash ^= hash >> 32;
+    }
+    for (; i < n; i++)
+        hash = (hash ^ frame->pixels[i]) * 0x100000001b3u;
+    return hash ? hash : 1;
+}
+
+static void remember(Camera *camera, const Frame *frame) {
+    struct camera_state *state = camera->state;
+    if (!state->has_last_id || frame->id > state->last_id)
+        state->last_id = frame->id;
+    state->has_last_id = TRUE;
+    state->seen[state->n_seen++ % N_SEEN] = (struct seen){hash_frame(frame), frame->shot};
+}
+
+static gboolean was_seen(const Camera *camera, guint64 hash, guint64 *ret_shot) {
+    const struct camera_state *state = camera->state;
+    for (guint i = 0; hash && i < MIN(state->n_seen, N_SEEN); i++) {
+        if (state->seen[i].hash == hash && state->seen[i].shot != state->shot) {
+            *ret_shot = state->seen[i].shot;
+            return TRUE;
+        }
+    }
+    return FALSE;
+}
+
+static gboolean refuse(const Camera *camera, enum device_error code, GError **error,
+                       const char *format, ...) G_GNUC_PRINTF(4, 5);
+static gboolean refuse(const Camera *camera, enum device_error code, GError **error,
+                       const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *what = g_strdup_vprintf(format, args);
+    va_end(args);
+    g_set_error(error, DEVICE_ERROR, code, "camera %s: picture refused: %s", camera->device.name,
+                what);
+    return FALSE;
+}
+
+static gboolean check_shape(const Camera *camera, const Frame *frame, GError **error) {
+    const struct camera_format *format = &camera->format;
+    if (frame->width != format->width || frame->height != format->height ||
+        frame->cfa != format->cfa || frame->bits != format->bits)
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                      "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
+                      frame->height, cfa_name(frame->cfa), frame->bits, format->width,
+                      format->height, cfa_name(format->cfa), format->bits);
+    if (frame->incomplete)
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error, "some of its data was lost on the way");
+    return TRUE;
+}
+
+static gboolean check_times(const Camera *camera, const Frame *frame, GError **error) {
+    const struct camera_state *state = camera->state;
+    gint64 before_us = state->triggered_us - frame->exposure_start_us;
+    if (before_us > 0)
+        return refuse(camera, DEVICE_ERROR_STALE, error,
+                      "its exposure began %" G_GINT64_FORMAT " µs before the trigger", before_us);
+    gint64 asked_us = state->settings.exposure_us;
+    gint64 took_us = frame->exposure_end_us - frame->exposure_start_us;
+    if (ABS(took_us - asked_us) > STAMP_TOLERANCE_US + asked_us / 20 ||
+        frame->exposure_us != asked_us)
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                      "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT, took_us,
+                      asked_us);
+    if (frame->exposure_end_us > clock_now_us(camera->device.clock) + STAMP_TOLERANCE_US)
+        return refuse(camera, DEVICE_ERROR_PROTOCOL, error, "its time stamp is in the future");
+    return TRUE;
+}
+
+static gboolean check_frame(const Camera *camera, const Frame *frame, GError **error) {
+    const struct camera_state *state = camera->state;
+    if (frame->shot != state->shot)
+        return refuse(camera, DEVICE_ERROR_STALE, error,
+                      "it answers shot %" G_GUINT64_FORMAT ", not %" G_GUINT64_FORMAT, frame->shot,
+                      state->shot);
+    if (state->has_last_id && frame->id <= state->last_id)
+        return refuse(camera, DEVICE_ERROR_STALE, error,
+                      "its frame id %" G_GUINT64_FORMAT " was seen before (last: %" G_GUINT64_FORMAT
+                      ")",
+                      frame->id, state->last_id);
+    if (!check_shape(camera, frame, error) || !check_times(camera, frame, error))
+        return FALSE;
+    guint64 other;
+    if (was_seen(camera, hash_frame(frame), &other))
+        return refuse(camera, DEVICE_ERROR_STALE, error,
+                      "it repeats the picture of shot %" G_GUINT64_FORMAT " bit for bit", other);
+    return TRUE;
+}
+
+void camera_report_exposed(Camera *camera) {
+    struct camera_state *state = camera->state;
+    if (!state->waiting || state->exposed)
+        return;
+    state->exposed = TRUE;
+    notify(camera, CAMERA_EXPOSED, NULL, NULL);
+}
+
+void camera_report_frame(Camera *camera, Frame *frame) {
+    g_autoptr(Frame) owned = frame;
+    g_autoptr(GError) error = NULL;
+    if (!camera->state->waiting) {
+        remember(camera, frame);
+        return;
+    }
+    gboolean accepted = check_frame(camera, frame, &error);
+    if (accepted)
+        remember(camera, frame);
+    end_wait(camera);
+    notify(camera, accepted ? CAMERA_FRAME : CAMERA_REFUSED, accepted ? frame : NULL, error);
+}
+
+void camera_report_fault(Camera *camera, GError *error) {
+    g_autoptr(GError) owned = error;
+    if (!owned)
+        owned = g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "camera %s: a fault",
+                            camera->device.name);
+    fault(camera, owned);
+}

@@ -1,0 +1,85 @@
+#include "interlock.h"
+
+struct listener {
+    guint id;
+    InterlockFunc func;
+    gpointer data;
+};
+
+struct interlock_state {
+    gboolean closed;
+    guint last_id;
+    GArray *listeners; /* of struct listener */
+};
+
+static void interlock_free(Interlock *interlock) {
+    device_clear(&interlock->device);
+    g_array_unref(interlock->state->listeners);
+    g_free(interlock->state);
+    g_free(interlock);
+}
+
+Interlock *interlock_open(const struct interlock_driver *driver,
+                          const struct config_section *section, const char *const *also,
+                          Clock *clock, GError **error) {
+    Interlock *interlock = g_new0(Interlock, 1);
+    interlock->driver = driver;
+    interlock->state = g_new0(struct interlock_state, 1);
+    interlock->state->listeners = g_array_new(FALSE, FALSE, sizeof(struct listener));
+    if (!device_init(&interlock->device, &driver->info, section, also, clock, error) ||
+        !driver->open(interlock, error)) {
+        interlock_free(interlock);
+        return NULL;
+    }
+    return interlock;
+}
+
+void interlock_close(Interlock *interlock) {
+    if (!interlock)
+        return;
+    g_array_set_size(interlock->state->listeners, 0);
+    interlock->driver->close(interlock);
+    interlock_free(interlock);
+}
+
+guint interlock_listen(Interlock *interlock, InterlockFunc func, gpointer data) {
+    struct listener listener = {++interlock->state->last_id, func, data};
+    g_array_append_val(interlock->state->listeners, listener);
+    return listener.id;
+}
+
+void interlock_unlisten(Interlock *interlock, guint id) {
+    GArray *listeners = interlock->state->listeners;
+    for (guint i = 0; i < listeners->len; i++) {
+        if (g_array_index(listeners, struct listener, i).id == id) {
+            g_array_remove_index(listeners, i);
+            return;
+        }
+    }
+}
+
+gboolean interlock_is_closed(const Interlock *interlock) {
+    return interlock->state->closed;
+}
+
+static const struct listener *next_listener(const Interlock *interlock, guint after) {
+    GArray *listeners = interlock->state->listeners;
+    for (guint i = 0; i < listeners->len; i++) {
+        if (g_array_index(listeners, struct listener, i).id > after)
+            return &g_array_index(listeners, struct listener, i);
+    }
+    return NULL;
+}
+
+void interlock_report(Interlock *interlock, gboolean closed) {
+    closed = closed != FALSE;
+    if (interlock->state->closed == closed)
+        return;
+    interlock->state->closed = closed;
+    /* Found anew each time: a listener may take itself or others off the list. */
+    const struct listener *listener;
+    for (guint id = 0; (listener = next_listener(interlock, id));) {
+        id = listener->id;
+        listener->func(interlock, closed, listener->data);
+    }
+}

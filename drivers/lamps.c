@@ -1,0 +1,174 @@
+#include "lamps.h"
+
+#include <math.h>
+
+#define DEADLINE_US (2 * G_USEC_PER_SEC)
+#define MAX_LAMPS   1024
+
+struct pending {
+    LampBank *bank;
+    int index;
+    gboolean on;
+    guint deadline;
+};
+
+struct lamp {
+    gboolean on;
+    gint64 since_us, burnt_us;
+};
+
+struct lamps_state {
+    LampsFunc func;
+    gpointer data;
+    GQueue pending; /* of struct pending, in order */
+    struct lamp *lamps;
+};
+
+static void pending_free(struct pending *pending) {
+    clock_cancel(pending->bank->device.clock, &pending->deadline);
+    g_free(pending);
+}
+
+static void lamps_free(LampBank *bank) {
+    struct pending *pending;
+    while ((pending = g_queue_pop_head(&bank->state->pending)))
+        pending_free(pending);
+    device_clear(&bank->device);
+    g_free(bank->state->lamps);
+    g_free(bank->state);
+    g_free(bank);
+}
+
+LampBank *lamps_open(const struct lamps_driver *driver, const struct config_section *section,
+                     const char *const *also, Clock *clock, GError **error) {
+    LampBank *bank = g_new0(LampBank, 1);
+    bank->driver = driver;
+    bank->state = g_new0(struct lamps_state, 1);
+    if (!device_init(&bank->device, &driver->info, section, also, clock, error) ||
+        !driver->open(bank, error)) {
+        lamps_free(bank);
+        return NULL;
+    }
+    if (bank->n < 1 || bank->n > MAX_LAMPS || !isfinite(bank->warm_up_s) || bank->warm_up_s < 0) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "lamps %s: %d lamps with a warm-up of %g s make no sense; correct its section",
+                    bank->device.name, bank->n, bank->warm_up_s);
+        lamps_close(bank);
+        return NULL;
+    }
+    bank->state->lamps = g_new0(struct lamp, bank->n);
+    return bank;
+}
+
+void lamps_close(LampBank *bank) {
+    if (!bank)
+        return;
+    bank->state->func = NULL;
+    bank->driver->close(bank);
+    lamps_free(bank);
+}
+
+void lamps_listen(LampBank *bank, LampsFunc func, gpointer data) {
+    bank->state->func = func;
+    bank->state->data = data;
+}
+
+/* Last in its caller: the listener may close the bank. */
+static void notify(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error) {
+    if (bank->state->func)
+        bank->state->func(bank, index, on, at_us, error, bank->state->data);
+}
+
+static char *lamp_text(int index) {
+    return index < 0 ? g_strdup("all lamps") : g_strdup_printf("lamp %d", index);
+}
+
+static void on_deadline(gpointer data) {
+    struct pending *pending = data;
+    LampBank *bank = pending->bank;
+    int index = pending->index;
+    gboolean on = pending->on;
+    g_autofree char *what = lamp_text(index);
+    g_autoptr(GError) error = g_error_new(
+        DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
+        "lamps %s: %s did not answer to \"%s\" within %d s; check its cable and power",
+        bank->device.name, what, on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC));
+    pending->deadline = 0;
+    g_queue_remove(&bank->state->pending, pending);
+    pending_free(pending);
+    notify(bank, index, on, clock_now_us(bank->device.clock), error);
+}
+
+static gboolean start(LampBank *bank, int index, gboolean on, GError **error) {
+    struct pending *pending = g_new0(struct pending, 1);
+    pending->bank = bank;
+    pending->index = index;
+    pending->on = on;
+    g_queue_push_tail(&bank->state->pending, pending);
+    if (!bank->driver->set(bank, index, on, error)) {
+        g_queue_remove(&bank->state->pending, pending);
+        pending_free(pending);
+        return FALSE;
+    }
+    pending->deadline = clock_call_in(bank->device.clock, DEADLINE_US, on_deadline, pending);
+    return TRUE;
+}
+
+gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
+    if (index < 0 || index >= bank->n) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "lamps %s: there is no lamp %d; it has 0 to %d", bank->device.name, index,
+                    bank->n - 1);
+        return FALSE;
+    }
+    return start(bank, index, on != FALSE, error);
+}
+
+gboolean lamps_all_off(LampBank *bank, GError **error) {
+    return start(bank, -1, FALSE, error);
+}
+
+gboolean lamps_is_on(const LampBank *bank, int index) {
+    g_return_val_if_fail(index >= 0 && index < bank->n, FALSE);
+    return bank->state->lamps[index].on;
+}
+
+gint64 lamps_on_since_us(const LampBank *bank, int index) {
+    g_return_val_if_fail(index >= 0 && index < bank->n, -1);
+    const struct lamp *lamp = &bank->state->lamps[index];
+    return lamp->on ? lamp->since_us : -1;
+}
+
+double lamps_hours(const LampBank *bank, int index) {
+    g_return_val_if_fail(index >= 0 && index < bank->n, 0);
+    const struct lamp *lamp = &bank->state->lamps[index];
+    gint64 us = lamp->burnt_us;
+    if (lamp->on)
+        us += clock_now_us(bank->device.clock) - lamp->since_us;
+    return (double)us / (3600.0 * G_USEC_PER_SEC);
+}
+
+static void note(struct lamp *lamp, gboolean on, gint64 now_us) {
+    if (lamp->on && !on)
+        lamp->burnt_us += now_us - lamp->since_us;
+    if (!lamp->on && on)
+        lamp->since_us = now_us;
+    lamp->on = on;
+}
+
+void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
+    g_autoptr(GError) owned = error;
+    struct pending *pending = g_queue_peek_head(&bank->state->pending);
+    on = on != FALSE;
+    /* Anything else is the late answer to a set() that was given up. */
+    if (!pending || pending->index != index || pending->on != on)
+        return;
+    g_queue_pop_head(&bank->state->pending);
+    pending_free(pending);
+    gint64 now = clock_now_us(bank->device.clock);
+    for (int i = 0; !owned && i < bank->n; i++) {
+        if (index < 0 || index == i)
+            note(&bank->state->lamps[i], on, now);
+    }
+    notify(bank, index, on, now, owned);
+}

@@ -1,0 +1,158 @@
+#include "laser.h"
+
+#include <math.h>
+
+#define DEADLINE_US (2 * G_USEC_PER_SEC)
+
+struct pending {
+    Laser *laser;
+    gboolean on;
+    guint deadline;
+};
+
+struct laser_state {
+    LaserFunc func;
+    gpointer data;
+    gboolean on;    /* as last reported */
+    GQueue pending; /* of struct pending, in order */
+    Interlock *guard;
+    guint guard_id;
+};
+
+static void pending_free(struct pending *pending) {
+    clock_cancel(pending->laser->device.clock, &pending->deadline);
+    g_free(pending);
+}
+
+static void laser_free(Laser *laser) {
+    struct pending *pending;
+    while ((pending = g_queue_pop_head(&laser->state->pending)))
+        pending_free(pending);
+    device_clear(&laser->device);
+    g_free(laser->state);
+    g_free(laser);
+}
+
+Laser *laser_open(const struct laser_driver *driver, const struct config_section *section,
+                  const char *const *also, Clock *clock, GError **error) {
+    Laser *laser = g_new0(Laser, 1);
+    laser->driver = driver;
+    laser->state = g_new0(struct laser_state, 1);
+    if (!device_init(&laser->device, &driver->info, section, also, clock, error) ||
+        !driver->open(laser, error)) {
+        laser_free(laser);
+        return NULL;
+    }
+    if (!isfinite(laser->warm_up_s) || laser->warm_up_s < 0) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "laser %s: a warm-up of %g s makes no sense; correct its section",
+                    laser->device.name, laser->warm_up_s);
+        laser_close(laser);
+        return NULL;
+    }
+    return laser;
+}
+
+void laser_close(Laser *laser) {
+    if (!laser)
+        return;
+    laser->state->func = NULL;
+    laser_guard(laser, NULL);
+    laser->driver->close(laser);
+    laser_free(laser);
+}
+
+void laser_listen(Laser *laser, LaserFunc func, gpointer data) {
+    laser->state->func = func;
+    laser->state->data = data;
+}
+
+/* Last in its caller: the listener may close the laser. */
+static void notify(Laser *laser, gboolean on, const GError *error) {
+    if (laser->state->func)
+        laser->state->func(laser, on, error, laser->state->data);
+}
+
+static void on_deadline(gpointer data) {
+    struct pending *pending = data;
+    Laser *laser = pending->laser;
+    gboolean on = pending->on;
+    g_autoptr(GError) error = g_error_new(
+        DEVICE_ERROR, DEVICE_ERROR_TIMEOUT, "laser %s: did not answer to \"%s\" within %d s%s",
+        laser->device.name, on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC),
+        on ? "; check its cable and power" : "; it may still shine: cut its power by hand");
+    pending->deadline = 0;
+    g_queue_remove(&laser->state->pending, pending);
+    pending_free(pending);
+    notify(laser, on, error);
+}
+
+static gboolean start(Laser *laser, gboolean on, GError **error) {
+    struct pending *pending = g_new0(struct pending, 1);
+    pending->laser = laser;
+    pending->on = on;
+    g_queue_push_tail(&laser->state->pending, pending);
+    if (!laser->driver->set(laser, on, error)) {
+        g_queue_remove(&laser->state->pending, pending);
+        pending_free(pending);
+        return FALSE;
+    }
+    pending->deadline = clock_call_in(laser->device.clock, DEADLINE_US, on_deadline, pending);
+    return TRUE;
+}
+
+static void trip(Laser *laser) {
+    g_autoptr(GError) error = NULL;
+    if (laser_is_on(laser) && !start(laser, FALSE, &error))
+        notify(laser, FALSE, error);
+}
+
+static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+    if (!closed)
+        trip(data);
+}
+
+void laser_guard(Laser *laser, Interlock *interlock) {
+    struct laser_state *state = laser->state;
+    if (state->guard)
+        interlock_unlisten(state->guard, state->guard_id);
+    state->guard = interlock;
+    if (!interlock)
+        return;
+    state->guard_id = interlock_listen(interlock, on_interlock, laser);
+    if (!interlock_is_closed(interlock))
+        trip(laser);
+}
+
+gboolean laser_set(Laser *laser, gboolean on, GError **error) {
+    const Interlock *guard = laser->state->guard;
+    if (on && guard && !interlock_is_closed(guard)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK,
+                    "laser %s: not switched on, since the interlock %s is open; close it first",
+                    laser->device.name, guard->device.name);
+        return FALSE;
+    }
+    return start(laser, on != FALSE, error);
+}
+
+gboolean laser_is_on(const Laser *laser) {
+    const struct pending *last = g_queue_peek_tail((GQueue *)&laser->state->pending);
+    return laser->state->on || (last && last->on);
+}
+
+void laser_report(Laser *laser, gboolean on, GError *error) {
+    g_autoptr(GError) owned = error;
+    struct pending *pending = g_queue_peek_head(&laser->state->pending);
+    on = on != FALSE;
+    if (!pending || pending->on != on) {
+        /* The late answer to a set() that was given up; light that it tells of is believed. */
+        if (!owned && on)
+            laser->state->on = TRUE;
+        return;
+    }
+    g_queue_pop_head(&laser->state->pending);
+    pending_free(pending);
+    if (!owned)
+        laser->state->on = on;
+    notify(laser, on, owned);
+}
