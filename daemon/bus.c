@@ -162,7 +162,8 @@ static gboolean need_absolute(const char *path, GError **error) {
 
 static void show_nothing(Bus *bus) {
     g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "doing", "",
-                 "rig-path", bus->rig_path ? bus->rig_path : "", "session", "", "shots", 0,
+                 "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
+                 bus->devices && clock_is_virtual(bus->devices->clock), "session", "", "shots", 0,
                  "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
                  0.0, "predicted-end", (guint64)0, NULL);
     show_devices(bus);
@@ -200,9 +201,12 @@ static GVariant *validate(Bus *bus, const char *session_path, const char *direct
                           GError **error) {
     struct session_conf conf = {0};
     if (!need_rig(bus, error) || !need_absolute(session_path, error) ||
-        !need_absolute(directory, error) || !session_conf_load(&conf, session_path, error))
+        (*directory && !need_absolute(directory, error)) ||
+        !session_conf_load(&conf, session_path, error))
         return NULL;
-    struct plan *plan = capture_validate(bus->devices, &conf, directory, error);
+    struct plan *plan =
+        *directory ? capture_validate(bus->devices, &conf, directory, error)
+                   : plan_build(&conf, &bus->devices->geometry, &bus->devices->timing, error);
     GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
     plan_free(plan);
     session_conf_clear(&conf);

@@ -179,9 +179,8 @@ static int usage(const char *message) {
 int main(int argc, char **argv) {
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
-    setlocale(LC_ALL, "");
+    setlocale(LC_CTYPE, "");
     setvbuf(stdout, NULL, _IOLBF, 0);
-    g_log_set_writer_func(g_log_writer_default, NULL, NULL);
     g_option_context_set_summary(context, "Runs a material-capture rig, as told over D-Bus "
                                           "(org.mesorig.Rig1).");
     g_option_context_add_main_entries(context, entries, NULL);

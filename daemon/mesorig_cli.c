@@ -1,0 +1,112 @@
+#include "mesorig_cli.h"
+
+#include "drivers/config.h"
+#include "json.h"
+
+#include <stdio.h>
+#include <string.h>
+
+gboolean cli_json;
+char *cli_address, *cli_bus;
+
+static const GOptionEntry json_entries[] = {
+    {"json", 0, 0, G_OPTION_ARG_NONE, &cli_json, "Print JSON", NULL},
+    {NULL},
+};
+
+const GOptionEntry cli_link_entries[] = {
+    {"address", 0, 0, G_OPTION_ARG_STRING, &cli_address, "Talk to the daemon at this address",
+     "unix:path=…"},
+    {"bus", 0, 0, G_OPTION_ARG_STRING, &cli_bus, "Talk to the daemon on this bus",
+     "system|session"},
+    {NULL},
+};
+
+int cli_usage(const struct command *command, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *message = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_printerr("mesorig %s: %s\nUsage: mesorig %s %s\n", command->name, message, command->name,
+               command->arguments);
+    return CLI_USAGE;
+}
+
+static gboolean check_link(const struct command *command) {
+    if (cli_bus && strcmp(cli_bus, "system") != 0 && strcmp(cli_bus, "session") != 0) {
+        cli_usage(command, "--bus is system or session");
+        return FALSE;
+    }
+    if (cli_bus && cli_address) {
+        cli_usage(command, "give --bus or --address, not both");
+        return FALSE;
+    }
+    return TRUE;
+}
+
+gboolean cli_parse(const struct command *command, const GOptionEntry *entries, gboolean link,
+                   int *argc, char ***argv, int min, int max) {
+    g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
+    g_autoptr(GError) error = NULL;
+    g_autofree char *program = g_strconcat("mesorig ", command->name, NULL);
+    g_set_prgname(program);
+    g_option_context_set_summary(context, command->help);
+    if (entries)
+        g_option_context_add_main_entries(context, entries, NULL);
+    if (link)
+        g_option_context_add_main_entries(context, cli_link_entries, NULL);
+    g_option_context_add_main_entries(context, json_entries, NULL);
+    if (!g_option_context_parse(context, argc, argv, &error)) {
+        cli_usage(command, "%s", error->message);
+        return FALSE;
+    }
+    if (*argc > 1 && strcmp((*argv)[1], "--") == 0) {
+        memmove(*argv + 1, *argv + 2, sizeof(char *) * (gsize)(*argc - 1));
+        (*argc)--;
+    }
+    if (*argc - 1 < min || *argc - 1 > max) {
+        cli_usage(command, *argc - 1 < min ? "there is something missing" : "too many arguments");
+        return FALSE;
+    }
+    return check_link(command);
+}
+
+int cli_fail(const GError *error) {
+    g_autoptr(GError) told = g_error_copy(error);
+    g_dbus_error_strip_remote_error(told);
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_string(told->message));
+        cli_print_json(g_variant_builder_end(&builder));
+    } else {
+        g_printerr("mesorig: %s\n", told->message);
+    }
+    return CLI_FAILED;
+}
+
+void cli_print_json(GVariant *value) {
+    g_autofree char *text = json_text(value);
+    fputs(text, stdout);
+    fputc('\n', stdout);
+    fflush(stdout);
+}
+
+char *cli_absolute(const char *path) {
+    return g_canonicalize_filename(path, NULL);
+}
+
+gboolean cli_rig_is_simulated(const char *path, gboolean *ret, GError **error) {
+    g_autoptr(Config) config = config_load(path, error);
+    gsize n = 0;
+    if (!config)
+        return FALSE;
+    const struct config_section *sections = config_sections(config, &n);
+    *ret = TRUE;
+    for (gsize i = 0; i < n; i++) {
+        const char *driver = config_value(&sections[i], "driver", NULL);
+        if (driver && !g_str_has_prefix(driver, "sim-"))
+            *ret = FALSE;
+    }
+    return TRUE;
+}

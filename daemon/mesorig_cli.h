@@ -1,0 +1,38 @@
+/* What all commands of the command line share: options, errors, exit codes, JSON. */
+#pragma once
+
+#include <gio/gio.h>
+
+enum { CLI_DONE = 0, CLI_FAILED = 1, CLI_USAGE = 2 };
+
+struct command {
+    const char *name, *arguments, *help;
+    int (*run)(const struct command *command, int argc, char **argv); /* argv[0]: its name */
+};
+
+extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_watch, cli_pause,
+    cli_continue, cli_abort, cli_safe, cli_process, cli_info, cli_drivers;
+
+extern gboolean cli_json; /* --json was given */
+
+/* --address and --bus, for commands that talk to a daemon. */
+extern char *cli_address, *cli_bus;
+extern const GOptionEntry cli_link_entries[];
+
+/* Parses options: the command's own (may be NULL), those of the daemon if link, and --json. What
+ * stays in argv are arguments, of which there must be min … max. FALSE: usage was told. */
+gboolean cli_parse(const struct command *command, const GOptionEntry *entries, gboolean link,
+                   int *argc, char ***argv, int min, int max);
+
+/* Tells an error, on stderr or as {"error": …}; returns CLI_FAILED. */
+int cli_fail(const GError *error);
+int cli_usage(const struct command *command, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* One line of JSON on stdout; takes a floating reference. */
+void cli_print_json(GVariant *value);
+
+/* A path as it is seen from everywhere; g_free(). */
+char *cli_absolute(const char *path);
+
+/* Whether every driver of a rig file is a simulated one. */
+gboolean cli_rig_is_simulated(const char *path, gboolean *ret, GError **error);

@@ -1,0 +1,325 @@
+/* info: what is in a session directory or an EXR. */
+#include "mesorig_info.h"
+
+#include "mesorig_cli.h"
+#include "processing/exr.h"
+#include "processing/session.h"
+#include "report.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+#define SHOWN_PARTS  8 /* of a file, to people */
+#define SHOWN_EVENTS 10
+
+struct counts {
+    int planned, done, skipped, frames, retakes, views, lights, lasers;
+    gint64 bytes;
+};
+
+static void free_array(gpointer array) {
+    if (array)
+        g_ptr_array_unref(array);
+}
+
+static int length_of(GPtrArray *array) {
+    const int n = array ? (int)array->len : 0;
+    free_array(array);
+    return n;
+}
+
+static gboolean count(Session *session, struct counts *ret, GError **error) {
+    g_autoptr(GPtrArray) shots = session_shots(session, error);
+    g_autoptr(GPtrArray) frames = shots ? session_frames(session, error) : NULL;
+    if (!frames)
+        return FALSE;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        ret->planned += shot->state == SHOT_PLANNED;
+        ret->done += shot->state == SHOT_DONE;
+        ret->skipped += shot->state == SHOT_SKIPPED;
+    }
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        ret->frames++;
+        ret->retakes += frame->retakes;
+        ret->bytes += frame->bytes;
+    }
+    ret->views = length_of(session_views(session, NULL));
+    ret->lights = length_of(session_lights(session, NULL));
+    ret->lasers = length_of(session_lasers(session, NULL));
+    return TRUE;
+}
+
+static int by_name(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static void list_products(const char *directory, const char *folder, GPtrArray *to) {
+    g_autofree char *path = g_build_filename(directory, folder, NULL);
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir)))
+        if (g_str_has_suffix(name, ".exr"))
+            g_ptr_array_add(to, g_build_filename(folder, name, NULL));
+    g_ptr_array_sort(to, by_name);
+}
+
+static GPtrArray *products(const char *directory) {
+    GPtrArray *list = g_ptr_array_new_with_free_func(g_free);
+    list_products(directory, "products", list);
+    list_products(directory, "products/btf", list);
+    return list;
+}
+
+static gint64 size_of(const char *directory, const char *relative) {
+    g_autofree char *path = g_build_filename(directory, relative, NULL);
+    GStatBuf info;
+    return g_stat(path, &info) == 0 ? info.st_size : 0;
+}
+
+static void add_int(GVariantBuilder *to, const char *key, gint64 value) {
+    g_variant_builder_add(to, "{sv}", key, g_variant_new_int64(value));
+}
+
+static void add_double(GVariantBuilder *to, const char *key, double value) {
+    g_variant_builder_add(to, "{sv}", key, g_variant_new_double(value));
+}
+
+static void add_string(GVariantBuilder *to, const char *key, const char *value) {
+    g_variant_builder_add(to, "{sv}", key, g_variant_new_string(value ? value : ""));
+}
+
+static GVariant *events_variant(const GPtrArray *events) {
+    GVariantBuilder list;
+    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
+    for (guint i = 0; i < events->len; i++) {
+        const struct session_event *event = events->pdata[i];
+        g_variant_builder_open(&list, G_VARIANT_TYPE_VARDICT);
+        add_double(&list, "time_s", event->time_s);
+        add_string(&list, "level", event->level);
+        add_string(&list, "source", event->source);
+        add_string(&list, "message", event->message);
+        g_variant_builder_close(&list);
+    }
+    return g_variant_builder_end(&list);
+}
+
+static GVariant *products_variant(const char *directory, const GPtrArray *list) {
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE("aa{sv}"));
+    for (guint i = 0; i < list->len; i++) {
+        g_variant_builder_open(&builder, G_VARIANT_TYPE_VARDICT);
+        add_string(&builder, "path", list->pdata[i]);
+        add_int(&builder, "bytes", size_of(directory, list->pdata[i]));
+        g_variant_builder_close(&builder);
+    }
+    return g_variant_builder_end(&builder);
+}
+
+static void print_json(Session *session, const char *state, const struct session_grid *grid,
+                       const struct counts *counts, const GPtrArray *events) {
+    const char *directory = session_path(session);
+    g_autoptr(GPtrArray) made = products(directory);
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    add_string(&builder, "kind", "session");
+    add_string(&builder, "name", session_name(session));
+    add_string(&builder, "session", directory);
+    add_string(&builder, "state", state);
+    add_int(&builder, "width", grid->width);
+    add_int(&builder, "height", grid->height);
+    add_double(&builder, "width_mm", grid->width_mm);
+    add_double(&builder, "height_mm", grid->height_mm);
+    add_int(&builder, "views", counts->views);
+    add_int(&builder, "lights", counts->lights);
+    add_int(&builder, "lasers", counts->lasers);
+    add_int(&builder, "shots", counts->planned + counts->done + counts->skipped);
+    add_int(&builder, "shots_done", counts->done);
+    add_int(&builder, "shots_skipped", counts->skipped);
+    add_int(&builder, "frames", counts->frames);
+    add_int(&builder, "retakes", counts->retakes);
+    add_int(&builder, "bytes", counts->bytes);
+    g_variant_builder_add(&builder, "{sv}", "products", products_variant(directory, made));
+    g_variant_builder_add(&builder, "{sv}", "events", events_variant(events));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static void print_products(const char *directory) {
+    g_autoptr(GPtrArray) list = products(directory);
+    int n_views = 0;
+    gint64 view_bytes = 0;
+    for (guint i = 0; i < list->len; i++) {
+        const gint64 bytes = size_of(directory, list->pdata[i]);
+        if (g_str_has_prefix(list->pdata[i], "products/btf/")) {
+            n_views++;
+            view_bytes += bytes;
+            continue;
+        }
+        g_autofree char *size = g_format_size((guint64)bytes);
+        g_print("product    %s, %s\n", (const char *)list->pdata[i], size);
+    }
+    g_autofree char *size = g_format_size((guint64)view_bytes);
+    if (n_views)
+        g_print("product    products/btf, %d views, %s\n", n_views, size);
+}
+
+static void print_events(const GPtrArray *events) {
+    const guint from = events->len > SHOWN_EVENTS ? events->len - SHOWN_EVENTS : 0;
+    if (from > 0)
+        g_print("\n%u earlier events (--json shows all)\n", from);
+    else if (events->len > 0)
+        g_print("\n");
+    for (guint i = from; i < events->len; i++) {
+        const struct session_event *event = events->pdata[i];
+        g_print("%9.0f s  %-8s %s: %s\n", event->time_s, event->level, event->source,
+                event->message);
+    }
+}
+
+static void print_session(Session *session, const char *state, const struct session_grid *grid,
+                          const struct counts *counts, const GPtrArray *events) {
+    const int shots = counts->planned + counts->done + counts->skipped;
+    g_autofree char *size = g_format_size((guint64)counts->bytes);
+    g_print("session    %s, %s\n", session_name(session), session_path(session));
+    g_print("state      %s\n", state);
+    g_print("sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm, grid->width,
+            grid->height);
+    g_print("directions %d views, %d lights, %d laser positions\n", counts->views, counts->lights,
+            counts->lasers);
+    g_print("shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
+    g_print("frames     %d, %s, %d retakes\n", counts->frames, size, counts->retakes);
+    print_products(session_path(session));
+    print_events(events);
+}
+
+/* What the database says while nobody captures: a session that says it is running was cut off. */
+static const char *state_text(const char *state, const struct counts *counts) {
+    if (counts->planned == 0)
+        return "done";
+    if (!state || strcmp(state, "running") == 0)
+        return "unfinished";
+    return state;
+}
+
+int info_session(const char *directory) {
+    g_autoptr(GError) error = NULL;
+    struct counts counts = {0};
+    struct session_grid grid;
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, &error);
+    if (!session || !count(session, &counts, &error) || !session_grid(session, &grid, &error))
+        return cli_fail(error);
+    g_autoptr(GPtrArray) events = session_events(session, &error);
+    if (!events)
+        return cli_fail(error);
+    g_autofree char *stored = session_value(session, "state");
+    const char *state = state_text(stored, &counts);
+    if (cli_json)
+        print_json(session, state, &grid, &counts, events);
+    else
+        print_session(session, state, &grid, &counts, events);
+    return CLI_DONE;
+}
+
+static GVariant *attribute_variant(const struct exr_attribute *attribute) {
+    switch (attribute->kind) {
+    case EXR_ATTRIBUTE_STRING:
+        return g_variant_new_string(attribute->string);
+    case EXR_ATTRIBUTE_INT:
+        return g_variant_new_int32(attribute->integer);
+    case EXR_ATTRIBUTE_DOUBLE:
+        return g_variant_new_double(attribute->v[0]);
+    default:
+        return g_variant_new_fixed_array(G_VARIANT_TYPE_DOUBLE, attribute->v, 3, sizeof(double));
+    }
+}
+
+static void add_part(GVariantBuilder *to, const struct exr_part *part) {
+    g_variant_builder_open(to, G_VARIANT_TYPE_VARDICT);
+    add_string(to, "name", part->name);
+    add_int(to, "width", part->width);
+    add_int(to, "height", part->height);
+    add_string(to, "type", part->type == EXR_HALF ? "half" : "float");
+    g_variant_builder_add(
+        to, "{sv}", "channels",
+        g_variant_new_strv((const char *const *)part->channels, part->n_channels));
+    GVariantBuilder attributes;
+    g_variant_builder_init(&attributes, G_VARIANT_TYPE_VARDICT);
+    for (guint i = 0; i < part->attributes->len; i++) {
+        const struct exr_attribute *attribute = part->attributes->pdata[i];
+        g_variant_builder_add(&attributes, "{sv}", attribute->name, attribute_variant(attribute));
+    }
+    g_variant_builder_add(to, "{sv}", "attributes", g_variant_builder_end(&attributes));
+    g_variant_builder_close(to);
+}
+
+static const char *kind_of(const struct exr_file *file) {
+    const char *kind = "exr";
+    const struct exr_part *weights = exr_file_part(file, "weights");
+    if (weights)
+        exr_get_string(weights, "mesorig.kind", &kind, NULL);
+    return kind;
+}
+
+static void print_exr_json(const char *path, const struct exr_file *file) {
+    GVariantBuilder builder, parts;
+    g_variant_builder_init(&parts, G_VARIANT_TYPE("aa{sv}"));
+    for (guint i = 0; i < file->parts->len; i++)
+        add_part(&parts, file->parts->pdata[i]);
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    add_string(&builder, "kind", kind_of(file));
+    add_string(&builder, "path", path);
+    g_variant_builder_add(&builder, "{sv}", "parts", g_variant_builder_end(&parts));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static void print_part(const struct exr_part *part) {
+    g_autoptr(GString) channels = g_string_new(NULL);
+    for (int c = 0; c < part->n_channels; c++)
+        g_string_append_printf(channels, "%s%s", c ? " " : "", part->channels[c]);
+    g_print("%-24s %d × %d, %s, %s\n", part->name ? part->name : "(no name)", part->width,
+            part->height, part->type == EXR_HALF ? "half" : "float", channels->str);
+    for (guint i = 0; i < part->attributes->len; i++) {
+        const struct exr_attribute *attribute = part->attributes->pdata[i];
+        g_autoptr(GVariant) value = g_variant_ref_sink(attribute_variant(attribute));
+        g_autofree char *text = g_variant_print(value, FALSE);
+        g_print("    %-24s %s\n", attribute->name, text);
+    }
+}
+
+static void print_eigenmaps(const struct exr_file *file) {
+    const struct exr_part *weights = exr_file_part(file, "weights");
+    const struct exr_part *lights = exr_file_part(file, "lights");
+    const struct exr_part *map = exr_file_part(file, "E000_light_0000");
+    if (strcmp(kind_of(file), "eigenmaps") != 0 || !lights || !map)
+        return;
+    g_print("eigen-maps: %d terms of %d views × %d lights, %d × %d texels\n\n", weights->height,
+            weights->width, lights->width, map->width, map->height);
+}
+
+static int info_exr(const char *path) {
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_read_headers(path, &error);
+    if (!file)
+        return cli_fail(error);
+    if (cli_json) {
+        print_exr_json(path, file);
+    } else {
+        print_eigenmaps(file);
+        for (guint i = 0; i < MIN(file->parts->len, SHOWN_PARTS); i++)
+            print_part(file->parts->pdata[i]);
+        if (file->parts->len > SHOWN_PARTS)
+            g_print("… and %u parts more (--json shows all)\n", file->parts->len - SHOWN_PARTS);
+    }
+    exr_file_free(file);
+    return CLI_DONE;
+}
+
+static int run(const struct command *command, int argc, char **argv) {
+    if (!cli_parse(command, NULL, FALSE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    g_autofree char *path = cli_absolute(argv[1]);
+    return g_file_test(path, G_FILE_TEST_IS_DIR) ? info_session(path) : info_exr(path);
+}
+
+const struct command cli_info = {"info", "FILE|DIR", "Show what a session or an EXR holds.", run};

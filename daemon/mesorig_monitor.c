@@ -1,0 +1,287 @@
+#include "mesorig_monitor.h"
+
+#include "mesorig_cli.h"
+#include "mesorig_progress.h"
+#include "report.h"
+
+#include <glib-unix.h>
+#include <signal.h>
+#include <string.h>
+
+#define JSON_INTERVAL_US (1 * G_USEC_PER_SEC)
+
+struct Monitor {
+    Link *link;
+    gboolean control, patient;
+    GMainLoop *loop;
+    Progress *progress;
+    enum monitor_end end;
+    gboolean ended;
+    int interrupts;
+    gboolean faulty; /* an error was told since it last ran */
+    char *shown_state, *reason;
+    gint64 begun_us, json_us;
+    gint64 frames_before; /* since when frames a second are counted */
+    guint signal_ids[3];
+};
+
+static double real_s(const Monitor *monitor) {
+    return (double)(g_get_monotonic_time() - monitor->begun_us) / G_USEC_PER_SEC;
+}
+
+static double frames_per_s(const Monitor *monitor) {
+    const double seconds = real_s(monitor);
+    const gint64 frames = bus_rig1_get_frames(link_rig(monitor->link)) - monitor->frames_before;
+    return seconds > 0.05 && frames > 0 ? (double)frames / seconds : 0;
+}
+
+static double real_left_s(BusRig1 *rig) {
+    const guint64 end = bus_rig1_get_predicted_end(rig);
+    return end ? MAX(0.0, (double)end - (double)g_get_real_time() / G_USEC_PER_SEC) : -1;
+}
+
+static double fraction(BusRig1 *rig) {
+    const int shots = bus_rig1_get_shots(rig);
+    return shots > 0 ? (double)bus_rig1_get_shots_done(rig) / shots : 0;
+}
+
+GVariant *monitor_status(BusRig1 *rig) {
+    GVariantBuilder builder;
+    GVariant *devices = bus_rig1_get_devices(rig);
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+#define ADD(key, make, value) g_variant_builder_add(&builder, "{sv}", key, make(value))
+    ADD("state", g_variant_new_string, bus_rig1_get_state(rig));
+    ADD("reason", g_variant_new_string, bus_rig1_get_reason(rig));
+    ADD("doing", g_variant_new_string, bus_rig1_get_doing(rig));
+    ADD("rig", g_variant_new_string, bus_rig1_get_rig_path(rig));
+    ADD("simulated", g_variant_new_boolean, bus_rig1_get_simulated(rig));
+    ADD("session", g_variant_new_string, bus_rig1_get_session(rig));
+    ADD("shots", g_variant_new_int32, bus_rig1_get_shots(rig));
+    ADD("shots_done", g_variant_new_int32, bus_rig1_get_shots_done(rig));
+    ADD("percent", g_variant_new_double, 100 * fraction(rig));
+    ADD("frames", g_variant_new_int64, bus_rig1_get_frames(rig));
+    ADD("retakes", g_variant_new_int64, bus_rig1_get_retakes(rig));
+    ADD("elapsed_s", g_variant_new_double, bus_rig1_get_elapsed(rig));
+    ADD("left_s", g_variant_new_double, bus_rig1_get_left(rig));
+    ADD("predicted_end", g_variant_new_uint64, bus_rig1_get_predicted_end(rig));
+#undef ADD
+    if (devices)
+        g_variant_builder_add(&builder, "{sv}", "devices", devices);
+    return g_variant_builder_end(&builder);
+}
+
+static void print_json_progress(Monitor *monitor) {
+    g_autoptr(GVariant) status = g_variant_ref_sink(monitor_status(link_rig(monitor->link)));
+    GVariantDict dict;
+    g_variant_dict_init(&dict, status);
+    g_variant_dict_remove(&dict, "devices");
+    g_variant_dict_insert(&dict, "real_s", "d", real_s(monitor));
+    g_variant_dict_insert(&dict, "frames_per_s", "d", frames_per_s(monitor));
+    cli_print_json(g_variant_dict_end(&dict));
+}
+
+static char *retakes_text(BusRig1 *rig) {
+    const gint64 retakes = bus_rig1_get_retakes(rig);
+    return retakes == 0   ? g_strdup("no retakes")
+           : retakes == 1 ? g_strdup("1 retake")
+                          : g_strdup_printf("%" G_GINT64_FORMAT " retakes", retakes);
+}
+
+static char *time_text(const Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    g_autofree char *elapsed = report_duration(bus_rig1_get_elapsed(rig));
+    g_autofree char *real = report_duration(real_s(monitor));
+    if (bus_rig1_get_simulated(rig))
+        return g_strdup_printf("%s simulated in %s", elapsed, real);
+    return g_steal_pointer(&elapsed);
+}
+
+static char *progress_text(const Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    const char *state = bus_rig1_get_state(rig), *reason = bus_rig1_get_reason(rig);
+    const double left_s = real_left_s(rig);
+    g_autofree char *retakes = retakes_text(rig);
+    g_autofree char *times = time_text(monitor);
+    GString *text = g_string_new(NULL);
+    g_string_append_printf(text, "%d/%d shots", bus_rig1_get_shots_done(rig),
+                           bus_rig1_get_shots(rig));
+    if (strcmp(state, "paused") == 0) {
+        g_string_append_printf(text, ", paused: %s", reason);
+    } else {
+        g_string_append_printf(text, ", %.0f frames/s, %s, %s", frames_per_s(monitor), retakes,
+                               times);
+        if (left_s >= 0) {
+            g_autofree char *left = report_duration(left_s);
+            g_string_append_printf(text, ", %s left", left);
+        }
+        if (strcmp(state, "running") != 0)
+            g_string_append_printf(text, ", %s", state);
+    }
+    return g_string_free(text, FALSE);
+}
+
+static void show(Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    const char *state = bus_rig1_get_state(rig);
+    const gboolean news = g_strcmp0(state, monitor->shown_state) != 0;
+    const gint64 now_us = g_get_monotonic_time();
+    g_free(monitor->shown_state);
+    monitor->shown_state = g_strdup(state);
+    if (cli_json && (news || now_us >= monitor->json_us + JSON_INTERVAL_US)) {
+        monitor->json_us = now_us;
+        print_json_progress(monitor);
+    } else if (bus_rig1_get_shots(rig) > 0) {
+        g_autofree char *text = progress_text(monitor);
+        progress_show(monitor->progress, fraction(rig), text, news);
+    }
+}
+
+static void finish(Monitor *monitor, enum monitor_end end) {
+    if (monitor->ended)
+        return;
+    monitor->ended = TRUE;
+    monitor->end = end;
+    g_main_loop_quit(monitor->loop);
+}
+
+static void check(Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    if (link_is_lost(monitor->link) || monitor->ended) {
+        finish(monitor, MONITOR_LOST);
+        return;
+    }
+    const char *state = bus_rig1_get_state(rig);
+    show(monitor);
+    if (strcmp(state, "running") == 0)
+        monitor->faulty = FALSE;
+    if (strcmp(state, "done") == 0) {
+        finish(monitor, MONITOR_DONE);
+    } else if (strcmp(state, "paused") == 0) {
+        g_free(monitor->reason);
+        monitor->reason = g_strdup(bus_rig1_get_reason(rig));
+        if (monitor->interrupts > 0)
+            finish(monitor, MONITOR_PAUSED);
+        else if (monitor->faulty && !monitor->patient)
+            finish(monitor, MONITOR_FAULT);
+    } else if (strcmp(state, "aborted") == 0 || strcmp(state, "idle") == 0 ||
+               strcmp(state, "closed") == 0) {
+        finish(monitor, MONITOR_ABORTED);
+    }
+}
+
+static void on_properties(GDBusProxy *proxy, GVariant *properties, GStrv invalidated,
+                          gpointer data) {
+    Monitor *monitor = data;
+    if (g_main_loop_is_running(monitor->loop))
+        check(monitor);
+}
+
+static void on_event(BusRig1 *rig, const char *level, const char *source, const char *message,
+                     gpointer data) {
+    Monitor *monitor = data;
+    if (strcmp(level, "error") == 0)
+        monitor->faulty = TRUE;
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "event", g_variant_new_string(message));
+        g_variant_builder_add(&builder, "{sv}", "level", g_variant_new_string(level));
+        g_variant_builder_add(&builder, "{sv}", "source", g_variant_new_string(source));
+        cli_print_json(g_variant_builder_end(&builder));
+    } else if (strcmp(level, "info") == 0) {
+        progress_line(monitor->progress, "%s: %s", source, message);
+    } else {
+        progress_line(monitor->progress, "%s: %s: %s", level, source, message);
+    }
+}
+
+static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
+    finish(data, MONITOR_LOST);
+}
+
+static void on_owner(GDBusProxy *proxy, GParamSpec *spec, gpointer data) {
+    Monitor *monitor = data;
+    if (link_is_lost(monitor->link))
+        finish(monitor, MONITOR_LOST);
+}
+
+/* Once: after the shot under way. Twice: now. */
+static gboolean on_interrupt(gpointer data) {
+    Monitor *monitor = data;
+    g_autoptr(GError) error = NULL;
+    if (!monitor->control) {
+        finish(monitor, MONITOR_DETACHED);
+        return G_SOURCE_CONTINUE;
+    }
+    if (monitor->interrupts++ == 0) {
+        progress_line(monitor->progress,
+                      "pausing after the shot under way; Ctrl-C once more stops at once");
+        if (!bus_rig1_call_pause_sync(link_rig(monitor->link), NULL, &error))
+            finish(monitor, MONITOR_PAUSED);
+        else
+            check(monitor);
+    } else {
+        bus_rig1_call_abort_sync(link_rig(monitor->link), NULL, NULL);
+        finish(monitor, MONITOR_ABORTED);
+    }
+    return G_SOURCE_CONTINUE;
+}
+
+Monitor *monitor_new(Link *link, gboolean control) {
+    const int signals[] = {SIGINT, SIGTERM, SIGHUP};
+    Monitor *monitor = g_new0(Monitor, 1);
+    monitor->link = link;
+    monitor->control = control;
+    monitor->loop = g_main_loop_new(NULL, FALSE);
+    monitor->progress = progress_new("capture");
+    BusRig1 *rig = link_rig(link);
+    g_signal_connect(rig, "g-properties-changed", G_CALLBACK(on_properties), monitor);
+    g_signal_connect(rig, "event", G_CALLBACK(on_event), monitor);
+    g_signal_connect(rig, "notify::g-name-owner", G_CALLBACK(on_owner), monitor);
+    g_signal_connect(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), "closed",
+                     G_CALLBACK(on_closed), monitor);
+    for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
+        monitor->signal_ids[i] = g_unix_signal_add(signals[i], on_interrupt, monitor);
+    return monitor;
+}
+
+void monitor_free(Monitor *monitor) {
+    if (!monitor)
+        return;
+    BusRig1 *rig = link_rig(monitor->link);
+    g_signal_handlers_disconnect_by_data(rig, monitor);
+    g_signal_handlers_disconnect_by_data(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), monitor);
+    for (gsize i = 0; i < G_N_ELEMENTS(monitor->signal_ids); i++)
+        g_source_remove(monitor->signal_ids[i]);
+    progress_free(monitor->progress);
+    g_main_loop_unref(monitor->loop);
+    g_free(monitor->shown_state);
+    g_free(monitor->reason);
+    g_free(monitor);
+}
+
+enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
+    monitor->patient = patient;
+    monitor->begun_us = g_get_monotonic_time();
+    /* What the daemon has shown before it answered our last call lies waiting. */
+    while (g_main_context_iteration(NULL, FALSE))
+        ;
+    monitor->frames_before = bus_rig1_get_frames(link_rig(monitor->link));
+    check(monitor);
+    if (!monitor->ended)
+        g_main_loop_run(monitor->loop);
+    return monitor->end;
+}
+
+const char *monitor_reason(const Monitor *monitor) {
+    return monitor->reason ? monitor->reason : "";
+}
+
+char *monitor_summary(const Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    g_autofree char *retakes = retakes_text(rig);
+    g_autofree char *times = time_text(monitor);
+    return g_strdup_printf("%d of %d shots, %" G_GINT64_FORMAT " frames, %s, %s",
+                           bus_rig1_get_shots_done(rig), bus_rig1_get_shots(rig),
+                           bus_rig1_get_frames(rig), retakes, times);
+}

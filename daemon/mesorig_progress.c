@@ -1,0 +1,108 @@
+#include "mesorig_progress.h"
+
+#include "mesorig_cli.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#define INTERVAL_US  100000
+#define LONGEST_BAR  40
+#define SHORTEST_BAR 8
+
+struct Progress {
+    char *what;
+    gboolean tty, utf8, drawn;
+    int told; /* tenths, on what is no terminal */
+    gint64 shown_us;
+};
+
+Progress *progress_new(const char *what) {
+    Progress *progress = g_new0(Progress, 1);
+    progress->what = g_strdup(what);
+    progress->tty = isatty(STDOUT_FILENO);
+    progress->utf8 = g_get_charset(NULL);
+    progress->told = -1;
+    return progress;
+}
+
+static void end_bar(Progress *progress) {
+    if (progress->drawn)
+        fputc('\n', stdout);
+    progress->drawn = FALSE;
+    fflush(stdout);
+}
+
+void progress_free(Progress *progress) {
+    if (!progress)
+        return;
+    end_bar(progress);
+    g_free(progress->what);
+    g_free(progress);
+}
+
+static int columns(void) {
+    struct winsize size;
+    return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
+
+static void append_bar(GString *line, int width, double fraction, gboolean utf8) {
+    static const char *const eighths[] = {" ", "▏", "▎", "▍", "▌", "▋", "▊", "▉"};
+    const int full = (int)(fraction * width * 8);
+    g_string_append(line, utf8 ? "▕" : "[");
+    for (int i = 0; i < width; i++) {
+        const int here = full - 8 * i;
+        if (here >= 8)
+            g_string_append(line, utf8 ? "█" : "#");
+        else
+            g_string_append(line, utf8 && here > 0 ? eighths[here] : " ");
+    }
+    g_string_append(line, utf8 ? "▏ " : "] ");
+}
+
+/* The bar takes what room the text leaves; a text that is too long is cut, so that the line never
+ * wraps and can be drawn over. */
+static void draw(Progress *progress, double fraction, const char *text) {
+    g_autoptr(GString) line = g_string_new(NULL);
+    g_string_append_printf(line, "%s %3d %% ", progress->what, (int)floor(fraction * 100));
+    const int used = (int)g_utf8_strlen(line->str, -1) + (int)g_utf8_strlen(text, -1);
+    const int room = columns() - 1 - used - 3;
+    if (room >= SHORTEST_BAR)
+        append_bar(line, MIN(room, LONGEST_BAR), fraction, progress->utf8);
+    g_string_append(line, text);
+    g_autofree char *cut =
+        g_utf8_substring(line->str, 0, MIN(columns() - 1, (int)g_utf8_strlen(line->str, -1)));
+    g_print("\r%s\033[K", cut);
+    fflush(stdout);
+    progress->drawn = TRUE;
+}
+
+void progress_show(Progress *progress, double fraction, const char *text, gboolean now) {
+    const gint64 now_us = g_get_monotonic_time();
+    fraction = isfinite(fraction) ? CLAMP(fraction, 0, 1) : 0;
+    if (cli_json)
+        return;
+    if (progress->tty) {
+        if (!now && now_us < progress->shown_us + INTERVAL_US)
+            return;
+        progress->shown_us = now_us;
+        draw(progress, fraction, text);
+    } else if ((int)(fraction * 10) > progress->told) {
+        progress->told = (int)(fraction * 10);
+        g_print("%s: %d %%, %s\n", progress->what, (int)floor(fraction * 100), text);
+        fflush(stdout);
+    }
+}
+
+void progress_line(Progress *progress, const char *format, ...) {
+    va_list arguments;
+    if (cli_json)
+        return;
+    va_start(arguments, format);
+    g_autofree char *text = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_print("%s%s\n", progress->drawn ? "\r\033[K" : "", text);
+    progress->drawn = FALSE;
+    fflush(stdout);
+}

@@ -1,0 +1,15 @@
+/* A progress bar on a terminal; a line every ten per cent elsewhere; nothing with --json. */
+#pragma once
+
+#include <glib.h>
+
+typedef struct Progress Progress;
+
+Progress *progress_new(const char *what);
+void progress_free(Progress *progress); /* leaves the bar as it is; NULL is ignored */
+
+/* fraction 0 … 1. Drawn at most ten times a second, unless now. text is for the room beside. */
+void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
+
+/* A line of its own, above the bar. Not printed with --json. */
+void progress_line(Progress *progress, const char *format, ...) G_GNUC_PRINTF(2, 3);
