@@ -223,11 +223,11 @@ int info_session(const char *directory) {
 
 static GVariant *attribute_variant(const struct exr_attribute *attribute) {
     switch (attribute->kind) {
-    case EXR_ATTRIBUTE_STRING:
+    case EXR_KIND_STRING:
         return g_variant_new_string(attribute->string);
-    case EXR_ATTRIBUTE_INT:
+    case EXR_KIND_INT:
         return g_variant_new_int32(attribute->integer);
-    case EXR_ATTRIBUTE_DOUBLE:
+    case EXR_KIND_DOUBLE:
         return g_variant_new_double(attribute->v[0]);
     default:
         return g_variant_new_fixed_array(G_VARIANT_TYPE_DOUBLE, attribute->v, 3, sizeof(double));
