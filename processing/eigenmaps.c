@@ -234,7 +234,7 @@ gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError 
     exr_set_string(weights, "mesorig.kind", "eigenmaps");
     exr_set_double(weights, "texel_mm", maps->texel_mm);
     exr_set_double(weights, "reference_mm", maps->reference_mm);
-    exr_set_string(weights, "name", maps->name ? maps->name : "");
+    exr_set_string(weights, "mesorig.name", maps->name ? maps->name : "");
     struct exr_file *file = exr_file_new();
     exr_file_add(file, weights);
     exr_file_add(file,
@@ -289,7 +289,7 @@ static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, c
         return format_error(path, error, "there is no part \"weights\" of that kind");
     if (!exr_get_double(weights, "texel_mm", &maps->texel_mm, error) ||
         !exr_get_double(weights, "reference_mm", &maps->reference_mm, error) ||
-        !exr_get_string(weights, "name", &name, error) ||
+        !exr_get_string(weights, "mesorig.name", &name, error) ||
         !read_directions(file, "views", path, &maps->view_theta_deg, &maps->view_phi_deg,
                          &maps->n_views, error) ||
         !read_directions(file, "lights", path, &maps->light_theta_deg, &maps->light_phi_deg,

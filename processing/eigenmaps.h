@@ -6,8 +6,8 @@
  *   part "weights"            channel "W", width n_views, height n_terms, float; row i is W_i(v)
  *   part "views", "lights"    channels "phi_deg","theta_deg", width n, height 1, float
  *   part "E000_light_0000"    channels B G R, half, width × height texels; term, light
- * attributes of "weights": mesorig.kind = "eigenmaps", texel_mm (double), reference_mm (double),
- * name (string)
+ * attributes of "weights": mesorig.kind = "eigenmaps", mesorig.name (string), texel_mm (double),
+ * reference_mm (double)
  */
 #pragma once
 
