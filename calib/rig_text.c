@@ -7,7 +7,7 @@
 #define FORMAT         "mesorig-calibration-1"
 #define UNIT_TOLERANCE 1e-6
 
-G_DEFINE_QUARK(rig-error-quark, rig_error)
+G_DEFINE_QUARK(rig_error, rig_error)
 
 /* What is written of a struct: consecutive doubles or integers at an offset, under a name. */
 struct field {

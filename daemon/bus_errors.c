@@ -53,7 +53,7 @@ static const GDBusErrorEntry rig_names[] = {
     {RIG_ERROR_VALUE, NAME("RigValue")},
 };
 
-G_DEFINE_QUARK(mesorig - bus - error, bus_error)
+G_DEFINE_QUARK(bus_error, bus_error)
 
 static const struct {
     GQuark (*domain)(void);

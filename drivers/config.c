@@ -29,7 +29,7 @@ struct Config {
     GHashTable *by_group; /* "class name" -> struct section_data; keys owned */
 };
 
-G_DEFINE_QUARK(mesorig - config - error, config_error)
+G_DEFINE_QUARK(config_error, config_error)
 
 static void entry_free(gpointer data) {
     struct entry *entry = data;

@@ -1,6 +1,6 @@
 #include "device.h"
 
-G_DEFINE_QUARK(mesorig - device - error, device_error)
+G_DEFINE_QUARK(device_error, device_error)
 
 /* The keys of the class or rig, and the one that chose the driver. */
 static const char **add_driver_key(const char *const *also) {

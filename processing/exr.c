@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-G_DEFINE_QUARK(exr_error_quark, exr_error)
+G_DEFINE_QUARK(exr_error, exr_error)
 
 static void attribute_free(gpointer data) {
     struct exr_attribute *attribute = data;

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-G_DEFINE_QUARK(pipeline_error_quark, pipeline_error)
+G_DEFINE_QUARK(pipeline_error, pipeline_error)
 
 #define REMEDY "; `mesorig capture resume` takes it again"
 

@@ -8,7 +8,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-G_DEFINE_QUARK(session_error_quark, session_error)
+G_DEFINE_QUARK(session_error, session_error)
 
 /* The kernel gives the lock back when its holder ends, however it ends. */
 int session_lock(const char *path, GError **error) {

@@ -8,7 +8,7 @@
 #define MAX_PHI_DEG  179.0
 #define DEG          (G_PI / 180.0)
 
-G_DEFINE_QUARK(mesorig - directions - error - quark, directions_error)
+G_DEFINE_QUARK(directions_error, directions_error)
 
 struct entry {
     int index;

@@ -5,7 +5,7 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-G_DEFINE_QUARK(mesorig - gpu - error - quark, gpu_error)
+G_DEFINE_QUARK(gpu_error, gpu_error)
 
 struct Gpu {
     EGLDisplay display;

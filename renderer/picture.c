@@ -5,7 +5,7 @@
 #include <png.h>
 #include <stdio.h>
 
-G_DEFINE_QUARK(mesorig - picture - error - quark, picture_error)
+G_DEFINE_QUARK(picture_error, picture_error)
 
 static void on_error(png_structp png, png_const_charp text) {
     char **message = png_get_error_ptr(png);

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-G_DEFINE_QUARK(mesorig - scene - error - quark, scene_error)
+G_DEFINE_QUARK(scene_error, scene_error)
 
 struct grid_shape {
     double radius, tube_radius, height;
