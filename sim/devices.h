@@ -1,0 +1,18 @@
+/*
+ * Simulated devices: drivers of every class that act on, or look at, a World. They keep real or
+ * virtual time, take as long as their options say, and can be told to fail; `mesorig drivers`
+ * describes every option. An axis is the simplest driver to read before writing another.
+ */
+#pragma once
+
+#include "drivers/axis.h"
+#include "drivers/camera.h"
+#include "drivers/interlock.h"
+#include "drivers/lamps.h"
+#include "drivers/laser.h"
+
+extern const struct axis_driver sim_axis_driver;
+extern const struct lamps_driver sim_lamps_driver;
+extern const struct camera_driver sim_camera_driver;
+extern const struct laser_driver sim_laser_driver;
+extern const struct interlock_driver sim_interlock_driver;
