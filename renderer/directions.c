@@ -6,6 +6,7 @@
 #define POLE_DEG     3.0 /* a single direction this near to the normal is the pole */
 #define MIN_PHI_DEG  0.1
 #define MAX_PHI_DEG  179.0
+#define MAX_FLATNESS 4.0 /* steps in azimuth may be so much longer than those between rings */
 #define DEG          (G_PI / 180.0)
 
 G_DEFINE_QUARK(directions_error, directions_error)
@@ -18,6 +19,7 @@ struct entry {
 struct ring {
     struct entry *entries; /* by azimuth; points into Directions */
     int n;
+    double gap; /* degrees to the nearer neighbouring ring */
 };
 
 struct Directions {
@@ -45,10 +47,13 @@ static double phi_gap(const struct ring *ring, int k) {
     return next - ring->entries[k].phi;
 }
 
-/* A ring needs azimuths all around it, or a single direction that is the pole. */
+/* A ring needs azimuths all around it, not much farther apart than the rings are, or a single
+ * direction that is the pole. */
 static gboolean ring_is_sound(const struct ring *ring, gboolean first) {
     if (ring->n == 1)
         return first && ring->entries[0].theta <= POLE_DEG;
+    if (360.0 / ring->n * sin(ring->entries[0].theta * DEG) > MAX_FLATNESS * ring->gap)
+        return FALSE;
     for (int k = 0; k < ring->n; k++) {
         double gap = phi_gap(ring, k);
         if (gap < MIN_PHI_DEG || gap > MAX_PHI_DEG)
@@ -69,9 +74,9 @@ static gboolean find_rings(Directions *d) {
         double spread = d->entries[end - 1].theta - d->entries[begin].theta;
         double gap_after =
             end < d->n ? d->entries[end].theta - d->entries[end - 1].theta : G_MAXDOUBLE;
-        struct ring ring = {d->entries + begin, end - begin};
+        struct ring ring = {d->entries + begin, end - begin, MIN(gap_before, gap_after)};
         g_array_append_val(rings, ring);
-        if (spread >= MIN(MIN(gap_before, gap_after), 2.0 * RING_GAP_DEG))
+        if (spread >= MIN(ring.gap, 2.0 * RING_GAP_DEG))
             return FALSE;
         gap_before = gap_after;
     }

@@ -40,9 +40,29 @@ static gboolean fail(const struct obj *obj, enum scene_error code, GError **erro
     return FALSE;
 }
 
+/* A backslash before the end of a line continues it. */
 static void skip_blanks(const char **text) {
-    while (**text == ' ' || **text == '\t' || **text == '\r')
-        (*text)++;
+    for (;;) {
+        if (**text == ' ' || **text == '\t' || **text == '\r')
+            (*text)++;
+        else if (**text == '\\' && ((*text)[1] == '\n' || strncmp(*text + 1, "\r\n", 2) == 0))
+            *text += (*text)[1] == '\n' ? 2 : 3;
+        else
+            return;
+    }
+}
+
+/* To the start of the next line, or the end. */
+static const char *next_line(struct obj *obj, const char *start) {
+    for (const char *at = start;; at++) {
+        at += strcspn(at, "\n");
+        if (*at == '\0')
+            return at;
+        obj->line++;
+        const char *last = at > start && at[-1] == '\r' ? at - 1 : at;
+        if (last == start || last[-1] != '\\')
+            return at + 1;
+    }
 }
 
 static gboolean parse_floats(struct obj *obj, const char *text, int n, GArray *array,
@@ -353,13 +373,10 @@ static struct mesh *build(struct obj *obj) {
 }
 
 static gboolean parse(struct obj *obj, const char *text, GError **error) {
-    for (const char *line = text; *line != '\0';) {
-        obj->line++;
+    obj->line = 1;
+    for (const char *line = text; *line != '\0'; line = next_line(obj, line))
         if (!parse_line(obj, line, error))
             return FALSE;
-        line += strcspn(line, "\n");
-        line += *line == '\n';
-    }
     if (obj->polygons->len == 0)
         return fail(obj, SCENE_ERROR_FORMAT, error, "there is no face in this file");
     return TRUE;

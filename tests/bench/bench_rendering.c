@@ -1,0 +1,270 @@
+/*
+ * How long a frame of eigen-maps takes against a plain textured mesh on the same card, mesh and
+ * size, both timed in turns. The material is made here: glazed bumps with parallax and shadows,
+ * which
+ * --write-material also saves, to look at.
+ */
+#include "processing/eigenmaps.h"
+#include "renderer/gpu.h"
+#include "renderer/scene.h"
+#include "renderer/view.h"
+
+#include <locale.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define N_THETA 5
+#define N_PHI   12
+#define DEPTH   0.08 /* of the bumps, in tiles */
+
+#define FINE 512
+
+static float heights[FINE][FINE];
+
+struct bumps {
+    int n; /* texels each way */
+    struct eigenmaps *maps;
+    float *visible; /* light × texel: does the surface see the light */
+};
+
+/* 0 … 1; domes on a lattice, one tile a period. */
+static double exact_height(double x, double y) {
+    double best = 0.0;
+    for (int j = -1; j <= 5; j++)
+        for (int i = -1; i <= 4; i++) {
+            double dx = (x - (i + 0.5 * (j & 1)) / 3.0) / 0.17, dy = (y - j / 4.0) / 0.15;
+            best = fmax(best, 1.0 - dx * dx - dy * dy);
+        }
+    return sqrt(best);
+}
+
+static void make_heights(void) {
+    for (int j = 0; j < FINE; j++)
+        for (int i = 0; i < FINE; i++)
+            heights[j][i] = exact_height((double)i / FINE, (double)j / FINE);
+}
+
+static double height_at(double x, double y) {
+    double u = (x - floor(x)) * FINE, v = (y - floor(y)) * FINE;
+    int i = (int)u % FINE, j = (int)v % FINE, right = (i + 1) % FINE, up = (j + 1) % FINE;
+    double s = u - floor(u), t = v - floor(v);
+    return (1.0 - t) * ((1.0 - s) * heights[j][i] + s * heights[j][right]) +
+           t * ((1.0 - s) * heights[up][i] + s * heights[up][right]);
+}
+
+static void normal_at(double x, double y, double ret[3]) {
+    double e = 2.0 / FINE;
+    ret[0] = -DEPTH * (height_at(x + e, y) - height_at(x - e, y)) / (2.0 * e);
+    ret[1] = -DEPTH * (height_at(x, y + e) - height_at(x, y - e)) / (2.0 * e);
+    ret[2] = 1.0;
+    double length = sqrt(ret[0] * ret[0] + ret[1] * ret[1] + 1.0);
+    for (int k = 0; k < 3; k++)
+        ret[k] /= length;
+}
+
+static void unit(double theta_deg, double phi_deg, double ret[3]) {
+    double theta = theta_deg * G_PI / 180.0, phi = phi_deg * G_PI / 180.0;
+    ret[0] = sin(theta) * cos(phi);
+    ret[1] = sin(theta) * sin(phi);
+    ret[2] = cos(theta);
+}
+
+/* Follows a ray from the reference plane down along −v to the surface. */
+static void trace(const double v[3], double *x, double *y) {
+    double step = DEPTH / 64.0, z = 0.0;
+    while (z > DEPTH * (height_at(*x, *y) - 1.0) && z > -DEPTH) {
+        z -= step;
+        *x -= step * v[0] / v[2];
+        *y -= step * v[1] / v[2];
+    }
+}
+
+static float lit(const double l[3], double x, double y) {
+    double step = DEPTH / 32.0, z = DEPTH * (height_at(x, y) - 1.0) + 0.5 * step;
+    for (; z < 0.0; z += step, x += step * l[0] / l[2], y += step * l[1] / l[2])
+        if (z < DEPTH * (height_at(x, y) - 1.0))
+            return 0.0f;
+    return 1.0f;
+}
+
+static void shade(const struct bumps *b, int light, const double v[3], const double n[3], double x,
+                  double y, float ret[3]) {
+    static const double glaze[3] = {0.50, 0.16, 0.07}, ground[3] = {0.30, 0.27, 0.22};
+    double l[3], up = height_at(x, y), h[3], length = 0.0, cosine = 0.0, half = 0.0;
+    unit(b->maps->light_theta_deg[light], b->maps->light_phi_deg[light], l);
+    for (int k = 0; k < 3; k++) {
+        h[k] = l[k] + v[k];
+        length += h[k] * h[k];
+        cosine += n[k] * l[k];
+        half += n[k] * h[k];
+    }
+    int i = (int)floor((x - floor(x)) * b->n) % b->n;
+    int j = (int)floor((1.0 - (y - floor(y))) * b->n) % b->n;
+    double visible = b->visible[((gsize)light * b->n + j) * b->n + i];
+    double direct = visible * fmax(cosine, 0.0);
+    double gloss = up > 0.0 ? 0.5 * pow(fmax(half / sqrt(length), 0.0), 24.0) : 0.0;
+    double bounced = 0.12 * (0.3 + 0.7 * up) * l[2];
+    for (int k = 0; k < 3; k++)
+        ret[k] = (up > 0.0 ? glaze[k] : ground[k]) * (direct + bounced) + gloss * direct;
+}
+
+static gboolean column(int view, float *ret, gpointer data, GError **error) {
+    const struct bumps *b = data;
+    double v[3];
+    unit(b->maps->view_theta_deg[view], b->maps->view_phi_deg[view], v);
+    for (int j = 0; j < b->n; j++)
+        for (int i = 0; i < b->n; i++) {
+            double x = (i + 0.5) / b->n, y = 1.0 - (j + 0.5) / b->n;
+            double n[3];
+            trace(v, &x, &y);
+            normal_at(x, y, n);
+            for (int light = 0; light < b->maps->n_lights; light++)
+                shade(b, light, v, n, x, y, ret + 3 * (((gsize)light * b->n + j) * b->n + i));
+        }
+    return TRUE;
+}
+
+static float *ring_angles(gboolean theta, double offset_deg) {
+    float *angles = g_new(float, N_THETA *N_PHI);
+    for (int k = 0; k < N_THETA * N_PHI; k++)
+        angles[k] = theta ? 15.0 * (1 + k / N_PHI) : offset_deg + 360.0 / N_PHI * (k % N_PHI);
+    return angles;
+}
+
+static void find_shadows(struct bumps *b) {
+    b->visible = g_new(float, (gsize)b->maps->n_lights * b->n * b->n);
+    for (int light = 0; light < b->maps->n_lights; light++) {
+        double l[3];
+        unit(b->maps->light_theta_deg[light], b->maps->light_phi_deg[light], l);
+        for (int k = 0; k < b->n * b->n; k++)
+            b->visible[(gsize)light * b->n * b->n + k] =
+                lit(l, (k % b->n + 0.5) / b->n, 1.0 - (k / b->n + 0.5) / b->n);
+    }
+}
+
+static struct eigenmaps *make_material(int n, double *ret_error, GError **error) {
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    maps->name = g_strdup("glazed bumps");
+    maps->width = maps->height = n;
+    maps->texel_mm = 50.0 / n;
+    maps->n_views = maps->n_lights = N_THETA * N_PHI;
+    maps->n_terms = 4;
+    maps->view_theta_deg = ring_angles(TRUE, 0.0);
+    maps->view_phi_deg = ring_angles(FALSE, 0.0);
+    maps->light_theta_deg = ring_angles(TRUE, 0.0);
+    maps->light_phi_deg = ring_angles(FALSE, 15.0);
+    struct bumps bumps = {n, maps, NULL};
+    make_heights();
+    find_shadows(&bumps);
+    gboolean good = eigenmaps_compute(maps, column, &bumps, ret_error, error);
+    g_free(bumps.visible);
+    if (good)
+        return maps;
+    eigenmaps_free(maps);
+    return NULL;
+}
+
+static int compare_doubles(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+struct timing {
+    int frames;
+    double *eigenmaps_ms, *plain_ms;
+};
+
+static gboolean time_one(View *view, const struct view_settings *s, int frame, int width,
+                         int height, struct gpu_target *target, double *ret_ms, GError **error) {
+    struct view_settings settings = *s;
+    settings.camera_azimuth_deg += 3.0 * frame;
+    gint64 start = g_get_monotonic_time();
+    if (!view_draw(view, &settings, target->framebuffer, width, height, error))
+        return FALSE;
+    view_finish();
+    *ret_ms = (g_get_monotonic_time() - start) * 1e-3;
+    return TRUE;
+}
+
+/* In turns, so that whatever else the machine does falls on both; the first two are not counted. */
+static gboolean measure(View *view, int width, int height, struct timing *t, GError **error) {
+    struct gpu_target target = {0};
+    gboolean good = gpu_target_resize(&target, width, height, 0x8058 /* GL_RGBA8 */, FALSE, error);
+    struct view_settings s = view_settings_default, plain = view_settings_default;
+    plain.plain = TRUE;
+    for (int k = -2; good && k < t->frames; k++) {
+        int at = MAX(k, 0);
+        good = time_one(view, &s, k, width, height, &target, &t->eigenmaps_ms[at], error) &&
+               time_one(view, &plain, k, width, height, &target, &t->plain_ms[at], error);
+    }
+    gpu_target_clear(&target);
+    qsort(t->eigenmaps_ms, t->frames, sizeof(double), compare_doubles);
+    qsort(t->plain_ms, t->frames, sizeof(double), compare_doubles);
+    return good;
+}
+
+static void report(const struct timing *t, const struct mesh *mesh, int width, int height,
+                   int texels, double residual, gboolean json) {
+    double e = t->eigenmaps_ms[t->frames / 2], p = t->plain_ms[t->frames / 2];
+    const char *format =
+        json ? "{\"renderer\": \"%s\", \"width\": %d, \"height\": %d, \"triangles\": %u, "
+               "\"texels\": %d, \"terms\": 4, \"lights\": %d, \"frames\": %d, "
+               "\"svd_error\": %.4f, \"eigenmaps_ms\": %.2f, \"plain_ms\": %.2f, "
+               "\"ratio\": %.3f}\n"
+             : "%s, %d × %d, torus of %u triangles, %d² texels, 4 terms, %d lights, median of %d "
+               "frames\n(error of the eigen-maps %.4f)\neigen-maps %.2f ms, plain texture %.2f ms, "
+               "ratio %.2f\n";
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wformat-nonliteral"
+    g_print(format, gpu_renderer(), width, height, mesh->n_indices / 3, texels, N_THETA * N_PHI,
+            t->frames, residual, e, p, e / p);
+#pragma GCC diagnostic pop
+}
+
+static gboolean bench(const struct eigenmaps *maps, const struct mesh *mesh, int frames,
+                      double residual, gboolean json, GError **error) {
+    const int width = 800, height = 600;
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    g_autoptr(View) view = gpu != NULL ? view_new(maps, error) : NULL;
+    if (view == NULL || !view_set_mesh(view, mesh, error))
+        return FALSE;
+    g_autofree double *e = g_new0(double, frames), *p = g_new0(double, frames);
+    struct timing timing = {frames, e, p};
+    if (!measure(view, width, height, &timing, error))
+        return FALSE;
+    report(&timing, mesh, width, height, maps->width, residual, json);
+    return TRUE;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    gboolean json = FALSE;
+    int frames = 20, texels = 64;
+    g_autofree char *write = NULL;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
+        {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 20", "N"},
+        {"texels", 0, 0, G_OPTION_ARG_INT, &texels, "Texels each way, default 64", "N"},
+        {"write-material", 0, 0, G_OPTION_ARG_FILENAME, &write, "Save it, time nothing",
+         "eigenmaps.exr"},
+        {NULL}};
+    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
+    g_autoptr(GError) error = NULL;
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || texels < 4) {
+        g_printerr("bench_rendering: %s\n", error != NULL ? error->message : "bad number");
+        return 2;
+    }
+    double residual;
+    struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
+    struct eigenmaps *maps = make_material(texels, &residual, &error);
+    gboolean good =
+        maps != NULL && (write != NULL ? eigenmaps_write(write, maps, &error)
+                                       : bench(maps, mesh, frames, residual, json, &error));
+    if (!good)
+        g_printerr("bench_rendering: %s\n", error->message);
+    eigenmaps_free(maps);
+    mesh_free(mesh);
+    return good ? 0 : 1;
+}
