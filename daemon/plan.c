@@ -9,7 +9,7 @@
 #define FULL_TURN           ((gint64)360 * UDEG)
 #define THETA_TOLERANCE_DEG 0.5
 
-G_DEFINE_QUARK(plan-error-quark, plan_error)
+G_DEFINE_QUARK(plan_error, plan_error)
 
 /* What stands somewhere in the rig: cameras, or lamps or lasers with the arc at 0. */
 struct stand {
@@ -499,7 +499,7 @@ static void predict(struct build *b, struct plan *plan) {
     plan_order_nested(nested);
     plan->nested_s = plan_total_s(nested, b->conf, b->timing);
     plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
-    plan->n_poses = plan_order(b->shots, poses, n_poses, b->conf, b->timing);
+    plan->n_poses = plan_order(b->shots, poses, n_poses, b->timing);
     plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing);
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;

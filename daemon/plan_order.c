@@ -2,6 +2,14 @@
 
 #include <string.h>
 
+/* Prices looked up before the search for a better order gives up. */
+#define SEARCH_BUDGET 1500000
+/* Sessions of more shots than this keep the order their poses give. */
+#define SEARCH_LARGEST 1500
+/* Up to so many, all candidates are improved, not the best alone. */
+#define SEARCH_ALL      40
+#define LONGEST_CARRIED 8
+
 typedef GArray Order; /* of guint: indices of shots */
 
 static const struct session_shot *shot_at(GArray *shots, guint index) {
@@ -19,7 +27,7 @@ struct pose_shots {
 
 struct orderer {
     GArray *shots;
-    const struct session_conf *conf;
+    const struct session_shot *dark; /* what the first shot comes after, or NULL */
     const struct rig_timing *timing;
     struct plan_moves *moves;
     struct pose_shots *poses;
@@ -130,31 +138,64 @@ static void order_by_poses(struct orderer *o, Order *order) {
         append_pose(o, order, poses[i]);
 }
 
-/* One lamp in all poses before the next one, and the sweeps at last: what is quickest where lamps
- * take longer to warm up than axes to move. */
-static void order_by_lamps(struct orderer *o, Order *order) {
-    g_autofree int *poses = g_new(int, o->moves->n);
+static gboolean has_lamp(const struct orderer *o, int pose, int lamp) {
+    const GArray *lamps = o->poses[pose].lamps;
 
-    for (int lamp = 0; lamp <= RIG_MAX_LAMPS; lamp++) {
+    for (guint i = 0; i < lamps->len; i++)
+        if (shot_at(o->shots, g_array_index(lamps, guint, i))->device == lamp)
+            return TRUE;
+    return FALSE;
+}
+
+/* The lamp that is needed in most of the poses with sweeps; −1 if there is none. */
+static int lamp_beside_sweeps(const struct orderer *o) {
+    int best = -1, most = 0;
+
+    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++) {
         int n = 0;
-        for (int p = 0; p < o->moves->n; p++) {
-            gboolean wanted = lamp == RIG_MAX_LAMPS && o->poses[p].sweeps->len > 0;
-            for (guint i = 0; i < o->poses[p].lamps->len; i++)
-                wanted |=
-                    shot_at(o->shots, g_array_index(o->poses[p].lamps, guint, i))->device == lamp;
-            if (wanted)
-                poses[n++] = p;
-        }
-        plan_tour(o->moves, poses, n, o->readout_s);
-        for (int k = 0; k < n; k++) {
-            const GArray *lamps = o->poses[poses[k]].lamps;
-            for (guint i = 0; i < lamps->len; i++)
-                if (shot_at(o->shots, g_array_index(lamps, guint, i))->device == lamp)
-                    append(o, order, g_array_index(lamps, guint, i));
-            if (lamp == RIG_MAX_LAMPS)
-                append_sweeps(o, order, o->poses[poses[k]].sweeps);
+        for (int p = 0; p < o->moves->n; p++)
+            n += o->poses[p].sweeps->len > 0 && has_lamp(o, p, lamp);
+        if (n > most) {
+            most = n;
+            best = lamp;
         }
     }
+    return best;
+}
+
+static void tour_with_lamp(struct orderer *o, Order *order, int lamp, gboolean sweep, int *poses) {
+    int n = 0;
+
+    for (int p = 0; p < o->moves->n; p++)
+        if (has_lamp(o, p, lamp))
+            poses[n++] = p;
+    plan_tour(o->moves, poses, n, o->readout_s);
+    for (int k = 0; k < n; k++) {
+        const struct pose_shots *shots = &o->poses[poses[k]];
+        for (guint i = 0; i < shots->lamps->len; i++) {
+            guint index = g_array_index(shots->lamps, guint, i);
+            if (shot_at(o->shots, index)->device == lamp)
+                append(o, order, index);
+        }
+        if (sweep)
+            append_sweeps(o, order, shots->sweeps);
+    }
+}
+
+/* One lamp in all poses before the next one: what is quickest where lamps take longer to warm up
+ * than axes to move. Sweeps are taken beside one lamp, or, if that is −1, at last. */
+static void order_by_lamps(struct orderer *o, Order *order, int beside) {
+    g_autofree int *poses = g_new(int, o->moves->n);
+    int n = 0;
+
+    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++)
+        tour_with_lamp(o, order, lamp, lamp == beside, poses);
+    for (int p = 0; p < o->moves->n; p++)
+        if (o->poses[p].sweeps->len && !has_lamp(o, p, beside))
+            poses[n++] = p;
+    plan_tour(o->moves, poses, n, o->readout_s);
+    for (int k = 0; k < n; k++)
+        append_sweeps(o, order, o->poses[poses[k]].sweeps);
 }
 
 static int compare_nested(gconstpointer a, gconstpointer b, gpointer data) {
@@ -222,32 +263,83 @@ static int number_visits(GArray *shots) {
     return visit + 1;
 }
 
-int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
-               const struct session_conf *conf, const struct rig_timing *timing) {
-    struct orderer o = {.shots = shots, .conf = conf, .timing = timing};
-    g_autoptr(GArray) best = NULL;
+/* What passes between the end of one shot's exposures and the start of another's. The first one
+ * comes after the dark frames, in its own pose; after the last one there is its read-out. */
+static double between(gconstpointer data, int from, int to) {
+    const struct orderer *o = data;
+
+    if (from < 0 && to < 0)
+        return 0;
+    if (to < 0)
+        return plan_readout_s(shot_at(o->shots, (guint)from), o->timing);
+    const struct session_shot *next = shot_at(o->shots, (guint)to);
+    if (from < 0)
+        return plan_lead_s(o->dark, next, o->timing);
+    const struct session_shot *before = shot_at(o->shots, (guint)from);
+    double move_s = plan_move_s(o->moves, before->pose, next->pose);
+    double lead_s = plan_lead_s(before, next, o->timing);
+    return MAX(move_s, lead_s);
+}
+
+static struct plan_path path_of(const struct orderer *o, Order *order) {
+    return (struct plan_path){.order = (int *)(gpointer)order->data,
+                              .n = (int)order->len,
+                              .cost = between,
+                              .data = o,
+                              .longest_carried = LONGEST_CARRIED};
+}
+
+static Order *ordered(struct orderer *o, int candidate) {
+    Order *order = g_array_new(FALSE, FALSE, sizeof(guint));
+
+    if (candidate == 0)
+        order_by_poses(o, order);
+    else if (candidate == 1)
+        order_by_lamps(o, order, -1);
+    else if (candidate == 2)
+        order_by_lamps(o, order, lamp_beside_sweeps(o));
+    else
+        order_nested(o->shots, order);
+    if (order->len <= SEARCH_ALL) {
+        struct plan_path path = path_of(o, order);
+        plan_path_improve(&path, SEARCH_BUDGET);
+    }
+    return order;
+}
+
+static Order *best_order(struct orderer *o) {
+    Order *best = NULL;
     double best_s = G_MAXDOUBLE;
 
-    o.moves = plan_moves_new(poses, n_poses, timing);
-    collect(&o, n_poses);
-    for (int candidate = 0; candidate < 3; candidate++) {
-        g_autoptr(GArray) order = g_array_new(FALSE, FALSE, sizeof(guint));
-        if (candidate == 0)
-            order_by_poses(&o, order);
-        else if (candidate == 1)
-            order_by_lamps(&o, order);
-        else
-            order_nested(shots, order);
-        g_autoptr(GArray) result = arranged(shots, order);
-        double total_s = plan_total_s(result, conf, timing);
-        if (total_s < best_s - 1e-9) {
-            best_s = total_s;
+    for (int candidate = 0; candidate < 4; candidate++) {
+        g_autoptr(GArray) order = ordered(o, candidate);
+        struct plan_path path = path_of(o, order);
+        double cost_s = plan_path_cost(&path);
+        if (cost_s < best_s - 1e-9) {
+            best_s = cost_s;
             g_clear_pointer(&best, g_array_unref);
-            best = g_steal_pointer(&result);
+            best = g_steal_pointer(&order);
         }
     }
+    struct plan_path path = path_of(o, best);
+    if (best->len <= SEARCH_LARGEST)
+        plan_path_improve(&path, SEARCH_BUDGET);
+    return best;
+}
+
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct rig_timing *timing) {
+    struct orderer o = {.shots = shots, .timing = timing};
+
+    for (guint i = 0; i < shots->len; i++)
+        if (shot_at(shots, i)->kind == SHOT_DARK)
+            o.dark = shot_at(shots, i);
+    o.moves = plan_moves_new(poses, n_poses, timing);
+    collect(&o, n_poses);
+    g_autoptr(GArray) order = best_order(&o);
+    g_autoptr(GArray) result = arranged(shots, order);
     orderer_clear(&o, n_poses);
-    replace(shots, best);
+    replace(shots, result);
     return number_visits(shots);
 }
 

@@ -1,7 +1,7 @@
 /*
  * What the parts of the planner share: plan.c makes shots of directions, plan_blocked.c keeps the
- * arc out of the pictures, plan_tour.c orders poses, plan_order.c the shots, plan_time.c predicts
- * time.
+ * arc out of the pictures, plan_tour.c orders poses, plan_order.c the shots, plan_search.c improves
+ * both, plan_time.c predicts time.
  */
 #pragma once
 
@@ -49,6 +49,21 @@ static inline double plan_move_s(const struct plan_moves *m, int from, int to) {
     return turn > arc ? turn : arc;
 }
 
+/* A path through things that are numbered, with a price on every step, also on that to the first
+ * (from −1) and from the last (to −1). The search changes the order in place until nothing gains,
+ * the least possible is reached or the budget of prices is spent. */
+struct plan_path {
+    int *order;
+    int n;
+    double (*cost)(gconstpointer data, int from, int to);
+    gconstpointer data;
+    int longest_carried; /* how many in a row are carried elsewhere at once */
+    double least;
+};
+
+double plan_path_cost(const struct plan_path *path);
+void plan_path_improve(struct plan_path *path, gint64 budget);
+
 /* Orders some of the poses (indices, permuted in place) so that the moves take little time. A move
  * shorter than floor_s costs floor_s: something else takes that long meanwhile. */
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s);
@@ -57,7 +72,7 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
  * it is the number of the visit. Returns how many visits there are. SHOT_DARK come first, skipped
  * shots last, with visits of their own. */
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
-               const struct session_conf *conf, const struct rig_timing *timing);
+               const struct rig_timing *timing);
 
 /* The order of a program that does not plan: for τ, for α, for lamps, for lasers. */
 void plan_order_nested(GArray *shots);

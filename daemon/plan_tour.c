@@ -6,15 +6,15 @@
 /* Costs looked up before the local search gives up improving a tour. */
 #define SEARCH_BUDGET 3000000
 /* More poses than this are left in the best order by rows. */
-#define SEARCH_LARGEST 3000
-#define GAIN_S         1e-9
+#define SEARCH_LARGEST  3000
+#define LONGEST_CARRIED 3
+#define GAIN_S          1e-9
 
 struct tour {
     const struct plan_moves *moves;
     double floor_s;
     int *order;
     int n;
-    double cost_s;
 };
 
 static double cost(const struct tour *t, int from, int to) {
@@ -22,12 +22,8 @@ static double cost(const struct tour *t, int from, int to) {
     return move > t->floor_s ? move : t->floor_s;
 }
 
-static double tour_cost(const struct tour *t) {
-    double sum = 0;
-
-    for (int i = 1; i < t->n; i++)
-        sum += cost(t, t->order[i - 1], t->order[i]);
-    return sum;
+static double cost_of(gconstpointer data, int from, int to) {
+    return from < 0 || to < 0 ? 0 : cost(data, from, to);
 }
 
 static int compare_udeg(gconstpointer a, gconstpointer b) {
@@ -156,7 +152,6 @@ static void tour_by_rows(struct tour *t, const int *poses, int n, enum rows rows
             ;
         append_row(t, cells + i, k);
     }
-    t->cost_s = tour_cost(t);
 }
 
 static void tour_nearest(struct tour *t, const int *poses, int n) {
@@ -178,100 +173,20 @@ static void tour_nearest(struct tour *t, const int *poses, int n) {
         t->order[t->n++] = left[nearest];
         left[nearest] = left[--n];
     }
-    t->cost_s = tour_cost(t);
 }
 
-/* Cost of an edge of the tour; there is none before the first and after the last place. */
-static double edge(const struct tour *t, int from_place, int to_place) {
-    if (from_place < 0 || to_place >= t->n)
-        return 0;
-    return cost(t, t->order[from_place], t->order[to_place]);
-}
+/* Improves a tour; returns what it costs. */
+static double improve(const struct tour *t) {
+    struct plan_path path = {.order = t->order,
+                             .n = t->n,
+                             .cost = cost_of,
+                             .data = t,
+                             .longest_carried = LONGEST_CARRIED,
+                             .least = t->floor_s * (t->n - 1)};
 
-static double join(const struct tour *t, int from_place, int pose_a, int pose_b, int to_place) {
-    double sum = 0;
-
-    if (from_place >= 0)
-        sum += cost(t, t->order[from_place], pose_a);
-    if (to_place < t->n)
-        sum += cost(t, pose_b, t->order[to_place]);
-    return sum;
-}
-
-/* 2-opt: turns the stretch i … j around where that gains. Moves have a direction (backlash), so the
- * stretch itself costs something else backwards. */
-static gboolean improve_by_turning(struct tour *t, gint64 *budget) {
-    gboolean improved = FALSE;
-
-    for (int i = 0; i < t->n - 1 && *budget > 0; i++) {
-        double change = 0;
-        for (int j = i + 1; j<t->n && * budget> 0; j++, (*budget)--) {
-            change += cost(t, t->order[j], t->order[j - 1]) - edge(t, j - 1, j);
-            double ends = join(t, i - 1, t->order[j], t->order[i], j + 1) - edge(t, i - 1, i) -
-                          edge(t, j, j + 1);
-            if (change + ends >= -GAIN_S)
-                continue;
-            for (int a = i, b = j; a < b; a++, b--) {
-                int pose = t->order[a];
-                t->order[a] = t->order[b];
-                t->order[b] = pose;
-            }
-            improved = TRUE;
-            break;
-        }
-    }
-    return improved;
-}
-
-/* Takes the k poses from place i out and puts them before place j, which is not among them. */
-static void carry(struct tour *t, int i, int k, int j) {
-    g_autofree int *taken = g_memdup2(t->order + i, sizeof(int) * (gsize)k);
-
-    if (j > i) {
-        memmove(t->order + i, t->order + i + k, sizeof(int) * (gsize)(j - i - k));
-        memcpy(t->order + j - k, taken, sizeof(int) * (gsize)k);
-    } else {
-        memmove(t->order + j + k, t->order + j, sizeof(int) * (gsize)(i - j));
-        memcpy(t->order + j, taken, sizeof(int) * (gsize)k);
-    }
-}
-
-/* Or-opt: carries up to three poses in a row to where they cost less. */
-static gboolean improve_by_carrying(struct tour *t, gint64 *budget) {
-    gboolean improved = FALSE;
-
-    for (int k = 1; k <= 3; k++)
-        for (int i = 0; i + k <= t->n && *budget > 0; i++) {
-            double gain = edge(t, i - 1, i) + edge(t, i + k - 1, i + k);
-            if (i > 0 && i + k < t->n)
-                gain -= cost(t, t->order[i - 1], t->order[i + k]);
-            if (gain <= GAIN_S)
-                continue;
-            for (int j = 0; j <= t->n; j++, (*budget)--) {
-                if (j >= i && j <= i + k)
-                    continue;
-                double loss =
-                    join(t, j - 1, t->order[i], t->order[i + k - 1], j) - edge(t, j - 1, j);
-                if (loss >= gain - GAIN_S)
-                    continue;
-                carry(t, i, k, j);
-                improved = TRUE;
-                break;
-            }
-        }
-    return improved;
-}
-
-static void improve(struct tour *t) {
-    gint64 budget = SEARCH_BUDGET;
-    double least = t->floor_s * (t->n - 1);
-
-    if (t->n > SEARCH_LARGEST)
-        return;
-    while (budget > 0 && tour_cost(t) > least + GAIN_S &&
-           (improve_by_turning(t, &budget) || improve_by_carrying(t, &budget)))
-        ;
-    t->cost_s = tour_cost(t);
+    if (t->n <= SEARCH_LARGEST)
+        plan_path_improve(&path, SEARCH_BUDGET);
+    return plan_path_cost(&path);
 }
 
 void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s) {
@@ -284,9 +199,9 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
             tour_by_rows(&t, poses, n, (enum rows)candidate);
         else
             tour_nearest(&t, poses, n);
-        improve(&t);
-        if (t.cost_s < best_s - GAIN_S) {
-            best_s = t.cost_s;
+        double cost_s = improve(&t);
+        if (cost_s < best_s - GAIN_S) {
+            best_s = cost_s;
             memcpy(best, order, sizeof(int) * (gsize)n);
         }
     }
