@@ -3,7 +3,7 @@
 #include <string.h>
 
 /* Prices looked up before the search for a better order gives up. */
-#define SEARCH_BUDGET 1500000
+#define SEARCH_BUDGET 300000
 /* Sessions of more shots than this keep the order their poses give. */
 #define SEARCH_LARGEST 1500
 /* Up to so many, all candidates are improved, not the best alone. */

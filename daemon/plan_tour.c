@@ -4,7 +4,7 @@
 #include <string.h>
 
 /* Costs looked up before the local search gives up improving a tour. */
-#define SEARCH_BUDGET 3000000
+#define SEARCH_BUDGET 300000
 /* More poses than this are left in the best order by rows. */
 #define SEARCH_LARGEST  3000
 #define LONGEST_CARRIED 3
