@@ -5,8 +5,9 @@
 /* Peanuts in their shells, strewn over a tray: surfaces of revolution with a waist, lying on each
  * other so that some hide others. */
 
-#define ALONG  30
-#define AROUND 24
+#define ALONG       28
+#define AROUND      22
+#define MAX_PEANUTS 110
 
 struct peanut {
     const struct sample_options *options;
@@ -85,21 +86,35 @@ static void tray(struct vertex *vertex, gconstpointer data) {
         vertex->albedo[k] *= (float)(1 + 0.25 * grain);
 }
 
-/* The lower layer lies flat on a jittered grid, the upper one across it; none leaves the tray. */
-static void throw_peanut(const struct sample_options *o, struct sample_random *random, int layer,
-                         double u, double v, struct peanut *to) {
-    double high = o->relief_mm, size = 0.85 + 0.3 * sample_uniform(random);
+/* For lying on each other a peanut is its two lobes. */
+struct lobe {
+    double x, y, z, r;
+};
+
+/* Lowest place for a lobe at (x, y) above the tray and all lobes that lie there already. */
+static double rest(const GArray *lobes, double base, const struct lobe *lobe) {
+    double z = base + lobe->r;
+    for (guint i = 0; i < lobes->len; i++) {
+        const struct lobe *other = &g_array_index(lobes, struct lobe, i);
+        double dx = lobe->x - other->x, dy = lobe->y - other->y;
+        double reach = 0.93 * (lobe->r + other->r), up2 = reach * reach - dx * dx - dy * dy;
+        if (up2 > 0)
+            z = MAX(z, other->z + sqrt(up2));
+    }
+    return z;
+}
+
+static void shape_peanut(const struct sample_options *o, struct sample_random *random,
+                         struct peanut *to) {
     to->options = o;
-    to->radius_mm = high / 4.1 * MIN(size, 1.08);
-    to->length_mm = to->radius_mm * (4.6 + 1.2 * sample_uniform(random));
+    to->radius_mm = o->relief_mm / 3.2 * (0.82 + 0.3 * sample_uniform(random));
+    to->length_mm = to->radius_mm * (4.3 + 0.9 * sample_uniform(random));
     to->waist = 0.18 + 0.17 * sample_uniform(random);
     to->lean = 0.3 * (sample_uniform(random) - 0.5);
     to->turn = 2 * G_PI * sample_uniform(random);
-    to->tilt = layer ? 0.16 * (sample_uniform(random) - 0.5) : 0;
-    double half = to->length_mm / 2;
-    to->x = CLAMP((u - 0.5) * o->width_mm, -o->width_mm / 2 + half, o->width_mm / 2 - half);
-    to->y = CLAMP((v - 0.5) * o->height_mm, -o->height_mm / 2 + half, o->height_mm / 2 - half);
-    to->z = o->base_mm + to->radius_mm + layer * high * (0.37 + 0.06 * sample_uniform(random));
+    double half = to->length_mm / 2 + 0.1;
+    to->x = (sample_uniform(random) - 0.5) * MAX(0, o->width_mm - 2 * half);
+    to->y = (sample_uniform(random) - 0.5) * MAX(0, o->height_mm - 2 * half);
     double tone = 0.75 + 0.4 * sample_uniform(random), warm = sample_uniform(random);
     sample_set_rgb(to->albedo, &o->albedo, 0.66f, 0.44f, (float)(0.19 + 0.08 * warm));
     for (int k = 0; k < 3; k++)
@@ -107,23 +122,37 @@ static void throw_peanut(const struct sample_options *o, struct sample_random *r
     to->seed = sample_hash(random->state);
 }
 
+/* Drops a peanut; FALSE if it would come to lie too high or too steeply. */
+static gboolean drop_peanut(GArray *lobes, struct peanut *peanut) {
+    const struct sample_options *o = peanut->options;
+    double arm = 0.27 * peanut->length_mm;
+    struct lobe pair[2];
+    for (int i = 0; i < 2; i++) {
+        double side = i ? arm : -arm;
+        pair[i] = (struct lobe){peanut->x + side * cos(peanut->turn),
+                                peanut->y + side * sin(peanut->turn), 0, peanut->radius_mm};
+        pair[i].z = rest(lobes, o->base_mm, &pair[i]);
+    }
+    double rise = pair[1].z - pair[0].z;
+    double top = MAX(pair[0].z, pair[1].z) + 1.1 * peanut->radius_mm + 0.2 * fabs(rise);
+    if (fabs(rise) > 0.5 * arm || top > o->base_mm + o->relief_mm * 1.1)
+        return FALSE;
+    peanut->z = (pair[0].z + pair[1].z) / 2;
+    peanut->tilt = asin(rise / (2 * arm));
+    g_array_append_vals(lobes, pair, 2);
+    return TRUE;
+}
+
 struct mesh *sample_peanuts(const struct sample_options *options) {
     struct mesh *mesh = sample_mesh_new();
     sample_add_relief(mesh, options, 96, 96, tray, options);
     struct sample_random random = {sample_hash((guint64)options->seed + 11)};
-    double spread = options->relief_mm * 1.9;
-    int nx = (int)CLAMP(rint(options->width_mm / spread), 1, 30);
-    int ny = (int)CLAMP(rint(options->height_mm / spread), 1, 30);
-    for (int layer = 0; layer < 2; layer++)
-        for (int i = 0; i < nx * ny; i++) {
-            double jitter_x = sample_uniform(&random), jitter_y = sample_uniform(&random);
-            if (layer && sample_uniform(&random) < 0.45)
-                continue;
-            double u = (i % nx + 0.15 + 0.7 * jitter_x) / nx;
-            double v = (i / nx + 0.15 + 0.7 * jitter_y) / ny;
-            struct peanut peanut;
-            throw_peanut(options, &random, layer, u, v, &peanut);
+    g_autoptr(GArray) lobes = g_array_new(FALSE, FALSE, sizeof(struct lobe));
+    for (int throw = 0; throw < 2500 && lobes->len < 2 * MAX_PEANUTS; throw ++) {
+        struct peanut peanut = {0};
+        shape_peanut(options, &random, &peanut);
+        if (drop_peanut(lobes, &peanut))
             add_peanut(mesh, &peanut);
-        }
+    }
     return mesh;
 }

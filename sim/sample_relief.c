@@ -42,7 +42,7 @@ static void brushed(struct vertex *vertex, gconstpointer data) {
     vertex->p[2] = (float)(o->base_mm + o->relief_mm * CLAMP(0.5 + 0.4 * h, 0, 1));
     sample_set_rgb(vertex->albedo, &o->albedo, 0.11f, 0.105f, 0.10f);
     tone(vertex, 1 + 0.25 * fine - 0.8 * deep);
-    set_gloss(o, vertex, 0.55, 0.1, 0.32);
+    set_gloss(o, vertex, 0.45, 0.16, 0.42);
     vertex->gloss *= (float)(1 + 0.15 * middle - deep);
 }
 

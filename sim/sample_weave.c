@@ -88,7 +88,7 @@ static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gb
 }
 
 static void add_yarn(struct mesh *mesh, const struct yarn *yarn) {
-    int steps = (int)CLAMP(yarn->length_mm / 0.31, 8, 1000);
+    int steps = (int)CLAMP(yarn->length_mm / 0.35, 8, 1000);
     guint32 first = mesh->vertices->len;
     guint first_triangle = mesh->triangles->len;
     for (int i = 0; i <= steps; i++) {

@@ -175,7 +175,8 @@ static double lamp_output(const World *world, const struct lamp_power *power, gi
         return 0;
     double from_s = (double)(from_us - power->on_us) * 1e-6;
     double to_s = (double)(to_us - power->on_us) * 1e-6;
-    gboolean full = from_us == start_us && to_us == end_us && from_s >= world->warm_up_s;
+    gint64 warm_us = (gint64)llrint(world->warm_up_s * 1e6);
+    gboolean full = from_us == start_us && to_us == end_us && from_us - power->on_us >= warm_us;
     double span_s = (double)(end_us - start_us) * 1e-6;
     double output = full ? 1 : lit_seconds(world, from_s, to_s) / span_s;
     if (world->drift != 0) {
