@@ -1,0 +1,387 @@
+/* mesorig as a shell sees it: what it prints, and its exit codes. */
+#include "daemon/json.h"
+#include "processing/exr.h"
+
+#include <gio/gio.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/wait.h>
+
+#define RIG     SOURCE_DIR "/tests/small/rig.conf"
+#define SESSION SOURCE_DIR "/tests/small/session.conf"
+#define MESORIG BUILD_DIR "/bin/mesorig"
+
+/* A checker of RFC 8259, apart from the code that writes JSON. NULL where it is wrong. */
+static const char *json_value(const char *at);
+
+static const char *json_space(const char *at) {
+    return at + strspn(at, " \t\r\n");
+}
+
+static const char *json_string(const char *at) {
+    if (*at++ != '"')
+        return NULL;
+    for (; *at != '"'; at++) {
+        if ((unsigned char)*at < 0x20)
+            return NULL;
+        if (*at != '\\')
+            continue;
+        at++;
+        if (*at == 'u') {
+            for (int i = 0; i < 4; i++)
+                if (!g_ascii_isxdigit(*++at))
+                    return NULL;
+        } else if (!*at || !strchr("\"\\/bfnrt", *at)) {
+            return NULL;
+        }
+    }
+    return at + 1;
+}
+
+static const char *json_number(const char *at) {
+    at += *at == '-';
+    if (!g_ascii_isdigit(*at) || (*at == '0' && g_ascii_isdigit(at[1])))
+        return NULL;
+    at += strspn(at, "0123456789");
+    if (*at == '.') {
+        if (!g_ascii_isdigit(*++at))
+            return NULL;
+        at += strspn(at, "0123456789");
+    }
+    if (*at == 'e' || *at == 'E') {
+        at++;
+        at += *at == '-' || *at == '+';
+        if (!g_ascii_isdigit(*at))
+            return NULL;
+        at += strspn(at, "0123456789");
+    }
+    return at;
+}
+
+static const char *json_members(const char *at, char end) {
+    at = json_space(at + 1);
+    if (*at == end)
+        return at + 1;
+    for (;;) {
+        if (end == '}') {
+            at = json_string(json_space(at));
+            if (!at || *(at = json_space(at)) != ':')
+                return NULL;
+            at++;
+        }
+        if (!(at = json_value(at)))
+            return NULL;
+        at = json_space(at);
+        if (*at == end)
+            return at + 1;
+        if (*at++ != ',')
+            return NULL;
+    }
+}
+
+static const char *json_value(const char *at) {
+    static const char *const words[] = {"true", "false", "null"};
+    at = json_space(at);
+    if (*at == '{' || *at == '[')
+        return json_members(at, *at == '{' ? '}' : ']');
+    if (*at == '"')
+        return json_string(at);
+    for (gsize i = 0; i < G_N_ELEMENTS(words); i++)
+        if (g_str_has_prefix(at, words[i]))
+            return at + strlen(words[i]);
+    return json_number(at);
+}
+
+static gboolean is_json(const char *text) {
+    const char *end = json_value(text);
+    return end && *json_space(end) == 0 && g_utf8_validate(text, -1, NULL);
+}
+
+static void assert_json_lines(const char *text) {
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    g_assert_cmpuint(g_strv_length(lines), >, 1);
+    for (int i = 0; lines[i]; i++)
+        if (*lines[i] && !is_json(lines[i]))
+            g_error("not JSON: %s", lines[i]);
+}
+
+static void assert_has(const char *text, const char *words) {
+    if (!strstr(text, words))
+        g_error("no “%s” in: %s", words, text);
+}
+
+struct output {
+    char *out, *err;
+};
+
+static void clear(struct output *output) {
+    g_clear_pointer(&output->out, g_free);
+    g_clear_pointer(&output->err, g_free);
+}
+
+static void runs(int code, struct output *output, ...) G_GNUC_NULL_TERMINATED;
+
+/* Runs mesorig with arguments up to NULL. */
+static void runs(int code, struct output *output, ...) {
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_autoptr(GError) error = NULL;
+    int status = -1;
+    va_list arguments;
+    g_ptr_array_add(argv, (char *)MESORIG);
+    va_start(arguments, output);
+    for (char *argument; (argument = va_arg(arguments, char *));)
+        g_ptr_array_add(argv, argument);
+    va_end(arguments);
+    g_ptr_array_add(argv, NULL);
+    clear(output);
+    g_spawn_sync(NULL, (char **)argv->pdata, NULL, G_SPAWN_DEFAULT, NULL, NULL, &output->out,
+                 &output->err, &status, &error);
+    g_assert_no_error(error);
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != code)
+        g_error("mesorig %s %s: exit status %x, not %d\n%s%s", (char *)argv->pdata[1],
+                argv->len > 3 ? (char *)argv->pdata[2] : "", status, code, output->out,
+                output->err);
+}
+
+static char *write_file(const char *folder, const char *name, const char *text) {
+    char *path = g_build_filename(folder, name, NULL);
+    g_autoptr(GError) error = NULL;
+    g_file_set_contents(path, text, -1, &error);
+    g_assert_no_error(error);
+    return path;
+}
+
+static void remove_tree(const char *path) {
+    const char *const argv[] = {"/bin/rm", "-rf", path, NULL};
+    g_spawn_sync(NULL, (char **)argv, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
+}
+
+static void test_json(void) {
+    static const struct {
+        const char *value, *text;
+    } cases[] = {
+        {"{'a': <1>, 'b': <'x'>}", "{\"a\": 1, \"b\": \"x\"}"},
+        {"@a{sv} {}", "{}"},
+        {"[1.5, 0.1, -0.0, 1e300]", "[1.5, 0.1, -0, 1e+300]"},
+        {"(true, byte 7, int64 -9007199254740993)", "[true, 7, -9007199254740993]"},
+        {"'\"\\\\\\n\\t\\u0001é'", "\"\\\"\\\\\\n\\u0009\\u0001é\""},
+        {"@ms nothing", "null"},
+        {"<uint64 18446744073709551615>", "18446744073709551615"},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GVariant) value = g_variant_parse(NULL, cases[i].value, NULL, NULL, &error);
+        g_assert_no_error(error);
+        g_autofree char *text = json_text(value);
+        g_assert_cmpstr(text, ==, cases[i].text);
+        g_assert_true(is_json(text));
+    }
+    g_autofree char *nan_text = json_text(g_variant_new_double(NAN));
+    g_assert_cmpstr(nan_text, ==, "null");
+    g_autofree char *inf_text = json_text(g_variant_new_double(-INFINITY));
+    g_assert_cmpstr(inf_text, ==, "null");
+    g_autoptr(GString) broken = g_string_new(NULL);
+    json_append_string(broken, "a\xff"
+                               "b");
+    g_assert_true(is_json(broken->str));
+}
+
+static void test_usage(void) {
+    static const char *const commands[] = {"plan",     "capture", "resume", "status",
+                                           "watch",    "pause",   "abort",  "safe",
+                                           "continue", "process", "info",   "drivers"};
+    struct output output = {0};
+    runs(2, &output, NULL);
+    assert_has(output.out, "Commands:");
+    runs(0, &output, "--help", NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        assert_has(output.out, commands[i]);
+    runs(0, &output, "--version", NULL);
+    assert_has(output.out, "mesorig " MESORIG_VERSION);
+    runs(2, &output, "develop", NULL);
+    assert_has(output.err, "develop");
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
+        runs(0, &output, commands[i], "--help", NULL);
+        assert_has(output.out, "--json");
+        runs(2, &output, commands[i], "--nonsense", NULL);
+        assert_has(output.err, "--nonsense");
+        runs(2, &output, commands[i], "a", "b", "c", "d", NULL);
+    }
+    runs(2, &output, "plan", RIG, NULL);
+    runs(2, &output, "capture", RIG, SESSION, NULL);
+    assert_has(output.err, "-o");
+    runs(2, &output, "status", "--bus=coach", NULL);
+    runs(2, &output, "status", "--bus=system", "--address=unix:path=/x", NULL);
+    clear(&output);
+}
+
+static void test_drivers(void) {
+    struct output output = {0};
+    runs(0, &output, "drivers", NULL);
+    assert_has(output.out, "sim-axis");
+    assert_has(output.out, "sim-camera");
+    runs(0, &output, "drivers", "sim-axis", NULL);
+    assert_has(output.out, "speed_deg_s");
+    runs(0, &output, "drivers", "--json", NULL);
+    g_assert_true(is_json(output.out));
+    runs(1, &output, "drivers", "steam", NULL);
+    assert_has(output.err, "steam");
+    runs(1, &output, "drivers", "steam", "--json", NULL);
+    g_assert_true(is_json(output.out));
+    assert_has(output.out, "\"error\"");
+    clear(&output);
+}
+
+static void test_plan(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *bad_rig = write_file(folder, "bad_rig.conf",
+                                          "[rig]\nid = x\n\n[camera c]\ndriver = sim-camera\n"
+                                          "theta_deg = NaN\n");
+    g_autofree char *bad_session =
+        write_file(folder, "bad_session.conf", "[session]\nname = x\n\n[views]\nrings = 99:x\n");
+    g_autofree char *binary = write_file(folder, "binary.conf", "\x01\x02\xff\xfe[[[");
+    g_autofree char *rig_line = g_strconcat(bad_rig, ":6", NULL);
+    g_autofree char *session_line = g_strconcat(bad_session, ":", NULL);
+    struct output output = {0};
+    runs(0, &output, "plan", RIG, SESSION, NULL);
+    assert_has(output.out, "4 views, 4 lights, 2 laser positions");
+    assert_has(output.out, "lower bound");
+    runs(0, &output, "plan", "--json", RIG, SESSION, NULL);
+    g_assert_true(is_json(output.out));
+    assert_has(output.out, "\"predicted_s\"");
+    runs(1, &output, "plan", bad_rig, SESSION, NULL);
+    assert_has(output.err, rig_line);
+    runs(1, &output, "plan", RIG, bad_session, NULL);
+    assert_has(output.err, session_line);
+    runs(1, &output, "plan", binary, SESSION, NULL);
+    assert_has(output.err, binary);
+    runs(1, &output, "plan", RIG, binary, "--json", NULL);
+    g_assert_true(is_json(output.out));
+    runs(1, &output, "plan", "/no/such/rig.conf", SESSION, NULL);
+    assert_has(output.err, "/no/such/rig.conf");
+    runs(1, &output, "plan", RIG, folder, NULL);
+    runs(1, &output, "capture", bad_rig, SESSION, "-o", "x", NULL);
+    assert_has(output.err, rig_line);
+    clear(&output);
+    remove_tree(folder);
+}
+
+static void test_info(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "two.exr", NULL);
+    g_autofree char *broken = write_file(folder, "broken.exr", "v/1\1\2");
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("first", 5, 3, channels, EXR_HALF);
+    exr_set_double(part, "view.theta_deg", 12.5);
+    exr_set_string(part, "note", "a \"quote\"");
+    exr_file_add(file, part);
+    exr_file_add(file, exr_part_new("second", 2, 2, channels, EXR_FLOAT));
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+    exr_file_free(file);
+
+    struct output output = {0};
+    runs(0, &output, "info", path, NULL);
+    assert_has(output.out, "first");
+    assert_has(output.out, "5 × 3, half, B G R");
+    assert_has(output.out, "12.5");
+    runs(0, &output, "info", "--json", path, NULL);
+    g_assert_true(is_json(output.out));
+    assert_has(output.out, "\"view.theta_deg\": 12.5");
+    runs(1, &output, "info", broken, NULL);
+    assert_has(output.err, broken);
+    runs(1, &output, "info", folder, NULL);
+    runs(1, &output, "info", "/no/such", NULL);
+    runs(1, &output, "process", folder, NULL);
+    runs(1, &output, "resume", folder, NULL);
+    runs(1, &output, "status", "--address=unix:path=/no/such", NULL);
+    runs(1, &output, "pause", folder, NULL);
+    clear(&output);
+    remove_tree(folder);
+}
+
+static void test_capture(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *control = g_build_filename(session, "control", NULL);
+    struct output output = {0};
+    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    assert_has(output.out, "100 %");
+    assert_has(output.out, "done: ");
+    g_assert_false(g_file_test(control, G_FILE_TEST_EXISTS));
+    runs(1, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    assert_has(output.err, session);
+    runs(0, &output, "info", session, NULL);
+    assert_has(output.out, "state      done");
+    runs(0, &output, "info", "--json", session, NULL);
+    g_assert_true(is_json(output.out));
+    runs(0, &output, "process", session, NULL);
+    assert_has(output.out, "done in");
+    runs(0, &output, "process", "--json", session, NULL);
+    assert_json_lines(output.out);
+
+    /* A stale control file, as a killed daemon leaves it. */
+    g_autofree char *stale = write_file(session, "control", "unix:path=/no/such/socket\n");
+    runs(0, &output, "status", session, NULL);
+    assert_has(output.out, "state      done");
+    runs(1, &output, "pause", session, NULL);
+    assert_has(output.err, "resume");
+    clear(&output);
+    remove_tree(folder);
+}
+
+static gboolean has_frames(const char *session) {
+    g_autofree char *path = g_build_filename(session, "frames", NULL);
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    return dir && g_dir_read_name(dir);
+}
+
+/* Ctrl-C in the middle: what it says is true. */
+static void test_interrupt(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSubprocess) process =
+        g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, &error,
+                         MESORIG, "capture", RIG, SESSION, "-o", session, NULL);
+    g_assert_no_error(error);
+    const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
+    while (!has_frames(session)) {
+        g_assert_cmpint(g_get_monotonic_time(), <, until);
+        g_usleep(1000);
+    }
+    struct output output = {0};
+    g_subprocess_send_signal(process, SIGINT);
+    g_autofree char *told = NULL;
+    g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, &error);
+    g_assert_no_error(error);
+    if (g_subprocess_get_exit_status(process) == 1) { /* else it was quicker */
+        assert_has(told, "mesorig resume");
+        runs(0, &output, "info", session, NULL);
+        assert_has(output.out, "state      paused");
+    }
+    runs(0, &output, "resume", "--json", session, NULL);
+    assert_json_lines(output.out);
+    runs(0, &output, "info", session, NULL);
+    assert_has(output.out, "state      done");
+    clear(&output);
+    remove_tree(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    /* Whatever runs on this machine is none of ours. */
+    g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
+    g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
+    g_test_add_func("/cli/json", test_json);
+    g_test_add_func("/cli/usage", test_usage);
+    g_test_add_func("/cli/drivers", test_drivers);
+    g_test_add_func("/cli/plan", test_plan);
+    g_test_add_func("/cli/info", test_info);
+    g_test_add_func("/cli/capture", test_capture);
+    g_test_add_func("/cli/interrupt", test_interrupt);
+    return g_test_run();
+}
