@@ -1,0 +1,68 @@
+#include "conformance_private.h"
+
+struct test {
+    gconstpointer driver;
+    const struct conformance *with;
+    const struct check *check;
+};
+
+static void run(gconstpointer data) {
+    const struct test *test = data;
+    test->check->run(test->driver, test->with);
+}
+
+void conformance_add(const char *class_name, gconstpointer driver, const struct conformance *with,
+                     const struct check *checks) {
+    for (; checks->name; checks++) {
+        g_autofree char *path =
+            g_strdup_printf("/conformance/%s/%s/%s", class_name, with->name, checks->name);
+        struct test *test = g_new0(struct test, 1);
+        *test = (struct test){driver, with, checks};
+        g_test_add_data_func_full(path, test, (GTestDataFunc)run, g_free);
+    }
+}
+
+Clock *conformance_clock(const struct conformance *with) {
+    return with->real_clock ? clock_new_real() : clock_new_virtual();
+}
+
+Config *conformance_config(const struct conformance *with, const char *more_keys,
+                           const struct config_section **ret_section) {
+    GError *error = NULL;
+    g_autofree char *text = g_strconcat(with->section, "\n", more_keys, NULL);
+    Config *config = config_parse(text, with->path ? with->path : "./test.conf", &error);
+    g_assert_no_error(error);
+    gsize n;
+    *ret_section = config_sections(config, &n);
+    g_assert_cmpuint(n, ==, 1);
+    return config;
+}
+
+static void set_flag(gpointer data) {
+    *(gboolean *)data = TRUE;
+}
+
+void conformance_wait(Clock *clock, const int *counter, int n, double limit_s) {
+    gboolean over = FALSE;
+    guint limit = clock_call_in(clock, (gint64)(limit_s * 1e6), set_flag, &over);
+    while (*counter < n && !over)
+        g_main_context_iteration(NULL, TRUE);
+    if (over)
+        g_error("waited %g s for an event that did not come", limit_s);
+    clock_cancel(clock, &limit);
+}
+
+void conformance_pass(Clock *clock, double seconds) {
+    gboolean over = FALSE;
+    clock_call_in(clock, (gint64)(seconds * 1e6), set_flag, &over);
+    while (!over)
+        g_main_context_iteration(NULL, TRUE);
+}
+
+int conformance_open_files(void) {
+    g_autoptr(GDir) dir = g_dir_open("/proc/self/fd", 0, NULL);
+    int n = 0;
+    while (dir && g_dir_read_name(dir))
+        n++;
+    return n;
+}

@@ -1,0 +1,51 @@
+/*
+ * What every driver must do, as tests: one suite a class, run over any driver. To test a new one,
+ * describe a section of a rig file that opens it and add the suite to a test program:
+ *
+ *     static const struct conformance my_axis = {
+ *         .name = "my-axis",
+ *         .section = "[axis test]\ndriver = my-axis\nport = /dev/ttyUSB0\n",
+ *         .real_clock = TRUE,
+ *     };
+ *     g_test_init(&argc, &argv, NULL);
+ *     conformance_axis(&my_axis_driver, &my_axis);
+ *     return g_test_run();
+ *
+ * Each check is a test of its own, /conformance/CLASS/NAME/CHECK, and opens the device anew. The
+ * axis suite moves the axis between a quarter and three quarters of its way (a wrapping axis: of a
+ * turn). The struct, and what it points to, must live until the tests have run.
+ */
+#pragma once
+
+#include "drivers/axis.h"
+#include "drivers/camera.h"
+#include "drivers/interlock.h"
+#include "drivers/lamps.h"
+#include "drivers/laser.h"
+
+struct conformance {
+    const char *name;     /* in the tests' paths */
+    const char *section;  /* one section of a rig file, as text */
+    const char *path;     /* of the file it pretends to be in, for relative paths; NULL: here */
+    gboolean real_clock;  /* hardware; otherwise virtual time */
+    double tolerance_deg; /* axis: how far off its own position may be; 0: 0.01 */
+    gint64 exposure_us;   /* camera: what to expose for; 0: its shortest */
+};
+
+void conformance_axis(const struct axis_driver *driver, const struct conformance *with);
+void conformance_lamps(const struct lamps_driver *driver, const struct conformance *with);
+void conformance_camera(const struct camera_driver *driver, const struct conformance *with);
+void conformance_laser(const struct laser_driver *driver, const struct conformance *with);
+void conformance_interlock(const struct interlock_driver *driver, const struct conformance *with);
+
+/* For any test that drives devices. A Config of one section lives as long as its test. */
+Config *conformance_config(const struct conformance *with, const char *more_keys,
+                           const struct config_section **ret_section);
+
+/* Runs the main loop until *counter is at least n; fails the test after limit_s on the clock. */
+void conformance_wait(Clock *clock, const int *counter, int n, double limit_s);
+
+/* Runs the main loop for so long on the clock. */
+void conformance_pass(Clock *clock, double seconds);
+
+int conformance_open_files(void);
