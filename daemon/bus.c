@@ -324,7 +324,8 @@ static const struct capture_thumbnail *thumbnail(Bus *bus, const char *camera, G
     return found;
 }
 
-/* What a handler does when it has failed: answers with the error. */
+/* What a handler does when it has failed: answers with the error. What has changed is told before a
+ * call is answered: who asks must not find the state of before. */
 static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
     g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
     return TRUE;
@@ -335,6 +336,7 @@ static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, 
     GError *error = NULL;
     if (!bus_open_rig(bus, path, &error))
         return refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_open_rig(object, invocation);
     return TRUE;
 }
@@ -369,6 +371,7 @@ static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
     GError *error = NULL;
     if (!start(bus, session_path, directory, options, &error))
         return refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_start(object, invocation);
     return TRUE;
 }
@@ -378,6 +381,7 @@ static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, co
     GError *error = NULL;
     if (!start(bus, NULL, directory, options, &error))
         return refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
     bus_rig1_complete_resume(object, invocation);
     return TRUE;
 }
@@ -459,13 +463,20 @@ Bus *bus_new(const char *address) {
     return bus;
 }
 
+static void unexport(GDBusInterfaceSkeleton *skeleton) {
+    GList *connections = g_dbus_interface_skeleton_get_connections(skeleton);
+    g_dbus_interface_skeleton_flush(skeleton);
+    if (connections)
+        g_dbus_interface_skeleton_unexport(skeleton);
+    g_list_free_full(connections, g_object_unref);
+}
+
 void bus_free(Bus *bus) {
     if (!bus)
         return;
     bus->func = NULL;
     close_rig(bus);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(bus->object));
-    g_dbus_interface_skeleton_unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
+    unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);
     g_free(bus->address);

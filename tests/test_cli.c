@@ -373,6 +373,7 @@ static void test_interrupt(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
+    g_setenv("LC_ALL", "C.UTF-8", TRUE);
     /* Whatever runs on this machine is none of ours. */
     g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
