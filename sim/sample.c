@@ -203,6 +203,13 @@ static gboolean check_options(const struct config_section *section,
     if (!check_rgb(section, "albedo", &options->albedo, error) ||
         !check_rgb(section, "albedo2", &options->albedo2, error))
         return FALSE;
+    if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "period_mm",
+                         "%g is too small for a sample of this size: more than 200 of them would "
+                         "fit",
+                         options->period_mm);
+        return FALSE;
+    }
     gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
     if (loaded && !*options->path) {
         config_set_error(error, CONFIG_ERROR_MISSING, section, "path",

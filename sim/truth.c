@@ -115,7 +115,7 @@ static void count_laser(const struct raster *raster, const struct optics_laser *
                         guint8 *seen) {
     for (int first = 0; first < raster->n; first += SCENE_BATCH) {
         int n = MIN(SCENE_BATCH, raster->n - first);
-        const struct surface *points[SCENE_BATCH];
+        const struct surface *points[SCENE_BATCH] = {NULL};
         guint8 blocked[SCENE_BATCH];
         for (int i = 0; i < n; i++)
             points[i] = &raster->surfaces[first + i];

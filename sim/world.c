@@ -28,7 +28,7 @@ static World *new_world(const char *key, GError **error) {
     world->key = g_strdup(key);
     g_mutex_init(&world->lock);
     for (int i = 0; i < WORLD_MAX_LAMPS; i++)
-        world->power[i].on_us = world->power[i].off_us = G_MININT64 / 4;
+        world->power[i].on_us = G_MAXINT64; /* never was on */
     if (!world_load(world, key, error)) {
         free_world(world);
         return NULL;
@@ -171,7 +171,7 @@ static double lamp_output(const World *world, const struct lamp_power *power, gi
     gint64 end_us = start_us + MAX(exposure_us, 1);
     gint64 from_us = MAX(start_us, power->on_us);
     gint64 to_us = power->on ? end_us : MIN(end_us, power->off_us);
-    if (power->dead || to_us <= from_us || power->on_us < 0 - G_MAXINT64 / 8)
+    if (power->dead || to_us <= from_us)
         return 0;
     double from_s = (double)(from_us - power->on_us) * 1e-6;
     double to_s = (double)(to_us - power->on_us) * 1e-6;

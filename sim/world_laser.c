@@ -57,7 +57,7 @@ static gpointer make_vertices(const struct cache_key *key, gconstpointer data, g
     *ret_bytes = scene->n_vertices * sizeof(struct lit_vertex);
     struct lit_vertex *lit = g_malloc(*ret_bytes);
     struct surface surfaces[SCENE_BATCH];
-    const struct surface *pointers[SCENE_BATCH];
+    const struct surface *pointers[SCENE_BATCH] = {NULL};
     guint8 blocked[SCENE_BATCH];
     for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
         int n = (int)MIN(SCENE_BATCH, scene->n_vertices - first);
@@ -99,7 +99,7 @@ static void add_share(struct laser_light *light, double angle, double amplitude,
 }
 
 static void add_direct(struct laser_light *light, const struct point *points, int n) {
-    const struct surface *surfaces[SCENE_BATCH];
+    const struct surface *surfaces[SCENE_BATCH] = {NULL};
     guint8 blocked[SCENE_BATCH];
     for (int i = 0; i < n; i++)
         surfaces[i] = &points[i].surface;

@@ -136,7 +136,7 @@ static float *light_vertices(const World *world, const struct optics_lamp *lamp)
     const struct scene *scene = &world->scene;
     float *direct = g_new0(float, scene->n_vertices);
     g_autofree struct surface *surfaces = g_new0(struct surface, SCENE_BATCH);
-    const struct surface *pointers[SCENE_BATCH];
+    const struct surface *pointers[SCENE_BATCH] = {NULL};
     guint8 blocked[SCENE_BATCH];
     for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
         int n = (int)MIN(SCENE_BATCH, scene->n_vertices - first);
@@ -225,7 +225,7 @@ static float point_radiance(const struct lit *lit, const struct surface *s, gboo
 }
 
 static void shade_block(const struct lit *lit, const struct point *points, int n, float *picture) {
-    const struct surface *surfaces[SCENE_BATCH];
+    const struct surface *surfaces[SCENE_BATCH] = {NULL};
     guint8 blocked[SCENE_BATCH];
     for (int i = 0; i < n; i++)
         surfaces[i] = &points[i].surface;
