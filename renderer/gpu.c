@@ -12,6 +12,7 @@ struct Gpu {
     EGLContext context;
 };
 
+/* A display belongs to the process, not to us: it stays initialised for the next context. */
 static EGLDisplay open_display(void) {
     static const EGLenum platforms[] = {EGL_PLATFORM_SURFACELESS_MESA, EGL_PLATFORM_DEVICE_EXT};
     static const char *const extensions[] = {"EGL_MESA_platform_surfaceless",
@@ -68,7 +69,6 @@ Gpu *gpu_new_headless(GError **error) {
                     advice);
         if (context != EGL_NO_CONTEXT)
             eglDestroyContext(display, context);
-        eglTerminate(display);
         return NULL;
     }
     Gpu *gpu = g_new(Gpu, 1);
@@ -81,7 +81,6 @@ void gpu_free(Gpu *gpu) {
         return;
     eglMakeCurrent(gpu->display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     eglDestroyContext(gpu->display, gpu->context);
-    eglTerminate(gpu->display);
     eglReleaseThread();
     g_free(gpu);
 }

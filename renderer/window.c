@@ -168,6 +168,7 @@ static void set_callbacks(GLFWwindow *glfw, struct window *w) {
     glfwGetCursorPos(glfw, &w->x, &w->y);
 }
 
+/* GLFW, like EGL's display, stays initialised as long as the process lives. */
 static GLFWwindow *open_window(const struct window_options *options, GError **error) {
     const char *text = NULL;
     glfwSetErrorCallback(on_glfw_error);
@@ -289,6 +290,5 @@ gboolean window_run(const struct window_options *options, struct window_result *
         glfwDestroyWindow(w.glfw);
     }
     g_clear_error(&w.error);
-    glfwTerminate();
     return good;
 }
