@@ -440,6 +440,20 @@ static void shared_by_path(void) {
     g_assert_cmpfloat(state.arc_deg, ==, -3);
 }
 
+static void demo_world(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(World) world = world_get(SOURCE_DIR "/etc/demo/world.conf", &error);
+    g_assert_no_error(error);
+    for (int i = 0; i < 5; i++) {
+        g_autofree char *camera = g_strdup_printf("cam%d", 15 * (i + 1));
+        g_autofree char *lamp = g_strdup_printf("lamp%d", 15 * (i + 1));
+        g_autofree char *laser = g_strdup_printf("laser%d", 15 * (i + 1));
+        g_assert_cmpint(world_find_camera(world, camera), ==, i);
+        g_assert_cmpint(world_find_lamp(world, lamp), ==, i);
+        g_assert_cmpint(world_find_laser(world, laser), ==, i);
+    }
+}
+
 static void refuse(const char *text, const char *words) {
     g_autofree char *path = fixture_write("bad.conf", text);
     g_autoptr(GError) error = NULL;
@@ -524,6 +538,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/world/light-in-a-groove", light_in_a_groove);
     g_test_add_func("/world/deviations", deviations);
     g_test_add_func("/world/shared-by-path", shared_by_path);
+    g_test_add_func("/world/demo-world", demo_world);
     g_test_add_func("/world/refused", refused);
     g_test_add_func("/world/refused-files", refused_files);
     int result = g_test_run();
