@@ -5,6 +5,9 @@
 #include "intake.h"
 #include "stage.h"
 
+/* How long a camera that is gone is given to come back before the next attempt. */
+#define REST_US (2 * G_USEC_PER_SEC)
+
 enum state { IDLE, HOMING, PREPARING, EXPOSING };
 
 struct eye { /* a camera in the picture under way */
@@ -12,6 +15,7 @@ struct eye { /* a camera in the picture under way */
     int camera;
     int refused; /* in a row */
     int retakes; /* in this shot */
+    gint64 rest_until_us;
 };
 
 struct Sequencer {
@@ -33,6 +37,7 @@ struct Sequencer {
 };
 
 static void advance(Sequencer *seq);
+static void prepare(Sequencer *seq);
 
 static void quiet(Sequencer *seq) {
     seq->state = IDLE;
@@ -71,12 +76,6 @@ static void finish(Sequencer *seq) {
     seq->hooks.fault("rig", told, seq->hooks.data);
 }
 
-static void camera_fails(Sequencer *seq, int camera, const GError *error) {
-    const char *name = seq->devices->geometry.cameras[camera].name;
-    g_autofree char *reason = stage_advise("camera", name, error);
-    fail(seq, name, reason);
-}
-
 /* Step k of n stands at from + k·(to − from)/(n − 1); what comes after the last stays there. */
 static double sweep_at_deg(const struct session_shot *shot, int sub) {
     int k = MIN(sub, shot->sweep_steps - 1);
@@ -98,6 +97,8 @@ static struct stage_goal goal_of(const struct session_shot *shot, int sub) {
 
 /* What the stage may do as soon as the picture under way is exposed. */
 static struct stage_goal goal_after(const Sequencer *seq) {
+    if (seq->pending)
+        return goal_of(seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
         return goal_of(seq->shot, seq->sub + 1);
     if (seq->next < seq->shots->len && !seq->pausing)
@@ -132,16 +133,44 @@ static gboolean trigger(Sequencer *seq, int c, GError **error) {
            camera_trigger(camera, tag, error);
 }
 
-static void trigger_all(Sequencer *seq) {
+/* FALSE if that was one time too many: everything has been stopped. */
+static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
+    struct eye *eye = &seq->eyes[camera];
+    const char *name = seq->devices->geometry.cameras[camera].name;
+    eye->retakes++;
+    if (++eye->refused <= seq->conf->retries) {
+        seq->hooks.retake(camera, error->message, seq->hooks.data);
+        return seq->state != IDLE;
+    }
+    g_autofree char *advised = stage_advise("camera", name, error);
+    g_autofree char *reason =
+        g_strdup_printf("No good picture in %d attempts. The last: %s", eye->refused, advised);
+    fail(seq, name, reason);
+    return FALSE;
+}
+
+/* Those that are gone stay pending, and rest. */
+static void trigger_pending(Sequencer *seq) {
     seq->state = EXPOSING;
-    seq->exposing = seq->waiting = seq->pending;
-    seq->pending = 0;
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
         g_autoptr(GError) error = NULL;
-        if ((seq->waiting & 1u << c) && !trigger(seq, c, &error)) {
-            camera_fails(seq, c, error);
-            return;
+        guint32 bit = 1u << c;
+        if (!(seq->pending & bit))
+            continue;
+        if (trigger(seq, c, &error)) {
+            seq->pending &= ~bit;
+            seq->exposing |= bit;
+            seq->waiting |= bit;
+            continue;
         }
+        camera_disarm(seq->devices->cameras[c]);
+        seq->eyes[c].rest_until_us = clock_now_us(seq->devices->clock) + REST_US;
+        if (!count_refusal(seq, c, error))
+            return;
+    }
+    if (seq->waiting == 0) {
+        seq->state = PREPARING;
+        prepare(seq);
     }
 }
 
@@ -153,15 +182,19 @@ static void timer_due(gpointer data) {
 
 static void prepare(Sequencer *seq) {
     struct stage_goal goal = goal_of(seq->shot, seq->sub);
-    gint64 light_us;
+    gint64 ready_us;
     stage_pursue(seq->stage, &goal);
-    if (seq->state != PREPARING || !stage_has_reached(seq->stage, &goal, &light_us))
+    if (seq->state != PREPARING || !stage_has_reached(seq->stage, &goal, &ready_us))
         return;
     clock_cancel(seq->devices->clock, &seq->timer);
-    if (light_us > clock_now_us(seq->devices->clock))
-        seq->timer = clock_call_at(seq->devices->clock, light_us, timer_due, seq);
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
+        if (seq->pending & 1u << c)
+            ready_us = MAX(ready_us, seq->eyes[c].rest_until_us);
+    }
+    if (ready_us > clock_now_us(seq->devices->clock))
+        seq->timer = clock_call_at(seq->devices->clock, ready_us, timer_due, seq);
     else if (seq->hooks.may_trigger(seq->hooks.data))
-        trigger_all(seq);
+        trigger_pending(seq);
 }
 
 static void start_shots(Sequencer *seq) {
@@ -220,18 +253,7 @@ static void take_frame(Sequencer *seq, int camera, Frame *frame) {
 }
 
 static void take_again(Sequencer *seq, int camera, const GError *error) {
-    struct eye *eye = &seq->eyes[camera];
-    const char *name = seq->devices->geometry.cameras[camera].name;
-    eye->retakes++;
-    if (++eye->refused > seq->conf->retries) {
-        g_autofree char *advised = stage_advise("camera", name, error);
-        g_autofree char *reason =
-            g_strdup_printf("No good picture in %d attempts. The last: %s", eye->refused, advised);
-        fail(seq, name, reason);
-        return;
-    }
-    seq->hooks.retake(camera, error->message, seq->hooks.data);
-    if (seq->state != EXPOSING)
+    if (!count_refusal(seq, camera, error) || seq->state != EXPOSING)
         return;
     seq->pending |= 1u << camera;
     answered(seq, camera);
@@ -303,6 +325,8 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
     seq->shots = shots;
     seq->next = 0;
     seq->pausing = FALSE;
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+        seq->eyes[c].rest_until_us = 0;
     seq->state = HOMING;
     const char *open = stage_open_interlock(seq->stage);
     if (open) {
