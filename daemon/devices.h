@@ -1,6 +1,7 @@
 /*
- * The rig as its file describes it: every device opened through its driver, and the nominal geometry
- * (calib/rig.h) that the same sections give. The visible arrays of drivers are in devices.c.
+ * The rig as its file describes it: every device opened through its driver, and the nominal
+ * geometry (calib/rig.h) that the same sections give. The visible arrays of drivers are in
+ * devices.c.
  *
  * Sections: [rig]; [axis turntable], [axis arc] and one axis a laser sweep; [lamps BANK] and a
  * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME], optional.
@@ -14,7 +15,7 @@
 #include "drivers/lamps.h"
 #include "drivers/laser.h"
 
-#define DEVICES_MAX_BANKS 8
+#define DEVICES_MAX_BANKS      8
 #define DEVICES_MAX_INTERLOCKS 4
 
 /* How long things take: what a plan needs to know of the devices. Indices as in struct rig. */
@@ -32,19 +33,20 @@ struct devices {
     struct rig geometry; /* nominal, from the rig file */
     struct rig_timing timing;
     Axis *turntable, *arc;
-    Camera *cameras[RIG_MAX_CAMERAS];   /* as geometry.cameras */
+    Camera *cameras[RIG_MAX_CAMERAS]; /* as geometry.cameras */
     LampBank *banks[DEVICES_MAX_BANKS];
     int n_banks;
     struct {
         LampBank *bank; /* one of banks */
         int index;
-    } lamps[RIG_MAX_LAMPS];             /* as geometry.lamps */
-    Laser *lasers[RIG_MAX_LASERS];      /* as geometry.lasers */
-    Axis *sweeps[RIG_MAX_LASERS];       /* the sweep of each */
+    } lamps[RIG_MAX_LAMPS];        /* as geometry.lamps */
+    Laser *lasers[RIG_MAX_LASERS]; /* as geometry.lasers */
+    Axis *sweeps[RIG_MAX_LASERS];  /* the sweep of each */
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_interlocks;
-    char *text; /* the rig file as it was read */
-    char *path; /* of the rig file, absolute */
+    Interlock *guard; /* stands for all of them: what guards the lasers; NULL if there is none */
+    char *text;       /* the rig file as it was read */
+    char *path;       /* of the rig file, absolute */
 };
 
 /* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error

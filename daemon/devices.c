@@ -1,0 +1,285 @@
+#include "devices_private.h"
+
+#include <string.h>
+
+/*
+ * With several interlocks the lasers are guarded by one that stands for all of them: closed while
+ * every one is. It is told by listeners on the others.
+ */
+static gboolean open_all(Interlock *interlock, GError **error) {
+    return TRUE;
+}
+
+static void close_all(Interlock *interlock) {
+}
+
+static const struct interlock_driver all_driver = {
+    .info = {.class_name = "interlock", .name = "all", .help = "All interlocks of the rig"},
+    .open = open_all,
+    .close = close_all,
+};
+
+static gboolean all_closed(const struct devices *devices) {
+    for (int i = 0; i < devices->n_interlocks; i++)
+        if (!interlock_is_closed(devices->interlocks[i]))
+            return FALSE;
+    return TRUE;
+}
+
+static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+    struct devices *devices = data;
+
+    interlock_report(devices->guard, closed && all_closed(devices));
+}
+
+static gboolean open_guard(struct devices *devices, GError **error) {
+    g_autoptr(Config) config = config_parse("[interlock of the rig]\ndriver=all\n", "", error);
+    if (!config)
+        return FALSE;
+    devices->guard = interlock_open(&all_driver, config_find(config, "interlock", "of the rig"),
+                                    NULL, devices->clock, error);
+    if (!devices->guard)
+        return FALSE;
+    for (int i = 0; i < devices->n_interlocks; i++)
+        interlock_listen(devices->interlocks[i], on_interlock, devices);
+    interlock_report(devices->guard, all_closed(devices));
+    return TRUE;
+}
+
+static gboolean open_interlocks(struct devices *devices, const struct layout *layout,
+                                GError **error) {
+    for (int i = 0; i < layout->n_interlocks; i++) {
+        const struct config_section *section = layout->interlocks[i];
+        const struct interlock_driver *driver = drivers_interlock(section, error);
+        if (!driver)
+            return FALSE;
+        Interlock *opened = interlock_open(driver, section, NULL, devices->clock, error);
+        if (!opened)
+            return FALSE;
+        devices->interlocks[devices->n_interlocks++] = opened;
+    }
+    return devices->n_interlocks == 0 || open_guard(devices, error);
+}
+
+static Axis *open_axis(struct devices *devices, const struct config_section *section,
+                       GError **error) {
+    const struct axis_driver *driver = drivers_axis(section, error);
+
+    return driver ? axis_open(driver, section, NULL, devices->clock, error) : NULL;
+}
+
+static int same_sweep(const struct layout *layout, int laser) {
+    for (int i = 0; i < laser; i++)
+        if (layout->sweeps[i] == layout->sweeps[laser])
+            return i;
+    return -1;
+}
+
+static gboolean open_axes(struct devices *devices, const struct layout *layout, GError **error) {
+    devices->turntable = open_axis(devices, layout->turntable, error);
+    if (!devices->turntable)
+        return FALSE;
+    devices->arc = open_axis(devices, layout->arc, error);
+    if (!devices->arc)
+        return FALSE;
+    devices->timing.turntable = devices->turntable->motion;
+    devices->timing.arc = devices->arc->motion;
+    for (int i = 0; i < layout->geometry.n_lasers; i++) {
+        int same = same_sweep(layout, i);
+        devices->sweeps[i] =
+            same >= 0 ? devices->sweeps[same] : open_axis(devices, layout->sweeps[i], error);
+        if (!devices->sweeps[i])
+            return FALSE;
+        devices->timing.sweep[i] = devices->sweeps[i]->motion;
+    }
+    return TRUE;
+}
+
+static gboolean open_banks(struct devices *devices, const struct layout *layout, GError **error) {
+    for (int i = 0; i < layout->n_banks; i++) {
+        const struct lamps_driver *driver = drivers_lamps(layout->banks[i], error);
+        if (!driver)
+            return FALSE;
+        LampBank *bank = lamps_open(driver, layout->banks[i], NULL, devices->clock, error);
+        if (!bank)
+            return FALSE;
+        devices->banks[devices->n_banks++] = bank;
+    }
+    for (int i = 0; i < layout->geometry.n_lamps; i++) {
+        LampBank *bank = devices->banks[layout->lamp_bank[i]];
+        if (layout->lamp_index[i] >= bank->n) {
+            config_set_error(error, CONFIG_ERROR_VALUE, layout->lamps[i], "index",
+                             "%d is too large: %s has the lamps 0 to %d", layout->lamp_index[i],
+                             bank->device.name, bank->n - 1);
+            return FALSE;
+        }
+        devices->lamps[i].bank = bank;
+        devices->lamps[i].index = layout->lamp_index[i];
+        devices->timing.lamp_warm_up_s[i] = bank->warm_up_s;
+    }
+    return TRUE;
+}
+
+static gboolean open_lasers(struct devices *devices, const struct layout *layout, GError **error) {
+    g_autofree const char **keys = layout_keys("laser");
+
+    for (int i = 0; i < layout->geometry.n_lasers; i++) {
+        const struct laser_driver *driver = drivers_laser(layout->lasers[i], error);
+        if (!driver)
+            return FALSE;
+        devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
+        if (!devices->lasers[i])
+            return FALSE;
+        laser_guard(devices->lasers[i], devices->guard);
+        devices->timing.laser_warm_up_s[i] = devices->lasers[i]->warm_up_s;
+    }
+    return TRUE;
+}
+
+static gboolean check_format(const Camera *camera, const struct rig_camera *said,
+                             const struct config_section *section, GError **error) {
+    const struct camera_format *format = &camera->format;
+    gboolean wide = said->width != format->width;
+
+    if (!wide && said->height == format->height)
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, section, wide ? "width" : "height",
+                     "is %d, but the camera's pictures are %d × %d: write width = %d and height = "
+                     "%d",
+                     wide ? said->width : said->height, format->width, format->height,
+                     format->width, format->height);
+    return FALSE;
+}
+
+static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
+    g_autofree const char **keys = layout_keys("camera");
+
+    for (int i = 0; i < layout->geometry.n_cameras; i++) {
+        const struct camera_driver *driver = drivers_camera(layout->cameras[i], error);
+        if (!driver)
+            return FALSE;
+        Camera *camera = camera_open(driver, layout->cameras[i], keys, devices->clock, error);
+        if (!camera)
+            return FALSE;
+        devices->cameras[i] = camera;
+        if (!check_format(camera, &layout->geometry.cameras[i], layout->cameras[i], error))
+            return FALSE;
+        devices->timing.readout_us[i] = camera->format.readout_us;
+        devices->timing.min_exposure_us[i] = camera->format.min_exposure_us;
+        devices->timing.max_exposure_us[i] = camera->format.max_exposure_us;
+        devices->timing.bits[i] = camera->format.bits;
+    }
+    return TRUE;
+}
+
+static struct devices *open_layout(const struct layout *layout, GError **error) {
+    struct devices *devices = g_new0(struct devices, 1);
+
+    devices->clock = layout->virtual_clock ? clock_new_virtual() : clock_new_real();
+    devices->geometry = layout->geometry;
+    devices->text = g_strdup(config_text(layout->config));
+    devices->path = g_canonicalize_filename(config_path(layout->config), NULL);
+    if (open_interlocks(devices, layout, error) && open_axes(devices, layout, error) &&
+        open_banks(devices, layout, error) && open_lasers(devices, layout, error) &&
+        open_cameras(devices, layout, error))
+        return devices;
+    devices_close(devices);
+    return NULL;
+}
+
+struct devices *devices_open(const char *rig_path, GError **error) {
+    struct layout layout;
+
+    if (!layout_read(&layout, rig_path, error))
+        return NULL;
+    struct devices *devices = open_layout(&layout, error);
+    layout_clear(&layout);
+    return devices;
+}
+
+gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
+    struct layout layout;
+
+    if (!layout_read(&layout, rig_path, error))
+        return FALSE;
+    *ret = layout.geometry;
+    layout_clear(&layout);
+    return TRUE;
+}
+
+static gboolean is_first_sweep(const struct devices *devices, int laser) {
+    for (int i = 0; i < laser; i++)
+        if (devices->sweeps[i] == devices->sweeps[laser])
+            return FALSE;
+    return TRUE;
+}
+
+/* Light first: it is what may hurt somebody. */
+void devices_close(struct devices *devices) {
+    if (!devices)
+        return;
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        laser_close(devices->lasers[i]);
+    for (int i = 0; i < devices->n_banks; i++)
+        lamps_close(devices->banks[i]);
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        if (is_first_sweep(devices, i))
+            axis_close(devices->sweeps[i]);
+    axis_close(devices->arc);
+    axis_close(devices->turntable);
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
+        camera_close(devices->cameras[i]);
+    for (int i = 0; i < devices->n_interlocks; i++)
+        interlock_close(devices->interlocks[i]);
+    interlock_close(devices->guard);
+    clock_unref(devices->clock);
+    g_free(devices->text);
+    g_free(devices->path);
+    g_free(devices);
+}
+
+/* Keeps the first error's kind and all messages. */
+static void collect(GError **collected, GError *error) {
+    if (!error)
+        return;
+    if (!*collected) {
+        *collected = error;
+        return;
+    }
+    char *both = g_strconcat((*collected)->message, "; ", error->message, NULL);
+    g_free((*collected)->message);
+    (*collected)->message = both;
+    g_error_free(error);
+}
+
+static void stop(Axis *axis, GError **collected) {
+    GError *error = NULL;
+
+    if (axis)
+        axis_stop(axis, &error);
+    collect(collected, error);
+}
+
+gboolean devices_make_safe(struct devices *devices, GError **error) {
+    GError *collected = NULL;
+
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        GError *failed = NULL;
+        laser_set(devices->lasers[i], FALSE, &failed);
+        collect(&collected, failed);
+    }
+    for (int i = 0; i < devices->n_banks; i++) {
+        GError *failed = NULL;
+        lamps_all_off(devices->banks[i], &failed);
+        collect(&collected, failed);
+    }
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (is_first_sweep(devices, i))
+            stop(devices->sweeps[i], &collected);
+    stop(devices->arc, &collected);
+    stop(devices->turntable, &collected);
+    if (!collected)
+        return TRUE;
+    g_propagate_error(error, collected);
+    return FALSE;
+}

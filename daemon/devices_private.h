@@ -1,0 +1,39 @@
+/* The rig file as it was read and checked, before any device is opened. */
+#pragma once
+
+#include "devices.h"
+
+struct layout {
+    Config *config;
+    struct rig geometry;
+    gboolean virtual_clock;
+    const struct config_section *turntable, *arc;
+    const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
+    const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
+    const struct config_section *lasers[RIG_MAX_LASERS];
+    const struct config_section *banks[DEVICES_MAX_BANKS];
+    const struct config_section *interlocks[DEVICES_MAX_INTERLOCKS];
+    int n_banks, n_interlocks;
+    int lamp_bank[RIG_MAX_LAMPS], lamp_index[RIG_MAX_LAMPS];
+};
+
+/* Reads and checks everything that can be checked without a device; also drivers' own options. */
+gboolean layout_read(struct layout *layout, const char *path, GError **error);
+void layout_clear(struct layout *layout);
+
+/* The keys that the rig reads in a section of a class beside the driver's, NULL-terminated; free
+ * the list alone with g_free(). */
+const char **layout_keys(const char *class_name);
+
+/* The table behind those keys, and that of [rig] and [lamp]; NULL if a class has none. */
+const struct option *layout_options(const char *class_name);
+
+/* Drivers by the driver key of a section; an error lists those there are. */
+const struct axis_driver *drivers_axis(const struct config_section *section, GError **error);
+const struct lamps_driver *drivers_lamps(const struct config_section *section, GError **error);
+const struct camera_driver *drivers_camera(const struct config_section *section, GError **error);
+const struct laser_driver *drivers_laser(const struct config_section *section, GError **error);
+const struct interlock_driver *drivers_interlock(const struct config_section *section,
+                                                 GError **error);
+/* Any of them. */
+const struct driver_info *drivers_info(const struct config_section *section, GError **error);
