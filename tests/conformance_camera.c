@@ -1,0 +1,238 @@
+#include "conformance_private.h"
+
+#include <math.h>
+
+struct bench {
+    Clock *clock;
+    Camera *camera;
+    gint64 exposure_us;
+    gboolean in_call;
+    int n_exposed, n_ended;
+    enum camera_event last;
+    gint64 exposed_us;
+    Frame *frame;
+};
+
+static void on_event(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
+                     gpointer data) {
+    struct bench *bench = data;
+    g_assert_false(bench->in_call);
+    g_assert_cmpint(frame != NULL, ==, event == CAMERA_FRAME);
+    g_assert_cmpint(error != NULL, ==, event == CAMERA_REFUSED || event == CAMERA_FAULT);
+    if (event == CAMERA_EXPOSED) {
+        bench->n_exposed++;
+        bench->exposed_us = clock_now_us(bench->clock);
+        return;
+    }
+    g_assert_false(camera_is_waiting(camera));
+    bench->n_ended++;
+    bench->last = event;
+    if (frame) {
+        frame_unref(bench->frame);
+        bench->frame = frame_ref(frame);
+    }
+}
+
+static gboolean configure(struct bench *bench, gint64 exposure_us, GError **error) {
+    struct camera_settings settings = {exposure_us, 0};
+    return camera_configure(bench->camera, &settings, error);
+}
+
+static void begin(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(with, "", &section);
+    GError *error = NULL;
+    *bench = (struct bench){.clock = conformance_clock(with)};
+    bench->camera = camera_open(driver, section, NULL, bench->clock, &error);
+    g_assert_no_error(error);
+    camera_listen(bench->camera, on_event, bench);
+    bench->exposure_us =
+        with->exposure_us > 0 ? with->exposure_us : bench->camera->format.min_exposure_us;
+}
+
+static void begin_armed(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+    GError *error = NULL;
+    begin(bench, driver, with);
+    configure(bench, bench->exposure_us, &error);
+    g_assert_no_error(error);
+    camera_arm(bench->camera, &error);
+    g_assert_no_error(error);
+    g_assert_true(camera_is_armed(bench->camera));
+}
+
+static void end(struct bench *bench) {
+    g_clear_pointer(&bench->camera, camera_close);
+    g_clear_pointer(&bench->clock, clock_unref);
+    g_clear_pointer(&bench->frame, frame_unref);
+}
+
+static void trigger(struct bench *bench, guint64 shot) {
+    GError *error = NULL;
+    bench->n_exposed = bench->n_ended = 0;
+    bench->in_call = TRUE;
+    camera_trigger(bench->camera, shot, &error);
+    bench->in_call = FALSE;
+    g_assert_no_error(error);
+    g_assert_true(camera_is_waiting(bench->camera));
+}
+
+/* Shoots once and checks what must hold for every picture. */
+static void shoot(struct bench *bench, guint64 shot) {
+    const struct camera_format *format = &bench->camera->format;
+    gint64 triggered = clock_now_us(bench->clock);
+    trigger(bench, shot);
+    conformance_wait(bench->clock, &bench->n_ended, 1, 600);
+    g_assert_cmpint(bench->last, ==, CAMERA_FRAME);
+    g_assert_cmpint(bench->n_ended, ==, 1);
+    g_assert_cmpint(bench->n_exposed, <=, 1);
+    const Frame *frame = bench->frame;
+    g_assert_cmpuint(frame->shot, ==, shot);
+    g_assert_cmpint(frame->exposure_start_us, >=, triggered);
+    g_assert_cmpint(frame->exposure_us, ==, bench->exposure_us);
+    g_assert_cmpint(frame->exposure_end_us, <=, clock_now_us(bench->clock));
+    if (bench->n_exposed)
+        g_assert_cmpint(bench->exposed_us, >=, frame->exposure_end_us);
+    g_assert_cmpint(frame->width, ==, format->width);
+    g_assert_cmpint(frame->height, ==, format->height);
+    g_assert_cmpint(frame->cfa, ==, format->cfa);
+    for (gsize i = 0; i < (gsize)frame->width * (gsize)frame->height; i++)
+        g_assert_cmpuint(frame->pixels[i], <, 1u << frame->bits);
+}
+
+static void expect_silence(struct bench *bench, double seconds) {
+    bench->n_exposed = bench->n_ended = 0;
+    conformance_pass(bench->clock, seconds);
+    g_assert_cmpint(bench->n_exposed + bench->n_ended, ==, 0);
+}
+
+static void assert_refused(struct bench *bench, enum device_error code) {
+    GError *error = NULL;
+    g_assert_false(camera_trigger(bench->camera, 99, &error));
+    g_assert_error(error, DEVICE_ERROR, (int)code);
+    g_clear_error(&error);
+}
+
+static void assert_not_configured(struct bench *bench, gint64 exposure_us, enum device_error code) {
+    GError *error = NULL;
+    g_assert_false(configure(bench, exposure_us, &error));
+    g_assert_error(error, DEVICE_ERROR, (int)code);
+    g_clear_error(&error);
+}
+
+static void wrong_option(gconstpointer driver, const struct conformance *with) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(with, "no_such_option = 1\n", &section);
+    g_autoptr(Clock) clock = conformance_clock(with);
+    GError *error = NULL;
+    g_assert_null(camera_open(driver, section, NULL, clock, &error));
+    g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN);
+    g_clear_error(&error);
+}
+
+static void not_armed(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin(&bench, driver, with);
+    assert_refused(&bench, DEVICE_ERROR_UNSUPPORTED);
+    g_assert_true(configure(&bench, bench.exposure_us, NULL));
+    assert_refused(&bench, DEVICE_ERROR_UNSUPPORTED);
+    expect_silence(&bench, 0.3);
+    end(&bench);
+}
+
+static void exposures(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_armed(&bench, driver, with);
+    const struct camera_format *format = &bench.camera->format;
+    assert_not_configured(&bench, 0, DEVICE_ERROR_RANGE);
+    assert_not_configured(&bench, -1, DEVICE_ERROR_RANGE);
+    assert_not_configured(&bench, format->min_exposure_us - 1, DEVICE_ERROR_RANGE);
+    assert_not_configured(&bench, format->max_exposure_us + 1, DEVICE_ERROR_RANGE);
+    struct camera_settings settings = {bench.exposure_us, NAN};
+    g_assert_false(camera_configure(bench.camera, &settings, NULL));
+    shoot(&bench, 1);
+    bench.exposure_us = MIN(bench.exposure_us * 3, format->max_exposure_us);
+    g_assert_true(configure(&bench, bench.exposure_us, NULL));
+    shoot(&bench, 2);
+    end(&bench);
+}
+
+static void frames(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    guint64 last = 0;
+    begin_armed(&bench, driver, with);
+    for (guint64 shot = 100; shot < 110; shot++) {
+        shoot(&bench, shot);
+        if (shot > 100)
+            g_assert_cmpuint(bench.frame->id, >, last);
+        last = bench.frame->id;
+    }
+    expect_silence(&bench, 0.5);
+    end(&bench);
+}
+
+static void one_at_a_time(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_armed(&bench, driver, with);
+    trigger(&bench, 1);
+    assert_refused(&bench, DEVICE_ERROR_BUSY);
+    assert_not_configured(&bench, bench.exposure_us + 1, DEVICE_ERROR_BUSY);
+    conformance_wait(bench.clock, &bench.n_ended, 1, 600);
+    g_assert_cmpint(bench.last, ==, CAMERA_FRAME);
+    g_assert_cmpuint(bench.frame->shot, ==, 1);
+    expect_silence(&bench, 0.5);
+    end(&bench);
+}
+
+static void disarm(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_armed(&bench, driver, with);
+    shoot(&bench, 1);
+    trigger(&bench, 2);
+    camera_disarm(bench.camera);
+    g_assert_false(camera_is_armed(bench.camera));
+    g_assert_false(camera_is_waiting(bench.camera));
+    expect_silence(&bench, 1);
+    assert_refused(&bench, DEVICE_ERROR_UNSUPPORTED);
+    g_assert_true(camera_arm(bench.camera, NULL));
+    shoot(&bench, 2);
+    shoot(&bench, 3);
+    end(&bench);
+}
+
+static void close_waiting(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_armed(&bench, driver, with);
+    trigger(&bench, 1);
+    g_clear_pointer(&bench.camera, camera_close);
+    expect_silence(&bench, 1);
+    end(&bench);
+}
+
+static void open_close(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_armed(&bench, driver, with);
+    shoot(&bench, 1);
+    end(&bench);
+    int files = conformance_open_files();
+    for (int i = 0; i < 20; i++) {
+        begin_armed(&bench, driver, with);
+        end(&bench);
+    }
+    g_assert_cmpint(conformance_open_files(), <=, files);
+    camera_close(NULL);
+}
+
+void conformance_camera(const struct camera_driver *driver, const struct conformance *with) {
+    static const struct check checks[] = {
+        {"wrong-option", wrong_option},
+        {"not-armed", not_armed},
+        {"exposures", exposures},
+        {"frames", frames},
+        {"one-at-a-time", one_at_a_time},
+        {"disarm", disarm},
+        {"close-waiting", close_waiting},
+        {"open-close", open_close},
+        {NULL},
+    };
+    conformance_add("camera", driver, with, checks);
+}

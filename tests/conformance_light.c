@@ -1,0 +1,391 @@
+#include "conformance_private.h"
+
+/* Lamps, laser and interlock: what is only switched. */
+
+struct bench {
+    Clock *clock;
+    LampBank *bank;
+    Laser *laser;
+    Interlock *door;
+    gboolean in_call;
+    int n_events;
+    int index[64];
+    gboolean on[64];
+    gint64 at_us;
+};
+
+static void note(struct bench *bench, int index, gboolean on, const GError *error) {
+    g_assert_false(bench->in_call);
+    g_assert_no_error(error);
+    g_assert_cmpint(bench->n_events, <, (int)G_N_ELEMENTS(bench->index));
+    bench->index[bench->n_events] = index;
+    bench->on[bench->n_events++] = on;
+}
+
+static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                    gpointer data) {
+    struct bench *bench = data;
+    note(bench, index, on, error);
+    bench->at_us = at_us;
+}
+
+static void on_laser(Laser *laser, gboolean on, const GError *error, gpointer data) {
+    note(data, 0, on, error);
+}
+
+static void end(struct bench *bench) {
+    g_clear_pointer(&bench->bank, lamps_close);
+    g_clear_pointer(&bench->laser, laser_close);
+    g_clear_pointer(&bench->door, interlock_close);
+    g_clear_pointer(&bench->clock, clock_unref);
+}
+
+static void expect_silence(struct bench *bench, double seconds) {
+    bench->n_events = 0;
+    conformance_pass(bench->clock, seconds);
+    g_assert_cmpint(bench->n_events, ==, 0);
+}
+
+static void assert_unknown_option(GError *error) {
+    g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN);
+    g_assert_nonnull(strstr(error->message, "no_such_option"));
+    g_clear_error(&error);
+}
+
+static void begin_lamps(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(with, "", &section);
+    GError *error = NULL;
+    *bench = (struct bench){.clock = conformance_clock(with)};
+    bench->bank = lamps_open(driver, section, NULL, bench->clock, &error);
+    g_assert_no_error(error);
+    lamps_listen(bench->bank, on_lamp, bench);
+}
+
+static void set_lamp(struct bench *bench, int index, gboolean on) {
+    GError *error = NULL;
+    bench->in_call = TRUE;
+    if (index < 0)
+        lamps_all_off(bench->bank, &error);
+    else
+        lamps_set(bench->bank, index, on, &error);
+    bench->in_call = FALSE;
+    g_assert_no_error(error);
+}
+
+static void lamps_wrong_option(gconstpointer driver, const struct conformance *with) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(with, "no_such_option = 1\n", &section);
+    g_autoptr(Clock) clock = conformance_clock(with);
+    GError *error = NULL;
+    g_assert_null(lamps_open(driver, section, NULL, clock, &error));
+    assert_unknown_option(error);
+}
+
+static void lamps_one_by_one(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_lamps(&bench, driver, with);
+    g_assert_cmpint(bench.bank->n, >, 0);
+    for (int i = 0; i < bench.bank->n; i++) {
+        g_assert_false(lamps_is_on(bench.bank, i));
+        g_assert_cmpint(lamps_on_since_us(bench.bank, i), ==, -1);
+        gint64 asked = clock_now_us(bench.clock);
+        for (int on = 1; on >= 0; on--) {
+            bench.n_events = 0;
+            set_lamp(&bench, i, on);
+            conformance_wait(bench.clock, &bench.n_events, 1, 10);
+            g_assert_cmpint(bench.index[0], ==, i);
+            g_assert_cmpint(bench.on[0], ==, on);
+            g_assert_cmpint(bench.at_us, >=, asked);
+            g_assert_cmpint(lamps_is_on(bench.bank, i), ==, on);
+            g_assert_cmpint(lamps_on_since_us(bench.bank, i), ==, on ? bench.at_us : -1);
+            expect_silence(&bench, 0.1);
+        }
+    }
+    end(&bench);
+}
+
+static void lamps_in_order(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_lamps(&bench, driver, with);
+    int n = MIN(bench.bank->n, 16);
+    for (int i = 0; i < n; i++)
+        set_lamp(&bench, i, TRUE);
+    set_lamp(&bench, 0, FALSE);
+    conformance_wait(bench.clock, &bench.n_events, n + 1, 60);
+    for (int i = 0; i < n; i++) {
+        g_assert_cmpint(bench.index[i], ==, i);
+        g_assert_true(bench.on[i]);
+    }
+    g_assert_cmpint(bench.index[n], ==, 0);
+    g_assert_false(bench.on[n]);
+    for (int i = 1; i < n; i++)
+        g_assert_true(lamps_is_on(bench.bank, i));
+    bench.n_events = 0;
+    set_lamp(&bench, -1, FALSE);
+    conformance_wait(bench.clock, &bench.n_events, 1, 10);
+    g_assert_cmpint(bench.index[0], ==, -1);
+    for (int i = 0; i < bench.bank->n; i++)
+        g_assert_false(lamps_is_on(bench.bank, i));
+    end(&bench);
+}
+
+static void lamps_no_such_lamp(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_lamps(&bench, driver, with);
+    int wrong[] = {-1, bench.bank->n, G_MAXINT, G_MININT};
+    for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
+        GError *error = NULL;
+        g_assert_false(lamps_set(bench.bank, wrong[i], TRUE, &error));
+        g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);
+        g_clear_error(&error);
+    }
+    expect_silence(&bench, 0.2);
+    end(&bench);
+}
+
+static void lamps_count_hours(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    double seconds = with->real_clock ? 0.3 : 7200;
+    begin_lamps(&bench, driver, with);
+    set_lamp(&bench, 0, TRUE);
+    conformance_wait(bench.clock, &bench.n_events, 1, 10);
+    conformance_pass(bench.clock, seconds);
+    set_lamp(&bench, 0, FALSE);
+    conformance_wait(bench.clock, &bench.n_events, 2, 10);
+    double hours = lamps_hours(bench.bank, 0);
+    g_assert_cmpfloat(hours, >=, seconds / 3600);
+    g_assert_cmpfloat(hours, <=, (seconds + 2) / 3600);
+    conformance_pass(bench.clock, 0.2);
+    g_assert_cmpfloat(lamps_hours(bench.bank, 0), ==, hours);
+    end(&bench);
+}
+
+static void lamps_close_switching(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_lamps(&bench, driver, with);
+    set_lamp(&bench, 0, TRUE);
+    g_clear_pointer(&bench.bank, lamps_close);
+    expect_silence(&bench, 1);
+    end(&bench);
+}
+
+static void lamps_open_close(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_lamps(&bench, driver, with);
+    end(&bench);
+    int files = conformance_open_files();
+    for (int i = 0; i < 20; i++) {
+        begin_lamps(&bench, driver, with);
+        end(&bench);
+    }
+    g_assert_cmpint(conformance_open_files(), <=, files);
+    lamps_close(NULL);
+}
+
+void conformance_lamps(const struct lamps_driver *driver, const struct conformance *with) {
+    static const struct check checks[] = {
+        {"wrong-option", lamps_wrong_option}, {"one-by-one", lamps_one_by_one},
+        {"in-order", lamps_in_order},         {"no-such-lamp", lamps_no_such_lamp},
+        {"count-hours", lamps_count_hours},   {"close-switching", lamps_close_switching},
+        {"open-close", lamps_open_close},     {NULL},
+    };
+    conformance_add("lamps", driver, with, checks);
+}
+
+/* A door that the test opens and shuts. */
+static gboolean open_door(Interlock *interlock, GError **error) {
+    interlock_report(interlock, TRUE);
+    return TRUE;
+}
+
+static void close_door(Interlock *interlock) {
+}
+
+static const struct interlock_driver door_driver = {
+    .info = {"interlock", "door", "A door that the test opens"},
+    .open = open_door,
+    .close = close_door,
+};
+
+static void begin_laser(struct bench *bench, gconstpointer driver, const struct conformance *with) {
+    static const struct conformance door = {.section = "[interlock door]"};
+    const struct config_section *section, *door_section;
+    g_autoptr(Config) config = conformance_config(with, "", &section);
+    g_autoptr(Config) door_config = conformance_config(&door, "", &door_section);
+    GError *error = NULL;
+    *bench = (struct bench){.clock = conformance_clock(with)};
+    bench->door = interlock_open(&door_driver, door_section, NULL, bench->clock, &error);
+    g_assert_no_error(error);
+    bench->laser = laser_open(driver, section, NULL, bench->clock, &error);
+    g_assert_no_error(error);
+    laser_listen(bench->laser, on_laser, bench);
+    laser_guard(bench->laser, bench->door);
+}
+
+static void switch_laser(struct bench *bench, gboolean on) {
+    GError *error = NULL;
+    bench->n_events = 0;
+    bench->in_call = TRUE;
+    laser_set(bench->laser, on, &error);
+    bench->in_call = FALSE;
+    g_assert_no_error(error);
+    conformance_wait(bench->clock, &bench->n_events, 1, 10);
+    g_assert_cmpint(bench->on[0], ==, on);
+    g_assert_cmpint(laser_is_on(bench->laser), ==, on);
+}
+
+static void laser_wrong_option(gconstpointer driver, const struct conformance *with) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(with, "no_such_option = 1\n", &section);
+    g_autoptr(Clock) clock = conformance_clock(with);
+    GError *error = NULL;
+    g_assert_null(laser_open(driver, section, NULL, clock, &error));
+    assert_unknown_option(error);
+}
+
+static void laser_switches(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_laser(&bench, driver, with);
+    g_assert_false(laser_is_on(bench.laser));
+    switch_laser(&bench, TRUE);
+    expect_silence(&bench, 0.2);
+    switch_laser(&bench, FALSE);
+    switch_laser(&bench, FALSE);
+    expect_silence(&bench, 0.2);
+    end(&bench);
+}
+
+static void laser_guarded(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    GError *error = NULL;
+    begin_laser(&bench, driver, with);
+    switch_laser(&bench, TRUE);
+    bench.n_events = 0;
+    interlock_report(bench.door, FALSE);
+    conformance_wait(bench.clock, &bench.n_events, 1, 10);
+    g_assert_false(bench.on[0]);
+    g_assert_false(laser_is_on(bench.laser));
+    g_assert_false(laser_set(bench.laser, TRUE, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK);
+    g_clear_error(&error);
+    switch_laser(&bench, FALSE);
+    interlock_report(bench.door, TRUE);
+    expect_silence(&bench, 0.5);
+    g_assert_false(laser_is_on(bench.laser));
+    switch_laser(&bench, TRUE);
+    end(&bench);
+}
+
+/* The door opens between the command and its answer. */
+static void laser_guarded_late(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_laser(&bench, driver, with);
+    g_assert_true(laser_set(bench.laser, TRUE, NULL));
+    interlock_report(bench.door, FALSE);
+    conformance_wait(bench.clock, &bench.n_events, 2, 10);
+    g_assert_false(bench.on[1]);
+    g_assert_false(laser_is_on(bench.laser));
+    end(&bench);
+}
+
+static void laser_close_on(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_laser(&bench, driver, with);
+    switch_laser(&bench, TRUE);
+    g_clear_pointer(&bench.laser, laser_close);
+    interlock_report(bench.door, FALSE);
+    expect_silence(&bench, 0.5);
+    end(&bench);
+}
+
+static void laser_open_close(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin_laser(&bench, driver, with);
+    end(&bench);
+    int files = conformance_open_files();
+    for (int i = 0; i < 20; i++) {
+        begin_laser(&bench, driver, with);
+        end(&bench);
+    }
+    g_assert_cmpint(conformance_open_files(), <=, files);
+    laser_close(NULL);
+}
+
+void conformance_laser(const struct laser_driver *driver, const struct conformance *with) {
+    static const struct check checks[] = {
+        {"wrong-option", laser_wrong_option},
+        {"switches", laser_switches},
+        {"guarded", laser_guarded},
+        {"guarded-late", laser_guarded_late},
+        {"close-on", laser_close_on},
+        {"open-close", laser_open_close},
+        {NULL},
+    };
+    conformance_add("laser", driver, with, checks);
+}
+
+static void interlock_wrong_option(gconstpointer driver, const struct conformance *with) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(with, "no_such_option = 1\n", &section);
+    g_autoptr(Clock) clock = conformance_clock(with);
+    GError *error = NULL;
+    g_assert_null(interlock_open(driver, section, NULL, clock, &error));
+    assert_unknown_option(error);
+}
+
+static Interlock *begin_interlock(gconstpointer driver, const struct conformance *with,
+                                  Clock *clock) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(with, "", &section);
+    GError *error = NULL;
+    Interlock *interlock = interlock_open(driver, section, NULL, clock, &error);
+    g_assert_no_error(error);
+    return interlock;
+}
+
+static void count(Interlock *interlock, gboolean closed, gpointer data) {
+    g_assert_cmpint(closed, ==, interlock_is_closed(interlock));
+    ++*(int *)data;
+}
+
+/* The state is said again as if by the driver; whoever listens hears of changes alone. */
+static void interlock_listeners(gconstpointer driver, const struct conformance *with) {
+    g_autoptr(Clock) clock = conformance_clock(with);
+    g_autoptr(Interlock) interlock = begin_interlock(driver, with, clock);
+    int first = 0, second = 0;
+    conformance_pass(clock, 0.2);
+    guint id = interlock_listen(interlock, count, &first);
+    interlock_listen(interlock, count, &second);
+    gboolean closed = interlock_is_closed(interlock);
+    interlock_report(interlock, closed);
+    g_assert_cmpint(first + second, ==, 0);
+    interlock_report(interlock, !closed);
+    g_assert_cmpint(first, ==, 1);
+    g_assert_cmpint(second, ==, 1);
+    interlock_unlisten(interlock, id);
+    interlock_report(interlock, closed);
+    g_assert_cmpint(first, ==, 1);
+    g_assert_cmpint(second, ==, 2);
+}
+
+static void interlock_open_close(gconstpointer driver, const struct conformance *with) {
+    g_autoptr(Clock) clock = conformance_clock(with);
+    interlock_close(begin_interlock(driver, with, clock));
+    int files = conformance_open_files();
+    for (int i = 0; i < 20; i++)
+        interlock_close(begin_interlock(driver, with, clock));
+    g_assert_cmpint(conformance_open_files(), <=, files);
+    conformance_pass(clock, 1);
+    interlock_close(NULL);
+}
+
+void conformance_interlock(const struct interlock_driver *driver, const struct conformance *with) {
+    static const struct check checks[] = {
+        {"wrong-option", interlock_wrong_option},
+        {"listeners", interlock_listeners},
+        {"open-close", interlock_open_close},
+        {NULL},
+    };
+    conformance_add("interlock", driver, with, checks);
+}
