@@ -260,7 +260,7 @@ void capture_abort(Capture *capture) {
 static double time_left_s(Capture *capture) {
     if (capture->state == CAPTURE_DONE || !capture->remaining)
         return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
-    if (capture->left_committed != capture->committed) {
+    if (capture->left_committed != capture->committed || capture->state == CAPTURE_HOMING) {
         const struct session_shot *const *shots =
             (const struct session_shot *const *)capture->remaining->pdata + capture->committed;
         capture->left_s = plan_remaining_s(

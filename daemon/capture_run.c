@@ -313,6 +313,7 @@ static void on_room(gpointer data) {
 
 static void on_homed(gpointer data) {
     Capture *capture = data;
+    capture->left_committed = -1;
     if (capture->state == CAPTURE_HOMING)
         capture_set_state(capture, CAPTURE_RUNNING);
 }

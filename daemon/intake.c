@@ -345,7 +345,7 @@ static void set_full(Intake *intake, gboolean full) {
 }
 
 static gsize queued_bytes(Intake *intake) {
-    return (gsize)g_atomic_pointer_get((void **)&intake->bytes);
+    return (gsize)g_atomic_pointer_get(&intake->bytes);
 }
 
 static gboolean dispatch(GSource *source, GSourceFunc func, gpointer data) {

@@ -6,7 +6,7 @@
 #include "stage.h"
 
 /* How long a camera that is gone is given to come back before the next attempt. */
-#define REST_US (2 * G_USEC_PER_SEC)
+#define REST_US (3 * G_USEC_PER_SEC)
 
 enum state { IDLE, HOMING, PREPARING, EXPOSING };
 
@@ -76,11 +76,13 @@ static void finish(Sequencer *seq) {
     seq->hooks.fault("rig", told, seq->hooks.data);
 }
 
-/* Step k of n stands at from + k·(to − from)/(n − 1); what comes after the last stays there. */
+/* Step k of n stands at from + k·(to − from)/(n − 1). The picture after the last one, with the
+ * laser off, is taken from the middle, where a laser that shines on would light the sample. */
 static double sweep_at_deg(const struct session_shot *shot, int sub) {
-    int k = MIN(sub, shot->sweep_steps - 1);
     double way = shot->sweep_to_deg - shot->sweep_from_deg;
-    return shot->sweep_from_deg + (shot->sweep_steps > 1 ? k * way / (shot->sweep_steps - 1) : 0);
+    if (sub >= shot->sweep_steps)
+        return shot->sweep_from_deg + way / 2;
+    return shot->sweep_from_deg + (shot->sweep_steps > 1 ? sub * way / (shot->sweep_steps - 1) : 0);
 }
 
 static struct stage_goal goal_of(const struct session_shot *shot, int sub) {
