@@ -1,12 +1,14 @@
 /*
  * From a camera's mosaic to the texels of the reference plane. For one camera at one turntable
- * angle each texel and colour has a row of weights over that colour's pixels, so that rectifying a
- * frame is one sparse product.
+ * angle each texel has rows of weights over the pixels, so that rectifying a frame is a sparse
+ * product.
  *
- * A texel's weights are those of the average, over its area as the camera sees it, of the bilinear
- * interpolant of that colour's pixels: an average where pixels are smaller than texels, an
- * interpolation where they are larger, and exact for pictures that are linear in x and y, whatever
- * the phase of the colour filter. Any thread; not changed after it was made.
+ * A texel's value is the average, over its area as the camera sees it, of the mosaic's
+ * interpolation: an average where pixels are smaller than texels, an interpolation where they are
+ * larger. Green is interpolated with a Laplacian correction; red and blue between their own pixels,
+ * and sharpened by as much as green is sharper than it would be at those alone. Pictures that are
+ * linear in x and y, with slopes of their own for each colour, come out exactly, whatever the phase
+ * of the colour filter. Any thread; not changed after it was made.
  */
 #pragma once
 
