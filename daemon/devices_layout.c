@@ -385,6 +385,9 @@ static gboolean check_whole(const struct layout *layout, GError **error) {
     gsize n;
     const struct config_section *sections = config_sections(layout->config, &n);
 
+    for (gsize i = 0; i < n; i++)
+        if (!check_axis(layout, &sections[i], error) || !check_clock(layout, &sections[i], error))
+            return FALSE;
     if (!layout->turntable)
         return missing(layout, "[axis turntable]", error);
     if (!layout->arc)
@@ -393,9 +396,6 @@ static gboolean check_whole(const struct layout *layout, GError **error) {
         return missing(layout, "[camera NAME]", error);
     if (layout->geometry.n_lamps + layout->geometry.n_lasers == 0)
         return missing(layout, "[lamp NAME] or [laser NAME]", error);
-    for (gsize i = 0; i < n; i++)
-        if (!check_axis(layout, &sections[i], error) || !check_clock(layout, &sections[i], error))
-            return FALSE;
     return TRUE;
 }
 
