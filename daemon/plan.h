@@ -3,16 +3,18 @@
  * nothing and moves nothing, and the same input gives the same plan.
  *
  * Every view (camera at turntable angle τ) is taken under every light (lamp at arc angle
- * α = φ_l + τ) and swept from every laser position, so what is planned is a set of poses (τ, α), each
- * with its shots. Both axes move together. All orders make the same exposures; they differ in the
- * moves. The order is chosen by predicted time.
+ * α = φ_l + τ) and swept from every laser position, so what is planned is a set of poses (τ, α),
+ * each with its shots. Both axes move together. All orders make the same exposures; they differ in
+ * the moves. The order is chosen by predicted time.
  *
- * The lower bound: in any order every pose but the first is entered by a move from some other pose,
- * which takes at least as long as the quickest move into it from any pose of the plan; and every shot
- * takes at least the time that cannot overlap with anything else (warm-up or read-out, whichever is
- * longer, and exposures; for a sweep its steps). The sum over all poses and shots can be beaten by no
- * order. Predicted time counts, in the order chosen, what the sequencer does: see
- * plan_pose_time_s() in plan.c.
+ * Predicted time counts what the sequencer does: before a shot everything is prepared at once (both
+ * axes, lamp or laser and its warm-up, the sweep's first step) while frames are read out; a lamp
+ * that the shot before has left on is warm. plan_time.c has the model, and proves the lower bound:
+ * the time that no order of the shots can beat, since before each of them there pass at least its
+ * warm-up, or, where the lamp was left on, the quickest move into its pose.
+ *
+ * Where lamps take longer to warm up than axes to move, the quickest order visits the poses once
+ * for each lamp.
  */
 #pragma once
 
@@ -24,7 +26,7 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
     int count;
 };
 
-#define PLAN_MAX_RINGS 32
+#define PLAN_MAX_RINGS   32
 #define PLAN_MAX_BRACKET 4
 
 enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
@@ -34,19 +36,19 @@ struct session_conf {
     char *name;
     struct session_grid grid;
     struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];
-    int n_views, n_lights, n_lasers;    /* rings */
+    int n_views, n_lights, n_lasers;       /* rings */
     double exposures_us[PLAN_MAX_BRACKET]; /* of lamp shots, ascending */
     int n_exposures;
     double laser_exposure_us;
     int sweep_steps;
-    double sweep_margin_mm;    /* the sheet sweeps the sample and this much on both sides */
+    double sweep_margin_mm; /* the sheet sweeps the sample and this much on both sides */
     double gain_db;
     int dark_frames;           /* averaged for each exposure */
     int retries;               /* of one shot, before the session is paused */
     double laser_threshold_dn; /* above background, for a peak to count */
     enum on_blocked on_blocked;
     gboolean keep_laser_frames;
-    char *text;                /* as it was read */
+    char *text; /* as it was read */
 };
 
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error);
@@ -56,13 +58,13 @@ void session_conf_clear(struct session_conf *conf);
 
 struct plan {
     struct session_plan session; /* grid, directions, shots; owned by the plan */
-    int n_poses;
+    int n_poses;                 /* visits counted: a pose may be visited again for another lamp */
     int n_frames;                /* camera frames to be triggered, brackets and sweeps counted */
     guint64 bytes;               /* on disk, predicted */
     double predicted_s;
     double lower_bound_s;
-    double nested_s;             /* predicted for the nested order: for τ, for α, for lamps */
-    GPtrArray *notes;            /* char *: what was re-planned or left out, and why */
+    double nested_s;  /* predicted for the nested order: for τ, for α, for lamps */
+    GPtrArray *notes; /* char *: what was re-planned or left out, and why */
 };
 
 #define PLAN_ERROR plan_error_quark()
@@ -71,15 +73,18 @@ enum plan_error {
     PLAN_ERROR_NO_CAMERA, /* none at an asked elevation; lists those there are */
     PLAN_ERROR_NO_LAMP,
     PLAN_ERROR_NO_LASER,
-    PLAN_ERROR_LIMITS,    /* an axis cannot get there, an exposure is out of range */
-    PLAN_ERROR_BLOCKED,   /* the arc stands in a camera's view, and on_blocked says refuse */
+    PLAN_ERROR_LIMITS,  /* an axis cannot get there, an exposure is out of range */
+    PLAN_ERROR_BLOCKED, /* the arc stands in a camera's view, and on_blocked says refuse */
 };
 
+/* rig is the nominal geometry: azimuths that differ by a calibration's hundredths of a degree would
+ * not share poses. Step k of a sweep is meant to be at from + (to − from)·k/(steps − 1). */
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error);
 void plan_free(struct plan *plan); /* NULL is ignored */
 
-/* Predicted time of shots that remain, from a given pose; for the time left. */
+/* Predicted time of those of the shots that are still planned, in this order and from a given pose;
+ * for the time left. */
 double plan_remaining_s(const struct session_shot *const *shots, int n,
                         const struct session_conf *conf, const struct rig_timing *timing,
                         double turntable_deg, double arc_deg);
