@@ -58,7 +58,7 @@ void intake_free(Intake *intake);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
 
 /* How many frames a camera takes for a shot, and at which exposure each; sub counts from 0. Those
- * of a sweep end with one taken after the laser was switched off. */
+ * of a sweep end with one from its middle, taken after the laser was switched off. */
 int intake_n_frames(const struct session_conf *conf, const struct session_shot *shot);
 gint64 intake_exposure_us(const struct session_conf *conf, const struct session_shot *shot,
                           int sub);

@@ -8,7 +8,7 @@
  * its first step; frames of the picture before are read out meanwhile. All of this begins when the
  * last exposure of the picture before has ended. A lamp that is still on from the shot before stays
  * on and is warm. Within a bracket only read-out is waited for, within a sweep read-out and the
- * step; a sweep ends with one picture after the laser was switched off.
+ * step; a sweep ends with one picture from its middle, after the laser was switched off.
  */
 
 double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing) {
@@ -27,6 +27,14 @@ static double step_s(const struct session_shot *shot, const struct rig_timing *t
                             shot->sweep_from_deg + step_deg);
 }
 
+static double middle_deg(const struct session_shot *shot) {
+    return (shot->sweep_from_deg + shot->sweep_to_deg) / 2;
+}
+
+static double to_middle_s(const struct session_shot *shot, const struct rig_timing *timing) {
+    return axis_move_time_s(&timing->sweep[shot->device], shot->sweep_to_deg, middle_deg(shot));
+}
+
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
                    const struct rig_timing *timing) {
     int n = intake_n_frames(conf, shot);
@@ -37,7 +45,8 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
     for (int i = 0; i < n; i++)
         sum_s += intake_exposure_us(conf, shot, i) / 1e6;
     if (shot->kind == SHOT_SWEEP)
-        sum_s += (shot->sweep_steps - 1) * MAX(0, step_s(shot, timing) - readout_s);
+        sum_s += (shot->sweep_steps - 1) * MAX(0, step_s(shot, timing) - readout_s) +
+                 MAX(0, to_middle_s(shot, timing) - readout_s);
     return sum_s;
 }
 
@@ -45,9 +54,9 @@ double plan_shot_s(const struct session_shot *shot, const struct session_conf *c
 static double light_s(const struct session_shot *previous, const struct session_shot *shot,
                       const struct rig_timing *timing) {
     if (shot->kind == SHOT_SWEEP)
-        return MAX(timing->laser_warm_up_s[shot->device],
-                   axis_move_time_s(&timing->sweep[shot->device], shot->sweep_to_deg,
-                                    shot->sweep_from_deg));
+        return MAX(
+            timing->laser_warm_up_s[shot->device],
+            axis_move_time_s(&timing->sweep[shot->device], middle_deg(shot), shot->sweep_from_deg));
     if (shot->kind == SHOT_DARK ||
         (previous && previous->kind == SHOT_LAMP && previous->device == shot->device))
         return 0;

@@ -331,7 +331,7 @@ static void test_whole(void) {
     double took_s = status.elapsed_s - begun_s;
     g_test_message("took %.2f s, predicted %.2f s, lower bound %.2f s", took_s, predicted_s,
                    plan->lower_bound_s);
-    g_assert_cmpfloat(fabs(took_s / predicted_s - 1), <, 0.03);
+    g_assert_cmpfloat(fabs(took_s / predicted_s - 1), <, 0.02);
     g_assert_cmpfloat(took_s, >=, plan->lower_bound_s * (1 - 1e-6));
     g_assert_cmpint(run->least_gap_us, >=, 95000);
     const struct capture_thumbnail *thumbnail = capture_thumbnail(run->capture, 1);

@@ -566,14 +566,16 @@ static double diary_s(const struct session_shot *const *shots, int n,
 
     for (int i = 0; i < n; i++) {
         const struct session_shot *s = shots[i];
-        double readout = 0, sweep_back = 0, step = 0, warm = 0;
+        double readout = 0, sweep_back = 0, step = 0, warm = 0, to_middle = 0;
         for (int c = 0; c < RIG_MAX_CAMERAS; c++)
             if (s->cameras & 1u << c)
                 readout = MAX(readout, t->readout_us[c] / 1e6);
         if (s->kind == SHOT_SWEEP) {
             const struct axis_motion *sweep = &t->sweep[s->device];
             double step_deg = (s->sweep_to_deg - s->sweep_from_deg) / (s->sweep_steps - 1);
-            sweep_back = axis_move_time_s(sweep, s->sweep_to_deg, s->sweep_from_deg);
+            double middle_deg = (s->sweep_to_deg + s->sweep_from_deg) / 2;
+            to_middle = axis_move_time_s(sweep, s->sweep_to_deg, middle_deg);
+            sweep_back = axis_move_time_s(sweep, middle_deg, s->sweep_from_deg);
             step = axis_move_time_s(sweep, s->sweep_from_deg, s->sweep_from_deg + step_deg);
             warm = t->laser_warm_up_s[s->device];
             lit = -1;
@@ -589,7 +591,7 @@ static double diary_s(const struct session_shot *const *shots, int n,
         if (s->kind == SHOT_SWEEP) {
             for (int k = 1; k < s->sweep_steps; k++)
                 now += conf->laser_exposure_us / 1e6 + MAX(readout, step);
-            now += 2 * conf->laser_exposure_us / 1e6 + readout;
+            now += 2 * conf->laser_exposure_us / 1e6 + MAX(readout, to_middle);
         }
         for (int e = 0; s->kind == SHOT_LAMP && e < conf->n_exposures; e++)
             now += conf->exposures_us[e] / 1e6 + (e ? readout : 0);
