@@ -1,7 +1,6 @@
 #include "calib/rig.h"
 
 #include <locale.h>
-#include <stdint.h>
 #include <string.h>
 
 #define RAD(deg) ((deg) * (G_PI / 180))

@@ -547,7 +547,7 @@ static void test_random(void) {
     struct session_conf conf = conf_of(demo_directions);
     struct rig rig = rig_of(demo_theta_deg, 5);
 
-    for (int round = 0; round < 60; round++) {
+    for (int round = 0; round < 30; round++) {
         struct rig_timing timing = random_timing(rand);
         randomise(rand, &conf, 3, 6);
         struct plan *plan = build(&conf, &rig, &timing);
@@ -625,7 +625,7 @@ static void test_against_all_orders(void) {
     double worst = 0, sum = 0;
     int rounds = 0;
 
-    while (rounds < 40) {
+    while (rounds < 30) {
         struct rig_timing timing = random_timing(rand);
         const struct session_shot *shots[7];
         int n = 0;
