@@ -1,7 +1,7 @@
 /*
  * The rig's geometry: where cameras, lamps, lasers and axes are, and what follows from it. Nominal
- * values come from the rig file, better ones from calibration; both are this one struct and this one
- * file format.
+ * values come from the rig file, better ones from calibration; both are this one struct and this
+ * one file format.
  *
  * Rig frame: millimetres, right-handed, origin on the turntable's axis in the plane of its top, z
  * up. Sample frame: turns with the turntable; at turntable angle τ (counter-clockwise seen from
@@ -17,9 +17,9 @@
 #include "vec.h"
 
 #define RIG_MAX_CAMERAS 16
-#define RIG_MAX_LAMPS 16
-#define RIG_MAX_LASERS 16
-#define RIG_NAME 32
+#define RIG_MAX_LAMPS   16
+#define RIG_MAX_LASERS  16
+#define RIG_NAME        32
 
 /* A pinhole with Brown distortion, OpenCV's convention: the centre of the top left pixel is (0, 0),
  * x right, y down; x' = x/z of the point in camera coordinates (z forward). */
@@ -28,10 +28,10 @@ struct rig_camera {
     int width, height;
     double fx_px, fy_px, cx_px, cy_px;
     double k1, k2, k3, p1, p2;
-    struct mat3 rotation;   /* camera = rotation · rig + translation_mm */
+    struct mat3 rotation; /* camera = rotation · rig + translation_mm */
     struct vec3 translation_mm;
-    double vignetting;      /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
-    double response;        /* DN a second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
+    double vignetting; /* relative response 1 − vignetting·(r/r_corner)², r from (cx, cy) */
+    double response; /* DN a second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
 };
 
 /* A lamp on the light arc. Radiant intensity in direction d: intensity · max(0, cos(d, aim))^n. */
@@ -40,7 +40,7 @@ struct rig_lamp {
     struct vec3 position_mm; /* with the arc at α = 0 (then it stands over the +x axis) */
     struct vec3 aim;         /* unit, with the arc at α = 0 */
     double exponent;
-    double intensity;        /* W·sr⁻¹ along aim */
+    double intensity; /* W·sr⁻¹ along aim */
 };
 
 /* A line laser on the light arc: a sheet of light through position that turns about an axis in that
@@ -48,21 +48,21 @@ struct rig_lamp {
 struct rig_laser {
     char name[RIG_NAME];
     struct vec3 position_mm; /* with the arc at α = 0 */
-    struct vec3 axis;        /* unit, at α = 0: tangential, so that the line lies across the sweep */
-    struct vec3 normal;      /* unit, at α = 0 and s = 0, perpendicular to axis; at s = 0 the sheet
-                                goes through the origin (nominally) */
+    struct vec3 axis;   /* unit, at α = 0: tangential, so that the line lies across the sweep */
+    struct vec3 normal; /* unit, at α = 0 and s = 0, perpendicular to axis; at s = 0 the sheet
+                           goes through the origin (nominally) */
 };
 
 struct rig {
-    char id[64];             /* which rig this is; a calibration of another one is refused */
+    char id[64]; /* which rig this is; a calibration of another one is refused */
     struct rig_camera cameras[RIG_MAX_CAMERAS];
     int n_cameras;
     struct rig_lamp lamps[RIG_MAX_LAMPS];
     int n_lamps;
     struct rig_laser lasers[RIG_MAX_LASERS];
     int n_lasers;
-    double arc_radius_mm;    /* of the arc's inner edge, and */
-    double arc_width_mm;     /* its width across: together what it hides from a camera */
+    double arc_radius_mm; /* of the arc's inner edge, and */
+    double arc_width_mm;  /* its width across: together what it hides from a camera */
 };
 
 #define RIG_ERROR rig_error_quark()
