@@ -190,9 +190,15 @@ static gboolean parse(Config *config, gsize length, GError **error) {
     }
     if (g_str_has_prefix(text, "\xef\xbb\xbf"))
         text += 3;
-    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
-    for (int i = 0; lines[i]; i++) {
-        if (!parse_line(config, lines[i], i + 1, error))
+    g_autofree char *copy = g_strdup(text);
+    char *end = copy + strlen(copy), *next;
+    int line = 1;
+    for (char *start = copy; start < end; start = next + 1, line++) {
+        next = memchr(start, '\n', (gsize)(end - start));
+        if (!next)
+            next = end;
+        *next = '\0';
+        if (!parse_line(config, start, line, error))
             return FALSE;
     }
     return TRUE;
