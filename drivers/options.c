@@ -5,9 +5,9 @@
 #include <string.h>
 
 /* What names end in to say their unit; longer ones first. */
-static const char *const units[] = {"deg_s2", "deg_s", "mm_s", "deg", "rad", "us", "ms", "min",
-                                    "mm",     "cm",    "um",   "nm",  "px",  "hz", "db", "baud",
-                                    "s",      "m",     "h",    "rpm", "pct", NULL};
+static const char *const units[] = {"deg_s2", "deg_s", "rad_s", "mm_s", "deg", "rad", "us", "ms",
+                                    "min",    "mm",    "cm",    "um",   "nm",  "px",  "hz", "db",
+                                    "baud",   "s",     "m",     "h",    "rpm", "pct", NULL};
 
 static gboolean is_limited(const struct option *option) {
     return option->min != option->max;
