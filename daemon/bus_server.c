@@ -21,8 +21,8 @@ static gboolean allow_mechanism(GDBusAuthObserver *observer, const char *mechani
 }
 
 static void first_closed(GDBusConnection *connection, gboolean by_peer, GError *error,
-                         gpointer data) {
-    const struct guest *guest = data;
+                         gpointer server) {
+    const struct guest *guest = g_object_get_data(server, "guest");
     guest->gone(guest->bus, guest->data);
 }
 
@@ -34,7 +34,7 @@ static gboolean new_connection(GDBusServer *server, GDBusConnection *connection,
         return FALSE;
     }
     if (!guest->first_came && guest->gone)
-        g_signal_connect(connection, "closed", G_CALLBACK(first_closed), guest);
+        g_signal_connect_object(connection, "closed", G_CALLBACK(first_closed), server, 0);
     guest->first_came = TRUE;
     return TRUE;
 }

@@ -9,12 +9,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "long_session.h"
+
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
 #define WAIT_US (60 * G_USEC_PER_SEC)
 
 struct fixture {
-    char *folder, *socket, *address, *directory;
+    char *folder, *socket, *address, *directory, *session;
     Bus *bus;
     GDBusServer *server;
     GDBusConnection *client;
@@ -76,6 +78,7 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->socket = g_build_filename(fixture->folder, "bus", NULL);
     fixture->address = g_strconcat("unix:path=", fixture->socket, NULL);
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
+    fixture->session = write_long_session(fixture->folder);
     fixture->bus = bus_new(fixture->address);
     fixture->server = bus_serve(fixture->bus, fixture->address, on_closed, fixture, &error);
     g_assert_no_error(error);
@@ -97,6 +100,7 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
     g_free(fixture->socket);
     g_free(fixture->address);
     g_free(fixture->directory);
+    g_free(fixture->session);
     g_free(fixture->state);
 }
 
@@ -268,15 +272,17 @@ static void test_capture(struct fixture *fixture, gconstpointer data) {
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
     refused(fixture, "GetThumbnail", g_variant_new("(s)", "cam31"), "Unknown", "cam30, cam60");
     refused(fixture, "GetThumbnail", g_variant_new("(s)", "cam30"), "NoSession", NULL);
-    refused(fixture, "Resume", resume_parameters(fixture->directory), "SessionIO", NULL);
+    refused(fixture, "Resume", resume_parameters(fixture->directory), "SessionFormat", NULL);
     g_variant_builder_init(&options, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&options, "{sv}", "hurry", g_variant_new_boolean(TRUE));
-    refused(fixture, "Start", g_variant_new("(ssa{sv})", SESSION, fixture->directory, &options),
-            "Unknown", "hurry");
+    refused(fixture, "Start",
+            g_variant_new("(ssa{sv})", fixture->session, fixture->directory, &options), "Unknown",
+            "hurry");
 
-    tell(fixture, "Start", start_parameters(SESSION, fixture->directory));
+    tell(fixture, "Start", start_parameters(fixture->session, fixture->directory));
     assert_control(fixture, TRUE);
-    refused(fixture, "Start", start_parameters(SESSION, fixture->directory), "Busy", "Abort");
+    refused(fixture, "Start", start_parameters(fixture->session, fixture->directory), "Busy",
+            "Abort");
     refused(fixture, "OpenRig", g_variant_new("(s)", RIG), "Busy", NULL);
     wait_for_state(fixture, "running");
     tell(fixture, "Pause", NULL);
@@ -294,7 +300,8 @@ static void test_capture(struct fixture *fixture, gconstpointer data) {
         ;
     assert_control(fixture, FALSE);
     refused(fixture, "Continue", NULL, "NoSession", NULL);
-    refused(fixture, "Start", start_parameters(SESSION, fixture->directory), "SessionExists", NULL);
+    refused(fixture, "Start", start_parameters(fixture->session, fixture->directory),
+            "SessionExists", NULL);
     tell(fixture, "Resume", resume_parameters(fixture->directory));
     wait_for_state(fixture, "done");
     g_autoptr(GVariant) shots = get(fixture, "Shots");
@@ -310,7 +317,7 @@ static void test_capture(struct fixture *fixture, gconstpointer data) {
 /* Freed in the middle of everything: safe, no leak, and the session can be gone on with. */
 static void test_end_while_running(struct fixture *fixture, gconstpointer data) {
     tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
-    tell(fixture, "Start", start_parameters(SESSION, fixture->directory));
+    tell(fixture, "Start", start_parameters(fixture->session, fixture->directory));
     wait_for_state(fixture, "running");
     tell(fixture, "CloseRig", NULL);
     assert_state(fixture, "closed");

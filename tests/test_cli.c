@@ -9,6 +9,8 @@
 #include <string.h>
 #include <sys/wait.h>
 
+#include "long_session.h"
+
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
 #define MESORIG BUILD_DIR "/bin/mesorig"
@@ -236,13 +238,12 @@ static void test_drivers(void) {
 
 static void test_plan(void) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
-    g_autofree char *bad_rig = write_file(folder, "bad_rig.conf",
-                                          "[rig]\nid = x\n\n[camera c]\ndriver = sim-camera\n"
-                                          "theta_deg = NaN\n");
+    g_autofree char *bad_rig = write_file(
+        folder, "bad_rig.conf", "[rig]\nid = x\narc_radius_mm = NaN\narc_width_mm = 30\n");
     g_autofree char *bad_session =
         write_file(folder, "bad_session.conf", "[session]\nname = x\n\n[views]\nrings = 99:x\n");
     g_autofree char *binary = write_file(folder, "binary.conf", "\x01\x02\xff\xfe[[[");
-    g_autofree char *rig_line = g_strconcat(bad_rig, ":6", NULL);
+    g_autofree char *rig_line = g_strconcat(bad_rig, ":3", NULL);
     g_autofree char *session_line = g_strconcat(bad_session, ":", NULL);
     struct output output = {0};
     runs(0, &output, "plan", RIG, SESSION, NULL);
@@ -343,6 +344,7 @@ static gboolean has_frames(const char *session) {
 static void test_interrupt(void) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *conf = write_long_session(folder);
     g_autoptr(GError) error = NULL;
     g_autoptr(GSubprocess) process =
         g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, &error,

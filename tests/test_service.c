@@ -10,15 +10,16 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "long_session.h"
+
 #define RIG      SOURCE_DIR "/tests/small/rig.conf"
-#define SESSION  SOURCE_DIR "/tests/small/session.conf"
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
 #define WAIT_US  (60 * G_USEC_PER_SEC)
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BusRig1, g_object_unref)
 
 struct fixture {
-    char *folder, *address, *directory;
+    char *folder, *address, *directory, *session;
     int notify_fd;
     GString *told; /* all notifications, a line each */
     GSubprocess *daemon;
@@ -29,6 +30,7 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->folder = g_dir_make_tmp("mesorig-service-XXXXXX", NULL);
     fixture->address = g_strdup_printf("unix:path=%s/bus", fixture->folder);
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
+    fixture->session = write_long_session(fixture->folder);
     fixture->told = g_string_new("\n");
     g_snprintf(at.sun_path, sizeof(at.sun_path), "%s/notify", fixture->folder);
     fixture->notify_fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
@@ -47,6 +49,7 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
     g_free(fixture->folder);
     g_free(fixture->address);
     g_free(fixture->directory);
+    g_free(fixture->session);
     g_string_free(fixture->told, TRUE);
 }
 
@@ -112,8 +115,8 @@ static void capture(struct fixture *fixture, BusRig1 *rig, gboolean process) {
     g_autoptr(GError) error = NULL;
     g_variant_builder_init(&options, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&options, "{sv}", "process", g_variant_new_boolean(process));
-    bus_rig1_call_start_sync(rig, SESSION, fixture->directory, g_variant_builder_end(&options),
-                             NULL, &error);
+    bus_rig1_call_start_sync(rig, fixture->session, fixture->directory,
+                             g_variant_builder_end(&options), NULL, &error);
     g_assert_no_error(error);
 }
 
