@@ -9,12 +9,16 @@
 #define ABOVE_MM        0.5  /* how far above the reference plane a point may seem to lie */
 #define BELOW_MM        1.0  /* and below the deepest structure */
 #define LEAST_AGREEMENT 0.1  /* mm: results of two lasers this close are never outliers */
+#define SEEN_SHARE      0.6f /* of the pixels around a texel */
+#define LIVE_SHARE      0.25 /* of what the best phase of the colour filter sees */
+#define MANY_SWEEPS     4    /* with as many, one alone is not believed */
 
 struct MdfView {
     struct rig_camera camera;
     struct vec3 centre_mm;
     struct session_grid grid;
     int n_texels, n_sweeps;
+    float agreement_mm; /* pixels side by side whose distances differ more show different things */
     float *ray;         /* of each pixel: unit vector in the rig frame, three values */
     float *onset_mm;    /* of each pixel: along its ray from the centre to the reference plane */
     float *x_px, *y_px; /* of each texel's centre; x < 0: outside of the picture */
@@ -63,6 +67,8 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     view->pixel_mm = g_new(float, n_pixels);
     view->x_px = g_new(float, view->n_texels);
     view->y_px = g_new(float, view->n_texels);
+    double slant = view->centre_mm.z / vec3_length(view->centre_mm);
+    view->agreement_mm = (float)(grid->width_mm / grid->width / MAX(slant, 0.1));
     trace_pixels(view);
     project_texels(view, turntable_rad);
     return view;
@@ -111,42 +117,86 @@ static float intersect(const MdfView *view, const struct mdf_sweep *sweep, gsize
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
 
-/* Bilinear between those of the four pixels around that agree with the nearest one seen: no mean is
- * taken across a depth edge. */
-static float resample(const MdfView *view, float x, float y, float agreement_mm) {
-    int width = view->camera.width, height = view->camera.height;
-    int i = CLAMP((int)floorf(x), 0, width - 2), j = CLAMP((int)floorf(y), 0, height - 2);
-    float u = x - i, v = y - j;
-    const float *at = view->pixel_mm + (gsize)j * width + i;
-    const float value[4] = {at[0], at[1], at[width], at[width + 1]};
-    const float part[4] = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
-    int nearest = -1;
+/* Which of the four phases of a colour filter see this laser: all, or those of its colour. */
+struct phases {
+    gboolean live[4];
+    int radius; /* pixels to the next one that sees it, at most */
+};
+
+static int phase_of(int x, int y) {
+    return 2 * (y & 1) + (x & 1);
+}
+
+static struct phases find_phases(const MdfView *view) {
+    struct phases phases = {.radius = 1};
+    int seen[4] = {0}, most = 0, width = view->camera.width;
+    for (int y = 0; y < view->camera.height; y++)
+        for (int x = 0; x < width; x++)
+            seen[phase_of(x, y)] += view->pixel_mm[(gsize)y * (gsize)width + (gsize)x] >= 0;
     for (int k = 0; k < 4; k++)
-        if (value[k] >= 0 && (nearest < 0 || part[k] > part[nearest]))
-            nearest = k;
-    if (nearest < 0 || part[nearest] < 0.2f)
-        return -1;
-    float sum = 0, parts = 0;
-    for (int k = 0; k < 4; k++)
-        if (value[k] >= 0 && fabsf(value[k] - value[nearest]) <= agreement_mm) {
-            sum += part[k] * value[k];
-            parts += part[k];
+        most = MAX(most, seen[k]);
+    for (int k = 0; k < 4; k++) {
+        phases.live[k] = seen[k] > LIVE_SHARE * most;
+        phases.radius = phases.live[k] ? phases.radius : 2;
+    }
+    return phases;
+}
+
+struct near {
+    float mm, share; /* share of a bilinear mean */
+};
+
+/* The pixels around a point that could have seen the laser; mm is −1 for those that have not. */
+static int find_near(const MdfView *view, const struct phases *phases, float x, float y,
+                     struct near *ret) {
+    int n = 0, r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
+    for (int v = j - r + 1; v <= j + r; v++)
+        for (int u = i - r + 1; u <= i + r; u++) {
+            float share = (1 - fabsf(x - u) / r) * (1 - fabsf(y - v) / r);
+            if (u < 0 || v < 0 || u >= view->camera.width || v >= view->camera.height ||
+                !phases->live[phase_of(u, v)] || share <= 0)
+                continue;
+            float mm = view->pixel_mm[(gsize)v * (gsize)view->camera.width + (gsize)u];
+            ret[n++] = (struct near){mm, share};
         }
-    return sum / parts;
+    return n;
+}
+
+/* The mean of those pixels around that agree with the nearest one seen: none is taken across a
+ * depth edge. Where too few have seen the laser, the texel may show what they do not. */
+static float resample(const MdfView *view, const struct phases *phases, float x, float y) {
+    struct near near[16];
+    int n = find_near(view, phases, x, y, near), nearest = -1;
+    float all = 0, seen = 0, sum = 0, shares = 0;
+    for (int k = 0; k < n; k++) {
+        all += near[k].share;
+        if (near[k].mm < 0)
+            continue;
+        seen += near[k].share;
+        if (nearest < 0 || near[k].share > near[nearest].share)
+            nearest = k;
+    }
+    if (nearest < 0 || seen < SEEN_SHARE * all)
+        return -1;
+    for (int k = 0; k < n; k++)
+        if (near[k].mm >= 0 && fabsf(near[k].mm - near[nearest].mm) <= view->agreement_mm) {
+            sum += near[k].share * near[k].mm;
+            shares += near[k].share;
+        }
+    return sum / shares;
 }
 
 int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
-    gsize n_pixels = (gsize)view->camera.width * view->camera.height;
+    gsize n_pixels = (gsize)view->camera.width * (gsize)view->camera.height;
     for (gsize i = 0; i < n_pixels; i++)
         view->pixel_mm[i] = intersect(view, sweep, i);
-    float agreement_mm = (float)(view->grid.width_mm / view->grid.width);
+    struct phases phases = find_phases(view);
     float *texels = view->texel_mm[view->n_sweeps] = g_new(float, view->n_texels);
     view->weight[view->n_sweeps++] = mdf_weight(sweep->laser, sweep->arc_rad, view->centre_mm);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
-        texels[i] =
-            view->x_px[i] < 0 ? -1 : resample(view, view->x_px[i], view->y_px[i], agreement_mm);
+        texels[i] = view->x_px[i] < 0 ? -1 : resample(view, &phases, view->x_px[i], view->y_px[i]);
         seen += texels[i] >= 0;
     }
     return seen;
@@ -186,7 +236,7 @@ static double spread_of(const struct sample *samples, int n, double median) {
 
 /* Interreflections and mixed pixels make outliers; what agrees with the median is averaged (seed
  * 004 §3.2, Merging). */
-static void merge_texel(struct sample *samples, int n, float *ret_mm, float *ret_n,
+static void merge_texel(struct sample *samples, int n, int least, float *ret_mm, float *ret_n,
                         float *ret_error) {
     *ret_mm = *ret_error = -1;
     *ret_n = 0;
@@ -203,7 +253,7 @@ static void merge_texel(struct sample *samples, int n, float *ret_mm, float *ret
             squares += samples[kept - 1].weight * samples[kept - 1].weight;
             sum += samples[kept - 1].weight * samples[kept - 1].mm;
         }
-    if (kept == 0 || !(weights > 0)) /* a median between two that are far apart */
+    if (kept < least || !(weights > 0))
         return;
     double mean = sum / weights, effective = weights * weights / squares;
     for (int i = 0; i < kept; i++)
@@ -216,11 +266,12 @@ static void merge_texel(struct sample *samples, int n, float *ret_mm, float *ret
 
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
     struct sample samples[MDF_MAX_SWEEPS];
+    int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
     for (int i = 0; i < view->n_texels; i++) {
         int n = 0;
         for (int s = 0; s < view->n_sweeps; s++)
             if (view->texel_mm[s][i] >= 0 && view->weight[s] > 0)
                 samples[n++] = (struct sample){view->texel_mm[s][i], view->weight[s]};
-        merge_texel(samples, n, ret_distance + i, ret_n + i, ret_error + i);
+        merge_texel(samples, n, least, ret_distance + i, ret_n + i, ret_error + i);
     }
 }

@@ -32,8 +32,9 @@ struct mdf_sweep {
 /* At most MDF_MAX_SWEEPS. Returns how many texels it saw. */
 int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep);
 
-/* Of each texel, row by row: the distance in mm (−1: seen from no laser position), the number of
- * laser positions it is the mean of, and its standard error in mm (−1 where there is one only). */
+/* Of each texel, row by row: the distance in mm (−1: not seen; of four sweeps or more by one alone
+ * counts as that), the number of laser positions it is the mean of, and its standard error in mm
+ * (−1 where there is one only). */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart on

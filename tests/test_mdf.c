@@ -222,6 +222,45 @@ static void test_unseen(void) {
     g_assert_cmpint(seen, <, N_TEXELS * 3 / 5);
 }
 
+/* A red laser on a colour sensor: one pixel in four sees it, and that is enough. */
+static void test_one_phase(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0.05, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int k = 0; k < 6; k++) {
+        struct line_laser laser = {45 * DEGREE, 480};
+        double arc = (75 + 50 * k) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            if (i % SIDE % 2 != 1 || i / SIDE % 2 != 0)
+                world->peak[i] = -1;
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.02);
+}
+
+/* Of many sweeps one alone saw something: a reflection more likely than the surface. */
+static void test_alone(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int k = 0; k < 5; k++) {
+        struct line_laser laser = {45 * DEGREE, 480};
+        double arc = (75 + 50 * k) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int i = 0; i < SIDE * SIDE && k > 0; i++)
+            world->peak[i] = -1;
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_true(mm[i] == -1 && n[i] == 0 && s[i] == -1);
+}
+
 /* Peaks that would put the surface above the reference plane or below the turntable. */
 static void test_impossible_heights(void) {
     for (int i = 0; i < 2; i++) {
@@ -255,6 +294,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf/step", test_step);
     g_test_add_func("/mdf/outliers", test_outliers);
     g_test_add_func("/mdf/unseen", test_unseen);
+    g_test_add_func("/mdf/one-phase", test_one_phase);
+    g_test_add_func("/mdf/alone", test_alone);
     g_test_add_func("/mdf/impossible-heights", test_impossible_heights);
     g_test_add_func("/mdf/weight", test_weight);
     return g_test_run();
