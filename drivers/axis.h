@@ -21,11 +21,11 @@ typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error,
 /* How an axis moves, so that a plan can predict time. Filled by the driver's open(). */
 struct axis_motion {
     double min_deg, max_deg; /* limits, inclusive */
-    gboolean wraps;          /* may turn on without end: targets are taken modulo 360, the short way */
-    double speed_deg_s;      /* > 0 */
-    double accel_deg_s2;     /* > 0, also to stop */
-    double backlash_deg;     /* >= 0: taken up by always arriving in the positive direction */
-    double settle_s;         /* after arrival, before the load is still; waited for by the class */
+    gboolean wraps;      /* may turn on without end: targets are taken modulo 360, the short way */
+    double speed_deg_s;  /* > 0 */
+    double accel_deg_s2; /* > 0, also to stop */
+    double backlash_deg; /* >= 0: taken up by always arriving in the positive direction */
+    double settle_s;     /* after arrival, before the load is still; waited for by the class */
 };
 
 struct axis_driver {
@@ -34,7 +34,8 @@ struct axis_driver {
     gboolean (*open)(Axis *axis, GError **error);
     /* Stops if it moves, and lets go of the device. Called once for every open() that succeeded. */
     void (*close)(Axis *axis);
-    /* Starts; the driver ends it by axis_report() once, having arrived in the positive direction. */
+    /* Starts; the driver ends it by axis_report() once, having arrived in the positive direction.
+     */
     gboolean (*home)(Axis *axis, GError **error);
     /* Goes straight to the target, within limits already checked. Ends like home(). Where the axis
      * wraps, the target counts on from position() and may be below 0 or above 360. Called also from

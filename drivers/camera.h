@@ -1,7 +1,7 @@
 /*
  * A camera that exposes when it is triggered. Every frame carries the device's own id and time
- * stamp; the class accepts it only if it answers the trigger that waits for it and was exposed after
- * that trigger. A stale or repeated picture is an error, never data.
+ * stamp; the class accepts it only if it answers the trigger that waits for it and was exposed
+ * after that trigger. A stale or repeated picture is an error, never data.
  */
 #pragma once
 
@@ -15,7 +15,7 @@ enum camera_event {
     CAMERA_FRAME,   /* the frame, checked */
     CAMERA_REFUSED, /* stale, repeated, incomplete or of the wrong size: error says which; the
                        trigger is over and may be given again */
-    CAMERA_FAULT,   /* no frame before the deadline, or the camera is gone; it must be armed again */
+    CAMERA_FAULT, /* no frame before the deadline, or the camera is gone; it must be armed again */
 };
 
 /* A trigger ends in one CAMERA_FRAME, _REFUSED or _FAULT, with at most one CAMERA_EXPOSED before.

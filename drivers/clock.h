@@ -1,8 +1,8 @@
 /*
  * Time, asked of an object: the real clock, or a virtual one that jumps to the next event.
  *
- * Everything that waits (deadlines, settling, warm-up, a simulated exposure) asks its Clock, so that
- * a session of ten hours can be simulated in the time its pictures take to render.
+ * Everything that waits (deadlines, settling, warm-up, a simulated exposure) asks its Clock, so
+ * that a session of ten hours can be simulated in the time its pictures take to render.
  *
  * Times are microseconds since an arbitrary start, never stepped back. All functions belong to the
  * main loop's thread, except clock_hold() and clock_release(), which any thread may call.

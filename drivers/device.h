@@ -17,9 +17,9 @@
 GQuark device_error_quark(void);
 
 enum device_error {
-    DEVICE_ERROR_RANGE,        /* the value asked for is outside the device's limits; nothing moved */
-    DEVICE_ERROR_BUSY,         /* it is still doing something else */
-    DEVICE_ERROR_TIMEOUT,      /* it did not answer before its deadline */
+    DEVICE_ERROR_RANGE,   /* the value asked for is outside the device's limits; nothing moved */
+    DEVICE_ERROR_BUSY,    /* it is still doing something else */
+    DEVICE_ERROR_TIMEOUT, /* it did not answer before its deadline */
     DEVICE_ERROR_DISCONNECTED, /* it is gone */
     DEVICE_ERROR_STALLED,      /* an axis did not get where it was sent */
     DEVICE_ERROR_INTERLOCK,    /* the interlock forbids it */
@@ -34,7 +34,7 @@ struct driver_info {
     const char *name;             /* "sim-axis": the value of the driver key */
     const char *help;             /* one sentence */
     const struct option *options; /* of the priv struct; ends with a NULL name */
-    gsize priv_size;              /* allocated zeroed, filled from the options, freed by the class */
+    gsize priv_size; /* allocated zeroed, filled from the options, freed by the class */
 };
 
 /* First member of every class's device struct. */

@@ -5,11 +5,11 @@
 #include <glib.h>
 
 enum cfa { /* colour filter array: the first two pixels of the first two rows */
-    CFA_MONO,
-    CFA_RGGB,
-    CFA_BGGR,
-    CFA_GRBG,
-    CFA_GBRG,
+           CFA_MONO,
+           CFA_RGGB,
+           CFA_BGGR,
+           CFA_GRBG,
+           CFA_GBRG,
 };
 
 enum cfa_colour { CFA_RED, CFA_GREEN, CFA_BLUE };
@@ -18,16 +18,16 @@ typedef struct Frame Frame;
 
 struct Frame {
     gint ref_count;
-    guint64 shot;  /* as given to camera_trigger() */
-    guint64 id;    /* the device's own, counting up, wraps only if the driver says so */
+    guint64 shot; /* as given to camera_trigger() */
+    guint64 id;   /* the device's own, counting up, wraps only if the driver says so */
     gint64 exposure_start_us, exposure_end_us; /* on the Clock's scale */
-    gint64 exposure_us; /* as configured */
+    gint64 exposure_us;                        /* as configured */
     int width, height;
     enum cfa cfa;
-    int bits;          /* of the ADC: values are 0 .. 2^bits - 1 */
-    double black_level; /* in those units, nominal */
+    int bits;            /* of the ADC: values are 0 .. 2^bits - 1 */
+    double black_level;  /* in those units, nominal */
     gboolean incomplete; /* some of its data was lost on the way */
-    guint16 *pixels;   /* height rows of width, top row first, owned */
+    guint16 *pixels;     /* height rows of width, top row first, owned */
 };
 
 Frame *frame_new(int width, int height); /* pixels allocated, not set */

@@ -41,9 +41,9 @@ void lamps_listen(LampBank *bank, LampsFunc func, gpointer data);
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error);
 gboolean lamps_all_off(LampBank *bank, GError **error);
 
-gboolean lamps_is_on(const LampBank *bank, int index); /* as last reported */
+gboolean lamps_is_on(const LampBank *bank, int index);     /* as last reported */
 gint64 lamps_on_since_us(const LampBank *bank, int index); /* -1 while off */
-double lamps_hours(const LampBank *bank, int index); /* burnt since opened */
+double lamps_hours(const LampBank *bank, int index);       /* burnt since opened */
 
 /* For drivers: one answer a set(), in order. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);

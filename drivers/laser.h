@@ -10,8 +10,8 @@ typedef void (*LaserFunc)(Laser *laser, gboolean on, const GError *error, gpoint
 
 struct laser_driver {
     struct driver_info info;
-    gboolean (*open)(Laser *laser, GError **error); /* leaves it off; fills warm_up_s */
-    void (*close)(Laser *laser);                    /* switches it off */
+    gboolean (*open)(Laser *laser, GError **error);             /* leaves it off; fills warm_up_s */
+    void (*close)(Laser *laser);                                /* switches it off */
     gboolean (*set)(Laser *laser, gboolean on, GError **error); /* ended by laser_report() once */
 };
 

@@ -30,8 +30,8 @@ struct option {
     double min, max;  /* INT, DOUBLE, DOUBLES: inclusive range; both the same: any finite value */
     const char *fallback; /* the default as it would be written; NULL: the key must be given */
     const char *const *choices; /* CHOICE: NULL-terminated */
-    gsize offset; /* of the field in the target struct */
-    const char *help; /* one sentence, no full stop */
+    gsize offset;               /* of the field in the target struct */
+    const char *help;           /* one sentence, no full stop */
 };
 
 /* Fills target (zeroed before) from a section. Every key must be in the table, or in also
