@@ -142,7 +142,8 @@ static void render(gpointer data, gpointer unused) {
     struct picture *picture = data;
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
-    g_main_context_invoke_full(NULL, G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
+    /* Not g_main_context_invoke(): between two rounds of the main loop that would call it here. */
+    g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
 
 static GThreadPool *render_pool(void) {

@@ -102,7 +102,7 @@ static gboolean worked(gpointer data) {
 static gpointer work_thread(gpointer data) {
     struct work *work = data;
     g_usleep(50000);
-    g_main_context_invoke(NULL, worked, work);
+    g_idle_add(worked, work);
     clock_release(work->clock);
     return NULL;
 }
