@@ -270,6 +270,7 @@ enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
     check(monitor);
     if (!monitor->ended)
         g_main_loop_run(monitor->loop);
+    progress_end(monitor->progress);
     return monitor->end;
 }
 

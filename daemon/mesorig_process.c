@@ -5,9 +5,8 @@
 #include "processing/pipeline.h"
 #include "report.h"
 
+#include <glib-unix.h>
 #include <signal.h>
-#include <string.h>
-#include <unistd.h>
 
 struct work {
     Progress *progress;
@@ -75,19 +74,40 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
             100 * result->mdf_coverage, 100 * result->eigenmaps_error);
 }
 
-/* pipeline_run() has no main loop: the signals get a thread of their own. */
-static gpointer wait_for_signal(gpointer cancellable) {
-    sigset_t set;
-    int number;
-    sigemptyset(&set);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGTERM);
-    sigaddset(&set, SIGHUP);
-    sigaddset(&set, SIGUSR1);
-    sigwait(&set, &number);
-    if (number != SIGUSR1)
-        g_cancellable_cancel(cancellable);
+/* pipeline_run() has no main loop: the signals get a thread with one. */
+static gboolean on_signal(gpointer cancellable) {
+    g_cancellable_cancel(cancellable);
+    return G_SOURCE_CONTINUE;
+}
+
+static gpointer wait_for_signals(gpointer loop) {
+    g_main_loop_run(loop);
     return NULL;
+}
+
+static gboolean quit_loop(gpointer loop) {
+    g_main_loop_quit(loop);
+    return G_SOURCE_REMOVE;
+}
+
+static void attach(GMainContext *context, GSource *source, GSourceFunc func, gpointer data) {
+    g_source_set_callback(source, func, data, NULL);
+    g_source_attach(source, context);
+    g_source_unref(source);
+}
+
+static gboolean run_pipeline(const char *directory, const struct pipeline_options *options,
+                             struct pipeline_result *ret, GError **error) {
+    g_autoptr(GMainContext) context = g_main_context_new();
+    g_autoptr(GMainLoop) loop = g_main_loop_new(context, FALSE);
+    const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
+        attach(context, g_unix_signal_source_new(numbers[i]), on_signal, options->cancellable);
+    GThread *thread = g_thread_new("signals", wait_for_signals, loop);
+    const gboolean ok = pipeline_run(directory, options, ret, error);
+    attach(context, g_idle_source_new(), quit_loop, loop);
+    g_thread_join(thread);
+    return ok;
 }
 
 int process_run(const char *directory, gboolean follow) {
@@ -102,17 +122,7 @@ int process_run(const char *directory, gboolean follow) {
         .cancellable = cancellable,
     };
     struct pipeline_result result = {0};
-    sigset_t set;
-    sigemptyset(&set);
-    sigaddset(&set, SIGINT);
-    sigaddset(&set, SIGTERM);
-    sigaddset(&set, SIGHUP);
-    sigaddset(&set, SIGUSR1);
-    pthread_sigmask(SIG_BLOCK, &set, NULL);
-    GThread *thread = g_thread_new("signals", wait_for_signal, cancellable);
-    const gboolean ok = pipeline_run(directory, &options, &result, &error);
-    kill(getpid(), SIGUSR1);
-    g_thread_join(thread);
+    const gboolean ok = run_pipeline(directory, &options, &result, &error);
     progress_free(work.progress);
     g_free(work.stage);
     if (!ok)

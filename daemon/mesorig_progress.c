@@ -27,7 +27,7 @@ Progress *progress_new(const char *what) {
     return progress;
 }
 
-static void end_bar(Progress *progress) {
+void progress_end(Progress *progress) {
     if (progress->drawn)
         fputc('\n', stdout);
     progress->drawn = FALSE;
@@ -37,7 +37,7 @@ static void end_bar(Progress *progress) {
 void progress_free(Progress *progress) {
     if (!progress)
         return;
-    end_bar(progress);
+    progress_end(progress);
     g_free(progress->what);
     g_free(progress);
 }

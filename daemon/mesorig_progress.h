@@ -8,6 +8,9 @@ typedef struct Progress Progress;
 Progress *progress_new(const char *what);
 void progress_free(Progress *progress); /* leaves the bar as it is; NULL is ignored */
 
+/* Ends the line, so that others may print. */
+void progress_end(Progress *progress);
+
 /* fraction 0 … 1. Drawn at most ten times a second, unless now. text is for the room beside. */
 void progress_show(Progress *progress, double fraction, const char *text, gboolean now);
 

@@ -12,7 +12,8 @@ char *report_duration(double seconds) {
         return g_strdup_printf("%d h %02d min", (int)(s / 3600), (int)(s / 60 % 60));
     if (s >= 60)
         return g_strdup_printf("%d min %02d s", (int)(s / 60), (int)(s % 60));
-    return g_strdup_printf("%d s", (int)s);
+    return seconds < 9.95 && seconds > 0 ? g_strdup_printf("%.1f s", seconds)
+                                         : g_strdup_printf("%d s", (int)s);
 }
 
 GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) {
