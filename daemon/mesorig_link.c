@@ -85,8 +85,9 @@ static gboolean is_old(const char *path) {
            info.st_mtime + STALE_AFTER_S < g_get_real_time() / G_USEC_PER_SEC;
 }
 
-/* A private daemon of this user that answers; folders of killed ones are removed on the way. */
-static Link *link_to_private(void) {
+/* The private daemons of this user that answer; folders of killed ones are removed on the way. */
+static GPtrArray *private_links(void) {
+    GPtrArray *links = g_ptr_array_new_with_free_func((GDestroyNotify)link_free);
     g_autofree char *runtime = runtime_folder();
     g_autoptr(GDir) dir = g_dir_open(runtime, 0, NULL);
     const char *name;
@@ -99,10 +100,26 @@ static Link *link_to_private(void) {
             continue;
         Link *link = link_to(address, NULL);
         if (link)
-            return link;
-        if (is_old(folder))
+            g_ptr_array_add(links, link);
+        else if (is_old(folder))
             remove_folder(folder);
     }
+    return links;
+}
+
+/* NULL without an error: there is none. Which of several is meant is not to be guessed. */
+static Link *link_to_private(GError **error) {
+    g_autoptr(GPtrArray) links = private_links();
+    if (links->len == 1)
+        return g_ptr_array_steal_index(links, 0);
+    if (links->len == 0)
+        return NULL;
+    g_autoptr(GString) sessions = g_string_new(NULL);
+    for (guint i = 0; i < links->len; i++)
+        g_string_append_printf(sessions, "\n  %s", bus_rig1_get_session(link_rig(links->pdata[i])));
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED,
+                "several captures are under way: say which by its session directory%s",
+                sessions->str);
     return NULL;
 }
 
@@ -127,7 +144,12 @@ Link *link_find(const char *directory, GError **error) {
         return link_given(error);
     if (directory)
         return link_by_directory(directory, error);
-    Link *link = link_to_private();
+    GError *several = NULL;
+    Link *link = link_to_private(&several);
+    if (several) {
+        g_propagate_error(error, several);
+        return NULL;
+    }
     if (!link)
         link = link_on_bus("system", NULL);
     if (!link)

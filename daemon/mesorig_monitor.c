@@ -45,11 +45,8 @@ static double fraction(BusRig1 *rig) {
     return shots > 0 ? (double)bus_rig1_get_shots_done(rig) / shots : 0;
 }
 
-GVariant *monitor_status(BusRig1 *rig) {
-    GVariantBuilder builder;
-    GVariant *devices = bus_rig1_get_devices(rig);
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-#define ADD(key, make, value) g_variant_builder_add(&builder, "{sv}", key, make(value))
+static void add_status(GVariantBuilder *to, BusRig1 *rig) {
+#define ADD(key, make, value) g_variant_builder_add(to, "{sv}", key, make(value))
     ADD("state", g_variant_new_string, bus_rig1_get_state(rig));
     ADD("reason", g_variant_new_string, bus_rig1_get_reason(rig));
     ADD("doing", g_variant_new_string, bus_rig1_get_doing(rig));
@@ -65,19 +62,26 @@ GVariant *monitor_status(BusRig1 *rig) {
     ADD("left_s", g_variant_new_double, bus_rig1_get_left(rig));
     ADD("predicted_end", g_variant_new_uint64, bus_rig1_get_predicted_end(rig));
 #undef ADD
+}
+
+GVariant *monitor_status(BusRig1 *rig) {
+    GVariantBuilder builder;
+    GVariant *devices = bus_rig1_get_devices(rig);
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    add_status(&builder, rig);
     if (devices)
         g_variant_builder_add(&builder, "{sv}", "devices", devices);
     return g_variant_builder_end(&builder);
 }
 
 static void print_json_progress(Monitor *monitor) {
-    g_autoptr(GVariant) status = g_variant_ref_sink(monitor_status(link_rig(monitor->link)));
-    GVariantDict dict;
-    g_variant_dict_init(&dict, status);
-    g_variant_dict_remove(&dict, "devices");
-    g_variant_dict_insert(&dict, "real_s", "d", real_s(monitor));
-    g_variant_dict_insert(&dict, "frames_per_s", "d", frames_per_s(monitor));
-    cli_print_json(g_variant_dict_end(&dict));
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    add_status(&builder, link_rig(monitor->link));
+    g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(real_s(monitor)));
+    g_variant_builder_add(&builder, "{sv}", "frames_per_s",
+                          g_variant_new_double(frames_per_s(monitor)));
+    cli_print_json(g_variant_builder_end(&builder));
 }
 
 static char *retakes_text(BusRig1 *rig) {
