@@ -9,6 +9,15 @@
 static const char *const mono_channels[] = {"Y", NULL};
 static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
 
+/* Below this, what compression saves on disk is little and costs more time than all else that is
+ * done with a frame. */
+#define SMALL_PIXELS (256 * 256)
+
+static enum exr_compression compression_of(const struct intake_file *file) {
+    gsize n = (gsize)file->last->width * file->last->height;
+    return n <= SMALL_PIXELS ? EXR_NONE : EXR_PIZ;
+}
+
 static char *exposures_text(const struct intake_file *file) {
     int n = intake_n_frames(file->conf, file->shot);
     GString *text = g_string_new(NULL);
@@ -50,7 +59,7 @@ static gboolean write_frame(const struct intake_file *file, struct exr_file *exr
                             struct session_frame *ret_frame, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
     g_autofree char *path = g_build_filename(file->directory, relative, NULL);
-    if (!exr_write(path, exr, EXR_PIZ, TRUE, error) ||
+    if (!exr_write(path, exr, compression_of(file), TRUE, error) ||
         !(ret_frame->sha256 = exr_sha256(path, &ret_frame->bytes, error)))
         return FALSE;
     ret_frame->path = g_steal_pointer(&relative);
@@ -122,7 +131,7 @@ gboolean intake_write_raw(const struct intake_file *file, int step, GError **err
         part->planes[0][i] = file->last->pixels[i];
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
-    gboolean ok = exr_write(path, exr, EXR_PIZ, FALSE, error);
+    gboolean ok = exr_write(path, exr, compression_of(file), FALSE, error);
     exr_file_free(exr);
     return ok;
 }
