@@ -112,14 +112,15 @@ static char *progress_text(const Monitor *monitor) {
     if (strcmp(state, "paused") == 0) {
         g_string_append_printf(text, ", paused: %s", reason);
     } else {
-        g_string_append_printf(text, ", %.0f frames/s, %s, %s", frames_per_s(monitor), retakes,
-                               times);
+        /* What matters most comes first: a narrow terminal cuts the end. */
+        if (strcmp(state, "running") != 0)
+            g_string_append_printf(text, ", %s", state);
         if (left_s >= 0) {
             g_autofree char *left = report_duration(left_s);
             g_string_append_printf(text, ", %s left", left);
         }
-        if (strcmp(state, "running") != 0)
-            g_string_append_printf(text, ", %s", state);
+        g_string_append_printf(text, ", %.0f frames/s, %s, %s", frames_per_s(monitor), retakes,
+                               times);
     }
     return g_string_free(text, FALSE);
 }

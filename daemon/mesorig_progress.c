@@ -61,15 +61,14 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
-/* The bar takes what room the text leaves; a text that is too long is cut, so that the line never
- * wraps and can be drawn over. */
+/* The bar takes what room the text leaves; a text that is too long is cut at its end, so that the
+ * line never wraps and can be drawn over. */
 static void draw(Progress *progress, double fraction, const char *text) {
     g_autoptr(GString) line = g_string_new(NULL);
     g_string_append_printf(line, "%s %3d %% ", progress->what, (int)floor(fraction * 100));
     const int used = (int)g_utf8_strlen(line->str, -1) + (int)g_utf8_strlen(text, -1);
     const int room = columns() - 1 - used - 3;
-    if (room >= SHORTEST_BAR)
-        append_bar(line, MIN(room, LONGEST_BAR), fraction, progress->utf8);
+    append_bar(line, CLAMP(room, SHORTEST_BAR, LONGEST_BAR), fraction, progress->utf8);
     g_string_append(line, text);
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns() - 1, (int)g_utf8_strlen(line->str, -1)));
