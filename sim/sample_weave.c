@@ -6,7 +6,7 @@
 /* A plain weave of twisted yarns: tubes that go over and under each other. Warp runs along y, weft
  * along x; over one full period of two yarns the pattern repeats. */
 
-#define AROUND 30
+#define AROUND 24
 #define PLIES  3
 
 struct yarn {
@@ -88,7 +88,7 @@ static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gb
 }
 
 static void add_yarn(struct mesh *mesh, const struct yarn *yarn) {
-    int steps = (int)CLAMP(yarn->length_mm / 0.35, 8, 1000);
+    int steps = (int)CLAMP(12 * yarn->length_mm / yarn->cross_pitch_mm, 8, 1000);
     guint32 first = mesh->vertices->len;
     guint first_triangle = mesh->triangles->len;
     for (int i = 0; i <= steps; i++) {
