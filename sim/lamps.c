@@ -120,9 +120,15 @@ static gboolean open_lamps(LampBank *bank, GError **error) {
         return FALSE;
     }
     bank->warm_up_s = world_lamp_warm_up_s(sim->world);
-    for (int i = 0; i < bank->n; i++)
+    /* On and off, so that the world forgets when they burnt last: that was another clock's time if
+     * it has outlived the devices before. */
+    gint64 now = clock_now_us(bank->device.clock);
+    for (int i = 0; i < bank->n; i++) {
         world_set_lamp_dead(sim->world, sim->lamps[i], FALSE);
-    switch_lamps(bank, -1, FALSE);
+        world_set_lamp(sim->world, sim->lamps[i], FALSE, now);
+        world_set_lamp(sim->world, sim->lamps[i], TRUE, now);
+        world_set_lamp(sim->world, sim->lamps[i], FALSE, now);
+    }
     return TRUE;
 }
 

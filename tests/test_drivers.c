@@ -738,6 +738,7 @@ static void test_wrong_parts(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
+    g_autoptr(World) built_once = world_get(WORLD, NULL);
     conformance_axis(&sim_axis_driver, &turntable);
     conformance_axis(&sim_axis_driver, &slide);
     conformance_lamps(&sim_lamps_driver, &bank);
