@@ -164,6 +164,7 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
         devices->cameras[i] = camera;
         if (!check_format(camera, &layout->geometry.cameras[i], layout->cameras[i], error))
             return FALSE;
+        devices->timing.trigger_us[i] = camera->format.trigger_us;
         devices->timing.readout_us[i] = camera->format.readout_us;
         devices->timing.min_exposure_us[i] = camera->format.min_exposure_us;
         devices->timing.max_exposure_us[i] = camera->format.max_exposure_us;

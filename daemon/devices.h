@@ -23,7 +23,7 @@ struct rig_timing {
     struct axis_motion turntable, arc, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
     double laser_warm_up_s[RIG_MAX_LASERS];
-    gint64 readout_us[RIG_MAX_CAMERAS];
+    gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
     int bits[RIG_MAX_CAMERAS];
 };

@@ -11,13 +11,18 @@
  * step; a sweep ends with one picture from its middle, after the laser was switched off.
  */
 
-double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing) {
+/* All cameras of a shot are triggered together, so the slowest one counts. */
+static double slowest_s(const struct session_shot *shot, const gint64 *camera_us) {
     gint64 longest_us = 0;
 
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
         if (shot->cameras & 1u << c)
-            longest_us = MAX(longest_us, timing->readout_us[c]);
+            longest_us = MAX(longest_us, camera_us[c]);
     return longest_us / 1e6;
+}
+
+double plan_readout_s(const struct session_shot *shot, const struct rig_timing *timing) {
+    return slowest_s(shot, timing->readout_us);
 }
 
 static double step_s(const struct session_shot *shot, const struct rig_timing *timing) {
@@ -38,7 +43,8 @@ static double to_middle_s(const struct session_shot *shot, const struct rig_timi
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
                    const struct rig_timing *timing) {
     int n = intake_n_frames(conf, shot);
-    double readout_s = plan_readout_s(shot, timing), sum_s = (n - 1) * readout_s;
+    double readout_s = plan_readout_s(shot, timing);
+    double sum_s = (n - 1) * readout_s + n * slowest_s(shot, timing->trigger_us);
 
     if (shot->state == SHOT_SKIPPED)
         return 0;

@@ -40,7 +40,7 @@ static gboolean check_format(const Camera *camera, GError **error) {
     const struct camera_format *f = &camera->format;
     if (f->width > 0 && f->height > 0 && f->width <= 65536 && f->height <= 65536 && f->bits >= 1 &&
         f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
-        f->readout_us >= 0 && isfinite(f->black_level))
+        f->readout_us >= 0 && f->trigger_us >= 0 && isfinite(f->black_level))
         return TRUE;
     g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
                 "camera %s: a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT

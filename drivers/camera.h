@@ -29,6 +29,7 @@ struct camera_format { /* filled by the driver's open() */
     int bits;
     double black_level;
     gint64 min_exposure_us, max_exposure_us;
+    gint64 trigger_us; /* from the trigger until the exposure begins, and */
     gint64 readout_us; /* from the end of exposure until the frame is here; for the plan */
 };
 

@@ -288,6 +288,7 @@ static gboolean open_camera(Camera *camera, GError **error) {
         .black_level = sensor.black_level,
         .min_exposure_us = (gint64)sim->min_exposure_us,
         .max_exposure_us = (gint64)sim->max_exposure_us,
+        .trigger_us = (gint64)(sim->trigger_ms * 1000),
         .readout_us = (gint64)(sim->readout_ms * 1000),
     };
     return TRUE;
