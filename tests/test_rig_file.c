@@ -24,14 +24,16 @@ static char *demo_text(void) {
 
 /* The demo's rig with one piece replaced, and the line that piece is in. */
 static char *with(const char *from, const char *to, int *ret_line) {
-    g_autofree char *text = demo_text();
+    char *text = demo_text();
     const char *at = strstr(text, from);
 
     g_assert_nonnull(at);
     *ret_line = 1;
     for (const char *c = text; c < at; c++)
         *ret_line += *c == '\n';
-    return g_strdup_printf("%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
+    char *changed = g_strdup_printf("%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
+    g_free(text);
+    return changed;
 }
 
 static char *written(const char *text) {
