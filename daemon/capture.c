@@ -84,6 +84,10 @@ static gboolean set_up(Capture *capture, GError **error) {
     capture->predicted_s = load_value(session, "predicted_s");
     capture->lower_bound_s = load_value(session, "lower_bound_s");
     capture->clock_base_s = load_value(session, "clock_s");
+    capture->begun_us = g_get_monotonic_time();
+    capture->real_base_s = load_value(session, "real_s");
+    capture->frames_base = load_value(session, "frames");
+    capture->retakes_base = load_value(session, "retakes");
     count_shots(capture);
     return TRUE;
 }

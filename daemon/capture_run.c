@@ -1,6 +1,7 @@
 #include "capture_private.h"
 
 #include <math.h>
+#include <sys/resource.h>
 
 #include "capture_check.h"
 
@@ -88,9 +89,18 @@ void capture_save_value(Capture *capture, const char *key, double value) {
     session_set_value(capture->session, key, text, NULL);
 }
 
+/* What a report wants to know of the whole session, runs before a resume counted. */
 static void save_clock(Capture *capture) {
+    double real_s = (double)(g_get_monotonic_time() - capture->begun_us) * 1e-6;
+    struct rusage usage;
+
+    getrusage(RUSAGE_SELF, &usage);
     capture->clock_saved_s = capture_now_s(capture);
     capture_save_value(capture, "clock_s", capture->clock_saved_s);
+    capture_save_value(capture, "real_s", capture->real_base_s + real_s);
+    capture_save_value(capture, "frames", capture->frames_base + (double)capture->frames);
+    capture_save_value(capture, "retakes", capture->retakes_base + (double)capture->retakes);
+    capture_save_value(capture, "capture_peak_memory_mib", (double)usage.ru_maxrss / 1024);
 }
 
 static const char *const state_names[] = {

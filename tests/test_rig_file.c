@@ -13,7 +13,7 @@ static void spin(void) {
         ;
 }
 
-static char *demo_text(void) {
+static G_NO_INLINE char *demo_text(void) {
     char *text = NULL;
     GError *error = NULL;
 
