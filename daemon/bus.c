@@ -28,6 +28,9 @@ struct Bus {
     guint end_id; /* the idle call that lets go of a capture that has ended */
     BusFunc func;
     gpointer data;
+    GDBusConnection *client; /* who runs this; only compared */
+    BusFunc client_gone;
+    gpointer client_data;
 };
 
 static const char *const state_names[] = {
@@ -331,9 +334,15 @@ static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
     return TRUE;
 }
 
+static void claim(Bus *bus, GDBusMethodInvocation *invocation) {
+    if (!bus->client)
+        bus->client = g_dbus_method_invocation_get_connection(invocation);
+}
+
 static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, const char *path,
                             Bus *bus) {
     GError *error = NULL;
+    claim(bus, invocation);
     if (!bus_open_rig(bus, path, &error))
         return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
@@ -369,6 +378,7 @@ static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
                          const char *session_path, const char *directory, GVariant *options,
                          Bus *bus) {
     GError *error = NULL;
+    claim(bus, invocation);
     if (!start(bus, session_path, directory, options, &error))
         return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
@@ -379,6 +389,7 @@ static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
 static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, const char *directory,
                           GVariant *options, Bus *bus) {
     GError *error = NULL;
+    claim(bus, invocation);
     if (!start(bus, NULL, directory, options, &error))
         return refuse(invocation, error);
     g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
@@ -455,6 +466,7 @@ Bus *bus_new(const char *address) {
     };
     bus_errors_register();
     bus->object = bus_rig1_skeleton_new();
+    g_object_set_data(G_OBJECT(bus->object), "bus", bus);
     bus->address = g_strdup(address);
     bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
     for (gsize i = 0; i < G_N_ELEMENTS(handlers); i++)
@@ -477,6 +489,7 @@ void bus_free(Bus *bus) {
     bus->func = NULL;
     close_rig(bus);
     unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
+    g_object_set_data(G_OBJECT(bus->object), "bus", NULL);
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);
     g_free(bus->address);
@@ -488,10 +501,21 @@ void bus_listen(Bus *bus, BusFunc func, gpointer data) {
     bus->data = data;
 }
 
+void bus_listen_client(Bus *bus, BusFunc gone, gpointer data) {
+    bus->client_gone = gone;
+    bus->client_data = data;
+}
+
 static void connection_closed(GDBusConnection *connection, gboolean by_peer, GError *error,
                               gpointer object) {
     if (g_dbus_interface_skeleton_has_connection(object, connection))
         g_dbus_interface_skeleton_unexport_from_connection(object, connection);
+    Bus *bus = g_object_get_data(object, "bus");
+    if (!bus || bus->client != connection)
+        return;
+    bus->client = NULL;
+    if (bus->client_gone)
+        bus->client_gone(bus, bus->client_data);
 }
 
 gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error) {

@@ -8,35 +8,17 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-struct guest {
-    Bus *bus;
-    BusFunc gone;
-    gpointer data;
-    gboolean first_came;
-};
-
 /* The kernel's word on who it is; cookies in home folders are not asked for. */
 static gboolean allow_mechanism(GDBusAuthObserver *observer, const char *mechanism, gpointer data) {
     return strcmp(mechanism, "EXTERNAL") == 0;
 }
 
-static void first_closed(GDBusConnection *connection, gboolean by_peer, GError *error,
-                         gpointer server) {
-    const struct guest *guest = g_object_get_data(server, "guest");
-    guest->gone(guest->bus, guest->data);
-}
-
-static gboolean new_connection(GDBusServer *server, GDBusConnection *connection, gpointer data) {
-    struct guest *guest = data;
+static gboolean new_connection(GDBusServer *server, GDBusConnection *connection, gpointer bus) {
     g_autoptr(GError) error = NULL;
-    if (!bus_export(guest->bus, connection, &error)) {
-        g_warning("a client was turned away: %s", error->message);
-        return FALSE;
-    }
-    if (!guest->first_came && guest->gone)
-        g_signal_connect_object(connection, "closed", G_CALLBACK(first_closed), server, 0);
-    guest->first_came = TRUE;
-    return TRUE;
+    if (bus_export(bus, connection, &error))
+        return TRUE;
+    g_warning("a client was turned away: %s", error->message);
+    return FALSE;
 }
 
 /* TRUE if nobody answers at a socket's path any more, which then is removed. */
@@ -63,8 +45,7 @@ static gboolean remove_stale(const char *path, GError **error) {
     return !answered;
 }
 
-GDBusServer *bus_serve(Bus *bus, const char *address, BusFunc only_client_gone, gpointer data,
-                       GError **error) {
+GDBusServer *bus_serve(Bus *bus, const char *address, GError **error) {
     if (!g_str_has_prefix(address, "unix:path=/")) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
                     "%s: an address to listen at reads unix:path=/…/NAME", address);
@@ -79,10 +60,7 @@ GDBusServer *bus_serve(Bus *bus, const char *address, BusFunc only_client_gone, 
         address, G_DBUS_SERVER_FLAGS_AUTHENTICATION_REQUIRE_SAME_USER, guid, observer, NULL, error);
     if (!server)
         return NULL;
-    struct guest *guest = g_new(struct guest, 1);
-    *guest = (struct guest){bus, only_client_gone, data, FALSE};
-    g_object_set_data_full(G_OBJECT(server), "guest", guest, g_free);
-    g_signal_connect(server, "new-connection", G_CALLBACK(new_connection), guest);
+    g_signal_connect(server, "new-connection", G_CALLBACK(new_connection), bus);
     g_dbus_server_start(server);
     return server;
 }

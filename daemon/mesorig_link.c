@@ -239,8 +239,7 @@ void link_free(Link *link) {
     if (link->daemon) {
         if (link->connection)
             g_dbus_connection_close_sync(link->connection, NULL, NULL);
-        else
-            g_subprocess_send_signal(link->daemon, SIGTERM);
+        g_subprocess_send_signal(link->daemon, SIGTERM);
         g_subprocess_wait(link->daemon, NULL, NULL);
     }
     g_clear_object(&link->connection);

@@ -26,7 +26,7 @@ static const GOptionEntry entries[] = {
      "Serve clients of the same user at unix:path=…, on no bus", "ADDRESS"},
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_path, "Open this rig at once", "FILE"},
     {"exit-with-client", 0, 0, G_OPTION_ARG_NONE, &exit_with_client,
-     "With --listen: end when the first client has gone", NULL},
+     "With --listen: end when the client has gone that opened the rig", NULL},
     {"safe-state", 0, 0, G_OPTION_ARG_FILENAME, &safe_path,
      "Switch lamps and lasers of this rig off, stop its axes, and end", "RIG"},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
@@ -63,8 +63,7 @@ static gboolean on_signal(gpointer data) {
 }
 
 static void on_client_gone(Bus *bus, gpointer data) {
-    if (exit_with_client)
-        quit(data, 0);
+    quit(data, 0);
 }
 
 static void on_changed(Bus *bus, gpointer data) {
@@ -121,7 +120,7 @@ static gboolean go_public(struct daemon *daemon, GError **error) {
     if (listen_address) {
         /* For the socket alone: who owns it may connect. */
         const mode_t before = umask(0077);
-        daemon->server = bus_serve(daemon->bus, listen_address, on_client_gone, daemon, error);
+        daemon->server = bus_serve(daemon->bus, listen_address, error);
         umask(before);
         if (daemon->server)
             say_ready(daemon);
@@ -156,6 +155,8 @@ static int serve(void) {
     struct daemon daemon = {.loop = g_main_loop_new(NULL, FALSE)};
     g_autoptr(GError) error = NULL;
     daemon.bus = bus_new(listen_address ? listen_address : bus_kind);
+    if (exit_with_client)
+        bus_listen_client(daemon.bus, on_client_gone, &daemon);
     const int signals[] = {SIGTERM, SIGINT, SIGHUP};
     guint ids[G_N_ELEMENTS(signals)];
     for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)

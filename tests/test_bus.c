@@ -81,7 +81,8 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
     fixture->session = write_long_session(fixture->folder);
     fixture->bus = bus_new(fixture->address);
-    fixture->server = bus_serve(fixture->bus, fixture->address, on_closed, fixture, &error);
+    fixture->server = bus_serve(fixture->bus, fixture->address, &error);
+    bus_listen_client(fixture->bus, on_closed, fixture);
     g_assert_no_error(error);
     fixture->client = join(fixture);
     g_dbus_connection_signal_subscribe(fixture->client, NULL, NULL, NULL, NULL, NULL,
@@ -327,12 +328,17 @@ static void test_end_while_running(struct fixture *fixture, gconstpointer data) 
     tell(fixture, "Resume", resume_parameters(fixture->directory));
 }
 
-static void test_first_client(struct fixture *fixture, gconstpointer data) {
+/* Who came first, or after, and only looks does not matter. */
+static void test_client_gone(struct fixture *fixture, gconstpointer data) {
+    g_autoptr(GDBusConnection) early = fixture->client;
+    fixture->client = join(fixture);
+    tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
+    g_dbus_connection_close_sync(early, NULL, NULL);
     g_autoptr(GDBusConnection) other = join(fixture);
     g_autoptr(GError) error = NULL;
     g_dbus_connection_close_sync(other, NULL, &error);
     g_assert_no_error(error);
-    assert_state(fixture, "closed");
+    assert_state(fixture, "idle");
     g_assert_cmpint(fixture->closed, ==, 0);
     g_dbus_connection_close_sync(fixture->client, NULL, &error);
     g_assert_no_error(error);
@@ -412,7 +418,7 @@ static void test_addresses(void) {
     g_file_set_contents(file, "precious", -1, NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
-        g_assert_null(bus_serve(bus, bad[i], NULL, NULL, &error));
+        g_assert_null(bus_serve(bus, bad[i], &error));
         g_assert_nonnull(error);
     }
     g_assert_true(g_file_test(file, G_FILE_TEST_IS_REGULAR));
@@ -425,9 +431,9 @@ static void test_addresses(void) {
     g_assert_cmpint(bind(fd, (struct sockaddr *)&to, sizeof(to)), ==, 0);
     close(fd);
     g_autoptr(GError) error = NULL;
-    g_autoptr(GDBusServer) server = bus_serve(bus, to_file, NULL, NULL, &error);
+    g_autoptr(GDBusServer) server = bus_serve(bus, to_file, &error);
     g_assert_no_error(error);
-    g_assert_null(bus_serve(bus, to_file, NULL, NULL, &error));
+    g_assert_null(bus_serve(bus, to_file, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE);
     g_dbus_server_stop(server);
     g_unlink(file);
@@ -444,7 +450,7 @@ int main(int argc, char **argv) {
     ADD("/bus/validate", test_validate);
     ADD("/bus/capture", test_capture);
     ADD("/bus/end-while-running", test_end_while_running);
-    ADD("/bus/first-client", test_first_client);
+    ADD("/bus/client-gone", test_client_gone);
     ADD("/bus/garbage", test_garbage);
     ADD("/bus/other-user", test_other_user);
     g_test_add_func("/bus/addresses", test_addresses);
