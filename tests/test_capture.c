@@ -546,6 +546,9 @@ static void test_disk_full(void) {
     struct rlimit before, none;
     start(run);
     run_until(run, 20);
+    capture_pause(run->capture); /* so that it is a frame that does not fit first */
+    run_to_pause(run, "by the user");
+    cont(run);
     signal(SIGXFSZ, SIG_IGN);
     g_assert_cmpint(getrlimit(RLIMIT_FSIZE, &before), ==, 0);
     none = (struct rlimit){.rlim_cur = 1000, .rlim_max = before.rlim_max};
