@@ -45,7 +45,7 @@ struct Capture {
     gboolean all_taken;
     int n_shots, n_done;
     gint64 frames, retakes;
-    gint64 begun_us;     /* real time, monotonic */
+    gint64 begun_us;                               /* real time, monotonic */
     double real_base_s, frames_base, retakes_base; /* of earlier runs of this session */
     double clock_base_s; /* session clock at since_us, or while it stands */
     gint64 since_us;     /* −1 while it stands */

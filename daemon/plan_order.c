@@ -66,6 +66,7 @@ static void collect(struct orderer *o, int n_poses) {
         if (!is_lit(shot))
             continue;
         struct pose_shots *pose = &o->poses[shot->pose];
+        // NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): set for every pose above
         g_array_append_val(shot->kind == SHOT_LAMP ? pose->lamps : pose->sweeps, i);
         o->readout_s = MAX(o->readout_s, plan_readout_s(shot, o->timing));
     }
@@ -130,6 +131,7 @@ static void order_by_poses(struct orderer *o, Order *order) {
     int n = 0;
 
     for (int p = 0; p < o->moves->n; p++)
+        // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): collect() made them all
         if (o->poses[p].lamps->len + o->poses[p].sweeps->len > 0)
             poses[n++] = p;
     plan_tour(o->moves, poses, n, o->readout_s);

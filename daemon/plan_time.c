@@ -150,6 +150,7 @@ static double least_lead(const struct session_shot *shot, const struct plan_move
 
     if (shot->kind == SHOT_SWEEP || warm_s <= MAX(into_s, readout_s))
         return MAX(warm_s, readout_s);
+    // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): lamp shots have counts
     if (with_lamp[shot->pose] > 1) /* another one in this pose may have left it on */
         return readout_s;
     double from_same_s = quickest_into(moves, shot->pose, with_lamp, G_MAXDOUBLE);

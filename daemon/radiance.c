@@ -38,7 +38,7 @@ static gint64 merge_pixels(const Frame *const *frames, const float *const *dark,
 
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     float *ret, struct radiance_stats *ret_stats) {
-    g_autofree float *ms = g_new(float, n);
+    g_autofree float *ms = g_new0(float, n);
     for (int i = 0; i < n; i++)
         ms[i] = frames[i]->exposure_us * 1e-3f;
     float scale = (float)pow(10, -gain_db / 20);

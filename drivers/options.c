@@ -265,7 +265,8 @@ void options_defaults(const struct option *table, gpointer target) {
     for (; table && table->name; table++) {
         GError *failed = NULL;
         if (table->fallback && !parse_value(table, table->fallback, NULL, target, &failed))
-            g_error("option %s: its default is wrong: %s", table->name, failed->message);
+            g_error("option %s: its default is wrong: %s", table->name,
+                    failed ? failed->message : "");
     }
 }
 

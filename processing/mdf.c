@@ -43,8 +43,8 @@ static void trace_pixels(MdfView *view) {
 static void project_texels(MdfView *view, double turntable_rad) {
     const struct session_grid *grid = &view->grid;
     for (int i = 0; i < view->n_texels; i++) {
-        struct vec3 p =
-            rectify_point_mm(grid, i % grid->width + 0.5, (double)(i / grid->width) + 0.5);
+        int row = i / grid->width, column = i % grid->width;
+        struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
         double x, y;
         gboolean inside = rig_project(&view->camera, rig_turn(p, turntable_rad), &x, &y) &&
                           x >= 0 && y >= 0 && x <= view->camera.width - 1 &&

@@ -113,6 +113,7 @@ static gboolean is_made(struct run *run, const struct task *task) {
         return run->mdf[task->view] && strcmp(run->mdf[task->view]->inputs, task->mdf->inputs) == 0;
     if (!btf_is_made(task->btf, task->path))
         return FALSE;
+    // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): a task is of one stage or the other
     run->btf_inputs[task->view] = g_strdup(task->btf->inputs);
     return TRUE;
 }
@@ -275,7 +276,8 @@ static gboolean get_column(int view, float *ret_column, gpointer data, GError **
         g_ptr_array_index(run->catalogue->views, columns->views[view]);
     g_autofree char *relative = btf_relative(direction->index);
     g_autofree char *path = session_file(run->session, relative);
-    report(run, "eigenmaps", MIN(++columns->asked, columns->n_views), columns->n_views, -1);
+    columns->asked++;
+    report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views, -1);
     return btf_read_view(path, columns->lights, columns->n_lights, &run->catalogue->grid,
                          ret_column, error);
 }

@@ -90,7 +90,7 @@ static void find_edges(World *world, int camera, double turntable_deg,
                        const struct truth_grid *grid, guint8 *ret_edge) {
     int w = grid->width * FINE, h = grid->height * FINE;
     float step = (float)(grid->width_mm / grid->width / 2);
-    g_autofree float *fine = g_new(float, (gsize)w *(gsize)h);
+    g_autofree float *fine = g_new0(float, (gsize)w *(gsize)h);
     distances(world, camera, turntable_deg, grid, FINE, fine);
     memset(ret_edge, 0, (gsize)grid->width * (gsize)grid->height);
     for (int j = 0; j < h; j++) {
@@ -188,7 +188,7 @@ void truth_btf(World *world, int camera, int lamp, double turntable_deg, double 
     struct lamp_light light = {optics_turn_lamp(&world->lamps[lamp], relative), bounce->value};
     struct raster raster;
     raster_init(&raster, world, camera, turntable_deg, grid, samples);
-    g_autofree double *facing = g_new(double, grid->width);
+    g_autofree double *facing = g_new0(double, grid->width);
     memset(ret_rgb, 0, sizeof(float) * 3 * (gsize)grid->width * (gsize)grid->height);
     for (int row = 0; row < grid->height * samples; row++) {
         set_facing(grid, &light.lamp, row / samples, facing);
