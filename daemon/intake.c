@@ -161,7 +161,6 @@ static void describe(struct lane *lane, const struct job *job, struct intake_fil
         .camera_name = rig->cameras[lane->camera].name,
         .conf = setup->conf,
         .last = job->frame,
-        .time_s = job->time_s,
     };
     if (job->shot->kind == SHOT_LAMP)
         file->source_name = rig->lamps[job->shot->device].name;

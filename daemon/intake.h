@@ -6,9 +6,8 @@
  * (session_frame_path() gives the names):
  *   mesorig.camera (string), mesorig.shot (int), mesorig.turntable_deg, mesorig.arc_deg (double, as
  *   commanded), mesorig.cfa (string, cfa_name()), mesorig.exposures_us (string, "500;2000;8000"),
- *   mesorig.frame_id (double: the device's id of the last frame), mesorig.time_s (double, on the
- *   session's clock, end of the last exposure), mesorig.dark_dn (double, mean dark level at the
- *   longest exposure), mesorig.saturated (int, pixels)
+ *   mesorig.dark_dn (double, mean dark level at the longest exposure), mesorig.saturated (int,
+ *   pixels)
  * SHOT_LAMP: one part "radiance", channel "Y", half, the mosaic as it lies on the sensor;
  *   mesorig.unit = "DN/ms" (see radiance.h), mesorig.lamp (string)
  * SHOT_DARK: a part "dark_500_us" an exposure, channel "Y", float; mesorig.unit = "DN"
@@ -17,8 +16,8 @@
  *   (double), sweep.steps (int): frame k is taken at from + (to − from)·k/(steps − 1). With
  *   keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr, part "frame", channel
  *   "Y", float, raw DN.
- * Attributes frame_id and time_s aside, a retaken shot's files are the same as an undisturbed
- * one's.
+ * When it was taken is said by the session alone, so that a retaken shot's files, and what is made
+ * of them, are to the byte those of an undisturbed one.
  */
 #pragma once
 

@@ -43,8 +43,6 @@ static struct exr_part *part_new(const struct intake_file *file, const char *nam
     exr_set_double(part, "mesorig.arc_deg", file->shot->arc_deg);
     exr_set_string(part, "mesorig.cfa", cfa_name(frame->cfa));
     exr_set_string(part, "mesorig.exposures_us", exposures);
-    exr_set_double(part, "mesorig.frame_id", (double)frame->id);
-    exr_set_double(part, "mesorig.time_s", file->time_s);
     exr_set_double(part, "mesorig.dark_dn", file->dark_dn);
     exr_set_int(part, "mesorig.saturated", (int)file->saturated);
     exr_set_string(part, "mesorig.unit", unit);

@@ -12,7 +12,6 @@ struct intake_file {
     const char *source_name; /* lamp or laser; NULL for dark */
     const struct session_conf *conf;
     const Frame *last; /* of those that went into it */
-    double time_s;
     double dark_dn;
     gint64 saturated;
 };
