@@ -29,9 +29,9 @@ struct pipeline_progress {
 typedef void (*PipelineFunc)(const struct pipeline_progress *progress, gpointer data);
 
 struct pipeline_options {
-    gboolean follow;      /* wait for what is missing until the capture has ended */
-    int n_eigenmaps;      /* seed 004 §5: 4 */
-    int n_threads;        /* 0: one a processor */
+    gboolean follow;       /* wait for what is missing until the capture has ended */
+    int n_eigenmaps;       /* seed 004 §5: 4 */
+    int n_threads;         /* 0: one a processor */
     PipelineFunc progress; /* may be NULL; called from the calling thread */
     gpointer data;
     GCancellable *cancellable; /* may be NULL */
@@ -52,9 +52,9 @@ enum pipeline_error {
 };
 
 /* Runs in the calling thread and a pool of its own. What is up to date is not made again: every
- * part says in mesorig.inputs (string) what it was made of. The products' bytes depend on the frames
- * alone, not on threads or order. With follow it ends when the session's value "state" is "done" or
- * "aborted" or everything is there. Sets the session's values "eigenmaps_error", "mdf_coverage",
- * "processing_s" and "processing_peak_memory_mib". */
+ * part says in mesorig.inputs (string) what it was made of. The products' bytes depend on the
+ * frames alone, not on threads or order. With follow it ends when the session's value "state" is
+ * "done" or "aborted" or everything is there. Sets the session's values "eigenmaps_error",
+ * "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

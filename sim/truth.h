@@ -16,8 +16,8 @@ struct truth_grid { /* texels of the reference plane, as in processing/pipeline.
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
 
 /* Distance in mm along the true viewing ray of each texel's centre from the reference plane to the
- * surface (turntable included); and, if ret_edge is given, whether a depth edge (a step of more than
- * half a texel) lies within one texel. */
+ * surface (turntable included); and, if ret_edge is given, whether a depth edge (a step of more
+ * than half a texel) lies within one texel. */
 void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
                float *ret_distance_mm, guint8 *ret_edge);
 

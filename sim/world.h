@@ -16,8 +16,8 @@
 #include <gio/gio.h>
 
 #define WORLD_MAX_CAMERAS 16
-#define WORLD_MAX_LAMPS 16
-#define WORLD_MAX_LASERS 16
+#define WORLD_MAX_LAMPS   16
+#define WORLD_MAX_LASERS  16
 
 typedef struct World World;
 
