@@ -25,6 +25,7 @@ struct Bus {
     double started_elapsed_s; /* on the rig's clock */
     double thumbnail_time_s[RIG_MAX_CAMERAS];
     gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
+    struct capture_thumbnail kept[RIG_MAX_CAMERAS]; /* the last of a capture that has ended */
     guint end_id; /* the idle call that lets go of a capture that has ended */
     BusFunc func;
     gpointer data;
@@ -102,12 +103,32 @@ static void remove_control(Bus *bus) {
     g_unlink(path);
 }
 
+static void drop_thumbnails(Bus *bus) {
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+        g_free(bus->kept[i].rgb);
+        bus->kept[i] = (struct capture_thumbnail){0};
+    }
+}
+
+static void keep_thumbnails(Bus *bus) {
+    drop_thumbnails(bus);
+    for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
+        const struct capture_thumbnail *last = capture_thumbnail(bus->capture, i);
+        if (!last)
+            continue;
+        bus->kept[i] = *last;
+        bus->kept[i].rgb = g_memdup2(last->rgb, (gsize)last->width * (gsize)last->height * 3);
+    }
+}
+
 static void end_capture(Bus *bus) {
     if (bus->end_id)
         g_source_remove(bus->end_id);
     bus->end_id = 0;
-    if (bus->capture)
+    if (bus->capture) {
         remove_control(bus);
+        keep_thumbnails(bus);
+    }
     g_clear_pointer(&bus->capture, capture_free);
 }
 
@@ -193,6 +214,7 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
 static void close_rig(Bus *bus) {
     g_clear_pointer(&bus->follower, follower_free);
     end_capture(bus);
+    drop_thumbnails(bus);
     g_clear_pointer(&bus->devices, devices_close);
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);
@@ -258,6 +280,7 @@ static void begin(Bus *bus, Capture *capture, const char *directory, gboolean pr
     g_free(bus->directory);
     bus->directory = g_strdup(directory);
     bus->capture = capture;
+    drop_thumbnails(bus);
     capture_get_status(capture, &status);
     bus->started_us = g_get_monotonic_time();
     bus->started_elapsed_s = status.elapsed_s;
@@ -318,6 +341,8 @@ static int find_camera(Bus *bus, const char *name, GError **error) {
 
 static const struct capture_thumbnail *thumbnail(Bus *bus, const char *camera, GError **error) {
     const int index = need_rig(bus, error) ? find_camera(bus, camera, error) : -1;
+    if (index >= 0 && !bus->capture && bus->kept[index].rgb)
+        return &bus->kept[index];
     if (index < 0 || !need_capture(bus, error))
         return NULL;
     const struct capture_thumbnail *found = capture_thumbnail(bus->capture, index);

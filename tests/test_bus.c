@@ -301,6 +301,7 @@ static void test_capture(struct fixture *fixture, gconstpointer data) {
     while (g_main_context_iteration(NULL, FALSE))
         ;
     assert_control(fixture, FALSE);
+    assert_thumbnail(fixture);
     refused(fixture, "Continue", NULL, "NoSession", NULL);
     refused(fixture, "Start", start_parameters(fixture->session, fixture->directory),
             "SessionExists", NULL);
@@ -312,8 +313,13 @@ static void test_capture(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpint(fixture->changes, >, 3);
     g_assert_cmpint(fixture->events, >, 0);
     g_assert_cmpint(fixture->thumbnails, >, 0);
+    while (g_main_context_iteration(NULL, FALSE))
+        ;
+    assert_thumbnail(fixture);
     tell(fixture, "CloseRig", NULL);
     assert_control(fixture, FALSE);
+    tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
+    refused(fixture, "GetThumbnail", g_variant_new("(s)", "cam30"), "NoSession", NULL);
 }
 
 /* Freed in the middle of everything: safe, no leak, and the session can be gone on with. */
