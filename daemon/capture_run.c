@@ -68,7 +68,7 @@ static void tell_rarely(Capture *capture, struct teller *teller, const char *sou
     g_autofree char *text =
         teller->untold == 0
             ? g_strdup(message)
-            : g_strdup_printf("%s (and %d times more since last told)", message, teller->untold);
+            : g_strdup_printf("%s (and %d more since last told)", message, teller->untold);
     *teller = (struct teller){.told = TRUE, .told_s = capture_now_s(capture)};
     capture_tell(capture, "warning", source, text);
 }
@@ -76,7 +76,10 @@ static void tell_rarely(Capture *capture, struct teller *teller, const char *sou
 static void tell_rest(Capture *capture, struct teller *tellers, const char *what) {
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
         if (tellers[c].untold > 0) {
-            g_autofree char *text = g_strdup_printf("%s %d times more", what, tellers[c].untold);
+            g_autofree char *text =
+                tellers[c].untold == 1
+                    ? g_strdup_printf("1 more picture was %s", what)
+                    : g_strdup_printf("%d more pictures were %s", tellers[c].untold, what);
             capture_tell(capture, "warning", capture->devices->geometry.cameras[c].name, text);
         }
         tellers[c] = (struct teller){0};
@@ -132,7 +135,7 @@ void capture_clear_flights(Capture *capture) {
 
 /* Nothing moves any more: says so, and keeps what must be kept. */
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
-    tell_rest(capture, capture->retake_tellers, "pictures were refused or lost and taken again");
+    tell_rest(capture, capture->retake_tellers, "refused or lost and taken again");
     tell_rest(capture, capture->saturated_tellers, "saturated");
     stop_clock(capture);
     save_clock(capture);
@@ -144,6 +147,7 @@ void capture_pause_for(Capture *capture, const char *level, const char *source,
     capture_clear_flights(capture);
     g_free(capture->reason);
     capture->reason = g_strdup(reason);
+    session_set_value(capture->session, "reason", reason, NULL);
     capture_tell(capture, level, source, reason);
     capture_come_to_rest(capture, CAPTURE_PAUSED);
 }
@@ -154,7 +158,7 @@ static void stop_for(Capture *capture, const char *source, const char *reason) {
     gboolean safe = sequencer_stop(capture->sequencer, &error);
     g_autofree char *text =
         safe ? g_strdup(reason)
-             : g_strdup_printf("%s THE RIG COULD NOT BE MADE SAFE: %s.", reason, error->message);
+             : g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
     capture_pause_for(capture, "error", source, text);
 }
 
@@ -164,9 +168,9 @@ static void stop_for_disk(Capture *capture, const GError *error) {
     g_autofree char *reason =
         capture_is_full(path, error)
             ? g_strdup_printf("The disk is full: %s (%s free at %s). Nothing was lost; free some "
-                              "space, then continue.",
+                              "space, then go on.",
                               error->message, size, path)
-            : g_strdup_printf("The session cannot be written: %s. Check the disk, then continue.",
+            : g_strdup_printf("The session cannot be written: %s. Check the disk, then go on.",
                               error->message);
     stop_for(capture, "disk", reason);
 }
@@ -238,7 +242,7 @@ static void commit_what_is_back(Capture *capture) {
             const char *lamp = capture->devices->geometry.lamps[flight->shot->device].name;
             g_autofree char *reason =
                 g_strdup_printf("lamp %s gives no light: no camera saw more than its dark level. "
-                                "Check the lamp, its fuse and its relay, then continue.",
+                                "Check the lamp, its fuse and its relay, then go on.",
                                 lamp);
             stop_for(capture, lamp, reason);
             return;
@@ -299,7 +303,7 @@ static void on_result(const struct intake_result *result, gpointer data) {
         const char *laser = capture->devices->geometry.lasers[result->shot->device].name;
         g_autofree char *reason = g_strdup_printf(
             "laser %s stays on: camera %s still saw it after it was switched off. Cut its power, "
-            "check its relay, then continue.",
+            "check its relay, then go on.",
             laser, capture->devices->geometry.cameras[camera].name);
         stop_for(capture, laser, reason);
         return;

@@ -46,6 +46,15 @@ static gboolean open_guard(struct devices *devices, GError **error) {
     return TRUE;
 }
 
+/* What a driver says when it cannot open its device, with the place in the rig file that asked for
+ * it. */
+static void add_place(const struct config_section *section, GError **error) {
+    const char *path = config_path(section->config);
+
+    if (error && *error && !strstr((*error)->message, path))
+        g_prefix_error(error, "%s:%d: [%s]: ", path, section->line, section->group);
+}
+
 static gboolean open_interlocks(struct devices *devices, const struct layout *layout,
                                 GError **error) {
     for (int i = 0; i < layout->n_interlocks; i++) {
@@ -54,8 +63,10 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
         if (!driver)
             return FALSE;
         Interlock *opened = interlock_open(driver, section, NULL, devices->clock, error);
-        if (!opened)
+        if (!opened) {
+            add_place(section, error);
             return FALSE;
+        }
         devices->interlocks[devices->n_interlocks++] = opened;
     }
     return devices->n_interlocks == 0 || open_guard(devices, error);
@@ -64,8 +75,11 @@ static gboolean open_interlocks(struct devices *devices, const struct layout *la
 static Axis *open_axis(struct devices *devices, const struct config_section *section,
                        GError **error) {
     const struct axis_driver *driver = drivers_axis(section, error);
+    Axis *axis = driver ? axis_open(driver, section, NULL, devices->clock, error) : NULL;
 
-    return driver ? axis_open(driver, section, NULL, devices->clock, error) : NULL;
+    if (!axis)
+        add_place(section, error);
+    return axis;
 }
 
 static int same_sweep(const struct layout *layout, int laser) {
@@ -101,8 +115,10 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
         if (!driver)
             return FALSE;
         LampBank *bank = lamps_open(driver, layout->banks[i], NULL, devices->clock, error);
-        if (!bank)
+        if (!bank) {
+            add_place(layout->banks[i], error);
             return FALSE;
+        }
         devices->banks[devices->n_banks++] = bank;
     }
     for (int i = 0; i < layout->geometry.n_lamps; i++) {
@@ -120,16 +136,40 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
     return TRUE;
 }
 
+/* A place that the driver does not know is to be told now, not when somebody has climbed there. */
+static gboolean open_mount(struct devices *devices, const struct layout *layout, int i,
+                           GError **error) {
+    int unit = layout->unit[i];
+    Laser *laser = devices->lasers[unit];
+
+    if (!laser_mount(laser, layout->lasers[i]->name, error) ||
+        !laser_mount(laser, layout->lasers[unit]->name, error)) {
+        add_place(layout->lasers[i], error);
+        return FALSE;
+    }
+    devices->lasers[i] = laser;
+    devices->timing.mounts[unit] |= 1u << i;
+    devices->timing.laser_warm_up_s[i] = laser->warm_up_s;
+    return TRUE;
+}
+
 static gboolean open_lasers(struct devices *devices, const struct layout *layout, GError **error) {
     g_autofree const char **keys = layout_keys("laser");
 
     for (int i = 0; i < layout->geometry.n_lasers; i++) {
+        if (layout->unit[i] != i) {
+            if (!open_mount(devices, layout, i, error))
+                return FALSE;
+            continue;
+        }
         const struct laser_driver *driver = drivers_laser(layout->lasers[i], error);
         if (!driver)
             return FALSE;
         devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
-        if (!devices->lasers[i])
+        if (!devices->lasers[i]) {
+            add_place(layout->lasers[i], error);
             return FALSE;
+        }
         laser_guard(devices->lasers[i], devices->guard);
         devices->timing.laser_warm_up_s[i] = devices->lasers[i]->warm_up_s;
     }
@@ -159,8 +199,10 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
         if (!driver)
             return FALSE;
         Camera *camera = camera_open(driver, layout->cameras[i], keys, devices->clock, error);
-        if (!camera)
+        if (!camera) {
+            add_place(layout->cameras[i], error);
             return FALSE;
+        }
         devices->cameras[i] = camera;
         if (!check_format(camera, &layout->geometry.cameras[i], layout->cameras[i], error))
             return FALSE;
@@ -220,7 +262,8 @@ void devices_close(struct devices *devices) {
     if (!devices)
         return;
     for (int i = 0; i < RIG_MAX_LASERS; i++)
-        laser_close(devices->lasers[i]);
+        if (rig_laser_unit(&devices->timing, i) == i)
+            laser_close(devices->lasers[i]);
     for (int i = 0; i < devices->n_banks; i++)
         lamps_close(devices->banks[i]);
     for (int i = 0; i < RIG_MAX_LASERS; i++)
@@ -266,7 +309,8 @@ gboolean devices_make_safe(struct devices *devices, GError **error) {
 
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         GError *failed = NULL;
-        laser_set(devices->lasers[i], FALSE, &failed);
+        if (rig_laser_unit(&devices->timing, i) == i)
+            laser_set(devices->lasers[i], FALSE, &failed);
         collect(&collected, failed);
     }
     for (int i = 0; i < devices->n_banks; i++) {

@@ -5,6 +5,9 @@
  *
  * Sections: [rig]; [axis turntable], [axis arc] and one axis a laser sweep; [lamps BANK] and a
  * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME], optional.
+ *
+ * A [laser NAME] with mount_of is no device but a further place of the unit that it names, which
+ * somebody has to mount there. In geometry and timing it is a laser like any other.
  */
 #pragma once
 
@@ -23,10 +26,19 @@ struct rig_timing {
     struct axis_motion turntable, arc, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
     double laser_warm_up_s[RIG_MAX_LASERS];
+    guint32 mounts[RIG_MAX_LASERS]; /* the lasers (bits) that are further places of this unit */
     gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
     gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
     int bits[RIG_MAX_CAMERAS];
 };
+
+/* The unit that is mounted at a laser's place: the laser itself, or the one it is a mount of. */
+static inline int rig_laser_unit(const struct rig_timing *timing, int laser) {
+    for (int unit = 0; unit < RIG_MAX_LASERS; unit++)
+        if (timing->mounts[unit] & 1u << laser)
+            return unit;
+    return laser;
+}
 
 struct devices {
     Clock *clock;
@@ -40,7 +52,7 @@ struct devices {
         LampBank *bank; /* one of banks */
         int index;
     } lamps[RIG_MAX_LAMPS];        /* as geometry.lamps */
-    Laser *lasers[RIG_MAX_LASERS]; /* as geometry.lasers */
+    Laser *lasers[RIG_MAX_LASERS]; /* as geometry.lasers; a mount's is its unit's */
     Axis *sweeps[RIG_MAX_LASERS];  /* the sweep of each */
     Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_interlocks;
@@ -62,6 +74,9 @@ void devices_close(struct devices *devices);
 /* Commands the safe state now: all lamps and lasers off, all axes stopped. Errors are collected
  * into the first one; every device is tried. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
+
+/* In a reason or an event when lamps, lasers or axes may not be what they should. */
+#define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
 
 /* All drivers and their options, for `mesorig drivers`; name NULL: all. g_free(). */
 char *devices_describe_drivers(const char *name, gboolean json);

@@ -1,9 +1,12 @@
 #include "bus.h"
+#include "devices.h"
 #include "mesorig_cli.h"
 #include "mesorig_link.h"
 #include "mesorig_monitor.h"
 #include "mesorig_process.h"
 #include "processing/session.h"
+
+#include <string.h>
 
 static char *output, *rig_option;
 static gboolean process;
@@ -25,7 +28,10 @@ static const GOptionEntry resume_entries[] = {
 static Link *find_daemon(const char *rig, GError **error) {
     GError *why = NULL;
     gboolean simulated = FALSE;
-    if (!cli_rig_is_simulated(rig, &simulated, error))
+    struct rig geometry;
+    /* A mistake in the file is told before anything is said about a daemon. */
+    if (!devices_read_geometry(rig, &geometry, error) ||
+        !cli_rig_is_simulated(rig, &simulated, error))
         return NULL;
     Link *link = link_find_rig(rig, &why);
     if (why) {
@@ -72,6 +78,7 @@ static int lost(Link *link, const char *directory) {
 static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const char *directory) {
     g_autofree char *summary = monitor_summary(monitor);
     const char *go_on = link_is_private(link) ? "resume" : "continue";
+    const char *reason = monitor_reason(monitor);
     switch (end) {
     case MONITOR_LOST:
         return lost(link, directory);
@@ -85,8 +92,9 @@ static int tell_end(Link *link, Monitor *monitor, enum monitor_end end, const ch
         return CLI_DONE;
     case MONITOR_FAULT:
         if (!cli_json)
-            g_printerr("mesorig: paused, the rig is safe: %s\nto go on: mesorig %s %s\n",
-                       monitor_reason(monitor), go_on, directory);
+            g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s\n",
+                       strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
+                       directory);
         return CLI_FAILED;
     default:
         if (!cli_json)

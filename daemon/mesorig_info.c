@@ -117,16 +117,23 @@ static GVariant *products_variant(const char *directory, const GPtrArray *list) 
     return g_variant_builder_end(&builder);
 }
 
+/* Why it rests, in the words it was told with. */
+static char *reason_of(Session *session, const char *state) {
+    return strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
+}
+
 static void print_json(Session *session, const char *state, const struct session_grid *grid,
                        const struct counts *counts, const GPtrArray *events) {
     const char *directory = session_path(session);
     g_autoptr(GPtrArray) made = products(directory);
+    g_autofree char *reason = reason_of(session, state);
     GVariantBuilder builder;
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     add_string(&builder, "kind", "session");
     add_string(&builder, "name", session_name(session));
     add_string(&builder, "session", directory);
     add_string(&builder, "state", state);
+    add_string(&builder, "reason", reason);
     add_int(&builder, "width", grid->width);
     add_int(&builder, "height", grid->height);
     add_double(&builder, "width_mm", grid->width_mm);
@@ -181,8 +188,13 @@ static void print_session(Session *session, const char *state, const struct sess
                           const struct counts *counts, const GPtrArray *events) {
     const int shots = counts->planned + counts->done + counts->skipped;
     g_autofree char *size = g_format_size((guint64)counts->bytes);
+    g_autofree char *reason = reason_of(session, state);
     g_print("session    %s, %s\n", session_name(session), session_path(session));
     g_print("state      %s\n", state);
+    if (reason && *reason)
+        g_print("reason     %s\n", reason);
+    if (strcmp(state, "done") != 0)
+        g_print("to go on   mesorig resume %s\n", session_path(session));
     g_print("sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm, grid->width,
             grid->height);
     g_print("directions %d views, %d lights, %d laser positions\n", counts->views, counts->lights,

@@ -569,16 +569,37 @@ static void build_clear(struct build *b) {
     g_array_unref(b->note_counts);
 }
 
+/* A message that begins with a section of the session file gets its file and line too. */
+static void add_place(const struct session_conf *conf, GError *error) {
+    const char *end = *error->message == '[' ? strchr(error->message, ']') : NULL;
+    if (!end || !conf->path || !conf->text)
+        return;
+    g_autofree char *head = g_strndup(error->message, (gsize)(end + 1 - error->message));
+    g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
+    int at = 0;
+    while (lines[at] && !g_str_has_prefix(g_strchug(lines[at]), head))
+        at++;
+    char *placed = lines[at] ? g_strdup_printf("%s:%d: %s", conf->path, at + 1, error->message)
+                             : g_strdup_printf("%s: %s", conf->path, error->message);
+    g_free(error->message);
+    error->message = placed;
+}
+
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error) {
     struct build b = {.conf = conf, .rig = rig, .timing = timing};
     struct plan *plan = NULL;
+    GError *why = NULL;
 
     b.radius_mm = hypot(conf->grid.width_mm, conf->grid.height_mm) / 2;
     build_init(&b);
-    if (add_directions(&b, error) && check_exposures(&b, error) && add_poses(&b, error))
+    if (add_directions(&b, &why) && check_exposures(&b, &why) && add_poses(&b, &why))
         plan = finish(&b);
+    else
+        add_place(conf, why);
     build_clear(&b);
+    if (why)
+        g_propagate_error(error, why);
     return plan;
 }
 

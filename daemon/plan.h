@@ -49,6 +49,7 @@ struct session_conf {
     enum on_blocked on_blocked;
     gboolean keep_laser_frames;
     char *text; /* as it was read */
+    char *path; /* for messages */
 };
 
 gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error);

@@ -1,6 +1,7 @@
 #include "sequencer.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "intake.h"
 #include "stage.h"
@@ -59,7 +60,7 @@ static void fail(Sequencer *seq, const char *source, const char *reason) {
     g_autofree char *told = g_strdup(reason);
     if (!sequencer_stop(seq, &error)) {
         g_free(told);
-        told = g_strdup_printf("%s THE RIG COULD NOT BE MADE SAFE: %s.", reason, error->message);
+        told = g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
     }
     seq->hooks.fault(source, told, seq->hooks.data);
 }
@@ -71,8 +72,7 @@ static void finish(Sequencer *seq) {
         return;
     }
     g_autofree char *told =
-        g_strdup_printf("THE RIG COULD NOT BE MADE SAFE: %s. Switch it off by hand, then continue.",
-                        error->message);
+        g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand, then go on.", error->message);
     seq->hooks.fault("rig", told, seq->hooks.data);
 }
 
@@ -85,13 +85,14 @@ static double sweep_at_deg(const struct session_shot *shot, int sub) {
     return shot->sweep_from_deg + (shot->sweep_steps > 1 ? sub * way / (shot->sweep_steps - 1) : 0);
 }
 
-static struct stage_goal goal_of(const struct session_shot *shot, int sub) {
+static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot *shot, int sub) {
     struct stage_goal goal = {shot->turntable_deg, shot->arc_deg, -1, -1, -1, 0};
     if (shot->kind == SHOT_LAMP)
         goal.lamp = shot->device;
     if (shot->kind == SHOT_SWEEP) {
-        goal.laser = sub < shot->sweep_steps ? shot->device : -1;
-        goal.sweep = shot->device;
+        int unit = rig_laser_unit(&seq->devices->timing, shot->device);
+        goal.laser = sub < shot->sweep_steps ? unit : -1;
+        goal.sweep = unit;
         goal.sweep_deg = sweep_at_deg(shot, sub);
     }
     return goal;
@@ -100,12 +101,12 @@ static struct stage_goal goal_of(const struct session_shot *shot, int sub) {
 /* What the stage may do as soon as the picture under way is exposed. */
 static struct stage_goal goal_after(const Sequencer *seq) {
     if (seq->pending)
-        return goal_of(seq->shot, seq->sub);
+        return goal_of(seq, seq->shot, seq->sub);
     if (seq->sub + 1 < seq->n_subs)
-        return goal_of(seq->shot, seq->sub + 1);
+        return goal_of(seq, seq->shot, seq->sub + 1);
     if (seq->next < seq->shots->len && !seq->pausing)
-        return goal_of(seq->shots->pdata[seq->next], 0);
-    struct stage_goal goal = goal_of(seq->shot, seq->sub);
+        return goal_of(seq, seq->shots->pdata[seq->next], 0);
+    struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
     goal.lamp = goal.laser = -1;
     return goal;
 }
@@ -135,18 +136,25 @@ static gboolean trigger(Sequencer *seq, int c, GError **error) {
            camera_trigger(camera, tag, error);
 }
 
+/* The message, without the name of the device that who reads it sees before it anyway. */
+static const char *without_name(const char *message, const char *name) {
+    g_autofree char *prefix = g_strdup_printf("camera %s: ", name);
+    return g_str_has_prefix(message, prefix) ? message + strlen(prefix) : message;
+}
+
 /* FALSE if that was one time too many: everything has been stopped. */
 static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
     struct eye *eye = &seq->eyes[camera];
     const char *name = seq->devices->geometry.cameras[camera].name;
     eye->retakes++;
     if (++eye->refused <= seq->conf->retries) {
-        seq->hooks.retake(camera, error->message, seq->hooks.data);
+        seq->hooks.retake(camera, without_name(error->message, name), seq->hooks.data);
         return seq->state != IDLE;
     }
     g_autofree char *advised = stage_advise("camera", name, error);
     g_autofree char *reason =
-        g_strdup_printf("No good picture in %d attempts. The last: %s", eye->refused, advised);
+        g_strdup_printf("camera %s: no good picture in %d attempts; the last time: %s", name,
+                        eye->refused, without_name(advised, name));
     fail(seq, name, reason);
     return FALSE;
 }
@@ -183,7 +191,7 @@ static void timer_due(gpointer data) {
 }
 
 static void prepare(Sequencer *seq) {
-    struct stage_goal goal = goal_of(seq->shot, seq->sub);
+    struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
     gint64 ready_us;
     stage_pursue(seq->stage, &goal);
     if (seq->state != PREPARING || !stage_has_reached(seq->stage, &goal, &ready_us))
@@ -333,7 +341,7 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
     const char *open = stage_open_interlock(seq->stage);
     if (open) {
         g_autofree char *reason = g_strdup_printf(
-            "interlock %s is open: laser and motion are forbidden. Close it, then continue.", open);
+            "interlock %s is open: laser and motion are forbidden. Close it, then go on.", open);
         fail(seq, open, reason);
         return;
     }

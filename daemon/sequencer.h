@@ -21,7 +21,8 @@ struct sequencer_hooks {
     void (*retake)(int camera, const char *why, gpointer data);
     /* All shots are taken, or the one under way after sequencer_pause(). The rig is safe. */
     void (*finished)(gpointer data);
-    /* Nothing goes on; the rig is safe (or could not be made so, which reason tells). */
+    /* Nothing goes on; the rig is safe (or could not be made so, which reason tells with
+     * DEVICES_UNSAFE). */
     void (*fault)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };

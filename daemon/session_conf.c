@@ -3,8 +3,8 @@
 #include <string.h>
 
 #define MAX_DIRECTIONS 1024
-/* A sweep's step is told to cameras in 16 bits beside the shot. */
-#define MAX_SWEEP_STEPS 60000
+/* Where a pixel's peak was is kept in 15 bits, see processing/sweep.c. */
+#define MAX_SWEEP_STEPS G_MAXINT16
 
 struct preset {
     const char *name;
@@ -367,6 +367,7 @@ static gboolean read_directions(struct session_conf *conf, const Config *config,
 
 static gboolean read_config(struct session_conf *conf, const Config *config, GError **error) {
     conf->text = g_strdup(config_text(config));
+    conf->path = g_strdup(config_path(config));
     if (check_sections(config, error) && read_session(conf, config, error) &&
         read_sample(conf, config, error) && read_directions(conf, config, error) &&
         read_capture(conf, config, error))
@@ -393,5 +394,6 @@ gboolean session_conf_parse(struct session_conf *conf, const char *text, const c
 void session_conf_clear(struct session_conf *conf) {
     g_free(conf->name);
     g_free(conf->text);
+    g_free(conf->path);
     memset(conf, 0, sizeof *conf);
 }

@@ -43,6 +43,8 @@ static const char *advice(const GError *error) {
         return "Close the interlock";
     case DEVICE_ERROR_RANGE:
         return "Check the rig file against the session";
+    case DEVICE_ERROR_STALE:
+        return "Switch it off and on again";
     case DEVICE_ERROR_PROTOCOL:
         return "Check its wiring and that the rig file names the right device";
     default:
@@ -56,8 +58,8 @@ char *stage_advise(const char *kind, const char *name, const GError *error) {
                                  ? g_strdup(error->message)
                                  : g_strdup_printf("%s %s: %s", kind, name, error->message);
     if (strchr(error->message, ';'))
-        return g_strdup_printf("%s. Then continue.", named);
-    return g_strdup_printf("%s. %s, then continue.", named, advice(error));
+        return g_strdup_printf("%s, then go on.", named);
+    return g_strdup_printf("%s. %s, then go on.", named, advice(error));
 }
 
 static void fault(Stage *stage, const char *kind, const char *name, const GError *error) {
@@ -134,7 +136,8 @@ static void on_laser(Laser *laser, gboolean on, const GError *error, gpointer da
         return;
     }
     for (int i = 0; i < stage->devices->geometry.n_lasers; i++) {
-        if (stage->devices->lasers[i] == laser)
+        if (stage->devices->lasers[i] == laser &&
+            rig_laser_unit(&stage->devices->timing, i) == i)
             stage->lasers[i] =
                 (struct light){stage->lasers[i].asked, on, clock_now_us(stage->devices->clock)};
     }
@@ -146,7 +149,7 @@ static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
     if (closed || !stage->active)
         return;
     g_autofree char *reason = g_strdup_printf(
-        "interlock %s is open: laser and motion are forbidden. Close it, then continue.",
+        "interlock %s is open: laser and motion are forbidden. Close it, then go on.",
         interlock->device.name);
     stage->hooks.fault(interlock->device.name, reason, stage->hooks.data);
 }

@@ -148,8 +148,8 @@ static void on_deadline(gpointer data) {
     axis->state->deadline = 0;
     g_autoptr(GError) error =
         g_error_new(DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
-                    "axis %s: still %s at its deadline, last seen at %.3f°; check drive and cable, "
-                    "then home it",
+                    "axis %s: still %s at its deadline, last seen at %.3f°; check drive and cable",
+
                     axis->device.name, activity_name(axis), axis->driver->position(axis));
     /* What it answers is not waited for: whatever it does, its position is unknown. */
     axis->state->driver_moves = FALSE;

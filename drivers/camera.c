@@ -157,7 +157,7 @@ static void on_deadline(gpointer data) {
     g_autoptr(GError) error = g_error_new(
         DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
         "camera %s: no picture %.1f s after its trigger (exposure %" G_GINT64_FORMAT
-        " µs); check its cable, then arm it again",
+        " µs); check its cable",
         camera->device.name,
         (double)(clock_now_us(camera->device.clock) - camera->state->triggered_us) / 1e6,
         camera->state->settings.exposure_us);
@@ -285,8 +285,8 @@ static gboolean check_frame(const Camera *camera, const Frame *frame, GError **e
                       state->shot);
     if (state->has_last_id && frame->id <= state->last_id)
         return refuse(camera, DEVICE_ERROR_STALE, error,
-                      "its frame id %" G_GUINT64_FORMAT " was seen before (last: %" G_GUINT64_FORMAT
-                      ")",
+                      "it is an old one: its frame id %" G_GUINT64_FORMAT
+                      " was seen before (last: %" G_GUINT64_FORMAT ")",
                       frame->id, state->last_id);
     if (!check_shape(camera, frame, error) || !check_times(camera, frame, error))
         return FALSE;

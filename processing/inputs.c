@@ -4,7 +4,7 @@
 
 G_DEFINE_QUARK(pipeline_error, pipeline_error)
 
-#define REMEDY "; `mesorig capture resume` takes it again"
+#define REMEDY "; `mesorig resume` takes it again"
 
 void input_clear(struct input *input) {
     g_clear_pointer(&input->path, g_free);

@@ -217,10 +217,10 @@ static gboolean check_complete(const struct run *run, GError **error) {
     if (run->options->follow || waiting == 0)
         return TRUE;
     g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
-                "%s: frames of %d of %d views are missing; `mesorig capture resume` takes them, "
-                "with --follow processing waits for them, or leaves these views out if the capture "
-                "was aborted",
-                session_path(run->session), waiting, run->n_views);
+                "%s: frames of %d of %d views are missing; `mesorig resume %s` takes them. With "
+                "--follow processing waits for them, or leaves these views out if the capture was "
+                "aborted",
+                session_path(run->session), waiting, run->n_views, session_path(run->session));
     return FALSE;
 }
 

@@ -165,8 +165,8 @@ static void stall(Axis *axis) {
         return;
     axis_report(axis, AXIS_FAULT,
                 g_error_new(DEVICE_ERROR, DEVICE_ERROR_STALLED,
-                            "axis %s: stalled at %.3f° on its way to %.3f°; see what blocks it, "
-                            "then home it",
+                            "axis %s: stalled at %.3f° on its way to %.3f°; see what blocks it",
+
                             axis->device.name, sim->position_deg, sim->to_deg));
 }
 

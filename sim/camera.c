@@ -197,7 +197,7 @@ static void on_exposed(gpointer data) {
 
 static gboolean refuse_gone(const Camera *camera, GError **error) {
     g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                "camera %s: is gone; check its cable, then arm it again", camera->device.name);
+                "camera %s: it is gone; check its cable", camera->device.name);
     return FALSE;
 }
 
