@@ -36,13 +36,15 @@ GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
     add_axis(&list, devices->turntable);
     add_axis(&list, devices->arc);
     for (int i = 0; i < devices->geometry.n_lasers; i++)
-        add_axis(&list, devices->sweeps[i]);
+        if (rig_laser_unit(&devices->timing, i) == i)
+            add_axis(&list, devices->sweeps[i]);
     for (int i = 0; i < devices->n_banks; i++)
         add_bank(&list, devices->banks[i]);
     for (int i = 0; i < devices->geometry.n_cameras; i++)
         add(&list, &devices->cameras[i]->device, "ok");
     for (int i = 0; i < devices->geometry.n_lasers; i++)
-        add(&list, &devices->lasers[i]->device, laser_is_on(devices->lasers[i]) ? "on" : "off");
+        if (rig_laser_unit(&devices->timing, i) == i)
+            add(&list, &devices->lasers[i]->device, laser_is_on(devices->lasers[i]) ? "on" : "off");
     for (int i = 0; i < devices->n_interlocks; i++)
         add(&list, &devices->interlocks[i]->device,
             interlock_is_closed(devices->interlocks[i]) ? "closed" : "open");

@@ -27,7 +27,7 @@ static const struct option rig_options[] = {
 };
 
 struct place_fields { /* of a lamp, camera or laser */
-    char *bank, *sweep;
+    char *bank, *sweep, *mount_of;
     int index, width, height;
     double theta_deg, phi_deg, distance_mm, exponent, intensity, focal_px, response;
     double k1, k2, k3, p1, p2, vignetting;
@@ -82,6 +82,16 @@ static const struct option camera_options[] = {
 
 static const struct option laser_options[] = {
     {"sweep", OPTION_STRING, .offset = PLACE(sweep), .help = "The axis that sweeps its line"},
+    {"mount_of", OPTION_STRING, .fallback = "", .offset = PLACE(mount_of),
+     .help = "The laser that is mounted here by hand; then give only theta_deg and distance_mm"},
+    THETA,
+    DISTANCE,
+    {NULL},
+};
+
+static const struct option mount_options[] = {
+    {"mount_of", OPTION_STRING, .offset = PLACE(mount_of),
+     .help = "The laser that is mounted here by hand"},
     THETA,
     DISTANCE,
     {NULL},
@@ -273,6 +283,39 @@ static gboolean wire_laser(struct layout *layout, int i, const char *sweep, GErr
     return FALSE;
 }
 
+/* A further place of a laser that stands above it in the file. */
+static gboolean wire_mount(struct layout *layout, int i, const char *name, GError **error) {
+    int unit = find_section(layout->lasers, i, name);
+
+    if (unit >= 0 && layout->unit[unit] == unit) {
+        layout->unit[i] = unit;
+        layout->sweeps[i] = layout->sweeps[unit];
+        return TRUE;
+    }
+    config_set_error(error, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
+                     unit >= 0 ? "\"%s\" is itself a mount; name the laser that it is a mount of"
+                               : "there is no section [laser %s] above this one; name the laser "
+                                 "that is mounted here, and write it first",
+                     name);
+    return FALSE;
+}
+
+static gboolean read_mount(struct layout *layout, int i, struct place_fields *p, GError **error) {
+    return options_parse(mount_options, layout->lasers[i], NULL, p, error) &&
+           wire_mount(layout, i, p->mount_of, error);
+}
+
+static gboolean read_unit(struct layout *layout, int i, struct place_fields *p, GError **error) {
+    layout->unit[i] = i;
+    return read_device(layout->lasers[i], p, error) && wire_laser(layout, i, p->sweep, error);
+}
+
+static void place_laser(struct rig_laser *laser, const struct place_fields *place) {
+    laser->position_mm = position(place);
+    laser->axis = vec3(0, 1, 0);
+    laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
+}
+
 static gboolean read_laser(struct layout *layout, const struct config_section *section,
                            GError **error) {
     struct rig *rig = &layout->geometry;
@@ -280,14 +323,13 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
     int i = rig->n_lasers;
 
     if (!count_up(&rig->n_lasers, RIG_MAX_LASERS, section, error) ||
-        !take_name(section, rig->lasers[i].name, error) || !read_device(section, &p, error))
+        !take_name(section, rig->lasers[i].name, error))
         return FALSE;
     layout->lasers[i] = section;
-    gboolean ok = wire_laser(layout, i, p.sweep, error);
-    struct rig_laser *laser = &rig->lasers[i];
-    laser->position_mm = position(&p);
-    laser->axis = vec3(0, 1, 0);
-    laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
+    gboolean is_mount = config_value(section, "mount_of", NULL) != NULL;
+    gboolean ok = is_mount ? read_mount(layout, i, &p, error) : read_unit(layout, i, &p, error);
+    if (ok)
+        place_laser(&rig->lasers[i], &p);
     options_clear(laser_options, &p);
     return ok;
 }

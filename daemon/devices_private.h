@@ -11,6 +11,7 @@ struct layout {
     const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
     const struct config_section *lasers[RIG_MAX_LASERS];
+    int unit[RIG_MAX_LASERS]; /* the laser itself, or that which it is a mount of */
     const struct config_section *banks[DEVICES_MAX_BANKS];
     const struct config_section *interlocks[DEVICES_MAX_INTERLOCKS];
     int n_banks, n_interlocks;

@@ -496,7 +496,7 @@ static void predict(struct build *b, struct plan *plan) {
     g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
 
     g_array_append_vals(nested, b->shots->data, b->shots->len);
-    plan_order_nested(nested);
+    plan_order_nested(nested, poses, n_poses, b->timing);
     plan->nested_s = plan_total_s(nested, b->conf, b->timing);
     plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
     plan->n_poses = plan_order(b->shots, poses, n_poses, b->timing);
@@ -505,12 +505,30 @@ static void predict(struct build *b, struct plan *plan) {
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
 }
 
+/* How often somebody has to mount a laser in the order that was found. */
+static int count_mounts(const struct build *b) {
+    int in_place[RIG_MAX_LASERS], n = 0;
+
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        in_place[i] = -1;
+    for (guint i = 0; i < b->shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        if (shot->kind != SHOT_SWEEP || shot->state != SHOT_PLANNED)
+            continue;
+        int unit = rig_laser_unit(b->timing, shot->device);
+        n += b->timing->mounts[unit] != 0 && in_place[unit] != shot->device;
+        in_place[unit] = shot->device;
+    }
+    return n;
+}
+
 static struct plan *finish(struct build *b) {
     struct plan *plan = g_new0(struct plan, 1);
 
     plan->notes = g_ptr_array_new_with_free_func(g_free);
     predict(b, plan);
     count(b, plan);
+    plan->n_mounts = count_mounts(b);
     take_notes(b, plan);
     plan->session = (struct session_plan){.grid = b->conf->grid,
                                           .n_views = (int)b->views->len,

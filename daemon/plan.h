@@ -15,6 +15,10 @@
  *
  * Where lamps take longer to warm up than axes to move, the quickest order visits the poses once
  * for each lamp.
+ *
+ * Sweeps of a laser unit that is mounted by hand come in blocks, one for each place it is needed
+ * at, its own first: less often it cannot be mounted. The operator's time, and that of homing the
+ * axes afterwards, is in no prediction.
  */
 #pragma once
 
@@ -64,6 +68,7 @@ struct plan {
     guint64 bytes;               /* on disk, predicted */
     double predicted_s;
     double lower_bound_s;
+    int n_mounts;     /* by hand, that at the beginning counted; 0: no unit has a further place */
     double nested_s;  /* predicted for the nested order: for τ, for α, for lamps */
     GPtrArray *notes; /* char *: what was re-planned or left out, and why */
 };

@@ -27,6 +27,9 @@ struct pose_shots {
 
 struct orderer {
     GArray *shots;
+    const int *block_of;             /* of each shot */
+    int block;                       /* that is being ordered */
+    int before;                      /* the last shot of the block before, −1: none */
     const struct session_shot *dark; /* what the first shot comes after, or NULL */
     const struct rig_timing *timing;
     struct plan_moves *moves;
@@ -34,6 +37,11 @@ struct orderer {
     double readout_s;
     int lit; /* lamp that the last shot of the order left on, −1: none */
 };
+
+/* Only what is lit and belongs to the block that is being ordered. */
+static gboolean is_ours(const struct orderer *o, guint index) {
+    return is_lit(shot_at(o->shots, index)) && o->block_of[index] == o->block;
+}
 
 static int compare_lamps(gconstpointer a, gconstpointer b, gpointer data) {
     guint x = *(const guint *)a, y = *(const guint *)b;
@@ -55,7 +63,9 @@ static int compare_sweeps(gconstpointer a, gconstpointer b, gpointer data) {
     return x < y ? -1 : x > y;
 }
 
-static void collect(struct orderer *o, int n_poses) {
+static void collect(struct orderer *o) {
+    int n_poses = o->moves->n;
+
     o->poses = g_new(struct pose_shots, n_poses);
     for (int p = 0; p < n_poses; p++) {
         o->poses[p].lamps = g_array_new(FALSE, FALSE, sizeof(guint));
@@ -63,7 +73,7 @@ static void collect(struct orderer *o, int n_poses) {
     }
     for (guint i = 0; i < o->shots->len; i++) {
         const struct session_shot *shot = shot_at(o->shots, i);
-        if (!is_lit(shot))
+        if (!is_ours(o, i))
             continue;
         struct pose_shots *pose = &o->poses[shot->pose];
         // NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): set for every pose above
@@ -76,13 +86,12 @@ static void collect(struct orderer *o, int n_poses) {
     }
 }
 
-static void orderer_clear(struct orderer *o, int n_poses) {
-    for (int p = 0; p < n_poses; p++) {
+static void uncollect(struct orderer *o) {
+    for (int p = 0; p < o->moves->n; p++) {
         g_array_unref(o->poses[p].lamps);
         g_array_unref(o->poses[p].sweeps);
     }
-    g_free(o->poses);
-    plan_moves_free(o->moves);
+    g_clear_pointer(&o->poses, g_free);
 }
 
 static void append(struct orderer *o, Order *order, guint index) {
@@ -213,11 +222,11 @@ static int compare_nested(gconstpointer a, gconstpointer b, gpointer data) {
     return compare_lamps(a, b, data);
 }
 
-static void order_nested(GArray *shots, Order *order) {
-    for (guint i = 0; i < shots->len; i++)
-        if (is_lit(shot_at(shots, i)))
+static void order_nested(const struct orderer *o, Order *order) {
+    for (guint i = 0; i < o->shots->len; i++)
+        if (is_ours(o, i))
             g_array_append_val(order, i);
-    g_array_sort_with_data(order, compare_nested, shots);
+    g_array_sort_with_data(order, compare_nested, o->shots);
 }
 
 /* The shots in an order, with the dark ones, which go where the first pose is, before them, and
@@ -266,7 +275,8 @@ static int number_visits(GArray *shots) {
 }
 
 /* What passes between the end of one shot's exposures and the start of another's. The first one
- * comes after the dark frames, in its own pose; after the last one there is its read-out. */
+ * comes after the block before or the dark frames, those in its own pose; after the last one there
+ * is its read-out. */
 static double between(gconstpointer data, int from, int to) {
     const struct orderer *o = data;
 
@@ -275,6 +285,8 @@ static double between(gconstpointer data, int from, int to) {
     if (to < 0)
         return plan_readout_s(shot_at(o->shots, (guint)from), o->timing);
     const struct session_shot *next = shot_at(o->shots, (guint)to);
+    if (from < 0)
+        from = o->before;
     if (from < 0)
         return plan_lead_s(o->dark, next, o->timing);
     const struct session_shot *before = shot_at(o->shots, (guint)from);
@@ -301,7 +313,7 @@ static Order *ordered(struct orderer *o, int candidate) {
     else if (candidate == 2)
         order_by_lamps(o, order, lamp_beside_sweeps(o));
     else
-        order_nested(o->shots, order);
+        order_nested(o, order);
     if (order->len <= SEARCH_ALL) {
         struct plan_path path = path_of(o, order);
         plan_path_improve(&path, SEARCH_BUDGET);
@@ -309,7 +321,7 @@ static Order *ordered(struct orderer *o, int candidate) {
     return order;
 }
 
-static Order *best_order(struct orderer *o) {
+static Order *best_of_block(struct orderer *o) {
     Order *best = NULL;
     double best_s = G_MAXDOUBLE;
 
@@ -329,26 +341,130 @@ static Order *best_order(struct orderer *o) {
     return best;
 }
 
-int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
-               const struct rig_timing *timing) {
-    struct orderer o = {.shots = shots, .timing = timing};
+static Order *nested_of_block(struct orderer *o) {
+    Order *order = g_array_new(FALSE, FALSE, sizeof(guint));
+
+    order_nested(o, order);
+    return order;
+}
+
+/* Blocks one after the other, each ordered for itself. */
+static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
+                        Order *(*order_block)(struct orderer *o)) {
+    Order *whole = g_array_new(FALSE, FALSE, sizeof(guint));
+
+    o->block_of = block_of;
+    o->before = -1;
+    for (o->block = 0; o->block < n_blocks; o->block++) {
+        collect(o);
+        g_autoptr(GArray) order = order_block(o);
+        g_array_append_vals(whole, order->data, order->len);
+        if (order->len)
+            o->before = (int)g_array_index(order, guint, order->len - 1);
+        uncollect(o);
+    }
+    o->before = -1;
+    return whole;
+}
+
+/* As many blocks as the unit with most places has that are needed; each sweep is in the block of
+ * its place, counted from the unit's own. So every unit is mounted once at each place, and less
+ * often cannot be. All else is in the first block. */
+static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *block_of) {
+    int rank[RIG_MAX_LASERS] = {0}, n_blocks = 1;
+    guint32 used = 0;
+
+    for (guint i = 0; i < shots->len; i++)
+        if (is_lit(shot_at(shots, i)) && shot_at(shots, i)->kind == SHOT_SWEEP)
+            used |= 1u << shot_at(shots, i)->device;
+    for (int laser = 0; laser < RIG_MAX_LASERS; laser++) {
+        int unit = rig_laser_unit(timing, laser);
+        guint32 places = timing->mounts[unit] | 1u << unit;
+        rank[laser] = __builtin_popcount(places & used & ((1u << laser) - 1));
+        if (used & 1u << laser)
+            n_blocks = MAX(n_blocks, rank[laser] + 1);
+    }
+    for (guint i = 0; i < shots->len; i++)
+        block_of[i] = shot_at(shots, i)->kind == SHOT_SWEEP ? rank[shot_at(shots, i)->device] : 0;
+    return n_blocks;
+}
+
+/* Lamps, which go with any block, where their pose is visited for a sweep anyway. */
+static void spread_lamps(GArray *shots, int n_poses, int *block_of) {
+    g_autofree int *last = g_new0(int, n_poses);
+
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shot_at(shots, i);
+        if (is_lit(shot) && shot->kind == SHOT_SWEEP)
+            last[shot->pose] = MAX(last[shot->pose], block_of[i]);
+    }
+    for (guint i = 0; i < shots->len; i++)
+        if (shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = last[shot_at(shots, i)->pose];
+}
+
+/* The same, a lamp at a time: where lamps take long to warm up, every block visits the poses
+ * anyway, with a lamp of its own. */
+static void spread_lamps_singly(GArray *shots, int n_blocks, int *block_of) {
+    for (guint i = 0; i < shots->len; i++)
+        if (shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = shot_at(shots, i)->device % n_blocks;
+}
+
+static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
+    struct plan_path ours = path_of(o, order), known = path_of(o, *best);
+    gboolean quicker = plan_path_cost(&ours) < plan_path_cost(&known) - 1e-9;
+
+    g_array_unref(quicker ? *best : order);
+    if (quicker)
+        *best = order;
+}
+
+static Order *best_order(struct orderer *o) {
+    g_autofree int *block_of = g_new0(int, o->shots->len);
+    int n_blocks = block_by_mount(o->shots, o->timing, block_of);
+    Order *best = in_blocks(o, block_of, n_blocks, best_of_block);
+
+    if (n_blocks == 1)
+        return best;
+    keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, nested_of_block));
+    spread_lamps(o->shots, o->moves->n, block_of);
+    keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
+    spread_lamps_singly(o->shots, n_blocks, block_of);
+    keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
+    return best;
+}
+
+static struct orderer orderer_of(GArray *shots, const struct plan_pose *poses, int n_poses,
+                                 const struct rig_timing *timing) {
+    struct orderer o = {.shots = shots, .timing = timing, .before = -1};
 
     for (guint i = 0; i < shots->len; i++)
         if (shot_at(shots, i)->kind == SHOT_DARK)
             o.dark = shot_at(shots, i);
     o.moves = plan_moves_new(poses, n_poses, timing);
-    collect(&o, n_poses);
+    return o;
+}
+
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct rig_timing *timing) {
+    struct orderer o = orderer_of(shots, poses, n_poses, timing);
     g_autoptr(GArray) order = best_order(&o);
     g_autoptr(GArray) result = arranged(shots, order);
-    orderer_clear(&o, n_poses);
+
+    plan_moves_free(o.moves);
     replace(shots, result);
     return number_visits(shots);
 }
 
-void plan_order_nested(GArray *shots) {
-    g_autoptr(GArray) order = g_array_new(FALSE, FALSE, sizeof(guint));
-
-    order_nested(shots, order);
+void plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
+                       const struct rig_timing *timing) {
+    struct orderer o = orderer_of(shots, poses, n_poses, timing);
+    g_autofree int *block_of = g_new0(int, shots->len);
+    int n_blocks = block_by_mount(shots, timing, block_of);
+    g_autoptr(GArray) order = in_blocks(&o, block_of, n_blocks, nested_of_block);
     g_autoptr(GArray) result = arranged(shots, order);
+
+    plan_moves_free(o.moves);
     replace(shots, result);
 }

@@ -70,12 +70,15 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
 
 /* Puts shots into the quickest order that is found. shots[i].pose is an index into poses; on return
  * it is the number of the visit. Returns how many visits there are. SHOT_DARK come first, skipped
- * shots last, with visits of their own. */
+ * shots last, with visits of their own. Sweeps of a laser unit that is mounted by hand come in
+ * blocks, one for each of its places. */
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
                const struct rig_timing *timing);
 
-/* The order of a program that does not plan: for τ, for α, for lamps, for lasers. */
-void plan_order_nested(GArray *shots);
+/* The order of a program that does not plan: for τ, for α, for lamps, for lasers; and before all
+ * that, for the places of a laser unit that is mounted by hand. */
+void plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
+                       const struct rig_timing *timing);
 
 /* From the first exposure of a shot to the end of its last. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,

@@ -32,6 +32,7 @@ GVariant *report_plan(const struct session_conf *conf, const struct plan *plan) 
         {"views", plan->session.n_views},   {"lights", plan->session.n_lights},
         {"lasers", plan->session.n_lasers}, {"poses", plan->n_poses},
         {"shots", plan->session.n_shots},   {"frames", plan->n_frames},
+        {"mounts", plan->n_mounts},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(counts); i++)
         g_variant_builder_add(&builder, "{sv}", counts[i].key,
@@ -95,6 +96,10 @@ char *report_text(GVariant *report) {
     g_string_append_printf(text, "shots           %d, with %d camera frames\n",
                            get_int(report, "shots"), get_int(report, "frames"));
     g_string_append_printf(text, "on disk         about %s\n", size);
+    const int mounts = get_int(report, "mounts");
+    if (mounts > 0)
+        g_string_append_printf(
+            text, "laser mounts    %d by hand; the operator's time is not predicted\n", mounts);
     append_times(text, report);
     g_autofree const char **notes = NULL;
     g_variant_lookup(report, "notes", "^a&s", &notes);

@@ -3,8 +3,8 @@
 
 #include "plan.h"
 
-/* "a{sv}": session, poses, shots, frames, bytes, predicted_s, lower_bound_s, nested_s, notes, and
- * how many views, lights and laser positions there are. Floating. */
+/* "a{sv}": session, poses, shots, frames, mounts, bytes, predicted_s, lower_bound_s, nested_s,
+ * notes, and how many views, lights and laser positions there are. Floating. */
 GVariant *report_plan(const struct session_conf *conf, const struct plan *plan);
 
 /* The same in a few lines, from what report_plan() said; g_free(). */

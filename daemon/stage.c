@@ -136,8 +136,7 @@ static void on_laser(Laser *laser, gboolean on, const GError *error, gpointer da
         return;
     }
     for (int i = 0; i < stage->devices->geometry.n_lasers; i++) {
-        if (stage->devices->lasers[i] == laser &&
-            rig_laser_unit(&stage->devices->timing, i) == i)
+        if (stage->devices->lasers[i] == laser && rig_laser_unit(&stage->devices->timing, i) == i)
             stage->lasers[i] =
                 (struct light){stage->lasers[i].asked, on, clock_now_us(stage->devices->clock)};
     }

@@ -9,7 +9,7 @@
 
 struct stage_goal {
     double turntable_deg, arc_deg;
-    int lamp, laser; /* which is lit; −1: none */
+    int lamp, laser; /* which is lit; −1: none. Of a laser that is mounted by hand, its unit */
     int sweep;       /* the laser whose sweep axis is to stand at sweep_deg; −1: none */
     double sweep_deg;
 };

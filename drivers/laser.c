@@ -140,6 +140,10 @@ gboolean laser_is_on(const Laser *laser) {
     return laser->state->on || (last && last->on);
 }
 
+gboolean laser_mount(Laser *laser, const char *place, GError **error) {
+    return !laser->driver->mount || laser->driver->mount(laser, place, error);
+}
+
 void laser_report(Laser *laser, gboolean on, GError *error) {
     g_autoptr(GError) owned = error;
     struct pending *pending = g_queue_peek_head(&laser->state->pending);

@@ -13,6 +13,9 @@ struct laser_driver {
     gboolean (*open)(Laser *laser, GError **error);             /* leaves it off; fills warm_up_s */
     void (*close)(Laser *laser);                                /* switches it off */
     gboolean (*set)(Laser *laser, gboolean on, GError **error); /* ended by laser_report() once */
+    /* Optional, and of use to simulated units alone: somebody has mounted it at another place, of
+     * which a section of the rig file is the name. FALSE if there is no such place. */
+    gboolean (*mount)(Laser *laser, const char *place, GError **error);
 };
 
 struct Laser {
@@ -36,6 +39,9 @@ void laser_guard(Laser *laser, Interlock *interlock);
 /* Off always works, on is refused with DEVICE_ERROR_INTERLOCK while the interlock is open. */
 gboolean laser_set(Laser *laser, gboolean on, GError **error);
 gboolean laser_is_on(const Laser *laser); /* as last reported, or asked for */
+
+/* It has been mounted by hand where that section of the rig file says. */
+gboolean laser_mount(Laser *laser, const char *place, GError **error);
 
 /* For drivers. Takes ownership of error. */
 void laser_report(Laser *laser, gboolean on, GError *error);

@@ -59,6 +59,28 @@ static gboolean set(Laser *laser, gboolean on, GError **error) {
     return TRUE;
 }
 
+static int find_place(const Laser *laser, const char *name, GError **error) {
+    const struct sim_laser *sim = laser->device.priv;
+    int found = world_find_laser(sim->world, name);
+    if (found < 0)
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
+                    "laser %s: part: %s has no laser \"%s\"", laser->device.name, sim->world_path,
+                    name);
+    return found;
+}
+
+/* The place is that of the laser in the world which has the section's name; its own: its part. */
+static gboolean mount(Laser *laser, const char *place, GError **error) {
+    struct sim_laser *sim = laser->device.priv;
+    if (!sim->world)
+        return TRUE;
+    int found =
+        g_str_equal(place, laser->device.name) ? sim->laser : find_place(laser, place, error);
+    if (found >= 0)
+        world_mount_laser(sim->world, sim->laser, found);
+    return found >= 0;
+}
+
 static gboolean open_laser(Laser *laser, GError **error) {
     struct sim_laser *sim = laser->device.priv;
     const char *name = *sim->part_name ? sim->part_name : laser->device.name;
@@ -68,15 +90,13 @@ static gboolean open_laser(Laser *laser, GError **error) {
     sim->world = world_get(sim->world_path, error);
     if (!sim->world)
         return FALSE;
-    sim->laser = world_find_laser(sim->world, name);
+    sim->laser = find_place(laser, name, error);
     if (sim->laser < 0) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                    "laser %s: part: %s has no laser \"%s\"", laser->device.name, sim->world_path,
-                    name);
         g_clear_pointer(&sim->world, world_unref);
         return FALSE;
     }
     shine(sim, FALSE);
+    world_mount_laser(sim->world, sim->laser, sim->laser);
     return TRUE;
 }
 
@@ -97,4 +117,5 @@ const struct laser_driver sim_laser_driver = {
     .open = open_laser,
     .close = close_laser,
     .set = set,
+    .mount = mount,
 };

@@ -122,6 +122,14 @@ void world_set_sweep(World *world, int laser, double deg) {
     g_mutex_unlock(&world->lock);
 }
 
+void world_mount_laser(World *world, int laser, int place) {
+    g_return_if_fail(laser >= 0 && laser < world->n_lasers);
+    g_return_if_fail(place >= 0 && place < world->n_lasers);
+    g_mutex_lock(&world->lock);
+    world->laser_place[laser] = place;
+    g_mutex_unlock(&world->lock);
+}
+
 void world_set_lamp(World *world, int lamp, gboolean on, gint64 at_us) {
     g_return_if_fail(lamp >= 0 && lamp < world->n_lamps);
     g_mutex_lock(&world->lock);
@@ -193,8 +201,11 @@ void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct wo
     ret->arc_deg = world->arc_deg;
     ret->time_us = start_us;
     for (int i = 0; i < world->n_lasers; i++) {
-        ret->sweep_deg[i] = world->sweep_deg[i];
-        ret->laser_on[i] = world->laser_on[i];
+        int place = world->laser_place[i];
+        if (ret->laser_on[place])
+            continue; /* one that shines shares the place with one that is dark */
+        ret->sweep_deg[place] = world->sweep_deg[i];
+        ret->laser_on[place] = world->laser_on[i];
     }
     for (int i = 0; i < world->n_lamps; i++)
         ret->lamp_output[i] = (float)lamp_output(world, &world->power[i], start_us, exposure_us);

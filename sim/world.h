@@ -44,6 +44,10 @@ void world_set_turntable(World *world, double deg);
 void world_set_arc(World *world, double deg);
 void world_set_sweep(World *world, int laser, double deg);
 
+/* A laser is taken off and mounted, sweep and all, where another of the file stands; its own place
+ * is where it stands at first. It keeps its number for world_set_sweep() and world_set_laser(). */
+void world_mount_laser(World *world, int laser, int place);
+
 /* Switching at a time; the lamp's output then follows its warm-up curve (exactly its full output
  * from warm-up time on) and, if the world has it, its slow drift. A lamp said to be dead gives no
  * light. */
@@ -54,7 +58,7 @@ void world_set_laser(World *world, int laser, gboolean on);
 
 struct world_state {
     double turntable_deg, arc_deg;
-    double sweep_deg[WORLD_MAX_LASERS];
+    double sweep_deg[WORLD_MAX_LASERS]; /* by place, as laser_on */
     float lamp_output[WORLD_MAX_LAMPS]; /* 0 … 1, of nominal, at time_us */
     gboolean laser_on[WORLD_MAX_LASERS];
     gint64 time_us;

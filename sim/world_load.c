@@ -296,6 +296,7 @@ static gboolean load_laser(World *world, const struct world_options *all,
                     check_count(section, "colour", &from.colour, 3, error);
     if (good) {
         make_laser(world, all, &from);
+        world->laser_place[world->n_lasers] = world->n_lasers;
         world->laser_names[world->n_lasers++] = g_strdup(section->name);
     }
     options_clear(laser_table, &from);
