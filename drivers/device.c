@@ -26,6 +26,7 @@ gboolean device_init(struct device *device, const struct driver_info *info,
     device->name = g_strdup(section->name ? section->name : section->class_name);
     device->clock = clock_ref(clock);
     device->priv = priv;
+    device->section = section;
     return TRUE;
 }
 

@@ -43,6 +43,8 @@ struct device {
     char *name; /* from the section: "[axis turntable]" is "turntable" */
     Clock *clock;
     gpointer priv; /* the driver's, of info->priv_size */
+    /* During the driver's open() alone: for errors that name file and line. */
+    const struct config_section *section;
 };
 
 /* For classes: fills a device from its section, checking the driver's options; also lists keys that

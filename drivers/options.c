@@ -60,7 +60,7 @@ static gboolean parse_double(const struct option *option, const char *text, doub
 static gboolean parse_int(const struct option *option, const char *text, int *ret, GError **error) {
     char *end = NULL;
     errno = 0;
-    gint64 value = g_ascii_strtoll(text, &end, 10);
+    gint64 value = g_ascii_strtoll(text, &end, g_str_has_prefix(text, "0x") ? 16 : 10);
     if (!*text || *end || g_ascii_isspace(*text))
         return value_error(error, "\"%s\" is not a whole number", text);
     if (errno == ERANGE || value < G_MININT || value > G_MAXINT)
