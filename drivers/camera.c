@@ -10,7 +10,8 @@
 /* How far a camera's clock may be off when its stamps are turned into ours. */
 #define STAMP_TOLERANCE_US 1000
 
-#define N_SEEN 8
+#define N_SEEN     8
+#define HASH_LANES 8
 
 struct seen {
     guint64 hash, shot;
@@ -196,30 +197,43 @@ gboolean camera_is_waiting(const Camera *camera) {
     return camera->state->waiting;
 }
 
-/* 0 for a picture that is one value all over, as a covered or saturated one may be: it says nothing
+/* A different word always makes a different hash of the same hash before, and the turn brings what
+ * differs in a word's highest bits to where a product spreads it. */
+static inline guint64 hash_step(guint64 hash, guint64 word) {
+    hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
+    return hash << 29 | hash >> 35;
+}
+
+/* Lanes do not wait for each other's products.
+ * 0 for a picture that is one value all over, as a covered or saturated one may be: it says nothing
  * about where it comes from. */
 static guint64 hash_frame(const Frame *frame) {
     gsize n = (gsize)frame->width * (gsize)frame->height, i = 0;
     if (memcmp(frame->pixels, frame->pixels + 1, (n - 1) * sizeof *frame->pixels) == 0)
         return 0;
-    guint64 hash = 0xcbf29ce484222325u;
-    for (; i + 4 <= n; i += 4) {
-        guint64 word;
-        memcpy(&word, frame->pixels + i, sizeof word);
-        hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
-        hash ^= hash >> 32;
+    guint64 lanes[HASH_LANES], hash = n;
+    for (guint64 k = 0; k < HASH_LANES; k++)
+        lanes[k] = 0xcbf29ce484222325u + k;
+    for (; i + 4 * HASH_LANES <= n; i += 4 * HASH_LANES) {
+        guint64 words[HASH_LANES];
+        memcpy(words, frame->pixels + i, sizeof words);
+#pragma GCC unroll 8
+        for (int k = 0; k < HASH_LANES; k++)
+            lanes[k] = hash_step(lanes[k], words[k]);
     }
     for (; i < n; i++)
-        hash = (hash ^ frame->pixels[i]) * 0x100000001b3u;
+        hash = hash_step(hash, frame->pixels[i]);
+    for (int k = 0; k < HASH_LANES; k++)
+        hash = hash_step(hash, lanes[k]);
     return hash ? hash : 1;
 }
 
-static void remember(Camera *camera, const Frame *frame) {
+static void remember(Camera *camera, const Frame *frame, guint64 hash) {
     struct camera_state *state = camera->state;
     if (!state->has_last_id || frame->id > state->last_id)
         state->last_id = frame->id;
     state->has_last_id = TRUE;
-    state->seen[state->n_seen++ % N_SEEN] = (struct seen){hash_frame(frame), frame->shot};
+    state->seen[state->n_seen++ % N_SEEN] = (struct seen){hash, frame->shot};
 }
 
 static gboolean was_seen(const Camera *camera, guint64 hash, guint64 *ret_shot) {
@@ -277,7 +291,8 @@ static gboolean check_times(const Camera *camera, const Frame *frame, GError **e
     return TRUE;
 }
 
-static gboolean check_frame(const Camera *camera, const Frame *frame, GError **error) {
+static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 hash,
+                            GError **error) {
     const struct camera_state *state = camera->state;
     if (frame->shot != state->shot)
         return refuse(camera, DEVICE_ERROR_STALE, error,
@@ -291,7 +306,7 @@ static gboolean check_frame(const Camera *camera, const Frame *frame, GError **e
     if (!check_shape(camera, frame, error) || !check_times(camera, frame, error))
         return FALSE;
     guint64 other;
-    if (was_seen(camera, hash_frame(frame), &other))
+    if (was_seen(camera, hash, &other))
         return refuse(camera, DEVICE_ERROR_STALE, error,
                       "it repeats the picture of shot %" G_GUINT64_FORMAT " bit for bit", other);
     return TRUE;
@@ -308,13 +323,14 @@ void camera_report_exposed(Camera *camera) {
 void camera_report_frame(Camera *camera, Frame *frame) {
     g_autoptr(Frame) owned = frame;
     g_autoptr(GError) error = NULL;
+    guint64 hash = hash_frame(frame);
     if (!camera->state->waiting) {
-        remember(camera, frame);
+        remember(camera, frame, hash);
         return;
     }
-    gboolean accepted = check_frame(camera, frame, &error);
+    gboolean accepted = check_frame(camera, frame, hash, &error);
     if (accepted)
-        remember(camera, frame);
+        remember(camera, frame, hash);
     end_wait(camera);
     notify(camera, accepted ? CAMERA_FRAME : CAMERA_REFUSED, accepted ? frame : NULL, error);
 }

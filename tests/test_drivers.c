@@ -583,6 +583,54 @@ static void test_flaws(void) {
     }
 }
 
+/* 13 × 11 pixels: words and pixels that are left over from them. */
+static gboolean odd_open(Camera *from, GError **error) {
+    from->format = (struct camera_format){13, 11, CFA_RGGB, 12, 64, 1, 1000000, 30000};
+    return TRUE;
+}
+
+static Frame *odd_frame(Clock *clock, guint64 shot, int changed, int bit) {
+    g_autoptr(Frame) small = good_frame(clock, shot, shot);
+    Frame *frame = frame_new(13, 11);
+    guint16 *pixels = frame->pixels;
+    *frame = *small;
+    frame->ref_count = 1;
+    frame->width = 13;
+    frame->height = 11;
+    frame->pixels = pixels;
+    for (int i = 0; i < 143; i++)
+        pixels[i] = (guint16)(64 + i * i % 501);
+    if (changed >= 0)
+        pixels[changed] ^= (guint16)(1 << bit);
+    return frame;
+}
+
+static void report_odd(struct heard *heard, Camera *from, guint64 shot, int changed, int bit,
+                       enum camera_event event) {
+    g_assert_true(camera_trigger(from, shot, NULL));
+    conformance_pass(heard->clock, 0.03);
+    camera_report_frame(from, odd_frame(heard->clock, shot, changed, bit));
+    next(heard, event);
+}
+
+/* One bit of one pixel makes another picture, whichever it is. */
+static void test_one_pixel(void) {
+    struct camera_driver odd = null_driver;
+    odd.open = odd_open;
+    g_autoptr(Clock) clock = clock_new_virtual();
+    struct heard heard = {.clock = clock};
+    g_autoptr(Camera) from = open_camera(&odd, "", &heard);
+    guint64 shot = 1;
+    report_odd(&heard, from, shot++, -1, 0, CAMERA_FRAME);
+    for (int i = 0; i < 143; i++) {
+        for (int bit = 0; bit < 12; bit++)
+            report_odd(&heard, from, shot++, i, bit, CAMERA_FRAME);
+        report_odd(&heard, from, shot++, -1, 0, CAMERA_FRAME);
+        report_odd(&heard, from, shot++, -1, 0, CAMERA_REFUSED);
+    }
+    heard_clear(&heard);
+}
+
 /* A picture that comes while nobody waits, and once more when somebody does. */
 static void test_unasked(void) {
     g_autoptr(Clock) clock = clock_new_virtual();
@@ -759,6 +807,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/camera/slow", test_slow);
     g_test_add_func("/camera/disconnect", test_disconnect);
     g_test_add_func("/camera/flaws", test_flaws);
+    g_test_add_func("/camera/one-pixel", test_one_pixel);
     g_test_add_func("/camera/unasked", test_unasked);
     g_test_add_func("/lamps/dead", test_dead_lamp);
     g_test_add_func("/lamps/deadline", test_lamp_deadline);
