@@ -17,6 +17,7 @@ struct Bus {
     char *address;
     struct devices *devices; /* NULL: closed */
     char *rig_path;
+    gboolean holds_clock;
     Capture *capture; /* NULL: nothing under way, not even paused */
     char *directory;  /* of the session that is or was captured */
     Follower *follower;
@@ -194,6 +195,15 @@ static void show_nothing(Bus *bus) {
     tell(bus);
 }
 
+/* A simulated rig's time stands still until something is asked of it: what is to happen to it after
+ * so many seconds would else have happened before the first call. */
+static void hold_clock(Bus *bus, gboolean hold) {
+    if (bus->holds_clock == hold || !bus->devices)
+        return;
+    bus->holds_clock = hold;
+    (hold ? clock_hold : clock_release)(bus->devices->clock);
+}
+
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     if (!need_free(bus, error) || !need_absolute(path, error))
         return FALSE;
@@ -205,6 +215,7 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     bus->devices = devices_open(path, error);
     if (!bus->devices)
         return FALSE;
+    hold_clock(bus, TRUE);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
     show_nothing(bus);
@@ -215,6 +226,7 @@ static void close_rig(Bus *bus) {
     g_clear_pointer(&bus->follower, follower_free);
     end_capture(bus);
     drop_thumbnails(bus);
+    hold_clock(bus, FALSE);
     g_clear_pointer(&bus->devices, devices_close);
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);
@@ -280,6 +292,7 @@ static void begin(Bus *bus, Capture *capture, const char *directory, gboolean pr
     g_free(bus->directory);
     bus->directory = g_strdup(directory);
     bus->capture = capture;
+    hold_clock(bus, FALSE);
     drop_thumbnails(bus);
     capture_get_status(capture, &status);
     bus->started_us = g_get_monotonic_time();
@@ -319,6 +332,7 @@ static gboolean start(Bus *bus, const char *session_path, const char *directory,
 static gboolean make_safe(Bus *bus, GError **error) {
     if (!need_rig(bus, error))
         return FALSE;
+    hold_clock(bus, FALSE);
     if (bus->capture)
         capture_abort(bus->capture);
     const gboolean ok = devices_make_safe(bus->devices, error);

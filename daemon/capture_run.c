@@ -1,6 +1,7 @@
 #include "capture_private.h"
 
 #include <math.h>
+#include <string.h>
 #include <sys/resource.h>
 
 #include "capture_check.h"
@@ -165,11 +166,14 @@ static void stop_for(Capture *capture, const char *source, const char *reason) {
 static void stop_for_disk(Capture *capture, const GError *error) {
     const char *path = session_path(capture->session);
     g_autofree char *size = g_format_size(capture_free_bytes(path));
+    const char *advice = strstr(error->message, "; free some space"); /* given below */
+    g_autofree char *what = advice ? g_strndup(error->message, (gsize)(advice - error->message))
+                                   : g_strdup(error->message);
     g_autofree char *reason =
         capture_is_full(path, error)
             ? g_strdup_printf("The disk is full: %s (%s free at %s). Nothing was lost; free some "
                               "space, then go on.",
-                              error->message, size, path)
+                              what, size, path)
             : g_strdup_printf("The session cannot be written: %s. Check the disk, then go on.",
                               error->message);
     stop_for(capture, "disk", reason);

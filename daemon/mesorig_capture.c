@@ -143,11 +143,18 @@ static char *rig_of_session(const char *directory, GError **error) {
         return NULL;
     if (rig_option)
         return cli_absolute(rig_option);
-    char *path = session_value(session, "rig_path");
-    if (!path)
+    g_autofree char *path = session_value(session, "rig_path");
+    if (path && g_file_test(path, G_FILE_TEST_EXISTS))
+        return g_steal_pointer(&path);
+    if (path)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "%s was begun with the rig file %s, which is not there any more: give --rig "
+                    "RIG",
+                    directory, path);
+    else
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
                     "%s does not say which rig file it was begun with: give --rig RIG", directory);
-    return path;
+    return NULL;
 }
 
 static int run_resume(const struct command *command, int argc, char **argv) {
