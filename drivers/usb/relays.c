@@ -1,0 +1,411 @@
+#include "relays.h"
+
+#include "usb.h"
+
+#include <string.h>
+
+/*
+ * The boards take feature reports of 8 bytes by HID's SET_REPORT: a command, then a relay's number
+ * from 1 on. GET_REPORT answers 8 bytes: the board's serial number in 0 to 4, a bit a relay in 7.
+ * As in the boards' firmware, https://github.com/pavel-a/usb-relay-hid. Their vendor and product
+ * are V-USB's for any HID device, so the product's name decides.
+ */
+#define VENDOR      0x16c0
+#define CLASS_HID   3
+#define REPORT_SIZE 8
+#define STATE_BYTE  7
+#define SERIAL_SIZE 5
+#define FEATURE     0x0300 /* report type feature, no report number */
+#define ANSWER_MS   300
+#define MAX_RELAYS  8
+
+enum report_request { GET_REPORT = 0x01, SET_REPORT = 0x09 };
+enum report_type { REPORT_OUT = 0x21, REPORT_IN = 0xa1 };
+enum command { ALL_OFF = 0xfc, OFF = 0xfd, ON = 0xff };
+
+typedef void (*SwitchedFunc)(gpointer device, int index, gboolean on, GError *error);
+
+/* A board, shared by all devices that name it alike. */
+struct board {
+    int refs;
+    char *who, *serial, *path;
+    UsbDevice *usb; /* NULL: unplugged */
+    int n;
+    GList *jobs; /* under way */
+};
+
+/* Some relays switched, then read back. */
+struct job {
+    struct board *board;
+    gpointer device; /* NULL: closed meanwhile, tell nobody */
+    SwitchedFunc func;
+    int index;
+    gboolean on;
+    guint mask;
+    int n_left;
+    GError *error; /* the first one */
+};
+
+static GList *boards;
+
+static const guint16 products[] = {0x05df, 0};
+
+static void job_free(gpointer data) {
+    struct job *job = data;
+    g_clear_error(&job->error);
+    g_free(job);
+}
+
+static void job_ended(struct job *job) {
+    struct board *board = job->board;
+    board->jobs = g_list_remove(board->jobs, job);
+    if (job->device)
+        job->func(job->device, job->index, job->on, g_steal_pointer(&job->error));
+    job_free(job);
+}
+
+static void note_error(struct job *job, const GError *error) {
+    if (!job->error)
+        job->error = g_error_copy(error);
+}
+
+static void on_set(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
+                   gpointer user) {
+    struct job *job = user;
+    if (error)
+        note_error(job, error);
+    if (--job->n_left == 0)
+        job_ended(job);
+}
+
+static void check_state(struct job *job, const guint8 *data, gsize n) {
+    if (n != REPORT_SIZE) {
+        job->error = g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                                 "%s: the board answered %d bytes of %d; it is no relay board that "
+                                 "this driver knows",
+                                 job->board->who, (int)n, REPORT_SIZE);
+        return;
+    }
+    guint wrong = (data[STATE_BYTE] ^ (job->on ? 0xffu : 0)) & job->mask;
+    if (wrong)
+        job->error = g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                                 "%s: relay %d was switched %s, but the board says it is %s; check "
+                                 "the board's power",
+                                 job->board->who, g_bit_nth_lsf(wrong, -1) + 1,
+                                 job->on ? "on" : "off", job->on ? "off" : "on");
+}
+
+static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
+                         gpointer user) {
+    struct job *job = user;
+    if (!error && !job->error)
+        check_state(job, data, n);
+    on_set(usb, data, n, error, user);
+}
+
+static void on_lost(UsbDevice *usb, gpointer user) {
+    struct board *board = user;
+    g_clear_pointer(&board->usb, usb_close);
+}
+
+static struct usb_request set_request(const UsbDevice *usb, const guint8 report[REPORT_SIZE]) {
+    return (struct usb_request){REPORT_OUT,         SET_REPORT, FEATURE,
+                                usb_interface(usb), report,     REPORT_SIZE};
+}
+
+static struct usb_request get_request(const UsbDevice *usb) {
+    return (struct usb_request){REPORT_IN,          GET_REPORT, FEATURE,
+                                usb_interface(usb), NULL,       REPORT_SIZE};
+}
+
+/* The serial number that the board itself keeps; it has none in its descriptors. */
+static char *read_serial(UsbDevice *usb) {
+    guint8 answer[REPORT_SIZE];
+    struct usb_request request = get_request(usb);
+    if (usb_control_sync(usb, &request, answer, NULL) != REPORT_SIZE)
+        return g_strdup("");
+    g_autofree char *serial = g_strndup((const char *)answer, SERIAL_SIZE);
+    return g_utf8_make_valid(serial, -1);
+}
+
+static gboolean board_connect(struct board *board, GError **error) {
+    struct usb_match match = {.who = board->who,
+                              .vendor = VENDOR,
+                              .products = products,
+                              .product_prefix = "USBRelay",
+                              .interface_class = CLASS_HID,
+                              .serial = board->serial,
+                              .path = board->path,
+                              .read_serial = read_serial};
+    board->usb = usb_open(&match, on_lost, board, error);
+    if (!board->usb)
+        return FALSE;
+    const char *number = usb_product(board->usb) + strlen(match.product_prefix);
+    board->n = g_ascii_isdigit(*number) ? *number - '0' : 0;
+    if (board->n >= 1 && board->n <= MAX_RELAYS)
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                "%s: the board calls itself \"%s\", which does not say how many relays it has",
+                board->who, usb_product(board->usb));
+    g_clear_pointer(&board->usb, usb_close);
+    return FALSE;
+}
+
+static void board_unref(struct board *board) {
+    if (--board->refs > 0)
+        return;
+    boards = g_list_remove(boards, board);
+    usb_close(board->usb);
+    g_list_free_full(board->jobs, job_free);
+    g_free(board->who);
+    g_free(board->serial);
+    g_free(board->path);
+    g_free(board);
+}
+
+static struct board *board_get(const char *serial, const char *path, GError **error) {
+    struct board *board;
+    for (GList *l = boards; l; l = l->next) {
+        board = l->data;
+        if (g_str_equal(board->serial, serial) && g_str_equal(board->path, path)) {
+            board->refs++;
+            if (board->usb || board_connect(board, error))
+                return board;
+            board_unref(board);
+            return NULL;
+        }
+    }
+    board = g_new0(struct board, 1);
+    board->refs = 1;
+    board->serial = g_strdup(serial);
+    board->path = g_strdup(path);
+    const char *name = *serial ? serial : path;
+    board->who = g_strdup_printf("USB relay board%s%s", *name ? " " : "", name);
+    boards = g_list_append(boards, board);
+    if (board_connect(board, error))
+        return board;
+    board_unref(board);
+    return NULL;
+}
+
+static gboolean job_send(struct job *job, enum command command, int relay, GError **error) {
+    guint8 report[REPORT_SIZE] = {(guint8)command, (guint8)relay};
+    struct usb_request set = set_request(job->board->usb, report);
+    if (!usb_control(job->board->usb, &set, ANSWER_MS, on_set, job, error))
+        return FALSE;
+    job->n_left++;
+    return TRUE;
+}
+
+static gboolean job_start(struct job *job, GError **error) {
+    const struct board *board = job->board;
+    if (!job->on && job->mask == (1u << board->n) - 1) {
+        if (!job_send(job, ALL_OFF, 0, error))
+            return FALSE;
+    } else {
+        for (int i = 0; i < board->n; i++)
+            if (job->mask & 1u << i && !job_send(job, job->on ? ON : OFF, i + 1, error))
+                return FALSE;
+    }
+    struct usb_request get = get_request(board->usb);
+    if (!usb_control(board->usb, &get, ANSWER_MS, on_read_back, job, error))
+        return FALSE;
+    job->n_left++;
+    return TRUE;
+}
+
+/* An unplugged board is looked for again. */
+static gboolean board_switch(struct board *board, guint mask, gboolean on, SwitchedFunc func,
+                             gpointer device, int index, GError **error) {
+    if (!board->usb && !board_connect(board, error))
+        return FALSE;
+    struct job *job = g_new0(struct job, 1);
+    *job = (struct job){board, device, func, index, on, mask};
+    GError *failed = NULL;
+    if (!job_start(job, &failed) && job->n_left == 0) {
+        g_propagate_error(error, failed);
+        g_free(job);
+        return FALSE;
+    }
+    if (failed) /* with some of it under way: told when that ends */
+        note_error(job, failed);
+    g_clear_error(&failed);
+    board->jobs = g_list_append(board->jobs, job);
+    return TRUE;
+}
+
+/* Waits; for opening and closing. What was started before is done before. */
+static gboolean board_off_now(struct board *board, guint mask, GError **error) {
+    guint8 answer[REPORT_SIZE] = {0};
+    gboolean all = mask == (1u << board->n) - 1;
+    for (int i = 0; i < board->n; i++) {
+        guint8 report[REPORT_SIZE] = {all ? ALL_OFF : OFF, (guint8)(all ? 0 : i + 1)};
+        struct usb_request set = set_request(board->usb, report);
+        if ((all ? i == 0 : (mask & 1u << i) != 0) &&
+            usb_control_sync(board->usb, &set, NULL, error) < 0)
+            return FALSE;
+    }
+    struct usb_request get = get_request(board->usb);
+    int n = usb_control_sync(board->usb, &get, answer, error);
+    if (n < 0)
+        return FALSE;
+    if (n == REPORT_SIZE && !(answer[STATE_BYTE] & mask))
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                "%s: its relays do not switch off; check the board, and cut the power of what it "
+                "switches",
+                board->who);
+    return FALSE;
+}
+
+static void board_leave(struct board *board, gpointer device, guint mask) {
+    g_autoptr(GError) error = NULL;
+    for (GList *l = board->jobs; l; l = l->next) {
+        struct job *job = l->data;
+        if (job->device == device)
+            job->device = NULL;
+    }
+    if (board->usb && !board_off_now(board, mask, &error))
+        g_warning("%s", error->message);
+    board_unref(board);
+}
+
+/* Relays first to first + n - 1, counted from 1, as bits. */
+static guint mask_of(int first, int n) {
+    return ((1u << n) - 1) << (first - 1);
+}
+
+/* Takes relays of a board and leaves them off. */
+static struct board *board_enter(const char *who, const char *serial, const char *path, int first,
+                                 int *n, GError **error) {
+    struct board *board = board_get(serial, path, error);
+    if (!board) {
+        g_prefix_error(error, "%s: ", who);
+        return NULL;
+    }
+    if (*n == 0)
+        *n = board->n - first + 1;
+    if (*n < 1 || first + *n - 1 > board->n)
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                    "%s: relay %d of a board that has %d; correct its section", who,
+                    first + MAX(*n, 1) - 1, board->n);
+    else if (board_off_now(board, mask_of(first, *n), error))
+        return board;
+    board_unref(board);
+    return NULL;
+}
+
+struct relay_lamps {
+    char *serial, *path;
+    int first_relay, n_lamps;
+    double warm_up_ms;
+    struct board *board;
+};
+
+#define LAMPS_FIELD(name) G_STRUCT_OFFSET(struct relay_lamps, name)
+
+static const char serial_help[] = "The board's own serial number of five characters; may be left "
+                                  "out if only one board is plugged in";
+static const char path_help[] = "Where it is plugged in: bus-port, with .port at each hub, as in "
+                                "1-2.4";
+
+static const struct option lamps_options[] = {
+    {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, LAMPS_FIELD(serial), serial_help},
+    {"path", OPTION_STRING, NULL, 0, 0, "", NULL, LAMPS_FIELD(path), path_help},
+    {"first_relay", OPTION_INT, NULL, 1, MAX_RELAYS, "1", NULL, LAMPS_FIELD(first_relay),
+     "Relay of the first lamp; the others follow"},
+    {"n_lamps", OPTION_INT, NULL, 0, MAX_RELAYS, "0", NULL, LAMPS_FIELD(n_lamps),
+     "How many lamps; 0: up to the board's last relay"},
+    {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, LAMPS_FIELD(warm_up_ms),
+     "From switching on until a lamp's output is stable"},
+    {NULL},
+};
+
+static void on_lamp(gpointer device, int index, gboolean on, GError *error) {
+    lamps_report(device, index, on, error);
+}
+
+static gboolean lamps_switch(LampBank *bank, int index, gboolean on, GError **error) {
+    struct relay_lamps *lamps = bank->device.priv;
+    guint mask =
+        index < 0 ? mask_of(lamps->first_relay, bank->n) : mask_of(lamps->first_relay + index, 1);
+    if (board_switch(lamps->board, mask, on, on_lamp, bank, index, error))
+        return TRUE;
+    g_prefix_error(error, "lamps %s: ", bank->device.name);
+    return FALSE;
+}
+
+static gboolean open_lamps(LampBank *bank, GError **error) {
+    struct relay_lamps *lamps = bank->device.priv;
+    g_autofree char *who = g_strdup_printf("lamps %s", bank->device.name);
+    bank->n = lamps->n_lamps;
+    bank->warm_up_s = lamps->warm_up_ms / 1000;
+    lamps->board =
+        board_enter(who, lamps->serial, lamps->path, lamps->first_relay, &bank->n, error);
+    return lamps->board != NULL;
+}
+
+static void close_lamps(LampBank *bank) {
+    struct relay_lamps *lamps = bank->device.priv;
+    board_leave(lamps->board, bank, mask_of(lamps->first_relay, bank->n));
+}
+
+const struct lamps_driver usb_relays_driver = {
+    .info = {"lamps", "usb-relays", "Lamps on a USB relay board (16c0:05df, up to 8 relays)",
+             lamps_options, sizeof(struct relay_lamps)},
+    .open = open_lamps,
+    .close = close_lamps,
+    .set = lamps_switch,
+};
+
+struct relay_laser {
+    char *serial, *path;
+    int relay;
+    double warm_up_ms;
+    struct board *board;
+};
+
+#define LASER_FIELD(name) G_STRUCT_OFFSET(struct relay_laser, name)
+
+static const struct option laser_options[] = {
+    {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, LASER_FIELD(serial), serial_help},
+    {"path", OPTION_STRING, NULL, 0, 0, "", NULL, LASER_FIELD(path), path_help},
+    {"relay", OPTION_INT, NULL, 1, MAX_RELAYS, NULL, NULL, LASER_FIELD(relay), "The laser's relay"},
+    {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, LASER_FIELD(warm_up_ms),
+     "From switching on until its power is stable"},
+    {NULL},
+};
+
+static void on_laser(gpointer device, int index, gboolean on, GError *error) {
+    laser_report(device, on, error);
+}
+
+static gboolean laser_switch(Laser *laser, gboolean on, GError **error) {
+    struct relay_laser *priv = laser->device.priv;
+    if (board_switch(priv->board, mask_of(priv->relay, 1), on, on_laser, laser, 0, error))
+        return TRUE;
+    g_prefix_error(error, "laser %s: ", laser->device.name);
+    return FALSE;
+}
+
+static gboolean open_laser(Laser *laser, GError **error) {
+    struct relay_laser *priv = laser->device.priv;
+    g_autofree char *who = g_strdup_printf("laser %s", laser->device.name);
+    int n = 1;
+    laser->warm_up_s = priv->warm_up_ms / 1000;
+    priv->board = board_enter(who, priv->serial, priv->path, priv->relay, &n, error);
+    return priv->board != NULL;
+}
+
+static void close_laser(Laser *laser) {
+    struct relay_laser *priv = laser->device.priv;
+    board_leave(priv->board, laser, mask_of(priv->relay, 1));
+}
+
+const struct laser_driver usb_relay_laser_driver = {
+    .info = {"laser", "usb-relay-laser", "A laser switched by a relay of a USB relay board",
+             laser_options, sizeof(struct relay_laser)},
+    .open = open_laser,
+    .close = close_laser,
+    .set = laser_switch,
+};

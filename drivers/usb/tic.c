@@ -1,0 +1,567 @@
+#include "tic.h"
+
+#include "usb.h"
+
+#include <math.h>
+
+/*
+ * Requests, variables and settings as in Pololu's "Tic Stepper Motor Controller User's Guide"
+ * (https://www.pololu.com/docs/0J71), sections 6 (settings), 7 (variables), 8 (commands),
+ * 11 (USB encoding). Speeds are microsteps per 10 000 s, accelerations microsteps per 100 s².
+ */
+#define VENDOR    0x1ffb
+#define TYPE_OUT  0x40
+#define TYPE_IN   0xc0
+#define CLASS_TIC 0xff
+
+enum request {
+    EXIT_SAFE_START = 0x83,
+    ENERGIZE = 0x85,
+    HALT_AND_HOLD = 0x89,
+    CLEAR_DRIVER_ERROR = 0x8a,
+    RESET_COMMAND_TIMEOUT = 0x8c,
+    GO_HOME = 0x97,
+    GET_VARIABLE = 0xa1,
+    GET_SETTING = 0xa8,
+    SET_TARGET_POSITION = 0xe0,
+    SET_TARGET_VELOCITY = 0xe3,
+    SET_MAX_SPEED = 0xe6,
+    SET_MAX_DECEL = 0xe9,
+    SET_MAX_ACCEL = 0xea,
+    HALT_AND_SET_POSITION = 0xec,
+};
+
+enum variable {
+    OPERATION_STATE = 0x00,
+    MISC_FLAGS_1 = 0x01,
+    ERROR_STATUS = 0x02,
+    TARGET_POSITION = 0x0a,
+    CURRENT_POSITION = 0x22,
+    CURRENT_VELOCITY = 0x26,
+    VARIABLES_SIZE = 0x2a, /* of what is read, in one request so that it is of one moment */
+};
+
+enum setting { CONTROL_MODE = 0x01, COMMAND_TIMEOUT = 0x09 };
+
+enum flag {
+    POSITION_UNCERTAIN = 1 << 1,
+    FORWARD_LIMIT_ACTIVE = 1 << 2,
+    REVERSE_LIMIT_ACTIVE = 1 << 3,
+    HOMING_ACTIVE = 1 << 4,
+};
+
+#define STATE_NORMAL 10
+#define SPEED_UNITS  10000.0
+#define ACCEL_UNITS  100.0
+#define MAX_SPEED    500000000.0
+#define MIN_ACCEL    100.0
+#define ANSWER_MS    300
+#define STANDING_MS  100 /* between looks at an axis that stands */
+#define MAX_STEPS    2147483647.0
+
+/* An "exit safe start" holds for 200 ms; so long an error from before may still be there. */
+#define GRACE_US 250000
+
+enum phase { STANDING, HOMING, MOVING, STOPPING };
+enum homing { HOMING_REVERSE, HOMING_FORWARD, HOMING_HERE };
+
+struct tic {
+    char *serial, *path;
+    double steps_per_deg, min_deg, max_deg, speed_deg_s, accel_deg_s2;
+    double backlash_deg, settle_ms, home_deg;
+    gboolean wraps;
+    int homing, poll_ms;
+
+    UsbDevice *usb;
+    enum phase phase;
+    gboolean watched;       /* homed once: looked at while it stands, too */
+    gboolean asked;         /* a look is under way */
+    gboolean was_well;      /* has been seen without errors since it was started */
+    int n_started, n_asked; /* a look that was asked for before the last start proves nothing */
+    gint64 start_us;
+    guint timer;
+    double target_deg;
+    gint32 target_steps;
+    gboolean on_target; /* stands at target_steps, which is target_deg but for rounding */
+    double position_deg;
+};
+
+struct status {
+    int state, flags, errors;
+    gint32 target, position, velocity;
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct tic, name)
+
+static const char *const homings[] = {"reverse", "forward", "here", NULL};
+
+static const struct option options[] = {
+    {"serial", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(serial),
+     "Serial number; may be left out if only one Tic is plugged in"},
+    {"path", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
+     "Where it is plugged in: bus-port, with .port at each hub, as in 1-2.4"},
+    {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
+     "Microsteps in a degree of the axis, its gear included"},
+    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(wraps),
+     "Turns on without end, so that it has no limits and goes the short way"},
+    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(min_deg), "Lower limit"},
+    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(max_deg), "Upper limit"},
+    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "20", NULL, FIELD(speed_deg_s),
+     "Top speed"},
+    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "40", NULL, FIELD(accel_deg_s2),
+     "Acceleration, also to stop"},
+    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(backlash_deg),
+     "Lost motion, taken up by always arriving from below"},
+    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(settle_ms),
+     "From arrival until the load is still"},
+    {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
+     "Towards which limit switch it homes; here: no switch, where it stands becomes home_deg"},
+    {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
+     "Position at the end of homing"},
+    {"poll_ms", OPTION_INT, "ms", 1, 250, "20", NULL, FIELD(poll_ms),
+     "How often it is asked where it is while it moves, which also keeps its command timeout from "
+     "stopping it"},
+    {NULL},
+};
+
+static const guint16 products[] = {0x00b3 /* T825 */, 0x00b5 /* T834 */, 0x00bd /* T500 */,
+                                   0x00c9 /* T249 */, 0x00cb /* 36v4 */, 0};
+
+/* By bit of the error status. */
+static const char *const error_texts[] = {
+    "it was de-energized",
+    "its motor driver reports an error; check motor, wiring and temperature",
+    "its motor supply is too low; check the power supply",
+    "its kill switch is active",
+    "its required input is invalid",
+    "it reports a serial error",
+    "its command timeout stopped it, since it was not asked for too long",
+    "a safe start violation: something else halted it",
+    "its ERR line is held high by another device",
+};
+
+static gint32 get_i32(const guint8 *data) {
+    return (gint32)((guint32)data[0] | (guint32)data[1] << 8 | (guint32)data[2] << 16 |
+                    (guint32)data[3] << 24);
+}
+
+static char *errors_text(int errors) {
+    for (gsize i = 0; i < G_N_ELEMENTS(error_texts); i++)
+        if (errors & 1 << i)
+            return g_strdup(error_texts[i]);
+    return g_strdup_printf("error status 0x%04x", errors);
+}
+
+static gint64 now_us(const Axis *axis) {
+    return clock_now_us(axis->device.clock);
+}
+
+static void let_go(Axis *axis) {
+    struct tic *tic = axis->device.priv;
+    clock_cancel(axis->device.clock, &tic->timer);
+    g_clear_pointer(&tic->usb, usb_close);
+    tic->asked = FALSE;
+}
+
+/* Last in its caller: the listener may close the axis. Takes the error. */
+static void fault(Axis *axis, GError *error) {
+    struct tic *tic = axis->device.priv;
+    tic->phase = STANDING;
+    tic->watched = FALSE;
+    clock_cancel(axis->device.clock, &tic->timer);
+    if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED))
+        let_go(axis);
+    axis_report(axis, AXIS_FAULT, error);
+}
+
+static void on_lost(UsbDevice *usb, gpointer data) {
+    Axis *axis = data;
+    fault(axis,
+          g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                      "axis %s: unplugged; plug it in again, then home it", axis->device.name));
+}
+
+static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
+                    gpointer user) {
+    Axis *axis = user;
+    struct tic *tic = axis->device.priv;
+    /* Once it stands because of one failure, the others of the same cause are not told. */
+    if (error && (tic->phase != STANDING || tic->watched))
+        fault(axis, g_error_copy(error));
+}
+
+static gboolean send(Axis *axis, enum request request, gint32 value, GError **error) {
+    struct tic *tic = axis->device.priv;
+    struct usb_request out = {TYPE_OUT, (guint8)request, (guint16)((guint32)value & 0xffff),
+                              (guint16)((guint32)value >> 16)};
+    return usb_control(tic->usb, &out, ANSWER_MS, on_sent, axis, error);
+}
+
+static void ended(Axis *axis, enum axis_event event) {
+    struct tic *tic = axis->device.priv;
+    tic->phase = STANDING;
+    axis_report(axis, event, NULL);
+}
+
+static void broke_down(Axis *axis, enum device_error code, const char *why) {
+    struct tic *tic = axis->device.priv;
+    /* It may still turn; the answer is not waited for. */
+    send(axis, HALT_AND_HOLD, 0, NULL);
+    fault(axis, g_error_new(DEVICE_ERROR, (int)code, "axis %s: at %.3f°: %s; then home it",
+                            axis->device.name, tic->position_deg, why));
+}
+
+static gboolean ran_into_limit(const struct tic *tic, const struct status *status) {
+    gboolean up = tic->target_deg > tic->position_deg;
+    return tic->phase == MOVING &&
+           status->flags & (up ? FORWARD_LIMIT_ACTIVE : REVERSE_LIMIT_ACTIVE);
+}
+
+/* Whether something is wrong that ends the movement; has told so then. */
+static gboolean is_broken(Axis *axis, const struct status *status) {
+    struct tic *tic = axis->device.priv;
+    gboolean late = now_us(axis) > tic->start_us + GRACE_US;
+    if (!status->errors && status->state == STATE_NORMAL)
+        tic->was_well = TRUE;
+    if (ran_into_limit(tic, status)) {
+        broke_down(axis, DEVICE_ERROR_STALLED,
+                   "ran into a limit switch; check min_deg, max_deg and steps_per_deg");
+        return TRUE;
+    }
+    if (status->errors && (tic->was_well || late)) {
+        g_autofree char *why = errors_text(status->errors);
+        broke_down(axis, DEVICE_ERROR_STALLED, why);
+        return TRUE;
+    }
+    if (tic->phase != HOMING && status->flags & POSITION_UNCERTAIN) {
+        broke_down(axis, DEVICE_ERROR_STALLED,
+                   "its position has become uncertain: it was halted or reset; see what did that");
+        return TRUE;
+    }
+    return FALSE;
+}
+
+static void look_at_homing(Axis *axis, const struct status *status) {
+    struct tic *tic = axis->device.priv;
+    gboolean late = now_us(axis) > tic->start_us + GRACE_US;
+    if (status->flags & HOMING_ACTIVE)
+        return;
+    if (!(status->flags & POSITION_UNCERTAIN) && status->velocity == 0) {
+        tic->watched = TRUE;
+        tic->on_target = TRUE;
+        tic->target_deg = tic->home_deg;
+        tic->target_steps = status->position;
+        ended(axis, AXIS_HOMED);
+    } else if (late && status->flags & POSITION_UNCERTAIN) {
+        broke_down(axis, DEVICE_ERROR_STALLED,
+                   "homing ended without its limit switch; check the switch and its settings");
+    }
+}
+
+static void look_at_move(Axis *axis, const struct status *status) {
+    struct tic *tic = axis->device.priv;
+    if (status->target == tic->target_steps && status->position == tic->target_steps &&
+        status->velocity == 0) {
+        tic->on_target = TRUE;
+        ended(axis, AXIS_ARRIVED);
+    }
+}
+
+static void look(Axis *axis, const struct status *status) {
+    struct tic *tic = axis->device.priv;
+    tic->position_deg = tic->home_deg + status->position / tic->steps_per_deg;
+    if (tic->n_asked != tic->n_started)
+        return;
+    if (tic->phase == STOPPING && status->velocity == 0)
+        ended(axis, AXIS_STOPPED);
+    else if (tic->phase == STOPPING || is_broken(axis, status))
+        return;
+    else if (tic->phase == HOMING)
+        look_at_homing(axis, status);
+    else if (tic->phase == MOVING)
+        look_at_move(axis, status);
+}
+
+static gboolean read_status(const guint8 *data, gsize n, struct status *ret) {
+    if (n != VARIABLES_SIZE)
+        return FALSE;
+    *ret = (struct status){
+        .state = data[OPERATION_STATE],
+        .flags = data[MISC_FLAGS_1],
+        .errors = data[ERROR_STATUS] | data[ERROR_STATUS + 1] << 8,
+        .target = get_i32(data + TARGET_POSITION),
+        .position = get_i32(data + CURRENT_POSITION),
+        .velocity = get_i32(data + CURRENT_VELOCITY),
+    };
+    return TRUE;
+}
+
+static void wake(Axis *axis);
+
+static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
+                      gpointer user) {
+    Axis *axis = user;
+    struct tic *tic = axis->device.priv;
+    struct status status;
+    tic->asked = FALSE;
+    if (tic->phase == STANDING && !tic->watched)
+        return;
+    if (error) {
+        fault(axis, g_error_copy(error));
+    } else if (!read_status(data, n, &status)) {
+        fault(axis,
+              g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                          "axis %s: answered %d bytes of %d; check its firmware, then home it",
+                          axis->device.name, (int)n, VARIABLES_SIZE));
+    } else {
+        wake(axis);
+        look(axis, &status);
+    }
+}
+
+static const struct usb_request get_status = {TYPE_IN,         GET_VARIABLE, 0,
+                                              OPERATION_STATE, NULL,         VARIABLES_SIZE};
+
+static void on_timer(gpointer data) {
+    Axis *axis = data;
+    struct tic *tic = axis->device.priv;
+    GError *error = NULL;
+    tic->timer = 0;
+    if (tic->asked)
+        return;
+    tic->asked = TRUE;
+    tic->n_asked = tic->n_started;
+    if (!send(axis, RESET_COMMAND_TIMEOUT, 0, &error) ||
+        !usb_control(tic->usb, &get_status, ANSWER_MS, on_status, axis, &error)) {
+        tic->asked = FALSE;
+        fault(axis, error);
+    }
+}
+
+static void wake(Axis *axis) {
+    struct tic *tic = axis->device.priv;
+    gint64 period_ms = tic->phase == STANDING ? MAX(STANDING_MS, tic->poll_ms) : tic->poll_ms;
+    clock_cancel(axis->device.clock, &tic->timer);
+    tic->timer = clock_call_in(axis->device.clock, period_ms * 1000, on_timer, axis);
+}
+
+static gint32 speed_units(const struct tic *tic) {
+    return (gint32)MAX(1, llround(tic->speed_deg_s * tic->steps_per_deg * SPEED_UNITS));
+}
+
+static gint32 accel_units(const struct tic *tic) {
+    return (gint32)llround(tic->accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
+}
+
+static void started(Axis *axis, enum phase phase) {
+    struct tic *tic = axis->device.priv;
+    tic->phase = phase;
+    tic->on_target = FALSE;
+    tic->was_well = FALSE;
+    tic->n_started++;
+    tic->start_us = now_us(axis);
+    wake(axis);
+}
+
+static gboolean check_plugged(Axis *axis, GError **error) {
+    struct tic *tic = axis->device.priv;
+    if (tic->usb)
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                "axis %s: not plugged in; plug it in, then home it", axis->device.name);
+    return FALSE;
+}
+
+static gboolean set_up(Axis *axis, GError **error) {
+    const struct tic *tic = axis->device.priv;
+    return send(axis, CLEAR_DRIVER_ERROR, 0, error) && send(axis, ENERGIZE, 0, error) &&
+           send(axis, SET_MAX_SPEED, speed_units(tic), error) &&
+           send(axis, SET_MAX_ACCEL, accel_units(tic), error) &&
+           send(axis, SET_MAX_DECEL, accel_units(tic), error) &&
+           send(axis, EXIT_SAFE_START, 0, error);
+}
+
+/* Halted first, since that makes the position uncertain: when it is certain again, it has homed. */
+static gboolean set_off_home(Axis *axis, GError **error) {
+    const struct tic *tic = axis->device.priv;
+    if (!send(axis, HALT_AND_HOLD, 0, error))
+        return FALSE;
+    if (tic->homing == HOMING_HERE)
+        return send(axis, HALT_AND_SET_POSITION, 0, error);
+    return send(axis, GO_HOME, tic->homing == HOMING_FORWARD, error);
+}
+
+static gboolean connect_usb(Axis *axis, GError **error);
+
+static gboolean home(Axis *axis, GError **error) {
+    struct tic *tic = axis->device.priv;
+    if (!tic->usb && !connect_usb(axis, error))
+        return FALSE;
+    if (!set_up(axis, error) || !set_off_home(axis, error))
+        return FALSE;
+    started(axis, HOMING);
+    return TRUE;
+}
+
+static gboolean move(Axis *axis, double target_deg, GError **error) {
+    struct tic *tic = axis->device.priv;
+    double steps = round((target_deg - tic->home_deg) * tic->steps_per_deg);
+    if (!check_plugged(axis, error))
+        return FALSE;
+    if (fabs(steps) > MAX_STEPS) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "axis %s: %g° is further than the Tic can count; home it again",
+                    axis->device.name, target_deg);
+        return FALSE;
+    }
+    if (!send(axis, EXIT_SAFE_START, 0, error) ||
+        !send(axis, SET_TARGET_POSITION, (gint32)steps, error))
+        return FALSE;
+    tic->target_deg = target_deg;
+    tic->target_steps = (gint32)steps;
+    started(axis, MOVING);
+    return TRUE;
+}
+
+/* By a target velocity of 0 it brakes as set and its position stays known; a halt would lose it. */
+static gboolean stop(Axis *axis, GError **error) {
+    struct tic *tic = axis->device.priv;
+    if (!check_plugged(axis, error))
+        return FALSE;
+    gboolean homing = tic->phase == HOMING;
+    if (!send(axis, homing ? HALT_AND_HOLD : SET_TARGET_VELOCITY, 0, error))
+        return FALSE;
+    started(axis, STOPPING);
+    return TRUE;
+}
+
+static double position(Axis *axis) {
+    const struct tic *tic = axis->device.priv;
+    return tic->on_target ? tic->target_deg : tic->position_deg;
+}
+
+static gboolean get_setting(Axis *axis, enum setting setting, guint16 length, guint8 *ret,
+                            GError **error) {
+    struct tic *tic = axis->device.priv;
+    struct usb_request request = {TYPE_IN, GET_SETTING, 0, (guint16)setting, NULL, length};
+    int n = usb_control_sync(tic->usb, &request, ret, error);
+    if (n == length)
+        return TRUE;
+    if (n >= 0)
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                    "axis %s: answered %d bytes of %d; check its firmware", axis->device.name, n,
+                    length);
+    return FALSE;
+}
+
+/* Both are stored in the Tic; what they should be is for its owner to write there. */
+static gboolean check_settings(Axis *axis, GError **error) {
+    struct tic *tic = axis->device.priv;
+    guint8 mode, timeout[2];
+    if (!get_setting(axis, CONTROL_MODE, 1, &mode, error) ||
+        !get_setting(axis, COMMAND_TIMEOUT, 2, timeout, error))
+        return FALSE;
+    int timeout_ms = timeout[0] | timeout[1] << 8;
+    if (mode != 0) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "axis %s: its control mode is %d; set it to Serial/I2C/USB with ticgui",
+                    axis->device.name, mode);
+        return FALSE;
+    }
+    int least_ms = 2 * MAX(STANDING_MS, tic->poll_ms);
+    if (timeout_ms < least_ms) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "axis %s: its command timeout is %d ms%s; set it to %d ms or more with ticgui",
+                    axis->device.name, timeout_ms,
+                    timeout_ms ? "" : " (off), so it would turn on if this program died", least_ms);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static const struct usb_request brake = {TYPE_OUT, SET_TARGET_VELOCITY};
+
+static gboolean read_position(Axis *axis, GError **error) {
+    struct tic *tic = axis->device.priv;
+    guint8 data[VARIABLES_SIZE];
+    struct status status;
+    int n = usb_control_sync(tic->usb, &get_status, data, error);
+    if (n < 0)
+        return FALSE;
+    if (!read_status(data, (gsize)n, &status)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                    "axis %s: answered %d bytes of %d; check its firmware", axis->device.name, n,
+                    VARIABLES_SIZE);
+        return FALSE;
+    }
+    tic->position_deg = tic->home_deg + status.position / tic->steps_per_deg;
+    /* Left turning by a program that died: it must stand before anything relies on that. */
+    return status.velocity == 0 || usb_control_sync(tic->usb, &brake, NULL, error) >= 0;
+}
+
+static gboolean connect_usb(Axis *axis, GError **error) {
+    struct tic *tic = axis->device.priv;
+    g_autofree char *who = g_strdup_printf("axis %s", axis->device.name);
+    struct usb_match match = {.who = who,
+                              .vendor = VENDOR,
+                              .products = products,
+                              .interface_class = CLASS_TIC,
+                              .serial = tic->serial,
+                              .path = tic->path};
+    tic->usb = usb_open(&match, on_lost, axis, error);
+    if (!tic->usb)
+        return FALSE;
+    if (check_settings(axis, error) && read_position(axis, error))
+        return TRUE;
+    let_go(axis);
+    return FALSE;
+}
+
+static gboolean check_options(const Axis *axis, GError **error) {
+    const struct tic *tic = axis->device.priv;
+    double speed = tic->speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
+    double accel = tic->accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
+    if (speed <= MAX_SPEED && accel >= MIN_ACCEL && accel <= MAX_STEPS)
+        return TRUE;
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                "axis %s: %g microsteps/s and %g microsteps/s² are outside what a Tic does, "
+                "up to %g and %g to %g; change speed_deg_s, accel_deg_s2 or steps_per_deg",
+                axis->device.name, speed / SPEED_UNITS, accel / ACCEL_UNITS,
+                MAX_SPEED / SPEED_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
+    return FALSE;
+}
+
+static gboolean open_axis(Axis *axis, GError **error) {
+    struct tic *tic = axis->device.priv;
+    if (!check_options(axis, error) || !connect_usb(axis, error))
+        return FALSE;
+    axis->motion = (struct axis_motion){
+        .min_deg = tic->min_deg,
+        .max_deg = tic->max_deg,
+        .wraps = tic->wraps,
+        .speed_deg_s = tic->speed_deg_s,
+        .accel_deg_s2 = tic->accel_deg_s2,
+        .backlash_deg = tic->backlash_deg,
+        .settle_s = tic->settle_ms / 1000,
+    };
+    return TRUE;
+}
+
+static void close_axis(Axis *axis) {
+    struct tic *tic = axis->device.priv;
+    if (tic->usb && tic->phase != STANDING)
+        usb_control_sync(tic->usb, &brake, NULL, NULL);
+    let_go(axis);
+}
+
+const struct axis_driver tic_axis_driver = {
+    .info = {"axis", "tic-axis",
+             "An axis turned by a stepper motor on a Pololu Tic (T825, T834, T500, T249, 36v4)",
+             options, sizeof(struct tic)},
+    .open = open_axis,
+    .close = close_axis,
+    .home = home,
+    .move = move,
+    .stop = stop,
+    .position = position,
+};

@@ -1,0 +1,6 @@
+/* Pololu Tic stepper controllers, spoken to over USB. */
+#pragma once
+
+#include "drivers/axis.h"
+
+extern const struct axis_driver tic_axis_driver;

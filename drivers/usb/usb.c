@@ -1,0 +1,542 @@
+#include "usb.h"
+
+#include "drivers/device.h"
+
+#include <libusb.h>
+#include <string.h>
+
+#define CLOSE_US G_USEC_PER_SEC
+
+struct transfer {
+    UsbDevice *usb;
+    struct libusb_transfer *libusb;
+    UsbFunc func;
+    gpointer user;
+};
+
+/* One for the process while any device is open. */
+struct context {
+    int refs;
+    libusb_context *libusb;
+    libusb_hotplug_callback_handle hotplug;
+    GSource *source;
+    GHashTable *tags; /* file descriptor -> tag of the source */
+    GQueue done;      /* of struct transfer, ended but not told */
+    GList *devices;
+};
+
+struct context_source {
+    GSource base;
+    struct context *context;
+};
+
+struct UsbDevice {
+    struct context *context;
+    libusb_device_handle *handle;
+    char *who, *product, *serial;
+    int interface; /* -1: none is claimed */
+    GList *flying; /* of struct transfer */
+    UsbLostFunc lost_func;
+    gpointer user;
+    gboolean lost, told;
+};
+
+static struct context *shared;
+
+static void transfer_free(struct transfer *transfer) {
+    libusb_free_transfer(transfer->libusb);
+    g_free(transfer);
+}
+
+static GError *make_error(const UsbDevice *usb, int code, const char *what) {
+    return g_error_new(DEVICE_ERROR, code, "%s: %s", usb->who, what);
+}
+
+static GError *library_error(UsbDevice *usb, int code) {
+    switch (code) {
+    case LIBUSB_ERROR_NO_DEVICE:
+        usb->lost = TRUE;
+        return make_error(usb, DEVICE_ERROR_DISCONNECTED,
+                          "unplugged, or its power is gone; check its cable");
+    case LIBUSB_ERROR_TIMEOUT:
+        return make_error(usb, DEVICE_ERROR_TIMEOUT,
+                          "did not answer in time; check its cable and power");
+    case LIBUSB_ERROR_PIPE:
+        return make_error(usb, DEVICE_ERROR_PROTOCOL,
+                          "refused a request (stall); check that its firmware is the maker's");
+    case LIBUSB_ERROR_BUSY:
+        return make_error(usb, DEVICE_ERROR_BUSY,
+                          "another program uses it, or another section names it differently");
+    case LIBUSB_ERROR_ACCESS:
+        return make_error(usb, DEVICE_ERROR_UNSUPPORTED,
+                          "may not be opened by this user; install etc/udev/60-mesorig.rules");
+    default:
+        return g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                           "%s: USB failed: %s; check its cable", usb->who, libusb_strerror(code));
+    }
+}
+
+static int status_code(enum libusb_transfer_status status) {
+    switch (status) {
+    case LIBUSB_TRANSFER_COMPLETED:
+        return LIBUSB_SUCCESS;
+    case LIBUSB_TRANSFER_TIMED_OUT:
+        return LIBUSB_ERROR_TIMEOUT;
+    case LIBUSB_TRANSFER_STALL:
+        return LIBUSB_ERROR_PIPE;
+    case LIBUSB_TRANSFER_NO_DEVICE:
+        return LIBUSB_ERROR_NO_DEVICE;
+    case LIBUSB_TRANSFER_OVERFLOW:
+        return LIBUSB_ERROR_OVERFLOW;
+    case LIBUSB_TRANSFER_CANCELLED:
+        return LIBUSB_ERROR_INTERRUPTED;
+    default:
+        return LIBUSB_ERROR_IO;
+    }
+}
+
+static void tell(struct transfer *transfer) {
+    UsbDevice *usb = transfer->usb;
+    int code = status_code(transfer->libusb->status);
+    g_autoptr(GError) error = code ? library_error(usb, code) : NULL;
+    gsize n = error ? 0 : (gsize)transfer->libusb->actual_length;
+    transfer->func(usb, libusb_control_transfer_get_data(transfer->libusb), n, error,
+                   transfer->user);
+    transfer_free(transfer);
+}
+
+static UsbDevice *next_lost(const struct context *context) {
+    for (GList *l = context->devices; l; l = l->next) {
+        UsbDevice *usb = l->data;
+        if (usb->lost && !usb->told)
+            return usb;
+    }
+    return NULL;
+}
+
+static gboolean has_news(const struct context *context) {
+    return !g_queue_is_empty((GQueue *)&context->done) || next_lost(context);
+}
+
+/* libusb keeps its deadlines by a timerfd on Linux; asked all the same. */
+static gboolean prepare(GSource *source, gint *timeout) {
+    struct context *context = ((struct context_source *)source)->context;
+    struct timeval next;
+    *timeout = -1;
+    if (!libusb_pollfds_handle_timeouts(context->libusb) &&
+        libusb_get_next_timeout(context->libusb, &next) == 1)
+        *timeout = (gint)(next.tv_sec * 1000 + next.tv_usec / 1000 + 1);
+    return has_news(context);
+}
+
+static gboolean check(GSource *source) {
+    struct context *context = ((struct context_source *)source)->context;
+    GHashTableIter iter;
+    gpointer tag;
+    g_hash_table_iter_init(&iter, context->tags);
+    while (g_hash_table_iter_next(&iter, NULL, &tag))
+        if (g_source_query_unix_fd(source, tag))
+            return TRUE;
+    struct timeval next;
+    return has_news(context) ||
+           (libusb_get_next_timeout(context->libusb, &next) == 1 && !next.tv_sec && !next.tv_usec);
+}
+
+static void context_unref(struct context *context);
+
+/* Who is told may close any device. */
+static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+    struct context *context = ((struct context_source *)source)->context;
+    struct timeval zero = {0};
+    struct transfer *transfer;
+    UsbDevice *usb;
+    context->refs++;
+    libusb_handle_events_timeout_completed(context->libusb, &zero, NULL);
+    while ((transfer = g_queue_pop_head(&context->done)))
+        tell(transfer);
+    while ((usb = next_lost(context)) && !usb->flying) {
+        usb->told = TRUE;
+        usb->lost_func(usb, usb->user);
+    }
+    context_unref(context);
+    return G_SOURCE_CONTINUE;
+}
+
+static GSourceFuncs source_funcs = {.prepare = prepare, .check = check, .dispatch = dispatch};
+
+static void LIBUSB_CALL on_fd_added(int fd, short events, void *data) {
+    struct context *context = data;
+    gpointer tag = g_source_add_unix_fd(context->source, fd, (GIOCondition)events);
+    g_hash_table_insert(context->tags, GINT_TO_POINTER(fd), tag);
+}
+
+static void LIBUSB_CALL on_fd_removed(int fd, void *data) {
+    struct context *context = data;
+    gpointer tag = g_hash_table_lookup(context->tags, GINT_TO_POINTER(fd));
+    if (tag)
+        g_source_remove_unix_fd(context->source, tag);
+    g_hash_table_remove(context->tags, GINT_TO_POINTER(fd));
+}
+
+static int LIBUSB_CALL on_left(libusb_context *unused, libusb_device *device,
+                               libusb_hotplug_event event, void *data) {
+    struct context *context = data;
+    for (GList *l = context->devices; l; l = l->next) {
+        UsbDevice *usb = l->data;
+        if (libusb_get_device(usb->handle) == device)
+            usb->lost = TRUE;
+    }
+    return 0;
+}
+
+static void watch(struct context *context) {
+    const struct libusb_pollfd **fds = libusb_get_pollfds(context->libusb);
+    for (int i = 0; fds && fds[i]; i++)
+        on_fd_added(fds[i]->fd, fds[i]->events, context);
+    libusb_free_pollfds(fds);
+    libusb_set_pollfd_notifiers(context->libusb, on_fd_added, on_fd_removed, context);
+    libusb_hotplug_register_callback(context->libusb, LIBUSB_HOTPLUG_EVENT_DEVICE_LEFT, 0,
+                                     LIBUSB_HOTPLUG_MATCH_ANY, LIBUSB_HOTPLUG_MATCH_ANY,
+                                     LIBUSB_HOTPLUG_MATCH_ANY, on_left, context, &context->hotplug);
+}
+
+static struct context *context_ref(const char *who, GError **error) {
+    if (shared) {
+        shared->refs++;
+        return shared;
+    }
+    struct context *context = g_new0(struct context, 1);
+    int code = libusb_init(&context->libusb);
+    if (code) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "%s: USB cannot be used here: %s; see that /dev/bus/usb exists", who,
+                    libusb_strerror(code));
+        g_free(context);
+        return NULL;
+    }
+    context->refs = 1;
+    context->tags = g_hash_table_new(NULL, NULL);
+    context->source = g_source_new(&source_funcs, sizeof(struct context_source));
+    ((struct context_source *)context->source)->context = context;
+    g_source_set_name(context->source, "mesorig usb");
+    watch(context);
+    g_source_attach(context->source, NULL);
+    shared = context;
+    return context;
+}
+
+static void context_unref(struct context *context) {
+    if (--context->refs > 0)
+        return;
+    shared = NULL;
+    libusb_hotplug_deregister_callback(context->libusb, context->hotplug);
+    libusb_set_pollfd_notifiers(context->libusb, NULL, NULL, NULL);
+    g_source_destroy(context->source);
+    g_source_unref(context->source);
+    libusb_exit(context->libusb);
+    g_hash_table_unref(context->tags);
+    g_free(context);
+}
+
+/* From libusb, perhaps in the middle of another device's request: only noted. */
+static void LIBUSB_CALL on_transfer(struct libusb_transfer *libusb) {
+    struct transfer *transfer = libusb->user_data;
+    UsbDevice *usb = transfer->usb;
+    usb->flying = g_list_remove(usb->flying, transfer);
+    g_queue_push_tail(&usb->context->done, transfer);
+}
+
+gboolean usb_control(UsbDevice *usb, const struct usb_request *request, guint timeout_ms,
+                     UsbFunc func, gpointer user, GError **error) {
+    gboolean out = !(request->type & LIBUSB_ENDPOINT_IN);
+    struct transfer *transfer = g_new0(struct transfer, 1);
+    *transfer = (struct transfer){usb, libusb_alloc_transfer(0), func, user};
+    /* libusb frees it with free(). */
+    guint8 *buffer = calloc(1, LIBUSB_CONTROL_SETUP_SIZE + (gsize)request->length);
+    if (!transfer->libusb || !buffer)
+        g_error("%s: out of memory", usb->who);
+    libusb_fill_control_setup(buffer, request->type, request->request, request->value,
+                              request->index, request->length);
+    if (out && request->data)
+        memcpy(buffer + LIBUSB_CONTROL_SETUP_SIZE, request->data, request->length);
+    libusb_fill_control_transfer(transfer->libusb, usb->handle, buffer, on_transfer, transfer,
+                                 timeout_ms);
+    transfer->libusb->flags = LIBUSB_TRANSFER_FREE_BUFFER;
+    int code = usb->lost ? LIBUSB_ERROR_NO_DEVICE : libusb_submit_transfer(transfer->libusb);
+    if (code == 0) {
+        usb->flying = g_list_append(usb->flying, transfer);
+        return TRUE;
+    }
+    transfer_free(transfer);
+    g_propagate_error(error, library_error(usb, code));
+    return FALSE;
+}
+
+int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *answer,
+                     GError **error) {
+    g_autofree guint8 *sent = g_malloc0(MAX(request->length, 1));
+    gboolean in = request->type & LIBUSB_ENDPOINT_IN;
+    if (!in && request->data)
+        memcpy(sent, request->data, request->length);
+    int n = usb->lost ? LIBUSB_ERROR_NO_DEVICE
+                      : libusb_control_transfer(usb->handle, request->type, request->request,
+                                                request->value, request->index, in ? answer : sent,
+                                                request->length, USB_SYNC_MS);
+    if (n >= 0)
+        return n;
+    g_propagate_error(error, library_error(usb, n));
+    return -1;
+}
+
+/* Waits for the kernel to give the transfers back, which it does at once. */
+static gboolean cancel_all(UsbDevice *usb) {
+    gint64 limit = g_get_monotonic_time() + CLOSE_US;
+    for (GList *l = usb->flying; l; l = l->next)
+        libusb_cancel_transfer(((struct transfer *)l->data)->libusb);
+    while (usb->flying && g_get_monotonic_time() < limit) {
+        struct timeval some = {0, 10000};
+        libusb_handle_events_timeout_completed(usb->context->libusb, &some, NULL);
+    }
+    for (GList *l = usb->context->done.head, *next; l; l = next) {
+        struct transfer *transfer = l->data;
+        next = l->next;
+        if (transfer->usb == usb) {
+            g_queue_delete_link(&usb->context->done, l);
+            transfer_free(transfer);
+        }
+    }
+    return usb->flying == NULL;
+}
+
+void usb_close(UsbDevice *usb) {
+    if (!usb)
+        return;
+    gboolean idle = cancel_all(usb);
+    usb->context->devices = g_list_remove(usb->context->devices, usb);
+    if (!idle) {
+        g_warning("%s: the kernel did not give its USB requests back; they are left to it",
+                  usb->who);
+        return;
+    }
+    if (usb->interface >= 0)
+        libusb_release_interface(usb->handle, usb->interface);
+    libusb_close(usb->handle);
+    context_unref(usb->context);
+    g_free(usb->who);
+    g_free(usb->product);
+    g_free(usb->serial);
+    g_free(usb);
+}
+
+guint8 usb_interface(const UsbDevice *usb) {
+    return (guint8)usb->interface;
+}
+
+const char *usb_product(const UsbDevice *usb) {
+    return usb->product;
+}
+
+/* Empty if there is none, or it does not say. */
+static char *read_string(UsbDevice *usb, guint8 index) {
+    guint8 answer[255] = {0};
+    struct usb_request request = {LIBUSB_ENDPOINT_IN,
+                                  LIBUSB_REQUEST_GET_DESCRIPTOR,
+                                  (guint16)(LIBUSB_DT_STRING << 8 | index),
+                                  0x0409 /* English */,
+                                  NULL,
+                                  sizeof answer};
+    int n = index ? usb_control_sync(usb, &request, answer, NULL) : -1;
+    n = MIN(n, answer[0]);
+    if (n < 2 || answer[1] != LIBUSB_DT_STRING)
+        return g_strdup("");
+    gunichar2 text[127];
+    int length = (n - 2) / 2;
+    for (int i = 0; i < length; i++)
+        text[i] = (gunichar2)(answer[2 + 2 * i] | answer[3 + 2 * i] << 8);
+    char *utf8 = g_utf16_to_utf8(text, length, NULL, NULL, NULL);
+    return utf8 ? utf8 : g_strdup("");
+}
+
+static char *path_of(libusb_device *device) {
+    guint8 ports[8];
+    int n = libusb_get_port_numbers(device, ports, G_N_ELEMENTS(ports));
+    GString *path = g_string_new(NULL);
+    g_string_printf(path, "%u", libusb_get_bus_number(device));
+    for (int i = 0; i < n; i++)
+        g_string_append_printf(path, "%c%u", i ? '.' : '-', ports[i]);
+    return g_string_free(path, FALSE);
+}
+
+static gboolean is_product(const struct usb_match *match, libusb_device *device,
+                           struct libusb_device_descriptor *ret) {
+    if (libusb_get_device_descriptor(device, ret) || ret->idVendor != match->vendor)
+        return FALSE;
+    for (const guint16 *product = match->products; *product; product++)
+        if (*product == ret->idProduct)
+            return TRUE;
+    return FALSE;
+}
+
+/* The number of the interface of the class wanted, or -1. */
+static int find_interface(libusb_device *device, guint8 class) {
+    struct libusb_config_descriptor *config;
+    int found = -1;
+    if (libusb_get_active_config_descriptor(device, &config))
+        return -1;
+    for (int i = config->bNumInterfaces - 1; i >= 0; i--)
+        if (config->interface[i].num_altsetting > 0 &&
+            config->interface[i].altsetting[0].bInterfaceClass == class)
+            found = config->interface[i].altsetting[0].bInterfaceNumber;
+    libusb_free_config_descriptor(config);
+    return found;
+}
+
+static gboolean claim(UsbDevice *usb, const struct usb_match *match, GError **error) {
+    if (usb->interface >= 0)
+        return TRUE;
+    int number = find_interface(libusb_get_device(usb->handle), match->interface_class);
+    if (number < 0) {
+        g_propagate_error(error, make_error(usb, DEVICE_ERROR_PROTOCOL,
+                                            "has no interface of the kind this driver speaks to; "
+                                            "it is another device, or in its bootloader"));
+        return FALSE;
+    }
+    libusb_set_auto_detach_kernel_driver(usb->handle, 1);
+    int code = libusb_claim_interface(usb->handle, number);
+    if (code) {
+        g_propagate_error(error, library_error(usb, code));
+        return FALSE;
+    }
+    usb->interface = number;
+    return TRUE;
+}
+
+static gboolean has_name(const struct usb_match *match, const UsbDevice *usb) {
+    return !match->product_prefix || g_str_has_prefix(usb->product, match->product_prefix);
+}
+
+/* What it calls itself. A serial number that is asked of an interface needs that claimed before. */
+static gboolean identify(UsbDevice *usb, const struct usb_match *match,
+                         const struct libusb_device_descriptor *descriptor, GError **error) {
+    usb->product = read_string(usb, descriptor->iProduct);
+    if (!match->read_serial || !has_name(match, usb)) {
+        usb->serial = read_string(usb, descriptor->iSerialNumber);
+        return TRUE;
+    }
+    if (!claim(usb, match, error))
+        return FALSE;
+    usb->serial = match->read_serial(usb);
+    return TRUE;
+}
+
+/* error is set anew. */
+static UsbDevice *try_open(struct context *context, const struct usb_match *match,
+                           libusb_device *device, const struct libusb_device_descriptor *descriptor,
+                           GError **error) {
+    UsbDevice *usb = g_new0(UsbDevice, 1);
+    usb->who = g_strdup(match->who);
+    usb->interface = -1;
+    usb->context = context;
+    g_clear_error(error);
+    int code = libusb_open(device, &usb->handle);
+    if (code) {
+        g_propagate_error(error, library_error(usb, code));
+        g_free(usb->who);
+        g_free(usb);
+        return NULL;
+    }
+    context->refs++;
+    context->devices = g_list_append(context->devices, usb);
+    if (identify(usb, match, descriptor, error))
+        return usb;
+    usb_close(usb);
+    return NULL;
+}
+
+static gboolean fits(const struct usb_match *match, const UsbDevice *usb) {
+    return has_name(match, usb) &&
+           (!match->serial || !*match->serial || g_strcmp0(usb->serial, match->serial) == 0);
+}
+
+static void add_seen(GString *seen, const UsbDevice *usb, const char *path) {
+    g_string_append_printf(seen, "%s%s (serial \"%s\", path %s)", seen->len ? ", " : "",
+                           *usb->product ? usb->product : "a device", usb->serial, path);
+}
+
+/* All that fit; error is the last failure to open one. */
+static GList *find_all(struct context *context, const struct usb_match *match, GString *seen,
+                       GError **error) {
+    libusb_device **all = NULL;
+    GList *found = NULL;
+    gssize n = libusb_get_device_list(context->libusb, &all);
+    for (gssize i = 0; i < n; i++) {
+        struct libusb_device_descriptor descriptor;
+        if (!is_product(match, all[i], &descriptor))
+            continue;
+        g_autofree char *path = path_of(all[i]);
+        if (match->path && *match->path && strcmp(match->path, path) != 0)
+            continue;
+        UsbDevice *usb = try_open(context, match, all[i], &descriptor, error);
+        if (!usb)
+            continue;
+        add_seen(seen, usb, path);
+        if (fits(match, usb))
+            found = g_list_append(found, usb);
+        else
+            usb_close(usb);
+    }
+    if (n >= 0)
+        libusb_free_device_list(all, 1);
+    return found;
+}
+
+static void close_one(gpointer usb) {
+    usb_close(usb);
+}
+
+/* Takes the list. */
+static UsbDevice *choose(const struct usb_match *match, GList *found, const char *seen,
+                         GError **error) {
+    if (found && !found->next) {
+        UsbDevice *usb = found->data;
+        g_list_free(found);
+        if (claim(usb, match, error))
+            return usb;
+        usb_close(usb);
+        return NULL;
+    }
+    if (found)
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "%s: more than one device fits: %s; say which by serial or path", match->who,
+                    seen);
+    else
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                    "%s: no such device is plugged in (vendor %04x, serial \"%s\", path \"%s\"); "
+                    "found: %s; check its cable, serial and path",
+                    match->who, match->vendor, match->serial ? match->serial : "",
+                    match->path ? match->path : "", *seen ? seen : "none");
+    g_list_free_full(found, close_one);
+    return NULL;
+}
+
+UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer user,
+                    GError **error) {
+    struct context *context = context_ref(match->who, error);
+    if (!context)
+        return NULL;
+    g_autoptr(GString) seen = g_string_new(NULL);
+    GError *refused = NULL;
+    GList *found = find_all(context, match, seen, &refused);
+    UsbDevice *usb = NULL;
+    if (!found && refused)
+        g_propagate_error(error, g_steal_pointer(&refused));
+    else
+        usb = choose(match, found, seen->str, error);
+    g_clear_error(&refused);
+    if (usb) {
+        usb->lost_func = lost;
+        usb->user = user;
+    }
+    context_unref(context);
+    return usb;
+}

@@ -1,0 +1,49 @@
+/*
+ * USB devices that are not there: models behind umockdev's usbfs, which libusb speaks to as to the
+ * kernel's. For tests. A process sees them only with umockdev's library preloaded
+ * (virtual_usb_enter()).
+ *
+ * The models' functions run in umockdev's thread, with the device locked; so do the functions here.
+ */
+#pragma once
+
+#include <glib.h>
+
+typedef struct VirtualUsb VirtualUsb;
+
+struct virtual_usb_class {
+    guint16 vendor, product;
+    const char *name; /* the product's string */
+    const char *serial;
+    const guint8 *config; /* configuration descriptor, with all it contains */
+    gsize config_size;
+    /* A control request: setup has 8 bytes, data setup's length. Returns how many bytes of data are
+     * the answer, or -EPIPE to stall. */
+    int (*control)(gpointer model, const guint8 *setup, guint8 *data);
+};
+
+enum virtual_usb_fault {
+    VIRTUAL_USB_WELL,
+    VIRTUAL_USB_STALLS, /* every request of the class's own */
+    VIRTUAL_USB_SILENT, /* never answers them */
+    VIRTUAL_USB_SHORT,  /* answers half of what it should */
+};
+
+/* Starts the program again with what must be preloaded, unless it is. For main(). */
+void virtual_usb_enter(char **argv);
+
+/* Plugged into port 1 to 9 of bus 1. model must outlive it. */
+VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpointer model);
+void virtual_usb_free(VirtualUsb *usb);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualUsb, virtual_usb_free)
+
+void virtual_usb_unplug(VirtualUsb *usb);
+void virtual_usb_plug(VirtualUsb *usb); /* with a new address, as on a real bus */
+
+/* What is under way is answered (or not) as before. */
+void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
+int virtual_usb_n_requests(VirtualUsb *usb); /* of the class's own, so far */
+
+/* Around looking at, or changing, a model from the test. */
+void virtual_usb_lock(VirtualUsb *usb);
+void virtual_usb_unlock(VirtualUsb *usb);

@@ -1,0 +1,112 @@
+#include "usb_relays.h"
+
+#include <errno.h>
+#include <string.h>
+
+struct VirtualRelays {
+    VirtualUsb *usb;
+    struct virtual_usb_class class;
+    char serial[6];
+    int interface, n;
+    guint state, stuck;
+};
+
+#define INTERFACE(number, n_endpoints, class_) 9, 4, number, 0, n_endpoints, class_, 0, 0, 0
+#define HID                                    9, 0x21, 1, 1, 0, 1, 0x22, 22, 0
+#define INTERRUPT(address)                     7, 5, address, 3, 8, 0, 20
+
+static const guint8 config[] = {
+    9, 2, 34, 0, 1, 1, 0, 0x80, 50, INTERFACE(0, 1, 3), HID, INTERRUPT(0x81)};
+/* Another interface first, and other endpoint addresses. */
+static const guint8 config_second[] = {9,
+                                       2,
+                                       43,
+                                       0,
+                                       2,
+                                       1,
+                                       0,
+                                       0x80,
+                                       50,
+                                       INTERFACE(0, 0, 0xff),
+                                       INTERFACE(1, 1, 3),
+                                       HID,
+                                       INTERRUPT(0x85)};
+
+static void set_relays(VirtualRelays *relays, guint mask, gboolean on) {
+    mask &= ((1u << relays->n) - 1) & ~relays->stuck;
+    relays->state = on ? relays->state | mask : relays->state & ~mask;
+}
+
+static int set_report(VirtualRelays *relays, const guint8 *data) {
+    guint one = data[1] >= 1 && data[1] <= 8 ? 1u << (data[1] - 1) : 0;
+    if (data[0] == 0xff || data[0] == 0xfd)
+        set_relays(relays, one, data[0] == 0xff);
+    else if (data[0] == 0xfe || data[0] == 0xfc)
+        set_relays(relays, 0xff, data[0] == 0xfe);
+    else
+        return -EPIPE;
+    return 8;
+}
+
+static int control(gpointer model, const guint8 *setup, guint8 *data) {
+    VirtualRelays *relays = model;
+    int value = setup[2] | setup[3] << 8, index = setup[4] | setup[5] << 8;
+    int length = setup[6] | setup[7] << 8;
+    if (value != 0x0300 || index != relays->interface || length != 8)
+        return -EPIPE;
+    if (setup[0] == 0x21 && setup[1] == 9)
+        return set_report(relays, data);
+    if (setup[0] != 0xa1 || setup[1] != 1)
+        return -EPIPE;
+    memset(data, 0, 8);
+    memcpy(data, relays->serial, 5);
+    data[7] = (guint8)relays->state;
+    return 8;
+}
+
+VirtualRelays *virtual_relays_new(const char *name, const char *serial, int port, gboolean second) {
+    VirtualRelays *relays = g_new0(VirtualRelays, 1);
+    relays->class =
+        (struct virtual_usb_class){.vendor = 0x16c0,
+                                   .product = 0x05df,
+                                   .name = name,
+                                   .serial = "",
+                                   .config = second ? config_second : config,
+                                   .config_size = second ? sizeof config_second : sizeof config,
+                                   .control = control};
+    g_strlcpy(relays->serial, serial, sizeof relays->serial);
+    relays->interface = second ? 1 : 0;
+    relays->n = name[strlen(name) - 1] - '0';
+    relays->usb = virtual_usb_new(&relays->class, port, relays);
+    return relays;
+}
+
+void virtual_relays_free(VirtualRelays *relays) {
+    if (!relays)
+        return;
+    virtual_usb_free(relays->usb);
+    g_free(relays);
+}
+
+VirtualUsb *virtual_relays_usb(VirtualRelays *relays) {
+    return relays->usb;
+}
+
+guint virtual_relays_state(VirtualRelays *relays) {
+    virtual_usb_lock(relays->usb);
+    guint state = relays->state;
+    virtual_usb_unlock(relays->usb);
+    return state;
+}
+
+void virtual_relays_stick(VirtualRelays *relays, guint mask) {
+    virtual_usb_lock(relays->usb);
+    relays->stuck = mask;
+    virtual_usb_unlock(relays->usb);
+}
+
+void virtual_relays_lose_power(VirtualRelays *relays) {
+    virtual_usb_lock(relays->usb);
+    relays->state = 0;
+    virtual_usb_unlock(relays->usb);
+}

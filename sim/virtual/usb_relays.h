@@ -1,0 +1,19 @@
+/* A USB relay board as its firmware (https://github.com/pavel-a/usb-relay-hid) has it, for tests.
+ */
+#pragma once
+
+#include "usb_device.h"
+
+typedef struct VirtualRelays VirtualRelays;
+
+/* name: "USBRelay4" for a board; any other for something else with the same ids. second: its HID
+ * interface is number 1, behind another. */
+VirtualRelays *virtual_relays_new(const char *name, const char *serial, int port, gboolean second);
+void virtual_relays_free(VirtualRelays *relays);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRelays, virtual_relays_free)
+
+VirtualUsb *virtual_relays_usb(VirtualRelays *relays);
+
+guint virtual_relays_state(VirtualRelays *relays);            /* a bit a relay */
+void virtual_relays_stick(VirtualRelays *relays, guint mask); /* these no longer switch */
+void virtual_relays_lose_power(VirtualRelays *relays);        /* as when unplugged: all fall off */

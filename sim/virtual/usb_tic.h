@@ -1,0 +1,31 @@
+/*
+ * A Pololu Tic with a motor, a load and two limit switches, for tests: what the user's guide
+ * (https://www.pololu.com/docs/0J71) says of states, errors and homing in the control mode
+ * "Serial / I2C / USB", in real time.
+ */
+#pragma once
+
+#include "usb_device.h"
+
+typedef struct VirtualTic VirtualTic;
+
+/* The motor may turn from 0 to travel steps between its switches, and stands at `at` with its power
+ * just come. travel 0: no switches, no ends. */
+VirtualTic *virtual_tic_new(const char *serial, int port, double travel, double at);
+void virtual_tic_free(VirtualTic *tic);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualTic, virtual_tic_free)
+
+VirtualUsb *virtual_tic_usb(VirtualTic *tic);
+
+/* What its owner set with Pololu's own programs. */
+void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);
+
+void virtual_tic_enter_safe_start(VirtualTic *tic); /* as by another program */
+void virtual_tic_lose_steps(VirtualTic *tic);       /* the position becomes uncertain */
+void virtual_tic_block_switch(VirtualTic *tic, gboolean blocked); /* forward: stays pressed */
+void virtual_tic_cut_switches(VirtualTic *tic);                   /* homing never finds any */
+
+double virtual_tic_steps(VirtualTic *tic);     /* where the motor truly is */
+double virtual_tic_speed(VirtualTic *tic);     /* steps a second */
+double virtual_tic_top_speed(VirtualTic *tic); /* the fastest it ever was */
+gboolean virtual_tic_has_timed_out(VirtualTic *tic);
