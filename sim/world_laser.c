@@ -98,29 +98,36 @@ static void add_share(struct laser_light *light, double angle, double amplitude,
         g_array_append_val(light->shares, share);
 }
 
-static void add_direct(struct laser_light *light, const struct point *points, int n) {
-    const struct surface *surfaces[SCENE_BATCH] = {NULL};
+static void add_direct(struct laser_light *light, const struct view *view, guint first) {
+    struct surface surfaces[SCENE_BATCH];
+    const struct surface *pointers[SCENE_BATCH] = {NULL};
     guint8 blocked[SCENE_BATCH];
-    for (int i = 0; i < n; i++)
-        surfaces[i] = &points[i].surface;
-    scene_shadow(&light->world->scene, light->laser.position_mm, surfaces, n, blocked);
+    const struct point *points = view->points + first;
+    int n = (int)MIN(SCENE_BATCH, view->n - first);
+    for (int i = 0; i < n; i++) {
+        world_unpack(&points[i], &surfaces[i]);
+        pointers[i] = &surfaces[i];
+    }
+    scene_shadow(&light->world->scene, light->laser.position_mm, pointers, n, blocked);
     for (int i = 0; i < n; i++) {
         if (blocked[i])
             continue;
-        const struct surface *s = surfaces[i];
+        const struct surface *s = &surfaces[i];
         struct v3 p = v3(s->p[0], s->p[1], s->p[2]);
         enum cfa_colour colour = pixel_colour(light->camera, points[i].pixel);
         double e = optics_laser_peak(&light->laser, p) * light->laser.colour[colour];
         float f = scene_reflect(s, light->laser.position_mm, light->eye_mm, colour);
-        add_share(light, optics_laser_angle(&light->laser, p), e * f * points[i].weight,
-                  points[i].pixel);
+        add_share(light, optics_laser_angle(&light->laser, p),
+                  e * f * view->weights[points[i].pixel], points[i].pixel);
     }
 }
 
 /* Light by one bounce is smooth: once a pixel, from the vertex nearest to its first sample. */
 static void add_bounce(struct laser_light *light, const struct point *point, float weight) {
     const struct scene *scene = &light->world->scene;
-    const struct surface *s = &point->surface;
+    struct surface unpacked;
+    world_unpack(point, &unpacked);
+    const struct surface *s = &unpacked;
     const guint32 *corners = scene->triangles[s->triangle];
     float w = 1 - s->u - s->v;
     guint32 vertex = w >= s->u && w >= s->v ? corners[0] : s->u >= s->v ? corners[1] : corners[2];
@@ -145,10 +152,10 @@ static void add_bounces(struct laser_light *light, const struct view *view) {
         float weight = 0;
         guint32 pixel = view->points[i].pixel;
         for (; i < view->n && view->points[i].pixel == pixel; i++) {
-            if (view->points[i].surface.triangle == NO_TRIANGLE)
+            if (view->points[i].triangle == NO_TRIANGLE)
                 continue;
             first = first ? first : &view->points[i];
-            weight += view->points[i].weight;
+            weight += view->weights[pixel];
         }
         if (first)
             add_bounce(light, first, weight);
@@ -204,7 +211,7 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
         .shares = shares,
     };
     for (guint i = 0; i < view->n; i += SCENE_BATCH)
-        add_direct(&light, view->points + i, (int)MIN(SCENE_BATCH, view->n - i));
+        add_direct(&light, view, i);
     add_bounces(&light, view);
     cache_release(world->cache, entry);
     cache_release(world->cache, vertices);

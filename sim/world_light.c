@@ -53,26 +53,30 @@ static float pixel_weight(const struct optics_camera *camera, int x, int y) {
     return (float)optics_response(camera, x, y, cfa_colour_at(camera->cfa, x, y));
 }
 
-static void add_point(GArray *points, const struct surface *surface, guint32 pixel, float weight) {
-    struct point point = {.surface = *surface, .pixel = pixel, .weight = weight};
+static void add_point(GArray *points, const struct surface *surface, enum cfa_colour colour,
+                      guint32 pixel) {
+    struct point point;
+    world_pack(surface, colour, pixel, &point);
     g_array_append_val(points, point);
 }
 
 /* Turntable alone has no detail: one sample a pixel is as good as many. */
 static void add_pixel(const struct view_job *job, const struct tracer *row, int x, int y,
-                      GArray *points) {
+                      GArray *points, float *ret_weight) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int n = job->world->supersample * job->world->supersample, sample = 0;
     const struct surface *surfaces = row->surfaces + x * n;
     const gboolean *hit = row->hit + x * n;
     for (int i = 0; i < n; i++)
         sample += hit[i] && surfaces[i].triangle != NO_TRIANGLE;
-    float weight = pixel_weight(camera, x, y);
+    enum cfa_colour colour = cfa_colour_at(camera->cfa, x, y);
+    *ret_weight = pixel_weight(camera, x, y);
     guint32 pixel = (guint32)(y * camera->width + x);
     if (sample > 0) {
+        *ret_weight /= (float)n;
         for (int i = 0; i < n; i++)
             if (hit[i])
-                add_point(points, &surfaces[i], pixel, weight / (float)n);
+                add_point(points, &surfaces[i], colour, pixel);
         return;
     }
     struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
@@ -81,7 +85,7 @@ static void add_pixel(const struct view_job *job, const struct tracer *row, int 
     gboolean seen;
     scene_trace(&job->world->scene, eye, NULL, &ray, 1, &table, &seen);
     if (seen)
-        add_point(points, &table, pixel, weight);
+        add_point(points, &table, colour, pixel);
 }
 
 static void trace_row(const struct view_job *job, const struct tracer *row, int y) {
@@ -104,16 +108,20 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
     g_autofree struct surface *surfaces = g_new(struct surface, n);
     g_autofree gboolean *hit = g_new(gboolean, n);
     struct tracer row = {rays, surfaces, hit};
+    gsize n_pixels = (gsize)camera->width * (gsize)camera->height;
+    g_autofree float *weights = g_new(float, n_pixels);
     g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct point));
     for (int y = 0; y < camera->height; y++) {
         trace_row(job, &row, y);
         for (int x = 0; x < camera->width; x++)
-            add_pixel(job, &row, x, y, points);
+            add_pixel(job, &row, x, y, points, &weights[y * camera->width + x]);
     }
-    *ret_bytes = sizeof(struct view) + points->len * sizeof(struct point);
+    gsize before = sizeof(struct view) + points->len * sizeof(struct point);
+    *ret_bytes = before + n_pixels * sizeof(float);
     struct view *view = g_malloc(*ret_bytes);
     view->eye_mm = world_eye_mm(job->world, job->camera, job->turntable_deg);
     view->n = points->len;
+    view->weights = memcpy((char *)view + before, weights, n_pixels * sizeof(float));
     if (points->len)
         memcpy(view->points, points->data, points->len * sizeof(struct point));
     return view;
@@ -224,18 +232,24 @@ static float point_radiance(const struct lit *lit, const struct surface *s, gboo
            s->albedo[colour] * (float)M_1_PI * world_bounce_at(lit->world, lit->bounce, s, colour);
 }
 
-static void shade_block(const struct lit *lit, const struct point *points, int n, float *picture) {
-    const struct surface *surfaces[SCENE_BATCH] = {NULL};
+static void shade_block(const struct lit *lit, const struct view *view, guint first,
+                        float *picture) {
+    struct surface surfaces[SCENE_BATCH];
+    const struct surface *pointers[SCENE_BATCH] = {NULL};
     guint8 blocked[SCENE_BATCH];
-    for (int i = 0; i < n; i++)
-        surfaces[i] = &points[i].surface;
-    scene_shadow(&lit->world->scene, lit->lamp.position_mm, surfaces, n, blocked);
+    const struct point *points = view->points + first;
+    int n = (int)MIN(SCENE_BATCH, view->n - first);
+    for (int i = 0; i < n; i++) {
+        world_unpack(&points[i], &surfaces[i]);
+        pointers[i] = &surfaces[i];
+    }
+    scene_shadow(&lit->world->scene, lit->lamp.position_mm, pointers, n, blocked);
     int width = lit->camera->width;
     for (int i = 0; i < n; i++) {
         int x = (int)points[i].pixel % width, y = (int)points[i].pixel / width;
         enum cfa_colour colour = cfa_colour_at(lit->camera->cfa, x, y);
         picture[points[i].pixel] +=
-            points[i].weight * point_radiance(lit, surfaces[i], blocked[i], colour);
+            view->weights[points[i].pixel] * point_radiance(lit, &surfaces[i], blocked[i], colour);
     }
 }
 
@@ -252,7 +266,7 @@ static gpointer make_picture(const struct cache_key *key, gconstpointer data, gs
     *ret_bytes = (gsize)camera->width * (gsize)camera->height * sizeof(float);
     float *picture = g_malloc0(*ret_bytes);
     for (guint i = 0; i < view->n; i += SCENE_BATCH)
-        shade_block(&lit, view->points + i, (int)MIN(SCENE_BATCH, view->n - i), picture);
+        shade_block(&lit, view, i, picture);
     cache_release(world->cache, entry);
     cache_release(world->cache, bounce);
     return picture;

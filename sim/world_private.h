@@ -95,19 +95,30 @@ double world_relative_rad(double arc_deg, double turntable_deg);
 struct v3 world_eye_mm(const World *world, int camera, double turntable_deg);
 struct v3 world_ray(const World *world, int camera, double turntable_deg, double x_px, double y_px);
 
-struct point { /* a part of a pixel's area */
-    struct surface surface;
-    guint32 pixel;
-    float weight; /* DN·s⁻¹ per W·sr⁻¹·m⁻², share of the pixel's area included */
+/* A part of a pixel's area, packed: a view has as many as pixels times samples, a session many
+ * views. Directions are folded octahedra, shares of one are whole numbers; what that rounds lies
+ * far below a sensor's noise. */
+struct point {
+    float p[3];
+    gint16 n[2], t[2], ng[2];
+    guint16 albedo; /* of the pixel's colour */
+    guint16 gloss, along, across, u, v;
+    guint32 triangle, pixel;
 };
 
 /* What a camera sees at a turntable angle; without the sky, and turntable by whole pixels. */
 struct view {
     struct v3 eye_mm;
+    const float *weights; /* of each of a pixel's points: DN·s⁻¹ per W·sr⁻¹·m⁻², area included */
     guint n;
     struct point points[];
 };
 struct cache_entry *world_view(World *world, int camera, double turntable_deg);
+
+/* world_point.c: all three colours unpack to the pixel's. */
+void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixel,
+                struct point *ret);
+void world_unpack(const struct point *from, struct surface *ret);
 
 /* Irradiance by one bounce, R G B a vertex, for a lamp at full output. */
 struct cache_entry *world_bounce(World *world, int lamp, double relative_rad);
