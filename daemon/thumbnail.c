@@ -1,7 +1,6 @@
 #include "thumbnail.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 /* Mean of each colour over a square of side pixels, above black. */
 static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb[3]) {
@@ -20,15 +19,39 @@ static void merge_square(const Frame *frame, int x0, int y0, int side, float rgb
     }
 }
 
-static int compare_floats(const void *a, const void *b) {
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
+static inline void swap(float *a, float *b) {
+    float kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+/* The value that sorting would put at k: only the part that holds it is divided further. */
+static float select_value(float *values, gsize n, gsize k) {
+    gssize low = 0, high = (gssize)n - 1, at = (gssize)k;
+    while (low < high) {
+        float middle = values[low + (high - low) / 2];
+        gssize i = low, j = high;
+        while (i <= j) {
+            while (values[i] < middle)
+                i++;
+            while (values[j] > middle)
+                j--;
+            if (i <= j)
+                swap(&values[i++], &values[j--]);
+        }
+        if (at <= j)
+            high = j;
+        else if (at >= i)
+            low = i;
+        else
+            break;
+    }
+    return values[k];
 }
 
 static float white_level(const float *values, gsize n) {
-    g_autofree float *sorted = g_memdup2(values, n * sizeof(float));
-    qsort(sorted, n, sizeof(float), compare_floats);
-    return MAX(sorted[(gsize)((n - 1) * 0.99)], 1.0f);
+    g_autofree float *copy = g_memdup2(values, n * sizeof(float));
+    return MAX(select_value(copy, n, (gsize)((n - 1) * 0.99)), 1.0f);
 }
 
 static guint8 srgb(double linear) {
