@@ -2,11 +2,14 @@
 
 #include "triangulation.h"
 
+#include <string.h>
+
 #define RING_GAP_DEG 2.5 /* between the polar angles of neighbouring rings, at least */
 #define POLE_DEG     3.0 /* a single direction this near to the normal is the pole */
 #define MIN_PHI_DEG  0.1
 #define MAX_PHI_DEG  179.0
 #define MAX_FLATNESS 4.0 /* steps in azimuth may be so much longer than those between rings */
+#define SKY_CELLS    256 /* each way of the square over which the sky is summed up */
 #define DEG          (G_PI / 180.0)
 
 G_DEFINE_QUARK(directions_error, directions_error)
@@ -254,4 +257,28 @@ double directions_square_density(double a, double b) {
     double x = 0.5 * (a + b), y = 0.5 * (a - b);
     double length = vec3_length(vec3(x, y, 1.0 - fabs(x) - fabs(y)));
     return 0.5 / (length * length * length);
+}
+
+static void add_share(const Directions *d, const struct direction_weights *weights, double share,
+                      float *ret) {
+    for (int k = 0; k < 4; k++)
+        if (weights->index[k] < d->n)
+            ret[weights->index[k]] += share * weights->weight[k];
+        else
+            for (int m = 0; m < d->n_pole; m++)
+                ret[d->pole[m]] += share * weights->weight[k] / d->n_pole;
+}
+
+void directions_sky(Directions *d, float *ret_share) {
+    const double step = 2.0 / SKY_CELLS;
+    memset(ret_share, 0, d->n * sizeof(float));
+    for (int j = 0; j < SKY_CELLS; j++)
+        for (int i = 0; i < SKY_CELLS; i++) {
+            double a = -1.0 + (i + 0.5) * step, b = -1.0 + (j + 0.5) * step;
+            struct vec3 from = directions_from_square(a, b);
+            struct direction_weights weights;
+            directions_weights(d, from, &weights);
+            double share = directions_square_density(a, b) * step * step / G_PI;
+            add_share(d, &weights, share * directions_fade(d, from), ret_share);
+        }
 }

@@ -50,6 +50,10 @@ void directions_weights(Directions *directions, struct vec3 direction,
  * direction: 1 within the measured ones, then in proportion to the cosine, 0 below the horizon. */
 double directions_fade(Directions *directions, struct vec3 direction);
 
+/* Each direction's share (n of them) in the reflectance under a sky of even radiance,
+ * (1/π) ∫ BTF dω. */
+void directions_sky(Directions *directions, float *ret_share);
+
 struct vec3 directions_from_square(double a, double b);
 
 /* Solid angle per area of the square at (a, b). */

@@ -10,9 +10,12 @@
 #define VIEW_TABLE  256
 #define LIGHT_TABLE 512
 #define HALF_MAX    65504.0f
+#define FINE_BYTES  ((gsize)128 << 20) /* of textures refined at most, see put_layer() */
+#define ANISOTROPY  4.0f
 
 struct EigenmapsView {
     int n_terms, n_layers; /* layers a term */
+    gboolean refined;      /* level 0 is twice as fine as the material */
     guint maps, view_weights, light_indices, light_weights;
 };
 
@@ -74,21 +77,67 @@ static gboolean add_map(const struct eigenmaps *maps, int term, int light, float
     return TRUE;
 }
 
-static void put_layer(const struct eigenmaps *maps, int layer, float *texels) {
+/* Twice the samples along one axis, Catmull-Rom between them, as a texture that repeats. */
+static void refine(const float *from, int n, gsize step, float *to, gsize to_step) {
+    static const float weights[4] = {-9.0f / 128, 111.0f / 128, 29.0f / 128, -3.0f / 128};
+    for (int k = 0; k < n; k++)
+        for (int half = 0; half < 2; half++)
+            for (int c = 0; c < 3; c++) {
+                float sum = 0.0f;
+                for (int tap = 0; tap < 4; tap++) {
+                    int at = half ? k + tap - 1 : k + 1 - tap;
+                    sum += weights[tap] * from[step * ((at + 2 * n) % n) + c];
+                }
+                to[to_step * (2 * k + half) + c] = sum;
+            }
+}
+
+static void put_refined(const struct eigenmaps *maps, int layer, const float *texels) {
+    gsize w = maps->width, h = maps->height;
+    g_autofree float *wide = g_new0(float, 2 * 3 * w * h), *fine = g_new0(float, 4 * 3 * w * h);
+    for (gsize j = 0; j < h; j++)
+        refine(texels + 3 * w * j, w, 3, wide + 6 * w * j, 3);
+    for (gsize i = 0; i < 2 * w; i++)
+        refine(wide + 3 * i, h, 6 * w, fine + 3 * i, 6 * w);
+    for (gsize k = 0; k < 4 * 3 * w * h; k++)
+        fine[k] = CLAMP(fine[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2 * w, 2 * h, 1, GL_RGB, GL_FLOAT, fine);
+}
+
+/* A level twice as fine above that of the material itself makes bilinear filtering about as sharp
+ * as bicubic would be, at no cost to drawing. */
+static void put_layer(const EigenmapsView *view, const struct eigenmaps *maps, int layer,
+                      float *texels) {
     for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++)
         texels[k] = CLAMP(texels[k], -HALF_MAX, HALF_MAX);
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, maps->width, maps->height, 1, GL_RGB,
-                    GL_FLOAT, texels);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, maps->width,
+                    maps->height, 1, GL_RGB, GL_FLOAT, texels);
+    if (view->refined)
+        put_refined(maps, layer, texels);
+}
+
+/* Storage for both levels, if the finer one fits into FINE_BYTES and the card. */
+static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
+    int layers = view->n_terms * view->n_layers;
+    gsize fine = 4 * 8 * (gsize)maps->width * maps->height * layers;
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    view->refined = fine <= FINE_BYTES && 2 * MAX(maps->width, maps->height) <= size;
+    int scale = view->refined ? 2 : 1;
+    view->maps = gpu_texture(GL_RGBA16F, scale * maps->width, scale * maps->height, layers);
+    if (view->refined)
+        glTexImage3D(GL_TEXTURE_2D_ARRAY, 1, GL_RGBA16F, maps->width, maps->height, layers, 0,
+                     GL_RGB, GL_FLOAT, NULL);
 }
 
 /* One layer that is a mix of lights. */
-static gboolean mix_layer(const struct eigenmaps *maps, int term, int layer, const float *shares,
-                          float *texels, GError **error) {
+static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
+                          int layer, const float *shares, float *texels, GError **error) {
     memset(texels, 0, 3 * sizeof(float) * (gsize)maps->width * maps->height);
     for (int light = 0; light < maps->n_lights; light++)
         if (shares[light] != 0.0f && !add_map(maps, term, light, shares[light], texels, error))
             return FALSE;
-    put_layer(maps, layer, texels);
+    put_layer(view, maps, layer, texels);
     return TRUE;
 }
 
@@ -96,7 +145,7 @@ static gboolean upload_maps(EigenmapsView *view, const struct eigenmaps *maps, c
                             const float *ambient, GError **error) {
     g_autofree float *texels = g_new(float, 3 * (gsize)maps->width * maps->height);
     g_autofree float *one = g_new0(float, maps->n_lights);
-    view->maps = gpu_texture(GL_RGBA16F, maps->width, maps->height, view->n_terms * view->n_layers);
+    make_maps(view, maps);
     if (!gpu_check("the material's texture", error)) {
         g_prefix_error(error, "%d × %d texels in %d layers: ", maps->width, maps->height,
                        view->n_terms * view->n_layers);
@@ -106,18 +155,26 @@ static gboolean upload_maps(EigenmapsView *view, const struct eigenmaps *maps, c
         int base = term * view->n_layers;
         for (int light = 0; light < maps->n_lights; light++) {
             one[light] = 1.0f;
-            if (!mix_layer(maps, term, base + light, one, texels, error))
+            if (!mix_layer(view, maps, term, base + light, one, texels, error))
                 return FALSE;
             one[light] = 0.0f;
         }
-        if (!mix_layer(maps, term, base + maps->n_lights, pole, texels, error) ||
-            !mix_layer(maps, term, base + maps->n_lights + 1, ambient, texels, error))
+        if (!mix_layer(view, maps, term, base + maps->n_lights, pole, texels, error) ||
+            !mix_layer(view, maps, term, base + maps->n_lights + 1, ambient, texels, error))
             return FALSE;
     }
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 1000);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_REPEAT);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    /* Drawing on the processor it takes many times as long, and more samples a pixel do as well. */
+    gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
+    if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
+        GLfloat most = 1.0f;
+        glGetFloatv(GL_MAX_TEXTURE_MAX_ANISOTROPY_EXT, &most);
+        glTexParameterf(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_ANISOTROPY_EXT, MIN(most, ANISOTROPY));
+    }
     return gpu_check("the material's texture", error);
 }
 
@@ -129,33 +186,18 @@ static void pole_shares(const Directions *directions, float *shares) {
         shares[members[k]] += 1.0f / n;
 }
 
-static void add_ambient(const struct direction_weights *weights, double share, int n_lights,
-                        const float *pole, float *ambient) {
-    for (int k = 0; k < 4; k++) {
-        if (weights->index[k] < n_lights)
-            ambient[weights->index[k]] += share * weights->weight[k];
-        else
-            for (int light = 0; light < n_lights; light++)
-                ambient[light] += share * weights->weight[k] * pole[light];
-    }
-}
-
-/* Fills the light tables and, from the same weights, each light's share of an even sky. */
-static void upload_lights(EigenmapsView *view, Directions *directions, int n_lights,
-                          const float *pole, float *ambient) {
+static void upload_lights(EigenmapsView *view, Directions *directions) {
     g_autofree guint16 *indices = g_new(guint16, 4 * LIGHT_TABLE * LIGHT_TABLE);
     g_autofree float *weights = g_new(float, 4 * LIGHT_TABLE * LIGHT_TABLE);
     double step = 2.0 / LIGHT_TABLE;
     for (int j = 0; j < LIGHT_TABLE; j++)
         for (int i = 0; i < LIGHT_TABLE; i++) {
             gsize at = 4 * ((gsize)j * LIGHT_TABLE + i);
-            double a = -1.0 + (i + 0.5) * step, b = -1.0 + (j + 0.5) * step;
-            struct vec3 light = directions_from_square(a, b);
+            struct vec3 light =
+                directions_from_square(-1.0 + (i + 0.5) * step, -1.0 + (j + 0.5) * step);
             struct direction_weights w;
             directions_weights(directions, light, &w);
             double fade = directions_fade(directions, light);
-            add_ambient(&w, fade * directions_square_density(a, b) * step * step / G_PI, n_lights,
-                        pole, ambient);
             for (int k = 0; k < 4; k++) {
                 indices[at + k] = w.index[k];
                 weights[at + k] = fade * w.weight[k];
@@ -229,7 +271,8 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
     view->n_layers = maps->n_lights + 2;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     pole_shares(lights, pole);
-    upload_lights(view, lights, maps->n_lights, pole, ambient);
+    directions_sky(lights, ambient);
+    upload_lights(view, lights);
     upload_views(view, maps, views);
     if (!upload_maps(view, maps, pole, ambient, error))
         return NULL;
@@ -257,6 +300,7 @@ void eigenmaps_view_bind(EigenmapsView *view, guint program, gboolean nearest) {
     bind(program, "light_weights", 3, GL_TEXTURE_2D, view->light_weights);
     bind(program, "maps", 0, GL_TEXTURE_2D_ARRAY, view->maps);
     glActiveTexture(GL_TEXTURE0);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, nearest && view->refined ? 1 : 0);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER,
                     nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, nearest ? GL_NEAREST : GL_LINEAR);

@@ -1,6 +1,7 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
 #include "gpu.h"
 #include "picture.h"
+#include "reference.h"
 #include "view.h"
 #include "window.h"
 
@@ -12,8 +13,8 @@
 
 struct options {
     char *render, *shape, *size, *tiles, *up, *screenshot;
-    int frames, close_after, supersample;
-    gboolean light_turn, camera_turn, nearest, json, version;
+    int frames, close_after, supersample, sheet;
+    gboolean reference, light_turn, camera_turn, nearest, json, version;
     struct view_settings settings;
     char **rest;
     int width, height;
@@ -24,6 +25,7 @@ struct rendered {
     double seconds;
     char *renderer;
     GPtrArray *files;
+    double error; /* of the last frame against its reference */
 };
 
 static GOptionEntry *entries(struct options *o) {
@@ -39,27 +41,31 @@ static GOptionEntry *entries(struct options *o) {
         {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg,
          "Light's angle from straight above, 0 … 180, default 50", "DEG"},
         {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg,
-         "Light's azimuth from +x, default 215: from the left, in front", "DEG"},
+         "Light's azimuth from +x, default 200: from the left", "DEG"},
         {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg,
          "Camera's azimuth from +x, default -90: in front", "DEG"},
         {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
-         "Camera's height above the horizon, -90 … 90, default 35", "DEG"},
+         "Camera's height above the horizon, -90 … 90, default 40", "DEG"},
         {"camera-distance", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_distance,
-         "In radii of the shape; default: the whole shape fits", "R"},
+         "In radii of the shape; default: the shape fills the picture", "R"},
         {"camera-fov-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_fov_deg,
-         "Field of view of the shorter side, 1 … 120, default 35", "DEG"},
+         "Field of view of the shorter side, 1 … 120, default 30", "DEG"},
         {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &s->exposure_ev,
-         "Stops brighter; at 0 a lit white diffuser is just below white", "EV"},
+         "Stops brighter, default 0.7; at 0 a lit white diffuser is just below white", "EV"},
         {"ambient", 0, 0, G_OPTION_ARG_DOUBLE, &s->ambient,
          "Light from all around, as a share of the lamp's, default 0.05", "SHARE"},
         {"supersample", 0, 0, G_OPTION_ARG_INT, &o->supersample,
-         "Samples each way of a pixel, 1 … 8; default 4, in the window 1", "N"},
+         "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2", "N"},
         {"nearest", 0, 0, G_OPTION_ARG_NONE, &o->nearest, "Do not filter between texels", NULL},
         {"plain", 0, 0, G_OPTION_ARG_NONE, &s->plain,
          "One texture times n·l instead of the BTF, to compare", NULL},
         {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "An OBJ file's upward axis, default y", "y|z"},
         {"frames", 0, 0, G_OPTION_ARG_INT, &o->frames,
          "With --render: this many pictures OUT_0000.png …", "N"},
+        {"sheet", 0, 0, G_OPTION_ARG_INT, &o->sheet,
+         "With --frames: one picture instead, with so many of them side by side", "COLUMNS"},
+        {"reference", 0, 0, G_OPTION_ARG_NONE, &o->reference,
+         "With --render: from the session's whole BTF, not its eigen-maps; slow", NULL},
         {"light-turn", 0, 0, G_OPTION_ARG_NONE, &o->light_turn,
          "The light goes once around during the frames", NULL},
         {"camera-turn", 0, 0, G_OPTION_ARG_NONE, &o->camera_turn,
@@ -116,6 +122,20 @@ static gboolean parse_tiles(struct options *o, GError **error) {
     return TRUE;
 }
 
+static int sheet_rows(const struct options *o) {
+    return o->sheet > 0 ? (o->frames + o->sheet - 1) / o->sheet : 1;
+}
+
+static gboolean check_sheet(const struct options *o, GError **error) {
+    if ((gint64)o->width * MAX(o->sheet, 1) <= MAX_SIZE &&
+        (gint64)o->height * sheet_rows(o) <= MAX_SIZE)
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--sheet %d with %d frames of %d × %d: the whole may be %d each way", o->sheet,
+                o->frames, o->width, o->height, MAX_SIZE);
+    return FALSE;
+}
+
 static gboolean check_options(struct options *o, GError **error) {
     if (o->rest == NULL || o->rest[0] == NULL || o->rest[1] != NULL) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED,
@@ -129,14 +149,25 @@ static gboolean check_options(struct options *o, GError **error) {
                     "--frames takes 1 … 10000, --close-after 1 or more");
         return FALSE;
     }
+    if (o->reference && (o->render == NULL || o->settings.plain)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--reference goes with --render OUT.png, not with --plain");
+        return FALSE;
+    }
+    if (o->sheet != 0 && (o->frames == 0 || o->sheet < 1 || o->sheet > o->frames)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--sheet goes with --frames N and takes 1 … N columns");
+        return FALSE;
+    }
     if (o->render == NULL && o->frames > 0) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
                     "--frames goes with --render OUT.png");
         return FALSE;
     }
     o->settings.nearest = o->nearest;
-    o->settings.samples = o->supersample != 0 ? o->supersample : o->render != NULL ? 4 : 1;
-    return parse_size(o, error) && parse_tiles(o, error) &&
+    int samples = o->reference ? 2 : o->render != NULL ? 4 : 1;
+    o->settings.samples = o->supersample != 0 ? o->supersample : samples;
+    return parse_size(o, error) && check_sheet(o, error) && parse_tiles(o, error) &&
            view_settings_check(&o->settings, error);
 }
 
@@ -157,7 +188,7 @@ static struct eigenmaps *load(const char *path, GError **error) {
 
 /* OUT.png becomes OUT_0000.png, … if there are more than one. */
 static char *frame_path(const struct options *o, int frame) {
-    if (o->frames == 0)
+    if (o->frames == 0 || o->sheet > 0)
         return g_strdup(o->render);
     gsize length = strlen(o->render);
     gboolean png = length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".png") == 0;
@@ -165,7 +196,8 @@ static char *frame_path(const struct options *o, int frame) {
 }
 
 static gboolean write_frame(const struct options *o, const char *material, const char *path,
-                            const struct view_settings *s, const guint8 *rgb, GError **error) {
+                            const struct view_settings *s, const guint8 *rgb, int width, int height,
+                            GError **error) {
     g_autofree char *light =
         g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg);
     g_autofree char *camera = g_strdup_printf(
@@ -181,30 +213,75 @@ static gboolean write_frame(const struct options *o, const char *material, const
                            "Light",    light,
                            "Camera",   camera,
                            "Exposure", exposure,
+                           "Source",   o->reference ? "the whole BTF" : "eigen-maps",
                            NULL};
-    return picture_write_png(path, rgb, o->width, o->height, texts, error);
+    return picture_write_png(path, rgb, width, height, texts, error);
 }
 
-static gboolean render_frames(const struct options *o, const char *material, View *view,
+/* Into its place on a sheet of o->sheet columns. */
+static void put_on_sheet(const struct options *o, int frame, const guint8 *rgb, guint8 *sheet) {
+    gsize row = 3 * (gsize)o->width;
+    guint8 *to = sheet + frame / o->sheet * o->height * row * o->sheet + frame % o->sheet * row;
+    for (int j = 0; j < o->height; j++)
+        memcpy(to + j * row * o->sheet, rgb + j * row, row);
+}
+
+static char *btf_path(const struct options *o) {
+    return g_build_filename(o->rest[0], "products", "btf", NULL);
+}
+
+/* What frames are made with. */
+struct studio {
+    const char *material;
+    View *view;
+    Reference *reference; /* NULL: from eigen-maps */
+    guint8 *sheet;        /* NULL: a file a frame */
+};
+
+static gboolean render_frame(const struct options *o, const struct studio *studio, int frame,
+                             const struct view_settings *s, struct rendered *ret, GError **error) {
+    gint64 from = g_get_monotonic_time();
+    g_autofree guint8 *rgb = studio->reference != NULL
+                                 ? reference_render(studio->reference, studio->view, s, o->width,
+                                                    o->height, &ret->error, error)
+                                 : view_render(studio->view, s, o->width, o->height, error);
+    g_autofree char *path = frame_path(o, frame);
+    if (rgb == NULL)
+        return FALSE;
+    ret->seconds += (g_get_monotonic_time() - from) * 1e-6;
+    ret->n_frames++;
+    if (studio->sheet != NULL) {
+        put_on_sheet(o, frame, rgb, studio->sheet);
+        return TRUE;
+    }
+    if (!write_frame(o, studio->material, path, s, rgb, o->width, o->height, error))
+        return FALSE;
+    g_ptr_array_add(ret->files, g_steal_pointer(&path));
+    return TRUE;
+}
+
+static gboolean render_frames(const struct options *o, struct studio *studio,
                               const struct view_settings *start, struct rendered *ret,
                               GError **error) {
+    struct view_settings fitted = *start;
+    gsize size = 3 * (gsize)o->width * o->height;
+    g_autofree guint8 *sheet = o->sheet > 0 ? g_malloc0(size * o->sheet * sheet_rows(o)) : NULL;
+    studio->sheet = sheet;
+    /* Once, so that the shape keeps its size in all frames. */
+    view_fit(studio->view, &fitted, (double)o->width / o->height);
     for (int k = 0; k < MAX(o->frames, 1); k++) {
-        struct view_settings s = *start;
+        struct view_settings s = fitted;
         double turned = o->frames > 0 ? 360.0 * k / o->frames : 0.0;
         s.light_phi_deg += o->light_turn ? turned : 0.0;
         s.camera_azimuth_deg += o->camera_turn ? turned : 0.0;
-        gint64 from = g_get_monotonic_time();
-        g_autofree guint8 *rgb = view_render(view, &s, o->width, o->height, error);
-        g_autofree char *path = frame_path(o, k);
-        if (rgb == NULL)
+        if (!render_frame(o, studio, k, &s, ret, error))
             return FALSE;
-        ret->seconds += (g_get_monotonic_time() - from) * 1e-6;
-        ret->n_frames++;
-        if (!write_frame(o, material, path, &s, rgb, error))
-            return FALSE;
-        g_ptr_array_add(ret->files, g_steal_pointer(&path));
     }
-    return TRUE;
+    if (sheet == NULL)
+        return TRUE;
+    g_ptr_array_add(ret->files, g_strdup(o->render));
+    return write_frame(o, studio->material, o->render, &fitted, sheet, o->width * o->sheet,
+                       o->height * sheet_rows(o), error);
 }
 
 static enum scene_up up_of(const struct options *o) {
@@ -227,7 +304,12 @@ static gboolean render_mesh(const struct options *o, const char *material, const
         settings.tiles_v = mesh->tiles_v;
     }
     ret->renderer = g_strdup(gpu_renderer());
-    return render_frames(o, material, view, &settings, ret, error);
+    g_autofree char *btf = btf_path(o);
+    g_autoptr(Reference) reference = o->reference ? reference_open(btf, error) : NULL;
+    if (o->reference && reference == NULL)
+        return FALSE;
+    struct studio studio = {.material = material, .view = view, .reference = reference};
+    return render_frames(o, &studio, &settings, ret, error);
 }
 
 static gboolean render(const struct options *o, const char *material, struct rendered *ret,
@@ -291,7 +373,12 @@ static void report(const struct options *o, const char *material, const struct r
         g_string_append(json, k > 0 ? ", " : "");
         append_json_string(json, done->files->pdata[k]);
     }
-    g_print("%s]}\n", json->str);
+    g_string_append_c(json, ']');
+    if (o->reference) {
+        g_ascii_formatd(seconds, sizeof seconds, "%.4f", done->error);
+        g_string_append_printf(json, ", \"relative_error\": %s", seconds);
+    }
+    g_print("%s}\n", json->str);
 }
 
 static int run(struct options *o) {

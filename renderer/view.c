@@ -1,32 +1,38 @@
 #include "view.h"
 
+#include "camera.h"
 #include "eigenmaps_view.h"
 #include "gpu.h"
 
-#include <cglm/cglm.h>
 #include <epoxy/gl.h>
+#include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 #define WHITE       0.8 /* see exposure_ev */
 #define MAX_SAMPLES (1 << 26)
 
 const struct view_settings view_settings_default = {
     .camera_azimuth_deg = -90.0,
-    .camera_elevation_deg = 35.0,
-    .camera_fov_deg = 35.0,
+    .camera_elevation_deg = 40.0,
+    .camera_fov_deg = 30.0,
     .light_theta_deg = 50.0,
-    .light_phi_deg = 215.0,
+    .light_phi_deg = 200.0,
+    .exposure_ev = 0.7,
     .ambient = 0.05,
     .samples = 1,
 };
 
 struct View {
     EigenmapsView *material;
-    guint eigenmaps_program, plain_program, background_program, resolve_program;
+    guint eigenmaps_program, plain_program, geometry_program, background_program, resolve_program;
     guint array, vertices, indices, empty_array;
     guint n_indices;
     double radius, tiles_u, tiles_v; /* of the mesh */
-    struct gpu_target scene, picture;
+    float *points;                   /* n_points × 3 */
+    guint n_points;
+    float foot[3], corner; /* of the mesh: half its width and depth, its lowest z */
+    struct gpu_target scene, geometry, picture;
 };
 
 gboolean view_settings_check(const struct view_settings *s, GError **error) {
@@ -37,6 +43,8 @@ gboolean view_settings_check(const struct view_settings *s, GError **error) {
         {"camera azimuth", s->camera_azimuth_deg, -1e6, 1e6},
         {"camera elevation", s->camera_elevation_deg, -90.0, 90.0},
         {"camera distance", s->camera_distance, 0.0, 1000.0},
+        {"camera pan", s->camera_pan[0], -1000.0, 1000.0},
+        {"camera pan", s->camera_pan[1], -1000.0, 1000.0},
         {"camera field of view", s->camera_fov_deg, 1.0, 120.0},
         {"light theta", s->light_theta_deg, 0.0, 180.0},
         {"light phi", s->light_phi_deg, -1e6, 1e6},
@@ -60,10 +68,12 @@ static gboolean make_programs(View *view, GError **error) {
     const char *const eigenmaps[] = {"mesh.vert", "frame.glsl", "material.glsl", "eigenmaps.frag",
                                      NULL};
     const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
+    const char *const geometry[] = {"mesh.vert", "frame.glsl", "geometry.frag", NULL};
     const char *const background[] = {"screen.vert", "background.frag", NULL};
     const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
     return (view->eigenmaps_program = gpu_program(eigenmaps, error)) != 0 &&
            (view->plain_program = gpu_program(plain, error)) != 0 &&
+           (view->geometry_program = gpu_program(geometry, error)) != 0 &&
            (view->background_program = gpu_program(background, error)) != 0 &&
            (view->resolve_program = gpu_program(resolve, error)) != 0;
 }
@@ -104,7 +114,7 @@ void view_free(View *view) {
     if (view == NULL)
         return;
     eigenmaps_view_free(view->material);
-    const guint programs[] = {view->eigenmaps_program, view->plain_program,
+    const guint programs[] = {view->eigenmaps_program, view->plain_program, view->geometry_program,
                               view->background_program, view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
         glDeleteProgram(programs[k]);
@@ -113,7 +123,9 @@ void view_free(View *view) {
     glDeleteBuffers(1, &view->vertices);
     glDeleteBuffers(1, &view->indices);
     gpu_target_clear(&view->scene);
+    gpu_target_clear(&view->geometry);
     gpu_target_clear(&view->picture);
+    g_free(view->points);
     g_free(view);
 }
 
@@ -124,6 +136,38 @@ gboolean view_set_material(View *view, const struct eigenmaps *material, GError 
     eigenmaps_view_free(view->material);
     view->material = new;
     return TRUE;
+}
+
+/* The outline of the mesh's lowest quarter seen from above is taken as a rectangle with rounded
+ * corners: a square plane's are sharp, a torus has nothing else. */
+static void find_foot(View *view) {
+    double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;
+    for (guint k = 0; k < view->n_points; k++) {
+        low = MIN(low, view->points[3 * k + 2]);
+        high = MAX(high, view->points[3 * k + 2]);
+    }
+    for (guint k = 0; k < view->n_points; k++) {
+        const float *p = view->points + 3 * (gsize)k;
+        if (p[2] > low + 0.25 * (high - low))
+            continue;
+        x = MAX(x, fabsf(p[0]));
+        y = MAX(y, fabsf(p[1]));
+        reach = MAX(reach, hypot((double)p[0], (double)p[1]));
+    }
+    double missing = (hypot(x, y) - reach) / (MAX(MIN(x, y), 1e-6) * (M_SQRT2 - 1.0));
+    view->foot[0] = x;
+    view->foot[1] = y;
+    view->foot[2] = low;
+    view->corner = MIN(x, y) * CLAMP(missing, 0.0, 1.0);
+}
+
+static void keep_points(View *view, const struct mesh *mesh) {
+    g_free(view->points);
+    view->n_points = mesh->n_vertices;
+    view->points = g_new(float, 3 * (gsize)view->n_points);
+    for (guint k = 0; k < view->n_points; k++)
+        memcpy(view->points + 3 * (gsize)k, mesh->vertices[k].position, 3 * sizeof(float));
+    find_foot(view);
 }
 
 gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error) {
@@ -138,41 +182,28 @@ gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error) {
     view->radius = mesh->radius;
     view->tiles_u = mesh->tiles_u;
     view->tiles_v = mesh->tiles_v;
+    keep_points(view, mesh);
     return gpu_check("the mesh", error);
 }
 
-static void direction(double theta_deg, double phi_deg, vec3 ret) {
-    double theta = theta_deg * G_PI / 180.0, phi = phi_deg * G_PI / 180.0;
-    ret[0] = sin(theta) * cos(phi);
-    ret[1] = sin(theta) * sin(phi);
-    ret[2] = cos(theta);
+void view_fit(const View *view, struct view_settings *settings, double aspect) {
+    if (settings->camera_distance == 0.0 && view->n_points > 0)
+        camera_fit(settings, view->points, view->n_points, view->radius, aspect);
 }
 
-static double distance_of(const View *view, const struct view_settings *s) {
-    double fitting = 1.02 / sin(0.5 * s->camera_fov_deg * G_PI / 180.0);
-    return view->radius * (s->camera_distance > 0.0 ? s->camera_distance : fitting);
-}
+/* What mesh.vert and background.frag know of the camera. */
+struct sight {
+    float projection[16], eye[3];
+};
 
-/* The vertical axis of the picture is never along the line of sight: it leans with the elevation.
- */
-static void camera(const View *view, const struct view_settings *s, double aspect, mat4 projection,
-                   vec3 eye) {
-    vec3 up, centre = {0.0f, 0.0f, 0.0f};
-    mat4 look, lens;
-    double distance = distance_of(view, s);
-    direction(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, eye);
-    direction(-s->camera_elevation_deg, s->camera_azimuth_deg, up);
-    glm_vec3_scale(eye, distance, eye);
-    glm_lookat(eye, centre, up, look);
-    double half = tan(0.5 * s->camera_fov_deg * G_PI / 180.0);
-    double vertical = aspect >= 1.0 ? half : half / aspect;
-    double near = MAX(distance - 1.05 * view->radius, 0.01 * view->radius);
-    glm_perspective(2.0 * atan(vertical), aspect, near, distance + 1.05 * view->radius, lens);
-    glm_mat4_mul(lens, look, projection);
-}
-
-static void draw_background(View *view) {
-    glUseProgram(view->background_program);
+static void draw_background(View *view, const struct sight *sight) {
+    guint program = view->background_program;
+    glUseProgram(program);
+    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
+    glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
+    glUniform3fv(glGetUniformLocation(program, "foot"), 1, view->foot);
+    glUniform1f(glGetUniformLocation(program, "corner"), view->corner);
+    glUniform1f(glGetUniformLocation(program, "radius"), view->radius);
     glDisable(GL_DEPTH_TEST);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
@@ -180,19 +211,17 @@ static void draw_background(View *view) {
     glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-static void draw_mesh(View *view, const struct view_settings *s, double aspect) {
-    guint program = s->plain ? view->plain_program : view->eigenmaps_program;
-    vec3 eye, light;
-    mat4 projection;
-    camera(view, s, aspect, projection, eye);
-    direction(s->light_theta_deg, s->light_phi_deg, light);
+static void draw_mesh(View *view, guint program, const struct view_settings *s,
+                      const struct sight *sight) {
+    float light[3];
+    camera_direction(s->light_theta_deg, s->light_phi_deg, light);
     glUseProgram(program);
     eigenmaps_view_bind(view->material, program, s->nearest);
-    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, projection[0]);
+    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
     glUniform2f(glGetUniformLocation(program, "tiles"),
                 s->tiles_u > 0.0 ? s->tiles_u : view->tiles_u,
                 s->tiles_v > 0.0 ? s->tiles_v : view->tiles_v);
-    glUniform3fv(glGetUniformLocation(program, "eye"), 1, eye);
+    glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
     glUniform3fv(glGetUniformLocation(program, "light"), 1, light);
     glUniform1f(glGetUniformLocation(program, "ambient"), s->ambient);
     glEnable(GL_DEPTH_TEST);
@@ -203,17 +232,45 @@ static void draw_mesh(View *view, const struct view_settings *s, double aspect) 
     glBindVertexArray(0);
 }
 
+static void begin(const View *view, const struct gpu_target *target, const struct view_settings *s,
+                  struct sight *ret) {
+    struct view_settings fitted = *s;
+    double aspect = (double)target->width / target->height;
+    view_fit(view, &fitted, aspect);
+    camera_matrix(&fitted, view->radius, aspect, ret->projection, ret->eye);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    glViewport(0, 0, target->width, target->height);
+    glDepthMask(GL_TRUE);
+    glClearColor(0.0f, 0.0f, 0.0f, 0.0f);
+    glClear(GL_DEPTH_BUFFER_BIT | GL_COLOR_BUFFER_BIT);
+}
+
 static gboolean draw_scene(View *view, const struct view_settings *s, int width, int height,
                            GError **error) {
+    struct sight sight;
     if (!gpu_target_resize(&view->scene, width, height, GL_RGBA16F, TRUE, error))
         return FALSE;
-    glBindFramebuffer(GL_FRAMEBUFFER, view->scene.framebuffer);
-    glViewport(0, 0, width, height);
-    glDepthMask(GL_TRUE);
-    glClear(GL_DEPTH_BUFFER_BIT);
-    draw_background(view);
-    draw_mesh(view, s, (double)width / height);
+    begin(view, &view->scene, s, &sight);
+    draw_background(view, &sight);
+    draw_mesh(view, s->plain ? view->plain_program : view->eigenmaps_program, s, &sight);
     return TRUE;
+}
+
+static void resolve(View *view, const struct view_settings *s, int samples, guint framebuffer,
+                    int width, int height) {
+    guint program = view->resolve_program;
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glViewport(0, 0, width, height);
+    glDisable(GL_DEPTH_TEST);
+    glUseProgram(program);
+    glActiveTexture(GL_TEXTURE0);
+    glBindTexture(GL_TEXTURE_2D, view->scene.colour);
+    glUniform1i(glGetUniformLocation(program, "drawn"), 0);
+    glUniform1i(glGetUniformLocation(program, "samples"), samples);
+    glUniform1f(glGetUniformLocation(program, "exposure"), WHITE * exp2(s->exposure_ev));
+    glBindVertexArray(view->empty_array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindVertexArray(0);
 }
 
 gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer, int width,
@@ -224,19 +281,7 @@ gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer,
     if (!view_settings_check(s, error) ||
         !draw_scene(view, s, width * samples, height * samples, error))
         return FALSE;
-    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-    glViewport(0, 0, width, height);
-    glDisable(GL_DEPTH_TEST);
-    glUseProgram(view->resolve_program);
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, view->scene.colour);
-    glUniform1i(glGetUniformLocation(view->resolve_program, "drawn"), 0);
-    glUniform1i(glGetUniformLocation(view->resolve_program, "samples"), samples);
-    glUniform1f(glGetUniformLocation(view->resolve_program, "exposure"),
-                WHITE * exp2(s->exposure_ev));
-    glBindVertexArray(view->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glBindVertexArray(0);
+    resolve(view, s, samples, framebuffer, width, height);
     return gpu_check("drawing", error);
 }
 
@@ -251,11 +296,7 @@ static void turn_over(void *picture, gsize stride, int height) {
     }
 }
 
-guint8 *view_render(View *view, const struct view_settings *s, int width, int height,
-                    GError **error) {
-    if (!gpu_target_resize(&view->picture, width, height, GL_RGBA8, FALSE, error) ||
-        !view_draw(view, s, view->picture.framebuffer, width, height, error))
-        return NULL;
+static guint8 *read_picture(View *view, int width, int height, GError **error) {
     g_autofree guint8 *rgb = g_malloc(3 * (gsize)width * height);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
     glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, rgb);
@@ -265,18 +306,62 @@ guint8 *view_render(View *view, const struct view_settings *s, int width, int he
     return g_steal_pointer(&rgb);
 }
 
+static float *read_floats(const struct gpu_target *target, GError **error) {
+    g_autofree float *rgba = g_new(float, 4 * (gsize)target->width * target->height);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    glPixelStorei(GL_PACK_ALIGNMENT, 1);
+    glReadPixels(0, 0, target->width, target->height, GL_RGBA, GL_FLOAT, rgba);
+    if (!gpu_check("reading the picture", error))
+        return NULL;
+    turn_over(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
+    return g_steal_pointer(&rgba);
+}
+
+guint8 *view_render(View *view, const struct view_settings *s, int width, int height,
+                    GError **error) {
+    if (!gpu_target_resize(&view->picture, width, height, GL_RGBA8, FALSE, error) ||
+        !view_draw(view, s, view->picture.framebuffer, width, height, error))
+        return NULL;
+    return read_picture(view, width, height, error);
+}
+
 float *view_render_linear(View *view, const struct view_settings *s, int width, int height,
                           GError **error) {
     if (!view_settings_check(s, error) || !draw_scene(view, s, width, height, error))
         return NULL;
-    g_autofree float *rgba = g_new(float, 4 * (gsize)width * height);
-    glBindFramebuffer(GL_FRAMEBUFFER, view->scene.framebuffer);
-    glPixelStorei(GL_PACK_ALIGNMENT, 1);
-    glReadPixels(0, 0, width, height, GL_RGBA, GL_FLOAT, rgba);
-    if (!gpu_check("reading the picture", error))
+    return read_floats(&view->scene, error);
+}
+
+float *view_render_geometry(View *view, const struct view_settings *s, enum view_geometry which,
+                            int width, int height, GError **error) {
+    struct sight sight;
+    if (!view_settings_check(s, error) ||
+        !gpu_target_resize(&view->geometry, width, height, GL_RGBA32F, TRUE, error))
         return NULL;
-    turn_over(rgba, 4 * sizeof(float) * (gsize)width, height);
-    return g_steal_pointer(&rgba);
+    begin(view, &view->geometry, s, &sight);
+    glDisable(GL_BLEND);
+    glDisable(GL_CULL_FACE);
+    glUseProgram(view->geometry_program);
+    glUniform1i(glGetUniformLocation(view->geometry_program, "which"), which);
+    draw_mesh(view, view->geometry_program, s, &sight);
+    return read_floats(&view->geometry, error);
+}
+
+guint8 *view_resolve(View *view, const struct view_settings *s, const float *linear, int width,
+                     int height, GError **error) {
+    int w = width * s->samples, h = height * s->samples;
+    if (!view_settings_check(s, error) ||
+        !gpu_target_resize(&view->scene, w, h, GL_RGBA16F, TRUE, error) ||
+        !gpu_target_resize(&view->picture, width, height, GL_RGBA8, FALSE, error))
+        return NULL;
+    g_autofree float *rows = g_memdup2(linear, 4 * sizeof(float) * (gsize)w * h);
+    turn_over(rows, 4 * sizeof(float) * (gsize)w, h);
+    glActiveTexture(GL_TEXTURE0);
+    glBindTexture(GL_TEXTURE_2D, view->scene.colour);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, w, h, GL_RGBA, GL_FLOAT, rows);
+    resolve(view, s, s->samples, view->picture.framebuffer, width, height);
+    return read_picture(view, width, height, error);
 }
 
 void view_finish(void) {

@@ -8,7 +8,8 @@
  */
 struct view_settings {
     double camera_azimuth_deg, camera_elevation_deg;
-    double camera_distance; /* from the origin, in radii of the mesh; 0: the whole mesh fits */
+    double camera_distance; /* from the origin, in radii of the mesh; 0: the mesh just fits */
+    double camera_pan[2];   /* of what it looks at: to the right and up, in radii of the mesh */
     double camera_fov_deg;  /* of the picture's shorter side */
     double light_theta_deg, light_phi_deg; /* a light far away */
     double tiles_u, tiles_v;               /* 0: as the mesh has it */
@@ -33,6 +34,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(View, view_free)
 gboolean view_set_material(View *view, const struct eigenmaps *material, GError **error);
 gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* copies */
 
+/* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
+ * height); what draws does that by itself, but anew for every picture. */
+void view_fit(const View *view, struct view_settings *settings, double aspect);
+
 /* Into a framebuffer object (0: the window's) of width × height pixels, as sRGB. */
 gboolean view_draw(View *view, const struct view_settings *settings, guint framebuffer, int width,
                    int height, GError **error);
@@ -45,5 +50,16 @@ guint8 *view_render(View *view, const struct view_settings *settings, int width,
  * supersampling; the fourth is 0 where only the background is seen. */
 float *view_render_linear(View *view, const struct view_settings *settings, int width, int height,
                           GError **error);
+
+/* What a sample of such a picture needs to be shaded elsewhere; the fourth float as above. Texels
+ * are in tiles, +y along the texture's rows downwards; directions are unit, in the local frame. */
+enum view_geometry { VIEW_GEOMETRY_TEXEL, VIEW_GEOMETRY_VIEW, VIEW_GEOMETRY_LIGHT };
+float *view_render_geometry(View *view, const struct view_settings *settings,
+                            enum view_geometry which, int width, int height, GError **error);
+
+/* The other half of view_render(): a linear picture of samples × samples a pixel, exposed and toned
+ * to width × height × 3 bytes. */
+guint8 *view_resolve(View *view, const struct view_settings *settings, const float *linear,
+                     int width, int height, GError **error);
 
 void view_finish(void); /* returns when everything asked for is drawn */

@@ -52,6 +52,7 @@ static void set_shape(struct window *w, const char *shape) {
         w->tiles_u = mesh->tiles_u;
         w->tiles_v = mesh->tiles_v;
         w->settings.tiles_u = w->settings.tiles_v = 0.0;
+        w->settings.camera_distance = w->options->settings.camera_distance;
         w->stale = TRUE;
     } else if (w->error == NULL) {
         w->error = g_steal_pointer(&error);
@@ -143,9 +144,8 @@ static void on_move(GLFWwindow *glfw, double x, double y) {
 static void on_wheel(GLFWwindow *glfw, double x, double y) {
     struct window *w = glfwGetWindowUserPointer(glfw);
     struct view_settings *s = &w->settings;
-    double fitting = 1.02 / sin(0.5 * s->camera_fov_deg * G_PI / 180.0);
-    double distance = s->camera_distance > 0.0 ? s->camera_distance : fitting;
-    s->camera_distance = CLAMP(distance * pow(0.9, y), 0.05, 50.0);
+    if (s->camera_distance > 0.0) /* else nothing is drawn yet */
+        s->camera_distance = CLAMP(s->camera_distance * pow(0.9, y), 0.05, 50.0);
     w->stale = TRUE;
 }
 
@@ -228,6 +228,8 @@ static gboolean draw_frame(struct window *w, struct window_result *ret, GError *
     glfwGetFramebufferSize(w->glfw, &width, &height);
     if (width < 1 || height < 1)
         return TRUE;
+    /* Once a shape, so that it keeps its size while the user turns it. */
+    view_fit(w->view, &w->settings, (double)width / height);
     gint64 start = g_get_monotonic_time();
     if (!view_draw(w->view, &w->settings, 0, width, height, error))
         return FALSE;

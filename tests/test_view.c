@@ -1,130 +1,9 @@
-/*
- * Pictures against what the formula gives. Materials are analytic functions of texel, view and
- * light, and the rays, hit points and frames they are evaluated for are computed here, in doubles
- * and without the renderer's code: an error of orientation anywhere shows as another colour.
- */
-#include "renderer/gpu.h"
+/* Pictures against what the formula gives; view_fixture.h says how. */
 #include "renderer/picture.h"
-#include "renderer/scene.h"
-#include "renderer/view.h"
+#include "view_fixture.h"
 
-#include <glib/gstdio.h>
-#include <math.h>
 #include <png.h>
-#include <string.h>
 #include <sys/wait.h>
-
-#define DEG (G_PI / 180.0)
-#define W   7 /* texels: odd, not a power of two, not square */
-#define H   5
-
-struct v3 {
-    double x, y, z;
-};
-
-static struct v3 v3(double x, double y, double z) {
-    return (struct v3){x, y, z};
-}
-
-static double dot(struct v3 a, struct v3 b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-static struct v3 mix(struct v3 a, double s, struct v3 b, double t) {
-    return v3(s * a.x + t * b.x, s * a.y + t * b.y, s * a.z + t * b.z);
-}
-
-static struct v3 unit(double theta_deg, double phi_deg) {
-    double theta = theta_deg * DEG, phi = phi_deg * DEG;
-    return v3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
-
-/* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y, blue = the texel's number; terms 1 and 2
- * add 0.4 v_x to red and 0.4 v_y to green. Terms 3 and 4 weigh nothing. */
-enum kind { LIGHT, VIEW, TEXEL, GREY, COSINE, N_KINDS };
-
-static double texel_code(int i, int j) {
-    return (1.0 + i + W * j) / (2.0 + W * H);
-}
-
-static void fill_texel(enum kind kind, int term, struct v3 l, int i, int j, float *ret) {
-    double code = texel_code(i, j);
-    double values[N_KINDS][3] = {
-        {0.5 + 0.4 * l.x, 0.5 + 0.4 * l.y, code},
-        {0.5, 0.5, code},
-        {(i + 0.5) / W, (j + 0.5) / H, code},
-        {0.5, 0.5, 0.5},
-        {l.z, l.z, l.z},
-    };
-    for (int c = 0; c < 3; c++)
-        ret[c] = term == 0 ? values[kind][c] : kind == VIEW && term == c + 1 && c < 2 ? 0.4 : 0.0;
-}
-
-static void fill_directions(int n_rings, int n_phi, double offset, float **ret_theta,
-                            float **ret_phi) {
-    *ret_theta = g_new(float, n_rings *n_phi);
-    *ret_phi = g_new(float, n_rings *n_phi);
-    for (int k = 0; k < n_rings * n_phi; k++) {
-        (*ret_theta)[k] = 85.0 / n_rings * (1 + k / n_phi);
-        (*ret_phi)[k] = offset + 360.0 / n_phi * (k % n_phi);
-    }
-}
-
-static struct eigenmaps *make_material(enum kind kind, int n_rings, int n_phi) {
-    struct eigenmaps *m = g_new0(struct eigenmaps, 1);
-    m->name = g_strdup("test");
-    m->width = W;
-    m->height = H;
-    m->texel_mm = 1.0;
-    m->n_views = m->n_lights = n_rings * n_phi;
-    m->n_terms = 5;
-    fill_directions(n_rings, n_phi, 0.0, &m->view_theta_deg, &m->view_phi_deg);
-    fill_directions(n_rings, n_phi, 5.0, &m->light_theta_deg, &m->light_phi_deg);
-    m->weights = g_new0(float, m->n_terms * m->n_views);
-    for (int k = 0; k < m->n_views; k++) {
-        struct v3 v = unit(m->view_theta_deg[k], m->view_phi_deg[k]);
-        m->weights[k] = 1.0;
-        m->weights[m->n_views + k] = v.x;
-        m->weights[2 * m->n_views + k] = v.y;
-    }
-    m->maps = g_new(float, (gsize)m->n_terms * m->n_lights * W * H * 3);
-    float *out = m->maps;
-    for (int term = 0; term < m->n_terms; term++)
-        for (int light = 0; light < m->n_lights; light++)
-            for (int k = 0; k < W * H; k++, out += 3)
-                fill_texel(kind, term, unit(m->light_theta_deg[light], m->light_phi_deg[light]),
-                           k % W, k / W, out);
-    return m;
-}
-
-static struct view_settings bare_settings(void) {
-    struct view_settings s = view_settings_default;
-    s.ambient = 0.0;
-    s.tiles_u = s.tiles_v = 1.0;
-    s.nearest = TRUE;
-    s.camera_distance = 3.0;
-    return s;
-}
-
-/* The ray through the middle of a pixel, from this file's own idea of the camera. */
-static struct v3 ray(const struct view_settings *s, double radius, int width, int height, int i,
-                     int j, struct v3 *ret_eye) {
-    struct v3 back = unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
-    struct v3 right = v3(-sin(s->camera_azimuth_deg * DEG), cos(s->camera_azimuth_deg * DEG), 0.0);
-    struct v3 up = v3(back.y * right.z - back.z * right.y, back.z * right.x - back.x * right.z,
-                      back.x * right.y - back.y * right.x);
-    double half = tan(0.5 * s->camera_fov_deg * DEG) / MIN(width, height);
-    double x = (2 * i + 1 - width) * half, y = (height - 2 * j - 1) * half;
-    *ret_eye = mix(back, s->camera_distance * radius, back, 0.0);
-    struct v3 d = mix(mix(right, x, up, y), 1.0, back, -1.0);
-    return mix(d, 1.0 / sqrt(dot(d, d)), d, 0.0);
-}
-
-struct hit {
-    gboolean found;
-    double u, v; /* one tile */
-    struct v3 t, b, n, to_eye;
-};
 
 static struct hit hit_plane(struct v3 eye, struct v3 d) {
     double along = -eye.z / d.z;
@@ -137,111 +16,6 @@ static struct hit hit_plane(struct v3 eye, struct v3 d) {
                       v3(0, 0, 1),
                       mix(d, -1.0, d, 0.0)};
     return hit;
-}
-
-/* By steps of the distance from the surface. */
-static struct hit hit_torus(struct v3 eye, struct v3 d) {
-    struct hit hit = {.to_eye = mix(d, -1.0, d, 0.0)};
-    double along = 0.0, distance = 1.0;
-    struct v3 p = eye;
-    for (int k = 0; k < 500 && along < 20.0 && distance > 1e-7; k++) {
-        distance = hypot(hypot(p.x, p.y) - 1.0, p.z) - 0.4;
-        along += distance;
-        p = mix(eye, 1.0, d, along);
-    }
-    hit.found = distance <= 1e-6;
-    double a = atan2(p.y, p.x), b = atan2(p.z, hypot(p.x, p.y) - 1.0);
-    hit.u = a / (2.0 * G_PI);
-    hit.v = b / (2.0 * G_PI);
-    hit.t = v3(-sin(a), cos(a), 0.0);
-    hit.b = v3(-sin(b) * cos(a), -sin(b) * sin(a), cos(b));
-    hit.n = v3(cos(b) * cos(a), cos(b) * sin(a), sin(b));
-    return hit;
-}
-
-struct check {
-    enum kind kind;
-    const struct view_settings *settings;
-    const float *pixels;
-    int width, height;
-    double radius;
-    struct hit (*find)(struct v3 eye, struct v3 d);
-};
-
-/* Returns FALSE where a small error of the mesh would change the answer. */
-static gboolean expect(const struct check *c, const struct hit *hit, double ret[3]) {
-    struct v3 l = unit(c->settings->light_theta_deg, c->settings->light_phi_deg);
-    struct v3 local_l = v3(dot(l, hit->t), dot(l, hit->b), dot(l, hit->n));
-    struct v3 local_v = v3(dot(hit->to_eye, hit->t), dot(hit->to_eye, hit->b), 0.0);
-    double cosine = dot(hit->to_eye, hit->n);
-    double x = hit->u * c->settings->tiles_u * W, y = -hit->v * c->settings->tiles_v * H;
-    double fx = x - floor(x), fy = y - floor(y);
-    if (cosine < 0.2 || fx < 0.06 || fx > 0.94 || fy < 0.06 || fy > 0.94)
-        return FALSE;
-    if (local_l.z < cos(84.0 * DEG)) /* beyond the lowest light it fades */
-        return FALSE;
-    int i = ((int)floor(x) % W + W) % W, j = ((int)floor(y) % H + H) % H;
-    float texel[3];
-    fill_texel(c->kind, 0, local_l, i, j, texel);
-    for (int k = 0; k < 3; k++)
-        ret[k] = texel[k];
-    if (c->kind == VIEW) {
-        ret[0] += 0.4 * local_v.x;
-        ret[1] += 0.4 * local_v.y;
-    }
-    return TRUE;
-}
-
-/* Compares every pixel that can be told; the texel must be right in (nearly) all, the rest within
- * the error of linear interpolation between the material's directions. */
-static void compare(const struct check *c, double tolerance, int at_least) {
-    int n = 0, wrong_texel = 0, wrong = 0;
-    double worst = 0.0;
-    for (int j = 0; j < c->height; j++)
-        for (int i = 0; i < c->width; i++) {
-            struct v3 eye, d = ray(c->settings, c->radius, c->width, c->height, i, j, &eye);
-            struct hit hit = c->find(eye, d);
-            double expected[3];
-            if (!hit.found || !expect(c, &hit, expected))
-                continue;
-            const float *p = c->pixels + 4 * ((gsize)j * c->width + i);
-            double error = fmax(fabs(p[0] - expected[0]), fabs(p[1] - expected[1]));
-            n++;
-            wrong_texel += fabs(p[2] - expected[2]) > 0.3 / (W * H);
-            wrong += error > tolerance;
-            worst = fmax(worst, error);
-        }
-    g_test_message("%d pixels, worst error %.4f, beyond %.4f: %d, wrong texel: %d", n, worst,
-                   tolerance, wrong, wrong_texel);
-    g_assert_cmpint(n, >=, at_least);
-    g_assert_cmpint(wrong_texel, <=, n / 500);
-    g_assert_cmpint(wrong, <=, n / 500);
-}
-
-struct fixture {
-    Gpu *gpu;
-};
-
-static void set_up(struct fixture *f, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    f->gpu = gpu_new_headless(&error);
-    if (f->gpu == NULL)
-        g_test_skip(error->message);
-}
-
-static void tear_down(struct fixture *f, gconstpointer data) {
-    gpu_free(f->gpu);
-}
-
-static View *make_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
-    g_autoptr(GError) error = NULL;
-    struct eigenmaps *material = make_material(kind, n_rings, n_phi);
-    View *view = view_new(material, &error);
-    g_assert_no_error(error);
-    eigenmaps_free(material);
-    view_set_mesh(view, mesh, &error);
-    g_assert_no_error(error);
-    return view;
 }
 
 static void check_kind(enum kind kind, struct mesh *mesh, const struct view_settings *s,
@@ -392,6 +166,84 @@ static void test_minified(struct fixture *f, gconstpointer data) {
             g_assert_cmpfloat_with_epsilon(pixels[4 * k + c], 0.5, 0.06);
 }
 
+/* Between texels a wave is nearer to its true course than straight lines could bring it: those miss
+ * its crests by 0.4 (1 − cos(π/7)) = 0.040 and 0.4 (1 − cos(π/5)) = 0.076. */
+static void test_magnified(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_plane();
+    g_autoptr(View) view = make_view(WAVE, 5, 12, mesh);
+    struct view_settings s = bare_settings();
+    s.nearest = FALSE;
+    s.camera_elevation_deg = 90.0;
+    s.camera_azimuth_deg = -90.0;
+    s.camera_distance = 3.0;
+    s.light_theta_deg = 20.0;
+    g_autofree float *pixels = view_render_linear(view, &s, 200, 200, &error);
+    g_assert_no_error(error);
+    double worst[2] = {0.0, 0.0};
+    for (int k = 0; k < 200 * 200; k++) {
+        struct v3 eye, d = ray(&s, mesh->radius, 200, 200, k % 200, k / 200, &eye);
+        struct hit hit = hit_plane(eye, d);
+        if (!hit.found)
+            continue;
+        double x = 0.5 + 0.4 * sin(2.0 * G_PI * hit.u), y = 0.5 + 0.4 * cos(-2.0 * G_PI * hit.v);
+        worst[0] = fmax(worst[0], fabs(pixels[4 * k] - x));
+        worst[1] = fmax(worst[1], fabs(pixels[4 * k + 1] - y));
+    }
+    mesh_free(mesh);
+    g_test_message("worst %.4f, %.4f", worst[0], worst[1]);
+    g_assert_cmpfloat(worst[0], <, 0.020);
+    g_assert_cmpfloat(worst[1], <, 0.038);
+}
+
+/* Whether a row or a column of the picture shows the mesh anywhere. */
+static gboolean shows(const float *pixels, int size, int at, gboolean column) {
+    for (int k = 0; k < size; k++)
+        if (pixels[4 * (column ? k * size + at : at * size + k) + 3] > 0.5f)
+            return TRUE;
+    return FALSE;
+}
+
+/* The shape stands in the middle and fills 92 % of the picture one way. */
+static void check_fit(const char *shape, double azimuth_deg, double elevation_deg) {
+    enum { SIZE = 200 };
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, &error);
+    g_autoptr(View) view = make_view(GREY, 3, 8, mesh);
+    mesh_free(mesh);
+    struct view_settings s = view_settings_default;
+    s.camera_azimuth_deg = azimuth_deg;
+    s.camera_elevation_deg = elevation_deg;
+    g_autofree float *pixels = view_render_linear(view, &s, SIZE, SIZE, &error);
+    g_assert_no_error(error);
+    int filled = 0;
+    for (int column = 0; column < 2; column++) {
+        int first = 0, last = SIZE - 1;
+        while (first < last && !shows(pixels, SIZE, first, column))
+            first++;
+        while (last > first && !shows(pixels, SIZE, last, column))
+            last--;
+        g_test_message("%s: %d … %d", shape, first, last);
+        filled = MAX(filled, last - first + 1);
+        g_assert_cmpint(ABS(first - (SIZE - 1 - last)), <=, 4);
+    }
+    g_assert_cmpint(filled, >=, 180);
+    g_assert_cmpint(filled, <=, 185);
+}
+
+static void test_fit(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_fit("torus", -90.0, 40.0);
+    check_fit("torus", 20.0, 5.0);
+    check_fit("plane", -90.0, 25.0);
+    check_fit("plane", -60.0, 90.0);
+    check_fit("sphere", 10.0, -30.0);
+    check_fit("cylinder", -90.0, 40.0);
+}
+
 static void refuse(struct eigenmaps *material, const char *said) {
     g_autoptr(GError) error = NULL;
     g_assert_null(view_new(material, &error));
@@ -525,6 +377,11 @@ static void test_program_usage(struct fixture *f, gconstpointer data) {
     check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--tiles", "3x", NULL}, "--tiles 3x");
     check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--exposure", "99", NULL}, "exposure");
     check_usage(2, (const char *[]){PROGRAM, "a", "--frames", "3", NULL}, "--render");
+    check_usage(2, (const char *[]){PROGRAM, "a", "--reference", NULL}, "--reference");
+    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--sheet", "2", NULL}, "--sheet");
+    check_usage(2,
+                (const char *[]){PROGRAM, "a", "-o", "b", "--frames", "99", "--sheet", "99", NULL},
+                "16384");
     check_usage(1, (const char *[]){PROGRAM, "/nowhere", "-o", "b.png", NULL}, "/nowhere");
     check_usage(1, (const char *[]){PROGRAM, "/nowhere", "-o", "b", "--shape", "cow", NULL}, "cow");
     check_usage(1, (const char *[]){PROGRAM, "/", "-o", "b.png", NULL}, "products/eigenmaps.exr");
@@ -580,6 +437,58 @@ static void test_program_renders(struct fixture *f, gconstpointer data) {
                                          "turn_0003.png", NULL});
 }
 
+/* A sheet holds the frames that would be files of their own, row by row. */
+static void test_program_sheet(struct fixture *f, gconstpointer data) {
+    if (!have_program(f))
+        return;
+    g_autofree char *dir = write_session(), *out = NULL, *err = NULL, *out2 = NULL, *err2 = NULL;
+    g_autofree char *sheet = g_build_filename(dir, "sheet.png", NULL);
+    g_autofree char *turn = g_build_filename(dir, "turn.png", NULL);
+    const char *one[] = {PROGRAM, dir,       "-o", sheet,          "--size", "24x16", "--frames",
+                         "3",     "--sheet", "2",  "--light-turn", "--json", NULL};
+    const char *many[] = {PROGRAM, dir,        "-o", turn,           "--size",
+                          "24x16", "--frames", "3",  "--light-turn", NULL};
+    g_assert_cmpint(run_program(one, &out, &err), ==, 0);
+    g_assert_nonnull(strstr(out, "sheet.png\"]}"));
+    g_assert_cmpint(run_program(many, &out2, &err2), ==, 0);
+    int width, height;
+    g_autofree guint8 *whole = NULL;
+    read_png(sheet, &width, &height, &whole);
+    g_assert_cmpint(width, ==, 48);
+    g_assert_cmpint(height, ==, 32);
+    for (int k = 0; k < 3; k++) {
+        g_autofree char *path = g_strdup_printf("%s/turn_%04d.png", dir, k);
+        int w, h;
+        g_autofree guint8 *frame = NULL;
+        read_png(path, &w, &h, &frame);
+        for (int j = 0; j < 16; j++)
+            g_assert_cmpmem(whole + 3 * ((k / 2 * 16 + j) * 48 + k % 2 * 24), 3 * 24,
+                            frame + 3 * 24 * j, 3 * 24);
+    }
+    remove_session(dir, (const char *[]){"sheet.png", "turn_0000.png", "turn_0001.png",
+                                         "turn_0002.png", NULL});
+}
+
+/* The program finds a session's BTF, and says how far the eigen-maps are from it. */
+static void test_program_reference(struct fixture *f, gconstpointer data) {
+    if (!have_program(f))
+        return;
+    g_autofree char *dir = write_session(), *out = NULL, *err = NULL;
+    g_autofree char *made = write_btf(LIGHT, 3, 4);
+    g_autofree char *btf = g_build_filename(dir, "products", "btf", NULL);
+    g_autofree char *path = g_build_filename(dir, "whole.png", NULL);
+    g_assert_cmpint(g_rename(made, btf), ==, 0);
+    const char *arguments[] = {PROGRAM, dir,           "-o",     path, "--size",
+                               "48x32", "--reference", "--json", NULL};
+    g_assert_cmpint(run_program(arguments, &out, &err), ==, 0);
+    g_test_message("%s", out);
+    /* Only the steps between texels differ: bicubic here, linear there. */
+    g_assert_nonnull(strstr(out, "\"relative_error\": 0.0"));
+    remove_folder(btf);
+    check_usage(1, arguments, "products/btf");
+    remove_session(dir, (const char *[]){"whole.png", NULL});
+}
+
 static void test_program_window(struct fixture *f, gconstpointer data) {
     g_autofree char *xvfb = g_find_program_in_path("xvfb-run");
     if (!have_program(f))
@@ -627,11 +536,15 @@ int main(int argc, char **argv) {
         {"/view/diffuser", test_diffuser},
         {"/view/bytes", test_bytes},
         {"/view/minified", test_minified},
+        {"/view/magnified", test_magnified},
+        {"/view/fit", test_fit},
         {"/view/bad-material", test_bad_material},
         {"/view/bad-settings", test_bad_settings},
         {"/view/png", test_png},
         {"/view/program/usage", test_program_usage},
         {"/view/program/renders", test_program_renders},
+        {"/view/program/sheet", test_program_sheet},
+        {"/view/program/reference", test_program_reference},
         {"/view/program/window", test_program_window},
         {"/view/program/no-display", test_program_no_display},
     };

@@ -1,7 +1,27 @@
+// A neutral ground that fades into the distance, and darkens softly under the mesh.
+uniform mat4 projection;
+uniform vec3 eye;
+uniform vec3 foot;    // half the mesh's width and depth, and its lowest z
+uniform float corner; // radius of the corners of the outline seen from above
+uniform float radius; // of the mesh
+
 in vec2 at;
 out vec4 colour;
 
+const float DISTANT = 0.022, NEAR = 0.105;
+
 void main() {
-    float far = length((at - vec2(0.5, 0.55)) * vec2(1.0, 0.8));
-    colour = vec4(vec3(mix(0.034, 0.009, smoothstep(0.0, 0.75, far))), 0.0);
+    vec4 far = inverse(projection) * vec4(2.0 * at - 1.0, 1.0, 1.0);
+    vec3 ray = normalize(far.xyz / far.w - eye);
+    float ground = foot.z - 0.002 * radius;
+    float along = ray.z < -1e-4 ? (ground - eye.z) / ray.z : 0.0;
+    float shown = DISTANT;
+    if (along > 0.0) {
+        vec2 hit = eye.xy + along * ray.xy;
+        vec2 beyond = max(abs(hit) - (foot.xy - corner), 0.0);
+        float away = max(length(beyond) - corner, 0.0) / radius;
+        float lit = mix(DISTANT, NEAR, exp(-0.35 * dot(hit, hit) / (radius * radius)));
+        shown = lit * (1.0 - 0.75 * exp(-away / 0.22));
+    }
+    colour = vec4(vec3(shown), 0.0);
 }

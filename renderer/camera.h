@@ -1,0 +1,16 @@
+/* Where the camera of a view stands. */
+#pragma once
+
+#include "view.h"
+
+/* column-major, of world coordinates; width / height. */
+void camera_matrix(const struct view_settings *settings, double radius, double aspect,
+                   float ret_projection[16], float ret_eye[3]);
+
+/* Stands so near, and so far aside, that all points (n × 3) just fill the picture, with a margin;
+ * sets distance and pan. */
+void camera_fit(struct view_settings *settings, const float *points, guint n, double radius,
+                double aspect);
+
+/* Of a far light or the line of sight; polar angle from +z. */
+void camera_direction(double theta_deg, double phi_deg, float ret[3]);

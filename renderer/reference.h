@@ -1,0 +1,35 @@
+/*
+ * A material on a mesh from its whole BTF, products/btf of a session, instead of its eigen-maps:
+ * what these are compared with. Directions are interpolated the same way and texels bilinearly, on
+ * the processor, without mipmaps.
+ *
+ * Views are read one after the other. Memory: one of them, and some 100 bytes for each sample of
+ * the picture that shows the mesh; the picture has REFERENCE_MAX_SAMPLES at most.
+ */
+#pragma once
+
+#include "view.h"
+
+#define REFERENCE_ERROR reference_error_quark()
+GQuark reference_error_quark(void);
+enum reference_error {
+    REFERENCE_ERROR_NONE,   /* there is no BTF */
+    REFERENCE_ERROR_FORMAT, /* its files do not fit together */
+};
+
+#define REFERENCE_MAX_SAMPLES (8 << 20)
+
+typedef struct Reference Reference;
+
+/* btf: a folder of files view_….exr as pipeline.h says. Reads their headers. */
+Reference *reference_open(const char *btf, GError **error);
+void reference_free(Reference *reference); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reference, reference_free)
+
+/* As view_render() and view_render_linear(); the view gives mesh, background and tone. ret_error,
+ * if not NULL: ‖view − reference‖ / ‖reference‖ over the samples that show the mesh. */
+guint8 *reference_render(Reference *reference, View *view, const struct view_settings *settings,
+                         int width, int height, double *ret_error, GError **error);
+float *reference_render_linear(Reference *reference, View *view,
+                               const struct view_settings *settings, int width, int height,
+                               double *ret_error, GError **error);
