@@ -382,6 +382,21 @@ static void on_fault(const char *source, const char *reason, gpointer data) {
     capture_pause_for(data, "error", source, reason);
 }
 
+/* Told even if the session rests; who looks later finds it in the reason too. */
+static void on_unsafe(const char *source, const char *reason, gpointer data) {
+    Capture *capture = data;
+    if (capture->reason && strstr(capture->reason, reason))
+        return;
+    capture_tell(capture, "error", source, reason);
+    if (capture->state != CAPTURE_PAUSED)
+        return;
+    char *both = g_strdup_printf("%s %s", capture->reason, reason);
+    g_free(capture->reason);
+    capture->reason = both;
+    session_set_value(capture->session, "reason", both, NULL);
+    changed(capture);
+}
+
 static void begin(gpointer data) {
     Capture *capture = data;
     capture->starter = 0;
@@ -417,4 +432,5 @@ const struct sequencer_hooks capture_sequencer_hooks = {
     .retake = on_retake,
     .finished = on_finished,
     .fault = on_fault,
+    .unsafe = on_unsafe,
 };

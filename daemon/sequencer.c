@@ -305,10 +305,15 @@ static void on_stage_fault(const char *source, const char *reason, gpointer data
         fail(seq, source, reason);
 }
 
+static void on_stage_unsafe(const char *source, const char *reason, gpointer data) {
+    Sequencer *seq = data;
+    seq->hooks.unsafe(source, reason, seq->hooks.data);
+}
+
 Sequencer *sequencer_new(struct devices *devices, const struct session_conf *conf,
                          const struct sequencer_hooks *hooks) {
     Sequencer *seq = g_new0(Sequencer, 1);
-    struct stage_hooks stage_hooks = {on_stage_changed, on_stage_fault, seq};
+    struct stage_hooks stage_hooks = {on_stage_changed, on_stage_fault, on_stage_unsafe, seq};
     seq->devices = devices;
     seq->conf = conf;
     seq->hooks = *hooks;

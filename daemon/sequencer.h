@@ -24,6 +24,8 @@ struct sequencer_hooks {
     /* Nothing goes on; the rig is safe (or could not be made so, which reason tells with
      * DEVICES_UNSAFE). */
     void (*fault)(const char *source, const char *reason, gpointer data);
+    /* While nothing goes on: a lamp or laser that was told to go dark has not. */
+    void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };
 

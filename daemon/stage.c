@@ -68,6 +68,18 @@ static void fault(Stage *stage, const char *kind, const char *name, const GError
         stage->hooks.fault(name, reason, stage->hooks.data);
 }
 
+/* One that does not answer to off may shine still: that is told whenever it happens. */
+static void light_fault(Stage *stage, const char *kind, const char *name, gboolean on,
+                        const GError *error) {
+    if (on) {
+        fault(stage, kind, name, error);
+        return;
+    }
+    g_autofree char *advised = stage_advise(kind, name, error);
+    g_autofree char *reason = g_strdup_printf(DEVICES_UNSAFE ": %s", advised);
+    (stage->active ? stage->hooks.fault : stage->hooks.unsafe)(name, reason, stage->hooks.data);
+}
+
 static void changed(Stage *stage) {
     if (stage->active)
         stage->hooks.changed(stage->hooks.data);
@@ -118,7 +130,7 @@ static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const 
                     gpointer data) {
     Stage *stage = data;
     if (error) {
-        fault(stage, "lamp bank", bank->device.name, error);
+        light_fault(stage, "lamp bank", bank->device.name, on, error);
         return;
     }
     for (int i = 0; i < stage->devices->geometry.n_lamps; i++) {
@@ -132,7 +144,7 @@ static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const 
 static void on_laser(Laser *laser, gboolean on, const GError *error, gpointer data) {
     Stage *stage = data;
     if (error) {
-        fault(stage, "laser", laser->device.name, error);
+        light_fault(stage, "laser", laser->device.name, on, error);
         return;
     }
     for (int i = 0; i < stage->devices->geometry.n_lasers; i++) {
@@ -177,8 +189,12 @@ Stage *stage_new(struct devices *devices, const struct stage_hooks *hooks) {
     add_track(stage, devices->arc);
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         add_track(stage, devices->sweeps[i]);
+        stage->lasers[i].on =
+            rig_laser_unit(&devices->timing, i) == i && laser_is_on(devices->lasers[i]);
         laser_listen(devices->lasers[i], on_laser, stage);
     }
+    for (int i = 0; i < devices->geometry.n_lamps; i++)
+        stage->lamps[i].on = lamps_is_on(devices->lamps[i].bank, devices->lamps[i].index);
     for (int i = 0; i < devices->n_banks; i++)
         lamps_listen(devices->banks[i], on_lamp, stage);
     for (int i = 0; i < devices->n_interlocks; i++)
@@ -209,6 +225,22 @@ const char *stage_open_interlock(const Stage *stage) {
     return NULL;
 }
 
+/* What did not answer when the rig was made safe: on as far as is known, though asked to be off. */
+static void darken(Stage *stage) {
+    const struct devices *devices = stage->devices;
+    for (int i = 0; i < devices->geometry.n_lamps && stage->active; i++) {
+        g_autoptr(GError) error = NULL;
+        if (stage->lamps[i].on &&
+            !lamps_set(devices->lamps[i].bank, devices->lamps[i].index, FALSE, &error))
+            light_fault(stage, "lamp", devices->geometry.lamps[i].name, FALSE, error);
+    }
+    for (int i = 0; i < devices->geometry.n_lasers && stage->active; i++) {
+        g_autoptr(GError) error = NULL;
+        if (stage->lasers[i].on && !laser_set(devices->lasers[i], FALSE, &error))
+            light_fault(stage, "laser", devices->geometry.lasers[i].name, FALSE, error);
+    }
+}
+
 void stage_home(Stage *stage) {
     stage->active = TRUE;
     for (int i = 0; i < stage->n_axes; i++) {
@@ -216,18 +248,30 @@ void stage_home(Stage *stage) {
         track->homing = track->homed = FALSE;
         track->at_deg = NAN;
     }
+    darken(stage);
     for (int i = 0; i < stage->n_axes && stage->active; i++) {
         if (!axis_is_moving(stage->axes[i].axis))
             start_homing(&stage->axes[i]);
     }
 }
 
+static gboolean lights_are(const struct light *lights, int n, int lit) {
+    for (int i = 0; i < n; i++) {
+        gboolean wanted = i == lit;
+        if (lights[i].on != wanted || lights[i].asked != wanted)
+            return FALSE;
+    }
+    return TRUE;
+}
+
 gboolean stage_is_homed(const Stage *stage) {
+    const struct rig *rig = &stage->devices->geometry;
     for (int i = 0; i < stage->n_axes; i++) {
         if (!stage->axes[i].homed)
             return FALSE;
     }
-    return TRUE;
+    return lights_are(stage->lamps, rig->n_lamps, -1) &&
+           lights_are(stage->lasers, rig->n_lasers, -1);
 }
 
 static void pursue_axis(Stage *stage, Axis *axis, double target_deg) {
@@ -283,15 +327,6 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal) {
 static gboolean stands_at(const Stage *stage, Axis *axis, double deg) {
     const struct track *track = find_track((Stage *)stage, axis);
     return track->at_deg == deg && !axis_is_moving(axis);
-}
-
-static gboolean lights_are(const struct light *lights, int n, int lit) {
-    for (int i = 0; i < n; i++) {
-        gboolean wanted = i == lit;
-        if (lights[i].on != wanted || lights[i].asked != wanted)
-            return FALSE;
-    }
-    return TRUE;
 }
 
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us) {

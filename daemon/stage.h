@@ -19,6 +19,8 @@ struct stage_hooks {
     /* reason: what happened, on which device, and what to do. May be called within stage_home() and
      * stage_pursue(). */
     void (*fault)(const char *source, const char *reason, gpointer data);
+    /* While the stage rests: what was told to go dark has not. */
+    void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };
 
@@ -30,7 +32,8 @@ void stage_free(Stage *stage); /* NULL is ignored; switches and moves nothing */
 /* NULL if every interlock is closed, else the name of one that is open. */
 const char *stage_open_interlock(const Stage *stage);
 
-/* Homes every axis, all at once, as soon as those still stopping stand. */
+/* Homes every axis, all at once, as soon as those still stopping stand; what may still shine is
+ * switched off again, and it is homed only when all is dark. */
 void stage_home(Stage *stage);
 gboolean stage_is_homed(const Stage *stage);
 
@@ -41,7 +44,7 @@ void stage_pursue(Stage *stage, const struct stage_goal *goal);
 /* Whether everything is as the goal says; ret_at_us: from when its light is stable. */
 gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
 
-/* The safe state, now. Positions are unknown afterwards, and no hook is called until
+/* The safe state, now. Positions are unknown afterwards, and no hook but unsafe is called until
  * stage_home(). */
 gboolean stage_make_safe(Stage *stage, GError **error);
 

@@ -5,9 +5,12 @@ struct sim_laser {
     char *world_path, *part_name;
     double warm_up_ms, latency_ms;
     gboolean fault_stays_on;
+    int fault_deaf;
 
     World *world;
     int laser;
+    gboolean on;
+    int n_deaf;
     GQueue pending; /* of struct pending, in order */
 };
 
@@ -30,6 +33,8 @@ static const struct option options[] = {
      "How long it takes to switch and answer"},
     {"fault_stays_on", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(fault_stays_on),
      "Fault: once on it shines on, though it says it is off"},
+    {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
+     "Fault: so often it neither goes off nor answers when it is told to"},
     {NULL},
 };
 
@@ -43,6 +48,7 @@ static void on_switched(gpointer data) {
     struct sim_laser *sim = done.laser->device.priv;
     g_queue_remove(&sim->pending, pending);
     g_free(pending);
+    sim->on = done.on;
     if (done.on || !sim->fault_stays_on)
         shine(sim, done.on);
     laser_report(done.laser, done.on, NULL);
@@ -50,6 +56,10 @@ static void on_switched(gpointer data) {
 
 static gboolean set(Laser *laser, gboolean on, GError **error) {
     struct sim_laser *sim = laser->device.priv;
+    if (sim->on && !on && sim->n_deaf < sim->fault_deaf) {
+        sim->n_deaf++;
+        return TRUE;
+    }
     struct pending *pending = g_new0(struct pending, 1);
     pending->laser = laser;
     pending->on = on;

@@ -699,6 +699,13 @@ static void test_dead_lamp(void) {
     run_free(run);
 }
 
+static int occurrences(const char *text, const char *of) {
+    int n = 0;
+    for (const char *at = text; (at = strstr(at, of)); at++)
+        n++;
+    return n;
+}
+
 static void test_laser_stays_on(void) {
     struct run *run =
         run_new((const struct change[]){{"[laser laser30]", "fault_stays_on = yes"}, {0}});
@@ -707,6 +714,30 @@ static void test_laser_stays_on(void) {
     g_clear_pointer(&run->capture, capture_free);
     change_rig(run, NULL);
     resume(run);
+    run_to_end(run);
+    check_same(run);
+    run_free(run);
+}
+
+/* A laser that does not answer when it is told to go off: said again as often as it happens, and
+ * gone on with only when it is dark. */
+static void test_deaf_laser(void) {
+    struct run *run = run_new((const struct change[]){{"[laser laser30]", "fault_deaf = 5"}, {0}});
+    start(run);
+    run_to_pause(run, "THE RIG COULD NOT BE MADE SAFE: laser laser30");
+    g_assert_nonnull(strstr(status_of(run).reason, "cut its power by hand"));
+    g_assert_cmpint(occurrences(run->told->str, "error laser30: THE RIG"), ==, 1);
+    pass_time(run, 10); /* the rig was made safe, or was it? */
+    g_assert_true(laser_is_on(run->devices->lasers[0]));
+    cont(run); /* it still is: told to go off twice a time */
+    run_to_pause(run, "THE RIG COULD NOT BE MADE SAFE: laser laser30");
+    g_assert_cmpint(occurrences(run->told->str, "error laser30: THE RIG"), ==, 2);
+    pass_time(run, 10);
+    cont(run);
+    run_to_pause(run, "THE RIG COULD NOT BE MADE SAFE: laser laser30");
+    pass_time(run, 10);
+    check_safe(run);
+    cont(run);
     run_to_end(run);
     check_same(run);
     run_free(run);
@@ -804,6 +835,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/fault/stall", test_stall);
     g_test_add_func("/fault/dead-lamp", test_dead_lamp);
     g_test_add_func("/fault/laser-stays-on", test_laser_stays_on);
+    g_test_add_func("/fault/deaf-laser", test_deaf_laser);
     g_test_add_func("/fault/interlock", test_interlock);
     int result = g_test_run();
     remove_tree(top);

@@ -11,6 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "daemon/json.h"
 #include "long_session.h"
 #include "processing/session.h"
 
@@ -252,13 +253,18 @@ static void check_told(struct run *run, const char *device, const char *happened
     g_autofree char *go_on = g_strdup_printf("to go on: mesorig resume %s\n", run->session);
     assert_has(run->out, told);
     assert_has(run->err, go_on);
-    g_autofree char *reason = between(run->err, "mesorig: paused, the rig is safe: ", "\n");
+    g_autofree char *reason = between(run->err, "mesorig: paused", "\n");
+    const gboolean is_safe = begins_with(reason, ", the rig is safe: ");
+    memmove(reason, strstr(reason, ": ") + 2, strlen(strstr(reason, ": ") + 2) + 1);
+    g_assert_true(is_safe == !strstr(reason, "THE RIG COULD NOT BE MADE SAFE"));
     assert_has(reason, device);
     assert_has(reason, happened);
     assert_has(reason, to_do);
     assert_has(reason, "then go on.");
     g_assert_true(has_event(run->session, "error", device, reason));
-    g_autofree char *in_json = g_strdup_printf("\"state\": \"paused\", \"reason\": \"%s\"", reason);
+    g_autoptr(GString) json = g_string_new("\"state\": \"paused\", \"reason\": ");
+    json_append_string(json, reason);
+    const char *in_json = json->str;
     does(run, 0, "status", "--json", run->session, NULL);
     assert_has(run->out, in_json);
     does(run, 0, "info", "--json", run->session, NULL);
@@ -365,6 +371,12 @@ static const struct fault faults[] = {
      "laser30",
      "stays on",
      "Cut its power, check its relay",
+     TRUE},
+    {"laser-is-deaf",
+     {{"[laser laser60]", "fault_deaf = 1000"}},
+     "laser60",
+     "THE RIG COULD NOT BE MADE SAFE: laser laser60: did not answer to \"off\"",
+     "it may still shine: cut its power by hand",
      TRUE},
     {"door-opens-while-homing",
      {{"[interlock door]", "open_after_s = 1"}},
