@@ -522,6 +522,13 @@ static void unexport(GDBusInterfaceSkeleton *skeleton) {
     g_list_free_full(connections, g_object_unref);
 }
 
+gboolean bus_end(Bus *bus, GError **error) {
+    if (!bus->devices)
+        return TRUE;
+    end_capture(bus);
+    return devices_make_safe(bus->devices, error);
+}
+
 void bus_free(Bus *bus) {
     if (!bus)
         return;

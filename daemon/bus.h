@@ -19,6 +19,9 @@ typedef void (*BusFunc)(Bus *bus, gpointer data);
  * "control" of the session directory while a session is captured. */
 Bus *bus_new(const char *address);
 
+/* The session closed as it stands (it can be resumed), the rig safe. TRUE: it is. */
+gboolean bus_end(Bus *bus, GError **error);
+
 /* The rig safe, the session closed (it can be resumed), devices closed, and gone from every
  * connection. NULL is ignored. */
 void bus_free(Bus *bus);

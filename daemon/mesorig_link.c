@@ -13,6 +13,7 @@
 #define START_WAIT_MS   15000
 #define LONGEST_FOLDER  80 /* a socket's path is 107 bytes at most */
 #define STALE_AFTER_S   60
+#define ASK_WAIT_MS     5000
 #define CALL_TIMEOUT_MS 600000 /* opening a rig may take its time */
 
 struct Link {
@@ -44,6 +45,27 @@ static Link *link_to(const char *address, GError **error) {
     return connect_to(link, address, error) ? g_steal_pointer(&link) : NULL;
 }
 
+/* A proxy is made also for who may not ask for anything. */
+static gboolean may_ask(BusRig1 *rig, const char *bus, GError **error) {
+    g_autoptr(GError) why = NULL;
+    if (bus_rig1_get_state(rig))
+        return TRUE;
+    g_autoptr(GVariant) state = g_dbus_proxy_call_sync(
+        G_DBUS_PROXY(rig), "org.freedesktop.DBus.Properties.Get",
+        g_variant_new("(ss)", BUS_NAME, "State"), G_DBUS_CALL_FLAGS_NONE, ASK_WAIT_MS, NULL, &why);
+    if (state)
+        return TRUE;
+    if (g_error_matches(why, G_DBUS_ERROR, G_DBUS_ERROR_ACCESS_DENIED))
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_PERMISSION_DENIED,
+                    "the rig on the %s bus is for members of the group mesorig: adduser %s "
+                    "mesorig, then log in again",
+                    bus, g_get_user_name());
+    else
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_TIMED_OUT,
+                    "mesorigd on the %s bus does not answer: %s", bus, why->message);
+    return FALSE;
+}
+
 static Link *link_on_bus(const char *bus, GError **error) {
     g_autoptr(Link) link = g_new0(Link, 1);
     const GBusType type = strcmp(bus, "system") == 0 ? G_BUS_TYPE_SYSTEM : G_BUS_TYPE_SESSION;
@@ -53,7 +75,7 @@ static Link *link_on_bus(const char *bus, GError **error) {
         g_dbus_connection_set_exit_on_close(link->connection, FALSE);
         g_autofree char *owner = g_dbus_proxy_get_name_owner(G_DBUS_PROXY(link->rig));
         if (owner)
-            return g_steal_pointer(&link);
+            return may_ask(link->rig, bus, error) ? g_steal_pointer(&link) : NULL;
     }
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "no mesorigd is on the %s bus%s%s", bus,
                 why ? ": " : "", why ? why->message : "");
@@ -139,6 +161,23 @@ static Link *link_by_directory(const char *directory, GError **error) {
     return NULL;
 }
 
+/* A daemon that is there but refuses is not passed over. */
+static Link *link_on_any_bus(GError **error) {
+    g_autoptr(GError) why = NULL;
+    Link *link = link_on_bus("system", &why);
+    if (!link && !g_error_matches(why, G_IO_ERROR, G_IO_ERROR_NOT_FOUND)) {
+        g_propagate_error(error, g_steal_pointer(&why));
+        return NULL;
+    }
+    if (!link)
+        link = link_on_bus("session", NULL);
+    if (!link)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "no mesorigd is running: neither for this user nor on the system or session "
+                    "bus (systemctl start mesorigd)");
+    return link;
+}
+
 Link *link_find(const char *directory, GError **error) {
     if (cli_address || cli_bus)
         return link_given(error);
@@ -150,15 +189,7 @@ Link *link_find(const char *directory, GError **error) {
         g_propagate_error(error, several);
         return NULL;
     }
-    if (!link)
-        link = link_on_bus("system", NULL);
-    if (!link)
-        link = link_on_bus("session", NULL);
-    if (!link)
-        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                    "no mesorigd is running: neither for this user nor on the system or session "
-                    "bus (systemctl start mesorigd)");
-    return link;
+    return link ? link : link_on_any_bus(error);
 }
 
 Link *link_find_rig(const char *rig_path, GError **error) {

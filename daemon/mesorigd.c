@@ -139,9 +139,18 @@ static gboolean open_first_rig(Bus *bus, GError **error) {
     return bus_open_rig(bus, path, error);
 }
 
+static void make_safe(Bus *bus) {
+    g_autoptr(GError) error = NULL;
+    if (bus_end(bus, &error))
+        g_message("the rig is safe");
+    else
+        g_warning("%s", error->message);
+}
+
 /* The rig is made safe first, whoever still listens. */
 static void shut_down(struct daemon *daemon) {
     sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
+    make_safe(daemon->bus);
     g_clear_handle_id(&daemon->watchdog_id, g_source_remove);
     bus_free(daemon->bus);
     if (daemon->name_id)

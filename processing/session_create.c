@@ -183,22 +183,14 @@ static gboolean move_in_place(const char *from, const char *to, GError **error) 
     return rc == 0 || fail_errno(to, errno, error);
 }
 
-static int open_permissions(const char *path) {
-    mode_t mask = umask(0);
-
-    umask(mask);
-    return g_chmod(path, (int)(0777 & ~mask));
-}
-
 static gboolean make(const char *path, const char *name, const struct session_texts *texts,
                      const struct session_plan *plan, int *ret_lock, GError **error) {
     g_autofree char *parent = g_path_get_dirname(path), *base = g_path_get_basename(path);
     g_autofree char *hidden = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
     gboolean ok;
 
-    if (!g_mkdtemp(hidden))
+    if (!g_mkdtemp_full(hidden, 0777))
         return fail_errno(path, errno, error);
-    open_permissions(hidden);
     ok = fill(hidden, name, texts, plan, error) && (*ret_lock = session_lock(hidden, error)) >= 0 &&
          move_in_place(hidden, path, error);
     if (!ok) {

@@ -2,8 +2,11 @@
 #include "session_schema.h"
 
 #include <errno.h>
+#include <fcntl.h>
+#include <glib/gstdio.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #define MAX_TEXT    (64 << 20)
 #define PATIENCE_MS 10000 /* for another program's transaction */
@@ -256,6 +259,17 @@ static gboolean may_be_immutable(const Session *session, const char *file) {
            (stat(wal, &status) != 0 || status.st_size == 0);
 }
 
+/* SQLite lets nobody but the owner write what it makes, whatever the umask says. */
+static gboolean make_file(const Session *session, const char *file, GError **error) {
+    int fd = g_open(file, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+
+    if (fd < 0)
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO, "%s: %s", file, g_strerror(errno));
+    else
+        close(fd);
+    return fd >= 0;
+}
+
 gboolean session_db_open(Session *session, gboolean create, GError **error) {
     g_autofree char *file = session_file(session, "session.db");
     g_autofree char *uri = g_filename_to_uri(file, NULL, NULL);
@@ -264,7 +278,7 @@ gboolean session_db_open(Session *session, gboolean create, GError **error) {
     int flags = session->mode == SESSION_READ ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE;
 
     if (create)
-        return connect(session, uri, flags | SQLITE_OPEN_CREATE, error);
+        return make_file(session, file, error) && connect(session, uri, flags, error);
     if (!check_file(session, file, error))
         return FALSE;
     if (connect(session, uri, flags, &own) && check(session, &own))
