@@ -1,5 +1,6 @@
 #include "devices_private.h"
 
+#include "drivers/modbus/devices.h"
 #include "drivers/usb/relays.h"
 #include "drivers/usb/tic.h"
 #include "sim/devices.h"
@@ -7,13 +8,15 @@
 #include "json.h"
 
 /* Every driver there is. A new one is written in drivers/ and named here. */
-static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &tic_axis_driver, NULL};
-static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &usb_relays_driver,
-                                                           NULL};
+static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modbus_axis_driver,
+                                                         &tic_axis_driver, NULL};
+static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &modbus_relays_driver,
+                                                           &usb_relays_driver, NULL};
 static const struct camera_driver *const camera_drivers[] = {&sim_camera_driver, NULL};
-static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver,
+static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &modbus_laser_driver,
                                                            &usb_relay_laser_driver, NULL};
-static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver, NULL};
+static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,
+                                                                   &modbus_inputs_driver, NULL};
 
 /* Every class's driver begins with its info. */
 static const struct {

@@ -1,0 +1,548 @@
+#include "bus.h"
+#include "devices.h"
+
+#include <math.h>
+#include <string.h>
+
+#define DEADLINE_MS 1500
+#define IDLE_MS     200 /* how often a drive is looked at that stands */
+#define MAX_WRITES  6   /* of one list in the section */
+#define MAX_WORDS   8   /* of one write */
+
+enum phase { STANDING, MOVING, HOMING, STOPPING };
+enum bits { BITS_16, BITS_32 };
+enum order { HIGH_FIRST, LOW_FIRST };
+enum kind { HOLDING, INPUT };
+
+struct number { /* a register, or two */
+    int address, bits;
+};
+
+struct modbus_axis {
+    struct modbus_link link;
+    gboolean wraps;
+    double min_deg, max_deg, speed_deg_s, accel_deg_s2, backlash_deg, settle_ms, home_deg;
+    double steps_per_deg, tolerance_deg, speed_scale, accel_scale;
+    struct number target, position, speed, accel;
+    int word_order, read_with, status_address;
+    int moving_bit, homed_bit, fault_bit, limit_bit;
+    gboolean verify;
+    char **setup, **start, **home, **stop, **clear, **watchdog;
+    double poll_ms, watchdog_ms, start_ms, stall_ms;
+
+    ModbusBus *bus;
+    enum phase phase;
+    guint timer;
+    int n_commands; /* under way */
+    gboolean polling, faulty, left_home, was_still;
+    gint64 target_steps, steps;
+    gint64 still_us, progress_us, fed_us; /* last begun or seen moving; last got on; watchdog */
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct modbus_axis, name)
+
+static const char *const bits_choices[] = {"16", "32", NULL};
+static const char *const order_choices[] = {"high-first", "low-first", NULL};
+static const char *const kind_choices[] = {"holding", "input", NULL};
+
+static const struct option options[] = {
+    MODBUS_LINK_OPTIONS,
+    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(wraps),
+     "Turns on without end, so that it has no limits and goes the short way"},
+    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(min_deg), "Lower limit"},
+    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(max_deg), "Upper limit"},
+    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, NULL, NULL, FIELD(speed_deg_s),
+     "Top speed; written to speed_register, or else as the drive is set"},
+    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, NULL, NULL, FIELD(accel_deg_s2),
+     "Acceleration; written to accel_register, or else as the drive is set"},
+    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(backlash_deg),
+     "Taken up by always arriving in the positive direction; home the drive in it too"},
+    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(settle_ms),
+     "How long the load swings after arrival"},
+    {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
+     "Where the axis is when the drive counts 0, as it does after homing"},
+    {"steps_per_deg", OPTION_DOUBLE, NULL, -1e7, 1e7, NULL, NULL, FIELD(steps_per_deg),
+     "The drive's steps a degree, gears included; negative: it counts the other way"},
+    {"tolerance_deg", OPTION_DOUBLE, "deg", 0, 10, "0.01", NULL, FIELD(tolerance_deg),
+     "How far from its target it may stand and have arrived"},
+    {"target_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(target.address),
+     "Holding register of the absolute target, in steps"},
+    {"target_bits", OPTION_CHOICE, NULL, 0, 0, "32", bits_choices, FIELD(target.bits),
+     "Its size, signed; 32 are two registers"},
+    {"position_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(position.address),
+     "Register of the position, in steps"},
+    {"position_bits", OPTION_CHOICE, NULL, 0, 0, "32", bits_choices, FIELD(position.bits),
+     "Its size, signed"},
+    {"word_order", OPTION_CHOICE, NULL, 0, 0, "high-first", order_choices, FIELD(word_order),
+     "Which half of 32 bits has the lower address"},
+    {"read_with", OPTION_CHOICE, NULL, 0, 0, "holding", kind_choices, FIELD(read_with),
+     "Whether position and status are holding registers (function 3) or input registers (4)"},
+    {"status_register", OPTION_INT, NULL, 0, 65535, NULL, NULL, FIELD(status_address),
+     "Register with the bits that follow"},
+    {"moving_bit", OPTION_INT, NULL, 0, 15, NULL, NULL, FIELD(moving_bit),
+     "Bit that is 1 while it moves"},
+    {"homed_bit", OPTION_INT, NULL, -1, 15, "-1", NULL, FIELD(homed_bit),
+     "Bit that is 1 once it was homed; −1: it has none"},
+    {"fault_bit", OPTION_INT, NULL, -1, 15, "-1", NULL, FIELD(fault_bit),
+     "Bit that is 1 while it has a fault; −1: it has none"},
+    {"limit_bit", OPTION_INT, NULL, -1, 15, "-1", NULL, FIELD(limit_bit),
+     "Bit that is 1 at a limit switch; −1: it has none"},
+    {"verify", OPTION_BOOL, NULL, 0, 0, "yes", NULL, FIELD(verify),
+     "Read target, speed and acceleration back before they are believed"},
+    {"speed_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, FIELD(speed.address),
+     "Holding register of the top speed, written when opened; −1: none"},
+    {"speed_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(speed.bits), "Its size"},
+    {"speed_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(speed_scale),
+     "What it holds for 1 deg/s"},
+    {"accel_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, FIELD(accel.address),
+     "Holding register of the acceleration, written when opened; −1: none"},
+    {"accel_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(accel.bits), "Its size"},
+    {"accel_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(accel_scale),
+     "What it holds for 1 deg/s²"},
+    {"setup", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(setup),
+     "What is written when opened: ADDRESS=VALUE, or ADDRESS=VALUE,VALUE for registers in a row"},
+    {"start", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(start),
+     "What is written to start a move to the target, as in setup; may be done twice"},
+    {"home", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(home),
+     "What is written to start homing, as in setup"},
+    {"stop", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(stop),
+     "What is written to stop, as in setup"},
+    {"clear", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(clear),
+     "What is written before homing to clear a fault, as in setup"},
+    {"watchdog", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(watchdog),
+     "What is written again and again to keep the drive's watchdog quiet, as in setup"},
+    {"watchdog_ms", OPTION_DOUBLE, "ms", 10, 60000, "200", NULL, FIELD(watchdog_ms), "How often"},
+    {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms),
+     "How often it is looked at while it moves"},
+    {"start_ms", OPTION_DOUBLE, "ms", 1, 10000, "500", NULL, FIELD(start_ms),
+     "How long after a command it may still stand, and rest on the way while homing"},
+    {"stall_ms", OPTION_DOUBLE, "ms", 10, 60000, "1000", NULL, FIELD(stall_ms),
+     "How long it may say that it moves while its position stays the same"},
+    {NULL},
+};
+
+static double to_deg(const struct modbus_axis *priv, gint64 steps) {
+    return priv->home_deg + (double)steps / priv->steps_per_deg;
+}
+
+static void split(const struct modbus_axis *priv, gint64 value, int bits, guint16 words[2]) {
+    guint16 low = (guint16)value, high = (guint16)(value >> 16);
+    gboolean swapped = bits == BITS_16 || priv->word_order == LOW_FIRST;
+    words[0] = swapped ? low : high;
+    words[1] = swapped ? high : low;
+}
+
+static gint64 join(const struct modbus_axis *priv, const guint16 *words, int bits) {
+    if (bits == BITS_16)
+        return (gint16)words[0];
+    guint16 high = words[priv->word_order == LOW_FIRST], low = words[priv->word_order != LOW_FIRST];
+    return (gint32)((guint32)high << 16 | low);
+}
+
+static void add_number(const struct modbus_axis *priv, struct modbus_job *job,
+                       const struct number *number, gint64 value) {
+    struct modbus_request *request =
+        modbus_job_add(job, MODBUS_WRITE_HOLDING, number->address, number->bits == BITS_32 ? 2 : 1);
+    split(priv, value, number->bits, request->values);
+    request->verify = priv->verify;
+}
+
+/* Decimal, or hexadecimal after 0x; FALSE if it is neither or too large. */
+static gboolean parse_word(const char *text, int min, int *ret) {
+    gboolean hex = g_str_has_prefix(text, "0x");
+    char *end = NULL;
+    gint64 value = g_ascii_strtoll(text, &end, hex ? 16 : 10);
+    *ret = (int)CLAMP(value, min, 65535);
+    return *text && !g_ascii_isspace(*text) && !*end && value == *ret;
+}
+
+/* ADDRESS=VALUE[,VALUE…] */
+static gboolean parse_write(const char *text, struct modbus_request *ret) {
+    g_auto(GStrv) sides = g_strsplit(text, "=", 0);
+    if (g_strv_length(sides) != 2 || !parse_word(g_strstrip(sides[0]), 0, &ret->address))
+        return FALSE;
+    g_auto(GStrv) values = g_strsplit(sides[1], ",", 0);
+    ret->n = (int)g_strv_length(values);
+    if (ret->n < 1 || ret->n > MAX_WORDS)
+        return FALSE;
+    for (int i = 0; i < ret->n; i++) {
+        int value;
+        if (!parse_word(g_strstrip(values[i]), -32768, &value))
+            return FALSE;
+        ret->values[i] = (guint16)value;
+    }
+    return ret->address + ret->n <= 65536;
+}
+
+static gboolean check_writes(const Axis *axis, const char *key, char *const *writes,
+                             gboolean needed, GError **error) {
+    struct modbus_request request;
+    const struct config_section *section = axis->device.section;
+    if (needed && !*writes) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, key, "is empty; write ADDRESS=VALUE");
+        return FALSE;
+    }
+    if (g_strv_length((char **)writes) > MAX_WRITES) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, key, "more than %d writes",
+                         MAX_WRITES);
+        return FALSE;
+    }
+    for (; *writes; writes++)
+        if (!parse_write(*writes, &request)) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, key,
+                             "\"%s\" is not ADDRESS=VALUE or ADDRESS=VALUE,VALUE (0 to 65535; at "
+                             "most %d values)",
+                             *writes, MAX_WORDS);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+/* They were checked when opened. */
+static void add_writes(struct modbus_job *job, char *const *writes) {
+    for (; *writes; writes++) {
+        struct modbus_request parsed = {0};
+        parse_write(*writes, &parsed);
+        struct modbus_request *request =
+            modbus_job_add(job, MODBUS_WRITE_HOLDING, parsed.address, parsed.n);
+        memcpy(request->values, parsed.values, sizeof parsed.values);
+    }
+}
+
+/* The last two requests of a poll: status, then position, so that the position of a drive that
+ * stands is its last. */
+static void add_poll(const struct modbus_axis *priv, struct modbus_job *job) {
+    enum modbus_kind kind =
+        priv->read_with == INPUT ? MODBUS_READ_INPUT_REGISTERS : MODBUS_READ_HOLDING;
+    modbus_job_add(job, kind, priv->status_address, 1);
+    modbus_job_add(job, kind, priv->position.address, priv->position.bits == BITS_32 ? 2 : 1);
+}
+
+static gboolean has_bit(const struct modbus_job *job, int bit) {
+    return bit >= 0 && (job->requests[job->n - 2].values[0] >> bit & 1);
+}
+
+static void on_polled(const struct modbus_job *job, const GError *error, gpointer data);
+
+static void poll_now(Axis *axis) {
+    struct modbus_axis *priv = axis->device.priv;
+    struct modbus_job job = {0};
+    gint64 now = clock_now_us(axis->device.clock);
+    if (priv->polling)
+        return;
+    clock_cancel(axis->device.clock, &priv->timer);
+    priv->polling = TRUE;
+    if (*priv->watchdog && now - priv->fed_us >= (gint64)(priv->watchdog_ms * 500)) {
+        priv->fed_us = now;
+        add_writes(&job, priv->watchdog);
+    }
+    add_poll(priv, &job);
+    modbus_bus_start(priv->bus, &priv->link, &job, TRUE, DEADLINE_MS, on_polled, axis);
+}
+
+static void on_timer(gpointer data) {
+    Axis *axis = data;
+    ((struct modbus_axis *)axis->device.priv)->timer = 0;
+    poll_now(axis);
+}
+
+static void poll_later(Axis *axis) {
+    struct modbus_axis *priv = axis->device.priv;
+    double ms = priv->phase == STANDING ? MAX(IDLE_MS, priv->poll_ms) : priv->poll_ms;
+    if (*priv->watchdog)
+        ms = MIN(ms, priv->watchdog_ms);
+    clock_cancel(axis->device.clock, &priv->timer);
+    priv->timer = clock_call_in(axis->device.clock, (gint64)(ms * 1000), on_timer, axis);
+}
+
+static void on_commanded(const struct modbus_job *job, const GError *error, gpointer data);
+
+static void command(Axis *axis, enum phase phase, const struct modbus_job *job) {
+    struct modbus_axis *priv = axis->device.priv;
+    priv->phase = phase;
+    priv->n_commands++;
+    priv->left_home = priv->was_still = FALSE;
+    priv->still_us = priv->progress_us = clock_now_us(axis->device.clock);
+    modbus_bus_start(priv->bus, &priv->link, job, FALSE, DEADLINE_MS, on_commanded, axis);
+}
+
+/* Last in its caller: the listener may close the axis. */
+static void report_fault(Axis *axis, GError *error) {
+    struct modbus_axis *priv = axis->device.priv;
+    struct modbus_job job = {0};
+    if (priv->phase != STANDING) { /* whatever it does now, it shall not go on */
+        add_writes(&job, priv->stop);
+        command(axis, STANDING, &job);
+    }
+    g_prefix_error(&error, "axis %s: ", axis->device.name);
+    axis_report(axis, AXIS_FAULT, error);
+}
+
+static void on_commanded(const struct modbus_job *job, const GError *error, gpointer data) {
+    Axis *axis = data;
+    struct modbus_axis *priv = axis->device.priv;
+    priv->n_commands--;
+    priv->still_us = priv->progress_us = clock_now_us(axis->device.clock);
+    if (priv->n_commands == 0)
+        poll_now(axis);
+    if (error && priv->phase != STANDING)
+        report_fault(axis, g_error_copy(error));
+}
+
+static void finish(Axis *axis, enum axis_event event) {
+    struct modbus_axis *priv = axis->device.priv;
+    priv->phase = STANDING;
+    axis_report(axis, event, NULL);
+}
+
+static void stalled(Axis *axis, const char *format, ...) G_GNUC_PRINTF(2, 3);
+static void stalled(Axis *axis, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    GError *error = g_error_new_valist(DEVICE_ERROR, DEVICE_ERROR_STALLED, format, args);
+    va_end(args);
+    report_fault(axis, error);
+}
+
+static gint64 tolerance_steps(const struct modbus_axis *priv) {
+    return MAX(1, (gint64)(priv->tolerance_deg * fabs(priv->steps_per_deg)));
+}
+
+static gboolean is_at(const struct modbus_axis *priv, gint64 steps) {
+    return ABS(priv->steps - steps) <= tolerance_steps(priv);
+}
+
+static gboolean is_past(const Axis *axis, gint64 since_us, double ms) {
+    return (double)(clock_now_us(axis->device.clock) - since_us) > ms * 1000;
+}
+
+static void check_moving(Axis *axis, const struct modbus_job *job, gboolean moving) {
+    struct modbus_axis *priv = axis->device.priv;
+    double at = to_deg(priv, priv->steps), target = to_deg(priv, priv->target_steps);
+    if (!moving && is_at(priv, priv->target_steps))
+        finish(axis, AXIS_ARRIVED);
+    else if (!moving && is_past(axis, priv->still_us, priv->start_ms))
+        stalled(axis, "it stands at %.3f° instead of %.3f°%s; see what blocks it, then home it", at,
+                target, has_bit(job, priv->limit_bit) ? ", at a limit switch" : "");
+    else if (moving && is_past(axis, priv->progress_us, priv->stall_ms))
+        stalled(axis,
+                "stalled at %.3f° on its way to %.3f°: no progress for %g ms; see what blocks it, "
+                "then home it",
+                at, target, priv->stall_ms);
+}
+
+/* Homed means: it stands, and says so; not still from the last time. */
+static void check_homing(Axis *axis, const struct modbus_job *job, gboolean moving) {
+    struct modbus_axis *priv = axis->device.priv;
+    gboolean homed = priv->homed_bit < 0 ? is_at(priv, 0) : has_bit(job, priv->homed_bit);
+    gboolean rested = is_past(axis, priv->still_us, priv->start_ms);
+    priv->left_home |= moving || !homed;
+    if (!moving && homed && (priv->left_home || rested))
+        finish(axis, AXIS_HOMED);
+    else if (!moving && rested)
+        stalled(axis, "its homing ended without a reference, at %.3f°; check the reference switch",
+                to_deg(priv, priv->steps));
+}
+
+/* Twice in a row, since a drive may not have begun when it was first seen. */
+static void check_stopping(Axis *axis, gboolean moving) {
+    struct modbus_axis *priv = axis->device.priv;
+    if (!moving && priv->was_still)
+        finish(axis, AXIS_STOPPED);
+    else
+        priv->was_still = !moving;
+}
+
+static void check_standing(Axis *axis, const struct modbus_job *job, gint64 before_steps) {
+    struct modbus_axis *priv = axis->device.priv;
+    if (!axis_is_homed(axis) || axis_is_moving(axis))
+        return;
+    if (priv->homed_bit >= 0 && !has_bit(job, priv->homed_bit))
+        report_fault(axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                                       "the drive has lost its reference, as after a loss of "
+                                       "power; home it"));
+    else if (!is_at(priv, before_steps))
+        report_fault(axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_STALLED,
+                                       "it stood at %.3f° and is now at %.3f° without a command; "
+                                       "see what moved it, then home it",
+                                       to_deg(priv, before_steps), to_deg(priv, priv->steps)));
+}
+
+static void evaluate(Axis *axis, const struct modbus_job *job) {
+    struct modbus_axis *priv = axis->device.priv;
+    gint64 before = priv->steps;
+    gboolean moving = has_bit(job, priv->moving_bit), was_faulty = priv->faulty;
+    priv->steps = join(priv, job->requests[job->n - 1].values, priv->position.bits);
+    priv->faulty = has_bit(job, priv->fault_bit);
+    if (priv->steps != before)
+        priv->progress_us = clock_now_us(axis->device.clock);
+    if (moving)
+        priv->still_us = clock_now_us(axis->device.clock);
+    if (priv->faulty && (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
+        stalled(axis,
+                "the drive reports a fault (status 0x%04x) at %.3f°; see its display, then "
+                "home it",
+                job->requests[job->n - 2].values[0], to_deg(priv, priv->steps));
+    else if (priv->phase == MOVING)
+        check_moving(axis, job, moving);
+    else if (priv->phase == HOMING)
+        check_homing(axis, job, moving);
+    else if (priv->phase == STOPPING)
+        check_stopping(axis, moving);
+    else
+        check_standing(axis, job, before);
+}
+
+static void on_polled(const struct modbus_job *job, const GError *error, gpointer data) {
+    Axis *axis = data;
+    struct modbus_axis *priv = axis->device.priv;
+    priv->polling = FALSE;
+    if (priv->n_commands > 0) /* seen before they were carried out; the last one polls again */
+        return;
+    poll_later(axis);
+    if (!error)
+        evaluate(axis, job);
+    else if (priv->phase != STANDING)
+        report_fault(axis, g_error_copy(error));
+}
+
+static gboolean home(Axis *axis, GError **error) {
+    struct modbus_axis *priv = axis->device.priv;
+    struct modbus_job job = {0};
+    if (priv->faulty)
+        add_writes(&job, priv->clear);
+    add_writes(&job, priv->home);
+    command(axis, HOMING, &job);
+    return TRUE;
+}
+
+static gboolean move(Axis *axis, double target_deg, GError **error) {
+    struct modbus_axis *priv = axis->device.priv;
+    struct modbus_job job = {0};
+    double steps = round((target_deg - priv->home_deg) * priv->steps_per_deg);
+    double limit = priv->target.bits == BITS_32 ? G_MAXINT32 : G_MAXINT16;
+    if (fabs(steps) > limit) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "axis %s: %g° are %.0f steps, more than its target register holds; home it",
+                    axis->device.name, target_deg, steps);
+        return FALSE;
+    }
+    priv->target_steps = (gint64)steps;
+    add_number(priv, &job, &priv->target, priv->target_steps);
+    add_writes(&job, priv->start);
+    command(axis, MOVING, &job);
+    return TRUE;
+}
+
+static gboolean stop(Axis *axis, GError **error) {
+    struct modbus_axis *priv = axis->device.priv;
+    struct modbus_job job = {0};
+    add_writes(&job, priv->stop);
+    command(axis, STOPPING, &job);
+    return TRUE;
+}
+
+static double position(Axis *axis) {
+    const struct modbus_axis *priv = axis->device.priv;
+    return to_deg(priv, priv->steps);
+}
+
+static gboolean check_range(const Axis *axis, const char *key, double value, int bits,
+                            GError **error) {
+    if (fabs(value) <= (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16))
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, key,
+                     "%.0f does not fit into its %s bits", value, bits_choices[bits]);
+    return FALSE;
+}
+
+static gboolean check_options(const Axis *axis, GError **error) {
+    const struct modbus_axis *priv = axis->device.priv;
+    const struct config_section *section = axis->device.section;
+    if (priv->steps_per_deg == 0) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "steps_per_deg", "must not be 0");
+        return FALSE;
+    }
+    if (!priv->wraps && priv->min_deg >= priv->max_deg) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "min_deg",
+                         "%g is not below max_deg, %g", priv->min_deg, priv->max_deg);
+        return FALSE;
+    }
+    return check_range(axis, "speed_scale", priv->speed_deg_s * priv->speed_scale, priv->speed.bits,
+                       error) &&
+           check_range(axis, "accel_scale", priv->accel_deg_s2 * priv->accel_scale,
+                       priv->accel.bits, error) &&
+           check_writes(axis, "setup", priv->setup, FALSE, error) &&
+           check_writes(axis, "start", priv->start, TRUE, error) &&
+           check_writes(axis, "home", priv->home, TRUE, error) &&
+           check_writes(axis, "stop", priv->stop, TRUE, error) &&
+           check_writes(axis, "clear", priv->clear, FALSE, error) &&
+           check_writes(axis, "watchdog", priv->watchdog, FALSE, error);
+}
+
+/* Sets the drive up, and sees where it stands. */
+static gboolean greet(Axis *axis, GError **error) {
+    struct modbus_axis *priv = axis->device.priv;
+    struct modbus_job job = {0};
+    add_writes(&job, priv->setup);
+    if (priv->speed.address >= 0)
+        add_number(priv, &job, &priv->speed, llround(priv->speed_deg_s * priv->speed_scale));
+    if (priv->accel.address >= 0)
+        add_number(priv, &job, &priv->accel, llround(priv->accel_deg_s2 * priv->accel_scale));
+    add_poll(priv, &job);
+    if (!modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, error)) {
+        g_prefix_error(error, "axis %s: ", axis->device.name);
+        return FALSE;
+    }
+    priv->steps = join(priv, job.requests[job.n - 1].values, priv->position.bits);
+    priv->faulty = has_bit(&job, priv->fault_bit);
+    return TRUE;
+}
+
+static gboolean open_axis(Axis *axis, GError **error) {
+    struct modbus_axis *priv = axis->device.priv;
+    if (!check_options(axis, error))
+        return FALSE;
+    priv->bus = modbus_bus_get(&priv->link, &axis->device, error);
+    if (!priv->bus)
+        return FALSE;
+    if (!greet(axis, error)) {
+        g_clear_pointer(&priv->bus, modbus_bus_unref);
+        return FALSE;
+    }
+    axis->motion = (struct axis_motion){
+        .min_deg = priv->min_deg,
+        .max_deg = priv->max_deg,
+        .wraps = priv->wraps,
+        .speed_deg_s = priv->speed_deg_s,
+        .accel_deg_s2 = priv->accel_deg_s2,
+        .backlash_deg = priv->backlash_deg,
+        .settle_s = priv->settle_ms / 1000,
+    };
+    poll_later(axis);
+    return TRUE;
+}
+
+static void close_axis(Axis *axis) {
+    struct modbus_axis *priv = axis->device.priv;
+    struct modbus_job job = {0};
+    clock_cancel(axis->device.clock, &priv->timer);
+    modbus_bus_cancel(priv->bus, axis);
+    if (priv->phase != STANDING || priv->n_commands > 0) {
+        add_writes(&job, priv->stop);
+        modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, NULL);
+    }
+    g_clear_pointer(&priv->bus, modbus_bus_unref);
+}
+
+const struct axis_driver modbus_axis_driver = {
+    .info = {"axis", "modbus-axis",
+             "A positioning drive on a Modbus line, described by its registers", options,
+             sizeof(struct modbus_axis)},
+    .open = open_axis,
+    .close = close_axis,
+    .home = home,
+    .move = move,
+    .stop = stop,
+    .position = position,
+};

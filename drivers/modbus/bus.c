@@ -1,0 +1,291 @@
+#include "bus.h"
+#include "line.h"
+
+/* Beyond a job's own deadline: what the recovery of a line may take that is under way. */
+#define EXTRA_WAIT_US (6 * G_USEC_PER_SEC)
+
+struct task {
+    gint ref_count;
+    struct modbus_job job;
+    int unit;
+    gint64 deadline_us;
+    gint cancelled; /* atomic */
+    GError *error;
+    ModbusFunc func; /* main loop's thread alone; NULL once cancelled */
+    gpointer data;
+    gboolean waited, done; /* under the bus's mutex: modbus_bus_do() */
+};
+
+struct ModbusBus {
+    int ref_count;
+    struct modbus_link link; /* a copy, but for bus */
+    char *key;
+    GThread *thread;
+    GMutex mutex; /* guards what follows */
+    GCond work, finished;
+    GQueue commands, polls, results; /* of struct task */
+    gboolean quit;
+    struct modbus_counts counts;
+    GSource *source;
+    GList *waiting; /* main loop's thread alone: tasks that end in a call */
+    struct modbus_line *line;
+};
+
+struct bus_source {
+    GSource base;
+    ModbusBus *bus;
+};
+
+static GHashTable *buses; /* by key */
+
+static void task_unref(gpointer data) {
+    struct task *task = data;
+    if (!g_atomic_int_dec_and_test(&task->ref_count))
+        return;
+    g_clear_error(&task->error);
+    g_free(task);
+}
+
+static struct task *task_ref(struct task *task) {
+    g_atomic_int_inc(&task->ref_count);
+    return task;
+}
+
+static void carry_out(ModbusBus *bus, struct task *task) {
+    GError *error = NULL;
+    if (g_atomic_int_get(&task->cancelled))
+        return;
+    for (int i = 0; i < task->job.n && !error; i++)
+        modbus_line_do(bus->line, task->unit, &task->job.requests[i], task->deadline_us, &error);
+    task->error = error;
+}
+
+static struct task *next_task(ModbusBus *bus) {
+    struct task *task = g_queue_pop_head(&bus->commands);
+    return task ? task : g_queue_pop_head(&bus->polls);
+}
+
+static gpointer run(gpointer data) {
+    ModbusBus *bus = data;
+    g_mutex_lock(&bus->mutex);
+    for (;;) {
+        struct task *task = next_task(bus);
+        if (!task && bus->quit)
+            break;
+        if (!task) {
+            g_cond_wait(&bus->work, &bus->mutex);
+            continue;
+        }
+        g_mutex_unlock(&bus->mutex);
+        carry_out(bus, task);
+        g_mutex_lock(&bus->mutex);
+        modbus_line_counts(bus->line, &bus->counts);
+        task->done = TRUE;
+        if (task->waited) {
+            g_cond_broadcast(&bus->finished);
+            task_unref(task);
+            continue;
+        }
+        g_queue_push_tail(&bus->results, task);
+        g_source_set_ready_time(bus->source, 0);
+    }
+    g_mutex_unlock(&bus->mutex);
+    return NULL;
+}
+
+static struct task *pop_result(ModbusBus *bus) {
+    g_mutex_lock(&bus->mutex);
+    struct task *task = g_queue_pop_head(&bus->results);
+    if (!task)
+        g_source_set_ready_time(bus->source, -1);
+    g_mutex_unlock(&bus->mutex);
+    return task;
+}
+
+/* One result a round. Dispatched by whoever runs the main loop, hence in its thread alone, which
+ * g_main_context_invoke() from another thread does not promise. */
+static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+    ModbusBus *bus = ((struct bus_source *)source)->bus;
+    struct task *task = pop_result(bus);
+    if (!task)
+        return G_SOURCE_CONTINUE;
+    bus->waiting = g_list_remove(bus->waiting, task);
+    if (task->func) /* which may end the bus */
+        task->func(&task->job, task->error, task->data);
+    task_unref(task);
+    return G_SOURCE_CONTINUE;
+}
+
+static GSourceFuncs source_funcs = {.dispatch = dispatch};
+
+static void add_source(ModbusBus *bus) {
+    bus->source = g_source_new(&source_funcs, sizeof(struct bus_source));
+    ((struct bus_source *)bus->source)->bus = bus;
+    g_source_set_name(bus->source, "mesorig modbus");
+    g_source_set_can_recurse(bus->source, TRUE);
+    g_source_attach(bus->source, NULL);
+}
+
+static void bus_free(ModbusBus *bus) {
+    struct task *task;
+    while ((task = g_queue_pop_head(&bus->results)))
+        task_unref(task);
+    g_list_free(bus->waiting);
+    modbus_line_free(bus->line);
+    g_mutex_clear(&bus->mutex);
+    g_cond_clear(&bus->work);
+    g_cond_clear(&bus->finished);
+    g_free(bus->key);
+    g_free(bus);
+}
+
+static ModbusBus *bus_new(const struct modbus_link *link, GError **error) {
+    ModbusBus *bus = g_new0(ModbusBus, 1);
+    bus->ref_count = 1;
+    bus->key = g_strdup(link->bus);
+    bus->link = *link;
+    bus->link.bus = bus->key;
+    g_mutex_init(&bus->mutex);
+    g_cond_init(&bus->work);
+    g_cond_init(&bus->finished);
+    bus->line = modbus_line_new(link, error);
+    gint64 deadline = g_get_monotonic_time() + (gint64)(link->timeout_ms * 1000);
+    if (!bus->line || !modbus_line_connect(bus->line, deadline, error)) {
+        bus_free(bus);
+        return NULL;
+    }
+    add_source(bus);
+    bus->thread = g_thread_new("modbus", run, bus);
+    g_hash_table_insert(buses, bus->key, bus);
+    return bus;
+}
+
+static gboolean is_same(const struct modbus_link *a, const struct modbus_link *b) {
+    return a->baud == b->baud && a->parity == b->parity && a->stop_bits == b->stop_bits &&
+           a->timeout_ms == b->timeout_ms && a->late_ms == b->late_ms && a->retries == b->retries;
+}
+
+ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
+                          GError **error) {
+    const struct config_section *section = device->section;
+    if (clock_is_virtual(device->clock)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "driver",
+                         "%s is real and keeps real time; set clock = real in [rig]",
+                         device->info->name);
+        return NULL;
+    }
+    if (!buses)
+        buses = g_hash_table_new(g_str_hash, g_str_equal);
+    ModbusBus *bus = g_hash_table_lookup(buses, link->bus);
+    if (bus && is_same(link, &bus->link)) {
+        bus->ref_count++;
+        return bus;
+    }
+    if (bus) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "bus",
+                         "another section opens %s with other settings; make baud, parity, "
+                         "stop_bits, timeout_ms, late_ms and retries the same",
+                         link->bus);
+        return NULL;
+    }
+    bus = bus_new(link, error);
+    if (!bus) {
+        int line;
+        config_value(section, "bus", &line);
+        g_prefix_error(error, "%s:%d: [%s] bus: ", config_path(section->config), line,
+                       section->group);
+    }
+    return bus;
+}
+
+void modbus_bus_unref(ModbusBus *bus) {
+    if (!bus || --bus->ref_count > 0)
+        return;
+    g_hash_table_remove(buses, bus->key);
+    if (g_hash_table_size(buses) == 0)
+        g_clear_pointer(&buses, g_hash_table_unref);
+    g_mutex_lock(&bus->mutex);
+    bus->quit = TRUE;
+    g_cond_signal(&bus->work);
+    g_mutex_unlock(&bus->mutex);
+    g_thread_join(bus->thread);
+    g_source_destroy(bus->source);
+    g_source_unref(bus->source);
+    bus_free(bus);
+}
+
+struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind kind, int address,
+                                      int n) {
+    g_return_val_if_fail(job->n < MODBUS_MAX_REQUESTS && n > 0 && n <= MODBUS_MAX_VALUES, NULL);
+    struct modbus_request *request = &job->requests[job->n++];
+    *request = (struct modbus_request){.kind = kind, .address = address, .n = n};
+    return request;
+}
+
+static struct task *task_new(const struct modbus_link *link, const struct modbus_job *job,
+                             double deadline_ms) {
+    struct task *task = g_new0(struct task, 1);
+    task->ref_count = 1;
+    task->job = *job;
+    task->unit = link->unit;
+    task->deadline_us = g_get_monotonic_time() + (gint64)(deadline_ms * 1000);
+    return task;
+}
+
+static void enqueue(ModbusBus *bus, struct task *task, gboolean poll) {
+    g_mutex_lock(&bus->mutex);
+    g_queue_push_tail(poll ? &bus->polls : &bus->commands, task);
+    g_cond_signal(&bus->work);
+    g_mutex_unlock(&bus->mutex);
+}
+
+void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
+                      gboolean poll, double deadline_ms, ModbusFunc func, gpointer data) {
+    struct task *task = task_new(link, job, deadline_ms);
+    task->func = func;
+    task->data = data;
+    bus->waiting = g_list_prepend(bus->waiting, task);
+    enqueue(bus, task, poll);
+}
+
+gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
+                       double deadline_ms, GError **error) {
+    struct task *task = task_ref(task_new(link, job, deadline_ms));
+    gboolean in_time = TRUE;
+    task->waited = TRUE;
+    enqueue(bus, task, FALSE);
+    g_mutex_lock(&bus->mutex);
+    while (!task->done && in_time)
+        in_time = g_cond_wait_until(&bus->finished, &bus->mutex, task->deadline_us + EXTRA_WAIT_US);
+    gboolean done = task->done;
+    g_mutex_unlock(&bus->mutex);
+    if (!done) {
+        g_atomic_int_set(&task->cancelled, TRUE);
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
+                    "%s unit %d: the line was busy for too long; check its cable", bus->key,
+                    link->unit);
+    } else if (task->error) {
+        g_propagate_error(error, g_steal_pointer(&task->error));
+        done = FALSE;
+    } else {
+        *job = task->job;
+    }
+    task_unref(task);
+    return done;
+}
+
+void modbus_bus_cancel(ModbusBus *bus, gpointer data) {
+    for (GList *item = bus->waiting; item; item = item->next) {
+        struct task *task = item->data;
+        if (task->data == data) {
+            task->func = NULL;
+            g_atomic_int_set(&task->cancelled, TRUE);
+        }
+    }
+}
+
+void modbus_bus_counts(ModbusBus *bus, struct modbus_counts *ret) {
+    g_mutex_lock(&bus->mutex);
+    *ret = bus->counts;
+    g_mutex_unlock(&bus->mutex);
+}

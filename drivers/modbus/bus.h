@@ -1,0 +1,137 @@
+/*
+ * A Modbus line, RTU or TCP, shared by all devices that name it. libmodbus blocks, so each line has
+ * a thread of its own; it takes jobs in order and posts their results to the main loop.
+ *
+ * RTU has no transaction id: after a time-out, the reply that comes late looks like that of the
+ * next request. So after a time-out nothing is believed until the line has been silent for late_ms,
+ * what came meanwhile was thrown away, the request was answered anew, and no second answer followed
+ * within another late_ms. A request may therefore be carried out twice: write only what may be
+ * (absolute targets, coils).
+ *
+ * All functions belong to the main loop's thread. Errors are DEVICE_ERROR, and name the line, the
+ * unit and the address.
+ */
+#pragma once
+
+#include "drivers/device.h"
+
+typedef struct ModbusBus ModbusBus;
+
+/* What a device's section says of its line; the first member of the driver's struct. */
+struct modbus_link {
+    char *bus;
+    int baud, parity, stop_bits; /* parity: index into modbus_parities */
+    int unit;
+    double timeout_ms, late_ms;
+    int retries;
+};
+
+extern const char *const modbus_parities[];
+
+/* The entries of an options table for a struct that begins with a struct modbus_link. */
+#define MODBUS_LINK(name) G_STRUCT_OFFSET(struct modbus_link, name)
+#define MODBUS_LINK_OPTIONS                                                                        \
+    {"bus", OPTION_STRING, .offset = MODBUS_LINK(bus),                                             \
+     .help = "The line: /dev/ttyUSB0 or another serial port, or tcp:HOST:PORT"},                   \
+        {"baud", OPTION_INT,        NULL,                                                          \
+         300,    4000000,           "115200",                                                      \
+         NULL,   MODBUS_LINK(baud), "Serial: speed of the line"},                                  \
+        {"parity",                                                                                 \
+         OPTION_CHOICE,                                                                            \
+         NULL,                                                                                     \
+         0,                                                                                        \
+         0,                                                                                        \
+         "even",                                                                                   \
+         modbus_parities,                                                                          \
+         MODBUS_LINK(parity),                                                                      \
+         "Serial: parity of the line"},                                                            \
+        {"stop_bits",        OPTION_INT, NULL, 1, 2, "1", NULL, MODBUS_LINK(stop_bits),            \
+         "Serial: stop bits"},                                                                     \
+        {"unit",                                                                                   \
+         OPTION_INT,                                                                               \
+         NULL,                                                                                     \
+         1,                                                                                        \
+         247,                                                                                      \
+         "1",                                                                                      \
+         NULL,                                                                                     \
+         MODBUS_LINK(unit),                                                                        \
+         "The device's address on the line"},                                                      \
+        {"timeout_ms",                                                                             \
+         OPTION_DOUBLE,                                                                            \
+         "ms",                                                                                     \
+         1,                                                                                        \
+         1000,                                                                                     \
+         "100",                                                                                    \
+         NULL,                                                                                     \
+         MODBUS_LINK(timeout_ms),                                                                  \
+         "How long an answer may take; the same for all devices of a line"},                       \
+        {"late_ms",                                                                                \
+         OPTION_DOUBLE,                                                                            \
+         "ms",                                                                                     \
+         1,                                                                                        \
+         5000,                                                                                     \
+         "300",                                                                                    \
+         NULL,                                                                                     \
+         MODBUS_LINK(late_ms),                                                                     \
+         "After a time-out: how late the answer may still come; the same for a line"},             \
+    {                                                                                              \
+        "retries", OPTION_INT, NULL, 0, 20, "3", NULL, MODBUS_LINK(retries),                       \
+            "How often a request is repeated that got a damaged answer or none"                    \
+    }
+
+enum modbus_kind {
+    MODBUS_READ_COILS,
+    MODBUS_READ_INPUTS,
+    MODBUS_READ_HOLDING,
+    MODBUS_READ_INPUT_REGISTERS,
+    MODBUS_WRITE_COILS,   /* function 5 for one, 15 for more */
+    MODBUS_WRITE_HOLDING, /* function 6 for one, 16 for more */
+};
+
+#define MODBUS_MAX_VALUES   64
+#define MODBUS_MAX_REQUESTS 16
+
+struct modbus_request {
+    enum modbus_kind kind;
+    int address, n;
+    guint16 values[MODBUS_MAX_VALUES]; /* to write, or as read; bits are 0 or 1 */
+    gboolean verify;                   /* writes: read back and compare */
+};
+
+/* What is done in one go: the requests in order, up to the first that fails. */
+struct modbus_job {
+    struct modbus_request requests[MODBUS_MAX_REQUESTS];
+    int n;
+};
+
+/* Called from the main loop, exactly once a job unless it was cancelled. error NULL: all done. */
+typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gpointer data);
+
+/* How a line has fared since it was opened. */
+struct modbus_counts {
+    int transactions, timeouts, damaged, disbelieved, reconnects;
+};
+
+/* For a device's open(): opens the line, or shares it with those who have, if their settings are
+ * the same. May wait timeout_ms for a connection. Errors name file and line. */
+ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
+                          GError **error);
+void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */
+
+/* Adds to a job; the caller sees to it that there is room. */
+struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind kind, int address,
+                                      int n);
+
+/* Carries out a copy of the job before deadline_ms are over. Jobs keep their order, but a poll
+ * waits until there is nothing else to do. */
+void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
+                      gboolean poll, double deadline_ms, ModbusFunc func, gpointer data);
+
+/* The same, waiting for it: for a device's open() and close() alone. */
+gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
+                       double deadline_ms, GError **error);
+
+/* None of the jobs of this data ends in a call any more; those not yet begun are not done. */
+void modbus_bus_cancel(ModbusBus *bus, gpointer data);
+
+void modbus_bus_counts(ModbusBus *bus, struct modbus_counts *ret);

@@ -1,0 +1,336 @@
+#include "line.h"
+
+#include <errno.h>
+#include <modbus/modbus.h>
+#include <poll.h>
+#include <string.h>
+
+#define FIRST_BACKOFF_US 50000
+#define MAX_BACKOFF_US   1000000 /* less than a job may take, so that each tries once */
+#define BUSY_PAUSE_US    20000
+/* Silence that ends whatever a damaged answer still sends; 3.5 characters at 300 baud are less. */
+#define SILENCE_MS 20
+
+const char *const modbus_parities[] = {"none", "even", "odd", NULL};
+
+struct modbus_line {
+    struct modbus_link link;
+    modbus_t *context;
+    gboolean connected;
+    gboolean ever_connected;
+    gboolean owed; /* an answer may still come that nobody waits for */
+    gint64 backoff_us, next_attempt_us;
+    struct modbus_counts counts;
+};
+
+static gboolean is_tcp(const struct modbus_line *line) {
+    return g_str_has_prefix(line->link.bus, "tcp:");
+}
+
+static gboolean fail(GError **error, enum device_error code, const char *format, ...)
+    G_GNUC_PRINTF(3, 4);
+static gboolean fail(GError **error, enum device_error code, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *message = g_strdup_vprintf(format, args);
+    va_end(args);
+    g_set_error_literal(error, DEVICE_ERROR, (gint)code, message);
+    return FALSE;
+}
+
+static modbus_t *new_tcp(const char *bus) {
+    g_autoptr(GSocketConnectable) address = g_network_address_parse(bus + 4, 502, NULL);
+    if (!address)
+        return NULL;
+    GNetworkAddress *network = G_NETWORK_ADDRESS(address);
+    g_autofree char *port = g_strdup_printf("%u", g_network_address_get_port(network));
+    return modbus_new_tcp_pi(g_network_address_get_hostname(network), port);
+}
+
+static void set_timeout(struct modbus_line *line, gint64 us) {
+    us = CLAMP(us, 1000, 60 * G_USEC_PER_SEC);
+    modbus_set_response_timeout(line->context, (guint32)(us / G_USEC_PER_SEC),
+                                (guint32)(us % G_USEC_PER_SEC));
+}
+
+struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **error) {
+    struct modbus_line *line = g_new0(struct modbus_line, 1);
+    line->link = *link;
+    line->link.bus = g_strdup(link->bus);
+    line->backoff_us = FIRST_BACKOFF_US;
+    if (is_tcp(line))
+        line->context = new_tcp(link->bus);
+    else
+        line->context =
+            modbus_new_rtu(link->bus, link->baud, "NEO"[link->parity], 8, link -> stop_bits);
+    if (line->context) {
+        guint32 us = (guint32)(link->timeout_ms * 1000);
+        modbus_set_byte_timeout(line->context, us / G_USEC_PER_SEC, us % G_USEC_PER_SEC);
+        return line;
+    }
+    fail(error, DEVICE_ERROR_DISCONNECTED,
+         "\"%s\" is no Modbus line; write /dev/NAME or tcp:HOST:PORT", link->bus);
+    modbus_line_free(line);
+    return NULL;
+}
+
+static void disconnect(struct modbus_line *line) {
+    if (line->connected)
+        modbus_close(line->context);
+    line->connected = line->owed = FALSE;
+}
+
+void modbus_line_free(struct modbus_line *line) {
+    if (!line)
+        return;
+    disconnect(line);
+    if (line->context)
+        modbus_free(line->context);
+    g_free(line->link.bus);
+    g_free(line);
+}
+
+static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError **error) {
+    gint64 now = g_get_monotonic_time();
+    set_timeout(line, deadline_us - now);
+    if (modbus_connect(line->context) == 0) {
+        line->connected = TRUE;
+        line->counts.reconnects += line->ever_connected;
+        line->ever_connected = TRUE;
+        line->backoff_us = FIRST_BACKOFF_US;
+        modbus_flush(line->context);
+        return TRUE;
+    }
+    int why = errno;
+    /* libmodbus leaves an errno of 0, or that of its last try, when a name is not known. */
+    line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
+    line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
+    return fail(error, DEVICE_ERROR_DISCONNECTED, "cannot open %s: %s; check %s", line->link.bus,
+                why ? modbus_strerror(why) : "no such host",
+                is_tcp(line) ? "address, power and network cable"
+                             : "its name, its cable and who may use it");
+}
+
+gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error) {
+    g_autoptr(GError) last = NULL;
+    while (!line->connected) {
+        gint64 now = g_get_monotonic_time();
+        if (MAX(now, line->next_attempt_us) >= deadline_us) {
+            if (last)
+                g_propagate_error(error, g_steal_pointer(&last));
+            else
+                fail(error, DEVICE_ERROR_DISCONNECTED, "%s is lost, and is tried again later",
+                     line->link.bus);
+            return FALSE;
+        }
+        if (line->next_attempt_us > now)
+            g_usleep((gulong)(line->next_attempt_us - now));
+        g_clear_error(&last);
+        try_connect(line, deadline_us, &last);
+    }
+    return TRUE;
+}
+
+static gboolean is_readable(struct modbus_line *line, int wait_ms) {
+    struct pollfd fd = {.fd = modbus_get_socket(line->context), .events = POLLIN};
+    return poll(&fd, 1, wait_ms) > 0;
+}
+
+/* Throws away what comes until it has been silent for so long. FALSE if anything came. A line that
+ * never falls silent, or that has hung up, is left after as long again. */
+static gboolean await_silence(struct modbus_line *line, double silence_ms) {
+    gint64 silence_us = (gint64)(silence_ms * 1000), now = g_get_monotonic_time();
+    gint64 silent_from = now, limit = now + 3 * silence_us;
+    gboolean silent = TRUE;
+    while ((now = g_get_monotonic_time()) < MIN(silent_from + silence_us, limit)) {
+        int left_ms = (int)((MIN(silent_from + silence_us, limit) - now + 999) / 1000);
+        if (!is_readable(line, left_ms))
+            continue;
+        modbus_flush(line->context);
+        g_usleep(1000);
+        silent = FALSE;
+        silent_from = g_get_monotonic_time();
+    }
+    return silent;
+}
+
+static int transfer_bits(modbus_t *context, struct modbus_request *request) {
+    guint8 bits[MODBUS_MAX_VALUES];
+    int done;
+    for (int i = 0; i < request->n; i++)
+        bits[i] = request->values[i] != 0;
+    if (request->kind == MODBUS_WRITE_COILS)
+        return request->n == 1 ? modbus_write_bit(context, request->address, bits[0])
+                               : modbus_write_bits(context, request->address, request->n, bits);
+    if (request->kind == MODBUS_READ_COILS)
+        done = modbus_read_bits(context, request->address, request->n, bits);
+    else
+        done = modbus_read_input_bits(context, request->address, request->n, bits);
+    for (int i = 0; i < done; i++)
+        request->values[i] = bits[i];
+    return done;
+}
+
+static int transfer(modbus_t *context, struct modbus_request *request) {
+    switch (request->kind) {
+    case MODBUS_READ_COILS:
+    case MODBUS_READ_INPUTS:
+    case MODBUS_WRITE_COILS:
+        return transfer_bits(context, request);
+    case MODBUS_READ_HOLDING:
+        return modbus_read_registers(context, request->address, request->n, request->values);
+    case MODBUS_READ_INPUT_REGISTERS:
+        return modbus_read_input_registers(context, request->address, request->n, request->values);
+    case MODBUS_WRITE_HOLDING:
+        return request->n == 1
+                   ? modbus_write_register(context, request->address, request->values[0])
+                   : modbus_write_registers(context, request->address, request->n, request->values);
+    }
+    g_return_val_if_reached(-1);
+}
+
+static const char *kind_text(enum modbus_kind kind) {
+    static const char *const texts[] = {
+        [MODBUS_READ_COILS] = "reading coil",
+        [MODBUS_READ_INPUTS] = "reading discrete input",
+        [MODBUS_READ_HOLDING] = "reading holding register",
+        [MODBUS_READ_INPUT_REGISTERS] = "reading input register",
+        [MODBUS_WRITE_COILS] = "writing coil",
+        [MODBUS_WRITE_HOLDING] = "writing holding register",
+    };
+    return texts[kind];
+}
+
+static char *request_text(const struct modbus_line *line, int unit,
+                          const struct modbus_request *request) {
+    return g_strdup_printf("%s unit %d, %s %d (0x%04x)", line->link.bus, unit,
+                           kind_text(request->kind), request->address, (guint)request->address);
+}
+
+static gboolean is_timeout(int why) {
+    return why == ETIMEDOUT;
+}
+
+/* Something came, but not an answer to this: damaged, of another unit, of another transaction. */
+static gboolean is_damage(int why) {
+    return why == EMBBADCRC || why == EMBBADDATA || why == EMBBADSLAVE || why == EMBBADEXC ||
+           why == EMBUNKEXC || why == EMBMDATA;
+}
+
+static gboolean is_exception(int why) {
+    return why >= EMBXILFUN && why <= EMBXGTAR;
+}
+
+/* What may be over when asked again. */
+static gboolean is_busy(int why) {
+    return why == EMBXSBUSY || why == EMBXACK;
+}
+
+/* Makes the line ready for the next attempt; returns why. */
+static int recover(struct modbus_line *line, int why, gboolean distrust) {
+    line->counts.timeouts += is_timeout(why);
+    line->counts.damaged += is_damage(why);
+    if (why == EMBBADCRC && !distrust) { /* none is owed from before: it was this request's */
+        await_silence(line, SILENCE_MS);
+        line->owed = FALSE;
+    } else if (!is_timeout(why) && !is_damage(why)) {
+        disconnect(line);
+    }
+    return why;
+}
+
+/* One attempt; 0 or the reason, with the line ready for the next. */
+static int attempt(struct modbus_line *line, int unit, struct modbus_request *request,
+                   gint64 deadline_us) {
+    gboolean distrust = line->owed;
+    /* What lies there before anything was asked is no answer to it. */
+    if (distrust || is_readable(line, 0))
+        await_silence(line, distrust ? line->link.late_ms : SILENCE_MS);
+    gint64 left_us = deadline_us - g_get_monotonic_time();
+    if (left_us <= 0)
+        return ETIMEDOUT;
+    set_timeout(line, MIN(left_us, (gint64)(line->link.timeout_ms * 1000)));
+    modbus_set_slave(line->context, unit);
+    line->counts.transactions++;
+    line->owed = TRUE;
+    errno = 0;
+    struct modbus_request answer = *request;
+    int why = transfer(line->context, &answer) >= 0 ? 0 : errno ? errno : EIO;
+    if (why && !is_exception(why))
+        return recover(line, why, distrust);
+    if (distrust && !await_silence(line, line->link.late_ms)) {
+        line->counts.disbelieved++;
+        return EMBBADDATA;
+    }
+    line->owed = FALSE;
+    if (!why)
+        *request = answer;
+    return why;
+}
+
+static gboolean give_up(const struct modbus_line *line, int unit,
+                        const struct modbus_request *request, int why, int tries, GError **error) {
+    g_autofree char *what = request_text(line, unit, request);
+    if (is_timeout(why))
+        return fail(error, DEVICE_ERROR_TIMEOUT,
+                    "%s: no answer within %g ms (%d tries); check its power, its address and the "
+                    "cable",
+                    what, line->link.timeout_ms, tries);
+    if (is_exception(why))
+        return fail(error, DEVICE_ERROR_PROTOCOL,
+                    "%s: it refused: %s; check the address and value in its section", what,
+                    modbus_strerror(why));
+    if (is_damage(why))
+        return fail(error, DEVICE_ERROR_PROTOCOL,
+                    "%s: damaged answers (%d tries): %s; check the cable, its termination, baud "
+                    "and parity",
+                    what, tries, modbus_strerror(why));
+    return fail(error, DEVICE_ERROR_DISCONNECTED,
+                "%s: the line was lost: %s; check its power and the cable", what,
+                modbus_strerror(why));
+}
+
+static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request *request,
+                       gint64 deadline_us, GError **error) {
+    for (int tries = 1;; tries++) {
+        if (!modbus_line_connect(line, deadline_us, error))
+            return FALSE;
+        int why = attempt(line, unit, request, deadline_us);
+        if (why == 0)
+            return TRUE;
+        gboolean final = is_exception(why) && !is_busy(why);
+        if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
+            return give_up(line, unit, request, why, tries, error);
+        if (is_busy(why))
+            g_usleep(BUSY_PAUSE_US);
+    }
+}
+
+static gboolean compare(const struct modbus_line *line, int unit,
+                        const struct modbus_request *wrote, const struct modbus_request *read,
+                        GError **error) {
+    for (int i = 0; i < wrote->n; i++)
+        if (wrote->values[i] != read->values[i]) {
+            g_autofree char *what = request_text(line, unit, wrote);
+            return fail(error, DEVICE_ERROR_PROTOCOL,
+                        "%s: wrote %d to %d, but it reads back as %d; check what else writes it",
+                        what, wrote->values[i], wrote->address + i, read->values[i]);
+        }
+    return TRUE;
+}
+
+gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
+                        gint64 deadline_us, GError **error) {
+    if (!repeat(line, unit, request, deadline_us, error))
+        return FALSE;
+    if (!request->verify)
+        return TRUE;
+    struct modbus_request back = *request;
+    back.kind = request->kind == MODBUS_WRITE_COILS ? MODBUS_READ_COILS : MODBUS_READ_HOLDING;
+    return repeat(line, unit, &back, deadline_us, error) &&
+           compare(line, unit, request, &back, error);
+}
+
+void modbus_line_counts(const struct modbus_line *line, struct modbus_counts *ret) {
+    *ret = line->counts;
+}

@@ -1,0 +1,23 @@
+/*
+ * The blocking half of a Modbus line: one connection, its recovery after faults, and requests one
+ * at a time. Belongs to the line's thread.
+ */
+#pragma once
+
+#include "bus.h"
+
+struct modbus_line;
+
+/* Copies the link. Does not connect. */
+struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **error);
+void modbus_line_free(struct modbus_line *line); /* NULL is ignored */
+
+/* Connects if it is not connected; waits for its turn in the back-off, but not beyond deadline_us
+ * (of g_get_monotonic_time()). */
+gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error);
+
+/* One request, with retries, resynchronisation and read-back. */
+gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
+                        gint64 deadline_us, GError **error);
+
+void modbus_line_counts(const struct modbus_line *line, struct modbus_counts *ret);
