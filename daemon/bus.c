@@ -74,7 +74,8 @@ static void show_status(Bus *bus, const struct capture_status *status) {
                             ? (guint64)(g_get_real_time() / G_USEC_PER_SEC) + (guint64)left_s
                             : 0;
     g_object_set(bus->object, "state", state_names[status->state], "reason",
-                 status->reason ? status->reason : "", "doing", status->doing ? status->doing : "",
+                 status->reason ? status->reason : "", "prompt",
+                 status->prompt ? status->prompt : "", "doing", status->doing ? status->doing : "",
                  "shots", status->shots, "shots-done", status->shots_done, "frames", status->frames,
                  "retakes", status->retakes, "elapsed", status->elapsed_s, "left", status->left_s,
                  "predicted-end", end, NULL);
@@ -186,8 +187,8 @@ static gboolean need_absolute(const char *path, GError **error) {
 }
 
 static void show_nothing(Bus *bus) {
-    g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "doing", "",
-                 "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
+    g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "prompt", "",
+                 "doing", "", "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
                  bus->devices && clock_is_virtual(bus->devices->clock), "session", "", "shots", 0,
                  "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
                  0.0, "predicted-end", (guint64)0, NULL);

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "capture_check.h"
+#include "capture_mount.h"
 #include "thumbnail.h"
 
 static double load_value(Session *session, const char *key) {
@@ -89,7 +90,7 @@ static gboolean set_up(Capture *capture, GError **error) {
     capture->frames_base = load_value(session, "frames");
     capture->retakes_base = load_value(session, "retakes");
     count_shots(capture);
-    return TRUE;
+    return capture_mount_load(capture, error);
 }
 
 static Session *create_session(struct devices *devices, const struct session_conf *conf,
@@ -211,6 +212,7 @@ void capture_free(Capture *capture) {
     }
     g_clear_handle_id(&capture->changed_source, g_source_remove);
     g_clear_pointer(&capture->remaining, g_ptr_array_unref);
+    g_clear_pointer(&capture->leg, g_ptr_array_unref);
     g_clear_pointer(&capture->shots, g_ptr_array_unref);
     session_conf_clear(&capture->conf);
     g_free(capture->reason);
@@ -243,6 +245,8 @@ gboolean capture_continue(Capture *capture, GError **error) {
                     "interlock %s is open; close it first", open);
         return FALSE;
     }
+    if (!capture_mount_answer(capture, error))
+        return FALSE;
     capture_tell(capture, "info", "capture", "continued");
     capture_begin_soon(capture);
     return TRUE;
@@ -277,12 +281,18 @@ static double time_left_s(Capture *capture) {
     return MAX(capture->left_s - (capture_now_s(capture) - capture->left_at_s), 0);
 }
 
+static gboolean waits_for_somebody(const Capture *capture) {
+    return capture->state == CAPTURE_PAUSED && capture->wanted_mount >= 0;
+}
+
 static char *doing_now(const Capture *capture) {
     int sub, n;
     const struct rig *rig = &capture->devices->geometry;
     const struct session_shot *shot = sequencer_shot(capture->sequencer, &sub, &n);
     if (capture->state == CAPTURE_HOMING)
         return g_strdup("homing the axes");
+    if (waits_for_somebody(capture))
+        return g_strdup("waiting for a laser to be mounted");
     if (!shot)
         return g_strdup(capture->state == CAPTURE_DONE      ? "done"
                         : capture->state == CAPTURE_PAUSED  ? "paused"
@@ -303,6 +313,7 @@ void capture_get_status(Capture *capture, struct capture_status *ret) {
     *ret = (struct capture_status){
         .state = capture->state,
         .reason = capture->state == CAPTURE_PAUSED ? capture->reason : NULL,
+        .prompt = waits_for_somebody(capture) ? capture->reason : NULL,
         .doing = capture->doing,
         .shots = capture->n_shots,
         .shots_done = capture->n_done,

@@ -6,6 +6,10 @@
  * frames, merges brackets to linear radiance and feeds sweeps in one worker lane a camera, and
  * hands back what is to be committed. Any fault makes the rig safe and pauses the session with the
  * reason; everything committed stays, and capture_continue() or a later capture_resume() goes on.
+ *
+ * Before the first sweep from another place of a laser that is mounted by hand, the session is
+ * paused with a prompt, as long as it takes; capture_continue() says that it is done. Where it is,
+ * the session remembers. At its beginning that is not known, and asked for before anything moves.
  */
 #pragma once
 
@@ -26,6 +30,7 @@ enum capture_state {
 struct capture_status {
     enum capture_state state;
     const char *reason;       /* of a pause; NULL otherwise */
+    const char *prompt;       /* the same, if it asks for something to be done; else NULL */
     const char *doing;        /* in a few words, for people */
     int shots, shots_done;    /* of the whole session, those from before a resume counted */
     gint64 frames, retakes;   /* camera frames accepted and refused since started */

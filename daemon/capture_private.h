@@ -38,9 +38,12 @@ struct Capture {
     Sequencer *sequencer;
     enum capture_state state;
     char *reason, *doing;
-    GPtrArray *shots;     /* all, owned */
-    GPtrArray *remaining; /* of this run */
-    guint committed;      /* of remaining */
+    GPtrArray *shots;            /* all, owned */
+    GPtrArray *remaining;        /* of this run */
+    guint committed;             /* of remaining */
+    GPtrArray *leg;              /* those of them before a laser must be mounted elsewhere */
+    int mounted[RIG_MAX_LASERS]; /* the laser whose place a unit is at; −1: not known */
+    int wanted_mount;            /* the laser whose place is asked for; −1: none */
     GQueue flights;
     gboolean all_taken;
     int n_shots, n_done;

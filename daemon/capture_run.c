@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 
 #include "capture_check.h"
+#include "capture_mount.h"
 
 #define CHANGED_MS 100
 /* A camera's retakes and saturated pictures are told one by one only if they are rare. */
@@ -186,6 +187,8 @@ static void when_all_is_committed(Capture *capture) {
     if (capture->committed == capture->remaining->len) {
         capture_tell(capture, "info", "capture", "all shots are taken");
         capture_come_to_rest(capture, CAPTURE_DONE);
+    } else if (capture->committed == capture->leg->len) {
+        capture_mount_ask(capture);
     } else {
         capture_pause_for(capture, "info", "capture", "paused by the user");
     }
@@ -397,6 +400,18 @@ static void on_unsafe(const char *source, const char *reason, gpointer data) {
     changed(capture);
 }
 
+static void begin_leg(Capture *capture) {
+    guint n = capture_mount_reach(capture);
+    g_clear_pointer(&capture->leg, g_ptr_array_unref);
+    capture->leg = g_ptr_array_sized_new(n);
+    for (guint i = 0; i < n; i++)
+        g_ptr_array_add(capture->leg, capture->remaining->pdata[i]);
+    if (n == 0)
+        capture_mount_ask(capture);
+    else
+        sequencer_start(capture->sequencer, capture->leg);
+}
+
 static void begin(gpointer data) {
     Capture *capture = data;
     capture->starter = 0;
@@ -414,7 +429,7 @@ static void begin(gpointer data) {
     if (capture->remaining->len == 0)
         capture_come_to_rest(capture, CAPTURE_DONE);
     else
-        sequencer_start(capture->sequencer, capture->remaining);
+        begin_leg(capture);
 }
 
 /* Not from within the caller's call: events may come at once. */

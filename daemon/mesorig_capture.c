@@ -9,11 +9,18 @@
 #include <string.h>
 
 static char *output, *rig_option;
-static gboolean process;
+static gboolean process, yes;
+
+#define YES_ENTRY                                                                                  \
+    {                                                                                              \
+        "yes", 0, 0, G_OPTION_ARG_NONE, &yes,                                                      \
+            "Say at once that what is to be done by hand is done; on a simulated rig", NULL        \
+    }
 
 static const GOptionEntry capture_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    YES_ENTRY,
     {NULL},
 };
 
@@ -21,6 +28,7 @@ static const GOptionEntry resume_entries[] = {
     {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_option,
      "Rig file, if it is not where it was when the session was begun", "RIG"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    YES_ENTRY,
     {NULL},
 };
 
@@ -33,6 +41,11 @@ static Link *find_daemon(const char *rig, GError **error) {
     if (!devices_read_geometry(rig, &geometry, error) ||
         !cli_rig_is_simulated(rig, &simulated, error))
         return NULL;
+    if (yes && !simulated) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+                    "--yes is for simulated rigs: at %s somebody has to do what is asked for", rig);
+        return NULL;
+    }
     Link *link = link_find_rig(rig, &why);
     if (why) {
         g_propagate_error(error, why);
@@ -117,6 +130,7 @@ static int run(const char *rig, const char *session, const char *directory) {
                                                             start_options(), NULL, &error);
     if (!ok)
         return cli_fail(error);
+    monitor_set_answer(monitor, yes ? ANSWER_AT_ONCE : ANSWER_ENTER);
     const enum monitor_end end = monitor_run(monitor, FALSE);
     const gboolean private = link_is_private(link);
     const int code = tell_end(link, monitor, end, directory);

@@ -34,10 +34,13 @@ static void print_devices(GVariant *devices) {
 
 static void print_status(BusRig1 *rig) {
     const char *reason = bus_rig1_get_reason(rig), *doing = bus_rig1_get_doing(rig);
+    const char *prompt = bus_rig1_get_prompt(rig);
     const int shots = bus_rig1_get_shots(rig), done = bus_rig1_get_shots_done(rig);
     GVariant *devices = bus_rig1_get_devices(rig);
     g_print("state      %s\n", bus_rig1_get_state(rig));
-    if (*reason)
+    if (*prompt)
+        g_print("to do      %s\n", prompt);
+    else if (*reason)
         g_print("reason     %s\n", reason);
     if (*doing)
         g_print("doing      %s\n", doing);

@@ -7,6 +7,8 @@
 #include <glib-unix.h>
 #include <signal.h>
 #include <string.h>
+#include <termios.h>
+#include <unistd.h>
 
 #define JSON_INTERVAL_US (1 * G_USEC_PER_SEC)
 
@@ -20,6 +22,9 @@ struct Monitor {
     int interrupts;
     gboolean faulty; /* an error was told since it last ran */
     char *shown_state, *reason;
+    enum monitor_answer answer;
+    char *prompt;   /* as it was told last; empty: there is none */
+    guint enter_id; /* waits for the Enter key */
     gint64 begun_us, json_us;
     gint64 frames_before; /* since when frames a second are counted */
     guint signal_ids[3];
@@ -49,6 +54,7 @@ static void add_status(GVariantBuilder *to, BusRig1 *rig) {
 #define ADD(key, make, value) g_variant_builder_add(to, "{sv}", key, make(value))
     ADD("state", g_variant_new_string, bus_rig1_get_state(rig));
     ADD("reason", g_variant_new_string, bus_rig1_get_reason(rig));
+    ADD("prompt", g_variant_new_string, bus_rig1_get_prompt(rig));
     ADD("doing", g_variant_new_string, bus_rig1_get_doing(rig));
     ADD("rig", g_variant_new_string, bus_rig1_get_rig_path(rig));
     ADD("simulated", g_variant_new_boolean, bus_rig1_get_simulated(rig));
@@ -149,6 +155,64 @@ static void finish(Monitor *monitor, enum monitor_end end) {
     g_main_loop_quit(monitor->loop);
 }
 
+static gboolean answer(Monitor *monitor) {
+    g_autoptr(GError) error = NULL;
+    if (bus_rig1_call_continue_sync(link_rig(monitor->link), NULL, &error))
+        return TRUE;
+    g_dbus_error_strip_remote_error(error);
+    progress_line(monitor->progress, "cannot go on: %s", error->message);
+    return FALSE;
+}
+
+static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
+    Monitor *monitor = data;
+    char typed[256];
+    const gssize n = read(fd, typed, sizeof(typed));
+    if (n > 0 && (!memchr(typed, '\n', (gsize)n) || !answer(monitor)))
+        return G_SOURCE_CONTINUE;
+    monitor->enter_id = 0;
+    return G_SOURCE_REMOVE;
+}
+
+static void forget_enter(Monitor *monitor) {
+    if (monitor->enter_id)
+        g_source_remove(monitor->enter_id);
+    monitor->enter_id = 0;
+}
+
+/* Keys that were struck before it was asked answer nothing. */
+static void wait_for_enter(Monitor *monitor) {
+    tcflush(STDIN_FILENO, TCIFLUSH);
+    monitor->enter_id =
+        g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, on_enter, monitor);
+    progress_line(monitor->progress, "press Enter when it is done");
+}
+
+/* A job in the background would be stopped when it touches its terminal. */
+static gboolean has_enter_key(void) {
+    return isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
+}
+
+/* The event has told what is to be done; this says how to answer it, once. */
+static void check_prompt(Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    const char *prompt = bus_rig1_get_prompt(rig);
+    if (g_strcmp0(prompt, monitor->prompt) == 0)
+        return;
+    forget_enter(monitor);
+    g_free(monitor->prompt);
+    monitor->prompt = g_strdup(prompt);
+    if (!prompt || !*prompt)
+        return;
+    if (monitor->answer == ANSWER_AT_ONCE)
+        answer(monitor);
+    else if (monitor->answer == ANSWER_ENTER && has_enter_key())
+        wait_for_enter(monitor);
+    else
+        progress_line(monitor->progress, "to answer: mesorig continue %s",
+                      bus_rig1_get_session(rig));
+}
+
 static void check(Monitor *monitor) {
     BusRig1 *rig = link_rig(monitor->link);
     if (link_is_lost(monitor->link) || monitor->ended) {
@@ -157,6 +221,7 @@ static void check(Monitor *monitor) {
     }
     const char *state = bus_rig1_get_state(rig);
     show(monitor);
+    check_prompt(monitor);
     if (strcmp(state, "running") == 0)
         monitor->faulty = FALSE;
     if (strcmp(state, "done") == 0) {
@@ -258,11 +323,17 @@ void monitor_free(Monitor *monitor) {
     g_signal_handlers_disconnect_by_data(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), monitor);
     for (gsize i = 0; i < G_N_ELEMENTS(monitor->signal_ids); i++)
         g_source_remove(monitor->signal_ids[i]);
+    forget_enter(monitor);
     progress_free(monitor->progress);
     g_main_loop_unref(monitor->loop);
     g_free(monitor->shown_state);
     g_free(monitor->reason);
+    g_free(monitor->prompt);
     g_free(monitor);
+}
+
+void monitor_set_answer(Monitor *monitor, enum monitor_answer answer) {
+    monitor->answer = answer;
 }
 
 enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
