@@ -4,6 +4,8 @@
  */
 #include "session_fixture.h"
 
+#include <sys/stat.h>
+
 static void test_plan(void) {
     for (guint32 seed = 1; seed <= 12; seed++) {
         g_autofree char *path = fresh("plan");
@@ -30,6 +32,30 @@ static void assert_refused(const struct session_plan *plan) {
     g_assert_null(session_create(path, "x", &texts, plan, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+/* Who may write is for the umask to say, and whose group it is for the folder it is made in. */
+static void test_permissions(void) {
+    static const struct {
+        const char *name;
+        mode_t mode;
+    } made[] = {{"", 02770}, {"frames", 02770}, {"products", 02770}, {"session.db", 0660}};
+    g_autofree char *path = fresh("permissions");
+    g_autofree char *parent = g_path_get_dirname(path);
+    struct stat before, now;
+
+    g_assert_cmpint(stat(parent, &before), ==, 0);
+    g_assert_cmpint(chmod(parent, 02700), ==, 0);
+    const mode_t mask = umask(0007);
+    session_close(create(path, 1, 10));
+    umask(mask);
+    for (gsize i = 0; i < G_N_ELEMENTS(made); i++) {
+        g_autofree char *file = g_build_filename(path, made[i].name, NULL);
+
+        g_assert_cmpint(stat(file, &now), ==, 0);
+        g_assert_cmpint(now.st_mode & 07777, ==, made[i].mode);
+    }
+    g_assert_cmpint(chmod(parent, before.st_mode & 07777), ==, 0);
 }
 
 static void test_bad_plan(void) {
@@ -317,6 +343,7 @@ static void test_concurrent(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/session/plan", test_plan);
+    g_test_add_func("/session/permissions", test_permissions);
     g_test_add_func("/session/bad-plan", test_bad_plan);
     g_test_add_func("/session/exists", test_exists);
     g_test_add_func("/session/commit", test_commit);
