@@ -53,16 +53,17 @@ static void add_value(struct report *report, const char *name, const char *key) 
     add_number(report->json, name, value ? g_ascii_strtod(value, NULL) : NAN);
 }
 
-/* The colours of a height picture: dark blue, teal, sand, white; −1 is magenta. */
+/* The colours of a height picture, viridis: dark violet is deepest, yellow highest; of equal steps
+ * in lightness, so that grey prints show the same. −1, not measured, is grey. */
 static void height_colour(float value, float least, float most, guint8 *rgb) {
-    static const float stops[4][3] = {
-        {20, 24, 70}, {30, 120, 130}, {220, 180, 110}, {255, 255, 250}};
+    static const float stops[5][3] = {
+        {68, 1, 84}, {59, 82, 139}, {33, 145, 140}, {94, 201, 98}, {253, 231, 37}};
     if (value < 0) {
-        rgb[0] = 200, rgb[1] = 0, rgb[2] = 160;
+        rgb[0] = rgb[1] = rgb[2] = 90;
         return;
     }
-    const float t = 3 * CLAMP((most - value) / (most - least), 0.0f, 1.0f);
-    const int i = MIN((int)t, 2);
+    const float t = 4 * CLAMP((most - value) / MAX(most - least, 1e-6f), 0.0f, 1.0f);
+    const int i = MIN((int)t, 3);
     for (int c = 0; c < 3; c++)
         rgb[c] = (guint8)(stops[i][c] + (t - i) * (stops[i + 1][c] - stops[i][c]));
 }
@@ -92,16 +93,33 @@ static void blow_up(guint8 *picture, int stride, int x0, int y0, int scale, cons
             memcpy(picture + ((gsize)(y0 + y) * stride + x0 + x) * 3, rgb, 3);
 }
 
-enum { SCALE = 6, GAP = 8 };
+enum { SCALE = 6, GAP = 8, BAR = 14 };
 
-/* Three panels: measured, true, measured − true over ± a tenth of a texel … */
+/* Under each panel a bar of its colours: deepest to highest, and −a quarter of a texel to + one. */
+static void paint_bars(guint8 *picture, int stride, int panel, int top, float least, float most) {
+    for (int x = 0; x < panel; x++) {
+        const float t = (x + 0.5f) / panel;
+        guint8 height[3], difference[3];
+        height_colour(most + t * (least - most), least, most, height);
+        difference_colour(2 * t - 1, 1, difference);
+        for (int y = top; y < top + BAR; y++) {
+            memcpy(picture + ((gsize)y * stride + x) * 3, height, 3);
+            memcpy(picture + ((gsize)y * stride + panel + GAP + x) * 3, height, 3);
+            memcpy(picture + ((gsize)y * stride + 2 * (panel + GAP) + x) * 3, difference, 3);
+        }
+    }
+}
+
+/* Three panels: measured, true, measured − true over ± a quarter of a texel. */
 static gboolean write_mdf_picture(const struct report *report, const float *measured,
                                   const float *truth, GError **error) {
     const int w = report->grid.width, h = report->grid.height;
-    const int width = 3 * w * SCALE + 2 * GAP, height = h * SCALE;
+    const int width = 3 * w * SCALE + 2 * GAP, height = h * SCALE + GAP + BAR;
     const float span = (float)(0.25 * report->grid.width_mm / w);
     float least = INFINITY, most = 0;
     for (int i = 0; i < w * h; i++) {
+        if (truth[i] < 0)
+            continue;
         least = MIN(least, truth[i]);
         most = MAX(most, truth[i]);
     }
@@ -115,12 +133,18 @@ static gboolean write_mdf_picture(const struct report *report, const float *meas
             blow_up(picture, width, x * SCALE, y * SCALE, SCALE, rgb);
             height_colour(t, least, most, rgb);
             blow_up(picture, width, w * SCALE + GAP + x * SCALE, y * SCALE, SCALE, rgb);
-            if (d < 0)
-                height_colour(d, least, most, rgb);
+            if (d < 0 || t < 0)
+                height_colour(-1, least, most, rgb);
             else
                 difference_colour(d - t, span, rgb);
             blow_up(picture, width, 2 * (w * SCALE + GAP) + x * SCALE, y * SCALE, SCALE, rgb);
         }
+    paint_bars(picture, width, w * SCALE, h * SCALE + GAP, least, most);
+    g_printerr(
+        "%s: measured, true, difference; depths along the line of sight from %.2f mm (violet) to "
+        "%.2f mm (yellow), differences from %+.2f mm (blue) to %+.2f mm (red); grey: not "
+        "measured\n",
+        mdf_png, (double)most, (double)least, (double)-span, (double)span);
     return write_png(mdf_png, picture, width, height, error);
 }
 
@@ -226,7 +250,7 @@ static guint8 to_srgb(float value) {
                     0.5f);
 }
 
-/* One column a pair: measured above, true below. */
+/* One column a pair: measured, true, and four times the difference around grey. */
 static void paint_btf_pair(guint8 *picture, int stride, int column, const struct report *report,
                            const struct exr_part *part, const float *truth) {
     const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
@@ -234,14 +258,17 @@ static void paint_btf_pair(guint8 *picture, int stride, int column, const struct
     const int w = report->grid.width, h = report->grid.height, scale = SCALE / 2;
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
-            guint8 measured[3], exact[3];
+            guint8 measured[3], exact[3], difference[3];
             for (int c = 0; c < 3; c++) {
-                measured[c] = to_srgb(planes[c][y * w + x]);
-                exact[c] = to_srgb(truth[(y * w + x) * 3 + c]);
+                const float is = planes[c][y * w + x], should = truth[(y * w + x) * 3 + c];
+                measured[c] = to_srgb(is);
+                exact[c] = to_srgb(should);
+                difference[c] = (guint8)CLAMP(127.5f + 4 * 255 * (is - should), 0.0f, 255.0f);
             }
             const int left = column * (w * scale + GAP) + x * scale;
             blow_up(picture, stride, left, y * scale, scale, measured);
             blow_up(picture, stride, left, h * scale + GAP + y * scale, scale, exact);
+            blow_up(picture, stride, left, 2 * (h * scale + GAP) + y * scale, scale, difference);
         }
 }
 
@@ -250,7 +277,7 @@ enum { COLUMNS = 6 };
 static gboolean report_btf(struct report *report, GError **error) {
     const int w = report->grid.width, h = report->grid.height, n = w * h;
     const int scale = SCALE / 2, width = COLUMNS * (w * scale + GAP) - GAP,
-              height = 2 * h * scale + GAP;
+              height = 3 * (h * scale + GAP) - GAP;
     g_autofree float *truth = g_new(float, (gsize)n * 3);
     g_autofree guint8 *picture = g_malloc0((gsize)width * height * 3);
     g_autoptr(GRand) random = g_rand_new_with_seed(4);
@@ -284,8 +311,12 @@ static gboolean report_btf(struct report *report, GError **error) {
                 const float relative_error = fabsf(planes[c][t] - exact) / MAX(exact, 0.02f);
                 g_array_append_val(view->theta_deg > 60 ? steep : errors, relative_error);
             }
-        if (btf_png && column < COLUMNS && i % 3 == 0)
+        if (btf_png && column < COLUMNS && i % 3 == 0) {
+            g_printerr("%s: column %d, view from theta %g, phi %g, light from %g, %g degrees\n",
+                       btf_png, column + 1, view->theta_deg, view->phi_deg, light->theta_deg,
+                       light->phi_deg);
             paint_btf_pair(picture, width, column++, report, part, truth);
+        }
         exr_part_free(part);
     }
     g_array_sort(errors, compare_floats);
