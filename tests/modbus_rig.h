@@ -1,10 +1,10 @@
 /* Sections for the virtual Modbus device (sim/virtual/modbus.h), over TCP or RTU. */
 #pragma once
 
-#include "conformance.h"
 #include "drivers/modbus/bus.h"
 #include "drivers/modbus/devices.h"
 #include "sim/virtual/modbus.h"
+#include "tests/conformance.h"
 
 #define RIG_UNIT 7
 
