@@ -191,9 +191,9 @@ static void test_json(void) {
 }
 
 static void test_usage(void) {
-    static const char *const commands[] = {"plan",     "capture", "resume", "status",
-                                           "watch",    "pause",   "abort",  "safe",
-                                           "continue", "process", "info",   "drivers"};
+    static const char *const commands[] = {"plan",  "capture", "resume",  "status",   "watch",
+                                           "pause", "abort",   "safe",    "continue", "process",
+                                           "info",  "drivers", "compress"};
     struct output output = {0};
     runs(2, &output, NULL);
     assert_has(output.out, "Commands:");
@@ -304,6 +304,42 @@ static void test_info(void) {
     remove_tree(folder);
 }
 
+/* Every way to compress what was processed; the errors are compared in test_lpca. */
+static void test_compress(const char *folder, const char *session) {
+    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
+    g_autofree char *made = g_build_filename(session, "products", "lpca.exr", NULL);
+    g_autofree char *other = g_build_filename(folder, "other.exr", NULL);
+    struct output output = {0};
+    runs(0, &output, "compress", session, "-k", "3", "-c", "2", NULL);
+    assert_has(output.out, "3 clusters of 2 components");
+    g_assert_true(g_file_test(made, G_FILE_TEST_EXISTS));
+    runs(0, &output, "compress", "--json", btf, "-k", "2", "-e", "50%", "-q", "8bit", "-o", other,
+         NULL);
+    assert_json_lines(output.out);
+    assert_has(output.out, "\"clusters\": 2");
+    runs(0, &output, "info", other, NULL);
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "-c", "1", "-o", other, NULL);
+    assert_has(output.out, "1 eigen-maps");
+    /* The same from the matrix as from the views one by one. */
+    g_autofree char *maps = g_build_filename(session, "products", "eigenmaps.exr", NULL);
+    g_autofree char *from_views = NULL, *from_matrix = NULL;
+    gsize n_views = 0, n_matrix = 0;
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "-o", other, NULL);
+    g_assert_true(g_file_get_contents(maps, &from_views, &n_views, NULL));
+    g_assert_true(g_file_get_contents(other, &from_matrix, &n_matrix, NULL));
+    g_assert_cmpmem(from_matrix, n_matrix, from_views, n_views);
+    runs(1, &output, "compress", session, "-k", "1", "-c", "1", "-e", "0.0001%", NULL);
+    assert_has(output.err, "is not reached");
+    runs(1, &output, "compress", session, "-o", "/no/such/folder/x.exr", NULL);
+    runs(1, &output, "compress", folder, NULL);
+    runs(2, &output, "compress", session, "-m", "wavelets", NULL);
+    runs(2, &output, "compress", session, "-m", "eigenmaps", NULL);
+    runs(2, &output, "compress", session, "-e", "many", NULL);
+    runs(2, &output, "compress", session, "-q", "4bit", NULL);
+    runs(2, &output, "compress", session, "-k", "0", NULL);
+    clear(&output);
+}
+
 static void test_capture(void) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
@@ -323,6 +359,7 @@ static void test_capture(void) {
     assert_has(output.out, "done in");
     runs(0, &output, "process", "--json", session, NULL);
     assert_json_lines(output.out);
+    test_compress(folder, session);
 
     /* A stale control file, as a killed daemon leaves it. */
     g_autofree char *stale = write_file(session, "control", "unix:path=/no/such/socket\n");

@@ -1,0 +1,345 @@
+#include "mesorig_cli.h"
+#include "mesorig_work.h"
+#include "processing/eigenmaps.h"
+#include "processing/exr.h"
+#include "processing/lpca.h"
+#include "report.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+#include <unistd.h>
+
+#define CLUSTERS      32
+#define COMPONENTS    8
+#define MOST_ROUNDING 4 /* times that rounding may ask for another component */
+
+struct compress {
+    const char *path;
+    gboolean eigenmaps;
+    int clusters, components; /* 0: not asked for */
+    double target;            /* 0: none */
+    enum lpca_quantise quantise;
+    const char *output; /* NULL: products/lpca.exr */
+    /* found */
+    char *written;
+    int texels, views, lights, used_clusters, used_components;
+    gint64 holes, raw_bytes, bytes, file_bytes;
+    double exact_error, error;
+};
+
+static gboolean check_output(const char *output, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(output);
+    if (g_access(folder, W_OK) == 0)
+        return TRUE;
+    g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: files cannot be written into that folder",
+                folder);
+    return FALSE;
+}
+
+/* Rounded, and its errors before and after. */
+static struct lpca *compute_rounded(struct compress *compress, const struct btf_matrix *btf,
+                                    const struct lpca_options *options, GError **error) {
+    struct lpca *lpca = lpca_compute(btf, options, error);
+    if (!lpca)
+        return NULL;
+    compress->exact_error = lpca->error;
+    lpca_quantise(lpca, compress->quantise);
+    compress->error = lpca_error(lpca, btf, 0);
+    return lpca;
+}
+
+/* What rounding adds (errors add in squares) is taken off the error that is to be reached. */
+static struct lpca *compute(struct compress *compress, const struct btf_matrix *btf,
+                            struct lpca_options *options, GError **error) {
+    for (int i = 0; i < MOST_ROUNDING; i++) {
+        struct lpca *lpca = compute_rounded(compress, btf, options, error);
+        if (!lpca || compress->target <= 0 || compress->error <= compress->target)
+            return lpca;
+        lpca_free(lpca);
+        const double rounding =
+            compress->error * compress->error - compress->exact_error * compress->exact_error;
+        const double left = compress->target * compress->target - rounding;
+        if (left <= 0)
+            break;
+        options->target = MIN(sqrt(left), compress->exact_error) * (1 - 1e-6);
+    }
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "an error of %.3g %% is not reached: rounding makes %.3g %% of %.3g %%; quantise "
+                "less or use more clusters",
+                100 * compress->target, 100 * compress->error, 100 * compress->exact_error);
+    return NULL;
+}
+
+static gboolean register_product(const char *directory, const struct compress *compress,
+                                 GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
+    g_autofree char *made_by =
+        g_strdup_printf("compress --method=lpca --clusters=%d --components=%d",
+                        compress->used_clusters, compress->used_components);
+    return session && session_add_product(session, "products/lpca.exr", made_by, error);
+}
+
+static gboolean make_lpca(struct compress *compress, const struct btf_matrix *btf,
+                          PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                          GError **error) {
+    struct lpca_options options = {
+        .n_clusters = compress->clusters ? compress->clusters : MIN(CLUSTERS, compress->texels),
+        .n_components = compress->components ? compress->components
+                        : compress->target > 0
+                            ? MIN(LPCA_MAX_COMPONENTS, 3 * btf->n_views * btf->n_lights)
+                            : MIN(COMPONENTS, 3 * btf->n_views * btf->n_lights),
+        .target = compress->target,
+        .progress = progress,
+        .data = progress_data,
+        .cancellable = cancellable,
+    };
+    struct lpca *lpca = compute(compress, btf, &options, error);
+    if (!lpca)
+        return FALSE;
+    compress->used_clusters = lpca->n_clusters;
+    compress->used_components = lpca->n_components;
+    compress->bytes = lpca_bytes(lpca);
+    const gboolean ok = lpca_write(compress->written, lpca, error) &&
+                        (compress->output || register_product(btf->directory, compress, error));
+    lpca_free(lpca);
+    return ok;
+}
+
+struct columns {
+    const struct btf_matrix *btf;
+    PipelineFunc progress;
+    gpointer data;
+    GCancellable *cancellable;
+    int asked;
+};
+
+static gboolean give_column(int view, float *ret_column, gpointer data, GError **error) {
+    struct columns *columns = data;
+    const struct btf_matrix *btf = columns->btf;
+    const gsize texels = (gsize)btf->width * (gsize)btf->height, n = 3 * (gsize)btf->n_lights;
+    columns->asked++;
+    const struct pipeline_progress now = {"eigenmaps", MIN(columns->asked, btf->n_views),
+                                          btf->n_views, -1};
+    if (g_cancellable_set_error_if_cancelled(columns->cancellable, error))
+        return FALSE;
+    columns->progress(&now, columns->data);
+    for (gsize texel = 0; texel < texels; texel++) {
+        const float *row = btf->values + (texel * (gsize)btf->n_views + (gsize)view) * n;
+        for (gsize i = 0; i < n; i++)
+            ret_column[(i / 3 * texels + texel) * 3 + i % 3] = row[i];
+    }
+    return TRUE;
+}
+
+static struct eigenmaps *new_eigenmaps(const struct btf_matrix *btf, int n_terms) {
+    const gsize views = sizeof(float) * (gsize)btf->n_views;
+    const gsize lights = sizeof(float) * (gsize)btf->n_lights;
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    *maps = (struct eigenmaps){
+        .name = g_strdup(btf->name),
+        .width = btf->width,
+        .height = btf->height,
+        .texel_mm = btf->texel_mm,
+        .reference_mm = btf->reference_mm,
+        .n_views = btf->n_views,
+        .n_lights = btf->n_lights,
+        .n_terms = n_terms,
+        .view_theta_deg = g_memdup2(btf->view_theta_deg, views),
+        .view_phi_deg = g_memdup2(btf->view_phi_deg, views),
+        .light_theta_deg = g_memdup2(btf->light_theta_deg, lights),
+        .light_phi_deg = g_memdup2(btf->light_phi_deg, lights),
+    };
+    return maps;
+}
+
+/* Eigen-maps are orthogonal: leaving out the last ones costs what they hold. */
+static int fewest_terms(const struct eigenmaps *maps, double target, double *ret_error) {
+    const gsize size = (gsize)maps->n_lights * (gsize)maps->width * (gsize)maps->height * 3;
+    g_autofree double *squares = g_new0(double, maps->n_terms);
+    double all = 0, rest = 0;
+    int n = maps->n_terms;
+    for (int i = 0; i < maps->n_terms; i++) {
+        for (gsize j = 0; j < size; j++)
+            squares[i] += (double)maps->maps[(gsize)i * size + j] * maps->maps[(gsize)i * size + j];
+        all += squares[i];
+    }
+    while (n > 1 && rest + squares[n - 1] <= target * target * all)
+        rest += squares[--n];
+    *ret_error = all > 0 ? sqrt(rest / all) : 0;
+    return n;
+}
+
+static gboolean make_eigenmaps(struct compress *compress, const struct btf_matrix *btf,
+                               PipelineFunc progress, gpointer progress_data,
+                               GCancellable *cancellable, GError **error) {
+    struct columns columns = {btf, progress, progress_data, cancellable, 0};
+    const int terms = compress->components   ? compress->components
+                      : compress->target > 0 ? btf->n_views
+                                             : MIN(4, btf->n_views);
+    struct eigenmaps *maps = new_eigenmaps(btf, terms);
+    gboolean ok = eigenmaps_compute(maps, give_column, &columns, &compress->error, error);
+    if (ok && compress->target > 0 && compress->error > compress->target) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "an error of %.3g %% is not reached with %d eigen-maps (%.3g %%); allow more",
+                    100 * compress->target, terms, 100 * compress->error);
+        ok = FALSE;
+    }
+    if (ok && compress->target > 0 && terms == btf->n_views)
+        maps->n_terms = fewest_terms(maps, compress->target, &compress->error);
+    compress->exact_error = compress->error;
+    compress->used_components = maps->n_terms;
+    compress->bytes = (gint64)maps->n_terms * (2 * 3 * (gint64)compress->texels * btf->n_lights +
+                                               (gint64)sizeof(float) * btf->n_views);
+    ok = ok && eigenmaps_write(compress->written, maps, error);
+    eigenmaps_free(maps);
+    return ok;
+}
+
+static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                     gpointer data, GError **error) {
+    struct compress *compress = data;
+    if (compress->output && !check_output(compress->output, error))
+        return FALSE;
+    struct btf_matrix *btf =
+        btf_matrix_read(compress->path, progress, progress_data, cancellable, error);
+    if (!btf)
+        return FALSE;
+    compress->written = compress->output
+                            ? g_strdup(compress->output)
+                            : g_build_filename(btf->directory, "products", "lpca.exr", NULL);
+    compress->texels = btf->width * btf->height;
+    compress->views = btf->n_views;
+    compress->lights = btf->n_lights;
+    compress->holes = btf->holes;
+    compress->raw_bytes = (gint64)compress->texels * btf->n_views * btf->n_lights * 3 * 2;
+    const gboolean ok = (compress->eigenmaps ? make_eigenmaps : make_lpca)(
+        compress, btf, progress, progress_data, cancellable, error);
+    btf_matrix_free(btf);
+    GStatBuf status;
+    if (ok && g_stat(compress->written, &status) == 0)
+        compress->file_bytes = status.st_size;
+    return ok;
+}
+
+static void tell_json(const struct compress *compress, double seconds) {
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    const struct {
+        const char *name;
+        gint64 value;
+    } numbers[] = {
+        {"texels", compress->texels},
+        {"views", compress->views},
+        {"lights", compress->lights},
+        {"clusters", compress->used_clusters},
+        {"components", compress->used_components},
+        {"holes", compress->holes},
+        {"btf_bytes", compress->raw_bytes},
+        {"bytes", compress->bytes},
+        {"file_bytes", compress->file_bytes},
+    };
+    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(compress->written));
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
+        g_variant_builder_add(&builder, "{sv}", numbers[i].name,
+                              g_variant_new_int64(numbers[i].value));
+    g_variant_builder_add(&builder, "{sv}", "exact_error",
+                          g_variant_new_double(compress->exact_error));
+    g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_double(compress->error));
+    g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static void tell(const struct compress *compress, double seconds) {
+    if (cli_json) {
+        tell_json(compress, seconds);
+        return;
+    }
+    g_autofree char *time = report_duration(seconds);
+    g_autofree char *what =
+        compress->eigenmaps ? g_strdup_printf("%d eigen-maps", compress->used_components)
+                            : g_strdup_printf("%d clusters of %d components",
+                                              compress->used_clusters, compress->used_components);
+    g_autofree char *size = g_format_size((guint64)compress->bytes);
+    g_autofree char *file = g_format_size((guint64)compress->file_bytes);
+    g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before rounding), %s, 1:%.0f of the BTF in "
+            "half floats; %s on disk\n",
+            compress->written, time, what, 100 * compress->error, 100 * compress->exact_error, size,
+            (double)compress->raw_bytes / (double)compress->bytes, file);
+    if (compress->holes > 0)
+        g_print("%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
+                " values of the BTF are holes and were taken as 0\n",
+                compress->holes, compress->raw_bytes / 6);
+}
+
+static char *method_option, *error_option, *quantise_option, *output_option;
+static int clusters_option, components_option;
+static const GOptionEntry entries[] = {
+    {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
+     "Local PCA (the default), or eigen-maps, which need -o", "lpca|eigenmaps"},
+    {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters_option,
+     "Clusters of texels: 1 … 1024, 32 if not given", "K"},
+    {"components", 'c', 0, G_OPTION_ARG_INT, &components_option,
+     "Eigen-BRDFs of a cluster: 1 … 32, 8 if not given; eigen-maps: 4; with --error at most", "C"},
+    {"error", 'e', 0, G_OPTION_ARG_STRING, &error_option,
+     "As few components as reach this error of the whole", "2%"},
+    {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
+     "Numbers in the file; half if not "
+     "given",
+     "float|half|8bit"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option,
+     "Write this file, not products/lpca.exr of the session", "FILE"},
+    {NULL},
+};
+
+static gboolean parse_error(const char *text, double *ret) {
+    char *end;
+    *ret = g_ascii_strtod(text, &end);
+    if (*end == '%') {
+        *ret /= 100;
+        end++;
+    }
+    return end != text && *end == '\0' && *ret > 0 && *ret < 1;
+}
+
+static gboolean parse_quantise(const char *text, enum lpca_quantise *ret) {
+    static const char *const names[] = {"float", "half", "8bit", NULL};
+    for (int i = 0; names[i]; i++)
+        if (g_strcmp0(text, names[i]) == 0) {
+            *ret = (enum lpca_quantise)i;
+            return TRUE;
+        }
+    return FALSE;
+}
+
+static int run(const struct command *command, int argc, char **argv) {
+    struct compress compress = {.quantise = LPCA_HALF};
+    g_autoptr(GError) error = NULL;
+    double seconds = 0;
+    clusters_option = components_option = -1;
+    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    compress.eigenmaps = g_strcmp0(method_option, "eigenmaps") == 0;
+    if (method_option && !compress.eigenmaps && strcmp(method_option, "lpca") != 0)
+        return cli_usage(command, "--method is lpca or eigenmaps");
+    if (clusters_option == 0 || clusters_option < -1 || components_option == 0 ||
+        components_option < -1)
+        return cli_usage(command, "there is at least one cluster and one component");
+    if (error_option && !parse_error(error_option, &compress.target))
+        return cli_usage(command, "--error is a number like 2%% or 0.02");
+    if (quantise_option && !parse_quantise(quantise_option, &compress.quantise))
+        return cli_usage(command, "--quantise is float, half or 8bit");
+    if (compress.eigenmaps && (clusters_option > 0 || quantise_option || !output_option))
+        return cli_usage(command, "eigen-maps are half floats without clusters, and need -o FILE");
+    compress.path = argv[1];
+    compress.clusters = MAX(clusters_option, 0);
+    compress.components = MAX(components_option, 0);
+    compress.output = output_option;
+    const gboolean ok = work_run(work, &compress, &seconds, &error);
+    if (ok)
+        tell(&compress, seconds);
+    g_free(compress.written);
+    return ok ? CLI_DONE : cli_fail(error);
+}
+
+const struct command cli_compress = {"compress", "DIR", "Compress the BTF of a session.", run};

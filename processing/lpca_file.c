@@ -1,0 +1,254 @@
+#include <math.h>
+#include <string.h>
+
+#include "exr.h"
+#include "lpca_private.h"
+
+#define COLOURS 3
+
+static const char *const kinds[] = {"float", "half", "8bit"};
+static const char *const colours[] = {"R", "G", "B"};
+
+static struct exr_part *directions_part(const char *name, const float *theta_deg,
+                                        const float *phi_deg, int n) {
+    static const char *const channels[] = {"phi_deg", "theta_deg", NULL};
+    struct exr_part *part = exr_part_new(name, n, 1, channels, EXR_FLOAT);
+    memcpy(part->planes[0], phi_deg, sizeof(float) * (gsize)n);
+    memcpy(part->planes[1], theta_deg, sizeof(float) * (gsize)n);
+    return part;
+}
+
+static struct exr_part *clusters_part(const struct lpca *lpca) {
+    static const char *const channels[] = {"K", NULL};
+    struct exr_part *part =
+        exr_part_new("clusters", lpca->width, lpca->height, channels, EXR_FLOAT);
+    for (int i = 0; i < lpca->width * lpca->height; i++)
+        part->planes[0][i] = (float)lpca->clusters[i];
+    exr_set_string(part, "mesorig.kind", "lpca");
+    exr_set_string(part, "mesorig.name", lpca->name ? lpca->name : "");
+    exr_set_string(part, "mesorig.quantise", kinds[lpca->quantise]);
+    exr_set_double(part, "mesorig.error", lpca->error);
+    exr_set_double(part, "texel_mm", lpca->texel_mm);
+    exr_set_double(part, "reference_mm", lpca->reference_mm);
+    return part;
+}
+
+static struct exr_part *weights_part(const struct lpca *lpca) {
+    const int c = lpca->n_components;
+    g_auto(GStrv) channels = g_new0(char *, c + 1);
+    for (int i = 0; i < c; i++)
+        channels[i] = g_strdup_printf("W%02d", i + 1);
+    struct exr_part *part =
+        exr_part_new("weights", lpca->width, lpca->height, (const char *const *)channels,
+                     lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
+    for (int texel = 0; texel < lpca->width * lpca->height; texel++)
+        for (int i = 0; i < c; i++)
+            part->planes[i][texel] = lpca->weights[(gsize)texel * (gsize)c + (gsize)i];
+    return part;
+}
+
+static struct exr_part *scales_part(const struct lpca *lpca) {
+    static const char *const channels[] = {"S", NULL};
+    const int tables = lpca->n_components + 1;
+    struct exr_part *part = exr_part_new("scales", lpca->n_clusters, tables, channels, EXR_FLOAT);
+    for (int i = 0; i < lpca->n_clusters * tables; i++)
+        part->planes[0][i % tables * lpca->n_clusters + i / tables] = lpca->scales[i];
+    return part;
+}
+
+static char *table_name(int component) {
+    return component == 0 ? g_strdup("means") : g_strdup_printf("E%02d", component);
+}
+
+static gsize table_size(const struct lpca *lpca) {
+    return (gsize)lpca->n_views * (gsize)lpca->n_lights;
+}
+
+static struct exr_part *table_part(const struct lpca *lpca, int component) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    const gsize tables = (gsize)lpca->n_components + 1;
+    const gsize size = table_size(lpca);
+    g_autofree char *name = table_name(component);
+    struct exr_part *part =
+        exr_part_new(name, lpca->n_lights, lpca->n_clusters * lpca->n_views, channels,
+                     lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
+    for (int k = 0; k < lpca->n_clusters; k++) {
+        const gsize table = (gsize)k * tables + (gsize)component;
+        const float *rgb = lpca->brdfs + table * size * COLOURS, scale = lpca->scales[table];
+        for (gsize i = 0; i < size * COLOURS; i++)
+            part->planes[COLOURS - 1 - i % COLOURS][(gsize)k * size + i / COLOURS] =
+                lpca->quantise == LPCA_8BIT && component > 0 ? roundf(rgb[i] / scale) : rgb[i];
+    }
+    return part;
+}
+
+gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, clusters_part(lpca));
+    exr_file_add(file, weights_part(lpca));
+    exr_file_add(file, scales_part(lpca));
+    for (int i = 0; i <= lpca->n_components; i++)
+        exr_file_add(file, table_part(lpca, i));
+    exr_file_add(file,
+                 directions_part("views", lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views));
+    exr_file_add(file, directions_part("lights", lpca->light_theta_deg, lpca->light_phi_deg,
+                                       lpca->n_lights));
+    /* PIZ rounds nothing, and ZIP is smaller for the integers of 8 bits. */
+    gboolean ok =
+        exr_write(path, file, lpca->quantise == LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
+    exr_file_free(file);
+    return ok;
+}
+
+static gboolean format_error(const char *path, GError **error, const char *what) {
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: this is not a whole local PCA: %s; compress again", path, what);
+    return FALSE;
+}
+
+/* NULL if the part, of this size, or the channel is not there, or a value is not a number. */
+static const float *plane(const struct exr_file *file, const char *name, const char *channel,
+                          int width, int height) {
+    const struct exr_part *part = exr_file_part(file, name);
+    const float *values = part ? exr_part_plane(part, channel) : NULL;
+    if (!values || part->width != width || part->height != height)
+        return NULL;
+    for (gsize i = 0; i < (gsize)width * (gsize)height; i++)
+        if (!isfinite(values[i]))
+            return NULL;
+    return values;
+}
+
+static gboolean read_directions(const struct exr_file *file, const char *name, float **ret_theta,
+                                float **ret_phi, int *ret_n) {
+    const struct exr_part *part = exr_file_part(file, name);
+    const float *theta = part ? plane(file, name, "theta_deg", part->width, 1) : NULL;
+    const float *phi = part ? plane(file, name, "phi_deg", part->width, 1) : NULL;
+    if (!theta || !phi)
+        return FALSE;
+    *ret_n = part->width;
+    *ret_theta = g_memdup2(theta, sizeof(float) * (gsize)part->width);
+    *ret_phi = g_memdup2(phi, sizeof(float) * (gsize)part->width);
+    return TRUE;
+}
+
+static gboolean read_kind(struct lpca *lpca, const char *quantise) {
+    for (guint i = 0; i < G_N_ELEMENTS(kinds); i++)
+        if (strcmp(kinds[i], quantise) == 0) {
+            lpca->quantise = (enum lpca_quantise)i;
+            return TRUE;
+        }
+    return FALSE;
+}
+
+static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const char *path,
+                          GError **error) {
+    const struct exr_part *part = exr_file_part(file, "clusters");
+    const char *kind = NULL, *name = NULL, *quantise = NULL;
+    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, "lpca") != 0)
+        return format_error(path, error, "there is no part \"clusters\" of that kind");
+    if (!exr_get_string(part, "mesorig.name", &name, error) ||
+        !exr_get_string(part, "mesorig.quantise", &quantise, error) ||
+        !exr_get_double(part, "mesorig.error", &lpca->error, error) ||
+        !exr_get_double(part, "texel_mm", &lpca->texel_mm, error) ||
+        !exr_get_double(part, "reference_mm", &lpca->reference_mm, error))
+        return FALSE;
+    lpca->name = g_strdup(name);
+    lpca->width = part->width;
+    lpca->height = part->height;
+    if (!read_kind(lpca, quantise))
+        return format_error(path, error, "mesorig.quantise is not float, half or 8bit");
+    if (!(lpca->texel_mm > 0) || !isfinite(lpca->texel_mm) || !isfinite(lpca->reference_mm))
+        return format_error(path, error, "texel_mm or reference_mm makes no sense");
+    if (!read_directions(file, "views", &lpca->view_theta_deg, &lpca->view_phi_deg,
+                         &lpca->n_views) ||
+        !read_directions(file, "lights", &lpca->light_theta_deg, &lpca->light_phi_deg,
+                         &lpca->n_lights))
+        return format_error(path, error, "views or lights are missing or damaged");
+    part = exr_file_part(file, "scales");
+    if (!part || part->width > LPCA_MAX_CLUSTERS || part->height < 2 ||
+        part->height > LPCA_MAX_COMPONENTS + 1)
+        return format_error(path, error, "scales are missing or damaged");
+    lpca->n_clusters = part->width;
+    lpca->n_components = part->height - 1;
+    return TRUE;
+}
+
+static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
+    const int c = lpca->n_components, n = lpca->width * lpca->height;
+    const float *clusters = plane(file, "clusters", "K", lpca->width, lpca->height);
+    lpca->clusters = g_new(int, n);
+    lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
+    for (int i = 0; clusters && i < n; i++) {
+        if (!(clusters[i] >= 0) || clusters[i] >= (float)lpca->n_clusters ||
+            clusters[i] != floorf(clusters[i]))
+            return format_error(path, error, "a texel is of a cluster that is not there");
+        lpca->clusters[i] = (int)clusters[i];
+    }
+    for (int i = 0; i < c; i++) {
+        g_autofree char *channel = g_strdup_printf("W%02d", i + 1);
+        const float *weights = plane(file, "weights", channel, lpca->width, lpca->height);
+        if (!clusters || !weights || !lpca->weights)
+            return format_error(path, error, "clusters or weights are missing or damaged");
+        for (int texel = 0; texel < n; texel++)
+            lpca->weights[(gsize)texel * (gsize)c + (gsize)i] = weights[texel];
+    }
+    return TRUE;
+}
+
+static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component) {
+    const gsize tables = (gsize)lpca->n_components + 1;
+    const gsize size = table_size(lpca);
+    g_autofree char *name = table_name(component);
+    const gint64 height = (gint64)lpca->n_clusters * lpca->n_views;
+    for (int c = 0; c < COLOURS; c++) {
+        const float *values =
+            height <= G_MAXINT ? plane(file, name, colours[c], lpca->n_lights, (int)height) : NULL;
+        if (!values)
+            return FALSE;
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const gsize table = (gsize)k * tables + (gsize)component;
+            for (gsize i = 0; i < size; i++)
+                lpca->brdfs[(table * size + i) * COLOURS + (gsize)c] =
+                    values[(gsize)k * size + i] * lpca->scales[table];
+        }
+    }
+    return TRUE;
+}
+
+static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
+    const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
+    const float *scales = plane(file, "scales", "S", lpca->n_clusters, tables);
+    const struct exr_part *means = exr_file_part(file, "means");
+    /* Checked before memory is asked for: the sizes come from parts of a few values. */
+    if (!scales || !means || means->width != lpca->n_lights ||
+        means->height != (gint64)lpca->n_clusters * lpca->n_views)
+        return format_error(path, error, "scales or means are missing or damaged");
+    lpca->scales = g_new0(float, n);
+    for (int i = 0; i < n; i++)
+        lpca->scales[i] = scales[i % tables * lpca->n_clusters + i / tables];
+    lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
+    if (!lpca->brdfs)
+        return format_error(path, error, "it is larger than memory");
+    for (int i = 0; i < tables; i++)
+        if (!read_table(lpca, file, i)) {
+            g_autofree char *name = table_name(i);
+            g_autofree char *what = g_strdup_printf("part %s is missing or damaged", name);
+            return format_error(path, error, what);
+        }
+    return TRUE;
+}
+
+struct lpca *lpca_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    if (!file)
+        return NULL;
+    struct lpca *lpca = g_new0(struct lpca, 1);
+    if (!read_head(lpca, file, path, error) || !read_texels(lpca, file, path, error) ||
+        !read_tables(lpca, file, path, error))
+        g_clear_pointer(&lpca, lpca_free);
+    exr_file_free(file);
+    return lpca;
+}

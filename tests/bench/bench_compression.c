@@ -1,0 +1,142 @@
+/* Local PCA of a synthetic BTF, or of one in a file of floats, against the peak of sgemm: how long,
+ * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
+ * read the same file. */
+#include "processing/lpca.h"
+
+#include <cblas.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PEAK    1024 /* rows and columns of the multiplication that shows the peak */
+#define REPEATS 5
+#define REDUCED 128 /* as in lpca.c */
+
+static int texels = 64, views = 30, lights = 30, clusters = 32, components = 8;
+static char *session, *dump;
+static gboolean json;
+static const GOptionEntry entries[] = {
+    {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
+    {"texels", 't', 0, G_OPTION_ARG_INT, &texels, "Texels of a side, else (64)", "N"},
+    {"views", 'v', 0, G_OPTION_ARG_INT, &views, "Views, else (30)", "N"},
+    {"lights", 'l', 0, G_OPTION_ARG_INT, &lights, "Lights, else (30)", "N"},
+    {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Clusters (32)", "K"},
+    {"components", 'c', 0, G_OPTION_ARG_INT, &components, "Components (8)", "C"},
+    {"dump", 'd', 0, G_OPTION_ARG_FILENAME, &dump, "Write the rows as floats, for peers", "FILE"},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
+    {NULL},
+};
+
+static double seconds_since(gint64 start) {
+    return (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
+}
+
+/* GFLOP/s. */
+static double peak(int threads) {
+    const gsize n = (gsize)PEAK * PEAK;
+    g_autofree float *a = g_new(float, n), *b = g_new(float, n), *c = g_new0(float, n);
+    double best = G_MAXDOUBLE;
+    for (gsize i = 0; i < n; i++)
+        a[i] = b[i] = 1 + (float)(i % 7);
+    openblas_set_num_threads(threads);
+    for (int i = 0; i < REPEATS; i++) {
+        const gint64 start = g_get_monotonic_time();
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, PEAK, PEAK, PEAK, 1, a, PEAK, b,
+                    PEAK, 0, c, PEAK);
+        best = MIN(best, seconds_since(start));
+    }
+    return 2e-9 * PEAK * PEAK * PEAK / best;
+}
+
+/* A bumpy, glossy weave: normals and albedo vary with the texel, highlights with the directions. */
+static float shade(int texel, int view, int light, int colour) {
+    const double x = 0.4 * (texel % texels), y = 0.4 * (texel / texels);
+    const double nx = 0.5 * sin(x) * cos(0.5 * y), ny = 0.5 * cos(x) * sin(y);
+    const double va = 2.4 * view, la = 2.4 * light;
+    const double vr = 0.9 * sqrt((view + 0.5) / views), lr = 0.9 * sqrt((light + 0.5) / lights);
+    const double vz = sqrt(1 - vr * vr), lz = sqrt(1 - lr * lr), nn = sqrt(1 + nx * nx + ny * ny);
+    const double hx = vr * cos(va) + lr * cos(la), hy = vr * sin(va) + lr * sin(la), hz = vz + lz;
+    const double nl = MAX(0, (nx * lr * cos(la) + ny * lr * sin(la) + lz) / nn);
+    const double nh = (nx * hx + ny * hy + hz) / (nn * sqrt(hx * hx + hy * hy + hz * hz));
+    const double albedo = 0.3 + 0.2 * sin(x + colour) * sin(y);
+    return (float)(albedo * nl + 0.5 * pow(MAX(0, nh), 40) * (nl > 0));
+}
+
+static struct btf_matrix *synthetic(void) {
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    gsize i = 0;
+    *btf = (struct btf_matrix){.name = g_strdup("weave"),
+                               .width = texels,
+                               .height = texels,
+                               .texel_mm = 1,
+                               .n_views = views,
+                               .n_lights = lights,
+                               .view_theta_deg = g_new0(float, views),
+                               .view_phi_deg = g_new0(float, views),
+                               .light_theta_deg = g_new0(float, lights),
+                               .light_phi_deg = g_new0(float, lights)};
+    btf->values = g_new(float, (gsize)texels *(gsize)texels *(gsize)views *(gsize)lights * 3);
+    for (int texel = 0; texel < texels * texels; texel++)
+        for (int view = 0; view < views; view++)
+            for (int light = 0; light < lights; light++)
+                for (int colour = 0; colour < 3; colour++)
+                    btf->values[i++] = shade(texel, view, light, colour);
+    return btf;
+}
+
+/* Flops that cannot be avoided: the projection, and the polish with its weights and check. */
+static double needed_gflop(const struct btf_matrix *btf, const struct lpca *lpca) {
+    const double values =
+        (double)btf->width * btf->height * btf->n_views * btf->n_lights * 3 * 1e-9;
+    return 2 * values * (REDUCED + 3.0 * lpca->n_components);
+}
+
+static gboolean write_rows(const struct btf_matrix *btf) {
+    FILE *file = fopen(dump, "wb");
+    const gsize n =
+        (gsize)btf->width * (gsize)btf->height * (gsize)btf->n_views * (gsize)btf->n_lights * 3;
+    const gboolean ok = file && fwrite(btf->values, sizeof(float), n, file) == n;
+    return file && fclose(file) == 0 && ok;
+}
+
+static int measure(const struct btf_matrix *btf, GError **error) {
+    const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
+    const int threads = (int)g_get_num_processors();
+    const double gflops = peak(threads);
+    const gint64 start = g_get_monotonic_time();
+    struct lpca *lpca = lpca_compute(btf, &options, error);
+    const double time = seconds_since(start);
+    if (!lpca)
+        return 1;
+    const double share = needed_gflop(btf, lpca) / time / gflops;
+    printf(json ? "{\"rows\": %d, \"columns\": %d, \"clusters\": %d, \"components\": %d, "
+                  "\"seconds\": %.3f, \"error\": %.5f, \"sgemm_gflops\": %.1f, \"share\": %.3f}\n"
+                : "%d × %d, %d clusters of %d components: %.3f s, error %.5f; sgemm %.1f GFLOP/s, "
+                  "share of that %.3f\n",
+           btf->width * btf->height, btf->n_views * btf->n_lights * 3, lpca->n_clusters,
+           lpca->n_components, time, lpca->error, gflops, share);
+    lpca_free(lpca);
+    return 0;
+}
+
+int main(int argc, char **argv) {
+    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
+    g_autoptr(GError) error = NULL;
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error)) {
+        fprintf(stderr, "%s\n", error->message);
+        return 2;
+    }
+    struct btf_matrix *btf =
+        session ? btf_matrix_read(session, NULL, NULL, NULL, &error) : synthetic();
+    int rc = 1;
+    if (btf && dump && !write_rows(btf))
+        fprintf(stderr, "%s: cannot be written\n", dump);
+    else if (btf)
+        rc = measure(btf, &error);
+    if (error)
+        fprintf(stderr, "%s\n", error->message);
+    btf_matrix_free(btf);
+    return rc;
+}
