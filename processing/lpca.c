@@ -526,11 +526,10 @@ static void compare_block(int block, gpointer data) {
             const int n = MIN((int)G_N_ELEMENTS(part), d - from);
             const float *truth = to->btf->values + (gsize)texel * (gsize)d + (gsize)from;
             add_components(to->lpca, texel, from, n, part);
-            for (int j = 0; j < n; j++) {
-                const double rest = (double)truth[j] - part[j];
-                to->rest[block] += rest * rest;
-                to->all[block] += (double)truth[j] * truth[j];
-            }
+            for (int j = 0; j < n; j++)
+                part[j] -= truth[j];
+            to->rest[block] += cblas_sdot(n, part, 1, part, 1);
+            to->all[block] += cblas_sdot(n, truth, 1, truth, 1);
         }
 }
 
