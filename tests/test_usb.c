@@ -2,6 +2,7 @@
 
 #include "drivers/usb/relays.h"
 #include "drivers/usb/tic.h"
+#include "sim/virtual/testbed.h"
 #include "sim/virtual/usb_relays.h"
 #include "sim/virtual/usb_tic.h"
 
@@ -659,7 +660,7 @@ static void add_tests(void) {
 }
 
 int main(int argc, char **argv) {
-    virtual_usb_enter(argv);
+    testbed_enter(argv);
     g_test_init(&argc, &argv, NULL);
     add_tests();
     return g_test_run();

@@ -2,6 +2,7 @@
 
 #include "drivers/usb/relays.h"
 #include "drivers/usb/tic.h"
+#include "sim/virtual/testbed.h"
 #include "sim/virtual/usb_relays.h"
 #include "sim/virtual/usb_tic.h"
 
@@ -28,7 +29,7 @@ static const struct conformance laser = {
 };
 
 int main(int argc, char **argv) {
-    virtual_usb_enter(argv);
+    testbed_enter(argv);
     g_test_init(&argc, &argv, NULL);
     g_autoptr(VirtualTic) tic_device = virtual_tic_new("TIC", 1, 4000, 100);
     g_autoptr(VirtualRelays) lamps_board = virtual_relays_new("USBRelay4", "LAMPS", 2, FALSE);

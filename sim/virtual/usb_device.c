@@ -1,11 +1,11 @@
 #include "usb_device.h"
 
+#include "testbed.h"
+
 #include <errno.h>
 #include <linux/usbdevice_fs.h>
 #include <string.h>
 #include <sys/ioctl.h>
-#include <umockdev.h>
-#include <unistd.h>
 
 #define SETUP_SIZE     8
 #define GET_DESCRIPTOR 6
@@ -38,22 +38,9 @@ struct flight {
     int status, length;
 };
 
-/* One for the process while there is any device. */
+/* While there is any device. */
 static UMockdevTestbed *testbed;
 static int n_devices, last_address;
-
-void virtual_usb_enter(char **argv) {
-    const char *preload = g_getenv("LD_PRELOAD");
-    if (preload && strstr(preload, "umockdev"))
-        return;
-    g_autofree char *both = g_strjoin(":", "libumockdev-preload.so.0", preload, NULL);
-    const char *asan = g_getenv("ASAN_OPTIONS");
-    g_autofree char *options = g_strjoin(":", "verify_asan_link_order=0", asan, NULL);
-    g_setenv("LD_PRELOAD", both, TRUE);
-    g_setenv("ASAN_OPTIONS", options, TRUE);
-    execv("/proc/self/exe", argv);
-    g_error("cannot start again with umockdev: %s", g_strerror(errno));
-}
 
 static struct usbdevfs_urb *urb_of(const struct flight *flight) {
     return (struct usbdevfs_urb *)flight->urb->data;
@@ -269,10 +256,9 @@ static void add_hub(void) {
 
 VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpointer model) {
     VirtualUsb *usb = g_new0(VirtualUsb, 1);
-    if (n_devices++ == 0) {
-        testbed = umockdev_testbed_new();
+    testbed = testbed_ref();
+    if (n_devices++ == 0)
         add_hub();
-    }
     usb->class = class;
     usb->model = model;
     usb->port = port;
@@ -287,8 +273,11 @@ void virtual_usb_free(VirtualUsb *usb) {
     if (!usb)
         return;
     virtual_usb_unplug(usb);
-    if (--n_devices == 0)
-        g_clear_object(&testbed);
+    if (--n_devices == 0) {
+        umockdev_testbed_uevent(testbed, "/sys/devices/usb1", "remove");
+        umockdev_testbed_remove_device(testbed, "/sys/devices/usb1");
+    }
+    testbed_unref();
     g_clear_object(&usb->handler);
     g_queue_clear_full(&usb->flying, (GDestroyNotify)flight_free);
     g_mutex_clear(&usb->mutex);

@@ -1,7 +1,6 @@
 /*
  * USB devices that are not there: models behind umockdev's usbfs, which libusb speaks to as to the
- * kernel's. For tests. A process sees them only with umockdev's library preloaded
- * (virtual_usb_enter()).
+ * kernel's. For tests. A process sees them only after testbed_enter().
  *
  * The models' functions run in umockdev's thread, with the device locked; so do the functions here.
  */
@@ -28,9 +27,6 @@ enum virtual_usb_fault {
     VIRTUAL_USB_SILENT, /* never answers them */
     VIRTUAL_USB_SHORT,  /* answers half of what it should */
 };
-
-/* Starts the program again with what must be preloaded, unless it is. For main(). */
-void virtual_usb_enter(char **argv);
 
 /* Plugged into port 1 to 9 of bus 1. model must outlive it. */
 VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpointer model);

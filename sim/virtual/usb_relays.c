@@ -3,12 +3,15 @@
 #include <errno.h>
 #include <string.h>
 
+#define MAX_RELAYS 8
+
 struct VirtualRelays {
     VirtualUsb *usb;
     struct virtual_usb_class class;
     char serial[6];
     int interface, n;
     guint state, stuck;
+    struct world_part parts[MAX_RELAYS]; /* what each powers */
 };
 
 #define INTERFACE(number, n_endpoints, class_) 9, 4, number, 0, n_endpoints, class_, 0, 0, 0
@@ -32,9 +35,17 @@ static const guint8 config_second[] = {9,
                                        HID,
                                        INTERRUPT(0x85)};
 
+static void set_state(VirtualRelays *relays, guint state) {
+    guint changed = relays->state ^ state;
+    relays->state = state;
+    for (int i = 0; i < MAX_RELAYS; i++)
+        if (changed & 1u << i)
+            world_part_switch(&relays->parts[i], (state & 1u << i) != 0, g_get_monotonic_time());
+}
+
 static void set_relays(VirtualRelays *relays, guint mask, gboolean on) {
     mask &= ((1u << relays->n) - 1) & ~relays->stuck;
-    relays->state = on ? relays->state | mask : relays->state & ~mask;
+    set_state(relays, on ? relays->state | mask : relays->state & ~mask);
 }
 
 static int set_report(VirtualRelays *relays, const guint8 *data) {
@@ -85,11 +96,28 @@ void virtual_relays_free(VirtualRelays *relays) {
     if (!relays)
         return;
     virtual_usb_free(relays->usb);
+    for (int i = 0; i < MAX_RELAYS; i++)
+        world_part_clear(&relays->parts[i]);
     g_free(relays);
 }
 
 VirtualUsb *virtual_relays_usb(VirtualRelays *relays) {
     return relays->usb;
+}
+
+gboolean virtual_relays_link(VirtualRelays *relays, int relay, World *world, const char *part,
+                             GError **error) {
+    struct world_part found = {0};
+    g_return_val_if_fail(relay >= 0 && relay < relays->n, FALSE);
+    if (!world_part_find(world, part, &found, error))
+        return FALSE;
+    virtual_usb_lock(relays->usb);
+    struct world_part before = relays->parts[relay];
+    relays->parts[relay] = found;
+    world_part_switch(&found, (relays->state & 1u << relay) != 0, g_get_monotonic_time());
+    virtual_usb_unlock(relays->usb);
+    world_part_clear(&before);
+    return TRUE;
 }
 
 guint virtual_relays_state(VirtualRelays *relays) {
@@ -107,6 +135,6 @@ void virtual_relays_stick(VirtualRelays *relays, guint mask) {
 
 void virtual_relays_lose_power(VirtualRelays *relays) {
     virtual_usb_lock(relays->usb);
-    relays->state = 0;
+    set_state(relays, 0);
     virtual_usb_unlock(relays->usb);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "usb_device.h"
+#include "world_link.h"
 
 typedef struct VirtualRelays VirtualRelays;
 
@@ -13,6 +14,10 @@ void virtual_relays_free(VirtualRelays *relays);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRelays, virtual_relays_free)
 
 VirtualUsb *virtual_relays_usb(VirtualRelays *relays);
+
+/* relay, from 0 on, powers a lamp or laser of the world ("lamp NAME", "laser NAME"). */
+gboolean virtual_relays_link(VirtualRelays *relays, int relay, World *world, const char *part,
+                             GError **error);
 
 guint virtual_relays_state(VirtualRelays *relays);            /* a bit a relay */
 void virtual_relays_stick(VirtualRelays *relays, guint mask); /* these no longer switch */

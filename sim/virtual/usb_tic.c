@@ -26,6 +26,9 @@ struct VirtualTic {
     double steps, origin, velocity, top_speed; /* origin: where its position 0 is */
     gint32 target_position, target_velocity;
     double max_speed, max_accel, max_decel;
+
+    struct world_part part; /* what it turns */
+    double steps_per_deg, zero_steps;
 };
 
 /* One vendor-specific interface among those the Tic has, without endpoints of its own. */
@@ -116,6 +119,8 @@ static void run(VirtualTic *tic) {
         tic->now_us += STEP_US;
         step(tic, STEP_US * 1e-6);
     }
+    if (tic->part.kind != WORLD_PART_NONE)
+        world_part_turn(&tic->part, (tic->steps - tic->zero_steps) / tic->steps_per_deg);
 }
 
 static void put32(guint8 *data, gint64 value) {
@@ -242,6 +247,7 @@ void virtual_tic_free(VirtualTic *tic) {
     if (!tic)
         return;
     virtual_usb_free(tic->usb);
+    world_part_clear(&tic->part);
     g_free(tic);
 }
 
@@ -256,6 +262,23 @@ static void enter(VirtualTic *tic) {
 
 static void leave(VirtualTic *tic) {
     virtual_usb_unlock(tic->usb);
+}
+
+gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
+                          double zero_steps, GError **error) {
+    struct world_part found = {0};
+    g_return_val_if_fail(steps_per_deg != 0, FALSE);
+    if (!world_part_find(world, part, &found, error))
+        return FALSE;
+    virtual_usb_lock(tic->usb);
+    struct world_part before = tic->part;
+    tic->part = found;
+    tic->steps_per_deg = steps_per_deg;
+    tic->zero_steps = zero_steps;
+    run(tic);
+    virtual_usb_unlock(tic->usb);
+    world_part_clear(&before);
+    return TRUE;
 }
 
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms) {

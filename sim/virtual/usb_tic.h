@@ -6,6 +6,7 @@
 #pragma once
 
 #include "usb_device.h"
+#include "world_link.h"
 
 typedef struct VirtualTic VirtualTic;
 
@@ -16,6 +17,12 @@ void virtual_tic_free(VirtualTic *tic);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualTic, virtual_tic_free)
 
 VirtualUsb *virtual_tic_usb(VirtualTic *tic);
+
+/* The motor turns a part of the world ("turntable", "arc", "sweep NAME"), which is at 0° where the
+ * motor is at zero_steps; a negative steps_per_deg turns it the other way. The world follows
+ * whenever the Tic is spoken to, as its driver does all the time. */
+gboolean virtual_tic_link(VirtualTic *tic, World *world, const char *part, double steps_per_deg,
+                          double zero_steps, GError **error);
 
 /* What its owner set with Pololu's own programs. */
 void virtual_tic_set_mode(VirtualTic *tic, int control_mode, int command_timeout_ms);

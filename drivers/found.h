@@ -1,0 +1,27 @@
+/*
+ * What a scan of a bus finds, for `mesorig devices`. Each folder of drivers that can look for its
+ * devices offers one function
+ *
+ *     gboolean NAME_scan(GPtrArray *to, GError **error);
+ *
+ * which adds a struct found a device and fails only if the bus cannot be looked at; a bus that is
+ * not there has no devices. It may wait, a second or two, and changes nothing on a device.
+ */
+#pragma once
+
+#include <glib.h>
+
+struct found {     /* strings are owned */
+    char *bus;     /* "usb", "video", "gige", "usb3-vision", "serial", "modbus" */
+    char *address; /* where: "1-2.4", "/dev/video0", "192.168.0.10" */
+    char *what;    /* the maker's and the device's name, as it says itself */
+    char *serial;  /* empty: it says none */
+    char *section; /* of a rig file, ready to paste: "[camera NAME]\ndriver = …\n"; NULL: no driver
+                      is for it */
+    char *note;    /* what is in the way, or what it lacks; NULL: nothing */
+};
+
+/* Added to the list, for the scan to fill further; what and serial may be NULL. */
+struct found *found_add(GPtrArray *to, const char *bus, const char *address, const char *what,
+                        const char *serial);
+GPtrArray *found_list_new(void); /* of struct found, which it owns */

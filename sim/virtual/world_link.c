@@ -1,0 +1,68 @@
+#include "world_link.h"
+
+#include <string.h>
+
+static const struct {
+    const char *prefix;
+    enum world_part_kind kind;
+    int (*find)(const World *world, const char *name);
+} named[] = {
+    {"sweep ", WORLD_PART_SWEEP, world_find_laser},
+    {"lamp ", WORLD_PART_LAMP, world_find_lamp},
+    {"laser ", WORLD_PART_LASER, world_find_laser},
+};
+
+static gboolean find(const World *world, const char *name, struct world_part *ret) {
+    if (strcmp(name, "turntable") == 0 || strcmp(name, "arc") == 0) {
+        ret->kind = *name == 't' ? WORLD_PART_TURNTABLE : WORLD_PART_ARC;
+        return TRUE;
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(named); i++) {
+        if (!g_str_has_prefix(name, named[i].prefix))
+            continue;
+        ret->kind = named[i].kind;
+        ret->index = named[i].find(world, name + strlen(named[i].prefix));
+        return ret->index >= 0;
+    }
+    return FALSE;
+}
+
+gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error) {
+    struct world_part part = {0};
+    if (!find(world, name, &part)) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "the world has no \"%s\"; say turntable, arc, or sweep, lamp or laser with a "
+                    "name of its file",
+                    name);
+        return FALSE;
+    }
+    part.world = world_ref(world);
+    *ret = part;
+    return TRUE;
+}
+
+void world_part_clear(struct world_part *part) {
+    world_unref(part->world);
+    *part = (struct world_part){0};
+}
+
+gboolean world_part_turns(const struct world_part *part) {
+    return part->kind == WORLD_PART_TURNTABLE || part->kind == WORLD_PART_ARC ||
+           part->kind == WORLD_PART_SWEEP;
+}
+
+void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us) {
+    if (part->kind == WORLD_PART_LAMP)
+        world_set_lamp(part->world, part->index, on, at_us);
+    else if (part->kind == WORLD_PART_LASER)
+        world_set_laser(part->world, part->index, on);
+}
+
+void world_part_turn(const struct world_part *part, double deg) {
+    if (part->kind == WORLD_PART_TURNTABLE)
+        world_set_turntable(part->world, deg);
+    else if (part->kind == WORLD_PART_ARC)
+        world_set_arc(part->world, deg);
+    else if (part->kind == WORLD_PART_SWEEP)
+        world_set_sweep(part->world, part->index, deg);
+}

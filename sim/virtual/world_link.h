@@ -1,0 +1,39 @@
+/*
+ * What a virtual device's outputs do to the simulated world: a relay that powers a lamp or a
+ * laser, a motor that turns the table. The same World is read by every virtual camera, so that a
+ * lamp switched over one bus is seen by a camera on another.
+ *
+ * Real time: the world's microseconds are those of g_get_monotonic_time(), as with
+ * clock_new_real(). A part is found in the main thread and may then be used from any.
+ */
+#pragma once
+
+#include "sim/world.h"
+
+enum world_part_kind {
+    WORLD_PART_NONE, /* nothing hangs on it: switching and turning do nothing */
+    WORLD_PART_TURNTABLE,
+    WORLD_PART_ARC,
+    WORLD_PART_SWEEP, /* of a laser */
+    WORLD_PART_LAMP,
+    WORLD_PART_LASER,
+};
+
+struct world_part {
+    World *world; /* a reference; world_part_clear() */
+    enum world_part_kind kind;
+    int index;
+};
+
+/* name: "turntable", "arc", "sweep NAME", "lamp NAME" or "laser NAME", with the names of the world
+ * file. */
+gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error);
+void world_part_clear(struct world_part *part); /* of zeroes is allowed */
+
+gboolean world_part_turns(const struct world_part *part); /* rather than being switched */
+
+/* Lamps and lasers; the others ignore it. at_us: when the contact closed or opened. */
+void world_part_switch(const struct world_part *part, gboolean on, gint64 at_us);
+
+/* Turntable, arc and sweeps; the others ignore it. */
+void world_part_turn(const struct world_part *part, double deg);

@@ -1,0 +1,159 @@
+/* What virtual devices do to the world, through the real drivers: the world's state is the truth.
+ */
+#include "conformance.h"
+
+#include "drivers/usb/relays.h"
+#include "drivers/usb/tic.h"
+#include "sim/virtual/testbed.h"
+#include "sim/virtual/usb_relays.h"
+#include "sim/virtual/usb_tic.h"
+
+#define WORLD SOURCE_DIR "/tests/small/world.conf"
+
+struct heard {
+    int n;
+    GError *error;
+};
+
+static World *get_world(void) {
+    GError *error = NULL;
+    World *world = world_get(WORLD, &error);
+    g_assert_no_error(error);
+    return world;
+}
+
+static struct world_state state_of(World *world) {
+    struct world_state state;
+    world_snapshot(world, g_get_monotonic_time() - 1000, 1000, &state);
+    return state;
+}
+
+static void note(struct heard *heard, const GError *error) {
+    g_assert_no_error(error);
+    heard->n++;
+}
+
+static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                    gpointer data) {
+    note(data, error);
+}
+
+static void on_laser(Laser *laser, gboolean on, const GError *error, gpointer data) {
+    note(data, error);
+}
+
+static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
+    note(data, error);
+}
+
+static void set_lamp(LampBank *bank, struct heard *heard, int index, gboolean on) {
+    GError *error = NULL;
+    heard->n = 0;
+    lamps_set(bank, index, on, &error);
+    g_assert_no_error(error);
+    conformance_wait(bank->device.clock, &heard->n, 1, 10);
+}
+
+static void test_lamps(void) {
+    static const struct conformance with = {
+        .section = "[lamps test]\ndriver = usb-relays\nserial = LAMPS\n"};
+    g_autoptr(World) world = get_world();
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualRelays) board = virtual_relays_new("USBRelay4", "LAMPS", 1, FALSE);
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&with, "", &section);
+    struct heard heard = {0};
+    GError *error = NULL;
+    g_assert_true(virtual_relays_link(board, 0, world, "lamp lamp60", NULL));
+    g_assert_true(virtual_relays_link(board, 2, world, "lamp lamp30", NULL));
+    g_autoptr(LampBank) bank = lamps_open(&usb_relays_driver, section, NULL, clock, &error);
+    g_assert_no_error(error);
+    lamps_listen(bank, on_lamp, &heard);
+    int lamp30 = world_find_lamp(world, "lamp30"), lamp60 = world_find_lamp(world, "lamp60");
+
+    set_lamp(bank, &heard, 2, TRUE);
+    conformance_pass(clock, world_lamp_warm_up_s(world) + 0.01);
+    g_assert_cmpfloat(state_of(world).lamp_output[lamp30], ==, 1);
+    g_assert_cmpfloat(state_of(world).lamp_output[lamp60], ==, 0);
+    set_lamp(bank, &heard, 1, TRUE); /* on this relay nothing hangs */
+    set_lamp(bank, &heard, 2, FALSE);
+    conformance_pass(clock, 0.01);
+    g_assert_cmpfloat(state_of(world).lamp_output[lamp30], ==, 0);
+    set_lamp(bank, &heard, 0, TRUE);
+    conformance_pass(clock, 0.01);
+    g_assert_cmpfloat(state_of(world).lamp_output[lamp60], >, 0);
+    virtual_relays_lose_power(board);
+    conformance_pass(clock, 0.01);
+    g_assert_cmpfloat(state_of(world).lamp_output[lamp60], ==, 0);
+}
+
+static void test_laser(void) {
+    static const struct conformance with = {
+        .section = "[laser test]\ndriver = usb-relay-laser\nserial = LASER\nrelay = 2\n"};
+    g_autoptr(World) world = get_world();
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualRelays) board = virtual_relays_new("USBRelay2", "LASER", 2, TRUE);
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&with, "", &section);
+    struct heard heard = {0};
+    GError *error = NULL;
+    int index = world_find_laser(world, "laser30");
+    g_assert_true(virtual_relays_link(board, 1, world, "laser laser30", NULL));
+    Laser *laser = laser_open(&usb_relay_laser_driver, section, NULL, clock, &error);
+    g_assert_no_error(error);
+    laser_listen(laser, on_laser, &heard);
+    g_assert_false(state_of(world).laser_on[index]);
+    g_assert_true(laser_set(laser, TRUE, NULL));
+    conformance_wait(clock, &heard.n, 1, 10);
+    g_assert_true(state_of(world).laser_on[index]);
+    laser_close(laser);
+    g_assert_false(state_of(world).laser_on[index]);
+}
+
+static void test_motor(void) {
+    static const struct conformance with = {
+        .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 100\nmin_deg = 0\n"
+                   "max_deg = 38\nspeed_deg_s = 60\naccel_deg_s2 = 1200\npoll_ms = 10\n"};
+    g_autoptr(World) world = get_world();
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualTic) tic = virtual_tic_new("TIC", 3, 4000, 100);
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&with, "", &section);
+    struct heard heard = {0};
+    GError *error = NULL;
+    g_assert_true(virtual_tic_link(tic, world, "sweep laser60", 100, 1500, NULL));
+    int index = world_find_laser(world, "laser60");
+    g_autoptr(Axis) axis = axis_open(&tic_axis_driver, section, NULL, clock, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat_with_epsilon(state_of(world).sweep_deg[index], -14, 1e-9);
+    axis_listen(axis, on_axis, &heard);
+    g_assert_true(axis_home(axis, NULL));
+    conformance_wait(clock, &heard.n, 1, 10);
+    g_assert_true(axis_move(axis, 22.5, NULL));
+    conformance_wait(clock, &heard.n, 2, 10);
+    /* Homing's zero is where the reverse switch opens again, at most a step off the motor's 0. */
+    g_assert_cmpfloat_with_epsilon(state_of(world).sweep_deg[index], 22.5 - 15, 0.1);
+}
+
+static void test_unknown(void) {
+    static const char *const wrong[] = {"", "lamp", "lamp ", "lamp nobody", "laser lamp30", "door"};
+    g_autoptr(World) world = get_world();
+    for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
+        struct world_part part = {0};
+        GError *error = NULL;
+        g_assert_false(world_part_find(world, wrong[i], &part, &error));
+        g_assert_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND);
+        g_assert_null(part.world);
+        g_clear_error(&error);
+    }
+}
+
+int main(int argc, char **argv) {
+    testbed_enter(argv);
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/world-link/lamps", test_lamps);
+    g_test_add_func("/world-link/laser", test_laser);
+    g_test_add_func("/world-link/motor", test_motor);
+    g_test_add_func("/world-link/unknown", test_unknown);
+    return g_test_run();
+}
