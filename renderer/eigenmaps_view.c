@@ -294,7 +294,8 @@ static void bind(guint program, const char *name, int unit, GLenum target, guint
     glUniform1i(glGetUniformLocation(program, name), unit);
 }
 
-void eigenmaps_view_bind(EigenmapsView *view, guint program, gboolean nearest) {
+static void bind_all(gpointer material, guint program, gboolean nearest) {
+    const EigenmapsView *view = material;
     bind(program, "view_weights", 1, GL_TEXTURE_2D_ARRAY, view->view_weights);
     bind(program, "light_indices", 2, GL_TEXTURE_2D, view->light_indices);
     bind(program, "light_weights", 3, GL_TEXTURE_2D, view->light_weights);
@@ -307,3 +308,26 @@ void eigenmaps_view_bind(EigenmapsView *view, guint program, gboolean nearest) {
     glUniform1i(glGetUniformLocation(program, "n_terms"), view->n_terms);
     glUniform1i(glGetUniformLocation(program, "n_layers"), view->n_layers);
 }
+
+static gpointer open_file(const char *path, GError **error) {
+    struct eigenmaps *maps = eigenmaps_read(path, error);
+    EigenmapsView *view = maps != NULL ? eigenmaps_view_new(maps, error) : NULL;
+    eigenmaps_free(maps);
+    return view;
+}
+
+static void free_view(gpointer material) {
+    eigenmaps_view_free(material);
+}
+
+static const char *const shader_names[] = {"eigenmaps.glsl", NULL};
+
+const struct method method_eigenmaps = {
+    .name = "eigenmaps",
+    .title = "eigen-maps",
+    .product = "eigenmaps.exr",
+    .shaders = shader_names,
+    .open = open_file,
+    .free = free_view,
+    .bind = bind_all,
+};

@@ -9,6 +9,7 @@
  */
 #pragma once
 
+#include "method.h"
 #include "processing/eigenmaps.h"
 
 typedef struct EigenmapsView EigenmapsView; /* belongs to the thread of the GL context */
@@ -18,6 +19,4 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error);
 void eigenmaps_view_free(EigenmapsView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(EigenmapsView, eigenmaps_view_free)
 
-/* Sets textures 0 … 3 and the uniforms of a program in use that has material.glsl. nearest: no
- * filtering between texels. */
-void eigenmaps_view_bind(EigenmapsView *view, guint program, gboolean nearest);
+extern const struct method method_eigenmaps; /* its material is an EigenmapsView */

@@ -12,6 +12,8 @@
 #define MAX_SIZE 16384
 
 struct options {
+    const struct method *method;
+    char *method_name;
     char *render, *shape, *size, *tiles, *up, *screenshot;
     int frames, close_after, supersample, sheet;
     gboolean reference, light_turn, camera_turn, nearest, json, version;
@@ -35,6 +37,7 @@ static GOptionEntry *entries(struct options *o) {
          "OUT.png"},
         {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
          "plane, torus (default), sphere, cylinder or an OBJ file", "SHAPE"},
+        {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name, "eigenmaps (default)", "METHOD"},
         {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
         {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,
          "Repetitions of the material along the shape, for example 8x3", "N|UxV"},
@@ -82,6 +85,7 @@ static GOptionEntry *entries(struct options *o) {
 }
 
 static void options_clear(struct options *o) {
+    g_free(o->method_name);
     g_free(o->render);
     g_free(o->shape);
     g_free(o->size);
@@ -95,6 +99,14 @@ static gboolean bad(GError **error, const char *option, const char *text, const 
     g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
                 text, wanted);
     return FALSE;
+}
+
+static gboolean bad_method(const struct options *o, GError **error) {
+    g_autoptr(GString) names = g_string_new(methods[0]->name);
+    for (gsize k = 1; methods[k] != NULL; k++)
+        g_string_append_printf(names, "%s%s", methods[k + 1] != NULL ? ", " : " or ",
+                               methods[k]->name);
+    return bad(error, "--method", o->method_name, names->str);
 }
 
 static gboolean parse_size(struct options *o, GError **error) {
@@ -142,6 +154,9 @@ static gboolean check_options(struct options *o, GError **error) {
                     "one MATERIAL is expected: an eigenmaps.exr or a session directory");
         return FALSE;
     }
+    o->method = o->method_name != NULL ? method_find(o->method_name) : methods[0];
+    if (o->method == NULL)
+        return bad_method(o, error);
     if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
         return bad(error, "--up", o->up, "y or z");
     if (o->frames < 0 || o->frames > 10000 || o->close_after < 0) {
@@ -171,21 +186,6 @@ static gboolean check_options(struct options *o, GError **error) {
            view_settings_check(&o->settings, error);
 }
 
-static char *material_path(const char *argument) {
-    if (g_file_test(argument, G_FILE_TEST_IS_DIR))
-        return g_build_filename(argument, "products", "eigenmaps.exr", NULL);
-    return g_strdup(argument);
-}
-
-static struct eigenmaps *load(const char *path, GError **error) {
-    if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "there is no %s; “mesorig process” makes it from a session", path);
-        return NULL;
-    }
-    return eigenmaps_read(path, error);
-}
-
 /* OUT.png becomes OUT_0000.png, … if there are more than one. */
 static char *frame_path(const struct options *o, int frame) {
     if (o->frames == 0 || o->sheet > 0)
@@ -213,7 +213,7 @@ static gboolean write_frame(const struct options *o, const char *material, const
                            "Light",    light,
                            "Camera",   camera,
                            "Exposure", exposure,
-                           "Source",   o->reference ? "the whole BTF" : "eigen-maps",
+                           "Source",   o->reference ? "the whole BTF" : o->method->title,
                            NULL};
     return picture_write_png(path, rgb, width, height, texts, error);
 }
@@ -290,13 +290,10 @@ static enum scene_up up_of(const struct options *o) {
 
 static gboolean render_mesh(const struct options *o, const char *material, const struct mesh *mesh,
                             struct rendered *ret, GError **error) {
-    struct eigenmaps *maps = load(material, error);
-    if (maps == NULL)
-        return FALSE;
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
-    g_autoptr(View) view = gpu != NULL ? view_new(maps, error) : NULL;
-    eigenmaps_free(maps);
-    if (view == NULL || !view_set_mesh(view, mesh, error))
+    g_autoptr(View) view = gpu != NULL ? view_new(NULL, error) : NULL;
+    if (view == NULL || !view_open(view, o->method, material, error) ||
+        !view_set_mesh(view, mesh, error))
         return FALSE;
     struct view_settings settings = o->settings;
     if (o->tiles == NULL) {
@@ -323,6 +320,7 @@ static gboolean render(const struct options *o, const char *material, struct ren
 static gboolean show(const struct options *o, const char *material, struct rendered *ret,
                      GError **error) {
     const struct window_options window = {
+        .method = o->method,
         .material = material,
         .shape = o->shape,
         .up = up_of(o),
@@ -331,7 +329,6 @@ static gboolean show(const struct options *o, const char *material, struct rende
         .close_after = o->close_after,
         .screenshot = o->screenshot,
         .settings = o->settings,
-        .load = load,
     };
     struct window_result result;
     gboolean good = window_run(&window, &result, error);
@@ -383,7 +380,7 @@ static void report(const struct options *o, const char *material, const struct r
 
 static int run(struct options *o) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *material = material_path(o->rest[0]);
+    g_autofree char *material = method_path(o->method, o->rest[0]);
     g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
     struct rendered done = {.files = files};
     if (o->shape == NULL)

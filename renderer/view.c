@@ -24,8 +24,10 @@ const struct view_settings view_settings_default = {
 };
 
 struct View {
-    EigenmapsView *material;
-    guint eigenmaps_program, plain_program, geometry_program, background_program, resolve_program;
+    const struct method *method;
+    gpointer material;     /* of the method */
+    guint surface_program; /* of the method */
+    guint plain_program, geometry_program, background_program, resolve_program;
     guint array, vertices, indices, empty_array;
     guint n_indices;
     double radius, tiles_u, tiles_v; /* of the mesh */
@@ -65,14 +67,11 @@ gboolean view_settings_check(const struct view_settings *s, GError **error) {
 }
 
 static gboolean make_programs(View *view, GError **error) {
-    const char *const eigenmaps[] = {"mesh.vert", "frame.glsl", "material.glsl", "eigenmaps.frag",
-                                     NULL};
     const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
     const char *const geometry[] = {"mesh.vert", "frame.glsl", "geometry.frag", NULL};
     const char *const background[] = {"screen.vert", "background.frag", NULL};
     const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
-    return (view->eigenmaps_program = gpu_program(eigenmaps, error)) != 0 &&
-           (view->plain_program = gpu_program(plain, error)) != 0 &&
+    return (view->plain_program = gpu_program(plain, error)) != 0 &&
            (view->geometry_program = gpu_program(geometry, error)) != 0 &&
            (view->background_program = gpu_program(background, error)) != 0 &&
            (view->resolve_program = gpu_program(resolve, error)) != 0;
@@ -104,7 +103,8 @@ static void make_array(View *view) {
 View *view_new(const struct eigenmaps *material, GError **error) {
     g_autoptr(View) view = g_new0(View, 1);
     view->radius = 1.0;
-    if (!make_programs(view, error) || !view_set_material(view, material, error))
+    if (!make_programs(view, error) ||
+        (material != NULL && !view_set_material(view, material, error)))
         return NULL;
     make_array(view);
     return g_steal_pointer(&view);
@@ -113,8 +113,9 @@ View *view_new(const struct eigenmaps *material, GError **error) {
 void view_free(View *view) {
     if (view == NULL)
         return;
-    eigenmaps_view_free(view->material);
-    const guint programs[] = {view->eigenmaps_program, view->plain_program, view->geometry_program,
+    if (view->method != NULL)
+        view->method->free(view->material);
+    const guint programs[] = {view->surface_program, view->plain_program, view->geometry_program,
                               view->background_program, view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
         glDeleteProgram(programs[k]);
@@ -129,13 +130,50 @@ void view_free(View *view) {
     g_free(view);
 }
 
+/* vertex shader, frame, what the method has, and the rest: up to 8, NULL-ended. */
+static guint method_program(const struct method *method, const char *last, GError **error) {
+    const char *names[9] = {"mesh.vert", "frame.glsl"};
+    int n = 2;
+    for (int k = 0; method->shaders[k] != NULL && k < 4; k++)
+        names[n++] = method->shaders[k];
+    names[n] = last;
+    return gpu_program(names, error);
+}
+
+gboolean view_set_method(View *view, const struct method *method, gpointer material,
+                         GError **error) {
+    if (view->method != method) {
+        guint program = method_program(method, "surface.frag", error);
+        if (program == 0)
+            return FALSE;
+        glDeleteProgram(view->surface_program);
+        view->surface_program = program;
+    }
+    if (view->method != NULL)
+        view->method->free(view->material);
+    view->method = method;
+    view->material = material;
+    return TRUE;
+}
+
+gboolean view_open(View *view, const struct method *method, const char *path, GError **error) {
+    gpointer material = method_open(method, path, error);
+    if (material == NULL)
+        return FALSE;
+    if (view_set_method(view, method, material, error))
+        return TRUE;
+    method->free(material);
+    return FALSE;
+}
+
 gboolean view_set_material(View *view, const struct eigenmaps *material, GError **error) {
     EigenmapsView *new = eigenmaps_view_new(material, error);
     if (new == NULL)
         return FALSE;
-    eigenmaps_view_free(view->material);
-    view->material = new;
-    return TRUE;
+    if (view_set_method(view, &method_eigenmaps, new, error))
+        return TRUE;
+    eigenmaps_view_free(new);
+    return FALSE;
 }
 
 /* The outline of the mesh's lowest quarter seen from above is taken as a rectangle with rounded
@@ -216,7 +254,7 @@ static void draw_mesh(View *view, guint program, const struct view_settings *s,
     float light[3];
     camera_direction(s->light_theta_deg, s->light_phi_deg, light);
     glUseProgram(program);
-    eigenmaps_view_bind(view->material, program, s->nearest);
+    view->method->bind(view->material, program, s->nearest);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
     glUniform2f(glGetUniformLocation(program, "tiles"),
                 s->tiles_u > 0.0 ? s->tiles_u : view->tiles_u,
@@ -252,7 +290,7 @@ static gboolean draw_scene(View *view, const struct view_settings *s, int width,
         return FALSE;
     begin(view, &view->scene, s, &sight);
     draw_background(view, &sight);
-    draw_mesh(view, s->plain ? view->plain_program : view->eigenmaps_program, s, &sight);
+    draw_mesh(view, s->plain ? view->plain_program : view->surface_program, s, &sight);
     return TRUE;
 }
 

@@ -1,6 +1,7 @@
 /* A material on a mesh, as a picture. Needs a current GL context, of which it changes the state. */
 #pragma once
 
+#include "method.h"
 #include "processing/eigenmaps.h"
 #include "scene.h"
 
@@ -27,11 +28,16 @@ gboolean view_settings_check(const struct view_settings *settings, GError **erro
 
 typedef struct View View;
 
+/* Of eigen-maps; NULL: view_open() or view_set_method() follows before anything is drawn. */
 View *view_new(const struct eigenmaps *material, GError **error);
 void view_free(View *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(View, view_free)
 
 gboolean view_set_material(View *view, const struct eigenmaps *material, GError **error);
+gboolean view_open(View *view, const struct method *method, const char *path, GError **error);
+/* Takes the material that the method opened, if it succeeds. */
+gboolean view_set_method(View *view, const struct method *method, gpointer material,
+                         GError **error);
 gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* copies */
 
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /

@@ -216,10 +216,8 @@ static void follow_material(struct window *w) {
         return;
     w->file_time = changed;
     g_autoptr(GError) error = NULL;
-    struct eigenmaps *maps = w->options->load(w->options->material, &error);
-    if (maps == NULL || !view_set_material(w->view, maps, &error))
+    if (!view_open(w->view, w->options->method, w->options->material, &error))
         g_printerr("mesorig-view: %s\n", error->message);
-    eigenmaps_free(maps);
     w->stale = TRUE;
 }
 
@@ -264,12 +262,8 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
 
 static gboolean run(struct window *w, struct window_result *ret, GError **error) {
     w->file_time = time_of(w->options->material);
-    struct eigenmaps *maps = w->options->load(w->options->material, error);
-    if (maps == NULL)
-        return FALSE;
-    w->view = view_new(maps, error);
-    eigenmaps_free(maps);
-    if (w->view == NULL)
+    w->view = view_new(NULL, error);
+    if (w->view == NULL || !view_open(w->view, w->options->method, w->options->material, error))
         return FALSE;
     ret->renderer = g_strdup(gpu_renderer());
     set_shape(w, w->options->shape);

@@ -4,6 +4,7 @@
 #include "view.h"
 
 struct window_options {
+    const struct method *method;
     const char *material; /* path: shown in the title, and read again when it changes */
     const char *shape;    /* of scene.h */
     enum scene_up up;
@@ -11,8 +12,6 @@ struct window_options {
     int close_after;        /* frames; 0: when the user closes it */
     const char *screenshot; /* written before an automatic close; NULL: none */
     struct view_settings settings;
-    /* The material as a file; window_run() calls it at the start and when the file has changed. */
-    struct eigenmaps *(*load)(const char *path, GError **error);
 };
 
 struct window_result {

@@ -29,14 +29,14 @@ vec4 light_shares(vec2 at, ivec2 cells, uvec4 index) {
     return sum / max(total, 1e-6);
 }
 
-// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l); v and l unit vectors in the frame of the texture.
-vec3 btf(vec2 x, vec3 v, vec3 l) {
+// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l); see method.h.
+vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     vec2 table = vec2(textureSize(view_weights, 0).xy);
     vec2 at = (square(v) * (table - 1.0) + 0.5) / table;
     ivec2 cells = textureSize(light_indices, 0);
     ivec2 cell = min(ivec2(square(l) * vec2(cells)), cells - 1);
     uvec4 index = texelFetch(light_indices, cell, 0);
-    vec4 share = light_shares(square(l), cells, index) * step(0.0, l.z);
+    vec4 share = light_shares(square(l), cells, index) * step(0.0, l.z) * lit;
     vec3 sum = vec3(0.0);
     for (int first = 0; first < n_terms; first += 4) {
         vec4 w = textureLod(view_weights, vec3(at, float(first / 4)), 0.0);

@@ -1,0 +1,29 @@
+#include "method.h"
+
+#include "eigenmaps_view.h"
+#include "gpu.h"
+
+#include <string.h>
+
+const struct method *const methods[] = {&method_eigenmaps, NULL};
+
+const struct method *method_find(const char *name) {
+    for (gsize k = 0; methods[k] != NULL; k++)
+        if (strcmp(methods[k]->name, name) == 0)
+            return methods[k];
+    return NULL;
+}
+
+char *method_path(const struct method *method, const char *argument) {
+    if (g_file_test(argument, G_FILE_TEST_IS_DIR))
+        return g_build_filename(argument, "products", method->product, NULL);
+    return g_strdup(argument);
+}
+
+gpointer method_open(const struct method *method, const char *path, GError **error) {
+    if (g_file_test(path, G_FILE_TEST_EXISTS))
+        return method->open(path, error);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                "there is no %s; “mesorig process” makes it from a session", path);
+    return NULL;
+}
