@@ -27,6 +27,7 @@ static const struct command *find(const char *name) {
 
 int main(int argc, char **argv) {
     setlocale(LC_CTYPE, "");
+    cli_print_readably();
     bus_errors_register();
     if (argc < 2) {
         print_help();

@@ -85,6 +85,25 @@ int cli_fail(const GError *error) {
     return CLI_FAILED;
 }
 
+static void put(FILE *to, const char *text) {
+    g_autofree char *ascii = g_get_charset(NULL) ? NULL : g_str_to_ascii(text, "C");
+    fputs(ascii ? ascii : text, to);
+    fflush(to);
+}
+
+static void put_out(const char *text) {
+    put(stdout, text);
+}
+
+static void put_err(const char *text) {
+    put(stderr, text);
+}
+
+void cli_print_readably(void) {
+    g_set_print_handler(put_out);
+    g_set_printerr_handler(put_err);
+}
+
 void cli_print_json(GVariant *value) {
     g_autofree char *text = json_text(value);
     fputs(text, stdout);

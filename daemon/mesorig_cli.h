@@ -19,6 +19,10 @@ extern gboolean cli_json; /* --json was given */
 extern char *cli_address, *cli_bus;
 extern const GOptionEntry cli_link_entries[];
 
+/* Sees to it that g_print() and g_printerr() write "×" as "x", not as "?", where the locale has no
+ * such letters, as in a container or over a bare serial line. */
+void cli_print_readably(void);
+
 /* Parses options: the command's own (may be NULL), those of the daemon if link, and --json. What
  * stays in argv are arguments, of which there must be min … max. FALSE: usage was told. */
 gboolean cli_parse(const struct command *command, const GOptionEntry *entries, gboolean link,

@@ -2,6 +2,7 @@
 #include "mesorig_info.h"
 
 #include "mesorig_cli.h"
+#include "mesorig_history.h"
 #include "processing/exr.h"
 #include "processing/session.h"
 #include "report.h"
@@ -327,11 +328,28 @@ static int info_exr(const char *path) {
     return CLI_DONE;
 }
 
+static int draw_history(const char *directory, const char *to) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, &error);
+    return session && history_write_png(session, to, &error) ? CLI_DONE : cli_fail(error);
+}
+
 static int run(const struct command *command, int argc, char **argv) {
-    if (!cli_parse(command, NULL, FALSE, &argc, &argv, 1, 1))
+    g_autofree char *history = NULL;
+    const GOptionEntry entries[] = {
+        {"history", 0, 0, G_OPTION_ARG_FILENAME, &history,
+         "Also draw how the capture of DIR went, over time", "FILE.png"},
+        {0},
+    };
+    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
         return CLI_USAGE;
     g_autofree char *path = cli_absolute(argv[1]);
-    return g_file_test(path, G_FILE_TEST_IS_DIR) ? info_session(path) : info_exr(path);
+    const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
+    if (history && !session)
+        return cli_usage(command, "--history draws a session, and %s is none", argv[1]);
+    if (history && draw_history(path, history) != CLI_DONE)
+        return CLI_FAILED;
+    return session ? info_session(path) : info_exr(path);
 }
 
 const struct command cli_info = {"info", "FILE|DIR", "Show what a session or an EXR holds.", run};

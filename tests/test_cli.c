@@ -371,6 +371,41 @@ static void test_capture(void) {
     remove_tree(folder);
 }
 
+/* The history is a PNG of the size it should have, of a session that has one, and of nothing else.
+ */
+static void test_history(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *png = g_build_filename(folder, "history.png", NULL);
+    g_autofree char *nowhere = g_build_filename(folder, "no", "history.png", NULL);
+    g_autofree guint8 *bytes = NULL;
+    static const guint8 head[24] = "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x05\0\0\0\x03\x20";
+    gsize length;
+    struct output output = {0};
+    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    runs(0, &output, "info", "--history", png, session, NULL);
+    g_assert_true(g_file_get_contents(png, (char **)&bytes, &length, NULL));
+    g_assert_cmpmem(bytes, MIN(length, sizeof head), head, sizeof head);
+    runs(1, &output, "info", "--history", nowhere, session, NULL);
+    assert_has(output.err, nowhere);
+    runs(2, &output, "info", "--history", png, png, NULL);
+    clear(&output);
+    remove_tree(folder);
+}
+
+/* In a locale without its letters, what is said stays readable, and JSON stays UTF-8. */
+static void test_plain_letters(void) {
+    struct output output = {0};
+    g_setenv("LC_ALL", "C", TRUE);
+    runs(0, &output, "plan", RIG, SESSION, NULL);
+    g_assert_null(strchr(output.out, '?'));
+    assert_has(output.out, "lower bound");
+    runs(2, &output, "no-such", NULL);
+    assert_has(output.err, "\"no-such\"");
+    g_setenv("LC_ALL", "C.UTF-8", TRUE);
+    clear(&output);
+}
+
 static gboolean has_frames(const char *session) {
     g_autofree char *path = g_build_filename(session, "frames", NULL);
     g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
@@ -421,6 +456,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/cli/drivers", test_drivers);
     g_test_add_func("/cli/plan", test_plan);
     g_test_add_func("/cli/info", test_info);
+    g_test_add_func("/cli/history", test_history);
+    g_test_add_func("/cli/plain-letters", test_plain_letters);
     g_test_add_func("/cli/capture", test_capture);
     g_test_add_func("/cli/interrupt", test_interrupt);
     return g_test_run();
