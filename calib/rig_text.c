@@ -1,6 +1,6 @@
+#include "fields.h"
 #include "rig.h"
 
-#include <errno.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -9,20 +9,9 @@
 
 G_DEFINE_QUARK(rig_error, rig_error)
 
-/* What is written of a struct: consecutive doubles or integers at an offset, under a name. */
-struct field {
-    const char *name;
-    gsize offset;
-    int n;
-    gboolean integer;
-    double min, max;
-};
-
-#define LARGE 1e9
-
 static const struct field rig_fields[] = {
-    {"arc_radius_mm", offsetof(struct rig, arc_radius_mm), 1, FALSE, 0, LARGE},
-    {"arc_width_mm", offsetof(struct rig, arc_width_mm), 1, FALSE, 0, LARGE},
+    {"arc_radius_mm", offsetof(struct rig, arc_radius_mm), 1, FALSE, 0, FIELD_LARGE},
+    {"arc_width_mm", offsetof(struct rig, arc_width_mm), 1, FALSE, 0, FIELD_LARGE},
     {NULL},
 };
 
@@ -30,17 +19,17 @@ static const struct field rig_fields[] = {
 static const struct field camera_fields[] = {
     {"width", CAMERA(width), 1, TRUE, 1, 65536},
     {"height", CAMERA(height), 1, TRUE, 1, 65536},
-    {"fx_px", CAMERA(fx_px), 1, FALSE, 1e-3, LARGE},
-    {"fy_px", CAMERA(fy_px), 1, FALSE, 1e-3, LARGE},
-    {"cx_px", CAMERA(cx_px), 1, FALSE, -LARGE, LARGE},
-    {"cy_px", CAMERA(cy_px), 1, FALSE, -LARGE, LARGE},
-    {"k1", CAMERA(k1), 1, FALSE, -LARGE, LARGE},
-    {"k2", CAMERA(k2), 1, FALSE, -LARGE, LARGE},
-    {"k3", CAMERA(k3), 1, FALSE, -LARGE, LARGE},
-    {"p1", CAMERA(p1), 1, FALSE, -LARGE, LARGE},
-    {"p2", CAMERA(p2), 1, FALSE, -LARGE, LARGE},
+    {"fx_px", CAMERA(fx_px), 1, FALSE, 1e-3, FIELD_LARGE},
+    {"fy_px", CAMERA(fy_px), 1, FALSE, 1e-3, FIELD_LARGE},
+    {"cx_px", CAMERA(cx_px), 1, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"cy_px", CAMERA(cy_px), 1, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"k1", CAMERA(k1), 1, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"k2", CAMERA(k2), 1, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"k3", CAMERA(k3), 1, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"p1", CAMERA(p1), 1, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"p2", CAMERA(p2), 1, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"rotation", CAMERA(rotation), 9, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
-    {"translation_mm", CAMERA(translation_mm), 3, FALSE, -LARGE, LARGE},
+    {"translation_mm", CAMERA(translation_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"vignetting", CAMERA(vignetting), 1, FALSE, -1, 1},
     {"response", CAMERA(response), 1, FALSE, G_MINDOUBLE, G_MAXDOUBLE},
     {NULL},
@@ -48,7 +37,7 @@ static const struct field camera_fields[] = {
 
 #define LAMP(member) offsetof(struct rig_lamp, member)
 static const struct field lamp_fields[] = {
-    {"position_mm", LAMP(position_mm), 3, FALSE, -LARGE, LARGE},
+    {"position_mm", LAMP(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"aim", LAMP(aim), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"exponent", LAMP(exponent), 1, FALSE, 0, 1e6},
     {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, G_MAXDOUBLE},
@@ -57,51 +46,26 @@ static const struct field lamp_fields[] = {
 
 #define LASER(member) offsetof(struct rig_laser, member)
 static const struct field laser_fields[] = {
-    {"position_mm", LASER(position_mm), 3, FALSE, -LARGE, LARGE},
+    {"position_mm", LASER(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"axis", LASER(axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"normal", LASER(normal), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {NULL},
 };
 
-static void write_fields(GString *text, const struct field *fields, gconstpointer from) {
-    char number[G_ASCII_DTOSTR_BUF_SIZE];
-
-    for (const struct field *f = fields; f->name; f++) {
-        const char *at = (const char *)from + f->offset;
-        g_string_append_printf(text, "%s=", f->name);
-        for (int i = 0; i < f->n; i++) {
-            if (f->integer)
-                g_snprintf(number, sizeof number, "%d", ((const int *)at)[i]);
-            else
-                g_ascii_dtostr(number, sizeof number, ((const double *)at)[i]);
-            g_string_append_printf(text, "%s%s", i ? ";" : "", number);
-        }
-        g_string_append_c(text, '\n');
-    }
-}
-
-/* A "key=value" line with the value escaped as GKeyFile reads it. */
-static void write_string(GString *text, const char *key, const char *value) {
-    g_autoptr(GKeyFile) file = g_key_file_new();
-    g_key_file_set_string(file, "x", key, value);
-    g_autofree char *escaped = g_key_file_get_value(file, "x", key, NULL);
-    g_string_append_printf(text, "%s=%s\n", key, escaped);
-}
-
 static void write_device(GString *text, const char *what, int index, const char *name,
                          const struct field *fields, gconstpointer from) {
     g_string_append_printf(text, "\n[%s %d]\n", what, index);
-    write_string(text, "name", name);
-    write_fields(text, fields, from);
+    fields_write_string(text, "name", name);
+    fields_write(text, fields, from);
 }
 
 char *rig_to_text(const struct rig *rig) {
     GString *text = g_string_new("[rig]\nformat=" FORMAT "\n");
 
-    write_string(text, "id", rig->id);
+    fields_write_string(text, "id", rig->id);
     g_string_append_printf(text, "cameras=%d\nlamps=%d\nlasers=%d\n", rig->n_cameras, rig->n_lamps,
                            rig->n_lasers);
-    write_fields(text, rig_fields, rig);
+    fields_write(text, rig_fields, rig);
     for (int i = 0; i < rig->n_cameras; i++)
         write_device(text, "camera", i, rig->cameras[i].name, camera_fields, &rig->cameras[i]);
     for (int i = 0; i < rig->n_lamps; i++)
@@ -115,79 +79,11 @@ char *rig_to_text(const struct rig *rig) {
 struct reader {
     GKeyFile *file;
     const char *path;
-    int groups_read;
 };
 
 static gboolean refuse(const struct reader *r, const char *group, const char *key, GError **error,
                        const char *why) {
-    g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE, "%s: [%s] %s: %s", r->path, group, key, why);
-    return FALSE;
-}
-
-static gboolean parse_number(const char *text, double *ret) {
-    char *end;
-
-    *ret = g_ascii_strtod(text, &end);
-    return end != text && *end == '\0' && isfinite(*ret);
-}
-
-static gboolean read_field(const struct reader *r, const char *group, const struct field *f,
-                           gpointer to, GError **error) {
-    g_autofree char *value = g_key_file_get_string(r->file, group, f->name, NULL);
-    if (!value)
-        return refuse(r, group, f->name, error, "missing; calibrate again or restore the file");
-    g_auto(GStrv) words = g_strsplit(value, ";", f->n + 1);
-    if ((int)g_strv_length(words) != f->n)
-        return refuse(r, group, f->name, error, "has not as many numbers as it should have");
-    for (int i = 0; i < f->n; i++) {
-        double number;
-        if (!parse_number(words[i], &number))
-            return refuse(r, group, f->name, error, "is not a finite number");
-        if (number < f->min || number > f->max)
-            return refuse(r, group, f->name, error, "is out of range");
-        if (f->integer && number != floor(number))
-            return refuse(r, group, f->name, error, "is not a whole number");
-        if (f->integer)
-            ((int *)((char *)to + f->offset))[i] = (int)number;
-        else
-            ((double *)((char *)to + f->offset))[i] = number;
-    }
-    return TRUE;
-}
-
-static gboolean known_keys(const struct reader *r, const char *group, const struct field *fields,
-                           const char *const *others, GError **error) {
-    g_auto(GStrv) keys = g_key_file_get_keys(r->file, group, NULL, NULL);
-
-    for (char **key = keys; key && *key; key++) {
-        const struct field *f = fields;
-        while (f->name && !g_str_equal(f->name, *key))
-            f++;
-        if (!f->name && !g_strv_contains(others, *key))
-            return refuse(r, group, *key, error,
-                          "is not known; a newer version may have written it");
-    }
-    return TRUE;
-}
-
-static gboolean read_fields(const struct reader *r, const char *group, const struct field *fields,
-                            gpointer to, GError **error) {
-    for (const struct field *f = fields; f->name; f++)
-        if (!read_field(r, group, f, to, error))
-            return FALSE;
-    return TRUE;
-}
-
-static gboolean read_name(const struct reader *r, const char *group, const char *key, char *to,
-                          gsize size, GError **error) {
-    g_autofree char *value = g_key_file_get_string(r->file, group, key, NULL);
-
-    if (!value || !*value)
-        return refuse(r, group, key, error, "missing");
-    if (strlen(value) >= size)
-        return refuse(r, group, key, error, "is too long");
-    g_strlcpy(to, value, size);
-    return TRUE;
+    return fields_refuse(r->path, group, key, error, why);
 }
 
 static gboolean read_device(struct reader *r, const char *what, int index, char *name,
@@ -195,9 +91,8 @@ static gboolean read_device(struct reader *r, const char *what, int index, char 
     static const char *const others[] = {"name", NULL};
     g_autofree char *group = g_strdup_printf("%s %d", what, index);
 
-    r->groups_read++;
-    return read_name(r, group, "name", name, RIG_NAME, error) &&
-           known_keys(r, group, fields, others, error) && read_fields(r, group, fields, to, error);
+    return fields_read_name(r->file, r->path, group, "name", name, RIG_NAME, error) &&
+           fields_read(r->file, r->path, group, fields, others, to, error);
 }
 
 static gboolean is_unit(struct vec3 v) {
@@ -231,21 +126,47 @@ static gboolean check_shapes(const struct reader *r, const struct rig *rig, GErr
 }
 
 static gboolean read_counts(const struct reader *r, struct rig *rig, GError **error) {
-    const struct field counts[] = {
+    static const struct field counts[] = {
         {"cameras", offsetof(struct rig, n_cameras), 1, TRUE, 0, RIG_MAX_CAMERAS},
         {"lamps", offsetof(struct rig, n_lamps), 1, TRUE, 0, RIG_MAX_LAMPS},
         {"lasers", offsetof(struct rig, n_lasers), 1, TRUE, 0, RIG_MAX_LASERS},
+        {"arc_radius_mm", offsetof(struct rig, arc_radius_mm), 1, FALSE, 0, FIELD_LARGE},
+        {"arc_width_mm", offsetof(struct rig, arc_width_mm), 1, FALSE, 0, FIELD_LARGE},
         {NULL},
     };
-    static const char *const others[] = {"format", "id", "cameras", "lamps", "lasers", NULL};
+    static const char *const others[] = {"format", "id", NULL};
 
-    return known_keys(r, "rig", rig_fields, others, error) &&
-           read_name(r, "rig", "id", rig->id, sizeof rig->id, error) &&
-           read_fields(r, "rig", counts, rig, error);
+    return fields_read_name(r->file, r->path, "rig", "id", rig->id, sizeof rig->id, error) &&
+           fields_read(r->file, r->path, "rig", counts, others, rig, error);
+}
+
+/* A device beyond the counts: one of the two was edited. Other sections are other people's. */
+static gboolean check_groups(const struct reader *r, const struct rig *rig, GError **error) {
+    const struct {
+        const char *prefix;
+        int n;
+    } devices[] = {{"camera ", rig->n_cameras}, {"lamp ", rig->n_lamps}, {"laser ", rig->n_lasers}};
+    g_auto(GStrv) groups = g_key_file_get_groups(r->file, NULL);
+
+    for (char **group = groups; *group; group++)
+        for (gsize i = 0; i < G_N_ELEMENTS(devices); i++) {
+            guint64 index;
+            if (!g_str_has_prefix(*group, devices[i].prefix) ||
+                !g_ascii_string_to_unsigned(*group + strlen(devices[i].prefix), 10, 0, G_MAXINT,
+                                            &index, NULL) ||
+                index < (guint64)devices[i].n)
+                continue;
+            g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
+                        "%s: there is a section [%s], but the counts in [rig] promise sections 0 "
+                        "to %d only",
+                        r->path, *group, devices[i].n - 1);
+            return FALSE;
+        }
+    return TRUE;
 }
 
 static gboolean read_rig(struct reader *r, struct rig *rig, GError **error) {
-    if (!read_counts(r, rig, error) || !read_fields(r, "rig", rig_fields, rig, error))
+    if (!read_counts(r, rig, error) || !check_groups(r, rig, error))
         return FALSE;
     for (int i = 0; i < rig->n_cameras; i++)
         if (!read_device(r, "camera", i, rig->cameras[i].name, camera_fields, &rig->cameras[i],
@@ -291,14 +212,6 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     }
     if (!check_frame(&r, error) || !read_rig(&r, &read, error))
         return FALSE;
-    gsize n_groups;
-    g_auto(GStrv) groups = g_key_file_get_groups(file, &n_groups);
-    if (n_groups != (gsize)r.groups_read + 2) {
-        g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
-                    "%s: has %d sections where its counts promise %d", r.path, (int)n_groups,
-                    r.groups_read + 2);
-        return FALSE;
-    }
     *rig = read;
     return TRUE;
 }

@@ -1,0 +1,144 @@
+#include "calibration.h"
+
+#include <gio/gio.h>
+#include <string.h>
+
+#define MAX_BYTES (16 << 20)
+
+static const char *const part_names[CALIBRATION_PARTS] = {"cameras", "lights", "laser",
+                                                          "radiometry"};
+
+const char *calibration_part_name(enum calibration_kind kind) {
+    return part_names[kind];
+}
+
+static void clear_part(struct calibration_part *part) {
+    g_free(part->date);
+    g_free(part->method);
+    g_free(part->residual_unit);
+    g_free(part->checksum);
+    g_clear_pointer(&part->rejected, g_ptr_array_unref);
+    memset(part, 0, sizeof *part);
+}
+
+struct calibration *calibration_new(const struct rig *nominal) {
+    struct calibration *calibration = g_new0(struct calibration, 1);
+
+    calibration->rig = *nominal;
+    calibration->extra = g_key_file_new();
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibration->parts[i].rejected = g_ptr_array_new_with_free_func(g_free);
+    return calibration;
+}
+
+void calibration_free(struct calibration *calibration) {
+    if (!calibration)
+        return;
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        clear_part(&calibration->parts[i]);
+    g_key_file_unref(calibration->extra);
+    g_free(calibration);
+}
+
+struct calibration_part *calibration_set_part(struct calibration *calibration,
+                                              enum calibration_kind kind, const char *method,
+                                              int pictures, const char *checksum,
+                                              GPtrArray *rejected) {
+    struct calibration_part *part = &calibration->parts[kind];
+    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
+
+    clear_part(part);
+    part->done = TRUE;
+    part->date = g_date_time_format(now, "%Y-%m-%dT%H:%M:%SZ");
+    part->method = g_strdup(method);
+    part->residual_unit = g_strdup("px");
+    part->pictures = pictures;
+    part->checksum = g_strdup(checksum);
+    part->rejected = rejected ? rejected : g_ptr_array_new_with_free_func(g_free);
+    return part;
+}
+
+char *calibration_checksum(const char *const *checksums, int n) {
+    g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
+
+    for (int i = 0; i < n; i++) {
+        g_checksum_update(sum, (const guchar *)checksums[i], (gssize)strlen(checksums[i]));
+        g_checksum_update(sum, (const guchar *)"\n", 1);
+    }
+    return g_strdup(g_checksum_get_string(sum));
+}
+
+gboolean calibration_write(const struct calibration *calibration, const char *path,
+                           GError **error) {
+    g_autofree char *text = calibration_to_text(calibration);
+
+    return g_file_set_contents_full(
+        path, text, -1, G_FILE_SET_CONTENTS_CONSISTENT | G_FILE_SET_CONTENTS_DURABLE, 0666, error);
+}
+
+struct calibration *calibration_read(const char *path, GError **error) {
+    g_autofree char *text = NULL;
+    gsize length = 0;
+
+    if (!g_file_get_contents(path, &text, &length, error))
+        return NULL;
+    if (length <= MAX_BYTES && strlen(text) == length)
+        return calibration_from_text(text, path, error);
+    g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT, "%s: not a calibration file: %s", path,
+                length > MAX_BYTES ? "it is larger than 16 MiB" : "it has bytes that are no text");
+    return NULL;
+}
+
+static gboolean differs(const char *path, GError **error, const char *format, ...)
+    G_GNUC_PRINTF(3, 4);
+
+static gboolean differs(const char *path, GError **error, const char *format, ...) {
+    va_list arguments;
+
+    va_start(arguments, format);
+    g_autofree char *what = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_set_error(error, RIG_ERROR, RIG_ERROR_VALUE,
+                "%s: %s; a calibration fits only the rig it was made of: calibrate this one", path,
+                what);
+    return FALSE;
+}
+
+gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
+                               const struct rig *nominal, GError **error) {
+    const struct rig *rig = &calibration->rig;
+
+    if (strcmp(rig->id, nominal->id) != 0)
+        return differs(path, error, "is of rig %s, but this is rig %s", rig->id, nominal->id);
+    if (rig->n_cameras != nominal->n_cameras || rig->n_lamps != nominal->n_lamps ||
+        rig->n_lasers != nominal->n_lasers)
+        return differs(
+            path, error,
+            "has %d cameras, %d lamps and %d lasers where the rig file has %d, %d and %d",
+            rig->n_cameras, rig->n_lamps, rig->n_lasers, nominal->n_cameras, nominal->n_lamps,
+            nominal->n_lasers);
+    for (int i = 0; i < rig->n_cameras; i++) {
+        const struct rig_camera *a = &rig->cameras[i], *b = &nominal->cameras[i];
+        if (strcmp(a->name, b->name) != 0 || a->width != b->width || a->height != b->height)
+            return differs(path, error,
+                           "camera %d is %s with %d × %d pixels, in the rig file %s with %d × %d",
+                           i, a->name, a->width, a->height, b->name, b->width, b->height);
+    }
+    for (int i = 0; i < rig->n_lamps; i++)
+        if (strcmp(rig->lamps[i].name, nominal->lamps[i].name) != 0)
+            return differs(path, error, "lamp %d is %s, in the rig file %s", i, rig->lamps[i].name,
+                           nominal->lamps[i].name);
+    for (int i = 0; i < rig->n_lasers; i++)
+        if (strcmp(rig->lasers[i].name, nominal->lasers[i].name) != 0)
+            return differs(path, error, "laser %d is %s, in the rig file %s", i,
+                           rig->lasers[i].name, nominal->lasers[i].name);
+    return TRUE;
+}
+
+double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind) {
+    const struct calibration_part *part = &calibration->parts[kind];
+    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
+    g_autoptr(GDateTime) then = part->done ? g_date_time_new_from_iso8601(part->date, NULL) : NULL;
+
+    return then ? (double)g_date_time_difference(now, then) / (24 * 3600e6) : -1;
+}

@@ -1,0 +1,93 @@
+/* calibrate show: what a calibration file says. */
+#include "mesorig_calibrate.h"
+
+static const char *const titles[CALIBRATION_PARTS] = {"cameras and turntable", "lamps and arc",
+                                                      "laser sheets", "radiometry"};
+
+static void show_part(const struct calibration *calibration, enum calibration_kind kind) {
+    const struct calibration_part *part = &calibration->parts[kind];
+
+    if (!part->done) {
+        g_print("%s: not calibrated, nominal\n", titles[kind]);
+        return;
+    }
+    g_print("%s: %s, %s\n  %d pictures, %u rejected, residual RMS %.3g %s, %d degrees of freedom\n",
+            titles[kind], part->date, part->method, part->pictures, part->rejected->len,
+            part->residual_rms, part->residual_unit, part->degrees_of_freedom);
+    for (guint i = 0; i < part->rejected->len; i++)
+        g_print("  rejected: %s\n", (const char *)part->rejected->pdata[i]);
+}
+
+static double error_of(const struct calibration_camera *camera, int parameter) {
+    return sqrt(camera->covariance[parameter][parameter]);
+}
+
+static void show_camera(const struct rig_camera *camera, const struct calibration_camera *errors) {
+    const struct vec3 at = rig_camera_centre_mm(camera);
+
+    g_print("  %s: %.3f %.3f %.3f mm, focal length %.2f %.2f px, centre %.2f %.2f px", camera->name,
+            at.x, at.y, at.z, camera->fx_px, camera->fy_px, camera->cx_px, camera->cy_px);
+    if (errors->known)
+        g_print("; ± %.2f px focal, %.4f° turn, RMS %.3f px of %d corners",
+                error_of(errors, CALIBRATION_FX),
+                hypot(error_of(errors, CALIBRATION_TURN_X), error_of(errors, CALIBRATION_TURN_Y)) *
+                    180 / G_PI,
+                errors->residual_rms_px, errors->points);
+    g_print("\n");
+}
+
+static GVariant *part_variant(const struct calibration_part *part) {
+    GVariantBuilder builder;
+
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "date", g_variant_new_string(part->date));
+    g_variant_builder_add(&builder, "{sv}", "method", g_variant_new_string(part->method));
+    g_variant_builder_add(&builder, "{sv}", "residual_rms",
+                          g_variant_new_double(part->residual_rms));
+    g_variant_builder_add(&builder, "{sv}", "residual_unit",
+                          g_variant_new_string(part->residual_unit));
+    g_variant_builder_add(&builder, "{sv}", "degrees_of_freedom",
+                          g_variant_new_int32(part->degrees_of_freedom));
+    g_variant_builder_add(&builder, "{sv}", "pictures", g_variant_new_int32(part->pictures));
+    g_variant_builder_add(&builder, "{sv}", "checksum", g_variant_new_string(part->checksum));
+    g_variant_builder_add(&builder, "{sv}", "rejected",
+                          g_variant_new_strv((const char *const *)part->rejected->pdata,
+                                             (gssize)part->rejected->len));
+    return g_variant_builder_end(&builder);
+}
+
+static void show_json(const struct calibration *calibration) {
+    GVariantBuilder builder;
+
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "rig", g_variant_new_string(calibration->rig.id));
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        if (calibration->parts[i].done)
+            g_variant_builder_add(&builder, "{sv}", calibration_part_name((enum calibration_kind)i),
+                                  part_variant(&calibration->parts[i]));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static int run(const struct command *command, int argc, char **argv) {
+    g_autoptr(GError) error = NULL;
+
+    if (!cli_parse(command, NULL, FALSE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    g_autoptr(Calibration) calibration = calibration_read(argv[1], &error);
+    if (!calibration)
+        return cli_fail(error);
+    if (cli_json) {
+        show_json(calibration);
+        return CLI_DONE;
+    }
+    g_print("%s: rig %s\n", argv[1], calibration->rig.id);
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        show_part(calibration, (enum calibration_kind)i);
+        for (int c = 0; i == CALIBRATION_CAMERAS && c < calibration->rig.n_cameras; c++)
+            show_camera(&calibration->rig.cameras[c], &calibration->cameras[c]);
+    }
+    return CLI_DONE;
+}
+
+const struct command calibrate_show = {"calibrate show", "FILE",
+                                       "Print what a calibration file says.", run};
