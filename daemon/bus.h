@@ -45,3 +45,6 @@ void bus_listen_client(Bus *bus, BusFunc gone, gpointer data);
 /* A server for clients of the same user, who are let in by the kernel's word alone (EXTERNAL).
  * address is "unix:path=…"; a stale socket there is replaced. Every connection shows the rig. */
 GDBusServer *bus_serve(Bus *bus, const char *address, GError **error);
+
+/* Ends it, before bus_free(): a client that knocks in that moment is not let in any more. */
+void bus_unserve(Bus *bus, GDBusServer *server);

@@ -64,3 +64,9 @@ GDBusServer *bus_serve(Bus *bus, const char *address, GError **error) {
     g_dbus_server_start(server);
     return server;
 }
+
+void bus_unserve(Bus *bus, GDBusServer *server) {
+    g_signal_handlers_disconnect_by_func(server, new_connection, bus);
+    g_dbus_server_stop(server);
+    g_object_unref(server);
+}

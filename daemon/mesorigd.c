@@ -152,12 +152,11 @@ static void shut_down(struct daemon *daemon) {
     sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
     make_safe(daemon->bus);
     g_clear_handle_id(&daemon->watchdog_id, g_source_remove);
+    if (daemon->server)
+        bus_unserve(daemon->bus, daemon->server);
     bus_free(daemon->bus);
     if (daemon->name_id)
         g_bus_unown_name(daemon->name_id);
-    if (daemon->server)
-        g_dbus_server_stop(daemon->server);
-    g_clear_object(&daemon->server);
 }
 
 static int serve(void) {

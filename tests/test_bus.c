@@ -92,9 +92,8 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
 static void tear_down(struct fixture *fixture, gconstpointer data) {
     const char *const remove[] = {"/bin/rm", "-rf", fixture->folder, NULL};
     g_clear_object(&fixture->client);
+    bus_unserve(fixture->bus, fixture->server);
     bus_free(fixture->bus);
-    g_dbus_server_stop(fixture->server);
-    g_object_unref(fixture->server);
     while (g_main_context_iteration(NULL, FALSE))
         ;
     g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
@@ -414,6 +413,19 @@ static void test_other_user(struct fixture *fixture, gconstpointer data) {
     g_assert_false(child_is_let_in(fixture, 65534, "30"));
 }
 
+/* A thread of the server's lets clients in and then tells the main loop, which may end in between:
+ * the fixture's end finds them still to be told. */
+static void test_late_client(struct fixture *fixture, gconstpointer data) {
+    for (int i = 0; i < 5; i++)
+        g_dbus_connection_new_for_address(fixture->address,
+                                          G_DBUS_CONNECTION_FLAGS_AUTHENTICATION_CLIENT, NULL, NULL,
+                                          NULL, NULL);
+    g_usleep(50000); /* they connect */
+    for (int i = 0; i < 10; i++)
+        g_main_context_iteration(NULL, FALSE); /* accepts one */
+    g_usleep(50000);                           /* they are let in */
+}
+
 static void test_addresses(void) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-bus-XXXXXX", NULL);
     g_autofree char *file = g_build_filename(folder, "file", NULL);
@@ -437,11 +449,11 @@ static void test_addresses(void) {
     g_assert_cmpint(bind(fd, (struct sockaddr *)&to, sizeof(to)), ==, 0);
     close(fd);
     g_autoptr(GError) error = NULL;
-    g_autoptr(GDBusServer) server = bus_serve(bus, to_file, &error);
+    GDBusServer *server = bus_serve(bus, to_file, &error);
     g_assert_no_error(error);
     g_assert_null(bus_serve(bus, to_file, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_ADDRESS_IN_USE);
-    g_dbus_server_stop(server);
+    bus_unserve(bus, server);
     g_unlink(file);
     g_rmdir(folder);
 }
@@ -459,6 +471,7 @@ int main(int argc, char **argv) {
     ADD("/bus/client-gone", test_client_gone);
     ADD("/bus/garbage", test_garbage);
     ADD("/bus/other-user", test_other_user);
+    ADD("/bus/late-client", test_late_client);
     g_test_add_func("/bus/addresses", test_addresses);
     return g_test_run();
 }
