@@ -54,6 +54,8 @@ static gboolean parse_number(const char *text, double *ret) {
 static gboolean read_field(const struct reader *r, const char *group, const struct field *f,
                            gpointer to, GError **error) {
     g_autofree char *value = g_key_file_get_string(r->file, group, f->name, NULL);
+    if (!value && f->optional)
+        return TRUE;
     if (!value)
         return refuse(r, group, f->name, error, "missing; calibrate again or restore the file");
     g_auto(GStrv) words = g_strsplit(value, ";", f->n + 1);

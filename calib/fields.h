@@ -15,6 +15,7 @@ struct field {
     int n;
     gboolean integer;
     double min, max;
+    gboolean optional; /* 0 where a file has none */
 };
 
 /* "key=value" lines. */
@@ -22,9 +23,9 @@ void fields_write(GString *text, const struct field *fields, gconstpointer from)
 /* One such line, with the value escaped as GKeyFile reads it. */
 void fields_write_string(GString *text, const char *key, const char *value);
 
-/* Every field must be there, finite and within its bounds, and no key that is neither a field nor
- * one of others (NULL-terminated). Errors are RIG_ERROR_VALUE and name path, group and key. On
- * failure `to` may be half filled. */
+/* Every field that is not optional must be there, finite and within its bounds, and no key that is
+ * neither a field nor one of others (NULL-terminated). Errors are RIG_ERROR_VALUE and name path,
+ * group and key. On failure `to` may be half filled. */
 gboolean fields_read(GKeyFile *file, const char *path, const char *group,
                      const struct field *fields, const char *const *others, gpointer to,
                      GError **error);

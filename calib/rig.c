@@ -126,41 +126,77 @@ struct vec3 rig_turn(struct vec3 v, double angle_rad) {
     return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
 }
 
-struct vec3 rig_lamp_position_mm(const struct rig_lamp *lamp, double arc_rad) {
-    return rig_turn(lamp->position_mm, arc_rad);
+/* Rodrigues' formula for the rotation vector (tx, ty, 0). */
+static struct vec3 tilt(const double t[2], struct vec3 v, double sign) {
+    double angle = hypot(t[0], t[1]);
+
+    if (angle == 0)
+        return v;
+    struct vec3 k = vec3(t[0] / angle, t[1] / angle, 0);
+    struct vec3 across = vec3_scale(vec3_cross(k, v), sign * sin(angle));
+    struct vec3 along = vec3_scale(k, vec3_dot(k, v) * (1 - cos(angle)));
+    return vec3_add(vec3_add(vec3_scale(v, cos(angle)), across), along);
 }
 
-double rig_lamp_irradiance(const struct rig_lamp *lamp, double arc_rad, struct vec3 point_mm) {
-    struct vec3 way = vec3_sub(point_mm, rig_lamp_position_mm(lamp, arc_rad));
+struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
+    if (!arc)
+        return rig_turn(direction, arc_rad);
+    return tilt(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
+}
+
+struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
+    struct vec3 p = rig_arc_direction(arc, arc_rad, point_mm);
+
+    return arc ? vec3_add(p, vec3(arc->centre_mm[0], arc->centre_mm[1], 0)) : p;
+}
+
+struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
+    if (!arc)
+        return rig_turn(point_mm, -arc_rad);
+    struct vec3 p = vec3_sub(point_mm, vec3(arc->centre_mm[0], arc->centre_mm[1], 0));
+    return rig_turn(tilt(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
+}
+
+struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
+                                 double arc_rad) {
+    return rig_arc_point(arc, arc_rad, lamp->position_mm);
+}
+
+double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
+                           struct vec3 point_mm) {
+    struct vec3 way = vec3_sub(point_mm, rig_lamp_position_mm(arc, lamp, arc_rad));
     double r_mm = vec3_length(way);
-    double cosine = vec3_dot(way, rig_turn(lamp->aim, arc_rad)) / r_mm;
+    double cosine = vec3_dot(way, rig_arc_direction(arc, arc_rad, lamp->aim)) / r_mm;
 
     if (cosine <= 0)
         return 0;
     return lamp->intensity * pow(cosine, lamp->exponent) / (r_mm * r_mm * 1e-6);
 }
 
-struct vec3 rig_laser_position_mm(const struct rig_laser *laser, double arc_rad) {
-    return rig_turn(laser->position_mm, arc_rad);
+struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                                  double arc_rad) {
+    return rig_arc_point(arc, arc_rad, laser->position_mm);
 }
 
-struct rig_plane rig_laser_sheet(const struct rig_laser *laser, double arc_rad, double sweep_rad) {
+struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
+                                 double arc_rad, double sweep_rad) {
+    double s = sweep_rad * (1 + laser->stretch);
     /* Rodrigues' formula for a vector perpendicular to the axis. */
-    struct vec3 normal =
-        vec3_add(vec3_scale(laser->normal, cos(sweep_rad)),
-                 vec3_scale(vec3_cross(laser->axis, laser->normal), sin(sweep_rad)));
-    struct rig_plane sheet = {.normal = rig_turn(normal, arc_rad)};
+    struct vec3 normal = vec3_add(vec3_scale(laser->normal, cos(s)),
+                                  vec3_scale(vec3_cross(laser->axis, laser->normal), sin(s)));
+    struct rig_plane sheet = {.normal = rig_arc_direction(arc, arc_rad, normal)};
 
-    sheet.offset_mm = vec3_dot(sheet.normal, rig_laser_position_mm(laser, arc_rad));
+    sheet.offset_mm = vec3_dot(sheet.normal, rig_laser_position_mm(arc, laser, arc_rad));
     return sheet;
 }
 
-double rig_laser_sweep_rad(const struct rig_laser *laser, double arc_rad, struct vec3 point_mm) {
-    struct vec3 way = vec3_sub(rig_turn(point_mm, -arc_rad), laser->position_mm);
+double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm) {
+    struct vec3 way = vec3_sub(rig_arc_point_back(arc, arc_rad, point_mm), laser->position_mm);
     struct vec3 beam = vec3_cross(laser->normal, laser->axis);
 
     /* The half of the sheet that is lit lies on the beam's side of the axis. */
-    return atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam));
+    return atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam)) / (1 + laser->stretch);
 }
 
 /* The point of the quarter circle (unit radius) over azimuth 0 that is nearest to a direction. */
@@ -176,7 +212,7 @@ double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, d
 
     if (distance <= radius)
         return G_MAXDOUBLE; /* the arc is behind it */
-    struct vec3 towards = rig_turn(vec3_scale(eye, 1 / distance), -arc_rad);
+    struct vec3 towards = rig_turn(vec3_scale(eye, 1 / distance), -(arc_rad + rig->arc.zero_rad));
     double apart = radius * vec3_length(vec3_sub(towards, nearest_on_arc(towards)));
     double cone = radius_mm * (1 - radius / distance);
 

@@ -34,23 +34,34 @@ struct rig_camera {
     double response; /* DN a second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
 };
 
+/* How the light arc truly turns: by arc angle α + zero about an axis through centre_mm that is the
+ * rig's z turned by the rotation vector (tilt_x, tilt_y, 0). All zero: about the turntable's axis,
+ * as it is meant to be. */
+struct rig_arc {
+    double zero_rad;
+    double tilt_rad[2];
+    double centre_mm[2]; /* where the axis goes through z = 0 */
+};
+
 /* A lamp on the light arc. Radiant intensity in direction d: intensity · max(0, cos(d, aim))^n. */
 struct rig_lamp {
     char name[RIG_NAME];
-    struct vec3 position_mm; /* with the arc at α = 0 (then it stands over the +x axis) */
-    struct vec3 aim;         /* unit, with the arc at α = 0 */
+    struct vec3 position_mm; /* in the arc's frame (at α + zero = 0 it stands over +x) */
+    struct vec3 aim;         /* unit, in the arc's frame */
     double exponent;
     double intensity; /* W·sr⁻¹ along aim */
 };
 
 /* A line laser on the light arc: a sheet of light through position that turns about an axis in that
- * sheet. With sweep angle s the sheet's normal is normal rotated about axis by s (right-handed). */
+ * sheet. With sweep angle s the sheet's normal is normal rotated about axis by s·(1 + stretch)
+ * (right-handed). All in the arc's frame. */
 struct rig_laser {
     char name[RIG_NAME];
-    struct vec3 position_mm; /* with the arc at α = 0 */
-    struct vec3 axis;   /* unit, at α = 0: tangential, so that the line lies across the sweep */
-    struct vec3 normal; /* unit, at α = 0 and s = 0, perpendicular to axis; at s = 0 the sheet
-                           goes through the origin (nominally) */
+    struct vec3 position_mm;
+    struct vec3 axis;   /* unit: tangential, so that the line lies across the sweep */
+    struct vec3 normal; /* unit, at s = 0, perpendicular to axis; at s = 0 the sheet goes through
+                           the origin (nominally) */
+    double stretch;     /* of the sweep: how much further it turns than it is told, relative */
 };
 
 struct rig {
@@ -61,6 +72,7 @@ struct rig {
     int n_lamps;
     struct rig_laser lasers[RIG_MAX_LASERS];
     int n_lasers;
+    struct rig_arc arc;
     double arc_radius_mm; /* of the arc's inner edge, and */
     double arc_width_mm;  /* its width across: together what it hides from a camera */
 };
@@ -91,25 +103,36 @@ gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, doub
  * inverted to 1e-9 px. */
 struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y_px);
 
-/* Turns about z: rig from sample coordinates is by +τ, sample from rig by −τ; the arc by +α. */
+/* Turns about z: rig from sample coordinates is by +τ, sample from rig by −τ. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
-struct vec3 rig_lamp_position_mm(const struct rig_lamp *lamp, double arc_rad);
+/* From the arc's frame to the rig's with the arc at α, and back. arc may be NULL here and below: an
+ * ideal one. */
+struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
+struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
+struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
+
+struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
+                                 double arc_rad);
 
 /* Irradiance on a plane perpendicular to the direction of the lamp, W·m⁻². */
-double rig_lamp_irradiance(const struct rig_lamp *lamp, double arc_rad, struct vec3 point_mm);
+double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
+                           struct vec3 point_mm);
 
-struct vec3 rig_laser_position_mm(const struct rig_laser *laser, double arc_rad);
+struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                                  double arc_rad);
 
 /* The sheet of light: points p of the rig frame with normal · p = offset_mm. */
 struct rig_plane {
     struct vec3 normal; /* unit */
     double offset_mm;
 };
-struct rig_plane rig_laser_sheet(const struct rig_laser *laser, double arc_rad, double sweep_rad);
+struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
+                                 double arc_rad, double sweep_rad);
 
 /* The sweep angle at which the sheet goes through a point. */
-double rig_laser_sweep_rad(const struct rig_laser *laser, double arc_rad, struct vec3 point_mm);
+double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm);
 
 /* Free width between the light arc and the cone of sight from a camera to a disc of radius_mm
  * around the origin; negative: the arc stands in the picture. The arc is a half-circle band of

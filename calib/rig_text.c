@@ -12,6 +12,10 @@ G_DEFINE_QUARK(rig_error, rig_error)
 static const struct field rig_fields[] = {
     {"arc_radius_mm", offsetof(struct rig, arc_radius_mm), 1, FALSE, 0, FIELD_LARGE},
     {"arc_width_mm", offsetof(struct rig, arc_width_mm), 1, FALSE, 0, FIELD_LARGE},
+    {"arc_zero_rad", offsetof(struct rig, arc.zero_rad), 1, FALSE, -G_PI, G_PI, TRUE},
+    {"arc_tilt_rad", offsetof(struct rig, arc.tilt_rad), 2, FALSE, -1, 1, TRUE},
+    {"arc_centre_mm", offsetof(struct rig, arc.centre_mm), 2, FALSE, -FIELD_LARGE, FIELD_LARGE,
+     TRUE},
     {NULL},
 };
 
@@ -49,6 +53,7 @@ static const struct field laser_fields[] = {
     {"position_mm", LASER(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"axis", LASER(axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"normal", LASER(normal), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
+    {"stretch", LASER(stretch), 1, FALSE, -0.5, 0.5, TRUE},
     {NULL},
 };
 
@@ -132,6 +137,10 @@ static gboolean read_counts(const struct reader *r, struct rig *rig, GError **er
         {"lasers", offsetof(struct rig, n_lasers), 1, TRUE, 0, RIG_MAX_LASERS},
         {"arc_radius_mm", offsetof(struct rig, arc_radius_mm), 1, FALSE, 0, FIELD_LARGE},
         {"arc_width_mm", offsetof(struct rig, arc_width_mm), 1, FALSE, 0, FIELD_LARGE},
+        {"arc_zero_rad", offsetof(struct rig, arc.zero_rad), 1, FALSE, -G_PI, G_PI, TRUE},
+        {"arc_tilt_rad", offsetof(struct rig, arc.tilt_rad), 2, FALSE, -1, 1, TRUE},
+        {"arc_centre_mm", offsetof(struct rig, arc.centre_mm), 2, FALSE, -FIELD_LARGE, FIELD_LARGE,
+         TRUE},
         {NULL},
     };
     static const char *const others[] = {"format", "id", NULL};

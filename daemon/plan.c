@@ -259,7 +259,7 @@ static gboolean set_sweep(const struct build *b, struct session_shot *shot, GErr
         double z = grid->reference_mm - (corner & 4 ? grid->depth_mm : 0);
         struct vec3 p =
             rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), RAD(shot->turntable_deg));
-        double s = DEG(rig_laser_sweep_rad(laser, RAD(shot->arc_deg), p));
+        double s = DEG(rig_laser_sweep_rad(&b->rig->arc, laser, RAD(shot->arc_deg), p));
         from = MIN(from, s);
         to = MAX(to, s);
     }

@@ -34,7 +34,8 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
                            struct exr_part *part) {
     int n = view->grid.width * view->grid.height;
     g_autofree float *irradiance = g_new(float, n);
-    rectify_irradiance(light->lamp, light->arc_rad, view->turntable_rad, &view->grid, irradiance);
+    rectify_irradiance(light->arc, light->lamp, light->arc_rad, view->turntable_rad, &view->grid,
+                       irradiance);
     for (int i = 0; i < n; i++)
         for (int c = 0; c < 3; c++)
             part->planes[2 - c][i] =

@@ -10,7 +10,8 @@
 struct btf_light {
     int index; /* of the light */
     double theta_deg, phi_deg;
-    const struct rig_lamp *lamp; /* borrowed */
+    const struct rig_arc *arc; /* borrowed, as the lamp */
+    const struct rig_lamp *lamp;
     double arc_rad;
     struct input input;
 };

@@ -194,6 +194,7 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
     struct btf_light light = {.index = direction->index,
                               .theta_deg = direction->theta_deg,
                               .phi_deg = direction->phi_deg,
+                              .arc = &catalogue->rig.arc,
                               .lamp = &catalogue->rig.lamps[shot->device],
                               .arc_rad = radians(shot->arc_deg),
                               .input = *input};
@@ -243,7 +244,8 @@ void mdf_job_free(struct mdf_job *job) {
 
 static void add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
                       const struct session_shot *shot, const struct input *input, GChecksum *sum) {
-    struct mdf_input sweep = {.laser = &catalogue->rig.lasers[shot->device],
+    struct mdf_input sweep = {.arc = &catalogue->rig.arc,
+                              .laser = &catalogue->rig.lasers[shot->device],
                               .arc_rad = radians(shot->arc_deg),
                               .from_rad = radians(shot->sweep_from_deg),
                               .to_rad = radians(shot->sweep_to_deg),

@@ -34,6 +34,7 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int view,
                                    struct btf_view **ret);
 
 struct mdf_input {
+    const struct rig_arc *arc;
     const struct rig_laser *laser;
     double arc_rad, from_rad, to_rad;
     int steps;

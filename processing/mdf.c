@@ -87,14 +87,15 @@ void mdf_view_free(MdfView *view) {
     g_free(view);
 }
 
-double mdf_weight(const struct rig_laser *laser, double arc_rad, struct vec3 camera_mm) {
+double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                  struct vec3 camera_mm) {
     struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);
-    double sweep_rad = rig_laser_sweep_rad(laser, arc_rad, centre);
-    struct vec3 line = vec3_cross(rig_laser_sheet(laser, arc_rad, sweep_rad).normal, up);
+    double sweep_rad = rig_laser_sweep_rad(arc, laser, arc_rad, centre);
+    struct vec3 line = vec3_cross(rig_laser_sheet(arc, laser, arc_rad, sweep_rad).normal, up);
     if (!(vec3_length(line) > 1e-9))
         return 0;
     struct vec3 a = vec3_unit(line), b = vec3_scale(a, -1);
-    struct vec3 source = vec3_sub(rig_laser_position_mm(laser, arc_rad), a);
+    struct vec3 source = vec3_sub(rig_laser_position_mm(arc, laser, arc_rad), a);
     struct vec3 camera = vec3_sub(camera_mm, a), along = vec3_sub(b, a);
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
@@ -105,8 +106,8 @@ static float intersect(const MdfView *view, const struct mdf_sweep *sweep, gsize
         return -1;
     const float *r = view->ray + 3 * pixel;
     struct vec3 ray = vec3(r[0], r[1], r[2]);
-    struct rig_plane sheet =
-        rig_laser_sheet(sweep->laser, sweep->arc_rad, sweep->from_rad + peak * sweep->step_rad);
+    struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad,
+                                             sweep->from_rad + peak * sweep->step_rad);
     double sine = vec3_dot(sheet.normal, ray);
     if (!(fabs(sine) > LEAST_ANGLE) || !(ray.z < 0))
         return -1;
@@ -193,7 +194,8 @@ int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep) {
         view->pixel_mm[i] = intersect(view, sweep, i);
     struct phases phases = find_phases(view);
     float *texels = view->texel_mm[view->n_sweeps] = g_new(float, view->n_texels);
-    view->weight[view->n_sweeps++] = mdf_weight(sweep->laser, sweep->arc_rad, view->centre_mm);
+    view->weight[view->n_sweeps++] =
+        mdf_weight(sweep->arc, sweep->laser, sweep->arc_rad, view->centre_mm);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
         texels[i] = view->x_px[i] < 0 ? -1 : resample(view, &phases, view->x_px[i], view->y_px[i]);

@@ -27,6 +27,7 @@ struct mdf_sweep {
     double arc_rad;
     double from_rad, step_rad;
     const float *peak, *width, *intensity;
+    const struct rig_arc *arc; /* NULL: an ideal one */
 };
 
 /* At most MDF_MAX_SWEEPS. Returns how many texels it saw. */
@@ -39,4 +40,5 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
 
 /* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart on
  * the line that the laser draws through the turntable's centre: how well a sweep can tell depth. */
-double mdf_weight(const struct rig_laser *laser, double arc_rad, struct vec3 camera_mm);
+double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                  struct vec3 camera_mm);

@@ -56,7 +56,8 @@ static gboolean add_sweep(MdfView *view, const struct mdf_input *input, GError *
         return FALSE;
     gboolean ok = check_sweep(input, part, error);
     if (ok) {
-        struct mdf_sweep sweep = {.laser = input->laser,
+        struct mdf_sweep sweep = {.arc = input->arc,
+                                  .laser = input->laser,
                                   .arc_rad = input->arc_rad,
                                   .from_rad = input->from_rad,
                                   .step_rad =

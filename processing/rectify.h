@@ -35,5 +35,6 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb);
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row);
 
 /* A lamp's irradiance at each texel's centre on a plane that faces it, W·m⁻². */
-void rectify_irradiance(const struct rig_lamp *lamp, double arc_rad, double turntable_rad,
-                        const struct session_grid *grid, float *ret_irradiance);
+void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
+                        double turntable_rad, const struct session_grid *grid,
+                        float *ret_irradiance);

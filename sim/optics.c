@@ -71,12 +71,26 @@ double optics_response(const struct optics_camera *camera, double x_px, double y
     return value;
 }
 
-struct optics_lamp optics_turn_lamp(const struct optics_lamp *lamp, double angle) {
-    struct optics_lamp turned = *lamp;
-    double c = cos(angle), s = sin(angle);
-    turned.position_mm = v3_turn_z(lamp->position_mm, c, s);
-    turned.aim = v3_turn_z(lamp->aim, c, s);
-    return turned;
+void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y) {
+    double angle = hypot(towards_x, towards_y);
+    arc->x = v3(1, 0, 0);
+    arc->y = v3(0, 1, 0);
+    arc->z = v3(0, 0, 1);
+    if (angle == 0)
+        return;
+    struct v3 about = v3(-towards_y / angle, towards_x / angle, 0);
+    arc->x = spin(arc->x, about, angle);
+    arc->y = spin(arc->y, about, angle);
+    arc->z = spin(arc->z, about, angle);
+}
+
+struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v) {
+    struct v3 t = v3_turn_z(v, cos(angle + arc->zero), sin(angle + arc->zero));
+    return v3_mad(arc->x, t.x, v3_mad(arc->y, t.y, v3_mad(arc->z, t.z, v3(0, 0, 0))));
+}
+
+struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p) {
+    return v3_mad(arc->centre_mm, 1, optics_arc_direction(arc, angle, p));
 }
 
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm) {
@@ -86,15 +100,6 @@ double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm
         return 0;
     double shape = lamp->exponent == 2 ? cosine * cosine : pow(cosine, lamp->exponent);
     return lamp->intensity * shape / (r2 * 1e-6);
-}
-
-struct optics_laser optics_turn_laser(const struct optics_laser *laser, double angle) {
-    struct optics_laser turned = *laser;
-    double c = cos(angle), s = sin(angle);
-    turned.position_mm = v3_turn_z(laser->position_mm, c, s);
-    turned.axis = v3_turn_z(laser->axis, c, s);
-    turned.forward = v3_turn_z(laser->forward, c, s);
-    return turned;
 }
 
 double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm) {

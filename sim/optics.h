@@ -2,7 +2,7 @@
  * Ray optics of the simulated rig: lenses, lamps and laser sheets as they truly are, written apart
  * from calib/ so that an error on one side shows on the other.
  *
- * Millimetres and radians; rig frame, or any frame turned about z (optics_turn_…). Pure functions.
+ * Millimetres and radians; rig frame, or any frame turned about z. Pure functions.
  */
 #pragma once
 
@@ -64,12 +64,23 @@ struct v3 optics_ray(const struct optics_camera *camera, double x_px, double y_p
 double optics_response(const struct optics_camera *camera, double x_px, double y_px,
                        enum cfa_colour colour);
 
+/* The light arc as it truly turns: its frame at arc angle α is x, y, z turned by α + zero about z,
+ * the rig's frame seen from it at centre_mm. */
+struct optics_arc {
+    double zero;
+    struct v3 centre_mm, x, y, z; /* unit, perpendicular */
+    gboolean crooked;             /* anything but zero is not as it is meant to be */
+};
+
+/* z leans towards the directions of x and of y by an angle each. */
+void optics_arc_lean(struct optics_arc *arc, double towards_x, double towards_y);
+struct v3 optics_arc_direction(const struct optics_arc *arc, double angle, struct v3 v);
+struct v3 optics_arc_point(const struct optics_arc *arc, double angle, struct v3 p);
+
 struct optics_lamp {
     struct v3 position_mm, aim; /* aim: unit */
     double exponent, intensity; /* W·sr⁻¹ */
 };
-
-struct optics_lamp optics_turn_lamp(const struct optics_lamp *lamp, double angle);
 
 /* W·m⁻² on a surface that faces the lamp. */
 double optics_lamp_irradiance(const struct optics_lamp *lamp, struct v3 point_mm);
@@ -84,8 +95,6 @@ struct optics_laser {
     double power_w;
     double colour[3]; /* response of the three filters to its wavelength, relative to white */
 };
-
-struct optics_laser optics_turn_laser(const struct optics_laser *laser, double angle);
 
 /* The sweep angle at which the sheet's middle goes through a point. */
 double optics_laser_angle(const struct optics_laser *laser, struct v3 point_mm);

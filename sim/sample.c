@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-static const char *const kinds[] = {"flat",   "weave",   "brushed", "brick", "peanuts",
-                                    "ridges", "picture", "obj",     NULL};
+static const char *const kinds[] = {"flat",    "weave", "brushed", "brick", "peanuts", "ridges",
+                                    "picture", "obj",   "poles",   "balls", NULL};
 
 #define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
 const struct option sample_option_table[] = {
@@ -33,6 +33,9 @@ const struct option sample_option_table[] = {
      "of the gloss, along the fibres or scratches; -1: the kind's own"},
     {"roughness_across", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(across),
      "of the gloss, across them; -1: the kind's own"},
+    {"places_mm", OPTION_DOUBLES, "mm", -500, 500, "", NULL, AT(places_mm),
+     "poles: x;y;height of each post; balls: x;y;radius of each; they stand on base_mm"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(radius_mm), "of the posts"},
     {"smooth", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(smooth),
      "shade an obj's surface as if it were round"},
     {"path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(path),
@@ -210,6 +213,20 @@ static gboolean check_options(const struct config_section *section,
                          options->period_mm);
         return FALSE;
     }
+    gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;
+    if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "places_mm",
+                         "has %d number(s): write x;y;height of each post, x;y;radius of each ball",
+                         options->places_mm.n);
+        return FALSE;
+    }
+    for (int i = 2; placed && i < options->places_mm.n; i += 3)
+        if (options->places_mm.values[i] <= 0) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, "places_mm",
+                             "number %d, a height or a radius, is %g: it must be positive", i + 1,
+                             options->places_mm.values[i]);
+            return FALSE;
+        }
     gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
     if (loaded && !*options->path) {
         config_set_error(error, CONFIG_ERROR_MISSING, section, "path",
@@ -250,6 +267,9 @@ static struct mesh *make(const struct sample_options *options, GError **error) {
         return sample_picture(options, error);
     case SAMPLE_OBJ:
         return sample_obj(options, error);
+    case SAMPLE_POLES:
+    case SAMPLE_BALLS:
+        return sample_targets(options);
     default:
         return sample_relief(options);
     }

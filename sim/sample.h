@@ -30,6 +30,8 @@ enum sample_kind {
     SAMPLE_RIDGES,
     SAMPLE_PICTURE,
     SAMPLE_OBJ,
+    SAMPLE_POLES,
+    SAMPLE_BALLS,
 };
 
 struct sample_options {
@@ -41,6 +43,8 @@ struct sample_options {
     struct option_doubles albedo, albedo2; /* empty, one value, or three */
     double gloss, along, across;           /* −1: the kind's own */
     gboolean smooth;
+    struct option_doubles places_mm; /* x, y and height or radius of each */
+    double radius_mm;
     char *path, *albedo_path;
 };
 
@@ -72,6 +76,7 @@ struct mesh *sample_weave(const struct sample_options *options);
 struct mesh *sample_peanuts(const struct sample_options *options);
 struct mesh *sample_relief(const struct sample_options *options); /* flat, brushed, brick, ridges */
 struct mesh *sample_picture(const struct sample_options *options, GError **error);
+struct mesh *sample_targets(const struct sample_options *options); /* poles, balls */
 struct mesh *sample_obj(const struct sample_options *options, GError **error);
 
 /* The hash that everything random in the simulated world comes from. */

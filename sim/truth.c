@@ -14,6 +14,38 @@ void truth_view_centre_mm(World *world, int camera, double turntable_deg, double
     ret[2] = eye.z;
 }
 
+static void give(struct v3 v, double ret[3]) {
+    ret[0] = v.x;
+    ret[1] = v.y;
+    ret[2] = v.z;
+}
+
+void truth_arc(World *world, struct truth_arc *ret) {
+    ret->zero_deg = world->arc.zero * 180 / G_PI;
+    give(world->arc.z, ret->axis);
+    give(world->arc.centre_mm, ret->centre_mm);
+}
+
+void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
+                double ret_aim[3]) {
+    struct optics_lamp at = world_lamp_at(world, lamp, world_light_pose(world, arc_deg, 0));
+    give(at.position_mm, ret_position_mm);
+    if (ret_aim)
+        give(at.aim, ret_aim);
+}
+
+void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
+                       struct truth_sheet *ret) {
+    struct optics_laser at = world_laser_at(world, laser, world_light_pose(world, arc_deg, 0));
+    double s = sweep_deg * G_PI / 180 - at.start;
+    struct v3 aside = v3_cross(at.axis, at.forward);
+    struct v3 normal = v3_mad(aside, cos(s), v3_mad(at.forward, -sin(s), v3(0, 0, 0)));
+    give(normal, ret->normal);
+    ret->offset_mm = v3_dot(normal, at.position_mm);
+    give(at.position_mm, ret->source_mm);
+    give(at.axis, ret->axis);
+}
+
 /* Points of the reference plane in a raster, fine × fine a texel; and what the
  * viewing rays through one of its rows see. */
 struct raster {
@@ -136,8 +168,8 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
     for (int row = 0; row < grid->height; row++) {
         raster_trace(&raster, row);
         for (int k = 0; k < n; k++) {
-            double relative = world_relative_rad(arc_deg[k], turntable_deg);
-            struct optics_laser turned = optics_turn_laser(&world->lasers[laser[k]], relative);
+            struct light_pose pose = world_light_pose(world, arc_deg[k], turntable_deg);
+            struct optics_laser turned = world_laser_at(world, laser[k], pose);
             count_laser(&raster, &turned, ret_seen + row * grid->width);
         }
     }
@@ -183,9 +215,9 @@ static void set_facing(const struct truth_grid *grid, const struct optics_lamp *
 
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb) {
-    double relative = world_relative_rad(arc_deg, turntable_deg);
-    struct cache_entry *bounce = world_bounce(world, lamp, relative);
-    struct lamp_light light = {optics_turn_lamp(&world->lamps[lamp], relative), bounce->value};
+    struct light_pose pose = world_light_pose(world, arc_deg, turntable_deg);
+    struct cache_entry *bounce = world_bounce(world, lamp, pose);
+    struct lamp_light light = {world_lamp_at(world, lamp, pose), bounce->value};
     struct raster raster;
     raster_init(&raster, world, camera, turntable_deg, grid, samples);
     g_autofree double *facing = g_new0(double, grid->width);

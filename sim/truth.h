@@ -15,6 +15,25 @@ struct truth_grid { /* texels of the reference plane, as in processing/pipeline.
  * and position errors aside. */
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
 
+/* How the arc truly turns, rig frame. */
+struct truth_arc {
+    double zero_deg;     /* added to the arc's angle */
+    double axis[3];      /* unit, upwards */
+    double centre_mm[3]; /* where it goes through z = 0 */
+};
+void truth_arc(World *world, struct truth_arc *ret);
+
+/* Where lamp and laser sheet truly are with the arc at an angle (backlash and position errors
+ * aside), rig frame. ret_aim may be NULL. */
+void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
+                double ret_aim[3]);
+struct truth_sheet { /* points p with normal · p = offset_mm */
+    double normal[3], offset_mm;
+    double source_mm[3], axis[3]; /* the axis it turns about goes through the source */
+};
+void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
+                       struct truth_sheet *ret);
+
 /* Distance in mm along the true viewing ray of each texel's centre from the reference plane to the
  * surface (turntable included); and, if ret_edge is given, whether a depth edge (a step of more
  * than half a texel) lies within one texel. */

@@ -28,7 +28,8 @@ struct laser_list {
 struct laser_job {
     World *world;
     int camera, laser;
-    double turntable_deg, arc_deg, relative_rad;
+    double turntable_deg, arc_deg;
+    struct light_pose pose;
 };
 
 static guint64 bits(double value) {
@@ -52,8 +53,7 @@ static void vertex_surface(const struct vertex *from, struct surface *to) {
 static gpointer make_vertices(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct laser_job *job = data;
     const struct scene *scene = &job->world->scene;
-    struct optics_laser laser =
-        optics_turn_laser(&job->world->lasers[job->laser], job->relative_rad);
+    struct optics_laser laser = world_laser_at(job->world, job->laser, job->pose);
     *ret_bytes = scene->n_vertices * sizeof(struct lit_vertex);
     struct lit_vertex *lit = g_malloc(*ret_bytes);
     struct surface surfaces[SCENE_BATCH];
@@ -196,8 +196,8 @@ static struct laser_list *sort_shares(const GArray *from, double sigma, gsize *r
 static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
     const struct laser_job *job = data;
     World *world = job->world;
-    struct cache_key vertices_key = {
-        {CACHED_LASER_VERTICES, (guint64)job->laser, bits(job->relative_rad), 0}};
+    struct cache_key vertices_key = {{CACHED_LASER_VERTICES, (guint64)job->laser,
+                                      bits(job->pose.relative_rad), bits(job->pose.turntable_rad)}};
     struct cache_entry *vertices = cache_get(world->cache, &vertices_key, make_vertices, job);
     struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
     const struct view *view = entry->value;
@@ -205,7 +205,7 @@ static gpointer make_list(const struct cache_key *key, gconstpointer data, gsize
     struct laser_light light = {
         .world = world,
         .camera = &world->cameras[job->camera],
-        .laser = optics_turn_laser(&world->lasers[job->laser], job->relative_rad),
+        .laser = world_laser_at(world, job->laser, job->pose),
         .eye_mm = view->eye_mm,
         .vertices = vertices->value,
         .shares = shares,
@@ -254,10 +254,10 @@ void world_add_laser(World *world, int camera, int laser, const struct world_sta
     struct laser_job job = {
         world,          camera,
         laser,          state->turntable_deg,
-        state->arc_deg, world_relative_rad(state->arc_deg, state->turntable_deg)};
+        state->arc_deg, world_light_pose(world, state->arc_deg, state->turntable_deg)};
     double turntable_rad = world_relative_rad(state->turntable_deg, 0);
     struct cache_key key = {{CACHED_LASER_LIST | (guint64)camera << 8 | (guint64)laser << 16,
-                             bits(turntable_rad), bits(job.relative_rad), 0}};
+                             bits(turntable_rad), bits(job.pose.relative_rad), 0}};
     struct cache_entry *entry = cache_get(world->cache, &key, make_list, &job);
     const struct laser_list *list = entry->value;
     double sigma = world->lasers[laser].sigma;

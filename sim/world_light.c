@@ -26,6 +26,36 @@ double world_relative_rad(double arc_deg, double turntable_deg) {
     return RAD(whole_turn(arc_deg - turntable_deg));
 }
 
+struct light_pose world_light_pose(const World *world, double arc_deg, double turntable_deg) {
+    return (struct light_pose){world_relative_rad(arc_deg, turntable_deg),
+                               world->arc.crooked ? RAD(whole_turn(turntable_deg)) : 0};
+}
+
+/* By the angle between the two where that will do, to the last bit as without an arc's errors. */
+static struct v3 place(const World *world, struct light_pose pose, struct v3 v, gboolean point) {
+    double relative = pose.relative_rad + world->arc.zero, turn = pose.turntable_rad;
+    if (!world->arc.crooked)
+        return v3_turn_z(v, cos(relative), sin(relative));
+    struct v3 rig =
+        (point ? optics_arc_point : optics_arc_direction)(&world->arc, pose.relative_rad + turn, v);
+    return v3_turn_z(rig, cos(-turn), sin(-turn));
+}
+
+struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose) {
+    struct optics_lamp at = world->lamps[lamp];
+    at.position_mm = place(world, pose, at.position_mm, TRUE);
+    at.aim = place(world, pose, at.aim, FALSE);
+    return at;
+}
+
+struct optics_laser world_laser_at(const World *world, int laser, struct light_pose pose) {
+    struct optics_laser at = world->lasers[laser];
+    at.position_mm = place(world, pose, at.position_mm, TRUE);
+    at.axis = place(world, pose, at.axis, FALSE);
+    at.forward = place(world, pose, at.forward, FALSE);
+    return at;
+}
+
 struct v3 world_eye_mm(const World *world, int camera, double turntable_deg) {
     double angle = -RAD(whole_turn(turntable_deg));
     return v3_turn_z(world->cameras[camera].centre_mm, cos(angle), sin(angle));
@@ -136,7 +166,7 @@ struct cache_entry *world_view(World *world, int camera, double turntable_deg) {
 struct bounce_job {
     const World *world;
     int lamp;
-    double relative_rad;
+    struct light_pose pose;
 };
 
 /* Direct irradiance at every vertex. */
@@ -175,7 +205,7 @@ static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsi
     float *bounce = g_malloc0(*ret_bytes);
     if (scene->n_gather == 0)
         return bounce;
-    struct optics_lamp lamp = optics_turn_lamp(&job->world->lamps[job->lamp], job->relative_rad);
+    struct optics_lamp lamp = world_lamp_at(job->world, job->lamp, job->pose);
     g_autofree float *direct = light_vertices(job->world, &lamp);
     float share = 1.0f / (float)scene->n_gather;
     const guint32 *gather = scene->gather;
@@ -192,9 +222,10 @@ static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsi
     return bounce;
 }
 
-struct cache_entry *world_bounce(World *world, int lamp, double relative_rad) {
-    struct bounce_job job = {world, lamp, relative_rad};
-    struct cache_key key = {{CACHED_BOUNCE, (guint64)lamp, bits(relative_rad), 0}};
+struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose) {
+    struct bounce_job job = {world, lamp, pose};
+    struct cache_key key = {
+        {CACHED_BOUNCE, (guint64)lamp, bits(pose.relative_rad), bits(pose.turntable_rad)}};
     return cache_get(world->cache, &key, make_bounce, &job);
 }
 
@@ -257,12 +288,12 @@ static gpointer make_picture(const struct cache_key *key, gconstpointer data, gs
     const struct picture_job *job = data;
     World *world = job->world;
     const struct optics_camera *camera = &world->cameras[job->camera];
-    double relative = world_relative_rad(job->arc_deg, job->turntable_deg);
-    struct cache_entry *bounce = world_bounce(world, job->lamp, relative);
+    struct light_pose pose = world_light_pose(world, job->arc_deg, job->turntable_deg);
+    struct cache_entry *bounce = world_bounce(world, job->lamp, pose);
     struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
     const struct view *view = entry->value;
-    struct lit lit = {world, camera, optics_turn_lamp(&world->lamps[job->lamp], relative),
-                      view->eye_mm, bounce->value};
+    struct lit lit = {world, camera, world_lamp_at(world, job->lamp, pose), view->eye_mm,
+                      bounce->value};
     *ret_bytes = (gsize)camera->width * (gsize)camera->height * sizeof(float);
     float *picture = g_malloc0(*ret_bytes);
     for (guint i = 0; i < view->n; i += SCENE_BATCH)

@@ -9,6 +9,7 @@
 struct world_options {
     int seed, supersample, n_gather, cache_mb;
     gboolean noise;
+    double arc_zero_deg, arc_tilt_deg, arc_mm;
     double camera_mm, camera_deg, lamp_mm, lamp_deg, lamp_pct, laser_mm, laser_deg;
     double warm_up_s, warm_up_start, drift_pct, drift_period_s;
     double table_albedo, table_radius_mm;
@@ -25,6 +26,12 @@ static const struct option world_table[] = {
      "rays a surface point for light by one diffuse bounce; 0: direct light only"},
     {"cache_mb", OPTION_INT, "MB", 1, 65536, "512", NULL, AT(cache_mb),
      "memory for what pictures are made of"},
+    {"arc_zero_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(arc_zero_deg),
+     "standard deviation of where the light arc's angle 0 truly is"},
+    {"arc_tilt_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(arc_tilt_deg),
+     "standard deviation of the lean of the light arc's axis, towards x and towards y"},
+    {"arc_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(arc_mm),
+     "standard deviation of where the light arc's axis stands, along x and along y"},
     {"camera_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(camera_mm),
      "standard deviation of the cameras' positions from where they should be, each axis"},
     {"camera_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(camera_deg),
@@ -190,6 +197,16 @@ static gboolean check_count(const struct config_section *section, const char *ke
 
 static struct v3 vector(const struct option_doubles *list) {
     return v3(list->values[0], list->values[1], list->values[2]);
+}
+
+static void make_arc(World *world, const struct world_options *all) {
+    struct sample_random random = device_random(all, 'a', 0);
+    struct optics_arc *arc = &world->arc;
+    arc->zero = RAD(all->arc_zero_deg * deviate(&random));
+    struct v3 lean = deviate3(&random), aside = deviate3(&random);
+    optics_arc_lean(arc, RAD(all->arc_tilt_deg * lean.x), RAD(all->arc_tilt_deg * lean.y));
+    arc->centre_mm = v3(all->arc_mm * aside.x, all->arc_mm * aside.y, 0);
+    arc->crooked = all->arc_tilt_deg > 0 || all->arc_mm > 0;
 }
 
 static void make_camera(World *world, const struct world_options *all,
@@ -382,6 +399,7 @@ gboolean world_load(World *world, const char *path, GError **error) {
     else if (!options_parse(world_table, head, NULL, &all, error))
         return FALSE;
     set_options(world, &all);
+    make_arc(world, &all);
     gsize n = 0;
     const struct config_section *sections = config_sections(config, &n);
     for (gsize i = 0; i < n; i++)

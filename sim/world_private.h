@@ -34,6 +34,7 @@ struct World {
     char *key;
     struct mesh *mesh;
     struct scene scene;
+    struct optics_arc arc;
     struct optics_camera cameras[WORLD_MAX_CAMERAS];
     struct optics_lamp lamps[WORLD_MAX_LAMPS];
     struct optics_laser lasers[WORLD_MAX_LASERS];
@@ -92,6 +93,15 @@ float scene_reflect(const struct surface *s, struct v3 light_mm, struct v3 eye_m
 /* Turntable and arc angles that differ by full turns or 1e-9 degrees show the same picture. */
 double world_relative_rad(double arc_deg, double turntable_deg);
 
+/* Where light comes from, seen from the sample. What depends on it depends on the angle between arc
+ * and turntable alone, unless the arc's axis is not the turntable's. */
+struct light_pose {
+    double relative_rad, turntable_rad; /* turntable_rad 0 where it does not matter */
+};
+struct light_pose world_light_pose(const World *world, double arc_deg, double turntable_deg);
+struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose);
+struct optics_laser world_laser_at(const World *world, int laser, struct light_pose pose);
+
 struct v3 world_eye_mm(const World *world, int camera, double turntable_deg);
 struct v3 world_ray(const World *world, int camera, double turntable_deg, double x_px, double y_px);
 
@@ -121,7 +131,7 @@ void world_pack(const struct surface *from, enum cfa_colour colour, guint32 pixe
 void world_unpack(const struct point *from, struct surface *ret);
 
 /* Irradiance by one bounce, R G B a vertex, for a lamp at full output. */
-struct cache_entry *world_bounce(World *world, int lamp, double relative_rad);
+struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose);
 
 /* Of three vertices of a triangle, by barycentric coordinates. */
 float world_bounce_at(const World *world, const float *bounce, const struct surface *s,

@@ -196,13 +196,13 @@ static void test_lamp(void) {
                             .intensity = 40};
 
     /* on its axis at 0.5 m: 40 / 0.25 */
-    assert_near(rig_lamp_irradiance(&lamp, 0, vec3(0, 0, 0)), 160, 1e-9);
-    assert_near(rig_lamp_irradiance(&lamp, RAD(123), vec3(0, 0, 0)), 160, 1e-9);
-    assert_vec(rig_lamp_position_mm(&lamp, RAD(90)), vec3(0, 300, 400), 1e-10);
+    assert_near(rig_lamp_irradiance(NULL, &lamp, 0, vec3(0, 0, 0)), 160, 1e-9);
+    assert_near(rig_lamp_irradiance(NULL, &lamp, RAD(123), vec3(0, 0, 0)), 160, 1e-9);
+    assert_vec(rig_lamp_position_mm(NULL, &lamp, RAD(90)), vec3(0, 300, 400), 1e-10);
     /* the point straight below: cos = 0.8, 0.4 m */
-    assert_near(rig_lamp_irradiance(&lamp, 0, vec3(300, 0, 0)), 40 * 0.64 / 0.16, 1e-9);
-    assert_near(rig_lamp_irradiance(&lamp, RAD(90), vec3(0, 300, 0)), 40 * 0.64 / 0.16, 1e-9);
-    assert_near(rig_lamp_irradiance(&lamp, 0, vec3(600, 0, 800)), 0, 0); /* behind it */
+    assert_near(rig_lamp_irradiance(NULL, &lamp, 0, vec3(300, 0, 0)), 40 * 0.64 / 0.16, 1e-9);
+    assert_near(rig_lamp_irradiance(NULL, &lamp, RAD(90), vec3(0, 300, 0)), 40 * 0.64 / 0.16, 1e-9);
+    assert_near(rig_lamp_irradiance(NULL, &lamp, 0, vec3(600, 0, 800)), 0, 0); /* behind it */
 }
 
 static struct rig_laser laser_at(double theta, double distance) {
@@ -215,19 +215,44 @@ static struct rig_laser laser_at(double theta, double distance) {
 
 static void test_laser(void) {
     struct rig_laser laser = laser_at(RAD(45), 480);
-    struct rig_plane sheet = rig_laser_sheet(&laser, 0, 0);
+    struct rig_plane sheet = rig_laser_sheet(NULL, &laser, 0, 0);
 
     assert_near(sheet.offset_mm, 0, 1e-10); /* through the origin, and the whole y axis */
     assert_near(vec3_dot(sheet.normal, vec3(0, 7, 0)), 0, 1e-12);
     /* swept by 1° the line on the table lies where a ray 1° off the axis comes down: right-handed
      * about +y turns the beam (−1, 0, −1) towards −x */
     double side = 480 * M_SQRT1_2;
-    sheet = rig_laser_sheet(&laser, 0, RAD(1));
+    sheet = rig_laser_sheet(NULL, &laser, 0, RAD(1));
     double x = side - side * tan(RAD(46));
     assert_near(vec3_dot(sheet.normal, vec3(x, 3, 0)), sheet.offset_mm, 1e-9);
-    assert_near(rig_laser_sweep_rad(&laser, 0, vec3(x, -3, 0)), RAD(1), 1e-12);
-    assert_near(rig_laser_sweep_rad(&laser, RAD(90), vec3(3, x, 0)), RAD(1), 1e-12);
-    assert_vec(rig_laser_position_mm(&laser, RAD(90)), vec3(0, side, side), 1e-9);
+    assert_near(rig_laser_sweep_rad(NULL, &laser, 0, vec3(x, -3, 0)), RAD(1), 1e-12);
+    assert_near(rig_laser_sweep_rad(NULL, &laser, RAD(90), vec3(3, x, 0)), RAD(1), 1e-12);
+    assert_vec(rig_laser_position_mm(NULL, &laser, RAD(90)), vec3(0, side, side), 1e-9);
+}
+
+/* An arc that hangs crooked, worked out by hand: tilted by 90° about x, z becomes −y. */
+static void test_crooked_arc(void) {
+    const struct rig_arc arc = {
+        .zero_rad = RAD(90), .tilt_rad = {G_PI_2, 0}, .centre_mm = {10, 20}};
+    struct vec3 p = vec3(300, 0, 400); /* turned by −90 + 90°, tilted, moved */
+
+    assert_vec(rig_arc_point(&arc, RAD(-90), p), vec3(310, -380, 0), 1e-9);
+    assert_vec(rig_arc_direction(&arc, 0, vec3(1, 0, 0)), vec3(0, 0, 1), 1e-12);
+    g_autoptr(GRand) rand = g_rand_new_with_seed(6);
+    for (int i = 0; i < 1000; i++) {
+        struct rig_arc crooked = {
+            g_rand_double(rand), {g_rand_double(rand) - 0.5, g_rand_double(rand) - 0.5}, {3, -4}};
+        struct rig_laser laser = laser_at(g_rand_double_range(rand, 0.05, 1.4), 480);
+        double alpha = g_rand_double_range(rand, -7, 7);
+        struct vec3 q = vec3(g_rand_double(rand), g_rand_double(rand), g_rand_double(rand));
+        assert_vec(rig_arc_point_back(&crooked, alpha, rig_arc_point(&crooked, alpha, q)), q, 1e-9);
+        laser.stretch = 0.01;
+        double sweep = rig_laser_sweep_rad(&crooked, &laser, alpha, q);
+        struct rig_plane sheet = rig_laser_sheet(&crooked, &laser, alpha, sweep);
+        assert_near(vec3_dot(sheet.normal, q), sheet.offset_mm, 1e-9);
+        assert_near(vec3_dot(sheet.normal, rig_laser_position_mm(&crooked, &laser, alpha)),
+                    sheet.offset_mm, 1e-9);
+    }
 }
 
 static void test_sheet_through_points(void) {
@@ -239,13 +264,13 @@ static void test_sheet_through_points(void) {
         struct vec3 p = vec3(g_rand_double_range(rand, -50, 50), g_rand_double_range(rand, -50, 50),
                              g_rand_double_range(rand, 0, 10));
         double arc = g_rand_double_range(rand, -7, 7);
-        double sweep = rig_laser_sweep_rad(&laser, arc, p);
-        struct rig_plane sheet = rig_laser_sheet(&laser, arc, sweep);
+        double sweep = rig_laser_sweep_rad(NULL, &laser, arc, p);
+        struct rig_plane sheet = rig_laser_sheet(NULL, &laser, arc, sweep);
         g_assert_cmpfloat(fabs(sweep), <, 0.5);
         assert_near(vec3_length(sheet.normal), 1, 1e-12);
         assert_near(vec3_dot(sheet.normal, p), sheet.offset_mm, 1e-9);
-        assert_near(vec3_dot(sheet.normal, rig_laser_position_mm(&laser, arc)), sheet.offset_mm,
-                    1e-9);
+        assert_near(vec3_dot(sheet.normal, rig_laser_position_mm(NULL, &laser, arc)),
+                    sheet.offset_mm, 1e-9);
     }
 }
 
@@ -290,6 +315,8 @@ static struct rig random_rig(GRand *rand) {
         rig.lasers[i] = laser_at(g_rand_double(rand) + 0.1, 480);
         g_snprintf(rig.lasers[i].name, RIG_NAME, "laser%d", i);
     }
+    rig.arc = (struct rig_arc){g_rand_double(rand), {g_rand_double(rand), -0.0}, {1e-300, 7}};
+    rig.lasers[1].stretch = g_rand_double_range(rand, -0.4, 0.4);
     rig.cameras[0].k1 = -0.0;
     rig.cameras[1].k1 = 5e-324;
     return rig;
@@ -316,7 +343,25 @@ static void test_text_round_trip(void) {
         g_assert_true(memcmp(&read.lasers[1].position_mm, &rig.lasers[1].position_mm,
                              sizeof rig.lasers[1] - offsetof(struct rig_laser, position_mm)) == 0);
         g_assert_true(signbit(read.cameras[0].k1));
+        g_assert_cmpmem(&read.arc, sizeof read.arc, &rig.arc, sizeof rig.arc);
     }
+}
+
+/* As written before arcs were measured: an ideal one. */
+static void test_text_without_arc(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(8);
+    g_autoptr(GError) error = NULL;
+    struct rig rig = random_rig(rand), read;
+    g_autofree char *text = rig_to_text(&rig);
+    g_autoptr(GRegex) lines =
+        g_regex_new("(arc_zero|arc_tilt|arc_centre|stretch)[^\n]*\n", 0, 0, NULL);
+    g_autofree char *old = g_regex_replace(lines, text, -1, 0, "", 0, NULL);
+
+    g_assert_true(rig_from_text(&read, old, "calibration.conf", &error));
+    g_assert_no_error(error);
+    const struct rig_arc ideal = {0};
+    g_assert_cmpmem(&read.arc, sizeof read.arc, &ideal, sizeof ideal);
+    g_assert_true(read.lasers[1].stretch == 0);
 }
 
 static void test_text_truncated(void) {
@@ -396,8 +441,10 @@ int main(int argc, char **argv) {
     g_test_add_func("/rig/lamp", test_lamp);
     g_test_add_func("/rig/laser", test_laser);
     g_test_add_func("/rig/sheet-through-points", test_sheet_through_points);
+    g_test_add_func("/rig/crooked-arc", test_crooked_arc);
     g_test_add_func("/rig/clearance", test_clearance);
     g_test_add_func("/rig/text-round-trip", test_text_round_trip);
+    g_test_add_func("/rig/text-without-arc", test_text_without_arc);
     g_test_add_func("/rig/text-truncated", test_text_truncated);
     g_test_add_func("/rig/text-refused", test_text_refused);
     return g_test_run();

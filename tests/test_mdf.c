@@ -68,7 +68,7 @@ static void add(MdfView *view, const struct world *world, const struct line_lase
                 double arc) {
     struct rig_laser rig = laser_to_rig(laser, "laser");
     struct mdf_sweep seen = {&rig,        arc,          FROM_DEG * DEGREE, STEP_DEG * DEGREE,
-                             world->peak, world->width, world->intensity};
+                             world->peak, world->width, world->intensity,  NULL};
     mdf_view_add(view, &seen);
 }
 
@@ -279,12 +279,12 @@ static void test_weight(void) {
     double c[2] = {-650 * sin(1), 650 * cos(1)};
     double l[2] = {480 * sin(40 * DEGREE), 480 * cos(40 * DEGREE)};
     double area = 0.5 * fabs(c[0] * l[1] - c[1] * l[0]);
-    double weight = mdf_weight(&rig, 0, vec3(c[0], 0, c[1]));
+    double weight = mdf_weight(NULL, &rig, 0, vec3(c[0], 0, c[1]));
     g_assert_cmpfloat_with_epsilon(weight, area * 2 / 3, 1e-6 * weight);
     /* From where the laser stands nothing can be told. */
-    g_assert_cmpfloat(mdf_weight(&rig, 0, rig.position_mm), <, 1e-6 * weight);
+    g_assert_cmpfloat(mdf_weight(NULL, &rig, 0, rig.position_mm), <, 1e-6 * weight);
     /* Camera in the sheet's plane: neither. */
-    g_assert_cmpfloat(mdf_weight(&rig, G_PI_2, vec3(300, l[0], l[1])), <, 1e-6 * weight);
+    g_assert_cmpfloat(mdf_weight(NULL, &rig, G_PI_2, vec3(300, l[0], l[1])), <, 1e-6 * weight);
 }
 
 int main(int argc, char **argv) {

@@ -222,6 +222,67 @@ static void all_kinds(void) {
     }
 }
 
+/* A lamp on a crooked arc goes round the arc's own axis, from where its zero is. */
+static void crooked_arc(void) {
+    g_autoptr(World) world = fixture_world(
+        "[world]\nnoise=no\ngather_rays=0\nseed=5\narc_zero_error_deg=0.5\n"
+        "arc_tilt_error_deg=1\narc_error_mm=2\n" CAMERAS "[sample]\nkind=flat\ngrid=2\n");
+    struct truth_arc arc;
+    truth_arc(world, &arc);
+    g_assert_cmpfloat(fabs(arc.zero_deg), >, 1e-3);
+    g_assert_cmpfloat(arc.axis[2], <, 1 - 1e-6);
+    double first[3], p[3], up0 = 0, turned = 0;
+    truth_lamp(world, 0, 0, first, NULL);
+    for (int k = 0; k < 3; k++)
+        up0 += (first[k] - arc.centre_mm[k]) * arc.axis[k];
+    g_assert_cmpfloat_with_epsilon(up0, 500 * cos(RAD(45)), 1e-9);
+    for (int deg = 0; deg < 360; deg += 30) {
+        double up = 0, radius2 = 0;
+        truth_lamp(world, 0, deg, p, NULL);
+        for (int k = 0; k < 3; k++)
+            up += (p[k] - arc.centre_mm[k]) * arc.axis[k];
+        for (int k = 0; k < 3; k++)
+            radius2 += pow(p[k] - arc.centre_mm[k] - up * arc.axis[k], 2);
+        g_assert_cmpfloat_with_epsilon(up, up0, 1e-9);
+        g_assert_cmpfloat_with_epsilon(sqrt(radius2), 500 * sin(RAD(45)), 1e-9);
+        double azimuth = atan2(p[1] - arc.centre_mm[1], p[0] - arc.centre_mm[0]);
+        turned += remainder(azimuth - RAD(deg) - RAD(arc.zero_deg), 2 * G_PI);
+    }
+    /* A lean shows in azimuth twice a turn, to second order: its mean is the zero. */
+    g_assert_cmpfloat(fabs(turned / 12), <, 3e-3);
+}
+
+/* The shadow of a post's top ends where the ray from the lamp over it comes down, also where the
+ * arc is crooked; a picture shows it there. */
+static void shadow_of_a_post(void) {
+    g_autoptr(World) world = fixture_world(
+        "[world]\nnoise=no\ngather_rays=0\nseed=5\narc_tilt_error_deg=1\narc_error_mm=2\n"
+        "[camera a]\ntheta_deg=0\nwidth=401\nheight=401\nfocal_px=3250\ncfa=mono\n"
+        "[lamp l]\ntheta_deg=45\n"
+        "[sample]\nkind=poles\nwidth_mm=70\nheight_mm=70\ntop_mm=30\nbase_mm=1\n"
+        "places_mm=5;3;15\nradius_mm=1\n");
+    for (int turn = 0; turn < 360; turn += 90) {
+        double l[3], top[3] = {0, 0, 16}, c = cos(RAD(turn)), s = sin(RAD(turn));
+        top[0] = 5 * c - 3 * s;
+        top[1] = 5 * s + 3 * c;
+        truth_lamp(world, 0, 40, l, NULL);
+        double t = 15 / (l[2] - 16), x = top[0] + t * (top[0] - l[0]),
+               y = top[1] + t * (top[1] - l[1]);
+        struct world_state state = {.turntable_deg = turn, .arc_deg = 40, .lamp_output = {1}};
+        g_autofree guint16 *pixels = g_new(guint16, 401 * 401);
+        world_expose(world, 0, &state, 2000, 0, 1, pixels);
+        double away = hypot(x - top[0], y - top[1]), scale = 3250.0 / 649;
+        for (int side = -1; side <= 1; side += 2) { /* its round end has 1 mm of radius, and some */
+            double d = side * 0.2 + 1 + 15.0 / (l[2] - 16);
+            double u = x + d * (x - top[0]) / away, v = y + d * (y - top[1]) / away;
+            /* From above right is +y: what a camera at azimuth 0 tends to. */
+            int column = (int)lround(200 + scale * v), row = (int)lround(200 + scale * u);
+            int lit = pixels[row * 401 + column];
+            g_assert_cmpint(lit > 200, ==, side > 0);
+        }
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/truth/view-centre", view_centre);
@@ -231,6 +292,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/truth/laser-seen", laser_seen);
     g_test_add_func("/truth/reflectance", reflectance);
     g_test_add_func("/truth/all-kinds", all_kinds);
+    g_test_add_func("/truth/crooked-arc", crooked_arc);
+    g_test_add_func("/truth/shadow-of-a-post", shadow_of_a_post);
     int result = g_test_run();
     fixture_clean();
     return result;
