@@ -44,6 +44,8 @@ struct lane {
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct dark_level darks[MAX_DARKS];
+    struct dark_level
+        guesses[PLAN_MAX_BRACKET]; /* by sub, for exposures that have no dark frames */
 };
 
 struct finished {
@@ -127,28 +129,46 @@ static void lane_reset(struct lane *lane) {
     lane->shot = NULL;
 }
 
-/* The dark level at an exposure; the sensor's nominal black where none was measured. */
-static const struct dark_level *dark_at(struct lane *lane, gint64 exposure_us, const Frame *frame) {
-    struct dark_level *unused = NULL;
-    for (int i = 0; i < MAX_DARKS && !unused; i++) {
-        if (!lane->darks[i].pixels)
-            unused = &lane->darks[i];
-        else if (lane->darks[i].exposure_us == exposure_us)
-            return &lane->darks[i];
+/* Where dark frames of two exposures are there, a line through each pixel's; of one, that; else the
+ * sensor's nominal black. */
+static void guess_dark(const struct lane *lane, gint64 exposure_us, const Frame *frame,
+                       struct dark_level *ret) {
+    const struct dark_level *known[2] = {NULL, NULL};
+    const gsize n = (gsize)frame->width * frame->height;
+    double sum = 0, along = 0;
+    for (int i = 0, k = 0; i < MAX_DARKS && k < 2; i++)
+        if (lane->darks[i].pixels)
+            known[k++] = &lane->darks[i];
+    if (known[1])
+        along = (double)(exposure_us - known[0]->exposure_us) /
+                (double)(known[1]->exposure_us - known[0]->exposure_us);
+    if (!ret->pixels)
+        ret->pixels = g_new(float, n);
+    for (gsize p = 0; p < n; p++) {
+        double level = known[0] ? known[0]->pixels[p] : frame->black_level;
+        level += known[1] ? along * (known[1]->pixels[p] - level) : 0;
+        ret->pixels[p] = (float)level;
+        sum += level;
     }
-    gsize n = (gsize)frame->width * frame->height;
-    g_return_val_if_fail(unused != NULL, &lane->darks[0]);
-    unused->pixels = g_new(float, n);
-    for (gsize i = 0; i < n; i++)
-        unused->pixels[i] = (float)frame->black_level;
-    unused->mean_dn = frame->black_level;
-    unused->exposure_us = exposure_us;
-    return unused;
+    ret->mean_dn = sum / (double)n;
+    ret->exposure_us = exposure_us;
+}
+
+static const struct dark_level *dark_at(struct lane *lane, int sub, const Frame *frame) {
+    for (int i = 0; i < MAX_DARKS; i++)
+        if (lane->darks[i].pixels && lane->darks[i].exposure_us == frame->exposure_us)
+            return &lane->darks[i];
+    struct dark_level *guess = &lane->guesses[sub];
+    if (!guess->pixels || guess->exposure_us != frame->exposure_us)
+        guess_dark(lane, frame->exposure_us, frame, guess);
+    return guess;
 }
 
 static void set_dark(struct lane *lane, int index, gint64 exposure_us, float *pixels, double mean) {
     g_free(lane->darks[index].pixels);
     lane->darks[index] = (struct dark_level){exposure_us, mean, pixels};
+    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
+        g_clear_pointer(&lane->guesses[i].pixels, g_free);
 }
 
 static void describe(struct lane *lane, const struct job *job, struct intake_file *file) {
@@ -219,10 +239,11 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     struct intake_file file;
     describe(lane, job, &file);
     for (int i = 0; i < conf->n_exposures; i++) {
-        const struct dark_level *dark = dark_at(lane, lane->bracket[i]->exposure_us, job->frame);
+        const struct dark_level *dark = dark_at(lane, i, lane->bracket[i]);
         darks[i] = dark->pixels;
         file.dark_dn = dark->mean_dn;
     }
+    file.bracket = (const Frame *const *)lane->bracket;
     g_autofree float *merged = g_new(float, (gsize)job->frame->width * job->frame->height);
     struct radiance_stats stats;
     radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
@@ -236,7 +257,7 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
 static void finish_sweep(struct lane *lane, const struct job *job) {
     struct intake_file file;
     describe(lane, job, &file);
-    file.dark_dn = dark_at(lane, job->frame->exposure_us, job->frame)->mean_dn;
+    file.dark_dn = dark_at(lane, 0, job->frame)->mean_dn;
     struct intake_result result = {.laser_seen = lane->laser_seen, .error = lane->error};
     lane->error = NULL;
     if (!result.error && !result.laser_seen)
@@ -248,7 +269,7 @@ static void take_sweep(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const Frame *frame = job->frame;
     if (job->sub == job->shot->sweep_steps) {
-        const struct dark_level *dark = dark_at(lane, frame->exposure_us, frame);
+        const struct dark_level *dark = dark_at(lane, 0, frame);
         gint64 lit = radiance_lit(frame, dark->pixels, conf->laser_threshold_dn);
         lane->laser_seen = lit >= LASER_PIXELS;
         return;
@@ -381,6 +402,8 @@ static void lane_free(gpointer data) {
     g_ptr_array_unref(lane->batch);
     for (int i = 0; i < MAX_DARKS; i++)
         g_free(lane->darks[i].pixels);
+    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
+        g_free(lane->guesses[i].pixels);
     g_free(lane);
 }
 

@@ -5,19 +5,17 @@
  * The files, and with them the contract with processing. Every part has these attributes
  * (session_frame_path() gives the names):
  *   mesorig.camera (string), mesorig.shot (int), mesorig.turntable_deg, mesorig.arc_deg (double, as
- *   commanded), mesorig.cfa (string, cfa_name()), mesorig.exposures_us (string, "500;2000;8000"),
- *   mesorig.dark_dn (double, mean dark level at the longest exposure), mesorig.saturated (int,
- *   pixels)
- * SHOT_LAMP: one part "radiance", channel "Y", half, the mosaic as it lies on the sensor;
- *   mesorig.unit = "DN/ms" (see radiance.h), mesorig.lamp (string)
- * SHOT_DARK: a part "dark_500_us" an exposure, channel "Y", float; mesorig.unit = "DN"
- * SHOT_SWEEP: one part "sweep", channels "intensity", "peak", "width", float, as in
- *   processing/sweep.h; mesorig.unit = "DN", mesorig.laser (string), sweep.from_deg, sweep.to_deg
- *   (double), sweep.steps (int): frame k is taken at from + (to − from)·k/(steps − 1). With
- *   keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr, part "frame", channel
- *   "Y", float, raw DN.
- * When it was taken is said by the session alone, so that a retaken shot's files, and what is made
- * of them, are to the byte those of an undisturbed one.
+ *   commanded), mesorig.cfa (string, cfa_name()), mesorig.exposures_us (string, "500;2000;8000";
+ * the first is shorter than planned where too much was saturated), mesorig.dark_dn (double, mean
+ * dark level at the longest exposure), mesorig.saturated (int, pixels) SHOT_LAMP: one part
+ * "radiance", channel "Y", half, the mosaic as it lies on the sensor; mesorig.unit = "DN/ms" (see
+ * radiance.h), mesorig.lamp (string) SHOT_DARK: a part "dark_500_us" an exposure, channel "Y",
+ * float; mesorig.unit = "DN" SHOT_SWEEP: one part "sweep", channels "intensity", "peak", "width",
+ * float, as in processing/sweep.h; mesorig.unit = "DN", mesorig.laser (string), sweep.from_deg,
+ * sweep.to_deg (double), sweep.steps (int): frame k is taken at from + (to − from)·k/(steps − 1).
+ * With keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr, part "frame",
+ * channel "Y", float, raw DN. When it was taken is said by the session alone, so that a retaken
+ * shot's files, and what is made of them, are to the byte those of an undisturbed one.
  */
 #pragma once
 

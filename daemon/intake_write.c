@@ -23,7 +23,8 @@ static char *exposures_text(const struct intake_file *file) {
     GString *text = g_string_new(NULL);
     gint64 before = -1;
     for (int i = 0; i < n; i++) {
-        gint64 us = intake_exposure_us(file->conf, file->shot, i);
+        gint64 us = file->bracket ? file->bracket[i]->exposure_us
+                                  : intake_exposure_us(file->conf, file->shot, i);
         if (us != before)
             g_string_append_printf(text, "%s%" G_GINT64_FORMAT, text->len ? ";" : "", us);
         before = us;

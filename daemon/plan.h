@@ -49,6 +49,7 @@ struct session_conf {
     double gain_db;
     int dark_frames;           /* averaged for each exposure */
     int retries;               /* of one shot, before the session is paused */
+    double saturated_pct;      /* pixels that may be saturated in the shortest exposure */
     double laser_threshold_dn; /* above background, for a peak to count */
     enum on_blocked on_blocked;
     gboolean keep_laser_frames;

@@ -6,6 +6,15 @@ int radiance_saturation(int bits) {
     return (int)ceil(0.98 * ((1 << bits) - 1));
 }
 
+gint64 radiance_saturated(const Frame *frame) {
+    gsize n = (gsize)frame->width * frame->height;
+    int limit = radiance_saturation(frame->bits);
+    gint64 saturated = 0;
+    for (gsize i = 0; i < n; i++)
+        saturated += frame->pixels[i] >= limit;
+    return saturated;
+}
+
 static double mean_above(const Frame *frame, const float *dark) {
     gsize n = (gsize)frame->width * frame->height;
     double sum = 0;

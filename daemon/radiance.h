@@ -12,6 +12,7 @@
 
 /* DN from which a pixel is taken to be saturated: 98 % of full scale, rounded up. */
 int radiance_saturation(int bits);
+gint64 radiance_saturated(const Frame *frame); /* how many pixels are */
 
 struct radiance_stats {
     gint64 saturated; /* pixels saturated in every exposure: they hold the shortest's value */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "intake.h"
+#include "radiance.h"
 #include "stage.h"
 
 /* How long a camera that is gone is given to come back before the next attempt. */
@@ -14,8 +15,9 @@ enum state { IDLE, HOMING, PREPARING, EXPOSING };
 struct eye { /* a camera in the picture under way */
     Sequencer *sequencer;
     int camera;
-    int refused; /* in a row */
-    int retakes; /* in this shot */
+    int refused;   /* in a row */
+    int retakes;   /* in this shot */
+    int shortened; /* in this shot: each time to a quarter of the shortest exposure */
     gint64 rest_until_us;
 };
 
@@ -120,14 +122,19 @@ static gboolean begin_shot(Sequencer *seq) {
     seq->n_subs = intake_n_frames(seq->conf, seq->shot);
     seq->pending = seq->shot->cameras;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-        seq->eyes[c].refused = seq->eyes[c].retakes = 0;
+        seq->eyes[c].refused = seq->eyes[c].retakes = seq->eyes[c].shortened = 0;
     return TRUE;
+}
+
+static gint64 exposure_us(const Sequencer *seq, int camera) {
+    gint64 us = intake_exposure_us(seq->conf, seq->shot, seq->sub);
+    return seq->sub == 0 ? us >> (2 * seq->eyes[camera].shortened) : us;
 }
 
 static gboolean trigger(Sequencer *seq, int c, GError **error) {
     Camera *camera = seq->devices->cameras[c];
     struct camera_settings settings = {
-        .exposure_us = intake_exposure_us(seq->conf, seq->shot, seq->sub),
+        .exposure_us = exposure_us(seq, c),
         .gain_db = seq->conf->gain_db,
     };
     guint64 tag = (guint64)seq->shot->id << 16 | (guint64)seq->sub;
@@ -254,9 +261,39 @@ static void answered(Sequencer *seq, int camera) {
         advance(seq);
 }
 
+/* Whether a picture is to be taken again with a shorter exposure. Where there is none shorter, or
+ * that was done as often as a picture is retaken, it is kept as it is: a highlight must not end the
+ * night. */
+static gboolean shorten(Sequencer *seq, int camera, const Frame *frame, char **ret_why) {
+    struct eye *eye = &seq->eyes[camera];
+    const gint64 us = exposure_us(seq, camera);
+    if (seq->shot->kind != SHOT_LAMP || seq->sub != 0 || eye->shortened >= seq->conf->retries ||
+        us / 4 < seq->devices->cameras[camera]->format.min_exposure_us)
+        return FALSE;
+    const double pct =
+        100.0 * (double)radiance_saturated(frame) / ((double)frame->width * frame->height);
+    if (pct <= seq->conf->saturated_pct)
+        return FALSE;
+    eye->shortened++;
+    *ret_why = g_strdup_printf("%.2g %% of its pixels are saturated at %" G_GINT64_FORMAT
+                               " µs; it is taken again at %" G_GINT64_FORMAT " µs",
+                               pct, us, us / 4);
+    return TRUE;
+}
+
 static void take_frame(Sequencer *seq, int camera, Frame *frame) {
     struct eye *eye = &seq->eyes[camera];
+    g_autofree char *why = NULL;
     eye->refused = 0;
+    if (shorten(seq, camera, frame, &why)) {
+        eye->retakes++;
+        seq->hooks.retake(camera, why, seq->hooks.data);
+        if (seq->state != EXPOSING)
+            return;
+        seq->pending |= 1u << camera;
+        answered(seq, camera);
+        return;
+    }
     seq->hooks.frame(seq->shot, camera, seq->sub, frame, eye->retakes, seq->hooks.data);
     if (seq->state == EXPOSING)
         answered(seq, camera);

@@ -24,7 +24,7 @@ struct fields {
     double width_mm, height_mm, reference_mm, depth_mm;
     int texels, texels_x, texels_y;
     struct option_doubles exposures_us;
-    double gain_db, laser_exposure_us, sweep_margin_mm, laser_threshold_dn;
+    double gain_db, laser_exposure_us, sweep_margin_mm, laser_threshold_dn, saturated_pct;
     int sweep_steps, dark_frames, retries, on_blocked;
     gboolean keep_laser_frames;
 };
@@ -71,6 +71,9 @@ static const struct option capture_options[] = {
      .help = "Dark frames averaged for each exposure"},
     {"retries", OPTION_INT, NULL, 0, 100, "3", .offset = FIELD(retries),
      .help = "How often a shot is taken again before the session is paused"},
+    {"saturated_pct", OPTION_DOUBLE, "%", 0, 100, "0.1", .offset = FIELD(saturated_pct),
+     .help = "Pixels that may be saturated in the shortest exposure before a picture is taken "
+             "again with a quarter of it"},
     {"laser_threshold_dn", OPTION_DOUBLE, "DN", 0, 65535, "40", .offset = FIELD(laser_threshold_dn),
      .help = "How far a laser's peak must stand above the background to count"},
     {"on_blocked", OPTION_CHOICE, .fallback = "shift", .choices = blocked_choices,
@@ -315,6 +318,7 @@ static gboolean take_capture(struct session_conf *conf, const struct config_sect
     conf->sweep_margin_mm = f->sweep_margin_mm;
     conf->dark_frames = f->dark_frames;
     conf->retries = f->retries;
+    conf->saturated_pct = f->saturated_pct;
     conf->laser_threshold_dn = f->laser_threshold_dn;
     conf->on_blocked = (enum on_blocked)f->on_blocked;
     conf->keep_laser_frames = f->keep_laser_frames;

@@ -789,12 +789,63 @@ static void test_keep_laser_frames(void) {
     run_free(run);
 }
 
-/* A lamp so bright that much is saturated in the shortest exposure too: taken, but told. */
-static void test_saturated(void) {
-    struct run *run = run_new((const struct change[]){{"[capture]", "exposures_us = 400000"}, {0}});
+static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *relative = session_frame_path(shot, "cam30");
+    g_autofree char *file = g_build_filename(path, relative, NULL);
+    struct exr_part *part = exr_read_part(file, "radiance", &error);
+    g_assert_no_error(error);
+    return part;
+}
+
+/* The same radiance in both pictures; noise and black level aside. */
+static void check_same_radiance(const char *a_path, const char *b_path,
+                                const struct session_shot *shot) {
+    struct exr_part *a = radiance_of(a_path, shot), *b = radiance_of(b_path, shot);
+    double sums[2] = {0};
+    for (int i = 0; i < a->width * a->height; i++) {
+        sums[0] += exr_part_plane(a, "Y")[i];
+        sums[1] += exr_part_plane(b, "Y")[i];
+    }
+    g_assert_cmpfloat_with_epsilon(sums[0] / sums[1], 1, 0.02);
+    exr_part_free(a);
+    exr_part_free(b);
+}
+
+/* A bracket far too long: each picture is taken again with shorter exposures until it holds, and
+ * says the same as one that was well exposed at once. */
+static void test_too_bright(void) {
+    struct run *run = run_new((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});
     start(run);
     run_to_end(run);
-    g_assert_nonnull(strstr(run->told->str, "saturated"));
+    g_assert_nonnull(strstr(run->told->str, "taken again at 25000 µs"));
+    g_assert_null(strstr(run->told->str, "saturated in the shortest exposure"));
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    int shorter = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind != SHOT_LAMP || !(shot->cameras & 1))
+            continue;
+        struct exr_part *part = radiance_of(run->session, shot);
+        const char *exposures = NULL;
+        g_assert_true(exr_get_string(part, "mesorig.exposures_us", &exposures, NULL));
+        shorter += !g_str_equal(exposures, "100000");
+        exr_part_free(part);
+        check_same_radiance(run->session, undisturbed(), shot);
+    }
+    g_assert_cmpint(shorter, >, 0);
+    run_free(run);
+}
+
+/* Where retaking is not wanted, the picture is kept, and told of. */
+static void test_saturated(void) {
+    struct run *run = run_new(
+        (const struct change[]){{"[capture]", "exposures_us = 400000\nsaturated_pct = 100"}, {0}});
+    start(run);
+    run_to_end(run);
+    g_assert_nonnull(strstr(run->told->str, "saturated in the shortest exposure"));
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
     g_autoptr(GPtrArray) shots = session_shots(session, &error);
@@ -824,6 +875,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/capture/refused", test_refused);
     g_test_add_func("/capture/disk-full", test_disk_full);
     g_test_add_func("/capture/keep-laser-frames", test_keep_laser_frames);
+    g_test_add_func("/capture/too-bright", test_too_bright);
     g_test_add_func("/capture/saturated", test_saturated);
     g_test_add_func("/fault/stale-old", test_stale_old);
     g_test_add_func("/fault/stale-relabelled", test_stale_relabelled);
