@@ -6,6 +6,8 @@
 
 #include <gio/gio.h>
 
+G_BEGIN_DECLS
+
 struct picture {
     char *name;     /* for messages: a path */
     char *checksum; /* SHA-256 of the file, 64 hexadecimal digits */
@@ -23,3 +25,5 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Picture, picture_free)
  * sharp as the sensor, where what is seen is grey under one light; else the mosaic stays visible.
  * FALSE: unknown name. */
 gboolean picture_balance(struct picture *picture, const char *cfa);
+
+G_END_DECLS

@@ -1,0 +1,313 @@
+#include "vision.h"
+
+#include <opencv2/aruco.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+
+G_DEFINE_QUARK(vision_error, vision_error)
+
+namespace {
+
+/* OpenCV also prints what it throws; one message is enough. */
+const bool quiet = [] {
+    cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
+    return true;
+}();
+
+/* Runs what may throw. */
+template <typename Work> bool guarded(GError **error, const char *what, Work work) {
+    try {
+        return work();
+    } catch (const cv::Exception &e) {
+        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: OpenCV: %s", what,
+                    e.err.c_str());
+    } catch (const std::exception &e) {
+        g_set_error(error, VISION_ERROR, VISION_ERROR_FAILED, "%s: %s", what, e.what());
+    }
+    return false;
+}
+
+struct name_of_dictionary {
+    const char *name;
+    cv::aruco::PREDEFINED_DICTIONARY_NAME value;
+};
+const name_of_dictionary dictionaries[] = {
+    {"4x4_50", cv::aruco::DICT_4X4_50},
+    {"4x4_100", cv::aruco::DICT_4X4_100},
+    {"4x4_250", cv::aruco::DICT_4X4_250},
+    {"4x4_1000", cv::aruco::DICT_4X4_1000},
+    {"5x5_50", cv::aruco::DICT_5X5_50},
+    {"5x5_100", cv::aruco::DICT_5X5_100},
+    {"5x5_250", cv::aruco::DICT_5X5_250},
+    {"5x5_1000", cv::aruco::DICT_5X5_1000},
+    {"6x6_50", cv::aruco::DICT_6X6_50},
+    {"6x6_100", cv::aruco::DICT_6X6_100},
+    {"6x6_250", cv::aruco::DICT_6X6_250},
+    {"6x6_1000", cv::aruco::DICT_6X6_1000},
+    {"7x7_50", cv::aruco::DICT_7X7_50},
+    {"7x7_100", cv::aruco::DICT_7X7_100},
+    {"7x7_250", cv::aruco::DICT_7X7_250},
+    {"7x7_1000", cv::aruco::DICT_7X7_1000},
+    {"aruco_original", cv::aruco::DICT_ARUCO_ORIGINAL},
+};
+
+cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
+    for (const auto &d : dictionaries)
+        if (std::strcmp(d.name, name) == 0)
+            return cv::aruco::getPredefinedDictionary(d.value);
+    return {};
+}
+
+/* Eight bits between the first and last per cent, with more of them in the dark: edges are found in
+ * shadow, too. */
+cv::Mat to_bytes(const picture *from) {
+    const cv::Mat linear(from->height, from->width, CV_32F, from->values);
+    cv::Mat sorted = linear.clone().reshape(1, 1);
+    cv::patchNaNs(sorted, 0);
+    cv::sort(sorted, sorted, cv::SORT_EVERY_ROW | cv::SORT_ASCENDING);
+    const int n = sorted.cols;
+    const float low = sorted.at<float>(n / 100), high = sorted.at<float>(n - 1 - n / 200);
+    cv::Mat scaled = (linear - low) / std::max(high - low, 1e-12f);
+    cv::patchNaNs(scaled, 0);
+    cv::max(scaled, 0, scaled);
+    cv::min(scaled, 1, scaled);
+    cv::sqrt(scaled, scaled);
+    cv::Mat bytes;
+    scaled.convertTo(bytes, CV_8U, 255);
+    return bytes;
+}
+
+double linear_of_srgb(double v) {
+    return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+}
+
+void fill(picture *to, const cv::Mat &grey) {
+    std::array<float, 256> table{};
+    for (int i = 0; i < 256; i++)
+        table[(gsize)i] = (float)linear_of_srgb(i / 255.0);
+    for (int y = 0; y < grey.rows; y++)
+        for (int x = 0; x < grey.cols; x++) {
+            float &v = to->values[(gsize)y * (gsize)grey.cols + (gsize)x];
+            if (grey.depth() == CV_8U)
+                v = table[grey.at<guint8>(y, x)];
+            else if (grey.depth() == CV_16U)
+                v = (float)grey.at<guint16>(y, x) / 65535;
+            else
+                v = grey.at<float>(y, x);
+        }
+}
+
+/* Markers smaller than a few pixels a cell are found in an enlarged picture. */
+constexpr int ENLARGED_BELOW = 1200;
+
+int enlargement(const cv::Mat &m) {
+    const int longest = std::max(m.cols, m.rows);
+    return longest * 3 <= ENLARGED_BELOW ? 3 : longest * 2 <= ENLARGED_BELOW * 3 / 2 ? 2 : 1;
+}
+
+cv::Ptr<cv::aruco::DetectorParameters> detector() {
+    auto p = cv::aruco::DetectorParameters::create();
+    p->adaptiveThreshWinSizeMin = 5;
+    p->adaptiveThreshWinSizeMax = 45;
+    p->adaptiveThreshWinSizeStep = 10;
+    p->minMarkerPerimeterRate = 0.02;
+    /* A marker lies so close within its white square that it would be taken for it. */
+    p->minMarkerDistanceRate = 0.005;
+    p->perspectiveRemovePixelPerCell = 6;
+    p->maxErroneousBitsInBorderRate = 0.25;
+    p->errorCorrectionRate = 0.4;
+    return p;
+}
+
+bool has_marker(const GArray *found, int id) {
+    for (guint i = 0; i < found->len; i++)
+        if (g_array_index(found, struct vision_marker, i).id == id)
+            return true;
+    return false;
+}
+
+/* Those not found before. */
+void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, int scale,
+                 bool mirrored) {
+    cv::Mat scaled = bytes;
+    std::vector<std::vector<cv::Point2f>> corners;
+    std::vector<int> ids;
+    if (scale > 1)
+        cv::resize(bytes, scaled, {}, scale, scale, cv::INTER_CUBIC);
+    cv::aruco::detectMarkers(scaled, dictionary_of(dictionary), corners, ids, detector());
+    for (gsize i = 0; i < ids.size(); i++) {
+        struct vision_marker marker = {ids[i], {}};
+        for (gsize k = 0; k < 4; k++) {
+            const double x = ((double)corners[i][k].x + 0.5) / scale - 0.5;
+            marker.corners_px[k][0] = mirrored ? bytes.cols - 1 - x : x;
+            marker.corners_px[k][1] = ((double)corners[i][k].y + 0.5) / scale - 0.5;
+        }
+        if (!has_marker(found, marker.id))
+            g_array_append_val(found, marker);
+    }
+}
+
+cv::Mat rows_of(const double *points, int n, int first) {
+    cv::Mat m(n, 1, CV_64FC2);
+    for (int i = 0; i < n; i++)
+        m.at<cv::Vec2d>(i) = {points[4 * i + first], points[4 * i + first + 1]};
+    return m;
+}
+
+} // namespace
+
+struct picture *vision_read(const char *path, GError **error) {
+    g_autofree char *text = nullptr;
+    gsize length = 0;
+    if (!g_file_get_contents(path, &text, &length, error))
+        return nullptr;
+    struct picture *ret = nullptr;
+    guarded(error, path, [&] {
+        if (length > 0 && length <= G_MAXINT) {
+            const cv::Mat bytes(1, (int)length, CV_8U, text);
+            const cv::Mat grey = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH |
+                                                         cv::IMREAD_IGNORE_ORIENTATION);
+            if (!grey.empty() &&
+                (grey.depth() == CV_8U || grey.depth() == CV_16U || grey.depth() == CV_32F)) {
+                g_autofree char *sum =
+                    g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)text, length);
+                ret = picture_new(path, sum, grey.cols, grey.rows);
+                fill(ret, grey);
+            }
+        }
+        if (!ret)
+            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                        "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+        return ret != nullptr;
+    });
+    return ret;
+}
+
+int vision_dictionary(const char *name, int *ret_markers) {
+    int cells = 0;
+    guarded(nullptr, name, [&] {
+        const auto d = dictionary_of(name);
+        cells = d ? d->markerSize : 0;
+        if (ret_markers)
+            *ret_markers = d ? d->bytesList.rows : 0;
+        return true;
+    });
+    return cells;
+}
+
+gboolean vision_marker_bits(const char *dictionary, int id, guint8 *ret_bits) {
+    return guarded(nullptr, dictionary, [&] {
+        const auto d = dictionary_of(dictionary);
+        if (!d || id < 0 || id >= d->bytesList.rows)
+            return false;
+        const cv::Mat bits = cv::aruco::Dictionary::getBitsFromByteList(
+            d->bytesList.rowRange(id, id + 1), d->markerSize);
+        for (int i = 0; i < d->markerSize; i++)
+            for (int j = 0; j < d->markerSize; j++)
+                ret_bits[i * d->markerSize + j] = bits.at<guint8>(i, j);
+        return true;
+    });
+}
+
+GArray *vision_find_markers(const struct picture *picture, const char *dictionary,
+                            gboolean mirrored, GError **error) {
+    GArray *found = g_array_new(FALSE, FALSE, sizeof(struct vision_marker));
+    const bool ok = guarded(error, picture->name, [&] {
+        cv::Mat bytes = to_bytes(picture);
+        if (mirrored)
+            cv::flip(bytes, bytes, 1);
+        add_markers(found, bytes, dictionary, 1, mirrored);
+        if (enlargement(bytes) > 1)
+            add_markers(found, bytes, dictionary, enlargement(bytes), mirrored);
+        return true;
+    });
+    if (!ok)
+        g_clear_pointer(&found, g_array_unref);
+    return found;
+}
+
+gboolean vision_find_chessboard(const struct picture *picture, int columns, int rows,
+                                double *ret_xy_px, GError **error) {
+    return guarded(error, picture->name, [&] {
+        cv::Mat bytes = to_bytes(picture);
+        const int scale = enlargement(bytes);
+        if (scale > 1)
+            cv::resize(bytes, bytes, {}, scale, scale, cv::INTER_CUBIC);
+        std::vector<cv::Point2f> corners;
+        if (!cv::findChessboardCornersSB(bytes, {columns - 1, rows - 1}, corners,
+                                         cv::CALIB_CB_NORMALIZE_IMAGE))
+            return false;
+        for (gsize i = 0; i < corners.size(); i++) {
+            ret_xy_px[2 * i] = ((double)corners[i].x + 0.5) / scale - 0.5;
+            ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
+        }
+        return true;
+    });
+}
+
+gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
+                           double tolerance_px, double ret_h[9], guint8 *ret_good) {
+    return n >= 4 && guarded(nullptr, "homography", [&] {
+               const cv::Mat from(n, 1, CV_64FC2, (void *)from_xy),
+                   to(n, 1, CV_64FC2, (void *)to_xy_px);
+               cv::Mat good;
+               const cv::Mat h = cv::findHomography(from, to, cv::RANSAC, tolerance_px, good);
+               if (h.empty())
+                   return false;
+               std::memcpy(ret_h, h.ptr<double>(), sizeof(double) * 9);
+               for (int i = 0; i < n; i++)
+                   ret_good[i] = good.at<guint8>(i);
+               return true;
+           });
+}
+
+gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
+                             int height, double ret_focal_px[2], double ret_centre_px[2],
+                             GError **error) {
+    return guarded(error, "the camera's first guess", [&] {
+        std::vector<std::vector<cv::Point3f>> target((gsize)n_views);
+        std::vector<std::vector<cv::Point2f>> seen((gsize)n_views);
+        for (int v = 0; v < n_views; v++)
+            for (int i = 0; i < n[v]; i++) {
+                const double *p = points[v] + 4 * i;
+                target[(gsize)v].emplace_back((float)p[0], (float)p[1], 0.0f);
+                seen[(gsize)v].emplace_back((float)p[2], (float)p[3]);
+            }
+        cv::Mat camera, distortion;
+        std::vector<cv::Mat> turns, shifts;
+        cv::calibrateCamera(target, seen, {width, height}, camera, distortion, turns, shifts,
+                            cv::CALIB_FIX_ASPECT_RATIO | cv::CALIB_ZERO_TANGENT_DIST |
+                                cv::CALIB_FIX_K1 | cv::CALIB_FIX_K2 | cv::CALIB_FIX_K3);
+        ret_focal_px[0] = camera.at<double>(0, 0);
+        ret_focal_px[1] = camera.at<double>(1, 1);
+        ret_centre_px[0] = camera.at<double>(0, 2);
+        ret_centre_px[1] = camera.at<double>(1, 2);
+        return std::isfinite(ret_focal_px[0]) && ret_focal_px[0] > 0;
+    });
+}
+
+gboolean vision_pose(const double *points, int n, const double focal_px[2],
+                     const double centre_px[2], double ret_rotation[9], double ret_shift_mm[3]) {
+    return n >= 4 && guarded(nullptr, "pose", [&] {
+               cv::Mat target(n, 1, CV_64FC3);
+               for (int i = 0; i < n; i++)
+                   target.at<cv::Vec3d>(i) = {points[4 * i], points[4 * i + 1], 0};
+               const cv::Matx33d camera(focal_px[0], 0, centre_px[0], 0, focal_px[1], centre_px[1],
+                                        0, 0, 1);
+               std::vector<cv::Mat> turns, shifts;
+               cv::solvePnPGeneric(target, rows_of(points, n, 2), camera, cv::noArray(), turns,
+                                   shifts, false, cv::SOLVEPNP_IPPE);
+               if (turns.empty())
+                   return false;
+               cv::Mat rotation;
+               cv::Rodrigues(turns[0], rotation);
+               std::memcpy(ret_rotation, rotation.ptr<double>(), sizeof(double) * 9);
+               std::memcpy(ret_shift_mm, shifts[0].ptr<double>(), sizeof(double) * 3);
+               return true;
+           });
+}
