@@ -88,9 +88,10 @@ static void show_devices(Bus *bus) {
 static void show_thumbnails(Bus *bus) {
     const gint64 now_us = g_get_monotonic_time();
     for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
+        if (now_us < bus->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
+            continue; /* before it is made, which costs most */
         const struct capture_thumbnail *thumbnail = capture_thumbnail(bus->capture, i);
-        if (!thumbnail || thumbnail->time_s == bus->thumbnail_time_s[i] ||
-            now_us < bus->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
+        if (!thumbnail || thumbnail->time_s == bus->thumbnail_time_s[i])
             continue;
         bus->thumbnail_time_s[i] = thumbnail->time_s;
         bus->thumbnail_sent_us[i] = now_us;
