@@ -1,22 +1,22 @@
 #include "eigenmaps_view.h"
 
-#include "directions.h"
+#include "direction_table.h"
 #include "gpu.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
 #include <string.h>
 
-#define VIEW_TABLE  256
-#define LIGHT_TABLE 512
-#define HALF_MAX    65504.0f
-#define FINE_BYTES  ((gsize)128 << 20) /* of textures refined at most, see put_layer() */
-#define ANISOTROPY  4.0f
+#define VIEW_TABLE 256
+#define HALF_MAX   65504.0f
+#define FINE_BYTES ((gsize)128 << 20) /* of textures refined at most, see put_layer() */
+#define ANISOTROPY 4.0f
 
 struct EigenmapsView {
     int n_terms, n_layers; /* layers a term */
     gboolean refined;      /* level 0 is twice as fine as the material */
-    guint maps, view_weights, light_indices, light_weights;
+    guint maps, view_weights;
+    struct direction_table lights;
 };
 
 static gboolean check(const struct eigenmaps *maps, GError **error) {
@@ -178,38 +178,6 @@ static gboolean upload_maps(EigenmapsView *view, const struct eigenmaps *maps, c
     return gpu_check("the material's texture", error);
 }
 
-/* shares: of each light in the mean that is the pole. */
-static void pole_shares(const Directions *directions, float *shares) {
-    int n;
-    const int *members = directions_pole(directions, &n);
-    for (int k = 0; k < n; k++)
-        shares[members[k]] += 1.0f / n;
-}
-
-static void upload_lights(EigenmapsView *view, Directions *directions) {
-    g_autofree guint16 *indices = g_new(guint16, 4 * LIGHT_TABLE * LIGHT_TABLE);
-    g_autofree float *weights = g_new(float, 4 * LIGHT_TABLE * LIGHT_TABLE);
-    double step = 2.0 / LIGHT_TABLE;
-    for (int j = 0; j < LIGHT_TABLE; j++)
-        for (int i = 0; i < LIGHT_TABLE; i++) {
-            gsize at = 4 * ((gsize)j * LIGHT_TABLE + i);
-            struct vec3 light =
-                directions_from_square(-1.0 + (i + 0.5) * step, -1.0 + (j + 0.5) * step);
-            struct direction_weights w;
-            directions_weights(directions, light, &w);
-            double fade = directions_fade(directions, light);
-            for (int k = 0; k < 4; k++) {
-                indices[at + k] = w.index[k];
-                weights[at + k] = fade * w.weight[k];
-            }
-        }
-    view->light_indices = gpu_texture(GL_RGBA16UI, LIGHT_TABLE, LIGHT_TABLE, 0);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, LIGHT_TABLE, LIGHT_TABLE, GL_RGBA_INTEGER,
-                    GL_UNSIGNED_SHORT, indices);
-    view->light_weights = gpu_texture(GL_RGBA16, LIGHT_TABLE, LIGHT_TABLE, 0);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, LIGHT_TABLE, LIGHT_TABLE, GL_RGBA, GL_FLOAT, weights);
-}
-
 static float weight_at(const struct eigenmaps *maps, const Directions *views, int term,
                        const struct direction_weights *at) {
     const float *w = maps->weights + (gsize)term * maps->n_views;
@@ -270,9 +238,9 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
     view->n_terms = maps->n_terms;
     view->n_layers = maps->n_lights + 2;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    pole_shares(lights, pole);
+    direction_table_pole_shares(lights, pole, maps->n_lights);
     directions_sky(lights, ambient);
-    upload_lights(view, lights);
+    view->lights = direction_table_new(lights, TRUE);
     upload_views(view, maps, views);
     if (!upload_maps(view, maps, pole, ambient, error))
         return NULL;
@@ -282,24 +250,23 @@ EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) 
 void eigenmaps_view_free(EigenmapsView *view) {
     if (view == NULL)
         return;
-    const GLuint textures[] = {view->maps, view->view_weights, view->light_indices,
-                               view->light_weights};
+    const GLuint textures[] = {view->maps, view->view_weights};
+    direction_table_clear(&view->lights);
     glDeleteTextures(G_N_ELEMENTS(textures), textures);
     g_free(view);
 }
 
-static void bind(guint program, const char *name, int unit, GLenum target, guint texture) {
+static void bind(guint program, const char *name, int unit, guint texture) {
     glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(target, texture);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture);
     glUniform1i(glGetUniformLocation(program, name), unit);
 }
 
 static void bind_all(gpointer material, guint program, gboolean nearest) {
     const EigenmapsView *view = material;
-    bind(program, "view_weights", 1, GL_TEXTURE_2D_ARRAY, view->view_weights);
-    bind(program, "light_indices", 2, GL_TEXTURE_2D, view->light_indices);
-    bind(program, "light_weights", 3, GL_TEXTURE_2D, view->light_weights);
-    bind(program, "maps", 0, GL_TEXTURE_2D_ARRAY, view->maps);
+    bind(program, "view_weights", 1, view->view_weights);
+    direction_table_bind(&view->lights, program, "light", 2);
+    bind(program, "maps", 0, view->maps);
     glActiveTexture(GL_TEXTURE0);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, nearest && view->refined ? 1 : 0);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER,
@@ -320,7 +287,7 @@ static void free_view(gpointer material) {
     eigenmaps_view_free(material);
 }
 
-static const char *const shader_names[] = {"eigenmaps.glsl", NULL};
+static const char *const shader_names[] = {"directions.glsl", "eigenmaps.glsl", NULL};
 
 const struct method method_eigenmaps = {
     .name = "eigenmaps",
