@@ -1,5 +1,6 @@
 #include "devices_private.h"
 
+#include "drivers/aravis/camera.h"
 #include "drivers/modbus/devices.h"
 #include "drivers/usb/relays.h"
 #include "drivers/usb/tic.h"
@@ -12,7 +13,7 @@ static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modb
                                                          &tic_axis_driver, NULL};
 static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &modbus_relays_driver,
                                                            &usb_relays_driver, NULL};
-static const struct camera_driver *const camera_drivers[] = {&sim_camera_driver, NULL};
+static const struct camera_driver *const camera_drivers[] = {&sim_camera_driver, &aravis_camera_driver, NULL};
 static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &modbus_laser_driver,
                                                            &usb_relay_laser_driver, NULL};
 static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,

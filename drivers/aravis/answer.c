@@ -1,0 +1,125 @@
+#include "answer.h"
+
+#include <math.h>
+#include <string.h>
+
+/* How far two quartzes drift apart. */
+#define DRIFT       100e-6
+#define ROUNDING_US 20
+
+/* Block ids of GigE Vision have 16 bits, and 0 is left out. */
+#define ID_TURN  65535
+#define ID_LATE  60000
+#define ID_EARLY 5000
+
+void answer_begin(struct answer_state *state) {
+    state->base = state->last_raw = 0;
+}
+
+static guint64 extend_id(struct answer_state *state, guint64 raw) {
+    if (raw < ID_EARLY && state->last_raw > ID_LATE && state->last_raw <= ID_TURN)
+        state->base += ID_TURN;
+    state->last_raw = raw;
+    return state->base + raw;
+}
+
+static gint64 slack_us(const struct answer_state *state, gint64 now_us) {
+    return (gint64)(state->clock.error_us + DRIFT * (double)(now_us - state->asked_us)) +
+           ROUNDING_US;
+}
+
+/* FALSE: before the trigger. What lies before it, or ahead of us, by less than the clocks are known
+ * is the trigger's, or now. */
+static gboolean map_stamp(const struct answer_state *state, double stamp_us, gint64 *ret_start_us,
+                          gint64 *ret_before_us) {
+    gint64 now = g_get_monotonic_time(), slack = slack_us(state, now);
+    gint64 start = (gint64)(stamp_us + state->clock.offset_us);
+    if (state->stamp_is_end)
+        start -= state->exposure_us;
+    *ret_before_us = state->sent_us - start;
+    if (*ret_before_us > slack)
+        return FALSE;
+    gint64 ahead = start + state->exposure_us - now;
+    if (ahead > 0 && ahead <= slack)
+        start -= ahead;
+    *ret_start_us = MAX(start, state->sent_us);
+    return TRUE;
+}
+
+/* A camera without a clock: when its picture began to come must do. */
+static gboolean map_arrival(const struct answer_state *state, ArvBuffer *buffer,
+                            gint64 *ret_start_us, gint64 *ret_before_us) {
+    gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
+    gint64 came_us = g_get_monotonic_time() - (g_get_real_time() - real_us);
+    *ret_start_us = state->sent_us;
+    *ret_before_us = state->sent_us - came_us;
+    return *ret_before_us <= 0;
+}
+
+static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gint64 *ret_start_us,
+                         gint64 *ret_before_us) {
+    guint64 stamp_ns = arv_buffer_get_timestamp(buffer);
+    *ret_start_us = state->sent_us;
+    if (state->clock.valid && stamp_ns > 0)
+        return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
+    if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
+        return TRUE; /* its first packet is missing; it will be refused */
+    return map_arrival(state, buffer, ret_start_us, ret_before_us);
+}
+
+static gboolean fill(Frame *frame, ArvBuffer *buffer, const struct aravis_format *format,
+                     GError **error) {
+    gsize size = 0, needed = aravis_format_bytes(format, frame->width, frame->height);
+    const guint8 *bytes = arv_buffer_get_data(buffer, &size);
+    if (size < needed) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                    "its picture has %zu bytes, but %d × %d %s are %zu", size, frame->width,
+                    frame->height, format->name, needed);
+        return FALSE;
+    }
+    aravis_unpack(format, bytes, (gsize)frame->width * (gsize)frame->height, frame->pixels);
+    return TRUE;
+}
+
+static Frame *unpack(const struct answer_state *state, ArvBuffer *buffer, GError **error) {
+    const struct aravis_limits *limits = state->limits;
+    gsize n = (gsize)limits->width * (gsize)limits->height;
+    if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) {
+        Frame *frame = frame_new(limits->width, limits->height);
+        memset(frame->pixels, 0, n * sizeof *frame->pixels);
+        frame->incomplete = TRUE;
+        return frame;
+    }
+    guint32 code = arv_buffer_get_image_pixel_format(buffer);
+    int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
+    if (code != limits->format->code || width != limits->width || height != limits->height) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                    "its picture is %d × %d of format 0x%08x, not %d × %d %s as it was set up; "
+                    "another program has changed it",
+                    width, height, code, limits->width, limits->height, limits->format->name);
+        return NULL;
+    }
+    g_autoptr(Frame) frame = frame_new(width, height);
+    frame->incomplete = FALSE;
+    return fill(frame, buffer, limits->format, error) ? g_steal_pointer(&frame) : NULL;
+}
+
+Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,
+                    GError **error) {
+    const struct aravis_limits *limits = state->limits;
+    gint64 start_us;
+    if (!map_time(state, buffer, &start_us, ret_before_us))
+        return NULL;
+    Frame *frame = unpack(state, buffer, error);
+    if (!frame)
+        return NULL;
+    frame->shot = state->shot;
+    frame->id = extend_id(state, arv_buffer_get_frame_id(buffer));
+    frame->exposure_us = state->exposure_us;
+    frame->exposure_start_us = start_us;
+    frame->exposure_end_us = start_us + state->exposure_us;
+    frame->cfa = limits->format->cfa;
+    frame->bits = limits->bits;
+    frame->black_level = limits->black_level;
+    return frame;
+}

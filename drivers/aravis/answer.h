@@ -1,0 +1,23 @@
+/* From what a camera has sent to a frame of ours: which picture it is, when it was exposed, and its
+ * pixels. */
+#pragma once
+
+#include "device.h"
+
+struct answer_state {
+    const struct aravis_limits *limits;
+    struct aravis_clock clock;
+    gint64 asked_us; /* when the clock was */
+    gint64 exposure_us;
+    guint64 shot;
+    gint64 sent_us; /* the trigger that waits */
+    guint64 base, last_raw;
+    gboolean stamp_is_end;
+};
+
+void answer_begin(struct answer_state *state); /* the camera is armed: ids may start anew */
+
+/* NULL with no error: exposed ret_before_us before the trigger, so not the answer. NULL with an
+ * error: something else than what was set up. */
+Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,
+                    GError **error);

@@ -1,0 +1,278 @@
+#include "camera.h"
+#include "worker.h"
+
+#include <math.h>
+
+/* After an old picture: how long to wait for the right one. */
+#define STALE_US G_USEC_PER_SEC
+
+/* How much longer than it was said to, an exposure may have lasted: less is the clocks' doubt. */
+#define OVERTIME_US 1000
+
+struct aravis_camera {
+    struct aravis_options options; /* first: the table is of it */
+    AravisWorker *worker;
+    struct aravis_limits limits;
+    struct camera_settings settings;
+    GError *lost;
+    guint exposed_timer, stale_timer;
+    gint64 exposed_us; /* when the exposure was said to be over; 0: it was not */
+    gint64 before_us;  /* of the old picture */
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct aravis_options, name)
+
+static const char *const stamps[] = {"start", "end", "none", NULL};
+
+static const struct option options[] = {
+    {"device", OPTION_STRING, NULL, 0, 0, NULL, NULL, FIELD(device),
+     "Which camera: an IP address, a serial number or Aravis's name for it"},
+    {"pixel_format", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(pixel_format),
+     "Mono8, 10, 12 or 16, or Bayer of any phase, also packed; default: the best that it has"},
+    {"bits", OPTION_INT, NULL, 0, 16, "0", NULL, FIELD(bits),
+     "Of the values in a picture; 0: as the pixel format says"},
+    {"width", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(width),
+     "Of the region that is read out; 0: all"},
+    {"height", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(height), "The same"},
+    {"offset_x", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(offset_x),
+     "Where on the sensor the region begins"},
+    {"offset_y", OPTION_INT, "px", 0, 65536, "0", NULL, FIELD(offset_y), "The same"},
+    {"black_level", OPTION_DOUBLE, NULL, -1, 1e6, "-1", NULL, FIELD(black_level),
+     "What the camera's BlackLevel is set to; -1: left as it is"},
+    {"black_level_dn", OPTION_DOUBLE, "DN", 0, 65535, "0", NULL, FIELD(black_level_dn),
+     "What its pictures read in the dark, to tell when they are not dark"},
+    {"gain_zero", OPTION_DOUBLE, NULL, 0, 0, "0", NULL, FIELD(gain_zero),
+     "What the camera's Gain is at 0 dB"},
+    {"gain_per_db", OPTION_DOUBLE, NULL, 1e-3, 1e6, "1", NULL, FIELD(gain_per_db),
+     "How much its Gain rises a dB"},
+    {"trigger", OPTION_STRING, NULL, 0, 0, "Software", NULL, FIELD(trigger),
+     "Software, or the camera's input that takes the trigger, such as Line1"},
+    {"pulse_path", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(pulse_path),
+     "For a trigger by an input: the file of the output that is wired to it; 1 and 0 are written "
+     "there, as to /sys/class/gpio/gpio17/value"},
+    {"trigger_ms", OPTION_DOUBLE, "ms", 0, 60000, "1", NULL, FIELD(trigger_ms),
+     "From the trigger to the start of the exposure, at most"},
+    {"readout_ms", OPTION_DOUBLE, "ms", 0, 60000, "30", NULL, FIELD(readout_ms),
+     "From the end of the exposure until the picture is here"},
+    {"stamp", OPTION_CHOICE, NULL, 0, 0, "start", stamps, FIELD(stamp),
+     "What the camera's time stamps mark: the start or the end of the exposure, or nothing of use"},
+    {"packet_size", OPTION_INT, "bytes", 0, 65507, "0", NULL, FIELD(packet_size),
+     "GigE: of stream packets; 0: the largest that gets through"},
+    {"packet_delay_ns", OPTION_INT, "ns", 0, 1000000000, "0", NULL, FIELD(packet_delay_ns),
+     "GigE: between packets, for cameras that share a line"},
+    {"socket_buffer_kib", OPTION_INT, "KiB", 64, 1048576, "4096", NULL, FIELD(socket_buffer_kib),
+     "GigE: room for packets that are not read yet; net.core.rmem_max must allow it"},
+    {"packet_socket", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(packet_socket),
+     "GigE: read packets past the kernel's UDP, if this process may"},
+    {"resend_ms", OPTION_DOUBLE, "ms", 0, 10000, "5", NULL, FIELD(resend_ms),
+     "GigE: how long a packet may be missing before it is asked for again"},
+    {"retention_ms", OPTION_DOUBLE, "ms", 1, 60000, "200", NULL, FIELD(retention_ms),
+     "GigE: how long after its last packet a picture may still become complete"},
+    {"features", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(features),
+     "Further settings of the camera: Name=value, separated by ';'"},
+    {NULL},
+};
+
+static void set_named(const Camera *camera, const GError *why, GError **error) {
+    g_set_error(error, why->domain, why->code, "camera %s: %s", camera->device.name, why->message);
+}
+
+static void clear_timers(Camera *camera) {
+    struct aravis_camera *priv = camera->device.priv;
+    clock_cancel(camera->device.clock, &priv->exposed_timer);
+    clock_cancel(camera->device.clock, &priv->stale_timer);
+    priv->exposed_us = 0;
+}
+
+static void on_exposed(gpointer data) {
+    Camera *camera = data;
+    struct aravis_camera *priv = camera->device.priv;
+    priv->exposed_timer = 0;
+    priv->exposed_us = clock_now_us(camera->device.clock);
+    camera_report_exposed(camera);
+}
+
+/* A picture is sent when it is exposed; but some cameras announce it earlier. */
+static void on_sending(gint64 sent_us, gpointer data) {
+    Camera *camera = data;
+    struct aravis_camera *priv = camera->device.priv;
+    gint64 over_us = sent_us + camera->format.trigger_us + priv->settings.exposure_us;
+    if (priv->exposed_timer == 0 && priv->exposed_us == 0)
+        priv->exposed_timer = clock_call_at(camera->device.clock, over_us, on_exposed, camera);
+}
+
+/* Lamps and axes may have moved on: what was said too early spoils the picture. (One from the
+ * future the class refuses.) */
+static gboolean was_exposed_in_time(Camera *camera, const Frame *frame) {
+    struct aravis_camera *priv = camera->device.priv;
+    gint64 over_us = priv->exposed_us > 0 ? frame->exposure_end_us - priv->exposed_us : 0;
+    if (over_us <= OVERTIME_US || frame->exposure_end_us > clock_now_us(camera->device.clock))
+        return TRUE;
+    camera_report_fault(
+        camera, g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                            "camera %s: it still exposed %.1f ms after it had begun to "
+                            "send; set trigger_ms to %.1f more",
+                            camera->device.name, (double)over_us / 1e3, (double)over_us / 1e3));
+    return FALSE;
+}
+
+static void on_frame(Frame *frame, gpointer data) {
+    Camera *camera = data;
+    gboolean good = was_exposed_in_time(camera, frame);
+    clear_timers(camera);
+    if (good)
+        camera_report_frame(camera, frame);
+    else
+        frame_unref(frame);
+}
+
+static void on_only_stale(gpointer data) {
+    Camera *camera = data;
+    struct aravis_camera *priv = camera->device.priv;
+    priv->stale_timer = 0;
+    clear_timers(camera);
+    camera_report_fault(camera, g_error_new(DEVICE_ERROR, DEVICE_ERROR_STALE,
+                                            "camera %s: it sent a picture exposed %.1f ms before "
+                                            "its trigger, and none after it",
+                                            camera->device.name, (double)priv->before_us / 1e3));
+}
+
+static void on_stale(gint64 before_us, gpointer data) {
+    Camera *camera = data;
+    struct aravis_camera *priv = camera->device.priv;
+    gint64 wait_us = priv->settings.exposure_us + camera->format.readout_us + STALE_US;
+    priv->before_us = before_us;
+    if (priv->stale_timer == 0)
+        priv->stale_timer = clock_call_in(camera->device.clock, wait_us, on_only_stale, camera);
+}
+
+static void on_failed(GError *error, gpointer data) {
+    Camera *camera = data;
+    GError *named = NULL;
+    set_named(camera, error, &named);
+    g_error_free(error);
+    clear_timers(camera);
+    camera_report_fault(camera, named);
+}
+
+static void on_lost(const GError *error, gpointer data) {
+    Camera *camera = data;
+    struct aravis_camera *priv = camera->device.priv;
+    g_clear_error(&priv->lost);
+    if (error)
+        set_named(camera, error, &priv->lost);
+}
+
+static const struct aravis_hooks hooks = {.sending = on_sending,
+                                          .frame = on_frame,
+                                          .stale = on_stale,
+                                          .failed = on_failed,
+                                          .lost = on_lost};
+
+static gboolean configure(Camera *camera, const struct camera_settings *settings, GError **error) {
+    struct aravis_camera *priv = camera->device.priv;
+    const struct aravis_limits *limits = &priv->limits;
+    if (settings->gain_db < limits->min_gain_db - 1e-9 ||
+        settings->gain_db > limits->max_gain_db + 1e-9) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "camera %s: cannot have a gain of %g dB, only %g to %g dB", camera->device.name,
+                    settings->gain_db, limits->min_gain_db, limits->max_gain_db);
+        return FALSE;
+    }
+    priv->settings = *settings;
+    aravis_worker_configure(priv->worker, settings->exposure_us, settings->gain_db);
+    return TRUE;
+}
+
+static gboolean is_there(const Camera *camera, GError **error) {
+    const struct aravis_camera *priv = camera->device.priv;
+    if (!priv->lost)
+        return TRUE;
+    g_propagate_error(error, g_error_copy(priv->lost));
+    return FALSE;
+}
+
+static gboolean arm(Camera *camera, GError **error) {
+    struct aravis_camera *priv = camera->device.priv;
+    if (!is_there(camera, error))
+        return FALSE;
+    clear_timers(camera);
+    aravis_worker_arm(priv->worker);
+    return TRUE;
+}
+
+static void disarm(Camera *camera) {
+    struct aravis_camera *priv = camera->device.priv;
+    clear_timers(camera);
+    aravis_worker_disarm(priv->worker);
+}
+
+static gboolean trigger(Camera *camera, guint64 shot, GError **error) {
+    struct aravis_camera *priv = camera->device.priv;
+    if (!is_there(camera, error))
+        return FALSE;
+    clear_timers(camera);
+    aravis_worker_trigger(priv->worker, shot);
+    return TRUE;
+}
+
+static gboolean check_options(const Camera *camera, GError **error) {
+    const struct aravis_options *given = camera->device.priv;
+    if (*given->pixel_format && !aravis_format_by_name(given->pixel_format)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, camera->device.section, "pixel_format",
+                         "\"%s\" cannot be measured with; choose Mono or BayerRG, BayerBG, "
+                         "BayerGR, BayerGB with 8, 10, 10p, 10Packed, 12, 12p, 12Packed or 16",
+                         given->pixel_format);
+        return FALSE;
+    }
+    if (!g_str_equal(given->trigger, "Software") && !*given->pulse_path) {
+        config_set_error(error, CONFIG_ERROR_MISSING, camera->device.section, "pulse_path",
+                         "must be given for a trigger by %s", given->trigger);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean open_camera(Camera *camera, GError **error) {
+    struct aravis_camera *priv = camera->device.priv;
+    const struct aravis_options *given = &priv->options;
+    g_autoptr(GError) why = NULL;
+    if (!check_options(camera, error))
+        return FALSE;
+    priv->worker =
+        aravis_worker_new(camera->device.name, given, &hooks, camera, &priv->limits, &why);
+    if (!priv->worker) {
+        set_named(camera, why, error);
+        return FALSE;
+    }
+    camera->format = (struct camera_format){
+        .width = priv->limits.width,
+        .height = priv->limits.height,
+        .cfa = priv->limits.format->cfa,
+        .bits = priv->limits.bits,
+        .black_level = priv->limits.black_level,
+        .min_exposure_us = priv->limits.min_exposure_us,
+        .max_exposure_us = priv->limits.max_exposure_us,
+        .trigger_us = (gint64)(given->trigger_ms * 1000),
+        .readout_us = (gint64)(given->readout_ms * 1000),
+    };
+    return TRUE;
+}
+
+static void close_camera(Camera *camera) {
+    struct aravis_camera *priv = camera->device.priv;
+    clear_timers(camera);
+    g_clear_pointer(&priv->worker, aravis_worker_free);
+    g_clear_error(&priv->lost);
+}
+
+const struct camera_driver aravis_camera_driver = {
+    .info = {"camera", "aravis", "A GigE Vision or USB3 Vision camera", options,
+             sizeof(struct aravis_camera)},
+    .open = open_camera,
+    .close = close_camera,
+    .configure = configure,
+    .arm = arm,
+    .disarm = disarm,
+    .trigger = trigger,
+};

@@ -1,0 +1,148 @@
+#include "connect.h"
+
+#include "drivers/device.h"
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define GVCP_PORT  3956
+#define PROBE_MS   300
+#define N_PROBES   3
+#define CONTROL_AT 0x0a00 /* the bootstrap register that says who controls the camera */
+#define RETRY_US   100000
+
+static GMutex list_lock;
+
+void aravis_list_lock(void) {
+    g_mutex_lock(&list_lock);
+}
+
+void aravis_list_unlock(void) {
+    g_mutex_unlock(&list_lock);
+}
+
+/* Asks for the control register: so that one that is not there is told in a second, not after the
+ * many time-outs of a full connection. */
+static gboolean probe(int fd, guint32 *ret_control) {
+    static const guint8 request[] = {0x42, 1, 0, 0x80, 0, 4, 0xab, 0xcd, 0, 0, CONTROL_AT >> 8, 0};
+    guint8 reply[64];
+    for (int i = 0; i < N_PROBES; i++) {
+        struct pollfd pollfd = {fd, POLLIN, 0};
+        if (send(fd, request, sizeof request, 0) < 0 || poll(&pollfd, 1, PROBE_MS) <= 0)
+            continue;
+        gssize n = recv(fd, reply, sizeof reply, 0);
+        if (n < 12 || memcmp(reply, "\0\0\0\x81", 4) != 0 || reply[6] != 0xab || reply[7] != 0xcd)
+            continue;
+        *ret_control =
+            (guint32)reply[8] << 24 | (guint32)reply[9] << 16 | (guint32)reply[10] << 8 | reply[11];
+        return TRUE;
+    }
+    return FALSE;
+}
+
+/* Also says which of our addresses is on the way there. */
+static gboolean ask(const char *ip, guint32 *ret_control, GInetAddress **ret_ours, GError **error) {
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(GVCP_PORT)}, ours;
+    socklen_t size = sizeof ours;
+    inet_pton(AF_INET, ip, &to.sin_addr);
+    int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    gboolean routed = fd >= 0 && connect(fd, (struct sockaddr *)&to, sizeof to) == 0 &&
+                      getsockname(fd, (struct sockaddr *)&ours, &size) == 0;
+    gboolean answered = routed && probe(fd, ret_control);
+    if (answered)
+        *ret_ours = g_inet_address_new_from_bytes((guint8 *)&ours.sin_addr, G_SOCKET_FAMILY_IPV4);
+    else
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                    routed ? "no camera answers at %s; check its power and cable"
+                           : "there is no way to %s; check the network's settings",
+                    ip);
+    if (fd >= 0)
+        close(fd);
+    return answered;
+}
+
+static ArvDevice *open_gige(const char *ip, GError **error) {
+    g_autoptr(GInetAddress) ours = NULL, theirs = g_inet_address_new_from_string(ip);
+    g_autoptr(GError) why = NULL;
+    guint32 control = 0;
+    if (!ask(ip, &control, &ours, error))
+        return NULL;
+    if (control & 3) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
+                    "another program controls it; end that program");
+        return NULL;
+    }
+    ArvDevice *device = arv_gv_device_new(ours, theirs, &why);
+    if (!device) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "%s: %s", ip,
+                    why ? why->message : "it cannot be opened");
+        return NULL;
+    }
+    if (arv_gv_device_is_controller(ARV_GV_DEVICE(device)))
+        return device;
+    g_object_unref(device);
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
+                "another program controls it; end that program");
+    return NULL;
+}
+
+static gboolean matches(guint i, const char *id) {
+    const char *names[] = {arv_get_device_id(i), arv_get_device_serial_nbr(i),
+                           arv_get_device_physical_id(i), arv_get_device_address(i)};
+    for (gsize k = 0; k < G_N_ELEMENTS(names); k++)
+        if (g_strcmp0(names[k], id) == 0)
+            return TRUE;
+    return FALSE;
+}
+
+/* Its address for GigE Vision, else what Aravis opens it by; NULL: not there. */
+static char *look_up(const char *id, gboolean *ret_gige, GError **error) {
+    char *found = NULL;
+    aravis_list_lock();
+    arv_update_device_list();
+    for (guint i = 0; i < arv_get_n_devices() && !found; i++) {
+        if (!matches(i, id))
+            continue;
+        *ret_gige = g_strcmp0(arv_get_device_protocol(i), "GigEVision") == 0;
+        found = g_strdup(*ret_gige ? arv_get_device_address(i) : arv_get_device_id(i));
+    }
+    aravis_list_unlock();
+    if (!found)
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                    "no camera \"%s\" is found; check its power and cable, and `arv-tool` or "
+                    "`mesorig devices` for its name",
+                    id);
+    return found;
+}
+
+static ArvDevice *open_other(const char *id, GError **error) {
+    g_autoptr(GError) why = NULL;
+    ArvDevice *device = arv_open_device(id, &why);
+    if (!device)
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "%s",
+                    why ? why->message : "it cannot be opened");
+    return device;
+}
+
+ArvDevice *aravis_connect(const char *id, double control_s, GError **error) {
+    gint64 until = g_get_monotonic_time() + (gint64)(control_s * 1e6);
+    g_autoptr(GInetAddress) address = g_inet_address_new_from_string(id);
+    gboolean gige = address != NULL;
+    g_autofree char *name = gige ? g_strdup(id) : look_up(id, &gige, error);
+    if (!name)
+        return NULL;
+    for (;;) {
+        g_autoptr(GError) why = NULL;
+        ArvDevice *device = gige ? open_gige(name, &why) : open_other(name, &why);
+        if (device)
+            return device;
+        if (why->code != DEVICE_ERROR_BUSY || g_get_monotonic_time() > until) {
+            g_propagate_error(error, g_steal_pointer(&why));
+            return NULL;
+        }
+        g_usleep(RETRY_US);
+    }
+}

@@ -1,0 +1,432 @@
+#include "device.h"
+
+#include "connect.h"
+#include "socket_buffer.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <string.h>
+#include <unistd.h>
+
+#define N_BUFFERS 6
+#define N_ASKED   5
+
+/* Bootstrap registers of every GigE Vision camera: its clock. */
+#define STAMP_CONTROL 0x0944
+#define STAMP_HIGH    0x0948
+#define STAMP_LOW     0x094c
+#define STAMP_LATCH   2
+
+#define PULSE_US 1000
+
+struct AravisDevice {
+    const struct aravis_options *options;
+    ArvDevice *device;
+    ArvCamera *camera;
+    ArvStream *stream;
+    struct aravis_limits limits;
+    double ticks_per_us; /* GigE Vision; 0: none */
+    gboolean sfnc_clock; /* TimestampLatch, in ns */
+};
+
+static enum device_error code_of(const GError *why) {
+    if (why->domain != ARV_DEVICE_ERROR)
+        return DEVICE_ERROR_PROTOCOL;
+    switch (why->code) {
+    case ARV_DEVICE_ERROR_TIMEOUT:
+        return DEVICE_ERROR_TIMEOUT;
+    case ARV_DEVICE_ERROR_NOT_CONNECTED:
+    case ARV_DEVICE_ERROR_TRANSFER_ERROR:
+    case ARV_DEVICE_ERROR_NOT_CONTROLLER:
+    case ARV_DEVICE_ERROR_PROTOCOL_ERROR_ACCESS_DENIED:
+        return DEVICE_ERROR_DISCONNECTED;
+    case ARV_DEVICE_ERROR_FEATURE_NOT_FOUND:
+    case ARV_DEVICE_ERROR_WRONG_FEATURE:
+        return DEVICE_ERROR_UNSUPPORTED;
+    default:
+        return DEVICE_ERROR_PROTOCOL;
+    }
+}
+
+/* FALSE if there is an error, which is freed and told as what could not be done. */
+static gboolean check(GError *why, const char *what, GError **error) {
+    if (!why)
+        return TRUE;
+    enum device_error code = code_of(why);
+    if (code == DEVICE_ERROR_TIMEOUT)
+        g_set_error(error, DEVICE_ERROR, code, "it does not answer (%s); check its power and cable",
+                    what);
+    else if (code == DEVICE_ERROR_DISCONNECTED)
+        g_set_error(error, DEVICE_ERROR, code,
+                    "control of it was lost (%s: %s); check its cable, and that no other program "
+                    "uses it",
+                    what, why->message);
+    else
+        g_set_error(error, DEVICE_ERROR, code, "%s: %s", what, why->message);
+    g_error_free(why);
+    return FALSE;
+}
+
+gboolean aravis_device_is_lost(const GError *error) {
+    return g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT) ||
+           g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+}
+
+static gboolean has(AravisDevice *device, const char *feature) {
+    return arv_camera_is_feature_available(device->camera, feature, NULL);
+}
+
+/* A measurement wants nothing done to its pictures that it did not ask for. */
+static gboolean switch_off_automatics(AravisDevice *device, GError **error) {
+    static const char *const automatics[] = {"ExposureAuto", "GainAuto", "BlackLevelAuto",
+                                             "BalanceWhiteAuto"};
+    GError *why = NULL;
+    for (gsize i = 0; i < G_N_ELEMENTS(automatics); i++) {
+        if (!has(device, automatics[i]))
+            continue;
+        arv_camera_set_string(device->camera, automatics[i], "Off", &why);
+        if (!check(why, automatics[i], error))
+            return FALSE;
+    }
+    if (has(device, "GammaEnable"))
+        arv_camera_set_boolean(device->camera, "GammaEnable", FALSE, &why);
+    if (check(why, "GammaEnable", error) && has(device, "AcquisitionMode"))
+        arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
+    else if (error && *error)
+        return FALSE;
+    return check(why, "AcquisitionMode", error);
+}
+
+static gboolean set_features(AravisDevice *device, GError **error) {
+    for (char **f = device->options->features; f && *f; f++) {
+        GError *why = NULL;
+        g_autofree char *what = g_strdup_printf("features: %s", *f);
+        arv_device_set_features_from_string(device->device, *f, &why);
+        if (!check(why, what, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static const struct aravis_format *best_of(const gint64 *codes, guint n) {
+    for (const struct aravis_format *f = aravis_formats; f->name; f++)
+        for (guint i = 0; i < n; i++)
+            if (codes[i] == f->code)
+                return f;
+    return NULL;
+}
+
+static char *names_of(const gint64 *codes, guint n) {
+    GString *names = g_string_new(NULL);
+    for (guint i = 0; i < n; i++) {
+        const struct aravis_format *f = aravis_format_by_code((guint32)codes[i]);
+        if (f)
+            g_string_append_printf(names, "%s%s", names->len ? ", " : "", f->name);
+    }
+    return g_string_free(names, FALSE);
+}
+
+static gboolean set_format(AravisDevice *device, GError **error) {
+    const char *wanted = device->options->pixel_format;
+    guint n = 0;
+    GError *why = NULL;
+    g_autofree gint64 *codes = arv_camera_dup_available_pixel_formats(device->camera, &n, &why);
+    if (!check(why, "PixelFormat", error))
+        return FALSE;
+    const struct aravis_format *format =
+        *wanted ? aravis_format_by_name(wanted) : best_of(codes, n);
+    gboolean there = FALSE;
+    for (guint i = 0; format && i < n; i++)
+        there |= codes[i] == format->code;
+    if (!there) {
+        g_autofree char *names = names_of(codes, n);
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "pixel_format: it has no \"%s\" to measure with; choose from: %s", wanted,
+                    names);
+        return FALSE;
+    }
+    device->limits.format = format;
+    device->limits.bits = device->options->bits > 0 ? device->options->bits : format->bits;
+    arv_camera_set_pixel_format(device->camera, format->code, &why);
+    return check(why, format->name, error);
+}
+
+static gboolean set_region(AravisDevice *device, GError **error) {
+    const struct aravis_options *options = device->options;
+    int sensor_width = 0, sensor_height = 0, x, y;
+    struct aravis_limits *limits = &device->limits;
+    GError *why = NULL;
+    arv_camera_get_sensor_size(device->camera, &sensor_width, &sensor_height, &why);
+    if (!check(why, "SensorWidth", error))
+        return FALSE;
+    int width = options->width > 0 ? options->width : sensor_width - options->offset_x;
+    int height = options->height > 0 ? options->height : sensor_height - options->offset_y;
+    if (width + options->offset_x > sensor_width || height + options->offset_y > sensor_height) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "a region of %d × %d at %d, %d does not fit its sensor of %d × %d", width,
+                    height, options->offset_x, options->offset_y, sensor_width, sensor_height);
+        return FALSE;
+    }
+    arv_camera_set_region(device->camera, options->offset_x, options->offset_y, width, height,
+                          &why);
+    if (why == NULL)
+        arv_camera_get_region(device->camera, &x, &y, &limits->width, &limits->height, &why);
+    return check(why, "Width, Height, OffsetX, OffsetY", error);
+}
+
+static gboolean set_black_level(AravisDevice *device, GError **error) {
+    GError *why = NULL;
+    device->limits.black_level = device->options->black_level_dn;
+    if (device->options->black_level >= 0)
+        arv_camera_set_black_level(device->camera, device->options->black_level, &why);
+    return check(why, "black_level", error);
+}
+
+static gboolean set_trigger(AravisDevice *device, GError **error) {
+    const char *source = device->options->trigger;
+    GError *why = NULL;
+    if (has(device, "TriggerSource") &&
+        !arv_camera_is_enumeration_entry_available(device->camera, "TriggerSource", source, NULL)) {
+        guint n = 0;
+        g_autofree const char **names =
+            arv_camera_dup_available_trigger_sources(device->camera, &n, NULL);
+        g_autoptr(GString) list = g_string_new(NULL);
+        for (guint i = 0; names && i < n; i++)
+            g_string_append_printf(list, "%s%s", i ? ", " : "", names[i]);
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "trigger: it has no source \"%s\"; choose from: %s", source, list->str);
+        return FALSE;
+    }
+    arv_camera_set_trigger(device->camera, source, &why);
+    return check(why, "TriggerSource", error);
+}
+
+static gboolean set_limits(AravisDevice *device, GError **error) {
+    struct aravis_limits *limits = &device->limits;
+    const struct aravis_options *options = device->options;
+    double low = 0, high = 0;
+    GError *why = NULL;
+    arv_camera_get_exposure_time_bounds(device->camera, &low, &high, &why);
+    if (!check(why, "ExposureTime", error))
+        return FALSE;
+    limits->min_exposure_us = (gint64)CLAMP(ceil(low), 1, 1e12);
+    limits->max_exposure_us = (gint64)CLAMP(floor(high), (double)limits->min_exposure_us, 1e12);
+    if (!arv_camera_is_gain_available(device->camera, NULL))
+        return TRUE;
+    arv_camera_get_gain_bounds(device->camera, &low, &high, &why);
+    limits->min_gain_db = (low - options->gain_zero) / options->gain_per_db;
+    limits->max_gain_db = (high - options->gain_zero) / options->gain_per_db;
+    return check(why, "Gain", error);
+}
+
+static gboolean set_transport(AravisDevice *device, GError **error) {
+    const struct aravis_options *options = device->options;
+    GError *why = NULL;
+    if (!arv_camera_is_gv_device(device->camera))
+        return TRUE;
+    arv_camera_gv_set_stream_options(
+        device->camera, options->packet_socket ? ARV_GV_STREAM_OPTION_NONE
+                                               : ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
+    /* Asked for below, so that what was found out can be told. */
+    arv_camera_gv_set_packet_size_adjustment(device->camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+    if (options->packet_delay_ns > 0)
+        arv_camera_gv_set_packet_delay(device->camera, options->packet_delay_ns, &why);
+    if (why == NULL && options->packet_size > 0)
+        arv_camera_gv_set_packet_size(device->camera, options->packet_size, &why);
+    else if (why == NULL)
+        arv_camera_gv_auto_packet_size(device->camera, &why);
+    return check(why, "packet size", error);
+}
+
+static void tune_stream(AravisDevice *device) {
+    const struct aravis_options *options = device->options;
+    if (!ARV_IS_GV_STREAM(device->stream))
+        return;
+    int bytes = options->socket_buffer_kib * 1024;
+    g_object_set(device->stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED,
+                 "socket-buffer-size", bytes, "initial-packet-timeout",
+                 (guint)(options->resend_ms * 1000), "packet-timeout",
+                 (guint)(options->resend_ms * 4000), "frame-retention",
+                 (guint)(options->retention_ms * 1000), NULL);
+    /* Aravis does so only once the first packet is there, which is too late for the first picture.
+     */
+    socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), bytes);
+}
+
+static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpointer data,
+                            GError **error) {
+    GError *why = NULL;
+    const struct aravis_limits *limits = &device->limits;
+    device->stream = arv_camera_create_stream(device->camera, func, data, &why);
+    guint payload = why ? 0 : arv_camera_get_payload(device->camera, &why);
+    if (!check(why, "stream", error))
+        return FALSE;
+    gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
+    if (payload < bytes) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                    "it says that a picture has %u bytes, but %d × %d %s are %zu", payload,
+                    limits->width, limits->height, limits->format->name, bytes);
+        return FALSE;
+    }
+    tune_stream(device);
+    for (int i = 0; i < N_BUFFERS; i++)
+        arv_stream_push_buffer(device->stream, arv_buffer_new(payload, NULL));
+    return TRUE;
+}
+
+static void find_clock(AravisDevice *device) {
+    if (device->options->stamp == ARAVIS_STAMP_NONE)
+        return;
+    if (ARV_IS_GV_DEVICE(device->device))
+        device->ticks_per_us = (double)arv_gv_device_get_timestamp_tick_frequency(
+                                   ARV_GV_DEVICE(device->device), NULL) /
+                               1e6;
+    else
+        device->sfnc_clock = has(device, "TimestampLatch") && has(device, "TimestampLatchValue");
+}
+
+AravisDevice *aravis_device_open(const struct aravis_options *options, double control_s,
+                                 ArvStreamCallback func, gpointer data, GError **error) {
+    g_autoptr(AravisDevice) device = g_new0(AravisDevice, 1);
+    GError *why = NULL;
+    device->options = options;
+    device->device = aravis_connect(options->device, control_s, error);
+    if (!device->device)
+        return NULL;
+    device->camera = arv_camera_new_with_device(device->device, &why);
+    if (!check(why, options->device, error))
+        return NULL;
+    if (!switch_off_automatics(device, error) || !set_format(device, error) ||
+        !set_region(device, error) || !set_features(device, error) ||
+        !set_black_level(device, error) || !set_trigger(device, error) ||
+        !set_limits(device, error) || !set_transport(device, error) ||
+        !make_stream(device, func, data, error))
+        return NULL;
+    find_clock(device);
+    return g_steal_pointer(&device);
+}
+
+void aravis_device_close(AravisDevice *device) {
+    if (!device)
+        return;
+    g_clear_object(&device->stream);
+    g_clear_object(&device->camera);
+    g_clear_object(&device->device);
+    g_free(device);
+}
+
+const struct aravis_limits *aravis_device_limits(const AravisDevice *device) {
+    return &device->limits;
+}
+
+ArvDevice *aravis_device_arv(AravisDevice *device) {
+    return device->device;
+}
+
+gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GError **error) {
+    GError *why = NULL;
+    arv_camera_set_exposure_time(device->camera, (double)exposure_us, &why);
+    double is_us = why ? 0 : arv_camera_get_exposure_time(device->camera, &why);
+    if (!check(why, "ExposureTime", error))
+        return FALSE;
+    if (fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us)
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                "it exposes for %.1f µs when told %" G_GINT64_FORMAT
+                " µs; ask for an exposure that it can keep",
+                is_us, exposure_us);
+    return FALSE;
+}
+
+gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **error) {
+    const struct aravis_options *options = device->options;
+    GError *why = NULL;
+    if (device->limits.min_gain_db == 0 && device->limits.max_gain_db == 0)
+        return TRUE;
+    arv_camera_set_gain(device->camera, options->gain_zero + gain_db * options->gain_per_db, &why);
+    return check(why, "Gain", error);
+}
+
+gboolean aravis_device_start(AravisDevice *device, GError **error) {
+    GError *why = NULL;
+    arv_camera_start_acquisition(device->camera, &why);
+    return check(why, "AcquisitionStart", error);
+}
+
+gboolean aravis_device_stop(AravisDevice *device, GError **error) {
+    GError *why = NULL;
+    arv_camera_stop_acquisition(device->camera, &why);
+    return check(why, "AcquisitionStop", error);
+}
+
+static gboolean pulse(const char *path, GError **error) {
+    int fd = open(path, O_WRONLY | O_CLOEXEC | O_NONBLOCK);
+    gboolean done = fd >= 0 && write(fd, "1", 1) == 1;
+    if (done)
+        g_usleep(PULSE_US);
+    done = done && write(fd, "0", 1) == 1;
+    if (!done)
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                    "pulse_path: cannot make a pulse with %s: %s; check the output and who may "
+                    "write to it",
+                    path, g_strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    return done;
+}
+
+gboolean aravis_device_trigger(AravisDevice *device, GError **error) {
+    GError *why = NULL;
+    if (!g_str_equal(device->options->trigger, "Software"))
+        return pulse(device->options->pulse_path, error);
+    arv_camera_software_trigger(device->camera, &why);
+    return check(why, "TriggerSoftware", error);
+}
+
+ArvBuffer *aravis_device_pop(AravisDevice *device) {
+    return arv_stream_try_pop_buffer(device->stream);
+}
+
+void aravis_device_push(AravisDevice *device, ArvBuffer *buffer) {
+    arv_stream_push_buffer(device->stream, buffer);
+}
+
+static gboolean latch(AravisDevice *device) {
+    if (device->ticks_per_us > 0)
+        return arv_device_write_register(device->device, STAMP_CONTROL, STAMP_LATCH, NULL);
+    g_autoptr(GError) why = NULL;
+    arv_device_execute_command(device->device, "TimestampLatch", &why);
+    return why == NULL;
+}
+
+static gboolean read_latched(AravisDevice *device, double *ret_us) {
+    g_autoptr(GError) why = NULL;
+    guint32 high = 0, low = 0;
+    if (device->ticks_per_us > 0) {
+        gboolean read = arv_device_read_register(device->device, STAMP_HIGH, &high, NULL) &&
+                        arv_device_read_register(device->device, STAMP_LOW, &low, NULL);
+        *ret_us = (double)((guint64)high << 32 | low) / device->ticks_per_us;
+        return read;
+    }
+    gint64 ns = arv_device_get_integer_feature_value(device->device, "TimestampLatchValue", &why);
+    *ret_us = (double)ns / 1e3;
+    return why == NULL;
+}
+
+/* The latch fell between request and answer; the quickest of several says best when. */
+void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret) {
+    *ret = (struct aravis_clock){.error_us = HUGE_VAL};
+    if (device->ticks_per_us <= 0 && !device->sfnc_clock)
+        return;
+    for (int i = 0; i < N_ASKED; i++) {
+        double before = (double)g_get_monotonic_time(), theirs = 0;
+        gboolean latched = latch(device);
+        double after = (double)g_get_monotonic_time();
+        if (!latched || !read_latched(device, &theirs))
+            return;
+        double error_us = (after - before) / 2;
+        if (error_us < ret->error_us)
+            *ret = (struct aravis_clock){TRUE, (before + after) / 2 - theirs, error_us};
+    }
+}

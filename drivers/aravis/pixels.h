@@ -1,0 +1,32 @@
+/* Pixel formats of GenICam cameras that can be measured with: raw values of one channel a pixel. */
+#pragma once
+
+#include "drivers/frame.h"
+
+enum aravis_packing {
+    ARAVIS_BYTES,  /* one byte a pixel */
+    ARAVIS_WORDS,  /* two, little endian */
+    ARAVIS_10P,    /* four pixels in five bytes, lowest bits first */
+    ARAVIS_12P,    /* two in three */
+    ARAVIS_PACKED, /* two in three: high eight bits of each around what is left of both */
+};
+
+struct aravis_format {
+    const char *name; /* as the camera's PixelFormat names it */
+    guint32 code;     /* of the Pixel Format Naming Convention */
+    enum cfa cfa;
+    int bits;
+    enum aravis_packing packing;
+};
+
+/* NULL: none of those that can be used. */
+const struct aravis_format *aravis_format_by_name(const char *name);
+const struct aravis_format *aravis_format_by_code(guint32 code);
+
+/* All of them, the best to measure with first; ends with a NULL name. */
+extern const struct aravis_format aravis_formats[];
+
+gsize aravis_format_bytes(const struct aravis_format *format, int width, int height);
+
+/* n pixels, from as many bytes as aravis_format_bytes() says. */
+void aravis_unpack(const struct aravis_format *format, const guint8 *from, gsize n, guint16 *to);

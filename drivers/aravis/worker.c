@@ -1,0 +1,455 @@
+#include "worker.h"
+
+#include "answer.h"
+
+#include <string.h>
+
+#define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of who ended without a word: 3 s */
+#define OPEN_LIMIT_S   20
+#define CLOSE_LIMIT_S  1
+#define LOOK_EVERY_US  G_USEC_PER_SEC
+#define CLOCK_AGE_US   (5 * G_USEC_PER_SEC)
+
+enum job_kind { CONFIGURE, ARM, DISARM, TRIGGER, BUFFER, CONTROL_LOST, QUIT };
+
+struct job {
+    enum job_kind kind;
+    guint generation; /* which arming it belongs to */
+    gint64 exposure_us;
+    double gain_db;
+    guint64 shot;
+};
+
+enum event_kind { SENDING, FRAME, STALE, FAILED, LOST, FOUND };
+
+struct event {
+    AravisWorker *worker;
+    enum event_kind kind;
+    guint generation;
+    gint64 us;
+    Frame *frame;
+    GError *error;
+};
+
+struct AravisWorker {
+    gint ref_count; /* the main loop's, the thread's, and each event's */
+    struct aravis_options options;
+    GAsyncQueue *jobs;
+
+    /* The main loop's. */
+    struct aravis_hooks hooks;
+    gpointer data;
+    gboolean closed;
+    guint generation;
+
+    GMutex mutex; /* of what follows */
+    GCond cond;
+    gboolean opened, ended;
+    GError *open_error;
+    gboolean pending; /* a trigger was sent and not answered */
+    guint armed;      /* the generation that is armed */
+    gint64 sent_us;
+
+    /* The thread's. */
+    AravisDevice *device; /* NULL: lost */
+    struct aravis_limits limits;
+    struct answer_state answer;
+    struct job settings; /* the last CONFIGURE */
+    gboolean exposure_set, gain_set;
+    GError *settings_error;
+    GError *lost_error;
+};
+
+static void copy_options(const struct aravis_options *from, struct aravis_options *to) {
+    *to = *from;
+    to->device = g_strdup(from->device);
+    to->pixel_format = g_strdup(from->pixel_format);
+    to->trigger = g_strdup(from->trigger);
+    to->pulse_path = g_strdup(from->pulse_path);
+    to->features = g_strdupv(from->features);
+}
+
+static void clear_options(struct aravis_options *options) {
+    g_free(options->device);
+    g_free(options->pixel_format);
+    g_free(options->trigger);
+    g_free(options->pulse_path);
+    g_strfreev(options->features);
+}
+
+static void worker_unref(AravisWorker *worker) {
+    if (!g_atomic_int_dec_and_test(&worker->ref_count))
+        return;
+    clear_options(&worker->options);
+    g_async_queue_unref(worker->jobs);
+    g_mutex_clear(&worker->mutex);
+    g_cond_clear(&worker->cond);
+    g_clear_error(&worker->open_error);
+    g_clear_error(&worker->settings_error);
+    g_clear_error(&worker->lost_error);
+    g_free(worker);
+}
+
+/* Events, from any thread to the main loop. */
+
+static void tell(const struct event *event) {
+    const AravisWorker *worker = event->worker;
+    gpointer data = worker->data;
+    gboolean over = worker->closed || event->generation != worker->generation;
+    switch (event->kind) {
+    case SENDING:
+        if (!over)
+            worker->hooks.sending(event->us, data);
+        break;
+    case FRAME:
+        if (!over)
+            worker->hooks.frame(frame_ref(event->frame), data);
+        break;
+    case STALE:
+        if (!over)
+            worker->hooks.stale(event->us, data);
+        break;
+    case FAILED:
+        if (!over)
+            worker->hooks.failed(g_error_copy(event->error), data);
+        break;
+    case LOST:
+    case FOUND:
+        if (!worker->closed)
+            worker->hooks.lost(event->error, data);
+        break;
+    }
+}
+
+static gboolean on_event(gpointer data) {
+    tell(data);
+    return G_SOURCE_REMOVE;
+}
+
+static void event_free(gpointer data) {
+    struct event *event = data;
+    frame_unref(event->frame);
+    g_clear_error(&event->error);
+    worker_unref(event->worker);
+    g_free(event);
+}
+
+/* Takes frame and error. */
+static void post(AravisWorker *worker, enum event_kind kind, guint generation, gint64 us,
+                 Frame *frame, GError *error) {
+    struct event *event = g_new(struct event, 1);
+    *event = (struct event){worker, kind, generation, us, frame, error};
+    g_atomic_int_inc(&worker->ref_count);
+    g_idle_add_full(G_PRIORITY_DEFAULT, on_event, event, event_free);
+}
+
+static void push(AravisWorker *worker, const struct job *job) {
+    g_async_queue_push(worker->jobs, g_memdup2(job, sizeof *job));
+}
+
+/* In Aravis's threads. */
+
+static void on_stream(void *data, ArvStreamCallbackType type, ArvBuffer *buffer) {
+    AravisWorker *worker = data;
+    struct job job = {.kind = BUFFER};
+    if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE)
+        push(worker, &job);
+    if (type != ARV_STREAM_CALLBACK_TYPE_START_BUFFER)
+        return;
+    g_mutex_lock(&worker->mutex);
+    if (worker->pending)
+        post(worker, SENDING, worker->armed, worker->sent_us, NULL, NULL);
+    g_mutex_unlock(&worker->mutex);
+}
+
+static void on_control_lost(ArvDevice *device, gpointer data) {
+    struct job job = {.kind = CONTROL_LOST};
+    push(data, &job);
+}
+
+/* In the worker's thread. */
+
+static void set_pending(AravisWorker *worker, gboolean pending, guint generation) {
+    g_mutex_lock(&worker->mutex);
+    worker->pending = pending;
+    worker->armed = generation;
+    worker->sent_us = g_get_monotonic_time();
+    worker->answer.sent_us = worker->sent_us;
+    g_mutex_unlock(&worker->mutex);
+}
+
+static void close_device(AravisWorker *worker) {
+    if (worker->device)
+        g_signal_handlers_disconnect_by_data(aravis_device_arv(worker->device), worker);
+    g_clear_pointer(&worker->device, aravis_device_close);
+}
+
+/* Takes the error. Told before it is closed, which may take seconds if it does not answer. */
+static void lose(AravisWorker *worker, GError *error) {
+    g_clear_error(&worker->lost_error);
+    worker->lost_error = error;
+    post(worker, LOST, 0, 0, NULL, g_error_copy(error));
+    close_device(worker);
+}
+
+/* Takes the error. */
+static void fail(AravisWorker *worker, guint generation, GError *error) {
+    set_pending(worker, FALSE, generation);
+    post(worker, FAILED, generation, 0, NULL, g_error_copy(error));
+    if (worker->device && aravis_device_is_lost(error))
+        lose(worker, error);
+    else
+        g_error_free(error);
+}
+
+static gboolean open_device(AravisWorker *worker, double control_s, GError **error) {
+    worker->device = aravis_device_open(&worker->options, control_s, on_stream, worker, error);
+    if (!worker->device)
+        return FALSE;
+    worker->limits = *aravis_device_limits(worker->device);
+    worker->answer.limits = &worker->limits;
+    worker->exposure_set = worker->gain_set = FALSE;
+    g_signal_connect(aravis_device_arv(worker->device), "control-lost", G_CALLBACK(on_control_lost),
+                     worker);
+    return TRUE;
+}
+
+static void apply_settings(AravisWorker *worker) {
+    const struct job *settings = &worker->settings;
+    g_clear_error(&worker->settings_error);
+    if (settings->exposure_us <= 0 || !worker->device)
+        return;
+    if (!worker->exposure_set)
+        worker->exposure_set = aravis_device_set_exposure(worker->device, settings->exposure_us,
+                                                          &worker->settings_error);
+    if (!worker->gain_set && !worker->settings_error)
+        worker->gain_set =
+            aravis_device_set_gain(worker->device, settings->gain_db, &worker->settings_error);
+    worker->answer.exposure_us = settings->exposure_us;
+}
+
+static void look_for_it(AravisWorker *worker) {
+    g_autoptr(GError) error = NULL;
+    if (open_device(worker, 0, &error)) {
+        g_clear_error(&worker->lost_error);
+        apply_settings(worker);
+        post(worker, FOUND, 0, 0, NULL, NULL);
+        return;
+    }
+    if (g_strcmp0(error->message, worker->lost_error->message) != 0)
+        lose(worker, g_steal_pointer(&error));
+}
+
+static void configure(AravisWorker *worker, const struct job *job) {
+    worker->exposure_set &= job->exposure_us == worker->settings.exposure_us;
+    worker->gain_set &= job->gain_db == worker->settings.gain_db;
+    worker->settings = *job;
+    apply_settings(worker);
+}
+
+static void ask_clock(AravisWorker *worker) {
+    aravis_device_ask_clock(worker->device, &worker->answer.clock);
+    worker->answer.asked_us = g_get_monotonic_time();
+}
+
+static void arm(AravisWorker *worker, const struct job *job) {
+    GError *error = NULL;
+    answer_begin(&worker->answer);
+    if (!worker->device)
+        fail(worker, job->generation, g_error_copy(worker->lost_error));
+    else if (aravis_device_start(worker->device, &error))
+        ask_clock(worker);
+    else
+        fail(worker, job->generation, error);
+}
+
+static void disarm(AravisWorker *worker, const struct job *job) {
+    g_autoptr(GError) error = NULL;
+    set_pending(worker, FALSE, job->generation);
+    if (worker->device && !aravis_device_stop(worker->device, &error) &&
+        aravis_device_is_lost(error))
+        lose(worker, g_steal_pointer(&error));
+}
+
+static void drop_old_buffers(AravisWorker *worker) {
+    ArvBuffer *buffer;
+    while ((buffer = aravis_device_pop(worker->device)))
+        aravis_device_push(worker->device, buffer);
+}
+
+static void trigger(AravisWorker *worker, const struct job *job) {
+    GError *error = NULL;
+    const GError *why = worker->device ? worker->settings_error : worker->lost_error;
+    if (why) {
+        fail(worker, job->generation, g_error_copy(why));
+        return;
+    }
+    drop_old_buffers(worker);
+    worker->answer.shot = job->shot;
+    set_pending(worker, TRUE, job->generation);
+    if (!aravis_device_trigger(worker->device, &error))
+        fail(worker, job->generation, error);
+}
+
+/* TRUE if it ends what waits. */
+static gboolean take(AravisWorker *worker, ArvBuffer *buffer, guint generation) {
+    GError *error = NULL;
+    gint64 before_us = 0;
+    Frame *frame = answer_frame(&worker->answer, buffer, &before_us, &error);
+    if (frame)
+        post(worker, FRAME, generation, 0, frame, NULL);
+    else if (error)
+        post(worker, FAILED, generation, 0, NULL, error);
+    else
+        post(worker, STALE, generation, before_us, NULL, NULL);
+    return frame || error;
+}
+
+static void take_buffer(AravisWorker *worker) {
+    ArvBuffer *buffer = worker->device ? aravis_device_pop(worker->device) : NULL;
+    if (!buffer)
+        return;
+    g_mutex_lock(&worker->mutex);
+    gboolean pending = worker->pending;
+    guint generation = worker->armed;
+    g_mutex_unlock(&worker->mutex);
+    if (pending && take(worker, buffer, generation)) {
+        g_mutex_lock(&worker->mutex);
+        worker->pending = FALSE;
+        g_mutex_unlock(&worker->mutex);
+        pending = FALSE;
+    }
+    aravis_device_push(worker->device, buffer);
+    if (!pending && g_get_monotonic_time() - worker->answer.asked_us > CLOCK_AGE_US)
+        ask_clock(worker);
+}
+
+static void control_lost(AravisWorker *worker) {
+    if (worker->device)
+        fail(worker, worker->armed,
+             g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                         "control of it was lost; check its power and cable, and that no other "
+                         "program uses it"));
+}
+
+/* FALSE to end. */
+static gboolean do_job(AravisWorker *worker, const struct job *job) {
+    switch (job->kind) {
+    case CONFIGURE:
+        configure(worker, job);
+        break;
+    case ARM:
+        arm(worker, job);
+        break;
+    case DISARM:
+        disarm(worker, job);
+        break;
+    case TRIGGER:
+        trigger(worker, job);
+        break;
+    case BUFFER:
+        take_buffer(worker);
+        break;
+    case CONTROL_LOST:
+        control_lost(worker);
+        break;
+    case QUIT:
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static void say(AravisWorker *worker, gboolean *what) {
+    g_mutex_lock(&worker->mutex);
+    *what = TRUE;
+    g_cond_broadcast(&worker->cond);
+    g_mutex_unlock(&worker->mutex);
+}
+
+static gpointer work(gpointer data) {
+    AravisWorker *worker = data;
+    gboolean go_on = open_device(worker, OPEN_CONTROL_S, &worker->open_error);
+    say(worker, &worker->opened);
+    while (go_on) {
+        g_autofree struct job *job = worker->device
+                                         ? g_async_queue_pop(worker->jobs)
+                                         : g_async_queue_timeout_pop(worker->jobs, LOOK_EVERY_US);
+        if (job)
+            go_on = do_job(worker, job);
+        else
+            look_for_it(worker);
+    }
+    close_device(worker);
+    say(worker, &worker->ended);
+    worker_unref(worker);
+    return NULL;
+}
+
+/* In the main loop. */
+
+static gboolean wait_for(AravisWorker *worker, const gboolean *what, double seconds) {
+    gint64 until = g_get_monotonic_time() + (gint64)(seconds * 1e6);
+    g_mutex_lock(&worker->mutex);
+    while (!*what && g_cond_wait_until(&worker->cond, &worker->mutex, until))
+        ;
+    gboolean done = *what;
+    g_mutex_unlock(&worker->mutex);
+    return done;
+}
+
+AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
+                                const struct aravis_hooks *hooks, gpointer data,
+                                struct aravis_limits *ret, GError **error) {
+    AravisWorker *worker = g_new0(AravisWorker, 1);
+    worker->ref_count = 2;
+    worker->hooks = *hooks;
+    worker->data = data;
+    worker->jobs = g_async_queue_new_full(g_free);
+    g_mutex_init(&worker->mutex);
+    g_cond_init(&worker->cond);
+    copy_options(options, &worker->options);
+    g_thread_unref(g_thread_new(name, work, worker));
+    if (!wait_for(worker, &worker->opened, OPEN_LIMIT_S)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
+                    "it could not be opened in %d s; check its power and cable", OPEN_LIMIT_S);
+        aravis_worker_free(worker);
+        return NULL;
+    }
+    if (worker->open_error) {
+        g_propagate_error(error, g_error_copy(worker->open_error));
+        aravis_worker_free(worker);
+        return NULL;
+    }
+    *ret = worker->limits;
+    return worker;
+}
+
+void aravis_worker_free(AravisWorker *worker) {
+    struct job job = {.kind = QUIT};
+    if (!worker)
+        return;
+    worker->closed = TRUE;
+    push(worker, &job);
+    wait_for(worker, &worker->ended, CLOSE_LIMIT_S);
+    worker_unref(worker);
+}
+
+void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db) {
+    struct job job = {.kind = CONFIGURE, .exposure_us = exposure_us, .gain_db = gain_db};
+    push(worker, &job);
+}
+
+void aravis_worker_arm(AravisWorker *worker) {
+    struct job job = {.kind = ARM, .generation = ++worker->generation};
+    push(worker, &job);
+}
+
+void aravis_worker_disarm(AravisWorker *worker) {
+    struct job job = {.kind = DISARM, .generation = ++worker->generation};
+    push(worker, &job);
+}
+
+void aravis_worker_trigger(AravisWorker *worker, guint64 shot) {
+    struct job job = {.kind = TRIGGER, .generation = worker->generation, .shot = shot};
+    push(worker, &job);
+}

@@ -1,0 +1,265 @@
+#include "gige_private.h"
+
+#include <arpa/inet.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#define BUFFER_SIZE   1024
+#define HEARTBEAT_MS  3000
+#define ACCESS_DENIED 0x8006
+#define BAD_ADDRESS   0x8003
+#define UNKNOWN       0x8001
+
+enum command {
+    DISCOVERY = 0x02,
+    RESEND = 0x40,
+    READ = 0x80,
+    WRITE = 0x82,
+    READ_MEMORY = 0x84,
+    WRITE_MEMORY = 0x86
+};
+
+static void set_text(VirtualGige *camera, guint address, const char *text, gsize size) {
+    g_strlcpy((char *)camera->memory + address, text, size);
+}
+
+static void update_payload(VirtualGige *camera) {
+    gige_set_reg(camera, REG_PAYLOAD,
+                 (guint32)virtual_gige_payload(gige_reg(camera, REG_FORMAT), camera->options.cfa,
+                                               (int)gige_reg(camera, REG_WIDTH),
+                                               (int)gige_reg(camera, REG_HEIGHT)));
+}
+
+static void reset_bootstrap(VirtualGige *camera) {
+    struct in_addr ip;
+    g_autofree char *url = g_strdup_printf("Local:camera.xml;%x;%zx", GENICAM_AT, camera->xml_size);
+    inet_pton(AF_INET, camera->address, &ip);
+    memset(camera->memory, 0, sizeof camera->memory);
+    gige_set_reg(camera, GVBS_VERSION, 0x00010002);
+    gige_set_reg(camera, GVBS_MODE, 0x80000001);
+    gige_set_reg(camera, GVBS_MAC_HIGH, 0x0200);
+    memcpy(camera->memory + GVBS_MAC_LOW, &ip, 4);
+    memcpy(camera->memory + GVBS_IP, &ip, 4);
+    gige_set_reg(camera, GVBS_MASK, 0xff000000);
+    set_text(camera, GVBS_VENDOR, "Mesorig", 32);
+    set_text(camera, GVBS_MODEL, "VirtualCamera", 32);
+    set_text(camera, GVBS_DEVICE_VERSION, MESORIG_VERSION, 32);
+    set_text(camera, GVBS_SERIAL, camera->options.serial, 16);
+    set_text(camera, GVBS_URL_0, url, 512);
+    gige_set_reg(camera, GVBS_N_INTERFACES, 1);
+    gige_set_reg(camera, GVBS_N_STREAMS, 1);
+    gige_set_reg(camera, GVBS_CAPABILITY, 1 << 1 | 1 << 2); /* write memory, resend */
+    gige_set_reg(camera, GVBS_HEARTBEAT_MS, HEARTBEAT_MS);
+    gige_set_reg(camera, GVBS_TICKS_LOW, GIGE_TICKS_HZ);
+    gige_set_reg(camera, GVBS_PACKET_SIZE, 1500);
+}
+
+void gige_reset(VirtualGige *camera) {
+    const struct virtual_gige_options *options = &camera->options;
+    reset_bootstrap(camera);
+    gige_set_reg(camera, REG_SENSOR_WIDTH, (guint32)options->width);
+    gige_set_reg(camera, REG_SENSOR_HEIGHT, (guint32)options->height);
+    gige_set_reg(camera, REG_WIDTH, (guint32)options->width);
+    gige_set_reg(camera, REG_HEIGHT, (guint32)options->height);
+    gige_set_reg(camera, REG_FORMAT, virtual_gige_first_format(options->cfa));
+    gige_set_reg(camera, REG_EXPOSURE_US, 10000);
+    gige_set_reg(camera, REG_BLACK, (guint32)(options->black_level * 10));
+    gige_set_reg(camera, REG_AUTO_EXPOSURE, 1); /* as many cameras are delivered */
+    update_payload(camera);
+    camera->has_controller = camera->stolen = camera->triggered = FALSE;
+}
+
+static void fire(VirtualGige *camera) {
+    camera->state.triggers++;
+    if (camera->triggered || camera->exposing) {
+        camera->state.missed++;
+    } else if (camera->faults.blind > 0) {
+        camera->faults.blind--;
+    } else {
+        camera->triggered = TRUE;
+        camera->state.triggered_us = g_get_monotonic_time();
+        g_cond_broadcast(&camera->cond);
+    }
+}
+
+void gige_trigger(VirtualGige *camera, guint source) {
+    if (gige_reg(camera, REG_ACQUISITION) == 1 && gige_reg(camera, REG_TRIGGER_MODE) == 1 &&
+        gige_reg(camera, REG_TRIGGER_FROM) == source && !camera->faults.unplugged)
+        fire(camera);
+}
+
+static void latch_time(VirtualGige *camera) {
+    guint64 ticks = gige_ticks(g_get_monotonic_time());
+    gige_set_reg(camera, GVBS_STAMP_HIGH, (guint32)(ticks >> 32));
+    gige_set_reg(camera, GVBS_STAMP_LOW, (guint32)ticks);
+}
+
+static guint32 round_exposure(const VirtualGige *camera, guint32 value) {
+    double step = MAX(camera->faults.rounding_us, 1);
+    guint32 rounded = (guint32)(step * (guint32)(value / step + 0.5));
+    return CLAMP(rounded, MIN_EXPOSURE_US, MAX_EXPOSURE_US);
+}
+
+void gige_stop(VirtualGige *camera) {
+    gige_set_reg(camera, REG_ACQUISITION, 0);
+    camera->triggered = FALSE;
+    g_cond_broadcast(&camera->cond);
+}
+
+static void set_control(VirtualGige *camera, guint32 value, const struct sockaddr_in *from) {
+    camera->has_controller = (value & 3) != 0;
+    camera->controller = *from;
+    if (!camera->has_controller)
+        gige_stop(camera);
+}
+
+static gboolean write_register(VirtualGige *camera, guint32 address, guint32 value,
+                               const struct sockaddr_in *from) {
+    if (address % 4 != 0 || address + 4 > REG_END)
+        return FALSE;
+    gige_set_reg(camera, address,
+                 address == REG_EXPOSURE_US ? round_exposure(camera, value) : value);
+    if (address == GVBS_CONTROL)
+        set_control(camera, value, from);
+    else if (address == GVBS_PACKET_SIZE)
+        gige_send_test_packet(camera, value);
+    else if (address == GVBS_STAMP_CONTROL && value & 2)
+        latch_time(camera);
+    else if (address == REG_ACQUISITION && value == 0)
+        gige_stop(camera);
+    else if (address == REG_TRIGGER && value == 1)
+        gige_trigger(camera, 1);
+    update_payload(camera);
+    return TRUE;
+}
+
+static gboolean read_memory(const VirtualGige *camera, guint32 address, gsize n, guint8 *ret) {
+    for (gsize i = 0; i < n; i++) {
+        gsize at = address + i;
+        if (at >= GENICAM_AT)
+            ret[i] = at - GENICAM_AT < camera->xml_size ? (guint8)camera->xml[at - GENICAM_AT] : 0;
+        else if (at < REG_END)
+            ret[i] = camera->memory[at];
+        else
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* GVCP. Each returns a status and the size of the answer. */
+
+static guint answer_read(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
+                         gsize *ret_size) {
+    for (gsize i = 0; i + 4 <= size && i + 4 <= BUFFER_SIZE - 8; i += 4, *ret_size += 4)
+        if (!read_memory(camera, gige_get32(data + i), 4, ret + i))
+            return BAD_ADDRESS;
+    return 0;
+}
+
+static guint answer_write(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
+                          gsize *ret_size, const struct sockaddr_in *from) {
+    guint n = 0;
+    *ret_size = 4;
+    gige_put32(ret, 0);
+    for (gsize i = 0; i + 8 <= size; i += 8, gige_put32(ret, ++n))
+        if (!write_register(camera, gige_get32(data + i), gige_get32(data + i + 4), from))
+            return BAD_ADDRESS;
+    return 0;
+}
+
+static guint answer_read_memory(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
+                                gsize *ret_size) {
+    gsize n = size >= 8 ? gige_get16(data + 6) : 0;
+    if (n == 0 || n > 536 || !read_memory(camera, gige_get32(data), n, ret + 4))
+        return BAD_ADDRESS;
+    memcpy(ret, data, 4);
+    *ret_size = n + 4;
+    return 0;
+}
+
+static guint answer_write_memory(VirtualGige *camera, const guint8 *data, gsize size, guint8 *ret,
+                                 gsize *ret_size, const struct sockaddr_in *from) {
+    if (size < 8)
+        return BAD_ADDRESS;
+    gige_put32(ret, (guint32)size - 4);
+    *ret_size = 4;
+    for (gsize i = 4; i + 4 <= size; i += 4)
+        if (!write_register(camera, gige_get32(data) + (guint32)i - 4, gige_get32(data + i), from))
+            return BAD_ADDRESS;
+    return 0;
+}
+
+static gboolean is_controller(const VirtualGige *camera, const struct sockaddr_in *from) {
+    return camera->has_controller && !camera->stolen &&
+           camera->controller.sin_addr.s_addr == from->sin_addr.s_addr &&
+           camera->controller.sin_port == from->sin_port;
+}
+
+static gboolean may_write(const VirtualGige *camera, const guint8 *data, gsize size,
+                          const struct sockaddr_in *from) {
+    gboolean takes_control =
+        size >= 4 && gige_get32(data) == GVBS_CONTROL && !camera->has_controller;
+    return takes_control || is_controller(camera, from);
+}
+
+static guint answer(VirtualGige *camera, enum command command, const guint8 *data, gsize size,
+                    const struct sockaddr_in *from, guint8 *ret, gsize *ret_size) {
+    gboolean writes = command == WRITE || command == WRITE_MEMORY;
+    *ret_size = 0;
+    if (writes && !may_write(camera, data, size, from))
+        return ACCESS_DENIED;
+    switch (command) {
+    case DISCOVERY:
+        *ret_size = GVBS_DISCOVERY_SIZE;
+        memcpy(ret, camera->memory, GVBS_DISCOVERY_SIZE);
+        return 0;
+    case READ:
+        return answer_read(camera, data, size, ret, ret_size);
+    case WRITE:
+        return answer_write(camera, data, size, ret, ret_size, from);
+    case READ_MEMORY:
+        return answer_read_memory(camera, data, size, ret, ret_size);
+    case WRITE_MEMORY:
+        return answer_write_memory(camera, data, size, ret, ret_size, from);
+    default:
+        return UNKNOWN;
+    }
+}
+
+void gige_serve(VirtualGige *camera, int from_socket) {
+    guint8 request[BUFFER_SIZE], reply[BUFFER_SIZE];
+    struct sockaddr_in from = {0};
+    socklen_t from_size = sizeof from;
+    gsize size = 0;
+    gssize n = recvfrom(from_socket, request, sizeof request, MSG_DONTWAIT,
+                        (struct sockaddr *)&from, &from_size);
+    if (n < 8 || request[0] != 0x42 || (gssize)gige_get16(request + 4) + 8 > n ||
+        camera->faults.unplugged)
+        return;
+    enum command command = gige_get16(request + 2);
+    gsize given = gige_get16(request + 4);
+    if (is_controller(camera, &from))
+        camera->heard_us = g_get_monotonic_time();
+    if (command == RESEND) {
+        gige_send_again(camera, request + 8, given);
+        return;
+    }
+    guint status = answer(camera, command, request + 8, given, &from, reply + 8, &size);
+    if (is_controller(camera, &from))
+        camera->heard_us = g_get_monotonic_time();
+    gige_put16(reply, status);
+    gige_put16(reply + 2, command + 1);
+    gige_put16(reply + 4, (guint)(status ? 0 : size));
+    memcpy(reply + 6, request + 6, 2);
+    sendto(camera->control, reply, 8 + (status ? 0 : size), 0, (struct sockaddr *)&from, from_size);
+}
+
+void gige_check_heartbeat(VirtualGige *camera) {
+    gint64 limit_us = (gint64)gige_reg(camera, GVBS_HEARTBEAT_MS) * 1000;
+    if (!camera->has_controller || camera->stolen ||
+        g_get_monotonic_time() - camera->heard_us < limit_us)
+        return;
+    camera->has_controller = FALSE;
+    gige_set_reg(camera, GVBS_CONTROL, 0);
+    gige_stop(camera);
+}
