@@ -4,6 +4,7 @@
 #include "drivers/modbus/devices.h"
 #include "drivers/usb/relays.h"
 #include "drivers/usb/tic.h"
+#include "drivers/v4l2/v4l2.h"
 #include "sim/devices.h"
 
 #include "json.h"
@@ -13,7 +14,8 @@ static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modb
                                                          &tic_axis_driver, NULL};
 static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &modbus_relays_driver,
                                                            &usb_relays_driver, NULL};
-static const struct camera_driver *const camera_drivers[] = {&sim_camera_driver, &aravis_camera_driver, NULL};
+static const struct camera_driver *const camera_drivers[] = {
+    &sim_camera_driver, &aravis_camera_driver, &v4l2_camera_driver, NULL};
 static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &modbus_laser_driver,
                                                            &usb_relay_laser_driver, NULL};
 static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,

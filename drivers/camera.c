@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* A trigger's deadline is its exposure + 3 read-outs + 2 s. */
+/* A trigger's deadline is what it takes to begin + its exposure + 3 read-outs + 2 s. */
 #define DEADLINE_READOUTS 3
 #define DEADLINE_EXTRA_US (2 * G_USEC_PER_SEC)
 
@@ -183,8 +183,8 @@ gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
         state->waiting = FALSE;
         return FALSE;
     }
-    gint64 wait_us = state->settings.exposure_us + DEADLINE_READOUTS * camera->format.readout_us +
-                     DEADLINE_EXTRA_US;
+    gint64 wait_us = camera->format.trigger_us + state->settings.exposure_us +
+                     DEADLINE_READOUTS * camera->format.readout_us + DEADLINE_EXTRA_US;
     state->deadline = clock_call_in(camera->device.clock, wait_us, on_deadline, camera);
     return TRUE;
 }

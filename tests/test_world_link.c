@@ -4,9 +4,11 @@
 
 #include "drivers/usb/relays.h"
 #include "drivers/usb/tic.h"
+#include "drivers/v4l2/v4l2.h"
 #include "sim/virtual/testbed.h"
 #include "sim/virtual/usb_relays.h"
 #include "sim/virtual/usb_tic.h"
+#include "sim/virtual/v4l2.h"
 
 #define WORLD SOURCE_DIR "/tests/small/world.conf"
 
@@ -135,6 +137,75 @@ static void test_motor(void) {
     g_assert_cmpfloat_with_epsilon(state_of(world).sweep_deg[index], 22.5 - 15, 0.1);
 }
 
+struct eye {
+    struct heard heard;
+    Frame *frame;
+};
+
+static void on_camera(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
+                      gpointer data) {
+    struct eye *eye = data;
+    if (event == CAMERA_EXPOSED)
+        return;
+    note(&eye->heard, error);
+    g_clear_pointer(&eye->frame, frame_unref);
+    eye->frame = frame_ref(frame);
+}
+
+/* Mean above black of a picture taken now. */
+static double look(Camera *camera, struct eye *eye, guint64 shot) {
+    double sum = 0;
+    eye->heard.n = 0;
+    g_assert_true(camera_trigger(camera, shot, NULL));
+    conformance_wait(camera->device.clock, &eye->heard.n, 1, 20);
+    int n = eye->frame->width * eye->frame->height;
+    for (int i = 0; i < n; i++)
+        sum += eye->frame->pixels[i] - camera->format.black_level;
+    return sum / n;
+}
+
+/* What a world's camera sees by V4L2, with a lamp that hangs on a relay at USB. */
+static void test_lamp_seen(void) {
+    static const struct conformance lamps_with = {.section = "[lamps test]\ndriver = usb-relays\n"};
+    static const struct conformance camera_with = {
+        .section = "[camera test]\ndriver = v4l2-camera\nblack_level = 64\nframe_rate = 50\n"};
+    g_autoptr(World) world = get_world();
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualRelays) board = virtual_relays_new("USBRelay2", "LAMPS", 1, FALSE);
+    g_autoptr(VirtualV4l2) device =
+        virtual_v4l2_new_world(&(struct virtual_v4l2_config){0}, world, "cam30", NULL);
+    const struct config_section *lamps_section, *camera_section;
+    g_autoptr(Config) lamps_config = conformance_config(&lamps_with, "", &lamps_section);
+    g_autoptr(Config) camera_config = conformance_config(&camera_with, "", &camera_section);
+    struct heard heard = {0};
+    struct eye eye = {0};
+    GError *error = NULL;
+    g_assert_true(virtual_relays_link(board, 1, world, "lamp lamp30", NULL));
+    g_autoptr(LampBank) bank = lamps_open(&usb_relays_driver, lamps_section, NULL, clock, &error);
+    g_assert_no_error(error);
+    lamps_listen(bank, on_lamp, &heard);
+    g_autoptr(Camera) camera =
+        camera_open(&v4l2_camera_driver, camera_section, NULL, clock, &error);
+    g_assert_no_error(error);
+    camera_listen(camera, on_camera, &eye);
+    struct camera_settings settings = {8000, 0};
+    g_assert_true(camera_configure(camera, &settings, NULL));
+    g_assert_true(camera_arm(camera, NULL));
+
+    g_assert_cmpfloat_with_epsilon(look(camera, &eye, 1), 0, 1);
+    set_lamp(bank, &heard, 1, TRUE);
+    conformance_pass(clock, world_lamp_warm_up_s(world));
+    double lit = look(camera, &eye, 2);
+    settings.exposure_us = 4000;
+    g_assert_true(camera_configure(camera, &settings, NULL));
+    double half = look(camera, &eye, 3);
+    set_lamp(bank, &heard, 1, FALSE);
+    g_assert_cmpfloat_with_epsilon(look(camera, &eye, 4), 0, 1);
+    g_assert_cmpfloat(lit, >, 100);
+    g_assert_cmpfloat_with_epsilon(half / lit, 0.5, 0.01);
+    g_clear_pointer(&eye.frame, frame_unref);
+}
+
 static void test_unknown(void) {
     static const char *const wrong[] = {"", "lamp", "lamp ", "lamp nobody", "laser lamp30", "door"};
     g_autoptr(World) world = get_world();
@@ -154,6 +225,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/world-link/lamps", test_lamps);
     g_test_add_func("/world-link/laser", test_laser);
     g_test_add_func("/world-link/motor", test_motor);
+    g_test_add_func("/world-link/lamp-seen", test_lamp_seen);
     g_test_add_func("/world-link/unknown", test_unknown);
     return g_test_run();
 }

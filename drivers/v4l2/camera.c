@@ -1,0 +1,463 @@
+#include "v4l2.h"
+
+#include "controls.h"
+#include "load.h"
+#include "stream.h"
+
+#include <errno.h>
+#include <glib-unix.h>
+#include <math.h>
+#include <string.h>
+
+/* Before asking again a node that seemed ready and was not. */
+#define AGAIN_US 2000
+
+#define HWTIMESTAMPS "/sys/module/uvcvideo/parameters/hwtimestamps"
+
+/* Black of luma that leaves room below, as ITU-R BT.601 has it. */
+#define LIMITED_BLACK 16
+
+enum stamp { STAMP_AUTO, STAMP_START, STAMP_FIRST_DATA, STAMP_END };
+
+struct v4l2_camera {
+    char *path, *bus, *format;
+    int width, height, stamp, settle_frames, gain_0db;
+    double frame_rate, black_level, delay_ms, gain_per_db, fixed_exposure_us, exposure_unit_us;
+    int white_balance_k;
+    char **controls_set;
+    gboolean check_bandwidth;
+
+    char *who;
+    struct video_node node;
+    struct video_setup setup;
+    struct video_controls controls;
+    struct video_stream stream;
+    struct video_load *load;
+    struct camera_settings settings; /* exposure 0: none yet */
+    gint64 settled_us;               /* frames that began before are of older settings */
+    guint64 shot;
+    gint64 earliest_us; /* at which the frame asked for may have begun */
+    guint source, timer;
+    int broken; /* errno of a stream that broke while nobody waited */
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct v4l2_camera, name)
+
+static const char *const stamps[] = {"auto", "start", "first-data", "end", NULL};
+
+static const struct option options[] = {
+    {"device", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(path),
+     "Its node, as /dev/video0 or, the same after every start, a link in /dev/v4l/by-path"},
+    {"bus", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(bus),
+     "Where it is plugged in, as \"mesorig devices\" says it; may be left out if there is only one "
+     "camera"},
+    {"format", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(format),
+     "Four characters, as RG10 or YUYV; default: the best for measuring that it has"},
+    {"width", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(width),
+     "Of its pictures; 0: as it is set"},
+    {"height", OPTION_INT, NULL, 0, 65536, "0", NULL, FIELD(height),
+     "Of its pictures; 0: as it is set"},
+    {"frame_rate", OPTION_DOUBLE, "1/s", 0, 10000, "0", NULL, FIELD(frame_rate),
+     "Frames it sends, whether they are wanted or not; 0: as it is set. It cannot expose for "
+     "longer "
+     "than a frame"},
+    {"black_level", OPTION_DOUBLE, "DN", -1, 65535, "-1", NULL, FIELD(black_level),
+     "What it reads in the dark; -1: 16 for luma of limited range, otherwise 0"},
+    {"stamp", OPTION_CHOICE, NULL, 0, 0, "auto", stamps, FIELD(stamp),
+     "What its time stamps are of: the start of the exposure, the first data that came, the end of "
+     "the data; auto: as the kernel says, and first-data for UVC cameras unless the kernel uses "
+     "their own stamps"},
+    {"delay_ms", OPTION_DOUBLE, "ms", -1, 60000, "-1", NULL, FIELD(delay_ms),
+     "How long after the end of the exposure the stamp may be (with stamp = start: after its "
+     "start); -1: none for start, otherwise a frame"},
+    {"settle_frames", OPTION_INT, NULL, 0, 100, "2", NULL, FIELD(settle_frames),
+     "Frames after a change of exposure or gain that may still be of the settings before"},
+    {"gain_0db", OPTION_INT, NULL, -1, G_MAXINT, "-1", NULL, FIELD(gain_0db),
+     "The gain control's value at 0 dB; -1: its least"},
+    {"gain_per_db", OPTION_DOUBLE, "1/dB", 0, 100000, "0", NULL, FIELD(gain_per_db),
+     "By how much the gain control changes for 1 dB; 0: not known, so that only 0 dB can be used"},
+    {"fixed_exposure_us", OPTION_DOUBLE, "µs", 0, 1e9, "0", NULL, FIELD(fixed_exposure_us),
+     "The exposure of a camera that has no control for it"},
+    {"exposure_unit_us", OPTION_DOUBLE, "µs", 0, 1e6, "0", NULL, FIELD(exposure_unit_us),
+     "The step of an exposure control that counts in steps of its own, as lines of the sensor"},
+    {"white_balance_k", OPTION_INT, "K", 0, 100000, "0", NULL, FIELD(white_balance_k),
+     "Colour temperature it is balanced for, if it has a control for that; 0: as it is set"},
+    {"controls", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(controls_set),
+     "Other controls, as \"gamma=100; sharpness=0\", by the names of v4l2-ctl"},
+    {"check_bandwidth", OPTION_BOOL, NULL, 0, 0, "yes", NULL, FIELD(check_bandwidth),
+     "Refuse cameras that together send more than their USB links carry"},
+    {NULL},
+};
+
+static gint64 now_us(const Camera *camera) {
+    return clock_now_us(camera->device.clock);
+}
+
+/* uvcvideo marks its stamps as the exposure's start, but takes the time of the first packet, unless
+ * its parameter says to use the camera's clock. */
+static enum stamp stamp_kind(const struct v4l2_camera *v4l2, guint32 flags) {
+    if (v4l2->stamp != STAMP_AUTO)
+        return (enum stamp)v4l2->stamp;
+    if ((flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) != V4L2_BUF_FLAG_TSTAMP_SRC_SOE)
+        return STAMP_END;
+    g_autofree char *used = NULL;
+    if (strcmp(v4l2->node.driver, "uvcvideo") != 0)
+        return STAMP_START;
+    gboolean own =
+        g_file_get_contents(HWTIMESTAMPS, &used, NULL, NULL) && *used != '0' && *used != 'N';
+    return own ? STAMP_START : STAMP_FIRST_DATA;
+}
+
+static gint64 delay_us(const struct v4l2_camera *v4l2, enum stamp kind) {
+    if (v4l2->delay_ms >= 0)
+        return llrint(v4l2->delay_ms * 1000);
+    return kind == STAMP_START ? 0 : v4l2->setup.interval_us;
+}
+
+/* The earliest at which its exposure may have begun. */
+static gint64 start_of(const struct v4l2_camera *v4l2, const struct v4l2_buffer *buffer) {
+    enum stamp kind = stamp_kind(v4l2, buffer->flags);
+    gint64 stamp = (gint64)buffer->timestamp.tv_sec * G_USEC_PER_SEC + buffer->timestamp.tv_usec;
+    return stamp - delay_us(v4l2, kind) - (kind == STAMP_START ? 0 : v4l2->settings.exposure_us);
+}
+
+static Frame *make_frame(const Camera *camera, const struct v4l2_buffer *buffer) {
+    const struct v4l2_camera *v4l2 = camera->device.priv;
+    const struct video_setup *setup = &v4l2->setup;
+    Frame *frame = frame_new(setup->width, setup->height);
+    frame->shot = v4l2->shot;
+    frame->id = buffer->sequence;
+    frame->exposure_start_us = start_of(v4l2, buffer);
+    frame->exposure_us = v4l2->settings.exposure_us;
+    frame->exposure_end_us = frame->exposure_start_us + frame->exposure_us;
+    frame->cfa = setup->format->cfa;
+    frame->bits = setup->format->bits;
+    frame->black_level = camera->format.black_level;
+    frame->incomplete = buffer->flags & V4L2_BUF_FLAG_ERROR || buffer->bytesused < setup->bytes;
+    video_format_unpack(setup->format, v4l2->stream.buffers[buffer->index].data, setup->stride,
+                        setup->width, setup->height, frame->pixels);
+    return frame;
+}
+
+static void stop_waiting(Camera *camera) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    clock_cancel(camera->device.clock, &v4l2->timer);
+    g_clear_handle_id(&v4l2->source, g_source_remove);
+}
+
+/* Last in its caller, as is everything that reports. */
+static void report_failure(Camera *camera, int code) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    GError *error = NULL;
+    video_set_error(&error, v4l2->who, &v4l2->node, code, "stopped streaming");
+    if (code == ENODEV)
+        video_node_close(&v4l2->node);
+    camera_report_fault(camera, error);
+}
+
+static void report_wrong_clock(Camera *camera) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    camera_report_fault(camera,
+                        g_error_new(DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                                    "%s: %s does not stamp its frames by the monotonic clock, so "
+                                    "that it cannot be told which were exposed after a trigger",
+                                    v4l2->who, v4l2->node.path));
+}
+
+static void watch(Camera *camera);
+
+static void on_again(gpointer data) {
+    Camera *camera = data;
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    v4l2->timer = 0;
+    watch(camera);
+}
+
+static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
+    Camera *camera = data;
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    struct v4l2_buffer buffer;
+    v4l2->source = 0;
+    int taken;
+    while ((taken = video_stream_take(&v4l2->stream, &v4l2->node, &buffer)) > 0) {
+        gboolean monotonic =
+            (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+        g_autoptr(Frame) frame = NULL;
+        if (monotonic && start_of(v4l2, &buffer) >= v4l2->earliest_us)
+            frame = make_frame(camera, &buffer);
+        video_stream_give_back(&v4l2->node, &buffer);
+        if (!monotonic)
+            report_wrong_clock(camera);
+        else if (frame)
+            camera_report_frame(camera, g_steal_pointer(&frame));
+        else
+            continue;
+        return G_SOURCE_REMOVE;
+    }
+    if (taken < 0)
+        report_failure(camera, errno);
+    else
+        v4l2->timer = clock_call_in(camera->device.clock, AGAIN_US, on_again, camera);
+    return G_SOURCE_REMOVE;
+}
+
+/* Only while a frame is waited for: otherwise the buffers stay full, and the kernel drops what
+ * comes. */
+static void watch(Camera *camera) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    v4l2->source = g_unix_fd_add(v4l2->node.fd, G_IO_IN | G_IO_ERR | G_IO_HUP, on_ready, camera);
+}
+
+static void on_broken(gpointer data) {
+    Camera *camera = data;
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    v4l2->timer = 0;
+    report_failure(camera, v4l2->broken);
+}
+
+/* What lies in the buffers is from before, whatever its stamps say. Returns an errno. */
+static int drain(const struct v4l2_camera *v4l2) {
+    struct v4l2_buffer buffer;
+    for (int i = 0; i < v4l2->stream.n; i++) {
+        int taken = video_stream_take(&v4l2->stream, &v4l2->node, &buffer);
+        if (taken <= 0)
+            return taken ? errno : 0;
+        video_stream_give_back(&v4l2->node, &buffer);
+    }
+    return 0;
+}
+
+static gboolean trigger(Camera *camera, guint64 shot, GError **error) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    v4l2->broken = drain(v4l2);
+    v4l2->shot = shot;
+    v4l2->earliest_us = MAX(now_us(camera), v4l2->settled_us);
+    if (v4l2->broken)
+        v4l2->timer = clock_call_in(camera->device.clock, 0, on_broken, camera);
+    else
+        watch(camera);
+    return TRUE;
+}
+
+static gboolean refuse(const struct v4l2_camera *v4l2, GError **error, enum device_error code,
+                       const char *format, ...) G_GNUC_PRINTF(4, 5);
+static gboolean refuse(const struct v4l2_camera *v4l2, GError **error, enum device_error code,
+                       const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *what = g_strdup_vprintf(format, args);
+    va_end(args);
+    g_set_error(error, DEVICE_ERROR, code, "%s: %s %s", v4l2->who, v4l2->node.path, what);
+    return FALSE;
+}
+
+static double exposure_unit_us(const struct v4l2_camera *v4l2) {
+    return v4l2->exposure_unit_us > 0 ? v4l2->exposure_unit_us : v4l2->controls.exposure_unit_us;
+}
+
+static gboolean set_exposure(const struct v4l2_camera *v4l2, gint64 exposure_us, GError **error) {
+    const struct video_range *range = &v4l2->controls.exposure;
+    double unit = exposure_unit_us(v4l2);
+    if (v4l2->fixed_exposure_us > 0)
+        return TRUE; /* the class has checked that it is this one */
+    gint64 value = video_range_nearest(range, (double)exposure_us / unit);
+    if (fabs((double)value * unit / (double)exposure_us - 1) > 0.01)
+        return refuse(v4l2, error, DEVICE_ERROR_RANGE,
+                      "cannot expose for %" G_GINT64_FORMAT " µs, only in steps of %g µs: the "
+                      "nearest is %g µs",
+                      exposure_us, (double)range->step * unit, (double)value * unit);
+    return video_control_set(&v4l2->node, v4l2->who, range->id, value, error);
+}
+
+static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError **error) {
+    const struct video_range *range = &v4l2->controls.gain;
+    if (gain_db != 0 && (range->id == 0 || v4l2->gain_per_db == 0))
+        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                      "cannot be set to a gain of %g dB: %s; use gain_db = 0", gain_db,
+                      range->id ? "what its gain control means is not known (gain_per_db)"
+                                : "it has no gain control");
+    if (range->id == 0)
+        return TRUE;
+    double zero = v4l2->gain_0db >= 0 ? v4l2->gain_0db : (double)range->min;
+    double wanted = zero + gain_db * v4l2->gain_per_db;
+    if (wanted < (double)range->min || wanted > (double)range->max)
+        return refuse(v4l2, error, DEVICE_ERROR_RANGE,
+                      "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
+                      " to %" G_GINT64_FORMAT ", and that would be %g",
+                      gain_db, range->min, range->max, wanted);
+    return video_control_set(&v4l2->node, v4l2->who, range->id, video_range_nearest(range, wanted),
+                             error);
+}
+
+static gboolean apply_settings(Camera *camera, GError **error) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    if (!set_exposure(v4l2, v4l2->settings.exposure_us, error) ||
+        !set_gain(v4l2, v4l2->settings.gain_db, error))
+        return FALSE;
+    v4l2->settled_us = now_us(camera) + v4l2->settle_frames * v4l2->setup.interval_us;
+    return TRUE;
+}
+
+/* Of a camera that is gone it is remembered, and done when it is found again. */
+static gboolean configure(Camera *camera, const struct camera_settings *settings, GError **error) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    v4l2->settings = *settings;
+    return v4l2->node.fd < 0 || apply_settings(camera, error);
+}
+
+static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
+    const struct video_range *white = &v4l2->controls.white_balance;
+    if (!video_controls_by_hand(&v4l2->node, v4l2->who, error))
+        return FALSE;
+    if (v4l2->white_balance_k > 0 && white->id == 0)
+        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                      "has no white balance control: leave white_balance_k out");
+    if (v4l2->white_balance_k > 0 &&
+        !video_control_set(&v4l2->node, v4l2->who, white->id, v4l2->white_balance_k, error))
+        return FALSE;
+    for (int i = 0; v4l2->controls_set && v4l2->controls_set[i]; i++)
+        if (!video_control_set_named(&v4l2->node, v4l2->who, v4l2->controls_set[i], error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean check_exposure(const struct v4l2_camera *v4l2, GError **error) {
+    if (v4l2->fixed_exposure_us > 0)
+        return TRUE;
+    if (v4l2->controls.exposure.id == 0)
+        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                      "(%s) has no control for its exposure; if it is fixed and known, write "
+                      "fixed_exposure_us",
+                      v4l2->node.card);
+    if (exposure_unit_us(v4l2) <= 0)
+        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                      "(%s) counts its exposure in steps of its own: write how long one is as "
+                      "exposure_unit_us",
+                      v4l2->node.card);
+    return TRUE;
+}
+
+static gboolean count_load(struct v4l2_camera *v4l2, GError **error) {
+    g_autofree char *sysfs = video_node_sysfs(&v4l2->node);
+    return !v4l2->check_bandwidth ||
+           video_load_add(v4l2->who, sysfs, video_setup_mb_s(&v4l2->setup), &v4l2->load, error);
+}
+
+static void disconnect(struct v4l2_camera *v4l2) {
+    video_node_close(&v4l2->node);
+    g_clear_pointer(&v4l2->load, video_load_remove);
+}
+
+static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
+    const struct video_wish wish = {v4l2->format, v4l2->width, v4l2->height, v4l2->frame_rate};
+    g_clear_pointer(&v4l2->load, video_load_remove);
+    if (!video_node_open(&v4l2->node, v4l2->who, v4l2->path, v4l2->bus, error))
+        return FALSE;
+    video_controls_read(&v4l2->node, &v4l2->controls);
+    if (video_setup_apply(&v4l2->node, v4l2->who, &wish, &v4l2->setup, error) &&
+        check_exposure(v4l2, error) && count_load(v4l2, error) && set_controls(v4l2, error))
+        return TRUE;
+    disconnect(v4l2);
+    return FALSE;
+}
+
+static gboolean find_again(Camera *camera, GError **error) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    const struct video_setup before = v4l2->setup;
+    if (!connect_camera(v4l2, error)) {
+        v4l2->setup = before;
+        return FALSE;
+    }
+    if (v4l2->setup.format == before.format && v4l2->setup.width == before.width &&
+        v4l2->setup.height == before.height && v4l2->setup.interval_us == before.interval_us)
+        return v4l2->settings.exposure_us == 0 || apply_settings(camera, error);
+    v4l2->setup = before;
+    refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+           "came back with other pictures: it is another camera, or another program has set it; "
+           "start the rig again, or write format, width, height and frame_rate");
+    disconnect(v4l2);
+    return FALSE;
+}
+
+static gboolean arm(Camera *camera, GError **error) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    if (v4l2->node.fd < 0 && !find_again(camera, error))
+        return FALSE;
+    if (video_stream_start(&v4l2->stream, &v4l2->node, v4l2->who, &v4l2->setup, error))
+        return TRUE;
+    disconnect(v4l2); /* so that the next try begins anew */
+    return FALSE;
+}
+
+static void disarm(Camera *camera) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    stop_waiting(camera);
+    video_stream_stop(&v4l2->stream, &v4l2->node);
+}
+
+static void fill_format(Camera *camera) {
+    const struct v4l2_camera *v4l2 = camera->device.priv;
+    const struct video_setup *setup = &v4l2->setup;
+    gboolean limited = video_format_is_luma(setup->format) && !setup->full_range;
+    double unit = exposure_unit_us(v4l2);
+    gint64 least = MAX(v4l2->controls.exposure.min, 1), most = v4l2->controls.exposure.max;
+    camera->format = (struct camera_format){
+        .width = setup->width,
+        .height = setup->height,
+        .cfa = setup->format->cfa,
+        .bits = setup->format->bits,
+        .black_level = v4l2->black_level >= 0 ? v4l2->black_level
+                       : limited              ? LIMITED_BLACK
+                                              : 0,
+        .min_exposure_us = (gint64)ceil((double)least * unit),
+        .max_exposure_us = MIN((gint64)((double)most * unit), setup->interval_us),
+        .trigger_us = setup->interval_us / 2 + delay_us(v4l2, (enum stamp)v4l2->stamp),
+        .readout_us = setup->interval_us,
+    };
+    if (v4l2->fixed_exposure_us > 0)
+        camera->format.min_exposure_us = camera->format.max_exposure_us =
+            llrint(v4l2->fixed_exposure_us);
+}
+
+static void tell_lacking(const struct v4l2_camera *v4l2) {
+    g_autofree char *lacking = video_controls_lacking(&v4l2->controls);
+    if (lacking)
+        g_message("%s: %s (%s) has no control for: %s", v4l2->who, v4l2->node.path, v4l2->node.card,
+                  lacking);
+}
+
+static gboolean open_camera(Camera *camera, GError **error) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    v4l2->node.fd = -1;
+    if (clock_is_virtual(camera->device.clock)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, camera->device.section, "driver",
+                         "v4l2-camera is real and keeps real time; set clock = real in [rig]");
+        return FALSE;
+    }
+    v4l2->who = g_strconcat("camera ", camera->device.name, NULL);
+    if (!connect_camera(v4l2, error)) {
+        g_free(v4l2->who);
+        return FALSE;
+    }
+    fill_format(camera);
+    tell_lacking(v4l2);
+    return TRUE;
+}
+
+static void close_camera(Camera *camera) {
+    struct v4l2_camera *v4l2 = camera->device.priv;
+    disconnect(v4l2);
+    g_clear_pointer(&v4l2->who, g_free);
+}
+
+const struct camera_driver v4l2_camera_driver = {
+    .info = {"camera", "v4l2-camera",
+             "A USB (UVC) or other camera of the kernel's V4L2, running freely", options,
+             sizeof(struct v4l2_camera)},
+    .open = open_camera,
+    .close = close_camera,
+    .configure = configure,
+    .arm = arm,
+    .disarm = disarm,
+    .trigger = trigger,
+};

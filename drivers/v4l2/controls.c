@@ -1,0 +1,179 @@
+#include "controls.h"
+
+#include "drivers/device.h"
+
+#include <errno.h>
+#include <math.h>
+#include <string.h>
+
+#define EXPOSURE_ABSOLUTE_US 100.0
+
+#define MAX_CONTROLS 512
+
+/* In this order: what rules others comes first. */
+static const struct {
+    guint32 id;
+    int value;
+} automatic[] = {
+    {V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL},
+    {V4L2_CID_EXPOSURE_AUTO_PRIORITY, 0}, /* may not lower the frame rate */
+    {V4L2_CID_AUTOGAIN, 0},
+    {V4L2_CID_AUTO_WHITE_BALANCE, 0},
+    {V4L2_CID_HUE_AUTO, 0},
+    {V4L2_CID_AUTOBRIGHTNESS, 0},
+    {V4L2_CID_BACKLIGHT_COMPENSATION, 0},
+    {V4L2_CID_WIDE_DYNAMIC_RANGE, 0},
+    {V4L2_CID_IMAGE_STABILIZATION, 0},
+};
+
+static gboolean query(const struct video_node *node, guint32 id, struct v4l2_queryctrl *ret) {
+    *ret = (struct v4l2_queryctrl){.id = id};
+    return video_ioctl(node, VIDIOC_QUERYCTRL, ret) == 0 && !(ret->flags & V4L2_CTRL_FLAG_DISABLED);
+}
+
+static gboolean read_range(const struct video_node *node, guint32 id, struct video_range *ret) {
+    struct v4l2_queryctrl control;
+    if (!query(node, id, &control) || control.flags & V4L2_CTRL_FLAG_READ_ONLY ||
+        control.maximum < control.minimum)
+        return FALSE;
+    *ret = (struct video_range){id, control.minimum, control.maximum, MAX(control.step, 1),
+                                control.default_value};
+    return TRUE;
+}
+
+void video_controls_read(const struct video_node *node, struct video_controls *ret) {
+    struct v4l2_queryctrl control;
+    *ret = (struct video_controls){0};
+    if (read_range(node, V4L2_CID_EXPOSURE_ABSOLUTE, &ret->exposure))
+        ret->exposure_unit_us = EXPOSURE_ABSOLUTE_US;
+    else
+        read_range(node, V4L2_CID_EXPOSURE, &ret->exposure);
+    if (!read_range(node, V4L2_CID_GAIN, &ret->gain))
+        read_range(node, V4L2_CID_ANALOGUE_GAIN, &ret->gain);
+    read_range(node, V4L2_CID_WHITE_BALANCE_TEMPERATURE, &ret->white_balance);
+    ret->has_auto_exposure = query(node, V4L2_CID_EXPOSURE_AUTO, &control);
+    ret->has_auto_white_balance = query(node, V4L2_CID_AUTO_WHITE_BALANCE, &control);
+}
+
+char *video_controls_lacking(const struct video_controls *controls) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    const struct {
+        gboolean has;
+        const char *name;
+    } wanted[] = {{controls->exposure.id != 0, "exposure"},
+                  {controls->gain.id != 0, "gain"},
+                  {controls->white_balance.id != 0, "white balance"}};
+    for (gsize i = 0; i < G_N_ELEMENTS(wanted); i++)
+        if (!wanted[i].has)
+            g_string_append_printf(text, "%s%s", text->len ? ", " : "", wanted[i].name);
+    return text->len ? g_string_free(g_steal_pointer(&text), FALSE) : NULL;
+}
+
+gboolean video_control_set(const struct video_node *node, const char *who, guint32 id, gint64 value,
+                           GError **error) {
+    struct v4l2_control control = {id, (gint32)value};
+    struct v4l2_queryctrl about;
+    g_autofree char *name =
+        query(node, id, &about) ? g_strndup((char *)about.name, sizeof about.name) : NULL;
+    g_autofree char *what =
+        g_strdup_printf("refused %s = %" G_GINT64_FORMAT, name ? name : "a control", value);
+    if (video_ioctl(node, VIDIOC_S_CTRL, &control) < 0) {
+        video_set_error(error, who, node, errno, what);
+        return FALSE;
+    }
+    control = (struct v4l2_control){.id = id};
+    if (about.flags & V4L2_CTRL_FLAG_WRITE_ONLY || about.type == V4L2_CTRL_TYPE_BUTTON)
+        return TRUE;
+    if (video_ioctl(node, VIDIOC_G_CTRL, &control) < 0) {
+        video_set_error(error, who, node, errno, what);
+        return FALSE;
+    }
+    if (control.value == value)
+        return TRUE;
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                "%s: %s: %s was set to %" G_GINT64_FORMAT ", but is %d", who, node->path,
+                name ? name : "a control", value, control.value);
+    return FALSE;
+}
+
+gboolean video_controls_by_hand(const struct video_node *node, const char *who, GError **error) {
+    for (gsize i = 0; i < G_N_ELEMENTS(automatic); i++) {
+        struct v4l2_queryctrl control;
+        gboolean passive = V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE;
+        if (!query(node, automatic[i].id, &control) || control.flags & (guint32)passive ||
+            automatic[i].value < control.minimum || automatic[i].value > control.maximum)
+            continue;
+        if (!video_control_set(node, who, automatic[i].id, automatic[i].value, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* As v4l2-ctl writes names: "White Balance, Automatic" is white_balance_automatic. */
+static char *plain_name(const struct v4l2_queryctrl *control) {
+    g_autofree char *name = g_strndup((const char *)control->name, sizeof control->name);
+    GString *plain = g_string_new(NULL);
+    gboolean gap = FALSE;
+    for (const char *c = name; *c; c++) {
+        if (!g_ascii_isalnum(*c)) {
+            gap = TRUE;
+            continue;
+        }
+        if (gap && plain->len)
+            g_string_append_c(plain, '_');
+        g_string_append_c(plain, g_ascii_tolower(*c));
+        gap = FALSE;
+    }
+    return g_string_free(plain, FALSE);
+}
+
+/* names gets those of all controls, if it is not there. */
+static gboolean find_named(const struct video_node *node, const char *name, GString *names,
+                           struct v4l2_queryctrl *ret) {
+    *ret = (struct v4l2_queryctrl){.id = V4L2_CTRL_FLAG_NEXT_CTRL};
+    for (int i = 0; i < MAX_CONTROLS && video_ioctl(node, VIDIOC_QUERYCTRL, ret) == 0; i++) {
+        g_autofree char *plain = plain_name(ret);
+        guint32 next = ret->id | V4L2_CTRL_FLAG_NEXT_CTRL;
+        if (ret->type != V4L2_CTRL_TYPE_CTRL_CLASS && strcmp(plain, name) == 0)
+            return TRUE;
+        if (ret->type != V4L2_CTRL_TYPE_CTRL_CLASS)
+            g_string_append_printf(names, "%s%s", names->len ? ", " : "", plain);
+        *ret = (struct v4l2_queryctrl){.id = next};
+    }
+    return FALSE;
+}
+
+gboolean video_control_set_named(const struct video_node *node, const char *who,
+                                 const char *setting, GError **error) {
+    g_auto(GStrv) parts = g_strsplit(setting, "=", 2);
+    g_autoptr(GString) names = g_string_new(NULL);
+    struct v4l2_queryctrl control;
+    gint64 value = 0;
+    for (int i = 0; parts[0] && parts[i]; i++)
+        g_strstrip(parts[i]);
+    if (g_strv_length(parts) != 2 ||
+        !g_ascii_string_to_signed(parts[1], 10, G_MININT32, G_MAXINT32, &value, NULL)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "%s: controls: \"%s\" is no NAME=NUMBER", who, setting);
+        return FALSE;
+    }
+    if (!find_named(node, parts[0], names, &control)) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "%s: controls: %s has no \"%s\"; it has: %s", who, node->path, parts[0],
+                    names->len ? names->str : "none");
+        return FALSE;
+    }
+    if (value < control.minimum || value > control.maximum) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "%s: controls: %s = %" G_GINT64_FORMAT " is not within %d to %d", who, parts[0],
+                    value, control.minimum, control.maximum);
+        return FALSE;
+    }
+    return video_control_set(node, who, control.id, value, error);
+}
+
+gint64 video_range_nearest(const struct video_range *range, double wanted) {
+    double steps = round((wanted - (double)range->min) / (double)range->step);
+    double most = floor((double)(range->max - range->min) / (double)range->step);
+    return range->min + (gint64)CLAMP(steps, 0, most) * range->step;
+}

@@ -1,0 +1,49 @@
+/*
+ * Pixel formats of V4L2 that a measurement can use, and how they become samples: mono and Bayer of
+ * 8 to 16 bits, packed or in words, and the luma of YUYV and UYVY. What is compressed (MJPEG,
+ * H.264) is not among them. Layouts as in the kernel's "V4L2 pixel formats" documentation. Pure
+ * functions.
+ */
+#pragma once
+
+#include "drivers/frame.h"
+
+enum video_packing {
+    VIDEO_BYTES,  /* a byte a pixel */
+    VIDEO_WORDS,  /* two bytes a pixel, low byte first, value in the low bits */
+    VIDEO_MIPI10, /* four pixels in five bytes: their upper eight bits, then all lower bits */
+    VIDEO_MIPI12, /* two pixels in three bytes, likewise */
+    VIDEO_YUYV,   /* luma in the even bytes */
+    VIDEO_UYVY,   /* luma in the odd bytes */
+};
+
+struct video_format {
+    guint32 fourcc;
+    enum cfa cfa;
+    int bits;
+    enum video_packing packing;
+};
+
+/* NULL: none that can be measured with. */
+const struct video_format *video_format_find(guint32 fourcc);
+
+/* The better one for measuring of two; NULL is the worst. Bayer before mono before luma, then more
+ * bits, then fewer bytes. */
+const struct video_format *video_format_better(const struct video_format *a,
+                                               const struct video_format *b);
+
+/* "RG10": four characters, spaces at the end left out. g_free(). */
+char *video_fourcc_name(guint32 fourcc);
+gboolean video_fourcc_parse(const char *name, guint32 *ret_fourcc);
+
+gboolean video_format_is_luma(const struct video_format *format);
+
+/* Bytes that a row's pixels take, without what fills it up. */
+gsize video_format_row_bytes(const struct video_format *format, int width);
+
+/* Bytes that a picture reaches to. */
+gsize video_format_bytes(const struct video_format *format, int width, int height, gsize stride);
+
+/* From a picture of rows stride bytes apart. Samples beyond the format's bits are its maximum. */
+void video_format_unpack(const struct video_format *format, const guint8 *from, gsize stride,
+                         int width, int height, guint16 *ret_pixels);

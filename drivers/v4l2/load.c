@@ -1,0 +1,108 @@
+#include "load.h"
+
+#include "drivers/device.h"
+
+#include <string.h>
+
+struct video_load {
+    char *who;
+    GPtrArray *links; /* sysfs folders of USB devices: the link is that towards the computer */
+    double mb_s;
+};
+
+static GList *loads;
+
+/*
+ * Periodic transfers may take 90 % of a full-speed frame, 80 % of a high-speed microframe and 90 %
+ * of a SuperSpeed bus interval (USB 2.0, 5.6.4 and 5.7.4; USB 3.2, 4.4.7). A packet of 1024 bytes
+ * has some 38 of protocol at high speed, and SuperSpeed sends ten bits a byte (132 for 128 from
+ * 10 Gbit/s on) and some 40 bytes of protocol a packet.
+ */
+double video_link_mb_s(double mbit_s) {
+    double mb_s = mbit_s / 8;
+    if (mbit_s < 480)
+        return mb_s * 0.9 * 1023 / (1023 + 9);
+    if (mbit_s < 5000)
+        return mb_s * 0.8 * 1024 / (1024 + 38);
+    return mb_s * (mbit_s < 10000 ? 0.8 : 128.0 / 132) * 0.9 * 1024 / (1024 + 40);
+}
+
+static double read_speed(const char *folder) {
+    g_autofree char *path = g_build_filename(folder, "speed", NULL);
+    g_autofree char *text = NULL;
+    if (!g_file_get_contents(path, &text, NULL, NULL))
+        return 0;
+    double mbit_s = g_ascii_strtod(text, NULL);
+    return mbit_s > 0 && mbit_s < 1e6 ? mbit_s : 0;
+}
+
+/* The camera itself, the hubs above it, and the root hub. */
+static GPtrArray *links_above(const char *sysfs) {
+    GPtrArray *links = g_ptr_array_new_with_free_func(g_free);
+    for (char *folder = g_strdup(sysfs); folder;) {
+        if (read_speed(folder) > 0)
+            g_ptr_array_add(links, g_strdup(folder));
+        char *parent = strlen(folder) > 1 ? g_path_get_dirname(folder) : NULL;
+        g_free(folder);
+        folder = parent;
+    }
+    return links;
+}
+
+static double load_of(const char *link, GString *who) {
+    double mb_s = 0;
+    for (GList *l = loads; l; l = l->next) {
+        const struct video_load *load = l->data;
+        if (!g_ptr_array_find_with_equal_func(load->links, link, g_str_equal, NULL))
+            continue;
+        mb_s += load->mb_s;
+        g_string_append_printf(who, "%s, ", load->who);
+    }
+    return mb_s;
+}
+
+static gboolean check_link(const char *link, const struct video_load *new, GError **error) {
+    g_autoptr(GString) who = g_string_new(NULL);
+    double speed = read_speed(link), most = video_link_mb_s(speed);
+    double sum = load_of(link, who) + new->mb_s;
+    if (sum <= most)
+        return TRUE;
+    g_autofree char *name = g_path_get_basename(link);
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                "%s: %s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s of "
+                "%.0f Mbit/s carries; lower frame_rate, choose a format of fewer bytes or smaller "
+                "pictures, or plug some into another controller",
+                new->who, who->str, new->who, sum, most, name, speed);
+    return FALSE;
+}
+
+gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
+                        GError **error) {
+    struct video_load *load = g_new0(struct video_load, 1);
+    *ret = NULL;
+    load->who = g_strdup(who);
+    load->links = sysfs ? links_above(sysfs) : g_ptr_array_new();
+    load->mb_s = mb_s;
+    for (guint i = 0; i < load->links->len; i++) {
+        if (!check_link(load->links->pdata[i], load, error)) {
+            video_load_remove(load);
+            return FALSE;
+        }
+    }
+    if (load->links->len == 0) {
+        video_load_remove(load);
+        return TRUE;
+    }
+    loads = g_list_append(loads, load);
+    *ret = load;
+    return TRUE;
+}
+
+void video_load_remove(struct video_load *load) {
+    if (!load)
+        return;
+    loads = g_list_remove(loads, load);
+    g_ptr_array_unref(load->links);
+    g_free(load->who);
+    g_free(load);
+}

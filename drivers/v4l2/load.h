@@ -1,0 +1,19 @@
+/*
+ * Whether the USB links between cameras and computer carry what they send: each open camera's load
+ * is added to every link on its way, of which sysfs tells the speeds. Main loop's thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+struct video_load; /* one camera's share */
+
+/* Refused (DEVICE_ERROR_UNSUPPORTED) if a link would carry more than it can; the error names the
+ * link, who is on it and what they need. sysfs: folder of the device, NULL or no USB: nothing is
+ * counted and *ret is NULL. */
+gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct video_load **ret,
+                        GError **error);
+void video_load_remove(struct video_load *load); /* NULL is ignored */
+
+/* What isochronous transfers may carry over a link of so many Mbit/s, in 10⁶ bytes a second. */
+double video_link_mb_s(double mbit_s);

@@ -1,0 +1,225 @@
+#include "node.h"
+
+#include "drivers/device.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#define CLASS_FOLDER "/sys/class/video4linux"
+#define MAX_LISTED   64 /* of formats and sizes */
+
+int video_ioctl(const struct video_node *node, unsigned long request, void *arg) {
+    int code;
+    do
+        code = ioctl(node->fd, request, arg);
+    while (code < 0 && errno == EINTR);
+    return code;
+}
+
+static enum device_error error_code(int code) {
+    switch (code) {
+    case ENODEV:
+    case ENXIO:
+    case ENOENT:
+        return DEVICE_ERROR_DISCONNECTED;
+    case EBUSY:
+        return DEVICE_ERROR_BUSY;
+    case EACCES:
+    case EPERM:
+    case ENOTTY:
+    case ENOSPC:
+        return DEVICE_ERROR_UNSUPPORTED;
+    default:
+        return DEVICE_ERROR_PROTOCOL;
+    }
+}
+
+static const char *advice(int code) {
+    switch (code) {
+    case ENODEV:
+    case ENXIO:
+    case ENOENT:
+        return "it is gone; check its cable";
+    case EBUSY:
+        return "another program uses it";
+    case EACCES:
+    case EPERM:
+        return "this user may not open it; install etc/udev/60-mesorig.rules, or join group video";
+    case ENOSPC:
+        return "the USB bus has no bandwidth left for it; lower frame_rate, make pictures smaller, "
+               "or plug it into another controller";
+    case ENOTTY:
+        return "it cannot do that";
+    default:
+        return g_strerror(code);
+    }
+}
+
+void video_set_error(GError **error, const char *who, const struct video_node *node, int code,
+                     const char *what) {
+    g_set_error(error, DEVICE_ERROR, error_code(code), "%s: %s %s: %s", who,
+                node->path ? node->path : "the camera", what, advice(code));
+}
+
+void video_node_close(struct video_node *node) {
+    if (node->fd >= 0)
+        close(node->fd);
+    g_free(node->path);
+    g_free(node->card);
+    g_free(node->driver);
+    g_free(node->bus);
+    *node = (struct video_node){.fd = -1};
+}
+
+static char *text_of(const guint8 *field, gsize size) {
+    g_autofree char *text = g_strndup((const char *)field, size);
+    return g_utf8_make_valid(text, -1);
+}
+
+/* errno is set where it fails; ENOTTY for what is no video capture device. */
+static gboolean open_path(struct video_node *node, const char *path) {
+    struct v4l2_capability capability = {0};
+    *node = (struct video_node){.fd = open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC)};
+    node->path = g_strdup(path);
+    if (node->fd < 0 || video_ioctl(node, VIDIOC_QUERYCAP, &capability) < 0)
+        return FALSE;
+    guint32 can = capability.capabilities & V4L2_CAP_DEVICE_CAPS ? capability.device_caps
+                                                                 : capability.capabilities;
+    node->card = text_of(capability.card, sizeof capability.card);
+    node->driver = text_of(capability.driver, sizeof capability.driver);
+    node->bus = text_of(capability.bus_info, sizeof capability.bus_info);
+    errno = ENOTTY;
+    return can & V4L2_CAP_VIDEO_CAPTURE && can & V4L2_CAP_STREAMING;
+}
+
+static int by_number(gconstpointer a, gconstpointer b) {
+    const char *one = *(char *const *)a, *two = *(char *const *)b;
+    gsize n = strlen(one), m = strlen(two);
+    return n != m ? (n > m) - (n < m) : strcmp(one, two);
+}
+
+static GPtrArray *list_all(void) {
+    GPtrArray *paths = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GDir) dir = g_dir_open(CLASS_FOLDER, 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir)))
+        if (g_str_has_prefix(name, "video"))
+            g_ptr_array_add(paths, g_strconcat("/dev/", name, NULL));
+    g_ptr_array_sort(paths, by_number);
+    return paths;
+}
+
+GPtrArray *video_node_list(void) {
+    GPtrArray *all = list_all();
+    for (guint i = all->len; i-- > 0;) {
+        struct video_node node;
+        /* One that may not be opened is listed: whoever asks is to hear of it. */
+        if (!open_path(&node, all->pdata[i]) && node.fd >= 0)
+            g_ptr_array_remove_index(all, i);
+        video_node_close(&node);
+    }
+    return all;
+}
+
+static gboolean open_named(struct video_node *node, const char *who, const char *path,
+                           GError **error) {
+    if (open_path(node, path))
+        return TRUE;
+    int code = errno;
+    if (code == ENOTTY)
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "%s: %s is no camera that streams video; “mesorig devices” lists those", who,
+                    path);
+    else
+        video_set_error(error, who, node, code, "could not be opened");
+    video_node_close(node);
+    return FALSE;
+}
+
+/* Opens the one that fits among all; n is how many fit. */
+static void open_fitting(struct video_node *ret, const char *bus, GString *seen, int *n) {
+    g_autoptr(GPtrArray) all = list_all();
+    *n = 0;
+    for (guint i = 0; i < all->len; i++) {
+        struct video_node node;
+        gboolean fits = FALSE;
+        if (open_path(&node, all->pdata[i])) {
+            fits = !bus || !*bus || strcmp(bus, node.bus) == 0;
+            g_string_append_printf(seen, "%s%s (%s, bus %s)", seen->len ? ", " : "", node.path,
+                                   node.card, node.bus);
+        }
+        *n += fits;
+        if (fits && *n == 1)
+            *ret = node;
+        else
+            video_node_close(&node);
+    }
+}
+
+gboolean video_node_open(struct video_node *node, const char *who, const char *path,
+                         const char *bus, GError **error) {
+    g_autoptr(GString) seen = g_string_new(NULL);
+    int n;
+    *node = (struct video_node){.fd = -1};
+    if (path && *path)
+        return open_named(node, who, path, error);
+    open_fitting(node, bus, seen, &n);
+    if (n == 1)
+        return TRUE;
+    video_node_close(node);
+    if (n > 1)
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
+                    "%s: more than one camera fits: %s; say which by bus or device", who,
+                    seen->str);
+    else
+        g_set_error(
+            error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+            "%s: no such camera is plugged in (bus \"%s\"); found: %s; check its cable, and "
+            "that this user may open it",
+            who, bus ? bus : "", seen->len ? seen->str : "none");
+    return FALSE;
+}
+
+GArray *video_node_formats(const struct video_node *node) {
+    GArray *formats = g_array_new(FALSE, FALSE, sizeof(guint32));
+    for (guint32 i = 0; i < MAX_LISTED; i++) {
+        struct v4l2_fmtdesc desc = {.index = i, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+        if (video_ioctl(node, VIDIOC_ENUM_FMT, &desc) < 0)
+            break;
+        g_array_append_val(formats, desc.pixelformat);
+    }
+    return formats;
+}
+
+char *video_node_sizes(const struct video_node *node, guint32 fourcc) {
+    GString *text = g_string_new(NULL);
+    for (guint32 i = 0; i < MAX_LISTED; i++) {
+        struct v4l2_frmsizeenum size = {.index = i, .pixel_format = fourcc};
+        if (video_ioctl(node, VIDIOC_ENUM_FRAMESIZES, &size) < 0)
+            break;
+        if (size.type != V4L2_FRMSIZE_TYPE_DISCRETE) {
+            g_string_append_printf(text, "%u × %u to %u × %u", size.stepwise.min_width,
+                                   size.stepwise.min_height, size.stepwise.max_width,
+                                   size.stepwise.max_height);
+            break;
+        }
+        g_string_append_printf(text, "%s%u × %u", i ? ", " : "", size.discrete.width,
+                               size.discrete.height);
+    }
+    return g_string_free(text, FALSE);
+}
+
+char *video_node_sysfs(const struct video_node *node) {
+    char *target = realpath(node->path, NULL); /* a link of /dev/v4l is resolved */
+    g_autofree char *name = g_path_get_basename(target ? target : node->path);
+    g_autofree char *device = g_build_filename(CLASS_FOLDER, name, "device", NULL);
+    free(target);
+    char *real = realpath(device, NULL);
+    char *copy = g_strdup(real);
+    free(real);
+    return copy;
+}

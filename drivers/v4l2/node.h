@@ -1,0 +1,42 @@
+/*
+ * A V4L2 device node: found, opened, asked. The functions are calls of the kernel and return when
+ * it does, which is at once for all but a device that is being unplugged. Main loop's thread.
+ *
+ * who ("camera top") begins every error message. Errors are DEVICE_ERROR.
+ */
+#pragma once
+
+#include "formats.h"
+
+#include <linux/videodev2.h>
+
+struct video_node {
+    int fd;                    /* -1: not open */
+    char *path;                /* "/dev/video0" */
+    char *card, *driver, *bus; /* as it says: "HD Webcam", "uvcvideo", "usb-…-1.2" */
+};
+
+/* The node that path or bus names (NULL or empty: any); fails if none fits, or more than one. */
+gboolean video_node_open(struct video_node *node, const char *who, const char *path,
+                         const char *bus, GError **error);
+void video_node_close(struct video_node *node); /* a closed one, or zeroes with fd -1, is allowed */
+
+/* All nodes that capture video by streaming, sorted: their paths. */
+GPtrArray *video_node_list(void);
+
+/* ioctl(2), again when interrupted; -1 with errno. */
+int video_ioctl(const struct video_node *node, unsigned long request, void *arg);
+
+/* An error of errno; what: "could not start". */
+void video_set_error(GError **error, const char *who, const struct video_node *node, int code,
+                     const char *what);
+
+/* Format numbers that it offers, of which some may be of no use for measuring. */
+GArray *video_node_formats(const struct video_node *node); /* of guint32 */
+
+/* "640 × 480, 1280 × 720", or a range; g_free(). */
+char *video_node_sizes(const struct video_node *node, guint32 fourcc);
+
+/* sysfs folder of the device behind the node, symlinks resolved; NULL if there is none. g_free().
+ */
+char *video_node_sysfs(const struct video_node *node);

@@ -1,0 +1,235 @@
+#include "stream.h"
+
+#include "drivers/device.h"
+
+#include <errno.h>
+#include <math.h>
+#include <sys/mman.h>
+
+#define CAPTURE V4L2_BUF_TYPE_VIDEO_CAPTURE
+
+static gboolean refuse(GError **error, const char *who, const struct video_node *node,
+                       const char *format, ...) G_GNUC_PRINTF(4, 5);
+static gboolean refuse(GError **error, const char *who, const struct video_node *node,
+                       const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *what = g_strdup_vprintf(format, args);
+    va_end(args);
+    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "%s: %s %s", who, node->path, what);
+    return FALSE;
+}
+
+static char *list_formats(const GArray *offered) {
+    GString *text = g_string_new(NULL);
+    for (guint i = 0; i < offered->len; i++) {
+        g_autofree char *name = video_fourcc_name(g_array_index(offered, guint32, i));
+        g_string_append_printf(text, "%s%s", i ? ", " : "", name);
+    }
+    return g_string_free(text, FALSE);
+}
+
+static gboolean choose_named(const GArray *offered, const char *name,
+                             const struct video_format **ret) {
+    guint32 fourcc;
+    *ret = NULL;
+    for (guint i = 0; i < offered->len && video_fourcc_parse(name, &fourcc); i++)
+        if (g_array_index(offered, guint32, i) == fourcc)
+            *ret = video_format_find(fourcc);
+    return *ret != NULL;
+}
+
+static gboolean choose_format(const struct video_node *node, const char *who, const char *name,
+                              const struct video_format **ret, GError **error) {
+    g_autoptr(GArray) offered = video_node_formats(node);
+    g_autofree char *list = list_formats(offered);
+    *ret = NULL;
+    if (name && *name) {
+        if (!choose_named(offered, name, ret))
+            refuse(error, who, node,
+                   "cannot be measured with in format %s: what is compressed is no measure of "
+                   "light, and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
+                   name, list);
+        return *ret != NULL;
+    }
+    for (guint i = 0; i < offered->len; i++)
+        *ret = video_format_better(*ret, video_format_find(g_array_index(offered, guint32, i)));
+    if (!*ret)
+        refuse(error, who, node,
+               "offers only %s: what is compressed is no measure of light; a camera with Bayer, "
+               "mono, YUYV or UYVY is needed",
+               *list ? list : "no format");
+    return *ret != NULL;
+}
+
+static gboolean set_format(const struct video_node *node, const char *who,
+                           const struct video_wish *wish, struct v4l2_pix_format *ret,
+                           guint32 fourcc, GError **error) {
+    struct v4l2_format format = {.type = CAPTURE};
+    if (video_ioctl(node, VIDIOC_G_FMT, &format) == 0) {
+        format.fmt.pix.width = wish->width > 0 ? (guint32)wish->width : format.fmt.pix.width;
+        format.fmt.pix.height = wish->height > 0 ? (guint32)wish->height : format.fmt.pix.height;
+        format.fmt.pix.pixelformat = fourcc;
+        format.fmt.pix.field = V4L2_FIELD_NONE;
+        format.fmt.pix.bytesperline = format.fmt.pix.sizeimage = 0;
+        if (video_ioctl(node, VIDIOC_S_FMT, &format) == 0) {
+            *ret = format.fmt.pix;
+            return TRUE;
+        }
+    }
+    video_set_error(error, who, node, errno, "could not be set to its format");
+    return FALSE;
+}
+
+static gboolean check_format(const struct video_node *node, const char *who,
+                             const struct video_wish *wish, const struct v4l2_pix_format *pix,
+                             const struct video_setup *setup, GError **error) {
+    g_autofree char *name = video_fourcc_name(setup->format->fourcc);
+    g_autofree char *sizes = video_node_sizes(node, setup->format->fourcc);
+    gboolean wide = wish->width > 0 && (guint32)wish->width != pix->width;
+    gboolean high = wish->height > 0 && (guint32)wish->height != pix->height;
+    if (pix->width < 1 || pix->height < 1 || pix->width > 65536 || pix->height > 65536 ||
+        pix->pixelformat != setup->format->fourcc ||
+        pix->bytesperline < video_format_row_bytes(setup->format, (int)pix->width) ||
+        pix->bytesperline > 65536 * 16)
+        return refuse(error, who, node,
+                      "answered a picture of %u × %u in rows of %u bytes to format %s, which makes "
+                      "no sense",
+                      pix->width, pix->height, pix->bytesperline, name);
+    if (wide || high)
+        return refuse(error, who, node,
+                      "has no pictures of %d × %d in format %s, but of %s; set width and height",
+                      wish->width, wish->height, name, *sizes ? sizes : "others");
+    if (pix->field != V4L2_FIELD_NONE)
+        return refuse(error, who, node, "sends fields of interlaced pictures, not whole ones");
+    return TRUE;
+}
+
+/* The interval of a device that does not know it is taken from the wish. */
+static gboolean set_rate(const struct video_node *node, const char *who, double frame_rate,
+                         gint64 *ret_us, GError **error) {
+    struct v4l2_streamparm parm = {.type = CAPTURE};
+    struct v4l2_fract *interval = &parm.parm.capture.timeperframe;
+    gboolean knows = video_ioctl(node, VIDIOC_G_PARM, &parm) == 0 &&
+                     parm.parm.capture.capability & V4L2_CAP_TIMEPERFRAME;
+    if (knows && frame_rate > 0) {
+        *interval = (struct v4l2_fract){10000, (guint32)lrint(frame_rate * 1e4)};
+        if (video_ioctl(node, VIDIOC_S_PARM, &parm) < 0) {
+            video_set_error(error, who, node, errno, "could not be set to its frame_rate");
+            return FALSE;
+        }
+    }
+    double seconds = frame_rate > 0 ? 1 / frame_rate : 0;
+    if (knows && interval->denominator > 0)
+        seconds = (double)interval->numerator / interval->denominator;
+    if (seconds <= 0 || seconds > 3600)
+        return refuse(error, who, node, "does not say how often its frames come: set frame_rate");
+    if (frame_rate > 0 && fabs(seconds * frame_rate - 1) > 0.05)
+        return refuse(error, who, node,
+                      "does not send %g frames a second in this format, but %.4g: set frame_rate",
+                      frame_rate, 1 / seconds);
+    *ret_us = MAX(llrint(seconds * 1e6), 1);
+    return TRUE;
+}
+
+gboolean video_setup_apply(const struct video_node *node, const char *who,
+                           const struct video_wish *wish, struct video_setup *ret, GError **error) {
+    struct v4l2_pix_format pix;
+    *ret = (struct video_setup){0};
+    if (!choose_format(node, who, wish->format, &ret->format, error) ||
+        !set_format(node, who, wish, &pix, ret->format->fourcc, error) ||
+        !check_format(node, who, wish, &pix, ret, error) ||
+        !set_rate(node, who, wish->frame_rate, &ret->interval_us, error))
+        return FALSE;
+    ret->width = (int)pix.width;
+    ret->height = (int)pix.height;
+    ret->stride = pix.bytesperline;
+    ret->bytes = video_format_bytes(ret->format, ret->width, ret->height, ret->stride);
+    ret->full_range =
+        pix.priv == V4L2_PIX_FMT_PRIV_MAGIC &&
+        (pix.quantization == V4L2_QUANTIZATION_FULL_RANGE ||
+         (pix.quantization == V4L2_QUANTIZATION_DEFAULT && pix.colorspace == V4L2_COLORSPACE_JPEG));
+    return TRUE;
+}
+
+double video_setup_mb_s(const struct video_setup *setup) {
+    return (double)setup->stride * setup->height / (double)setup->interval_us;
+}
+
+static gboolean map_buffer(struct video_stream *stream, const struct video_node *node,
+                           const char *who, guint32 index, gsize bytes, GError **error) {
+    struct v4l2_buffer buffer = {.index = index, .type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    if (video_ioctl(node, VIDIOC_QUERYBUF, &buffer) < 0) {
+        video_set_error(error, who, node, errno, "did not tell of its buffers");
+        return FALSE;
+    }
+    if (buffer.length < bytes)
+        return refuse(error, who, node,
+                      "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT,
+                      buffer.length, bytes);
+    guint8 *data =
+        mmap(NULL, buffer.length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, buffer.m.offset);
+    if (data == MAP_FAILED) {
+        video_set_error(error, who, node, errno, "did not let its buffers be mapped");
+        return FALSE;
+    }
+    stream->buffers[index].data = data;
+    stream->buffers[index].size = buffer.length;
+    stream->n = (int)index + 1;
+    if (video_ioctl(node, VIDIOC_QBUF, &buffer) == 0)
+        return TRUE;
+    video_set_error(error, who, node, errno, "did not take a buffer");
+    return FALSE;
+}
+
+gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
+                            const char *who, const struct video_setup *setup, GError **error) {
+    struct v4l2_requestbuffers request = {
+        .count = VIDEO_BUFFERS, .type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    int type = CAPTURE;
+    *stream = (struct video_stream){0};
+    if (video_ioctl(node, VIDIOC_REQBUFS, &request) < 0) {
+        video_set_error(error, who, node, errno, "gave no buffers");
+        return FALSE;
+    }
+    gboolean ok = request.count >= 2 ||
+                  refuse(error, who, node, "gave %u buffers, too few to stream", request.count);
+    for (guint32 i = 0; ok && i < MIN(request.count, VIDEO_BUFFERS); i++)
+        ok = map_buffer(stream, node, who, i, setup->bytes, error);
+    if (ok && video_ioctl(node, VIDIOC_STREAMON, &type) < 0) {
+        video_set_error(error, who, node, errno, "could not start streaming");
+        ok = FALSE;
+    }
+    if (!ok)
+        video_stream_stop(stream, node);
+    return ok;
+}
+
+void video_stream_stop(struct video_stream *stream, const struct video_node *node) {
+    struct v4l2_requestbuffers none = {.type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    int type = CAPTURE;
+    if (node->fd >= 0)
+        video_ioctl(node, VIDIOC_STREAMOFF, &type);
+    for (int i = 0; i < stream->n; i++)
+        munmap(stream->buffers[i].data, stream->buffers[i].size);
+    stream->n = 0;
+    if (node->fd >= 0)
+        video_ioctl(node, VIDIOC_REQBUFS, &none);
+}
+
+int video_stream_take(const struct video_stream *stream, const struct video_node *node,
+                      struct v4l2_buffer *ret) {
+    *ret = (struct v4l2_buffer){.type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    if (video_ioctl(node, VIDIOC_DQBUF, ret) < 0)
+        return errno == EAGAIN ? 0 : -1;
+    if ((int)ret->index < stream->n)
+        return 1;
+    errno = EIO;
+    return -1;
+}
+
+void video_stream_give_back(const struct video_node *node, const struct v4l2_buffer *buffer) {
+    struct v4l2_buffer again = {
+        .index = buffer->index, .type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    video_ioctl(node, VIDIOC_QBUF, &again);
+}

@@ -1,0 +1,51 @@
+/*
+ * What a node is set to send, and its buffers, mapped into memory. Main loop's thread.
+ *
+ * who ("camera top") begins every error message. Errors are DEVICE_ERROR.
+ */
+#pragma once
+
+#include "node.h"
+
+struct video_wish {
+    const char *format; /* four characters, or empty: the best for measuring */
+    int width, height;  /* 0: as it is set now */
+    double frame_rate;  /* 0: likewise */
+};
+
+struct video_setup {
+    const struct video_format *format;
+    int width, height;
+    gsize stride, bytes; /* a row's, and what a picture must have */
+    gint64 interval_us;  /* from frame to frame */
+    gboolean full_range; /* luma from 0 to 255 rather than 16 to 235 */
+};
+
+/* What is asked for, exactly, or an error that says what there is. */
+gboolean video_setup_apply(const struct video_node *node, const char *who,
+                           const struct video_wish *wish, struct video_setup *ret, GError **error);
+
+/* 10⁶ bytes a second that it sends. */
+double video_setup_mb_s(const struct video_setup *setup);
+
+#define VIDEO_BUFFERS 4
+
+struct video_stream {
+    struct {
+        guint8 *data;
+        gsize size;
+    } buffers[VIDEO_BUFFERS];
+    int n;
+};
+
+/* Buffers of at least setup's bytes, all queued; frames come from now on. */
+gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
+                            const char *who, const struct video_setup *setup, GError **error);
+/* A stream of zeroes is allowed. */
+void video_stream_stop(struct video_stream *stream, const struct video_node *node);
+
+/* A filled buffer, if there is one: 1; 0: not yet; -1: errno. It is given back when its data has
+ * been read. */
+int video_stream_take(const struct video_stream *stream, const struct video_node *node,
+                      struct v4l2_buffer *ret);
+void video_stream_give_back(const struct video_node *node, const struct v4l2_buffer *buffer);

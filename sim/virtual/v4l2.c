@@ -1,0 +1,468 @@
+#include "v4l2_private.h"
+
+#include "testbed.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <string.h>
+#include <unistd.h>
+
+#define MAX_RATE 1000.0
+
+gint32 virtual_control_value(const VirtualV4l2 *camera, guint32 id, gint32 otherwise) {
+    for (int i = 0; i < camera->n_controls; i++)
+        if (camera->controls[i].about.id == id)
+            return camera->controls[i].value;
+    return otherwise;
+}
+
+/* Of the handlers below, each answers 0 or an errno; argument is the ioctl's struct. */
+
+static int query_capability(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_capability *capability = argument;
+    *capability = (struct v4l2_capability){
+        .version = 0x060100,
+        .capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_DEVICE_CAPS,
+        .device_caps = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING};
+    gboolean uvc = camera->config.stamp == VIRTUAL_V4L2_FIRST_DATA;
+    g_strlcpy((char *)capability->driver, uvc ? "uvcvideo" : "virtual", 16);
+    g_snprintf((char *)capability->card, 32, "Virtual camera %s", camera->port);
+    g_snprintf((char *)capability->bus_info, 32, "usb-virtual-%s", camera->port);
+    return 0;
+}
+
+static int enum_format(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_fmtdesc *desc = argument;
+    return virtual_pixels_offered(&camera->config, desc->index, &desc->pixelformat) ? 0 : EINVAL;
+}
+
+static int enum_size(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_frmsizeenum *size = argument;
+    if (size->index != 0)
+        return EINVAL;
+    size->type = V4L2_FRMSIZE_TYPE_DISCRETE;
+    size->discrete.width = (guint32)camera->config.width;
+    size->discrete.height = (guint32)camera->config.height;
+    return 0;
+}
+
+static int get_format(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_format *format = argument;
+    struct v4l2_pix_format *pix = &format->fmt.pix;
+    *pix = (struct v4l2_pix_format){
+        .width = (guint32)camera->config.width,
+        .height = (guint32)camera->config.height,
+        .pixelformat = camera->fourcc,
+        .field = V4L2_FIELD_NONE,
+        .bytesperline = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width),
+        .sizeimage = (guint32)virtual_pixels_size(camera->fourcc, camera->config.width,
+                                                  camera->config.height),
+        .colorspace = V4L2_COLORSPACE_SRGB,
+        .priv = V4L2_PIX_FMT_PRIV_MAGIC};
+    return 0;
+}
+
+static int set_format(VirtualV4l2 *camera, void *argument) {
+    const struct v4l2_format *format = argument;
+    guint32 fourcc;
+    if (camera->n_buffers)
+        return EBUSY;
+    for (guint32 i = 0; virtual_pixels_offered(&camera->config, i, &fourcc); i++)
+        if (fourcc == format->fmt.pix.pixelformat)
+            camera->fourcc = fourcc;
+    return get_format(camera, argument);
+}
+
+static int get_parm(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_streamparm *parm = argument;
+    parm->parm.capture = (struct v4l2_captureparm){
+        .capability = V4L2_CAP_TIMEPERFRAME,
+        .timeperframe = {1000, (guint32)lrint(camera->frame_rate * 1000)}};
+    return 0;
+}
+
+static int set_parm(VirtualV4l2 *camera, void *argument) {
+    const struct v4l2_streamparm *parm = argument;
+    struct v4l2_fract interval = parm->parm.capture.timeperframe;
+    if (camera->thread)
+        return EBUSY;
+    if (interval.numerator > 0 && interval.denominator > 0)
+        camera->frame_rate = CLAMP((double)interval.denominator / interval.numerator, 1, MAX_RATE);
+    return get_parm(camera, argument);
+}
+
+static struct virtual_control *find_control(VirtualV4l2 *camera, guint32 id) {
+    for (int i = 0; i < camera->n_controls; i++)
+        if (camera->controls[i].about.id == id)
+            return &camera->controls[i];
+    return NULL;
+}
+
+/* Controls are in the order of their ids, which V4L2_CTRL_FLAG_NEXT_CTRL asks for. */
+static int query_control(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_queryctrl *query = argument;
+    guint32 id = query->id & ~V4L2_CTRL_FLAG_NEXT_CTRL;
+    for (int i = 0; i < camera->n_controls; i++) {
+        const struct virtual_control *control = &camera->controls[i];
+        if (query->id & V4L2_CTRL_FLAG_NEXT_CTRL ? control->about.id > id
+                                                 : control->about.id == id) {
+            *query = control->about;
+            return 0;
+        }
+    }
+    return EINVAL;
+}
+
+static int get_control(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_control *value = argument;
+    const struct virtual_control *control = find_control(camera, value->id);
+    if (!control)
+        return EINVAL;
+    value->value = control->value;
+    return 0;
+}
+
+static int set_control(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_control *value = argument;
+    struct virtual_control *control = find_control(camera, value->id);
+    if (!control)
+        return EINVAL;
+    if (value->value < control->about.minimum || value->value > control->about.maximum)
+        return ERANGE;
+    control->value = value->value;
+    if (camera->fault == VIRTUAL_V4L2_DISOBEYS)
+        control->value = control->about.minimum;
+    camera->changed_us = g_get_monotonic_time();
+    return 0;
+}
+
+static gsize buffer_room(const VirtualV4l2 *camera) {
+    gsize page = (gsize)sysconf(_SC_PAGESIZE);
+    gsize bytes = virtual_pixels_size(camera->fourcc, camera->config.width, camera->config.height);
+    return (bytes + page - 1) / page * page;
+}
+
+static int request_buffers(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_requestbuffers *request = argument;
+    if (request->memory != V4L2_MEMORY_MMAP || camera->thread)
+        return camera->thread ? EBUSY : EINVAL;
+    request->count = MIN(request->count, MAX_BUFFERS);
+    memset(camera->buffers, 0, sizeof camera->buffers);
+    camera->n_buffers = (int)request->count;
+    off_t size = (off_t)(buffer_room(camera) * request->count);
+    return camera->n_buffers == 0 || ftruncate(camera->fd, MAX(size, 1)) == 0 ? 0 : ENOMEM;
+}
+
+static int query_buffer(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_buffer *buffer = argument;
+    if ((int)buffer->index >= camera->n_buffers)
+        return EINVAL;
+    buffer->length =
+        (guint32)virtual_pixels_size(camera->fourcc, camera->config.width, camera->config.height);
+    buffer->m.offset = (guint32)(buffer_room(camera) * buffer->index);
+    return 0;
+}
+
+static int queue_buffer(VirtualV4l2 *camera, void *argument) {
+    const struct v4l2_buffer *buffer = argument;
+    if ((int)buffer->index >= camera->n_buffers ||
+        camera->buffers[buffer->index].state != BUFFER_IDLE)
+        return EINVAL;
+    camera->buffers[buffer->index].state = BUFFER_QUEUED;
+    camera->buffers[buffer->index].order = ++camera->n_ordered;
+    return 0;
+}
+
+static struct virtual_buffer *first_done(VirtualV4l2 *camera) {
+    struct virtual_buffer *found = NULL;
+    for (int i = 0; i < camera->n_buffers; i++)
+        if (camera->buffers[i].state == BUFFER_DONE &&
+            (!found || camera->buffers[i].order < found->order))
+            found = &camera->buffers[i];
+    return found;
+}
+
+static int dequeue_buffer(VirtualV4l2 *camera, void *argument) {
+    struct v4l2_buffer *buffer = argument;
+    struct virtual_buffer *done = first_done(camera);
+    if (camera->fault == VIRTUAL_V4L2_STREAM_BREAKS) {
+        camera->fault = VIRTUAL_V4L2_WELL;
+        return EIO;
+    }
+    if (!camera->thread || !done)
+        return camera->thread ? EAGAIN : EINVAL;
+    buffer->index = (guint32)(done - camera->buffers);
+    buffer->flags = done->flags;
+    buffer->sequence = done->sequence;
+    buffer->bytesused = done->bytes;
+    buffer->timestamp.tv_sec = done->stamp_us / G_USEC_PER_SEC;
+    buffer->timestamp.tv_usec = done->stamp_us % G_USEC_PER_SEC;
+    buffer->field = V4L2_FIELD_NONE;
+    done->state = BUFFER_IDLE;
+    return 0;
+}
+
+static int stream_on(VirtualV4l2 *camera, void *argument) {
+    if (camera->fault == VIRTUAL_V4L2_NO_BANDWIDTH)
+        return ENOSPC;
+    if (camera->n_buffers == 0 || virtual_pixels_stride(camera->fourcc, 1) == 0)
+        return EINVAL;
+    if (!camera->thread)
+        virtual_stream_start(camera);
+    return 0;
+}
+
+static int stream_off(VirtualV4l2 *camera, void *argument) {
+    virtual_stream_stop(camera);
+    for (int i = 0; i < camera->n_buffers; i++)
+        camera->buffers[i].state = BUFFER_IDLE;
+    return 0;
+}
+
+static const struct {
+    unsigned long request;
+    gsize size;
+    int (*answer)(VirtualV4l2 *camera, void *argument);
+} answers[] = {
+    {VIDIOC_QUERYCAP, sizeof(struct v4l2_capability), query_capability},
+    {VIDIOC_ENUM_FMT, sizeof(struct v4l2_fmtdesc), enum_format},
+    {VIDIOC_ENUM_FRAMESIZES, sizeof(struct v4l2_frmsizeenum), enum_size},
+    {VIDIOC_G_FMT, sizeof(struct v4l2_format), get_format},
+    {VIDIOC_S_FMT, sizeof(struct v4l2_format), set_format},
+    {VIDIOC_G_PARM, sizeof(struct v4l2_streamparm), get_parm},
+    {VIDIOC_S_PARM, sizeof(struct v4l2_streamparm), set_parm},
+    {VIDIOC_QUERYCTRL, sizeof(struct v4l2_queryctrl), query_control},
+    {VIDIOC_G_CTRL, sizeof(struct v4l2_control), get_control},
+    {VIDIOC_S_CTRL, sizeof(struct v4l2_control), set_control},
+    {VIDIOC_REQBUFS, sizeof(struct v4l2_requestbuffers), request_buffers},
+    {VIDIOC_QUERYBUF, sizeof(struct v4l2_buffer), query_buffer},
+    {VIDIOC_QBUF, sizeof(struct v4l2_buffer), queue_buffer},
+    {VIDIOC_DQBUF, sizeof(struct v4l2_buffer), dequeue_buffer},
+    {VIDIOC_STREAMON, sizeof(int), stream_on},
+    {VIDIOC_STREAMOFF, sizeof(int), stream_off},
+};
+
+static int answer(VirtualV4l2 *camera, unsigned long request, UMockdevIoctlData *arg) {
+    for (gsize i = 0; i < G_N_ELEMENTS(answers); i++) {
+        if (answers[i].request != (request & 0xffffffffu))
+            continue;
+        UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, answers[i].size, NULL);
+        int code = data ? answers[i].answer(camera, data->data) : EFAULT;
+        g_clear_pointer(&data, umockdev_ioctl_data_unref);
+        return code;
+    }
+    return ENOTTY;
+}
+
+/* As when a program ends without a word: its stream ends, and its buffers go. */
+static void on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer user) {
+    VirtualV4l2 *camera = user;
+    g_mutex_lock(&camera->mutex);
+    if (camera->owner == client) {
+        virtual_stream_stop(camera);
+        camera->n_buffers = 0;
+        camera->owner = NULL;
+    }
+    g_mutex_unlock(&camera->mutex);
+}
+
+static gboolean on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer user) {
+    VirtualV4l2 *camera = user;
+    UMockdevIoctlData *arg = umockdev_ioctl_client_get_arg(client);
+    g_mutex_lock(&camera->mutex);
+    int code =
+        camera->sysfs ? answer(camera, umockdev_ioctl_client_get_request(client), arg) : ENODEV;
+    g_mutex_unlock(&camera->mutex);
+    umockdev_ioctl_client_complete(client, code ? -1 : 0, code);
+    return TRUE;
+}
+
+static void add_control(VirtualV4l2 *camera, guint32 id, const char *name, gint32 min, gint32 max,
+                        gint32 value) {
+    struct virtual_control *control = &camera->controls[camera->n_controls++];
+    g_assert(camera->n_controls <= MAX_CONTROLS);
+    enum v4l2_ctrl_type type = id == V4L2_CID_EXPOSURE_AUTO ? V4L2_CTRL_TYPE_MENU
+                               : max == 1                   ? V4L2_CTRL_TYPE_BOOLEAN
+                                                            : V4L2_CTRL_TYPE_INTEGER;
+    control->about = (struct v4l2_queryctrl){
+        .id = id, .type = type, .minimum = min, .maximum = max, .step = 1, .default_value = value};
+    g_strlcpy((char *)control->about.name, name, sizeof control->about.name);
+    control->value = value;
+}
+
+static void add_controls(VirtualV4l2 *camera) {
+    guint lacks = camera->config.lacks;
+    add_control(camera, V4L2_CID_BRIGHTNESS, "Brightness", -64, 64, 0);
+    if (!(lacks & VIRTUAL_V4L2_NO_WHITE_BALANCE))
+        add_control(camera, V4L2_CID_AUTO_WHITE_BALANCE, "White Balance, Automatic", 0, 1, 1);
+    add_control(camera, V4L2_CID_GAMMA, "Gamma", 100, 500, 300);
+    if (!(lacks & VIRTUAL_V4L2_NO_GAIN))
+        add_control(camera, V4L2_CID_GAIN, "Gain", 0, 240, 32);
+    if (!(lacks & VIRTUAL_V4L2_NO_WHITE_BALANCE))
+        add_control(camera, V4L2_CID_WHITE_BALANCE_TEMPERATURE, "White Balance Temperature", 2800,
+                    6500, 4600);
+    if (lacks & VIRTUAL_V4L2_NO_EXPOSURE)
+        return;
+    add_control(camera, V4L2_CID_EXPOSURE_AUTO, "Auto Exposure", 0, 3, 3);
+    add_control(camera, V4L2_CID_EXPOSURE_ABSOLUTE, "Exposure Time, Absolute", 1, 5000, 157);
+    add_control(camera, V4L2_CID_EXPOSURE_AUTO_PRIORITY, "Exposure, Dynamic Framerate", 0, 1, 1);
+}
+
+/* A device of USB: the root hub, a hub, or the camera. */
+static void add_usb(VirtualV4l2 *camera, const char *path, gboolean is_hub) {
+    static int last_address;
+    g_autofree char *root = umockdev_testbed_get_root_dir(camera->testbed);
+    g_autofree char *real = g_strconcat(root, "/sys", path, NULL);
+    if (g_file_test(real, G_FILE_TEST_EXISTS))
+        return;
+    int bus = atoi(camera->port), address = ++last_address;
+    double speed = camera->config.speed_mbit_s;
+    GError *error = NULL;
+    g_autofree char *text = g_strdup_printf(
+        "P: %s\nN: bus/usb/%03d/%03d\nE: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=%03d\n"
+        "E: DEVNUM=%03d\nE: DEVNAME=/dev/bus/usb/%03d/%03d\nE: DEVTYPE=usb_device\n"
+        "A: bConfigurationValue=1\\n\nA: busnum=%d\\n\nA: devnum=%d\\n\nA: speed=%.0f\\n\n"
+        "H: descriptors=120100%02X%s40%s0001000000010902120001010080320904000000%s\n",
+        path, bus, address, bus, address, bus, address, bus, address, speed, speed >= 5000 ? 3 : 2,
+        is_hub ? "090001" : "EF0201", is_hub ? "6B1D0200" : "FECA0100",
+        is_hub ? "09000000" : "0E010000");
+    umockdev_testbed_add_from_string(camera->testbed, text, &error);
+    g_assert_no_error(error);
+}
+
+/* "2-1.3": /devices/usb2, its hub 2-1, and the camera 2-1.3. */
+static char *add_usb_chain(VirtualV4l2 *camera) {
+    GString *path = g_string_new(NULL);
+    g_string_printf(path, "/devices/usb%d", atoi(camera->port));
+    add_usb(camera, path->str, TRUE);
+    for (const char *end = strchr(camera->port, '.');; end = strchr(end + 1, '.')) {
+        int n = end ? (int)(end - camera->port) : (int)strlen(camera->port);
+        g_string_append_printf(path, "/%.*s", n, camera->port);
+        add_usb(camera, path->str, end != NULL);
+        if (!end)
+            return g_string_free(path, FALSE);
+    }
+}
+
+void virtual_v4l2_plug(VirtualV4l2 *camera, int number) {
+    GError *error = NULL;
+    g_return_if_fail(!camera->sysfs);
+    g_free(camera->node);
+    camera->node = g_strdup_printf("/dev/video%d", number);
+    g_autofree char *usb = add_usb_chain(camera);
+    g_autofree char *sysfs = g_strdup_printf("%s/video4linux/video%d", usb, number);
+    /* With a content, the node is a file, which can be mapped. */
+    g_autofree char *text =
+        g_strdup_printf("P: %s\nN: video%d=00\nE: SUBSYSTEM=video4linux\nE: DEVNAME=/dev/video%d\n"
+                        "A: name=Virtual camera\\n\nL: device=../../../%s\n",
+                        sysfs, number, number, strrchr(usb, '/') + 1);
+    umockdev_testbed_attach_ioctl(camera->testbed, camera->node, camera->handler, &error);
+    g_assert_no_error(error);
+    umockdev_testbed_add_from_string(camera->testbed, text, &error);
+    g_assert_no_error(error);
+    g_autofree char *root = umockdev_testbed_get_root_dir(camera->testbed);
+    g_autofree char *file = g_strconcat(root, camera->node, NULL);
+    g_mutex_lock(&camera->mutex);
+    camera->fd = open(file, O_RDWR | O_CLOEXEC);
+    camera->sysfs = g_strdup_printf("/sys%s", sysfs);
+    g_mutex_unlock(&camera->mutex);
+    g_assert_cmpint(camera->fd, >=, 0);
+}
+
+void virtual_v4l2_unplug(VirtualV4l2 *camera) {
+    g_mutex_lock(&camera->mutex);
+    g_autofree char *sysfs = g_steal_pointer(&camera->sysfs);
+    virtual_stream_stop(camera);
+    camera->n_buffers = 0;
+    int fd = camera->fd;
+    camera->fd = -1;
+    g_mutex_unlock(&camera->mutex);
+    if (!sysfs)
+        return;
+    close(fd);
+    umockdev_testbed_uevent(camera->testbed, sysfs, "remove");
+    umockdev_testbed_remove_device(camera->testbed, sysfs);
+    umockdev_testbed_detach_ioctl(camera->testbed, camera->node, NULL);
+}
+
+VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config) {
+    VirtualV4l2 *camera = g_new0(VirtualV4l2, 1);
+    camera->config = *config;
+    camera->config.width = config->width ? config->width : 64;
+    camera->config.height = config->height ? config->height : 48;
+    camera->config.bits = config->bits ? config->bits : 12;
+    if (config->speed_mbit_s == 0)
+        camera->config.speed_mbit_s = 480;
+    camera->port = g_strdup(config->port ? config->port : "2-1");
+    camera->frame_rate = config->frame_rate > 0 ? config->frame_rate : 100;
+    camera->fourcc = V4L2_PIX_FMT_MJPEG;
+    camera->pixels = g_new0(guint16, (gsize)camera->config.width * (gsize)camera->config.height);
+    camera->fd = -1;
+    g_mutex_init(&camera->mutex);
+    g_cond_init(&camera->woken);
+    add_controls(camera);
+    camera->testbed = testbed_ref();
+    camera->handler = umockdev_ioctl_base_new();
+    g_signal_connect(camera->handler, "handle-ioctl", G_CALLBACK(on_ioctl), camera);
+    g_signal_connect(camera->handler, "client-vanished", G_CALLBACK(on_vanished), camera);
+    virtual_v4l2_plug(camera, config->number);
+    return camera;
+}
+
+VirtualV4l2 *virtual_v4l2_new_world(const struct virtual_v4l2_config *config, World *world,
+                                    const char *name, GError **error) {
+    struct virtual_v4l2_config seen = *config;
+    struct world_sensor sensor;
+    int index = world_find_camera(world, name);
+    if (index < 0) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND, "the world has no camera \"%s\"",
+                    name);
+        return NULL;
+    }
+    world_sensor(world, index, &sensor);
+    seen.width = sensor.width;
+    seen.height = sensor.height;
+    seen.bits = sensor.bits;
+    seen.cfa = sensor.cfa;
+    VirtualV4l2 *camera = virtual_v4l2_new(&seen);
+    camera->world_index = index;
+    camera->world = world_ref(world);
+    return camera;
+}
+
+void virtual_v4l2_free(VirtualV4l2 *camera) {
+    if (!camera)
+        return;
+    virtual_v4l2_unplug(camera);
+    g_clear_object(&camera->handler);
+    testbed_unref();
+    world_unref(camera->world);
+    g_cond_clear(&camera->woken);
+    g_mutex_clear(&camera->mutex);
+    g_free(camera->pixels);
+    g_free(camera->port);
+    g_free(camera->node);
+    g_free(camera);
+}
+
+void virtual_v4l2_set_fault(VirtualV4l2 *camera, enum virtual_v4l2_fault fault) {
+    g_mutex_lock(&camera->mutex);
+    camera->fault = fault;
+    g_mutex_unlock(&camera->mutex);
+}
+
+gint64 virtual_v4l2_control(VirtualV4l2 *camera, guint32 id) {
+    g_mutex_lock(&camera->mutex);
+    const struct virtual_control *control = find_control(camera, id);
+    gint64 value = control ? control->value : -1;
+    g_mutex_unlock(&camera->mutex);
+    return value;
+}
+
+int virtual_v4l2_n_exposed(VirtualV4l2 *camera) {
+    g_mutex_lock(&camera->mutex);
+    int n = camera->n_exposed;
+    g_mutex_unlock(&camera->mutex);
+    return n;
+}

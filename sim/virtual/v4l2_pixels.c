@@ -1,0 +1,137 @@
+#include "v4l2_private.h"
+
+#include <string.h>
+
+/* Rows are filled up, as many devices do. */
+#define ROW_ALIGN 32
+
+struct layout {
+    guint32 fourcc[5];       /* by enum cfa */
+    int bits, bytes, pixels; /* so many bytes hold so many pixels */
+};
+
+static const struct layout layouts[] = {
+    {{V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_SBGGR8, V4L2_PIX_FMT_SGRBG8,
+      V4L2_PIX_FMT_SGBRG8},
+     8,
+     1,
+     1},
+    {{V4L2_PIX_FMT_Y10, V4L2_PIX_FMT_SRGGB10, V4L2_PIX_FMT_SBGGR10, V4L2_PIX_FMT_SGRBG10,
+      V4L2_PIX_FMT_SGBRG10},
+     10,
+     2,
+     1},
+    {{V4L2_PIX_FMT_Y10P, V4L2_PIX_FMT_SRGGB10P, V4L2_PIX_FMT_SBGGR10P, V4L2_PIX_FMT_SGRBG10P,
+      V4L2_PIX_FMT_SGBRG10P},
+     10,
+     5,
+     4},
+    {{V4L2_PIX_FMT_Y12, V4L2_PIX_FMT_SRGGB12, V4L2_PIX_FMT_SBGGR12, V4L2_PIX_FMT_SGRBG12,
+      V4L2_PIX_FMT_SGBRG12},
+     12,
+     2,
+     1},
+    {{0, V4L2_PIX_FMT_SRGGB12P, V4L2_PIX_FMT_SBGGR12P, V4L2_PIX_FMT_SGRBG12P,
+      V4L2_PIX_FMT_SGBRG12P},
+     12,
+     3,
+     2},
+    {{V4L2_PIX_FMT_Y16, V4L2_PIX_FMT_SRGGB16, V4L2_PIX_FMT_SBGGR16, V4L2_PIX_FMT_SGRBG16,
+      V4L2_PIX_FMT_SGBRG16},
+     16,
+     2,
+     1},
+    {{V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_YUYV,
+      V4L2_PIX_FMT_YUYV},
+     8,
+     2,
+     1},
+    {{V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_UYVY,
+      V4L2_PIX_FMT_UYVY},
+     8,
+     2,
+     1},
+};
+
+static const struct layout *find(guint32 fourcc) {
+    for (gsize i = 0; i < G_N_ELEMENTS(layouts); i++)
+        for (gsize cfa = 0; cfa < G_N_ELEMENTS(layouts[i].fourcc); cfa++)
+            if (fourcc && layouts[i].fourcc[cfa] == fourcc)
+                return &layouts[i];
+    return NULL;
+}
+
+gboolean virtual_pixels_offered(const struct virtual_v4l2_config *config, guint32 index,
+                                guint32 *ret_fourcc) {
+    if (index == 0 || config->only_compressed) {
+        *ret_fourcc = V4L2_PIX_FMT_MJPEG;
+        return index == 0;
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(layouts); i++) {
+        *ret_fourcc = layouts[i].fourcc[config->cfa];
+        if (*ret_fourcc && layouts[i].bits <= MAX(config->bits, 8) && --index == 0)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+gsize virtual_pixels_stride(guint32 fourcc, int width) {
+    const struct layout *layout = find(fourcc);
+    if (!layout)
+        return 0;
+    gsize groups = ((gsize)width + (gsize)layout->pixels - 1) / (gsize)layout->pixels;
+    return (groups * (gsize)layout->bytes + ROW_ALIGN - 1) / ROW_ALIGN * ROW_ALIGN;
+}
+
+gsize virtual_pixels_size(guint32 fourcc, int width, int height) {
+    return virtual_pixels_stride(fourcc, width) * (gsize)height;
+}
+
+/* Bits from the lowest up, as the sensor's bus has them. */
+static void pack_row(const struct layout *layout, const guint16 *from, int width, int shift,
+                     guint8 *to) {
+    int low = layout->bits - 8, per = layout->pixels;
+    for (int x = 0; x < width; x++) {
+        guint16 value = (guint16)(shift < 0 ? from[x] << -shift : from[x] >> shift);
+        if (layout->bytes == 1) {
+            to[x] = (guint8)value;
+        } else if (per == 1) {
+            to[2 * x] = (guint8)value;
+            to[2 * x + 1] = (guint8)(value >> 8);
+        } else {
+            guint8 *group = to + x / per * layout->bytes;
+            group[x % per] = (guint8)(value >> low);
+            group[per] |= (guint8)((value & ((1 << low) - 1)) << x % per * low);
+        }
+    }
+}
+
+/* Luma of limited range: the mean of the four pixels that make a colour. */
+static void pack_luma(const struct virtual_v4l2_config *config, guint32 fourcc,
+                      const guint16 *pixels, int y, guint8 *to) {
+    int first = fourcc == V4L2_PIX_FMT_YUYV ? 0 : 1, most = (1 << config->bits) - 1;
+    for (int x = 0; x < config->width; x++) {
+        int sum = 0, step = config->cfa != CFA_MONO;
+        for (int i = 0; i < 4; i++) {
+            int u = MIN(x + (i & 1) * step, config->width - 1);
+            int v = MIN(y + (i >> 1) * step, config->height - 1);
+            sum += pixels[v * config->width + u];
+        }
+        to[2 * x + first] = (guint8)(16 + (sum * 219 / 4 + most / 2) / most);
+        to[2 * x + 1 - first] = 128;
+    }
+}
+
+void virtual_pixels_pack(const struct virtual_v4l2_config *config, guint32 fourcc,
+                         const guint16 *pixels, guint8 *to) {
+    const struct layout *layout = find(fourcc);
+    gsize stride = virtual_pixels_stride(fourcc, config->width);
+    memset(to, 0, stride * (gsize)config->height);
+    for (int y = 0; y < config->height; y++) {
+        if (fourcc == V4L2_PIX_FMT_YUYV || fourcc == V4L2_PIX_FMT_UYVY)
+            pack_luma(config, fourcc, pixels, y, to + (gsize)y * stride);
+        else
+            pack_row(layout, pixels + (gsize)y * (gsize)config->width, config->width,
+                     config->bits - layout->bits, to + (gsize)y * stride);
+    }
+}

@@ -1,0 +1,72 @@
+/* Shared by the parts of a virtual V4L2 camera: its ioctls, its stream, its pixels. */
+#pragma once
+
+#include "v4l2.h"
+
+#include <linux/videodev2.h>
+#include <umockdev.h>
+
+#define MAX_BUFFERS  8
+#define MAX_CONTROLS 9
+
+enum buffer_state { BUFFER_IDLE, BUFFER_QUEUED, BUFFER_DONE };
+
+struct virtual_buffer {
+    enum buffer_state state;
+    guint64 order; /* of being queued, or done */
+    guint32 flags, sequence, bytes;
+    gint64 stamp_us;
+};
+
+struct virtual_control {
+    struct v4l2_queryctrl about;
+    gint32 value;
+};
+
+struct VirtualV4l2 {
+    struct virtual_v4l2_config config;
+    char *port, *world_camera;
+    World *world;
+    int world_index;
+
+    UMockdevTestbed *testbed;
+    UMockdevIoctlBase *handler;
+    char *node;                 /* "/dev/video0" */
+    char *sysfs;                /* NULL: unplugged */
+    int fd;                     /* of the mocked node */
+    UMockdevIoctlClient *owner; /* of the buffers; not a reference */
+
+    GMutex mutex;
+    GCond woken;
+    struct virtual_control controls[MAX_CONTROLS];
+    int n_controls;
+    guint32 fourcc;
+    double frame_rate;
+    struct virtual_buffer buffers[MAX_BUFFERS];
+    int n_buffers;
+    guint64 n_ordered;
+    enum virtual_v4l2_fault fault;
+    int n_exposed;
+
+    GThread *thread; /* while it streams */
+    gboolean stopping;
+    gint64 first_us;    /* frames begin there and every interval after */
+    gint64 changed_us;  /* when exposure or gain was last set */
+    gint64 exposure_us; /* of frames that begin, which follow the controls late */
+    double gain_db;
+    guint16 *pixels; /* the latest picture */
+};
+
+/* In the thread of the ioctls, with the camera locked. */
+void virtual_stream_start(VirtualV4l2 *camera);
+void virtual_stream_stop(VirtualV4l2 *camera); /* unlocks while it waits for the thread */
+
+gint32 virtual_control_value(const VirtualV4l2 *camera, guint32 id, gint32 otherwise);
+
+/* How formats look in memory. */
+gsize virtual_pixels_stride(guint32 fourcc, int width); /* 0: a format that cannot be had */
+gsize virtual_pixels_size(guint32 fourcc, int width, int height);
+gboolean virtual_pixels_offered(const struct virtual_v4l2_config *config, guint32 index,
+                                guint32 *ret_fourcc);
+void virtual_pixels_pack(const struct virtual_v4l2_config *config, guint32 fourcc,
+                         const guint16 *pixels, guint8 *to);

@@ -1,0 +1,180 @@
+#include "v4l2_private.h"
+
+#include <string.h>
+#include <unistd.h>
+
+#define FUTURE_US 100000
+
+/* Of the frame's interval, between the end of an exposure and its first and last data. */
+#define FIRST_DATA_PART 0.1
+#define LAST_DATA_PART  0.4
+
+/* A frame on its way. */
+struct shot {
+    guint64 number;
+    gint64 start_us, exposure_us, first_data_us, end_us;
+    double gain_db;
+    enum virtual_v4l2_fault fault;
+    guint32 fourcc;
+};
+
+static gint64 interval_us(const VirtualV4l2 *camera) {
+    return (gint64)(1e6 / camera->frame_rate);
+}
+
+/* Locked; FALSE when the stream is to end. */
+static gboolean sleep_until(VirtualV4l2 *camera, gint64 time_us) {
+    while (!camera->stopping && g_get_monotonic_time() < time_us)
+        g_cond_wait_until(&camera->woken, &camera->mutex, time_us);
+    return !camera->stopping;
+}
+
+/* As many sensors, it takes a new setting with the frame after the next. By itself it would expose
+ * and amplify as it likes. */
+static void follow_controls(VirtualV4l2 *camera, gint64 start_us) {
+    gint64 interval = interval_us(camera);
+    if (camera->exposure_us > 0 && camera->changed_us + interval > start_us)
+        return;
+    gboolean by_hand = virtual_control_value(camera, V4L2_CID_EXPOSURE_AUTO, 1) == 1;
+    gint64 set_us = 100 * virtual_control_value(camera, V4L2_CID_EXPOSURE_ABSOLUTE, 40);
+    camera->exposure_us = MIN(by_hand ? set_us : interval * 2 / 3, interval);
+    camera->gain_db = virtual_control_value(camera, V4L2_CID_GAIN, 0) / 10.0 + (by_hand ? 0 : 6);
+}
+
+static struct virtual_buffer *oldest(VirtualV4l2 *camera, enum buffer_state state) {
+    struct virtual_buffer *found = NULL;
+    for (int i = 0; i < camera->n_buffers; i++)
+        if (camera->buffers[i].state == state &&
+            (!found || camera->buffers[i].order < found->order))
+            found = &camera->buffers[i];
+    return found;
+}
+
+static void expose_ramp(const VirtualV4l2 *camera, const struct shot *shot, guint16 *pixels) {
+    int most = (1 << camera->config.bits) - 1;
+    GRand *rand = g_rand_new_with_seed((guint32)shot->start_us);
+    for (int y = 0; y < camera->config.height; y++)
+        for (int x = 0; x < camera->config.width; x++) {
+            gint64 value = shot->exposure_us / 16 + x + g_rand_int_range(rand, 0, 8);
+            *pixels++ = (guint16)MIN(value, most);
+        }
+    g_rand_free(rand);
+}
+
+static void expose(VirtualV4l2 *camera, const struct shot *shot, guint16 *pixels) {
+    if (camera->world) {
+        struct world_state state;
+        world_snapshot(camera->world, shot->start_us, shot->exposure_us, &state);
+        /* Its noise comes from the time, since frames are counted anew by every stream. */
+        world_expose(camera->world, camera->world_index, &state, shot->exposure_us, shot->gain_db,
+                     (guint64)shot->start_us, pixels);
+    } else if (camera->config.expose) {
+        camera->config.expose(camera->config.user, shot->start_us, shot->exposure_us, shot->gain_db,
+                              shot->number, pixels);
+    } else {
+        expose_ramp(camera, shot, pixels);
+    }
+}
+
+static gint64 stamp_of(const VirtualV4l2 *camera, const struct shot *shot) {
+    gint64 stamp_us = camera->config.stamp == VIRTUAL_V4L2_START        ? shot->start_us
+                      : camera->config.stamp == VIRTUAL_V4L2_FIRST_DATA ? shot->first_data_us
+                                                                        : shot->end_us;
+    return stamp_us + (shot->fault == VIRTUAL_V4L2_FUTURE ? FUTURE_US : 0);
+}
+
+/* Locked. */
+static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual_buffer *buffer,
+                    const guint8 *data) {
+    gsize bytes = virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height);
+    gsize index = (gsize)(buffer - camera->buffers);
+    gboolean half = shot->fault == VIRTUAL_V4L2_ERROR_FLAG || shot->fault == VIRTUAL_V4L2_SHORT;
+    gsize sent = half ? bytes / 2 : bytes;
+    gssize page = sysconf(_SC_PAGESIZE);
+    gsize room = (bytes + (gsize)page - 1) / (gsize)page * (gsize)page;
+    if (pwrite(camera->fd, data, sent, (off_t)(index * room)) != (gssize)sent)
+        g_error("cannot write a virtual camera's frame");
+    buffer->bytes = (guint32)sent;
+    buffer->flags = camera->config.stamp == VIRTUAL_V4L2_END ? V4L2_BUF_FLAG_TSTAMP_SRC_EOF
+                                                             : V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
+    if (shot->fault != VIRTUAL_V4L2_OTHER_CLOCK)
+        buffer->flags |= V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+    if (shot->fault == VIRTUAL_V4L2_ERROR_FLAG)
+        buffer->flags |= V4L2_BUF_FLAG_ERROR;
+    buffer->sequence = (guint32)shot->number;
+    buffer->stamp_us = stamp_of(camera, shot);
+    buffer->order = ++camera->n_ordered;
+    buffer->state = BUFFER_DONE;
+}
+
+/* Locked, but while the picture is made; FALSE when the stream is to end. */
+static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
+    gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
+    g_autofree guint16 *pixels = g_new0(guint16, n);
+    g_autofree guint8 *data =
+        g_malloc(virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height));
+    g_mutex_unlock(&camera->mutex);
+    if (shot->fault == VIRTUAL_V4L2_FROZEN)
+        memcpy(pixels, camera->pixels, n * sizeof *pixels);
+    else
+        expose(camera, shot, pixels);
+    virtual_pixels_pack(&camera->config, shot->fourcc, pixels, data);
+    g_mutex_lock(&camera->mutex);
+    memcpy(camera->pixels, pixels, n * sizeof *pixels);
+    camera->n_exposed++;
+    if (!sleep_until(camera, shot->end_us))
+        return FALSE;
+    struct virtual_buffer *buffer = oldest(camera, BUFFER_QUEUED);
+    if (buffer)
+        deliver(camera, shot, buffer, data);
+    return TRUE;
+}
+
+/* Locked. The first frame that can still begin. */
+static gboolean take_one(VirtualV4l2 *camera) {
+    gint64 interval = interval_us(camera), now = g_get_monotonic_time();
+    struct shot shot = {.number = (guint64)((now - camera->first_us) / interval) + 1};
+    shot.start_us = camera->first_us + (gint64)shot.number * interval;
+    if (!sleep_until(camera, shot.start_us))
+        return FALSE;
+    follow_controls(camera, shot.start_us);
+    shot.exposure_us = camera->exposure_us;
+    shot.gain_db = camera->gain_db;
+    shot.fault = camera->fault;
+    shot.fourcc = camera->fourcc;
+    gint64 exposed_us = shot.start_us + shot.exposure_us;
+    shot.first_data_us = exposed_us + (gint64)(FIRST_DATA_PART * (double)interval);
+    shot.end_us = exposed_us + (gint64)(LAST_DATA_PART * (double)interval);
+    if (!sleep_until(camera, exposed_us))
+        return FALSE;
+    if (!oldest(camera, BUFFER_QUEUED) || shot.fault == VIRTUAL_V4L2_SILENT)
+        return TRUE;
+    return make_picture(camera, &shot);
+}
+
+static gpointer run(gpointer data) {
+    VirtualV4l2 *camera = data;
+    g_mutex_lock(&camera->mutex);
+    while (take_one(camera))
+        ;
+    g_mutex_unlock(&camera->mutex);
+    return NULL;
+}
+
+void virtual_stream_start(VirtualV4l2 *camera) {
+    camera->stopping = FALSE;
+    camera->first_us = g_get_monotonic_time();
+    camera->exposure_us = 0;
+    camera->thread = g_thread_new("virtual camera", run, camera);
+}
+
+void virtual_stream_stop(VirtualV4l2 *camera) {
+    GThread *thread = g_steal_pointer(&camera->thread);
+    camera->stopping = TRUE;
+    g_cond_broadcast(&camera->woken);
+    if (!thread)
+        return;
+    g_mutex_unlock(&camera->mutex);
+    g_thread_join(thread);
+    g_mutex_lock(&camera->mutex);
+}
