@@ -293,6 +293,7 @@ const struct method method_eigenmaps = {
     .name = "eigenmaps",
     .title = "eigen-maps",
     .product = "eigenmaps.exr",
+    .made_by = "mesorig process",
     .shaders = shader_names,
     .open = open_file,
     .free = free_view,

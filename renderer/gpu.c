@@ -169,6 +169,10 @@ static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_
         *ret_format = GL_RGBA_INTEGER;
         *ret_type = GL_UNSIGNED_SHORT;
         break;
+    case GL_R16UI:
+        *ret_format = GL_RED_INTEGER;
+        *ret_type = GL_UNSIGNED_SHORT;
+        break;
     case GL_DEPTH_COMPONENT24:
         *ret_format = GL_DEPTH_COMPONENT;
         *ret_type = GL_UNSIGNED_INT;

@@ -2,10 +2,11 @@
 
 #include "eigenmaps_view.h"
 #include "gpu.h"
+#include "lpca_view.h"
 
 #include <string.h>
 
-const struct method *const methods[] = {&method_eigenmaps, NULL};
+const struct method *const methods[] = {&method_eigenmaps, &method_lpca, NULL};
 
 const struct method *method_find(const char *name) {
     for (gsize k = 0; methods[k] != NULL; k++)
@@ -23,7 +24,7 @@ char *method_path(const struct method *method, const char *argument) {
 gpointer method_open(const struct method *method, const char *path, GError **error) {
     if (g_file_test(path, G_FILE_TEST_EXISTS))
         return method->open(path, error);
-    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "there is no %s; “mesorig process” makes it from a session", path);
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "there is no %s; “%s” makes it from a session",
+                path, method->made_by);
     return NULL;
 }

@@ -12,7 +12,8 @@
 struct method {
     const char *name;    /* of --method */
     const char *title;   /* for people */
-    const char *product; /* its file in products/ of a session */
+    const char *product; /* its file in products/ of a session, and */
+    const char *made_by; /* the command that makes it */
     /* GLSL files, at most 4, NULL-ended. They define
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
      * at texel coordinates x (in tiles, y along the texture's rows downwards), for unit vectors

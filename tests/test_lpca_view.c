@@ -1,0 +1,260 @@
+/* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
+#include "processing/lpca.h"
+#include "renderer/directions.h"
+#include "renderer/gpu.h"
+#include "renderer/lpca_view.h"
+#include "renderer/scene.h"
+#include "renderer/view.h"
+
+#include <math.h>
+#include <string.h>
+
+#define SIZE   96
+#define W      7 /* texels */
+#define H      5
+#define RINGS  3
+#define A_RING 8
+
+static void fill_directions(double offset_deg, float **ret_theta_deg, float **ret_phi_deg) {
+    *ret_theta_deg = g_new(float, RINGS *A_RING);
+    *ret_phi_deg = g_new(float, RINGS *A_RING);
+    for (int k = 0; k < RINGS * A_RING; k++) {
+        (*ret_theta_deg)[k] = (float)(85.0 / RINGS * (1 + k / A_RING));
+        (*ret_phi_deg)[k] = (float)(offset_deg + 360.0 / A_RING * (k % A_RING));
+    }
+}
+
+static struct lpca *make_lpca(int n_clusters, int n_components) {
+    g_autoptr(GRand) random = g_rand_new_with_seed(5);
+    struct lpca *p = g_new0(struct lpca, 1);
+    p->name = g_strdup("test");
+    p->width = W;
+    p->height = H;
+    p->texel_mm = 1;
+    p->n_views = p->n_lights = RINGS * A_RING;
+    p->n_clusters = n_clusters;
+    p->n_components = n_components;
+    fill_directions(0, &p->view_theta_deg, &p->view_phi_deg);
+    fill_directions(5, &p->light_theta_deg, &p->light_phi_deg);
+    p->clusters = g_new(int, W *H);
+    p->weights = g_new(float, W *H *n_components);
+    p->scales = g_new(float, n_clusters *(n_components + 1));
+    const gsize n = (gsize)n_clusters * (n_components + 1) * p->n_views * p->n_lights * 3;
+    p->brdfs = g_new(float, n);
+    for (int k = 0; k < W * H; k++) /* a whole row of one cluster, others mixed */
+        p->clusters[k] = k < 2 * W ? 0 : g_rand_int_range(random, 0, n_clusters);
+    for (int k = 0; k < W * H * n_components; k++)
+        p->weights[k] = (float)g_rand_double_range(random, -0.3, 0.3);
+    for (int k = 0; k < n_clusters * (n_components + 1); k++)
+        p->scales[k] = 1;
+    for (gsize k = 0; k < n; k++)
+        p->brdfs[k] = (float)g_rand_double_range(random, 0.2, 0.8);
+    return p;
+}
+
+struct scene { /* one picture, and what is needed to say what it should be */
+    const struct lpca *lpca;
+    Directions *views, *lights;
+    float *sky;
+    double ambient;
+    gboolean nearest;
+};
+
+/* E_i of a view and a light, either of which may be the pole: the mean of a ring. */
+static double component(const struct scene *s, int cluster, int i, int v, int l, int c) {
+    const struct lpca *p = s->lpca;
+    int n;
+    double sum = 0;
+    if (v == p->n_views) {
+        const int *members = directions_pole(s->views, &n);
+        for (int k = 0; k < n; k++)
+            sum += component(s, cluster, i, members[k], l, c) / n;
+        return sum;
+    }
+    if (l == p->n_lights) {
+        const int *members = directions_pole(s->lights, &n);
+        for (int k = 0; k < n; k++)
+            sum += component(s, cluster, i, v, members[k], c) / n;
+        return sum;
+    }
+    const gsize row = ((gsize)cluster * (p->n_components + 1) + i) * p->n_views + v;
+    return p->brdfs[(row * p->n_lights + l) * 3 + c];
+}
+
+static double pair(const struct scene *s, int texel, int v, int l, int c) {
+    const struct lpca *p = s->lpca;
+    double sum = component(s, p->clusters[texel], 0, v, l, c);
+    for (int i = 0; i < p->n_components; i++)
+        sum += p->weights[texel * p->n_components + i] *
+               component(s, p->clusters[texel], i + 1, v, l, c);
+    return sum;
+}
+
+static double texel_value(const struct scene *s, int i, int j, const struct direction_weights *g,
+                          const struct direction_weights *h, double fade, int c) {
+    const int texel = ((i % W) + W) % W + W * (((j % H) + H) % H);
+    double sum = 0;
+    for (int a = 0; a < 4; a++) {
+        if (g->weight[a] <= 0)
+            continue;
+        for (int b = 0; b < 4; b++)
+            if (h->weight[b] > 0)
+                sum += g->weight[a] * h->weight[b] * fade *
+                       pair(s, texel, g->index[a], h->index[b], c);
+        for (int l = 0; s->ambient > 0 && l < s->lpca->n_lights; l++)
+            sum += g->weight[a] * s->ambient * s->sky[l] * pair(s, texel, g->index[a], l, c);
+    }
+    return sum;
+}
+
+static struct vec3 vec_of(const float *p) {
+    return (struct vec3){p[0], p[1], p[2]};
+}
+
+/* FALSE where rounding may pick other texels or directions. */
+static gboolean expected(const struct scene *s, const float *at, const float *v, const float *l,
+                         double ret[3]) {
+    struct direction_weights g, h;
+    const double x = at[0] * (double)W - 0.5, y = at[1] * (double)H - 0.5;
+    const double fx = x - floor(x), fy = y - floor(y);
+    if (v[2] < 0.1 || l[2] < 0.1 ||
+        (s->nearest && (fabs(fx - 0.5) < 0.03 || fabs(fy - 0.5) < 0.03)))
+        return FALSE;
+    directions_weights(s->views, vec_of(v), &g);
+    directions_weights(s->lights, vec_of(l), &h);
+    const double fade = directions_fade(s->lights, vec_of(l));
+    const int i = (int)floor(x), j = (int)floor(y);
+    for (int c = 0; c < 3; c++) {
+        double corners[2][2];
+        for (int b = 0; b < 2; b++)
+            for (int a = 0; a < 2; a++)
+                corners[b][a] = texel_value(s, i + a, j + b, &g, &h, fade, c);
+        if (s->nearest)
+            ret[c] = corners[fy > 0.5][fx > 0.5];
+        else
+            ret[c] = (1 - fy) * ((1 - fx) * corners[0][0] + fx * corners[0][1]) +
+                     fy * ((1 - fx) * corners[1][0] + fx * corners[1][1]);
+        ret[c] = fmax(ret[c], 0);
+    }
+    return TRUE;
+}
+
+static void compare_picture(const struct scene *s, View *view,
+                            const struct view_settings *settings) {
+    g_autoptr(GError) error = NULL;
+    g_autofree float *shown = view_render_linear(view, settings, SIZE, SIZE, &error);
+    g_assert_no_error(error);
+    float *given[3];
+    for (int k = 0; k < 3; k++) {
+        given[k] = view_render_geometry(view, settings, (enum view_geometry)k, SIZE, SIZE, &error);
+        g_assert_no_error(error);
+    }
+    int n = 0, wrong = 0;
+    double worst = 0;
+    for (gsize k = 0; k < 4 * SIZE * SIZE; k += 4) {
+        double want[3], off = 0;
+        if (shown[k + 3] <= 0 || given[0][k + 2] <= 0 ||
+            !expected(s, given[0] + k, given[1] + k, given[2] + k, want))
+            continue;
+        for (int c = 0; c < 3; c++)
+            off = fmax(off, fabs(shown[k + c] - want[c]));
+        n++;
+        wrong += off > 1.0 / 255;
+        worst = fmax(worst, off);
+    }
+    g_test_message("%d pixels, worst error %.4f, beyond a step of 8 bits: %d", n, worst, wrong);
+    g_assert_cmpint(n, >, 1000);
+    g_assert_cmpint(wrong, ==, 0);
+    for (int k = 0; k < 3; k++)
+        g_free(given[k]);
+}
+
+static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient) {
+    g_autoptr(GError) error = NULL;
+    struct lpca *lpca = make_lpca(n_clusters, n_components);
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    view_set_mesh(view, mesh, &error);
+    g_assert_true(view_set_method(view, &method_lpca, lpca_view_new(lpca, &error), &error));
+    g_assert_no_error(error);
+    struct view_settings settings = view_settings_default;
+    settings.camera_distance = 3;
+    settings.nearest = nearest;
+    settings.ambient = ambient;
+    settings.tiles_u = 3;
+    settings.tiles_v = 2;
+    settings.light_theta_deg = 30;
+    g_autoptr(Directions) views =
+        directions_new(lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
+    g_autoptr(Directions) lights =
+        directions_new(lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
+    g_autofree float *sky = g_new0(float, lpca->n_lights);
+    directions_sky(lights, sky);
+    const struct scene scene = {lpca, views, lights, sky, ambient, nearest};
+    compare_picture(&scene, view, &settings);
+    mesh_free(mesh);
+    lpca_free(lpca);
+}
+
+struct fixture {
+    Gpu *gpu;
+};
+
+static void set_up(struct fixture *f, gconstpointer data) {
+    g_autoptr(GError) error = NULL;
+    f->gpu = gpu_new_headless(&error);
+    if (f->gpu == NULL)
+        g_test_skip(error->message);
+}
+
+static void tear_down(struct fixture *f, gconstpointer data) {
+    gpu_free(f->gpu);
+}
+
+static void test_formula(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_case(5, 6, TRUE, 0);
+    check_case(5, 6, FALSE, 0);
+    check_case(5, 3, FALSE, 0.5);
+    check_case(1, 1, FALSE, 0);
+}
+
+static void refuse_lpca(struct lpca *lpca, const char *said) {
+    g_autoptr(GError) error = NULL;
+    g_assert_null(lpca_view_new(lpca, &error));
+    g_assert_nonnull(error);
+    g_assert_nonnull(strstr(error->message, said));
+    lpca_free(lpca);
+}
+
+static void test_bad(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    struct lpca *lpca = make_lpca(3, 2);
+    lpca->weights[11] = NAN;
+    refuse_lpca(lpca, "weight number 11");
+    lpca = make_lpca(3, 2);
+    lpca->brdfs[77] = INFINITY;
+    refuse_lpca(lpca, "eigen-BRDF value number 77");
+    lpca = make_lpca(3, 2);
+    lpca->clusters[4] = 3;
+    refuse_lpca(lpca, "texel 4 is in cluster 3");
+    lpca = make_lpca(3, 2);
+    lpca->clusters[0] = -1;
+    refuse_lpca(lpca, "cluster -1");
+    lpca = make_lpca(3, 2);
+    lpca->view_theta_deg[1] = NAN;
+    refuse_lpca(lpca, "views: ");
+    lpca = make_lpca(3, 2);
+    lpca->n_lights = 0;
+    refuse_lpca(lpca, "no texels or directions");
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add("/lpca-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
+    g_test_add("/lpca-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
+    return g_test_run();
+}
