@@ -2,6 +2,7 @@
 #include "mesorig_work.h"
 #include "processing/eigenmaps.h"
 #include "processing/exr.h"
+#include "processing/lobes.h"
 #include "processing/lpca.h"
 #include "report.h"
 
@@ -16,7 +17,8 @@
 
 struct compress {
     const char *path;
-    gboolean eigenmaps;
+    gboolean eigenmaps, lobes;
+    enum lobes_model model;   /* of lobes */
     int clusters, components; /* 0: not asked for */
     double target;            /* 0: none */
     enum lpca_quantise quantise;
@@ -25,7 +27,7 @@ struct compress {
     char *written;
     int texels, views, lights, used_clusters, used_components;
     gint64 holes, raw_bytes, bytes, file_bytes;
-    double exact_error, error;
+    double exact_error, error, luminance_error;
 };
 
 static gboolean check_output(const char *output, GError **error) {
@@ -71,13 +73,20 @@ static struct lpca *compute(struct compress *compress, const struct btf_matrix *
     return NULL;
 }
 
+static const char *method_name(const struct compress *compress) {
+    return compress->lobes       ? lobes_model_name(compress->model)
+           : compress->eigenmaps ? "eigenmaps"
+                                 : "lpca";
+}
+
 static gboolean register_product(const char *directory, const struct compress *compress,
                                  GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
+    g_autofree char *product = g_strdup_printf("products/%s.exr", method_name(compress));
     g_autofree char *made_by =
-        g_strdup_printf("compress --method=lpca --clusters=%d --components=%d",
+        g_strdup_printf("compress --method=%s --clusters=%d --components=%d", method_name(compress),
                         compress->used_clusters, compress->used_components);
-    return session && session_add_product(session, "products/lpca.exr", made_by, error);
+    return session && session_add_product(session, product, made_by, error);
 }
 
 static gboolean make_lpca(struct compress *compress, const struct btf_matrix *btf,
@@ -196,6 +205,36 @@ static gboolean make_eigenmaps(struct compress *compress, const struct btf_matri
     return ok;
 }
 
+/* What lobes need is few numbers: with -c as many a texel as are asked for. */
+static gboolean make_lobes(struct compress *compress, const struct btf_matrix *btf,
+                           PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                           GError **error) {
+    const struct lobes_options options = {.model = compress->model,
+                                          .n_lobes = compress->components,
+                                          .progress = progress,
+                                          .data = progress_data,
+                                          .cancellable = cancellable};
+    struct lobes *lobes = lobes_compute(btf, &options, error);
+    if (!lobes)
+        return FALSE;
+    compress->used_components = lobes->n_lobes;
+    compress->bytes = lobes_bytes(lobes);
+    compress->exact_error = lobes->exact_error;
+    compress->error = lobes->error;
+    compress->luminance_error = lobes->luminance_error;
+    gboolean ok = TRUE;
+    if (compress->target > 0 && lobes->error > compress->target) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "an error of %.3g %% is not reached by %s (%.3g %%); use lpca",
+                    100 * compress->target, lobes_model_name(compress->model), 100 * lobes->error);
+        ok = FALSE;
+    }
+    ok = ok && lobes_write(compress->written, lobes, error) &&
+         (compress->output || register_product(btf->directory, compress, error));
+    lobes_free(lobes);
+    return ok;
+}
+
 static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                      gpointer data, GError **error) {
     struct compress *compress = data;
@@ -205,16 +244,18 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
         btf_matrix_read(compress->path, progress, progress_data, cancellable, error);
     if (!btf)
         return FALSE;
-    compress->written = compress->output
-                            ? g_strdup(compress->output)
-                            : g_build_filename(btf->directory, "products", "lpca.exr", NULL);
+    g_autofree char *name = g_strdup_printf("%s.exr", method_name(compress));
+    compress->written = compress->output ? g_strdup(compress->output)
+                                         : g_build_filename(btf->directory, "products", name, NULL);
     compress->texels = btf->width * btf->height;
     compress->views = btf->n_views;
     compress->lights = btf->n_lights;
     compress->holes = btf->holes;
     compress->raw_bytes = (gint64)compress->texels * btf->n_views * btf->n_lights * 3 * 2;
-    const gboolean ok = (compress->eigenmaps ? make_eigenmaps : make_lpca)(
-        compress, btf, progress, progress_data, cancellable, error);
+    const gboolean ok = (compress->lobes       ? make_lobes
+                         : compress->eigenmaps ? make_eigenmaps
+                                               : make_lpca)(compress, btf, progress, progress_data,
+                                                            cancellable, error);
     btf_matrix_free(btf);
     GStatBuf status;
     if (ok && g_stat(compress->written, &status) == 0)
@@ -240,14 +281,33 @@ static void tell_json(const struct compress *compress, double seconds) {
         {"file_bytes", compress->file_bytes},
     };
     g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(compress->written));
+    g_variant_builder_add(&builder, "{sv}", "method", g_variant_new_string(method_name(compress)));
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
         g_variant_builder_add(&builder, "{sv}", numbers[i].name,
                               g_variant_new_int64(numbers[i].value));
     g_variant_builder_add(&builder, "{sv}", "exact_error",
                           g_variant_new_double(compress->exact_error));
     g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_double(compress->error));
+    if (compress->lobes)
+        g_variant_builder_add(&builder, "{sv}", "luminance_error",
+                              g_variant_new_double(compress->luminance_error));
     g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
     cli_print_json(g_variant_builder_end(&builder));
+}
+
+static char *describe(const struct compress *compress) {
+    if (compress->eigenmaps)
+        return g_strdup_printf("%d eigen-maps", compress->used_components);
+    if (!compress->lobes)
+        return g_strdup_printf("%d clusters of %d components", compress->used_clusters,
+                               compress->used_components);
+    if (compress->used_components == 0)
+        return g_strdup_printf("%s, luminance off by %.4f on average",
+                               lobes_model_name(compress->model), compress->luminance_error);
+    return g_strdup_printf("%s of %d %s, luminance off by %.4f on average",
+                           lobes_model_name(compress->model), compress->used_components,
+                           compress->used_components == 1 ? "lobe" : "lobes",
+                           compress->luminance_error);
 }
 
 static void tell(const struct compress *compress, double seconds) {
@@ -256,10 +316,7 @@ static void tell(const struct compress *compress, double seconds) {
         return;
     }
     g_autofree char *time = report_duration(seconds);
-    g_autofree char *what =
-        compress->eigenmaps ? g_strdup_printf("%d eigen-maps", compress->used_components)
-                            : g_strdup_printf("%d clusters of %d components",
-                                              compress->used_clusters, compress->used_components);
+    g_autofree char *what = describe(compress);
     g_autofree char *size = g_format_size((guint64)compress->bytes);
     g_autofree char *file = g_format_size((guint64)compress->file_bytes);
     g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before rounding), %s, 1:%.0f of the BTF in "
@@ -276,11 +333,16 @@ static char *method_option, *error_option, *quantise_option, *output_option;
 static int clusters_option, components_option;
 static const GOptionEntry entries[] = {
     {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
-     "Local PCA (the default), or eigen-maps, which need -o", "lpca|eigenmaps"},
+     "Local PCA (the default); eigen-maps, which need -o; or a model fitted to each texel",
+     "lpca|eigenmaps|fields|ptm|lafortune|ward|ashikhmin"},
+    {"model", 0, 0, G_OPTION_ARG_STRING, &method_option, "The same as --method", "METHOD"},
     {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters_option,
      "Clusters of texels: 1 … 1024, 32 if not given", "K"},
     {"components", 'c', 0, G_OPTION_ARG_INT, &components_option,
-     "Eigen-BRDFs of a cluster: 1 … 32, 8 if not given; eigen-maps: 4; with --error at most", "C"},
+     "Eigen-BRDFs of a cluster: 1 … 32, 8 if not given; eigen-maps: 4; with --error at most; lobes "
+     "of "
+     "fields and lafortune: 1 … 3, 2 if not given",
+     "C"},
     {"error", 'e', 0, G_OPTION_ARG_STRING, &error_option,
      "As few components as reach this error of the whole", "2%"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
@@ -320,8 +382,13 @@ static int run(const struct command *command, int argc, char **argv) {
     if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
         return CLI_USAGE;
     compress.eigenmaps = g_strcmp0(method_option, "eigenmaps") == 0;
-    if (method_option && !compress.eigenmaps && strcmp(method_option, "lpca") != 0)
-        return cli_usage(command, "--method is lpca or eigenmaps");
+    compress.lobes = lobes_model_parse(method_option, &compress.model);
+    if (method_option && !compress.eigenmaps && !compress.lobes &&
+        strcmp(method_option, "lpca") != 0)
+        return cli_usage(command, "--method is lpca, eigenmaps, fields, ptm, lafortune, ward or "
+                                  "ashikhmin");
+    if (compress.lobes && (clusters_option > 0 || quantise_option))
+        return cli_usage(command, "models of a texel are half floats without clusters");
     if (clusters_option == 0 || clusters_option < -1 || components_option == 0 ||
         components_option < -1)
         return cli_usage(command, "there is at least one cluster and one component");

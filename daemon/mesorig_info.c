@@ -4,6 +4,7 @@
 #include "mesorig_cli.h"
 #include "mesorig_history.h"
 #include "processing/exr.h"
+#include "processing/lobes.h"
 #include "processing/session.h"
 #include "report.h"
 
@@ -268,9 +269,9 @@ static void add_part(GVariantBuilder *to, const struct exr_part *part) {
 
 static const char *kind_of(const struct exr_file *file) {
     const char *kind = "exr";
-    const struct exr_part *weights = exr_file_part(file, "weights");
-    if (weights)
-        exr_get_string(weights, "mesorig.kind", &kind, NULL);
+    for (guint i = 0; i < file->parts->len; i++)
+        if (exr_get_string(file->parts->pdata[i], "mesorig.kind", &kind, NULL))
+            break;
     return kind;
 }
 
@@ -310,6 +311,27 @@ static void print_eigenmaps(const struct exr_file *file) {
             weights->width, lights->width, map->width, map->height);
 }
 
+static void print_lobes(const struct exr_file *file) {
+    const struct exr_part *views = exr_file_part(file, "views");
+    const struct exr_part *lights = exr_file_part(file, "lights");
+    const struct exr_part *first = file->parts->pdata[0];
+    enum lobes_model model;
+    int lobes = 0, width = 0, height = 0;
+    double error = 0, luminance = 0;
+    if (!lobes_model_parse(kind_of(file), &model) || !views || !lights)
+        return;
+    exr_get_int(first, "mesorig.lobes", &lobes, NULL);
+    exr_get_int(first, "mesorig.width", &width, NULL);
+    exr_get_int(first, "mesorig.height", &height, NULL);
+    exr_get_double(first, "mesorig.error", &error, NULL);
+    exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
+    g_print("%s", kind_of(file));
+    if (lobes > 0)
+        g_print(" of %d %s", lobes, lobes == 1 ? "lobe" : "lobes");
+    g_print(": %d × %d texels, of %d views × %d lights; error %.2f %%, luminance off by %.4f\n\n",
+            width, height, views->width, lights->width, 100 * error, luminance);
+}
+
 static int info_exr(const char *path) {
     g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_read_headers(path, &error);
@@ -319,6 +341,7 @@ static int info_exr(const char *path) {
         print_exr_json(path, file);
     } else {
         print_eigenmaps(file);
+        print_lobes(file);
         for (guint i = 0; i < MIN(file->parts->len, SHOWN_PARTS); i++)
             print_part(file->parts->pdata[i]);
         if (file->parts->len > SHOWN_PARTS)

@@ -332,6 +332,16 @@ static void test_compress(const char *folder, const char *session) {
     assert_has(output.err, "is not reached");
     runs(1, &output, "compress", session, "-o", "/no/such/folder/x.exr", NULL);
     runs(1, &output, "compress", folder, NULL);
+    runs(0, &output, "compress", session, "--model", "fields", "-c", "1", NULL);
+    assert_has(output.out, "fields of 1 lobe, luminance off by");
+    g_autofree char *fields = g_build_filename(session, "products", "fields.exr", NULL);
+    runs(0, &output, "info", fields, NULL);
+    assert_has(output.out, "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights");
+    runs(0, &output, "compress", "--json", session, "-m", "ashikhmin", NULL);
+    assert_has(output.out, "\"method\": \"ashikhmin\"");
+    runs(1, &output, "compress", session, "-m", "ptm", "-e", "0.0001%", NULL);
+    runs(1, &output, "compress", session, "-m", "fields", "-c", "4", NULL);
+    runs(2, &output, "compress", session, "-m", "ward", "-k", "2", NULL);
     runs(2, &output, "compress", session, "-m", "wavelets", NULL);
     runs(2, &output, "compress", session, "-m", "eigenmaps", NULL);
     runs(2, &output, "compress", session, "-e", "many", NULL);

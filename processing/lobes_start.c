@@ -1,0 +1,209 @@
+#include "lobes_private.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#define LEAST_SPACING 0.02F /* radians: lights closer than that are one */
+#define NARROW        0.05F /* of the brightest value: the least a found lobe begins with */
+#define TURNS         2     /* of the tangent that are tried: along x and along y */
+
+struct lobes_start {
+    const struct lobes_fit *fit;
+    float spacing;    /* of lights, radians */
+    float *planes;    /* 3 × n_lights: pseudo-inverse of the lights' directions */
+    float *high_pass; /* n_lights² */
+};
+
+static float angle(const float *a, const float *b) {
+    return acosf(CLAMP(cblas_sdot(3, a, 1, b, 1), -1, 1));
+}
+
+/* Mean distance of a light from the next one. */
+static float spacing(const struct lobes_fit *fit) {
+    float sum = 0;
+    for (int i = 0; i < fit->n_lights; i++) {
+        float nearest = (float)G_PI_2;
+        for (int j = 0; j < fit->n_lights; j++) {
+            const float away = angle(fit->lights + 3 * i, fit->lights + 3 * j);
+            if (j != i && away > LEAST_SPACING)
+                nearest = MIN(nearest, away);
+        }
+        sum += nearest;
+    }
+    return sum / (float)fit->n_lights;
+}
+
+/* What is left of a light's value when the mean of its surroundings is taken off. */
+static float *high_pass(const struct lobes_fit *fit, float width) {
+    const int n = fit->n_lights;
+    float *matrix = g_new(float, n *n);
+    for (int i = 0; i < n; i++) {
+        float sum = 0;
+        for (int j = 0; j < n; j++) {
+            const float away = angle(fit->lights + 3 * i, fit->lights + 3 * j) / width;
+            sum += matrix[i * n + j] = expf(-away * away);
+        }
+        for (int j = 0; j < n; j++)
+            matrix[i * n + j] = (i == j ? 1.0F : 0.0F) - matrix[i * n + j] / sum;
+    }
+    return matrix;
+}
+
+/* (LᵀL)⁻¹Lᵀ, with a little on the diagonal for lights that lie in a plane. */
+static float *planes(const struct lobes_fit *fit) {
+    const int n = fit->n_lights;
+    float squares[9], *inverse = g_memdup2(fit->lights, sizeof(float) * 3 * (gsize)n);
+    cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, 3, 3, n, 1, fit->lights, 3, fit->lights, 3,
+                0, squares, 3);
+    for (int i = 0; i < 3; i++)
+        squares[4 * i] += 1e-4F * (float)n;
+    LAPACKE_sposv(LAPACK_COL_MAJOR, 'U', 3, n, squares, 3, inverse, 3);
+    return inverse; /* n × 3, by columns: 3 × n */
+}
+
+struct lobes_start *lobes_start_new(const struct lobes_fit *fit) {
+    struct lobes_start *start = g_new0(struct lobes_start, 1);
+    start->fit = fit;
+    start->spacing = spacing(fit);
+    start->high_pass = high_pass(fit, 1.5F * start->spacing);
+    start->planes = planes(fit);
+    return start;
+}
+
+void lobes_start_free(struct lobes_start *start) {
+    if (!start)
+        return;
+    g_free(start->planes);
+    g_free(start->high_pass);
+    g_free(start);
+}
+
+int lobes_start_variants(const struct lobes_fit *fit) {
+    return fit->model == LOBES_FIELDS || fit->model == LOBES_LAFORTUNE ? 2 : TURNS;
+}
+
+/* The mean over views of each light's value; what is missing is filled with the mean of the rest.
+ */
+static float mean_lights(const struct lobes_fit *fit, const float *row, float *ret) {
+    double all = 0;
+    int n_all = 0;
+    for (int light = 0; light < fit->n_lights; light++) {
+        double sum = 0;
+        int n = 0;
+        for (int view = 0; view < fit->n_views; view++) {
+            const float value = row[view * fit->n_lights + light];
+            sum += isnan(value) ? 0 : value;
+            n += !isnan(value);
+        }
+        ret[light] = n ? (float)(sum / n) : NAN;
+        all += sum;
+        n_all += n;
+    }
+    const float mean = n_all ? (float)(all / n_all) : 0;
+    for (int light = 0; light < fit->n_lights; light++)
+        ret[light] = isnan(ret[light]) ? mean : ret[light];
+    return mean;
+}
+
+/* The exponent of a lobe that falls to a half at this angle. */
+static float exponent_of(float width) {
+    return CLAMP(-logf(2) / logf(cosf(MIN(width, 1.5F))), 1.5F, LOBES_MAX_EXPONENT / 2);
+}
+
+/* Principal directions beside the diffuse one: where most is left above the surroundings. */
+static void find_lobes(const struct lobes_start *start, const float *lights, int skip, int n,
+                       float *ret) {
+    const int count = start->fit->n_lights;
+    g_autofree float *left = g_new(float, count);
+    float brightest = 0;
+    cblas_sgemv(CblasRowMajor, CblasNoTrans, count, count, 1, start->high_pass, count, lights, 1, 0,
+                left, 1);
+    for (int i = 0; i < count; i++)
+        brightest = MAX(brightest, lights[i]);
+    for (int i = 0; i < skip + n; i++) {
+        int best = 0;
+        for (int j = 1; j < count; j++)
+            best = left[j] > left[best] ? j : best;
+        const float *direction = start->fit->lights + 3 * best;
+        const float peak = MAX(left[best], NARROW * brightest);
+        for (int k = 0; i >= skip && k < 3; k++)
+            ret[4 * (i - skip) + k] = peak * direction[k];
+        if (i >= skip)
+            ret[4 * (i - skip) + 3] = logf(exponent_of(start->spacing));
+        for (int j = 0; j < count; j++)
+            if (angle(direction, start->fit->lights + 3 * j) < 1.5F * start->spacing)
+                left[j] = -G_MAXFLOAT;
+    }
+}
+
+/* The diffuse lobe by linear least squares. */
+static void find_diffuse(const struct lobes_start *start, const float *lights, float mean,
+                         float ret[3]) {
+    cblas_sgemv(CblasColMajor, CblasNoTrans, 3, start->fit->n_lights, 1, start->planes, 3, lights,
+                1, 0, ret, 1);
+    if (!(cblas_snrm2(3, ret, 1) > 0.1F * mean) || ret[2] < 0) {
+        ret[0] = ret[1] = 0;
+        ret[2] = mean;
+    }
+}
+
+/* A second variant begins with broader lobes at the next directions. */
+static void start_fields(const struct lobes_start *start, int variant, const float *lights,
+                         float mean, float *ret) {
+    const int k = start->fit->n_lobes;
+    find_diffuse(start, lights, mean, ret);
+    ret[3] = variant ? logf(2) : 0;
+    if (k > 1)
+        find_lobes(start, lights, variant, k - 1, ret + 4);
+    for (int i = 1; variant && i < k; i++)
+        ret[4 * i + 3] = logf(2);
+}
+
+/* Mirror, back to the light, and broad: what lobes of real materials look like. */
+static void start_lafortune(const struct lobes_start *start, int variant, float mean, float *ret) {
+    static const float shapes[3][4] = {{-1, -1, 1, 8}, {1, 1, 1, 3}, {-0.5F, -0.5F, 1, 2}};
+    const int k = start->fit->n_lobes;
+    for (int i = 0; i < k; i++) {
+        const float *shape = shapes[(i + variant) % 3];
+        for (int j = 0; j < 3; j++)
+            ret[4 * i + j] = 0.5F * mean * shape[j];
+        ret[4 * i + 3] = logf(shape[3]);
+    }
+    ret[4 * k] = mean;
+}
+
+static void start_facet(const struct lobes_start *start, int variant, const float *lights,
+                        float mean, float *ret) {
+    const gboolean ward = start->fit->model == LOBES_WARD;
+    float normal[3];
+    find_diffuse(start, lights, mean, normal);
+    const float size = cblas_snrm2(3, normal, 1), up = MAX(normal[2], 0.3F * size + 1e-6F);
+    ret[0] = -normal[0] / up;
+    ret[1] = -normal[1] / up;
+    ret[2] = (float)G_PI / TURNS * (float)variant;
+    ret[3] = logf(ward ? 0.25F : 30);
+    ret[4] = logf(ward ? 0.5F : 8);
+    ret[5] = 0.7F * size;
+    ret[6] = 0.3F * size;
+}
+
+void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
+                      float *ret_parameters) {
+    const struct lobes_fit *fit = start->fit;
+    const int parameters = lobes_fit_parameters(fit);
+    g_autofree float *lights = g_new(float, fit->n_lights);
+    memset(ret_parameters, 0, sizeof(float) * (gsize)(n * parameters));
+    for (int i = 0; i < n; i++) {
+        const float *row = rows + (gsize)i * (gsize)(fit->n_views * fit->n_lights);
+        float *to = ret_parameters + (gsize)i * (gsize)parameters;
+        const float mean = mean_lights(fit, row, lights);
+        if (fit->model == LOBES_FIELDS)
+            start_fields(start, variant, lights, mean, to);
+        else if (fit->model == LOBES_LAFORTUNE)
+            start_lafortune(start, variant, mean, to);
+        else
+            start_facet(start, variant, lights, mean, to);
+    }
+}
