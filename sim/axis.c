@@ -83,24 +83,29 @@ static double hash_unit(gint64 value, int seed) {
 }
 
 /* An eccentric bearing and an uneven scale. */
-static double position_error_deg(const struct sim_axis *sim, double deg) {
-    if (sim->position_error_deg == 0)
+static double position_error_deg(double deg, double most_deg, int seed) {
+    if (most_deg == 0)
         return 0;
     double turn = 2 * G_PI * deg / 360;
-    double smooth = sin(turn + G_PI * hash_unit(-1, sim->error_seed));
-    double uneven = hash_unit(llround(deg * 1000), sim->error_seed);
-    return sim->position_error_deg * (0.7 * smooth + 0.3 * uneven);
+    double smooth = sin(turn + G_PI * hash_unit(-1, seed));
+    double uneven = hash_unit(llround(deg * 1000), seed);
+    return most_deg * (0.7 * smooth + 0.3 * uneven);
 }
 
-/* Where the load is when the drive stands at deg. Rounded, so that the same command gives the same
- * truth to the last bit, however often the axis has turned before. */
-static double true_deg(const struct sim_axis *sim, double deg) {
-    if (sim->wraps)
+/* Rounded, so that the same command gives the same truth to the last bit, however often the axis
+ * has turned before. */
+double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) {
+    if (wraps)
         deg -= 360 * floor(deg / 360);
     deg = (double)llround(deg * 1e6) / 1e6;
-    if (sim->wraps && deg >= 360)
+    if (wraps && deg >= 360)
         deg = 0;
-    return deg + position_error_deg(sim, deg) + sim->slack_deg;
+    return deg + position_error_deg(deg, most_deg, seed);
+}
+
+static double true_deg(const struct sim_axis *sim, double deg) {
+    return sim_axis_true_deg(deg, sim->wraps, sim->position_error_deg, sim->error_seed) +
+           sim->slack_deg;
 }
 
 static void tell_world(struct sim_axis *sim, double off_deg) {

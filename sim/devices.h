@@ -11,6 +11,10 @@
 #include "drivers/lamps.h"
 #include "drivers/laser.h"
 
+/* Where the load is when a drive with this largest position error stands at deg, without backlash.
+ * wraps: deg means the same a turn further. */
+double sim_axis_true_deg(double deg, gboolean wraps, double position_error_deg, int error_seed);
+
 extern const struct axis_driver sim_axis_driver;
 extern const struct lamps_driver sim_lamps_driver;
 extern const struct camera_driver sim_camera_driver;

@@ -20,6 +20,9 @@
 
 #define PULSE_US 1000
 
+/* How many packets may be asked for again, a packet of the picture. */
+#define REQUESTS 1.0
+
 struct AravisDevice {
     const struct aravis_options *options;
     ArvDevice *device;
@@ -248,7 +251,7 @@ static void tune_stream(AravisDevice *device) {
                  "socket-buffer-size", bytes, "initial-packet-timeout",
                  (guint)(options->resend_ms * 1000), "packet-timeout",
                  (guint)(options->resend_ms * 4000), "frame-retention",
-                 (guint)(options->retention_ms * 1000), NULL);
+                 (guint)(options->retention_ms * 1000), "packet-request-ratio", REQUESTS, NULL);
     /* Aravis does so only once the first packet is there, which is too late for the first picture.
      */
     socket_buffer_set(arv_gv_stream_get_port(ARV_GV_STREAM(device->stream)), bytes);

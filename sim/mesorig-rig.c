@@ -1,0 +1,107 @@
+/* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
+#include "virtual/rig.h"
+
+#include <glib-unix.h>
+#include <glib/gstdio.h>
+#include <locale.h>
+
+static char *virtual_path, *out_path;
+static gboolean json;
+static double loss;
+
+static const GOptionEntry entries[] = {
+    {"virtual", 0, 0, G_OPTION_ARG_FILENAME, &virtual_path,
+     "Stand for the devices of this simulated rig", "RIG"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &out_path,
+     "Write the rig file for the real drivers here; default: to standard output", "FILE"},
+    {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
+     "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
+    {NULL},
+};
+
+static int fail(const GError *error) {
+    g_printerr("mesorig-rig: %s\n", error->message);
+    return 1;
+}
+
+static void say_json(const VirtualRig *rig) {
+    gsize n;
+    const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
+    g_autofree char *path = g_strescape(out_path, NULL);
+    g_print("{\"rig\":\"%s\",\"devices\":[", path);
+    for (gsize i = 0; i < n; i++)
+        g_print("%s{\"section\":\"%s\",\"driver\":\"%s\",\"where\":\"%s\"}", i ? "," : "",
+                devices[i].section, devices[i].driver, devices[i].where);
+    g_print("]}\n");
+}
+
+static void say(const VirtualRig *rig) {
+    gsize n;
+    const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
+    for (gsize i = 0; i < n; i++)
+        g_print("%-20s %-14s %s\n", devices[i].section, devices[i].driver, devices[i].where);
+    g_print("\n%s is the rig file. In another terminal:\n"
+            "  mesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
+            "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
+            "Ctrl-C ends the devices.\n",
+            out_path, out_path, out_path);
+}
+
+static gboolean write_file(const VirtualRig *rig, GError **error) {
+    if (!out_path) {
+        g_print("%s", virtual_rig_text(rig));
+        return TRUE;
+    }
+    if (!g_file_set_contents(out_path, virtual_rig_text(rig), -1, error))
+        return FALSE;
+    if (json)
+        say_json(rig);
+    else
+        say(rig);
+    return TRUE;
+}
+
+static gboolean on_signal(gpointer data) {
+    g_main_loop_quit(data);
+    return G_SOURCE_CONTINUE;
+}
+
+static int run(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(VirtualRig) rig = virtual_rig_new(virtual_path, &error);
+    if (!rig || !write_file(rig, &error))
+        return fail(error);
+    fflush(stdout);
+    struct virtual_gige_faults faults = {.loss = loss};
+    virtual_rig_fail_cameras(rig, &faults);
+    g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
+    g_unix_signal_add(SIGINT, on_signal, loop);
+    g_unix_signal_add(SIGTERM, on_signal, loop);
+    g_main_loop_run(loop);
+    if (out_path)
+        g_unlink(out_path); /* its devices are gone */
+    return 0;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GOptionContext) options = g_option_context_new(NULL);
+    g_option_context_set_summary(
+        options,
+        "A rig of virtual devices on this machine that speak the real protocols: GigE Vision\n"
+        "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see\n"
+        "and change the world of a simulated rig.");
+    g_option_context_add_main_entries(options, entries, NULL);
+    if (!g_option_context_parse(options, &argc, &argv, &error)) {
+        g_printerr("mesorig-rig: %s\n", error->message);
+        return 2;
+    }
+    if (!virtual_path || argc > 1 || !(loss >= 0 && loss <= 1) || (json && !out_path)) {
+        g_printerr("usage: mesorig-rig --virtual RIG [-o FILE] [--loss PART] [--json]\n"
+                   "--json needs -o; PART is between 0 and 1\n");
+        return 2;
+    }
+    return run();
+}

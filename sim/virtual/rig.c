@@ -1,0 +1,467 @@
+#include "rig.h"
+
+#include "drivers/aravis/camera.h"
+#include "drivers/modbus/devices.h"
+#include "modbus.h"
+#include "sim/devices.h"
+#include "sim/world_private.h"
+#include "world_link.h"
+
+#include <math.h>
+#include <string.h>
+
+#define STEPS_PER_DEG 10000
+#define COUPLE_MS     1
+#define LAMP_UNIT     1
+
+/* Of a line: a busy desk computer is slower than a drive. */
+#define PATIENCE    "timeout_ms = 500\nlate_ms = 500\n"
+#define MAX_COILS   VIRTUAL_MODBUS_BITS
+#define MAX_DEVICES 64
+
+struct drive {
+    VirtualModbus *device;
+    struct world_part part;
+    gboolean wraps;
+    double home_deg, error_deg;
+    int error_seed;
+};
+
+struct board { /* of relays and inputs */
+    VirtualModbus *device;
+    struct world_part parts[MAX_COILS]; /* by coil */
+    gboolean on[MAX_COILS];
+    int n_coils, n_inputs;
+};
+
+struct eye {
+    VirtualRig *rig;
+    int camera;
+    VirtualGige *device;
+};
+
+struct VirtualRig {
+    Config *config;
+    World *world;
+    GString *text;
+    GArray *devices; /* of struct virtual_rig_device */
+    struct drive drives[MAX_DEVICES];
+    struct board boards[MAX_DEVICES];
+    struct eye eyes[WORLD_MAX_CAMERAS];
+    int n_drives, n_boards, n_eyes;
+    struct board *power; /* lasers and interlocks share one */
+    GMutex coupling;
+    guint timer;
+};
+
+static const struct option *find_option(const struct option *table, const char *name) {
+    for (; table->name; table++)
+        if (g_str_equal(table->name, name))
+            return table;
+    return NULL;
+}
+
+/* As written, or the option's default; NULL if it has none. */
+static const char *value_of(const struct config_section *section, const struct driver_info *driver,
+                            const char *key) {
+    const struct option *option = find_option(driver->options, key);
+    const char *value = config_value(section, key, NULL);
+    return value ? value : option ? option->fallback : NULL;
+}
+
+static double number_of(const struct config_section *section, const struct driver_info *driver,
+                        const char *key) {
+    const char *value = value_of(section, driver, key);
+    return value ? g_ascii_strtod(value, NULL) : 0;
+}
+
+static const char *part_of(const struct config_section *section) {
+    const char *part = config_value(section, "part", NULL);
+    return part && *part ? part : section->name;
+}
+
+static void set_error(GError **error, const struct config_section *section, const char *what) {
+    config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "%s", what);
+}
+
+/* The section with what the simulated driver alone takes left out. */
+static void copy_section(VirtualRig *rig, const struct config_section *section,
+                         const struct driver_info *from, const struct driver_info *to) {
+    g_string_append_printf(rig->text, "\n[%s]\n", section->group);
+    for (const char *const *key = config_keys(section); *key; key++) {
+        gboolean was = from && find_option(from->options, *key);
+        gboolean is = to && find_option(to->options, *key);
+        gboolean chooses = g_str_equal(*key, "driver") && to;
+        gboolean clock = g_str_equal(*key, "clock") && g_str_equal(section->class_name, "rig");
+        if (!chooses && !clock && (!was || is))
+            g_string_append_printf(rig->text, "%s = %s\n", *key, config_value(section, *key, NULL));
+    }
+    if (g_str_equal(section->class_name, "rig"))
+        g_string_append(rig->text, "clock = real\n");
+    if (to)
+        g_string_append_printf(rig->text, "driver = %s\n", to->name);
+}
+
+static void list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
+                        char *where) {
+    struct virtual_rig_device device = {g_strdup(section->group), g_strdup(driver), where};
+    g_array_append_val(rig->devices, device);
+}
+
+/* All devices are of one world; one that names none is not in it. */
+static gboolean find_world(VirtualRig *rig, const struct config_section *section, GError **error) {
+    const char *path = config_value(section, "world", NULL);
+    if (!path || !*path)
+        return TRUE;
+    g_autofree char *full = config_resolve(rig->config, path);
+    g_autoptr(World) world = world_get(full, error);
+    if (!world)
+        return FALSE;
+    if (rig->world && world != rig->world) {
+        set_error(error, section, "all devices of a virtual rig must be of one world");
+        return FALSE;
+    }
+    if (!rig->world)
+        rig->world = g_steal_pointer(&world);
+    return TRUE;
+}
+
+static World *world_of(VirtualRig *rig, const struct config_section *section, GError **error) {
+    if (!config_value(section, "world", NULL)) {
+        config_set_error(error, CONFIG_ERROR_MISSING, section, "world", "must be given");
+        return NULL;
+    }
+    return find_world(rig, section, error) ? rig->world : NULL;
+}
+
+/* An axis moves the turntable, the arc, or the sweep of the laser it is named after. */
+static gboolean find_axis_part(VirtualRig *rig, const struct config_section *section,
+                               struct drive *drive, GError **error) {
+    const char *part = part_of(section);
+    gboolean sweep = !g_str_equal(part, "turntable") && !g_str_equal(part, "arc");
+    g_autofree char *name = g_strconcat(sweep ? "sweep " : "", part, NULL);
+    return !config_value(section, "world", NULL) ||
+           world_part_find(rig->world, name, &drive->part, error);
+}
+
+static gboolean find_part(VirtualRig *rig, const char *kind, const char *part,
+                          struct world_part *ret, GError **error) {
+    g_autofree char *name = g_strconcat(kind, part, NULL);
+    return world_part_find(rig->world, name, ret, error);
+}
+
+static gboolean add_axis(VirtualRig *rig, const struct config_section *section, GError **error) {
+    const struct driver_info *sim = &sim_axis_driver.info;
+    struct drive *drive = &rig->drives[rig->n_drives];
+    double speed = number_of(section, sim, "speed_deg_s");
+    double accel = number_of(section, sim, "accel_deg_s2");
+    struct virtual_modbus_options options = {TRUE, 1, speed * STEPS_PER_DEG, accel * STEPS_PER_DEG};
+    if (!find_world(rig, section, error) || !find_axis_part(rig, section, drive, error))
+        return FALSE;
+    drive->wraps = g_strcmp0(config_value(section, "wraps", NULL), "yes") == 0;
+    drive->home_deg = number_of(section, sim, "home_deg");
+    drive->error_deg = number_of(section, sim, "position_error_deg");
+    drive->error_seed = (int)number_of(section, sim, "error_seed");
+    drive->device = virtual_modbus_new(&options, error);
+    if (!drive->device)
+        return FALSE;
+    rig->n_drives++;
+    copy_section(rig, section, sim, &modbus_axis_driver.info);
+    const char *const needed[] = {"speed_deg_s", "accel_deg_s2"};
+    for (gsize i = 0; i < G_N_ELEMENTS(needed); i++)
+        if (!config_value(section, needed[i], NULL))
+            g_string_append_printf(rig->text, "%s = %s\n", needed[i],
+                                   value_of(section, sim, needed[i]));
+    g_string_append_printf(rig->text,
+                           "bus = %s\nunit = 1\n" PATIENCE
+                           "steps_per_deg = %d\ntarget_register = 0\n"
+                           "position_register = %d\nstatus_register = %d\nmoving_bit = 0\n"
+                           "homed_bit = 1\nfault_bit = 2\nlimit_bit = 3\nstart = 2=1\nhome = 2=2\n"
+                           "stop = 2=3\nclear = 2=4\nwatchdog = 5=1\npoll_ms = 5\n",
+                           virtual_modbus_bus(drive->device), STEPS_PER_DEG,
+                           VIRTUAL_MODBUS_STATUS + 1, VIRTUAL_MODBUS_STATUS);
+    list_device(rig, section, modbus_axis_driver.info.name,
+                g_strdup_printf("%s unit 1", virtual_modbus_bus(drive->device)));
+    return TRUE;
+}
+
+static struct board *new_board(VirtualRig *rig, GError **error) {
+    struct board *board = &rig->boards[rig->n_boards];
+    struct virtual_modbus_options options = {FALSE, LAMP_UNIT, 1, 1};
+    board->device = virtual_modbus_new(&options, error);
+    if (!board->device)
+        return NULL;
+    rig->n_boards++;
+    return board;
+}
+
+static void add_link(VirtualRig *rig, const struct config_section *section, const char *driver,
+                     const struct board *board, const char *key, int number) {
+    const char *bus = virtual_modbus_bus(board->device);
+    g_string_append_printf(rig->text, "bus = %s\nunit = %d\n" PATIENCE "%s = %d\n", bus, LAMP_UNIT,
+                           key, number);
+    list_device(rig, section, driver,
+                g_strdup_printf("%s unit %d, %s %d", bus, LAMP_UNIT, key, number));
+}
+
+static gboolean add_lamps(VirtualRig *rig, const struct config_section *section, GError **error) {
+    World *world = world_of(rig, section, error);
+    struct board *board = world ? new_board(rig, error) : NULL;
+    const char *listed = config_value(section, "lamps", NULL);
+    if (!board)
+        return FALSE;
+    g_auto(GStrv) names = listed ? g_strsplit(listed, ";", -1) : NULL;
+    int n = names ? (int)g_strv_length(names) : world->n_lamps;
+    if (n > MAX_COILS) {
+        set_error(error, section, "a virtual relay board has no more than 16 coils");
+        return FALSE;
+    }
+    for (int i = 0; i < n; i++, board->n_coils++)
+        if (!find_part(rig, "lamp ", names ? g_strstrip(names[i]) : world->lamp_names[i],
+                       &board->parts[i], error))
+            return FALSE;
+    copy_section(rig, section, &sim_lamps_driver.info, &modbus_relays_driver.info);
+    g_string_append_printf(rig->text, "n = %d\nwarm_up_s = %g\n", n, world_lamp_warm_up_s(world));
+    add_link(rig, section, modbus_relays_driver.info.name, board, "first_coil", 0);
+    return TRUE;
+}
+
+static struct board *power_board(VirtualRig *rig, GError **error) {
+    if (!rig->power)
+        rig->power = new_board(rig, error);
+    return rig->power;
+}
+
+static gboolean add_laser(VirtualRig *rig, const struct config_section *section, GError **error) {
+    World *world = world_of(rig, section, error);
+    struct board *board = world ? power_board(rig, error) : NULL;
+    if (!board)
+        return FALSE;
+    if (board->n_coils == MAX_COILS) {
+        set_error(error, section, "a virtual rig has no more than 16 lasers");
+        return FALSE;
+    }
+    if (!find_part(rig, "laser ", part_of(section), &board->parts[board->n_coils], error))
+        return FALSE;
+    copy_section(rig, section, &sim_laser_driver.info, &modbus_laser_driver.info);
+    g_string_append_printf(rig->text, "warm_up_s = %g\n",
+                           number_of(section, &sim_laser_driver.info, "warm_up_ms") / 1000);
+    add_link(rig, section, modbus_laser_driver.info.name, board, "coil", board->n_coils++);
+    return TRUE;
+}
+
+static gboolean add_interlock(VirtualRig *rig, const struct config_section *section,
+                              GError **error) {
+    struct board *board = power_board(rig, error);
+    if (!board)
+        return FALSE;
+    virtual_modbus_set_input(board->device, board->n_inputs, TRUE);
+    copy_section(rig, section, &sim_interlock_driver.info, &modbus_inputs_driver.info);
+    g_string_append(rig->text, "lost_ms = 3000\n");
+    add_link(rig, section, modbus_inputs_driver.info.name, board, "input", board->n_inputs++);
+    return TRUE;
+}
+
+static void couple_drive(const struct drive *drive) {
+    struct virtual_modbus_state state;
+    virtual_modbus_state(drive->device, &state);
+    double deg = drive->home_deg + state.position_steps / STEPS_PER_DEG;
+    deg = sim_axis_true_deg(deg, drive->wraps, drive->error_deg, drive->error_seed);
+    world_part_turn(&drive->part, deg);
+}
+
+static void couple_board(struct board *board) {
+    struct virtual_modbus_state state;
+    virtual_modbus_state(board->device, &state);
+    for (int i = 0; i < board->n_coils; i++) {
+        if (state.coils[i] == board->on[i])
+            continue;
+        board->on[i] = state.coils[i];
+        world_part_switch(&board->parts[i], board->on[i], g_get_monotonic_time());
+    }
+}
+
+static void couple(VirtualRig *rig) {
+    g_mutex_lock(&rig->coupling);
+    for (int i = 0; i < rig->n_drives; i++)
+        couple_drive(&rig->drives[i]);
+    for (int i = 0; i < rig->n_boards; i++)
+        couple_board(&rig->boards[i]);
+    g_mutex_unlock(&rig->coupling);
+}
+
+static gboolean on_timer(gpointer data) {
+    couple(data);
+    return G_SOURCE_CONTINUE;
+}
+
+/* In the camera's thread, as the exposure is over. */
+static void take_picture(const struct virtual_gige_exposure *exposure, gpointer data,
+                         guint16 *ret_pixels) {
+    struct eye *eye = data;
+    World *world = eye->rig->world;
+    struct world_state state;
+    couple(eye->rig);
+    world_snapshot(world, exposure->start_us, exposure->exposure_us, &state);
+    world_expose(world, eye->camera, &state, exposure->exposure_us, exposure->gain_db, exposure->n,
+                 ret_pixels);
+}
+
+static char *format_of(const struct world_sensor *sensor) {
+    static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
+    const char *depth = sensor->bits <= 8    ? "8"
+                        : sensor->bits <= 10 ? "10p"
+                        : sensor->bits <= 12 ? "12p"
+                                             : "16";
+    return g_strconcat(phases[sensor->cfa], depth, NULL);
+}
+
+static void write_camera(VirtualRig *rig, const struct config_section *section,
+                         const struct world_sensor *sensor, const char *address) {
+    g_autofree char *format = format_of(sensor);
+    copy_section(rig, section, &sim_camera_driver.info, &aravis_camera_driver.info);
+    g_string_append_printf(rig->text,
+                           "device = %s\npixel_format = %s\nbits = %d\nblack_level_dn = %g\n",
+                           address, format, sensor->bits, sensor->black_level);
+    list_device(rig, section, aravis_camera_driver.info.name, g_strdup(address));
+}
+
+static gboolean add_camera(VirtualRig *rig, const struct config_section *section, GError **error) {
+    World *world = world_of(rig, section, error);
+    struct world_sensor sensor;
+    if (!world)
+        return FALSE;
+    struct eye *eye = &rig->eyes[rig->n_eyes];
+    *eye = (struct eye){.rig = rig, .camera = world_find_camera(world, part_of(section))};
+    if (eye->camera < 0) {
+        set_error(error, section, "its world has no such camera");
+        return FALSE;
+    }
+    world_sensor(world, eye->camera, &sensor);
+    struct virtual_gige_options options = {.serial = section->name,
+                                           .width = sensor.width,
+                                           .height = sensor.height,
+                                           .bits = sensor.bits,
+                                           .cfa = sensor.cfa,
+                                           .black_level = sensor.black_level,
+                                           .picture = take_picture,
+                                           .data = eye};
+    eye->device = virtual_gige_new(&options, error);
+    if (!eye->device)
+        return FALSE;
+    rig->n_eyes++;
+    write_camera(rig, section, &sensor, virtual_gige_address(eye->device));
+    return TRUE;
+}
+
+static gboolean add_section(VirtualRig *rig, const struct config_section *section, GError **error) {
+    static const struct {
+        const char *driver;
+        gboolean (*add)(VirtualRig *rig, const struct config_section *section, GError **error);
+    } kinds[] = {{"sim-axis", add_axis},
+                 {"sim-lamps", add_lamps},
+                 {"sim-camera", add_camera},
+                 {"sim-laser", add_laser},
+                 {"sim-interlock", add_interlock}};
+    const char *driver = config_value(section, "driver", NULL);
+    if (!driver) {
+        copy_section(rig, section, NULL, NULL);
+        return TRUE;
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
+        if (g_str_equal(kinds[i].driver, driver))
+            return kinds[i].add(rig, section, error);
+    set_error(error, section, "only simulated devices have a virtual one to stand for them");
+    return FALSE;
+}
+
+static void clear_device(gpointer data) {
+    struct virtual_rig_device *device = data;
+    g_free(device->section);
+    g_free(device->driver);
+    g_free(device->where);
+}
+
+static gboolean fill(VirtualRig *rig, GError **error) {
+    gsize n;
+    const struct config_section *sections = config_sections(rig->config, &n);
+    if (n > MAX_DEVICES) {
+        set_error(error, &sections[0], "a virtual rig has no more than 64 sections");
+        return FALSE;
+    }
+    for (gsize i = 0; i < n; i++)
+        if (!add_section(rig, &sections[i], error))
+            return FALSE;
+    if (rig->world)
+        return TRUE;
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: no device of it has a world",
+                config_path(rig->config));
+    return FALSE;
+}
+
+VirtualRig *virtual_rig_new(const char *path, GError **error) {
+    g_autoptr(VirtualRig) rig = g_new0(VirtualRig, 1);
+    g_mutex_init(&rig->coupling);
+    rig->devices = g_array_new(FALSE, FALSE, sizeof(struct virtual_rig_device));
+    g_array_set_clear_func(rig->devices, clear_device);
+    rig->text = g_string_new(NULL);
+    rig->config = config_load(path, error);
+    if (!rig->config)
+        return NULL;
+    g_string_append_printf(rig->text, "# The rig of %s, as virtual devices on this machine.\n",
+                           path);
+    if (!fill(rig, error))
+        return NULL;
+    rig->timer = g_timeout_add(COUPLE_MS, on_timer, rig);
+    return g_steal_pointer(&rig);
+}
+
+void virtual_rig_free(VirtualRig *rig) {
+    if (!rig)
+        return;
+    if (rig->timer)
+        g_source_remove(rig->timer);
+    for (int i = 0; i < rig->n_eyes; i++)
+        virtual_gige_free(rig->eyes[i].device);
+    for (int i = 0; i < MAX_DEVICES; i++) {
+        virtual_modbus_free(rig->drives[i].device);
+        world_part_clear(&rig->drives[i].part);
+        virtual_modbus_free(rig->boards[i].device);
+        for (int k = 0; k < MAX_COILS; k++)
+            world_part_clear(&rig->boards[i].parts[k]);
+    }
+    world_unref(rig->world);
+    config_free(rig->config);
+    g_string_free(rig->text, TRUE);
+    g_array_unref(rig->devices);
+    g_mutex_clear(&rig->coupling);
+    g_free(rig);
+}
+
+const char *virtual_rig_text(const VirtualRig *rig) {
+    return rig->text->str;
+}
+
+const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n) {
+    *ret_n = rig->devices->len;
+    return (const struct virtual_rig_device *)rig->devices->data;
+}
+
+void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults *faults) {
+    for (int i = 0; i < rig->n_eyes; i++)
+        virtual_gige_fail(rig->eyes[i].device, faults);
+}
+
+void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum) {
+    *ret_sum = (struct virtual_gige_state){0};
+    for (int i = 0; i < rig->n_eyes; i++) {
+        struct virtual_gige_state state;
+        virtual_gige_state(rig->eyes[i].device, &state);
+        ret_sum->triggers += state.triggers;
+        ret_sum->missed += state.missed;
+        ret_sum->pictures += state.pictures;
+        ret_sum->packets += state.packets;
+        ret_sum->lost += state.lost;
+        ret_sum->resent += state.resent;
+    }
+}

@@ -1,0 +1,40 @@
+/*
+ * A whole rig of virtual devices that speak the real protocols, on loopback: for every device of a
+ * simulated rig one that a real driver opens. Axes are Modbus RTU drives on pseudo-terminals,
+ * lamps, lasers and interlocks are Modbus TCP relay boards and inputs, cameras are GigE Vision. All
+ * act on, or look at, the world of that rig, so that a lamp switched by a relay is seen by the
+ * cameras.
+ *
+ * Devices run in threads of their own; what moves and shines is carried over to the world by the
+ * main loop, which must run, and before every picture.
+ */
+#pragma once
+
+#include "sim/virtual/gige.h"
+
+#include "drivers/config.h"
+
+typedef struct VirtualRig VirtualRig;
+
+struct virtual_rig_device {
+    char *section; /* of the rig file: "camera cam15" */
+    char *driver;  /* that opens it */
+    char *where;   /* "127.77.4.9", "/dev/pts/5 unit 1" */
+};
+
+/* path: a rig file whose drivers are all simulated. Errors name what is wrong with it. */
+VirtualRig *virtual_rig_new(const char *path, GError **error);
+void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
+
+/* The rig file for the real drivers: geometry, speeds and names as in the other. Owned by rig. */
+const char *virtual_rig_text(const VirtualRig *rig);
+
+/* As many as n. Owned by rig. */
+const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
+
+/* What all its cameras suffer from now on. */
+void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults *faults);
+
+/* How its cameras have fared, one after another: missed, lost, resent, pictures are sums. */
+void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum);
