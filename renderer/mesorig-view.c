@@ -103,9 +103,12 @@ static gboolean bad(GError **error, const char *option, const char *text, const 
 }
 
 static gboolean bad_method(const struct options *o, GError **error) {
-    g_autoptr(GString) names = g_string_new(methods[0]->name);
-    for (gsize k = 1; methods[k] != NULL; k++)
-        g_string_append_printf(names, "%s%s", methods[k + 1] != NULL ? ", " : " or ",
+    g_autoptr(GString) names = g_string_new(NULL);
+    for (gsize k = 0; methods[k] != NULL; k++)
+        g_string_append_printf(names, "%s%s",
+                               k == 0                   ? ""
+                               : methods[k + 1] != NULL ? ", "
+                                                        : " or ",
                                methods[k]->name);
     return bad(error, "--method", o->method_name, names->str);
 }
@@ -155,8 +158,8 @@ static gboolean check_options(struct options *o, GError **error) {
                     "one MATERIAL is expected: an eigenmaps.exr or a session directory");
         return FALSE;
     }
-    o->method = o->method_name != NULL ? method_find(o->method_name) : methods[0];
-    if (o->method == NULL)
+    o->method = methods[0];
+    if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL)
         return bad_method(o, error);
     if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
         return bad(error, "--up", o->up, "y or z");
