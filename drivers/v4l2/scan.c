@@ -1,5 +1,92 @@
 #include "v4l2.h"
 
+#include "controls.h"
+
+#include <string.h>
+
+/* Which format it would be used in. */
+static const struct video_format *best_format(const struct video_node *node) {
+    g_autoptr(GArray) offered = video_node_formats(node);
+    const struct video_format *best = NULL;
+    for (guint i = 0; i < offered->len; i++)
+        best = video_format_better(best, video_format_find(g_array_index(offered, guint32, i)));
+    return best;
+}
+
+static gboolean shares_bus(const GPtrArray *nodes, const struct video_node *node) {
+    int n = 0;
+    for (guint i = 0; i < nodes->len; i++) {
+        struct video_node other;
+        if (video_node_open(&other, "", nodes->pdata[i], NULL, NULL))
+            n += strcmp(other.bus, node->bus) == 0;
+        video_node_close(&other);
+    }
+    return n > 1;
+}
+
+static void add_size_and_rate(const struct video_node *node, GString *section) {
+    struct v4l2_format format = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+    struct v4l2_streamparm parm = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+    const struct v4l2_fract *interval = &parm.parm.capture.timeperframe;
+    if (video_ioctl(node, VIDIOC_G_FMT, &format) == 0)
+        g_string_append_printf(section, "width = %u\nheight = %u\n", format.fmt.pix.width,
+                               format.fmt.pix.height);
+    if (video_ioctl(node, VIDIOC_G_PARM, &parm) == 0 && interval->numerator > 0) {
+        char rate[G_ASCII_DTOSTR_BUF_SIZE];
+        g_ascii_formatd(rate, sizeof rate, "%.6g",
+                        (double)interval->denominator / interval->numerator);
+        g_string_append_printf(section, "frame_rate = %s\n", rate);
+    }
+}
+
+static char *make_section(const struct video_node *node, const struct video_format *format,
+                          const struct video_controls *controls, gboolean by_bus) {
+    GString *section = g_string_new("[camera NAME]\ndriver = v4l2-camera\n");
+    g_autofree char *fourcc = video_fourcc_name(format->fourcc);
+    g_string_append_printf(section, by_bus ? "bus = %s\n" : "device = %s\n",
+                           by_bus ? node->bus : node->path);
+    g_string_append_printf(section, "format = %s\n", fourcc);
+    add_size_and_rate(node, section);
+    if (controls->exposure.id == 0)
+        g_string_append(section, "# fixed_exposure_us = what its maker says\n");
+    else if (controls->exposure_unit_us == 0)
+        g_string_append(section,
+                        "# exposure_unit_us = how long a step of its exposure control is\n");
+    return g_string_free(section, FALSE);
+}
+
+static void describe(const struct video_node *node, const GPtrArray *nodes, struct found *found) {
+    const struct video_format *format = best_format(node);
+    struct video_controls controls;
+    if (!format) {
+        found->note = g_strdup("offers only compressed pictures, which are no measure of light");
+        return;
+    }
+    video_controls_read(node, &controls);
+    g_autofree char *lacking = video_controls_lacking(&controls);
+    g_autofree char *sizes = video_node_sizes(node, format->fourcc);
+    found->section = make_section(node, format, &controls, !shares_bus(nodes, node));
+    g_autoptr(GString) note = g_string_new(NULL);
+    if (*sizes)
+        g_string_append_printf(note, "pictures of %s", sizes);
+    if (lacking)
+        g_string_append_printf(note, "%sno control for: %s", note->len ? "; " : "", lacking);
+    found->note = note->len ? g_strdup(note->str) : NULL;
+}
+
 gboolean v4l2_scan(GPtrArray *to, GError **error) {
+    g_autoptr(GPtrArray) nodes = video_node_list();
+    for (guint i = 0; i < nodes->len; i++) {
+        struct video_node node;
+        g_autoptr(GError) why = NULL;
+        gboolean opened = video_node_open(&node, "it", nodes->pdata[i], NULL, &why);
+        struct found *found =
+            found_add(to, "video", nodes->pdata[i], opened ? node.card : "a camera", NULL);
+        if (opened)
+            describe(&node, nodes, found);
+        else
+            found->note = g_strdup(why->message);
+        video_node_close(&node);
+    }
     return TRUE;
 }

@@ -213,13 +213,15 @@ void virtual_usb_plug(VirtualUsb *usb) {
     umockdev_testbed_attach_ioctl(testbed, usb->node, usb->handler, &error);
     g_assert_no_error(error);
     g_autofree char *hex = descriptors_hex(usb->class);
+    gboolean serial = *usb->class->serial != 0;
     g_autofree char *text = g_strdup_printf(
         "P: /devices/usb1/1-%d\nN: bus/usb/001/%03d\n"
         "E: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=%03d\n"
         "E: DEVNAME=/dev/bus/usb/001/%03d\nE: DEVTYPE=usb_device\n"
         "A: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=%d\\n\nA: speed=12\\n\n"
-        "H: descriptors=%s\n",
-        usb->port, usb->address, usb->address, usb->address, usb->address, hex);
+        "A: product=%s\\n\n%s%s%sH: descriptors=%s\n",
+        usb->port, usb->address, usb->address, usb->address, usb->address, usb->class->name,
+        serial ? "A: serial=" : "", serial ? usb->class->serial : "", serial ? "\\n\n" : "", hex);
     virtual_usb_lock(usb);
     usb->sysfs = g_strdup_printf("/sys/devices/usb1/1-%d", usb->port);
     virtual_usb_unlock(usb);

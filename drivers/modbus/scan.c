@@ -1,0 +1,133 @@
+#include "scan.h"
+
+#include "line.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define CONNECT_US (3 * G_USEC_PER_SEC)
+
+/* The names of what it hangs on, if that is a USB device. */
+static char *port_name(const char *tty) {
+    g_autofree char *device = g_build_filename("/sys/class/tty", tty, "device", NULL);
+    char *folder = realpath(device, NULL);
+    g_autofree char *at = g_strdup(folder ? folder : "");
+    free(folder);
+    while (strlen(at) > 1) {
+        g_autofree char *file = g_build_filename(at, "product", NULL);
+        g_autofree char *product = NULL;
+        if (g_file_get_contents(file, &product, NULL, NULL))
+            return g_strdup(g_strstrip(product));
+        char *up = g_path_get_dirname(at);
+        g_free(at);
+        at = up;
+    }
+    return g_strdup("serial port");
+}
+
+/* A port of the mainboard that is not there has type 0. */
+static gboolean is_port(const char *tty) {
+    g_autofree char *file = g_build_filename("/sys/class/tty", tty, "type", NULL);
+    g_autofree char *type = NULL;
+    if (g_str_has_prefix(tty, "ttyUSB") || g_str_has_prefix(tty, "ttyACM"))
+        return TRUE;
+    return g_str_has_prefix(tty, "ttyS") && g_file_get_contents(file, &type, NULL, NULL) &&
+           atoi(type) != 0;
+}
+
+static int by_name(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+gboolean serial_scan(GPtrArray *to, GError **error) {
+    g_autoptr(GDir) dir = g_dir_open("/sys/class/tty", 0, NULL);
+    g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir)))
+        if (is_port(name))
+            g_ptr_array_add(names, g_strdup(name));
+    g_ptr_array_sort(names, by_name);
+    for (guint i = 0; i < names->len; i++) {
+        g_autofree char *path = g_strconcat("/dev/", names->pdata[i], NULL);
+        g_autofree char *what = port_name(names->pdata[i]);
+        struct found *found = found_add(to, "serial", path, what, NULL);
+        found->note =
+            access(path, R_OK | W_OK) < 0
+                ? g_strdup("this user may not open it: it belongs to group dialout")
+                : g_strdup_printf("for Modbus; “mesorig devices --modbus %s” asks what is on it",
+                                  path);
+    }
+    return TRUE;
+}
+
+enum presence { ABSENT, REFUSES, ANSWERS };
+
+/* An exception is an answer, too. */
+static enum presence ask(struct modbus_line *line, const struct modbus_link *link, int unit,
+                         enum modbus_kind kind, int n) {
+    struct modbus_request request = {.kind = kind, .n = n};
+    g_autoptr(GError) error = NULL;
+    gint64 deadline =
+        g_get_monotonic_time() + (gint64)((2 * link->timeout_ms + 3 * link->late_ms) * 1000);
+    if (modbus_line_do(line, unit, &request, deadline, &error))
+        return ANSWERS;
+    return g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT) ||
+                   g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED)
+               ? ABSENT
+               : REFUSES;
+}
+
+static void add_link(GString *section, const struct modbus_link *link, int unit) {
+    g_string_append_printf(section, "bus = %s\n", link->bus);
+    if (!g_str_has_prefix(link->bus, "tcp:"))
+        g_string_append_printf(section, "baud = %d\nparity = %s\nstop_bits = %d\n", link->baud,
+                               modbus_parities[link->parity], link->stop_bits);
+    g_string_append_printf(section, "unit = %d\n", unit);
+}
+
+/* As many coils as it answers for at once, of those that boards have. */
+static int count_coils(struct modbus_line *line, const struct modbus_link *link, int unit) {
+    for (int n = 32; n >= 1; n /= 2)
+        if (ask(line, link, unit, MODBUS_READ_COILS, n) == ANSWERS)
+            return n;
+    return 0;
+}
+
+static void add_unit(const struct modbus_link *link, int unit, gboolean registers, int coils,
+                     GPtrArray *to) {
+    g_autofree char *address = g_strdup_printf("%s, unit %d", link->bus, unit);
+    g_autofree char *bits = g_strdup_printf("%d coils", coils);
+    g_autofree char *what = g_strdup_printf(
+        "answers to %s%s%s", registers ? "registers" : "", registers && coils ? " and " : "",
+        coils       ? bits
+        : registers ? ""
+                    : "other registers and coils than the first");
+    struct found *found = found_add(to, "modbus", address, what, NULL);
+    g_autoptr(GString) section = g_string_new(NULL);
+    gboolean relays = coils && !registers;
+    g_string_append(section, relays ? "[lamps NAME]\ndriver = modbus-relays\n"
+                                    : "[axis NAME]\ndriver = modbus-axis\n");
+    add_link(section, link, unit);
+    if (relays)
+        g_string_append_printf(section, "n = %d\n", coils);
+    else
+        g_string_append(section,
+                        "# and its registers, from its manual or a preset of etc/devices\n");
+    found->section = g_strdup(section->str);
+}
+
+gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrArray *to,
+                     GError **error) {
+    struct modbus_line *line = modbus_line_new(link, error);
+    if (!line)
+        return FALSE;
+    gboolean ok = modbus_line_connect(line, g_get_monotonic_time() + CONNECT_US, error);
+    for (int unit = first; ok && unit <= last; unit++) {
+        enum presence registers = ask(line, link, unit, MODBUS_READ_HOLDING, 1);
+        if (registers != ABSENT)
+            add_unit(link, unit, registers == ANSWERS, count_coils(line, link, unit), to);
+    }
+    modbus_line_free(line);
+    return ok;
+}

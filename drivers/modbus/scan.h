@@ -1,0 +1,16 @@
+/* Looking for Modbus devices. */
+#pragma once
+
+#include "bus.h"
+
+#include "drivers/found.h"
+
+/* Serial ports of this machine: what hangs on one is not known until it is asked. See
+ * drivers/found.h. */
+gboolean serial_scan(GPtrArray *to, GError **error);
+
+/* Asks the units first to last of a line whether they are there, by reading their first register
+ * and coils: nothing is changed. Waits link->timeout_ms for each that is not. Fails if the line
+ * cannot be opened. */
+gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrArray *to,
+                     GError **error);

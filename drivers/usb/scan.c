@@ -1,0 +1,119 @@
+#include "scan.h"
+
+#include "drivers/device.h"
+
+#include <libusb.h>
+#include <string.h>
+#include <unistd.h>
+
+#define VENDOR_POLOLU 0x1ffb
+#define VENDOR_VUSB   0x16c0
+#define PRODUCT_VUSB  0x05df
+
+#define VISION_CLASS    0xef /* USB3 Vision: class miscellaneous, */
+#define VISION_SUBCLASS 0x05 /* its subclass */
+
+static const guint16 tics[] = {0x00b3, 0x00b5, 0x00bd, 0x00c9, 0x00cb};
+
+static char *read_attribute(const char *path, const char *name) {
+    g_autofree char *file = g_build_filename("/sys/bus/usb/devices", path, name, NULL);
+    char *text = NULL;
+    if (!g_file_get_contents(file, &text, NULL, NULL))
+        return g_strdup("");
+    return g_strstrip(text);
+}
+
+static gboolean is_camera(libusb_device *device) {
+    struct libusb_config_descriptor *config;
+    gboolean is = FALSE;
+    if (libusb_get_active_config_descriptor(device, &config))
+        return FALSE;
+    for (int i = 0; i < config->bNumInterfaces; i++) {
+        const struct libusb_interface *interface = &config->interface[i];
+        if (interface->num_altsetting < 1)
+            continue;
+        guint8 class = interface->altsetting[0].bInterfaceClass;
+        is |= class == LIBUSB_CLASS_VIDEO ||
+              (class == VISION_CLASS &&
+               interface->altsetting[0].bInterfaceSubClass == VISION_SUBCLASS);
+    }
+    libusb_free_config_descriptor(config);
+    return is;
+}
+
+static gboolean is_tic(const struct libusb_device_descriptor *descriptor) {
+    for (gsize i = 0; i < G_N_ELEMENTS(tics); i++)
+        if (descriptor->idVendor == VENDOR_POLOLU && descriptor->idProduct == tics[i])
+            return TRUE;
+    return FALSE;
+}
+
+static void describe(const struct libusb_device_descriptor *descriptor, const char *path,
+                     struct found *found) {
+    g_autofree char *product = read_attribute(path, "product");
+    if (is_tic(descriptor) && *found->serial)
+        found->section = g_strdup_printf("[axis NAME]\ndriver = tic-axis\nserial = %s\n"
+                                         "# steps_per_deg = microsteps in a degree of the axis\n",
+                                         found->serial);
+    else if (is_tic(descriptor))
+        found->section = g_strdup_printf("[axis NAME]\ndriver = tic-axis\npath = %s\n"
+                                         "# steps_per_deg = microsteps in a degree of the axis\n",
+                                         path);
+    else if (descriptor->idVendor == VENDOR_VUSB && descriptor->idProduct == PRODUCT_VUSB &&
+             g_str_has_prefix(product, "USBRelay"))
+        found->section = g_strdup_printf("[lamps NAME]\ndriver = usb-relays\npath = %s\n"
+                                         "# or, where it switches a laser:\n"
+                                         "# [laser NAME]\n# driver = usb-relay-laser\n"
+                                         "# path = %s\n# relay = 1\n",
+                                         path, path);
+}
+
+static void note_access(libusb_device *device, struct found *found) {
+    g_autofree char *node = g_strdup_printf("/dev/bus/usb/%03d/%03d", libusb_get_bus_number(device),
+                                            libusb_get_device_address(device));
+    if (found->section && access(node, R_OK | W_OK) < 0)
+        found->note = g_strdup("this user may not open it; install etc/udev/60-mesorig.rules");
+}
+
+static void add_device(libusb_device *device, GPtrArray *to) {
+    struct libusb_device_descriptor descriptor;
+    if (libusb_get_device_descriptor(device, &descriptor) ||
+        descriptor.bDeviceClass == LIBUSB_CLASS_HUB || is_camera(device))
+        return;
+    guint8 ports[8];
+    int n = libusb_get_port_numbers(device, ports, G_N_ELEMENTS(ports));
+    g_autoptr(GString) path = g_string_new(NULL);
+    g_string_printf(path, "%u", libusb_get_bus_number(device));
+    for (int i = 0; i < n; i++)
+        g_string_append_printf(path, "%c%u", i ? '.' : '-', ports[i]);
+    g_autofree char *maker = read_attribute(path->str, "manufacturer");
+    g_autofree char *product = read_attribute(path->str, "product");
+    g_autofree char *serial = read_attribute(path->str, "serial");
+    g_autofree char *what =
+        *maker || *product
+            ? g_strdup_printf("%s%s%s", maker, *maker ? " " : "", product)
+            : g_strdup_printf("%04x:%04x", descriptor.idVendor, descriptor.idProduct);
+    struct found *found = found_add(to, "usb", path->str, what, serial);
+    describe(&descriptor, path->str, found);
+    note_access(device, found);
+}
+
+gboolean usb_scan(GPtrArray *to, GError **error) {
+    libusb_context *context;
+    libusb_device **all = NULL;
+    int code = libusb_init(&context);
+    if (code == LIBUSB_ERROR_OTHER || code == LIBUSB_ERROR_NOT_SUPPORTED)
+        return TRUE; /* a machine, or a container, without USB */
+    if (code) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "USB cannot be looked at: %s",
+                    libusb_strerror(code));
+        return FALSE;
+    }
+    gssize n = libusb_get_device_list(context, &all);
+    for (gssize i = 0; i < n; i++)
+        add_device(all[i], to);
+    if (n >= 0)
+        libusb_free_device_list(all, 1);
+    libusb_exit(context);
+    return TRUE;
+}
