@@ -1,0 +1,335 @@
+#include "lamps.h"
+
+#include "fit.h"
+
+#include <math.h>
+#include <string.h>
+
+G_DEFINE_QUARK(lamps_error, lamps_error)
+
+#define REJECT          4.5
+#define LEAST_SIGHTS    6                 /* of a lamp */
+#define LEAST_ARC       (60 * G_PI / 180) /* spread of arc angles that tell the axis */
+#define MOST_LAMP_MM    10.0              /* standard error beyond which a lamp is not known */
+#define HIGHLIGHT_STEPS 50
+
+struct problem {
+    const struct rig *rig; /* nominal */
+    const struct lamp_target *target;
+    const struct lamp_sight *sights;
+    int n;
+    gboolean fit_arc;
+    int lamp_at[RIG_MAX_LAMPS]; /* first parameter; −1: not seen */
+    int mark_at[LAMP_MAX_MARKS];
+    int n_parameters;
+};
+
+struct vec3 lamp_mark_mm(const struct lamp_target *target, int mark, double turntable_rad) {
+    const struct lamp_mark *m = &target->marks[mark];
+    double z = target->plane_mm + (target->kind == LAMP_BALLS ? m->size_mm : 0);
+    return rig_turn(vec3(m->x_mm, m->y_mm, z), turntable_rad);
+}
+
+gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
+                        struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm) {
+    double height = target->marks[mark].size_mm;
+    double above = lamp_mm.z - foot_mm.z - height;
+    if (!(above > 0))
+        return FALSE;
+    struct vec3 top = vec3(foot_mm.x, foot_mm.y, foot_mm.z + height);
+    *ret_end_mm = vec3_add(top, vec3_scale(vec3_sub(top, lamp_mm), height / above));
+    if (ret_radius_mm)
+        *ret_radius_mm = target->radius_mm * (1 + height / above);
+    return TRUE;
+}
+
+/* The normal halves the angle between the ways to camera and lamp; found by taking the point there,
+ * which for a ball far from both converges at once. */
+gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_mm, double radius_mm,
+                           struct vec3 lamp_mm, double *ret_x, double *ret_y) {
+    struct vec3 eye = rig_camera_centre_mm(camera), p = centre_mm;
+    for (int i = 0; i < HIGHLIGHT_STEPS; i++) {
+        struct vec3 half = vec3_add(vec3_unit(vec3_sub(eye, p)), vec3_unit(vec3_sub(lamp_mm, p)));
+        if (!(vec3_length(half) > 1e-6))
+            return FALSE;
+        struct vec3 next = vec3_add(centre_mm, vec3_scale(vec3_unit(half), radius_mm));
+        double step = vec3_length(vec3_sub(next, p));
+        p = next;
+        if (step < 1e-12 * radius_mm)
+            break;
+    }
+    return rig_project(camera, p, ret_x, ret_y);
+}
+
+static struct rig_arc arc_of(const struct problem *problem, const double *x) {
+    struct rig_arc arc = problem->rig->arc;
+    if (problem->fit_arc) {
+        arc.tilt_rad[0] = x[0];
+        arc.tilt_rad[1] = x[1];
+        arc.centre_mm[0] = x[2];
+        arc.centre_mm[1] = x[3];
+    }
+    return arc;
+}
+
+static struct rig_lamp lamp_of(const struct problem *problem, const double *x, int lamp) {
+    struct rig_lamp found = problem->rig->lamps[lamp];
+    const double *p = x + problem->lamp_at[lamp];
+    found.position_mm = vec3(p[0], p[1], p[2]);
+    return found;
+}
+
+static void target_of(const struct problem *problem, const double *x, struct lamp_target *ret) {
+    *ret = *problem->target;
+    for (int i = 0; i < ret->n; i++)
+        if (problem->mark_at[i] >= 0) {
+            ret->marks[i].x_mm = x[problem->mark_at[i]];
+            ret->marks[i].y_mm = x[problem->mark_at[i] + 1];
+        }
+}
+
+static gboolean predict(const struct problem *problem, const struct lamp_target *target,
+                        const struct lamp_sight *sight, struct vec3 lamp_mm, double ret[2]) {
+    if (target->kind == LAMP_BALLS)
+        return lamp_highlight_px(&problem->rig->cameras[sight->camera],
+                                 lamp_mark_mm(target, sight->mark, sight->turntable_rad),
+                                 target->marks[sight->mark].size_mm, lamp_mm, &ret[0], &ret[1]);
+    struct vec3 end, lamp = rig_turn(lamp_mm, -sight->turntable_rad);
+    if (!lamp_shadow_mm(target, sight->mark, lamp_mark_mm(target, sight->mark, 0), lamp, &end,
+                        NULL))
+        return FALSE;
+    ret[0] = end.x;
+    ret[1] = end.y;
+    return TRUE;
+}
+
+static void residuals(const double *x, double *ret, gconstpointer data) {
+    const struct problem *problem = data;
+    struct lamp_target target;
+    struct rig_arc arc = arc_of(problem, x);
+    struct rig_lamp lamps[RIG_MAX_LAMPS];
+    target_of(problem, x, &target);
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (problem->lamp_at[i] >= 0)
+            lamps[i] = lamp_of(problem, x, i);
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        struct vec3 lamp = s->lamp < 0 ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
+                                       : rig_lamp_position_mm(&arc, &lamps[s->lamp], s->arc_rad);
+        double at[2];
+        gboolean seen = predict(problem, &target, s, lamp, at);
+        ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
+        ret[2 * i + 1] = seen ? (at[1] - s->y) / s->sigma : FIT_LOST;
+    }
+}
+
+static int compare(gconstpointer a, gconstpointer b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* How much of a turn the angles cover: all but the largest gap between neighbours. */
+static double spread_rad(const struct lamp_sight *sights, int n) {
+    if (n < 1)
+        return 0;
+    g_autofree double *turns = g_new(double, n);
+    for (int i = 0; i < n; i++)
+        turns[i] = sights[i].arc_rad - 2 * G_PI * floor(sights[i].arc_rad / (2 * G_PI));
+    qsort(turns, (gsize)n, sizeof *turns, compare);
+    double gap = turns[0] + 2 * G_PI - turns[n - 1];
+    for (int i = 1; i < n; i++)
+        gap = MAX(gap, turns[i] - turns[i - 1]);
+    return 2 * G_PI - gap;
+}
+
+static gboolean few(const char *what, const char *name, int n, GError **error) {
+    g_set_error(
+        error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+        "%s %s: seen %d time(s), which is too few to tell where it is (%d are needed); take "
+        "more pictures of it",
+        what, name, n, LEAST_SIGHTS);
+    return FALSE;
+}
+
+/* Which parameters there are. */
+static gboolean lay_out(struct problem *problem, GError **error) {
+    int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
+    for (int i = 0; i < problem->n; i++) {
+        if (problem->sights[i].lamp >= 0) {
+            lamps[problem->sights[i].lamp]++;
+            seen++;
+        }
+        marks[problem->sights[i].mark]++;
+    }
+    if (seen == 0) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, "no lamp is seen in any picture");
+        return FALSE;
+    }
+    problem->fit_arc = spread_rad(problem->sights, problem->n) >= LEAST_ARC;
+    problem->n_parameters = problem->fit_arc ? 4 : 0;
+    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
+        problem->lamp_at[i] = lamps[i] ? problem->n_parameters : -1;
+        if (lamps[i] > 0 && lamps[i] < LEAST_SIGHTS)
+            return few("lamp", problem->rig->lamps[i].name, lamps[i], error);
+        problem->n_parameters += lamps[i] ? 3 : 0;
+    }
+    for (int i = 0; i < LAMP_MAX_MARKS; i++) {
+        problem->mark_at[i] = marks[i] ? problem->n_parameters : -1;
+        problem->n_parameters += marks[i] ? 2 : 0;
+    }
+    return TRUE;
+}
+
+static void start(const struct problem *problem, double *x) {
+    const struct rig_arc *arc = &problem->rig->arc;
+    if (problem->fit_arc) {
+        x[0] = arc->tilt_rad[0], x[1] = arc->tilt_rad[1];
+        x[2] = arc->centre_mm[0], x[3] = arc->centre_mm[1];
+    }
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (problem->lamp_at[i] >= 0) {
+            double *p = x + problem->lamp_at[i];
+            struct vec3 at = problem->rig->lamps[i].position_mm;
+            p[0] = at.x, p[1] = at.y, p[2] = at.z;
+        }
+    for (int i = 0; i < problem->target->n; i++)
+        if (problem->mark_at[i] >= 0) {
+            x[problem->mark_at[i]] = problem->target->marks[i].x_mm;
+            x[problem->mark_at[i] + 1] = problem->target->marks[i].y_mm;
+        }
+}
+
+static double covariance_at(const struct problem *problem, const struct fit_result *fit, int i,
+                            int j) {
+    return fit->covariance[i * problem->n_parameters + j];
+}
+
+/* Turns all lamps so that they lie nearest to the nominal ones; the zero takes up the turn. */
+static void set_zero(const struct problem *problem, const struct fit_result *fit,
+                     struct lamps_result *ret) {
+    double cross = 0, dot = 0, variance = 0;
+    g_autofree double *slope = g_new0(double, problem->n_parameters);
+    for (int i = 0; i < problem->rig->n_lamps; i++) {
+        struct vec3 from = problem->rig->lamps[i].position_mm, to = ret->rig.lamps[i].position_mm;
+        if (problem->lamp_at[i] < 0)
+            continue;
+        cross += from.x * to.y - from.y * to.x;
+        dot += from.x * to.x + from.y * to.y;
+        slope[problem->lamp_at[i]] = -from.y;
+        slope[problem->lamp_at[i] + 1] = from.x;
+    }
+    double turn = dot > 0 ? atan2(cross, dot) : 0;
+    for (int i = 0; i < problem->n_parameters; i++)
+        for (int j = 0; j < problem->n_parameters; j++)
+            variance += slope[i] * slope[j] * covariance_at(problem, fit, i, j);
+    ret->zero_error_rad = dot > 0 ? sqrt(MAX(variance, 0)) / dot : 0;
+    ret->rig.arc.zero_rad = remainder(ret->rig.arc.zero_rad + turn, 2 * G_PI);
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (problem->lamp_at[i] >= 0) {
+            struct rig_lamp *lamp = &ret->rig.lamps[i];
+            lamp->position_mm = rig_turn(lamp->position_mm, -turn);
+        }
+}
+
+/* Aimed as far from the origin as the nominal lamp was. */
+static void keep_aim(const struct rig_lamp *nominal, struct rig_lamp *lamp) {
+    struct vec3 from = vec3_unit(nominal->position_mm), to = vec3_unit(lamp->position_mm);
+    struct vec3 axis = vec3_cross(from, to);
+    double s = vec3_length(axis), c = vec3_dot(from, to);
+    if (!(s > 1e-15))
+        return;
+    struct vec3 k = vec3_scale(axis, 1 / s), v = nominal->aim;
+    lamp->aim = vec3_unit(vec3_add(vec3_add(vec3_scale(v, c), vec3_scale(vec3_cross(k, v), s)),
+                                   vec3_scale(k, vec3_dot(k, v) * (1 - c))));
+}
+
+static void take(const struct problem *problem, const double *x, struct fit_result *fit,
+                 struct lamps_result *ret) {
+    ret->rig = *problem->rig;
+    ret->rig.arc = arc_of(problem, x);
+    ret->arc_known = problem->fit_arc;
+    target_of(problem, x, &ret->target);
+    for (int k = 0; problem->fit_arc && k < 2; k++) {
+        ret->tilt_error_rad[k] = sqrt(covariance_at(problem, fit, k, k));
+        ret->centre_error_mm[k] = sqrt(covariance_at(problem, fit, k + 2, k + 2));
+    }
+    for (int i = 0; i < problem->rig->n_lamps; i++) {
+        int at = problem->lamp_at[i];
+        ret->seen[i] = at >= 0;
+        if (at < 0)
+            continue;
+        ret->rig.lamps[i].position_mm = lamp_of(problem, x, i).position_mm;
+        for (int j = 0; j < 9; j++)
+            ret->covariance_mm2[i][j / 3][j % 3] =
+                covariance_at(problem, fit, at + j / 3, at + j % 3);
+    }
+    set_zero(problem, fit, ret);
+    double sum = 0;
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        if (fit->rejected[i])
+            continue;
+        if (s->lamp >= 0)
+            ret->sights[s->lamp]++;
+        sum += s->sigma * s->sigma *
+               (pow(fit->residuals[2 * i], 2) + pow(fit->residuals[2 * i + 1], 2));
+    }
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (ret->seen[i])
+            keep_aim(&problem->rig->lamps[i], &ret->rig.lamps[i]);
+    ret->rms = sqrt(sum / MAX(2 * fit->n_used, 1));
+    ret->sigma = fit->sigma;
+    ret->n_used = fit->n_used;
+    ret->degrees_of_freedom = fit->degrees_of_freedom;
+    ret->rejected = g_steal_pointer(&fit->rejected);
+}
+
+static gboolean check_result(const struct problem *problem, const struct fit_result *fit,
+                             const struct lamps_result *ret, GError **error) {
+    for (int i = 0; i < problem->rig->n_lamps; i++) {
+        const double(*c)[3] = ret->covariance_mm2[i];
+        if (!ret->seen[i])
+            continue;
+        const char *name = problem->rig->lamps[i].name;
+        if (ret->sights[i] < LEAST_SIGHTS)
+            return few("lamp", name, ret->sights[i], error);
+        double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
+        if (spread > 0 && spread < MOST_LAMP_MM && fit->undetermined < 0)
+            continue;
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                    "lamp %s: the pictures leave it open where it is (standard error %.3g mm); "
+                    "posts or balls further apart, more angles of arc and turntable, tell more",
+                    name, fit->undetermined < 0 ? spread : HUGE_VAL);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
+                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
+                   GError **error) {
+    struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
+    struct fit_result fitted;
+    memset(ret, 0, sizeof *ret);
+    if (!lay_out(&problem, error))
+        return FALSE;
+    g_autofree double *x = g_new0(double, problem.n_parameters);
+    start(&problem, x);
+    const struct fit fit = {problem.n_parameters, n, 2, residuals, &problem, REJECT};
+    if (!fit_solve(&fit, x, &fitted)) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                    "%d sights are too few for %d unknowns; take more pictures", n,
+                    problem.n_parameters);
+        return FALSE;
+    }
+    take(&problem, x, &fitted, ret);
+    gboolean ok = check_result(&problem, &fitted, ret, error);
+    fit_result_clear(&fitted);
+    if (!ok)
+        lamps_result_clear(ret);
+    return ok;
+}
+
+void lamps_result_clear(struct lamps_result *result) {
+    g_clear_pointer(&result->rejected, g_free);
+}

@@ -1,0 +1,345 @@
+#include "laser.h"
+
+#include "fit.h"
+
+#include <math.h>
+#include <string.h>
+
+G_DEFINE_QUARK(laser_error, laser_error)
+
+#define REJECT        5.0
+#define LEAST_POINTS  60  /* of a laser, on each of two heights */
+#define LEAST_HEIGHTS 2.0 /* mm between them */
+#define LEAST_ARC     (60 * G_PI / 180)
+#define STEP_POINTS   12 /* of a step on each height, to tell its sheet */
+
+enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, PER_LASER };
+
+struct problem {
+    const struct rig *rig;
+    const struct laser_point *points;
+    int n;
+    gboolean fit_arc;
+    int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
+    int n_parameters;
+};
+
+/* Perpendicular to the axis: the way the light goes at s = 0, and across the sheet. */
+static struct vec3 beam_of(const struct rig_laser *laser) {
+    return vec3_cross(laser->normal, laser->axis);
+}
+
+static struct rig_laser laser_of(const struct problem *problem, const double *x, int i) {
+    const struct rig_laser *from = &problem->rig->lasers[i];
+    const double *p = x + problem->at[i];
+    struct rig_laser laser = *from;
+    struct vec3 beam = beam_of(from);
+    laser.position_mm = vec3_add(from->position_mm, vec3_add(vec3_scale(from->normal, p[ACROSS]),
+                                                             vec3_scale(beam, p[BEAM])));
+    laser.axis =
+        vec3_unit(vec3_add(from->axis, vec3_add(vec3_scale(beam, p[AXIS_BEAM]),
+                                                vec3_scale(from->normal, p[AXIS_ACROSS]))));
+    double along = vec3_dot(from->normal, laser.axis);
+    struct vec3 normal = vec3_unit(vec3_sub(from->normal, vec3_scale(laser.axis, along)));
+    laser.normal = vec3_unit(vec3_add(vec3_scale(normal, cos(p[ZERO])),
+                                      vec3_scale(vec3_cross(laser.axis, normal), sin(p[ZERO]))));
+    laser.stretch = from->stretch + p[STRETCH];
+    return laser;
+}
+
+static struct rig_arc arc_of(const struct problem *problem, const double *x) {
+    struct rig_arc arc = problem->rig->arc;
+    if (problem->fit_arc) {
+        arc.tilt_rad[0] += x[0];
+        arc.tilt_rad[1] += x[1];
+        arc.centre_mm[0] += x[2];
+        arc.centre_mm[1] += x[3];
+    }
+    return arc;
+}
+
+static double distance_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                          const struct laser_point *point) {
+    struct rig_plane sheet = rig_laser_sheet(arc, laser, point->arc_rad, point->sweep_rad);
+    return vec3_dot(sheet.normal, point->point_mm) - sheet.offset_mm;
+}
+
+static void residuals(const double *x, double *ret, gconstpointer data) {
+    const struct problem *problem = data;
+    struct rig_arc arc = arc_of(problem, x);
+    struct rig_laser lasers[RIG_MAX_LASERS];
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0)
+            lasers[i] = laser_of(problem, x, i);
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *point = &problem->points[i];
+        ret[i] = distance_mm(&arc, &lasers[point->laser], point) / point->sigma_mm;
+    }
+}
+
+struct levels { /* of a laser's points */
+    double low_mm, high_mm;
+    int n, n_low, n_high;
+    int sweep; /* one of its sweeps */
+};
+
+static struct levels levels_of(const struct problem *problem, int laser) {
+    struct levels l = {G_MAXDOUBLE, -G_MAXDOUBLE, 0, 0, 0, -1};
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        if (p->laser != laser)
+            continue;
+        l.low_mm = MIN(l.low_mm, p->point_mm.z);
+        l.high_mm = MAX(l.high_mm, p->point_mm.z);
+        l.sweep = p->sweep;
+        l.n++;
+    }
+    double middle = (l.low_mm + l.high_mm) / 2;
+    for (int i = 0; i < problem->n; i++)
+        if (problem->points[i].laser == laser) {
+            l.n_low += problem->points[i].point_mm.z < middle;
+            l.n_high += problem->points[i].point_mm.z >= middle;
+        }
+    return l;
+}
+
+static gboolean check_levels(const struct problem *problem, int laser, const struct levels *l,
+                             const char *const *sweep_names, GError **error) {
+    const char *name = problem->rig->lasers[laser].name;
+    if (l->high_mm - l->low_mm < LEAST_HEIGHTS) {
+        g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
+                    "%s: laser %s is seen on planes of one height only, %.3f mm, which says "
+                    "nothing about the angle of its sheet; sweep a second plane, at least %g mm "
+                    "higher or lower",
+                    sweep_names[l->sweep], name, l->low_mm, LEAST_HEIGHTS);
+        return FALSE;
+    }
+    if (MIN(l->n_low, l->n_high) >= LEAST_POINTS)
+        return TRUE;
+    g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                "%s: laser %s is seen in %d pixel(s) at %.3f mm and %d at %.3f mm; %d are needed "
+                "on each plane: is it bright enough, and the plane in view?",
+                sweep_names[l->sweep], name, l->n_low, l->low_mm, l->n_high, l->high_mm,
+                LEAST_POINTS);
+    return FALSE;
+}
+
+/* Arc angles in twelfths of a turn that there are. */
+static gboolean arc_is_told(const struct problem *problem) {
+    guint32 seen = 0;
+    int n = 0;
+    for (int i = 0; i < problem->n; i++) {
+        double turn = problem->points[i].arc_rad / (2 * G_PI);
+        seen |= 1u << (guint32)(12 * (turn - floor(turn)));
+    }
+    for (int i = 0; i < 13; i++)
+        n += (int)(seen >> i & 1);
+    return n >= 3;
+}
+
+static gboolean lay_out(struct problem *problem, const char *const *sweep_names, GError **error) {
+    problem->fit_arc = problem->fit_arc && arc_is_told(problem);
+    problem->n_parameters = problem->fit_arc ? 4 : 0;
+    gboolean any = FALSE;
+    for (int i = 0; i < problem->rig->n_lasers; i++) {
+        struct levels l = levels_of(problem, i);
+        problem->at[i] = l.n ? problem->n_parameters : -1;
+        problem->n_parameters += l.n ? PER_LASER : 0;
+        any |= l.n > 0;
+        if (l.n > 0 && !check_levels(problem, i, &l, sweep_names, error))
+            return FALSE;
+    }
+    if (!any)
+        g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                    "no laser's line is seen in any sweep");
+    return any;
+}
+
+/* Two straight lines through a step's points, one on each height, against the model's sheet. */
+struct tally {
+    double sum[2];
+    int n[2];
+};
+
+static void add_steps(const struct problem *problem, const struct fit_result *fit,
+                      struct laser_result *ret, int laser, double arc_rad, const struct levels *l) {
+    g_autoptr(GHashTable) steps =
+        g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, g_free);
+    double middle = (l->low_mm + l->high_mm) / 2;
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        if (p->laser != laser || p->arc_rad != arc_rad || fit->rejected[i])
+            continue;
+        gint64 key = llround(p->sweep_rad * 180 / G_PI * 10); /* tenths of a degree */
+        struct tally *tally = g_hash_table_lookup(steps, &key);
+        if (!tally) {
+            tally = g_new0(struct tally, 1);
+            g_hash_table_insert(steps, g_memdup2(&key, sizeof key), tally);
+        }
+        int high = p->point_mm.z >= middle;
+        tally->sum[high] += fit->residuals[i] * p->sigma_mm;
+        tally->n[high]++;
+    }
+    GHashTableIter iter;
+    gpointer key, value;
+    g_hash_table_iter_init(&iter, steps);
+    while (g_hash_table_iter_next(&iter, &key, &value)) {
+        const struct tally *t = value;
+        if (MIN(t->n[0], t->n[1]) < STEP_POINTS)
+            continue;
+        double low = t->sum[0] / t->n[0], high = t->sum[1] / t->n[1];
+        double sweep = (double)*(gint64 *)key / 10 * G_PI / 180;
+        struct rig_plane sheet =
+            rig_laser_sheet(&ret->rig.arc, &ret->rig.lasers[laser], arc_rad, sweep);
+        /* Between the two lines, measured in the sheet. */
+        double apart = (l->high_mm - l->low_mm) / MAX(hypot(sheet.normal.x, sheet.normal.y), 1e-3);
+        struct laser_step step = {
+            laser, arc_rad, sweep, (high - low) / apart, (low + high) / 2, t->n[0] + t->n[1]};
+        g_array_append_val(ret->steps, step);
+    }
+}
+
+static void tell_steps(const struct problem *problem, const struct fit_result *fit,
+                       struct laser_result *ret) {
+    ret->steps = g_array_new(FALSE, FALSE, sizeof(struct laser_step));
+    for (int laser = 0; laser < problem->rig->n_lasers; laser++) {
+        if (problem->at[laser] < 0)
+            continue;
+        struct levels l = levels_of(problem, laser);
+        g_autoptr(GArray) arcs = g_array_new(FALSE, FALSE, sizeof(double));
+        for (int i = 0; i < problem->n; i++) {
+            double arc = problem->points[i].arc_rad;
+            gboolean known = problem->points[i].laser != laser;
+            for (guint k = 0; k < arcs->len && !known; k++)
+                known = g_array_index(arcs, double, k) == arc;
+            if (!known)
+                g_array_append_val(arcs, arc);
+        }
+        for (guint k = 0; k < arcs->len; k++)
+            add_steps(problem, fit, ret, laser, g_array_index(arcs, double, k), &l);
+    }
+}
+
+static void take_laser(const struct problem *problem, const struct fit *fit,
+                       const struct fit_result *fitted, const double *x, int i,
+                       struct laser_result *ret) {
+    int at = problem->at[i];
+    ret->seen[i] = TRUE;
+    ret->rig.lasers[i] = laser_of(problem, x, i);
+    ret->source_error_mm[i][0] =
+        hypot(fit_error(fit, fitted, at + ACROSS), fit_error(fit, fitted, at + BEAM));
+    ret->source_error_mm[i][1] = HUGE_VAL;
+    ret->axis_error_rad[i] =
+        hypot(fit_error(fit, fitted, at + AXIS_BEAM), fit_error(fit, fitted, at + AXIS_ACROSS));
+    ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
+    ret->stretch_error[i] = fit_error(fit, fitted, at + STRETCH);
+}
+
+static void take(const struct problem *problem, const struct fit *fit, struct fit_result *fitted,
+                 const double *x, struct laser_result *ret) {
+    double sum[RIG_MAX_LASERS] = {0}, all = 0;
+    ret->rig = *problem->rig;
+    ret->rig.arc = arc_of(problem, x);
+    ret->arc_fitted = problem->fit_arc;
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0)
+            take_laser(problem, fit, fitted, x, i, ret);
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        double d = fitted->residuals[i] * p->sigma_mm;
+        if (fitted->rejected[i])
+            continue;
+        ret->points[p->laser]++;
+        sum[p->laser] += d * d;
+        all += d * d;
+    }
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        ret->rms_mm[i] = ret->points[i] ? sqrt(sum[i] / ret->points[i]) : 0;
+    ret->rms_all_mm = sqrt(all / MAX(fitted->n_used, 1));
+    ret->sigma = fitted->sigma;
+    ret->n_used = fitted->n_used;
+    ret->degrees_of_freedom = fitted->degrees_of_freedom;
+    tell_steps(problem, fitted, ret);
+    ret->rejected = g_steal_pointer(&fitted->rejected);
+}
+
+static gboolean check_told(const struct problem *problem, const struct fit_result *fitted,
+                           GError **error) {
+    if (fitted->undetermined < 0)
+        return TRUE;
+    const char *name = "the arc's axis";
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0 && fitted->undetermined >= problem->at[i])
+            name = problem->rig->lasers[i].name;
+    g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
+                "laser %s: the sweeps leave open how its sheet lies; sweep a larger part of both "
+                "planes",
+                name);
+    return FALSE;
+}
+
+gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n, gboolean fit_arc,
+                   const char *const *sweep_names, struct laser_result *ret, GError **error) {
+    struct problem problem = {.rig = rig, .points = points, .n = n, .fit_arc = fit_arc};
+    struct fit_result fitted;
+    memset(ret, 0, sizeof *ret);
+    if (!lay_out(&problem, sweep_names, error))
+        return FALSE;
+    g_autofree double *x = g_new0(double, problem.n_parameters);
+    const struct fit fit = {problem.n_parameters, n, 1, residuals, &problem, REJECT};
+    if (!fit_solve(&fit, x, &fitted)) {
+        g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                    "the sweeps' points are too few or not finite");
+        return FALSE;
+    }
+    gboolean ok = check_told(&problem, &fitted, error);
+    if (ok)
+        take(&problem, &fit, &fitted, x, ret);
+    fit_result_clear(&fitted);
+    return ok;
+}
+
+void laser_result_clear(struct laser_result *result) {
+    g_clear_pointer(&result->rejected, g_free);
+    g_clear_pointer(&result->steps, g_array_unref);
+}
+
+/* What a pixel sees of the plane; FALSE: nothing of the part that counts. */
+static gboolean plane_point(const struct rig_camera *camera, const struct laser_sweep *sweep, int x,
+                            int y, struct vec3 *ret) {
+    struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x, y);
+    if (!(ray.z < -1e-6))
+        return FALSE;
+    *ret = vec3_add(eye, vec3_scale(ray, (sweep->plane_mm - eye.z) / ray.z));
+    ret->z = sweep->plane_mm;
+    return hypot(ret->x, ret->y) <= sweep->radius_mm;
+}
+
+int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points) {
+    const struct rig_camera *camera = &rig->cameras[sweep->camera];
+    gsize n = (gsize)camera->width * (gsize)camera->height, seen = 0, taken = 0;
+    for (gsize i = 0; i < n; i++)
+        seen += sweep->peak[i] >= 0;
+    if (seen == 0)
+        return 0;
+    /* A fraction of those seen, evenly by their number, which is oblique to the lines. */
+    double every = MAX(1, (double)seen / (double)MAX(sweep->most, 1)), next = 0;
+    gsize number = 0;
+    for (gsize i = 0; i < n; i++) {
+        if (!(sweep->peak[i] >= 0) || (double)number++ < next)
+            continue;
+        next += every;
+        struct laser_point point = {.sweep = sweep->sweep,
+                                    .laser = sweep->laser,
+                                    .arc_rad = sweep->arc_rad,
+                                    .sweep_rad =
+                                        sweep->from_rad + (double)sweep->peak[i] * sweep->step_rad,
+                                    .sigma_mm = 0.05};
+        if (!plane_point(camera, sweep, (int)(i % (gsize)camera->width),
+                         (int)(i / (gsize)camera->width), &point.point_mm))
+            continue;
+        g_array_append_val(points, point);
+        taken++;
+    }
+    return (int)taken;
+}

@@ -1,0 +1,97 @@
+/* Laser sheets and sweeps from lines on planes of two heights, in simulated sweeps. */
+#include "lasers_scene.h"
+
+#include <string.h>
+
+static void two_heights(void) {
+    const struct sweep_poses poses = {.arcs = 3, .steps = 64, .span_deg = 2.5, .most = 800};
+    struct laser_result found;
+    struct scene *scene;
+    struct sweep_errors errors;
+    g_autoptr(GError) error = NULL;
+    g_assert_true(sweep_measure(1, 96, &poses, 2, &found, &scene, &error));
+    g_assert_no_error(error);
+    sweep_compare(scene, &poses, &found, &errors);
+    g_test_message("angle %.4f°, offset %.4f mm, source %.3f mm, rms %.4f mm, %u steps",
+                   errors.angle_deg, errors.offset_mm, errors.source_mm, found.rms_all_mm,
+                   found.steps->len);
+    g_assert_cmpfloat(errors.angle_deg, <, 0.03); /* bench_calibration has larger pictures */
+    g_assert_cmpfloat(errors.offset_mm, <, 0.03);
+    g_assert_true(found.arc_fitted);
+    /* Along its axis a source cannot be told, and that is said. */
+    g_assert_true(isinf(found.source_error_mm[0][1]));
+    g_assert_cmpfloat(found.source_error_mm[0][0], <, 5);
+    g_assert_cmpuint(found.steps->len, >, 50);
+    laser_result_clear(&found);
+    scene_free(scene);
+}
+
+static void one_height(void) {
+    const struct sweep_poses poses = {.arcs = 1, .steps = 24, .span_deg = 2.5, .most = 400};
+    struct laser_result found;
+    struct scene *scene;
+    g_autoptr(GError) error = NULL;
+    g_assert_false(sweep_measure(1, 48, &poses, 1, &found, &scene, &error));
+    g_assert_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE);
+    g_assert_nonnull(strstr(error->message, "sweep: laser s0 is seen on planes of one height only, "
+                                            "1.000 mm"));
+    scene_free(scene);
+}
+
+/* Exact points of a sheet that is off, and some that are nowhere near it. */
+static void exact(void) {
+    struct rig rig = {.n_lasers = 2, .n_cameras = 0};
+    struct rig_arc arc = {0.01, {0.002, -0.001}, {0.3, -0.2}};
+    g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
+    g_autoptr(GRand) rand = g_rand_new_with_seed(1);
+    g_autoptr(GError) error = NULL;
+    static const char *const names[] = {"a.exr"};
+    struct laser_result found;
+    struct vec3 out = rig_direction(SCENE_RAD(40), 0);
+    rig.lasers[0] = (struct rig_laser){"one", vec3_scale(out, 480), vec3(0, 1, 0),
+                                       vec3(-cos(SCENE_RAD(40)), 0, sin(SCENE_RAD(40))), 0};
+    rig.lasers[1] = rig.lasers[0];
+    struct rig_laser truth = rig.lasers[0];
+    truth.position_mm = vec3_add(truth.position_mm, vec3(2, 0, -1));
+    truth.axis = vec3_unit(vec3(0.003, 1, 0.002));
+    truth.normal = vec3_unit(vec3_cross(truth.axis, vec3_scale(vec3(out.x, 0.001, out.z), -1)));
+    truth.stretch = 0.01;
+    for (int i = 0; i < 3000; i++) {
+        struct laser_point p = {.arc_rad = SCENE_RAD(30 * (i % 12)),
+                                .sigma_mm = 0.01,
+                                .point_mm =
+                                    vec3(g_rand_double_range(rand, -30, 30),
+                                         g_rand_double_range(rand, -30, 30), i & 1 ? 20 : 1)};
+        p.sweep_rad = rig_laser_sweep_rad(&arc, &truth, p.arc_rad, p.point_mm);
+        if (i % 50 == 0)
+            p.sweep_rad += 0.02;
+        g_array_append_val(points, p);
+    }
+    g_assert_true(laser_fit(&rig, (struct laser_point *)(gpointer)points->data, (int)points->len,
+                            TRUE, names, &found, &error));
+    g_assert_no_error(error);
+    g_assert_false(found.seen[1]);
+    for (guint i = 0; i < points->len; i++) {
+        const struct laser_point *p = &g_array_index(points, struct laser_point, i);
+        g_assert_cmpint(found.rejected[i], ==, i % 50 == 0);
+        double sweep =
+            rig_laser_sweep_rad(&found.rig.arc, &found.rig.lasers[0], p->arc_rad, p->point_mm);
+        if (i % 50)
+            g_assert_cmpfloat_with_epsilon(sweep, p->sweep_rad, 1e-6);
+    }
+    /* The zero of the arc is the laser's own azimuth: only what is left is told. */
+    g_assert_cmpfloat_with_epsilon(found.rig.arc.tilt_rad[0], 0.002, 1e-5);
+    g_assert_cmpfloat_with_epsilon(found.rig.arc.centre_mm[1], -0.2, 1e-2);
+    g_assert_cmpfloat_with_epsilon(found.rig.lasers[0].stretch, 0.01, 1e-4);
+    laser_result_clear(&found);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/laser-sheets/exact", exact);
+    g_test_add_func("/laser-sheets/two-heights", two_heights);
+    g_test_add_func("/laser-sheets/one-height", one_height);
+    int result = g_test_run();
+    fixture_clean();
+    return result;
+}
