@@ -1,0 +1,52 @@
+/* docs/driver.md shows the shortest driver: each piece of it is in that file, word for word, but
+ * for the one that is for a test, and the file is as long as the guide says. */
+#include <glib.h>
+#include <stdlib.h>
+#include <string.h>
+
+static char *load(const char *path) {
+    GError *error = NULL;
+    char *text;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    return text;
+}
+
+static int count_lines(const char *text) {
+    int n = 0;
+    for (; *text; text++)
+        n += *text == '\n';
+    return n;
+}
+
+static void test_pieces(void) {
+    g_autofree char *guide = load(SOURCE_DIR "/docs/driver.md");
+    g_autofree char *source = load(SOURCE_DIR "/drivers/modbus/inputs.c");
+    g_auto(GStrv) parts = g_strsplit(guide, "```", -1);
+    int n = 0;
+    for (int i = 1; parts[i] && parts[i + 1]; i += 2) {
+        g_assert_true(g_str_has_prefix(parts[i], "c\n"));
+        const char *piece = parts[i] + 2;
+        if (strstr(piece, "struct conformance"))
+            continue;
+        if (!strstr(source, piece))
+            g_error("docs/driver.md shows what is not in drivers/modbus/inputs.c:\n%s", piece);
+        n++;
+    }
+    g_assert_cmpint(n, ==, 5);
+}
+
+static void test_length(void) {
+    g_autofree char *guide = load(SOURCE_DIR "/docs/driver.md");
+    g_autofree char *source = load(SOURCE_DIR "/drivers/modbus/inputs.c");
+    const char *says = strstr(guide, "in 98 lines");
+    g_assert_nonnull(says);
+    g_assert_cmpint(count_lines(source), ==, atoi(says + strlen("in ")));
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/guide/pieces", test_pieces);
+    g_test_add_func("/guide/length", test_length);
+    return g_test_run();
+}
