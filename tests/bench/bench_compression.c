@@ -1,6 +1,7 @@
 /* Local PCA of a synthetic BTF, or of one in a file of floats, against the peak of sgemm: how long,
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
+#include "compression_fields.h"
 #include "processing/lpca.h"
 
 #include <cblas.h>
@@ -15,7 +16,8 @@
 
 static int texels = 64, views = 30, lights = 30, clusters = 32, components = 8;
 static char *session, *dump;
-static gboolean json;
+static gboolean json, fields;
+static int fits = 20000;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
     {"texels", 't', 0, G_OPTION_ARG_INT, &texels, "Texels of a side, else (64)", "N"},
@@ -24,6 +26,9 @@ static const GOptionEntry entries[] = {
     {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Clusters (32)", "K"},
     {"components", 'c', 0, G_OPTION_ARG_INT, &components, "Components (8)", "C"},
     {"dump", 'd', 0, G_OPTION_ARG_FILENAME, &dump, "Write the rows as floats, for peers", "FILE"},
+    {"fields", 'f', 0, G_OPTION_ARG_NONE, &fields,
+     "Models of a texel instead, of the sessions that are named as arguments", NULL},
+    {"fits", 0, 0, G_OPTION_ARG_INT, &fits, "Problems of each given to solvers (20000)", "N"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {NULL},
 };
@@ -128,6 +133,8 @@ int main(int argc, char **argv) {
         fprintf(stderr, "%s\n", error->message);
         return 2;
     }
+    if (fields)
+        return bench_fields(argv + 1, fits, json);
     struct btf_matrix *btf =
         session ? btf_matrix_read(session, NULL, NULL, NULL, &error) : synthetic();
     int rc = 1;
