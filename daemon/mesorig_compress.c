@@ -1,3 +1,5 @@
+#include "mesorig_compress.h"
+
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
 #include "processing/eigenmaps.h"
@@ -162,6 +164,16 @@ static struct eigenmaps *new_eigenmaps(const struct btf_matrix *btf, int n_terms
     return maps;
 }
 
+struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
+                                     PipelineFunc progress, gpointer data,
+                                     GCancellable *cancellable, double *ret_error, GError **error) {
+    struct columns columns = {btf, progress, data, cancellable, 0};
+    struct eigenmaps *maps = new_eigenmaps(btf, n_terms);
+    if (!eigenmaps_compute(maps, give_column, &columns, ret_error, error))
+        g_clear_pointer(&maps, eigenmaps_free);
+    return maps;
+}
+
 /* Eigen-maps are orthogonal: leaving out the last ones costs what they hold. */
 static int fewest_terms(const struct eigenmaps *maps, double target, double *ret_error) {
     const gsize size = (gsize)maps->n_lights * (gsize)maps->width * (gsize)maps->height * 3;
@@ -182,13 +194,15 @@ static int fewest_terms(const struct eigenmaps *maps, double target, double *ret
 static gboolean make_eigenmaps(struct compress *compress, const struct btf_matrix *btf,
                                PipelineFunc progress, gpointer progress_data,
                                GCancellable *cancellable, GError **error) {
-    struct columns columns = {btf, progress, progress_data, cancellable, 0};
     const int terms = compress->components   ? compress->components
                       : compress->target > 0 ? btf->n_views
                                              : MIN(4, btf->n_views);
-    struct eigenmaps *maps = new_eigenmaps(btf, terms);
-    gboolean ok = eigenmaps_compute(maps, give_column, &columns, &compress->error, error);
-    if (ok && compress->target > 0 && compress->error > compress->target) {
+    struct eigenmaps *maps = compress_eigenmaps(btf, terms, progress, progress_data, cancellable,
+                                                &compress->error, error);
+    gboolean ok = TRUE;
+    if (!maps)
+        return FALSE;
+    if (compress->target > 0 && compress->error > compress->target) {
         g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
                     "an error of %.3g %% is not reached with %d eigen-maps (%.3g %%); allow more",
                     100 * compress->target, terms, 100 * compress->error);

@@ -1,0 +1,207 @@
+/* compare: how far two forms of a material are from each other, or all models of one. */
+#include "mesorig_cli.h"
+#include "mesorig_curve.h"
+#include "mesorig_plot.h"
+#include "mesorig_work.h"
+#include "report.h"
+
+#include <math.h>
+
+#define WORST 5 /* views and lights that are told to people */
+
+struct compare {
+    const char *a, *b, *plot, *curve;
+    /* found */
+    Material *of_a, *of_b;
+    struct comparison *comparison;
+    GArray *points;
+};
+
+static gboolean work_compare(PipelineFunc progress, gpointer progress_data,
+                             GCancellable *cancellable, gpointer data, GError **error) {
+    struct compare *compare = data;
+    const struct lobes_options options = {
+        .progress = progress, .data = progress_data, .cancellable = cancellable};
+    compare->of_a = material_open(compare->a, progress, progress_data, cancellable, error);
+    compare->of_b = compare->of_a
+                        ? material_open(compare->b, progress, progress_data, cancellable, error)
+                        : NULL;
+    if (!compare->of_b)
+        return FALSE;
+    compare->comparison = compare_materials(compare->of_a, compare->of_b, &options, error);
+    return compare->comparison &&
+           (!compare->plot ||
+            plot_comparison(compare->plot, material_info(compare->of_a),
+                            material_info(compare->of_b), compare->comparison, error));
+}
+
+static gboolean work_curve(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                           gpointer data, GError **error) {
+    struct compare *compare = data;
+    compare->of_a = material_open(compare->a, progress, progress_data, cancellable, error);
+    if (!compare->of_a)
+        return FALSE;
+    const struct btf_matrix *btf = material_btf(compare->of_a);
+    if (!btf) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s: a curve is made of a session with its BTF", compare->a);
+        return FALSE;
+    }
+    compare->points = curve_measure(btf, progress, progress_data, cancellable, error);
+    return compare->points &&
+           plot_curve(compare->curve, btf->name, (double)material_info(compare->of_a)->bytes,
+                      &g_array_index(compare->points, struct plot_point, 0),
+                      (int)compare->points->len, error);
+}
+
+static void add_double(GVariantBuilder *to, const char *name, double value) {
+    g_variant_builder_add(to, "{sv}", name, g_variant_new_double(value));
+}
+
+static void add_sums(GVariantBuilder *to, const struct compare_sums *sums) {
+    add_double(to, "error", sums->error);
+    add_double(to, "luminance_error", sums->luminance_error);
+    add_double(to, "delta_e", sums->delta_e);
+}
+
+static GVariant *directions_variant(const float *theta_deg, const float *phi_deg,
+                                    const struct compare_sums *sums, int n) {
+    GVariantBuilder list;
+    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
+    for (int i = 0; i < n; i++) {
+        g_variant_builder_open(&list, G_VARIANT_TYPE_VARDICT);
+        add_double(&list, "theta_deg", theta_deg[i]);
+        add_double(&list, "phi_deg", phi_deg[i]);
+        add_sums(&list, &sums[i]);
+        g_variant_builder_close(&list);
+    }
+    return g_variant_builder_end(&list);
+}
+
+static void tell_json(const struct compare *compare) {
+    const struct material_info *a = material_info(compare->of_a), *b = material_info(compare->of_b);
+    const struct comparison *c = compare->comparison;
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "a", g_variant_new_string(compare->a));
+    g_variant_builder_add(&builder, "{sv}", "b", g_variant_new_string(compare->b));
+    g_variant_builder_add(&builder, "{sv}", "a_kind", g_variant_new_string(a->kind));
+    g_variant_builder_add(&builder, "{sv}", "b_kind", g_variant_new_string(b->kind));
+    g_variant_builder_add(&builder, "{sv}", "a_bytes", g_variant_new_int64(a->bytes));
+    g_variant_builder_add(&builder, "{sv}", "b_bytes", g_variant_new_int64(b->bytes));
+    add_sums(&builder, &c->all);
+    add_double(&builder, "largest", c->largest);
+    g_variant_builder_add(
+        &builder, "{sv}", "views",
+        directions_variant(a->view_theta_deg, a->view_phi_deg, c->views, c->n_views));
+    g_variant_builder_add(
+        &builder, "{sv}", "lights",
+        directions_variant(a->light_theta_deg, a->light_phi_deg, c->lights, c->n_lights));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static int by_error(gconstpointer a, gconstpointer b, gpointer data) {
+    const struct compare_sums *sums = data;
+    const double x = sums[*(const int *)a].error, y = sums[*(const int *)b].error;
+    return (x < y) - (x > y);
+}
+
+static void tell_worst(const char *what, const float *theta_deg, const float *phi_deg,
+                       struct compare_sums *sums, int n) {
+    g_autofree int *order = g_new(int, n);
+    for (int i = 0; i < n; i++)
+        order[i] = i;
+    g_qsort_with_data(order, n, sizeof *order, by_error, sums);
+    g_print("\n%-8s %7s %7s %10s %11s %6s\n", what, "theta", "phi", "error", "luminance", "ΔE");
+    for (int i = 0; i < n; i++) {
+        const int at = order[i];
+        if (i == WORST && n > 2 * WORST)
+            g_print("     …\n");
+        if (i < WORST || i >= n - 1 || n <= 2 * WORST)
+            g_print("%8d %6.1f° %6.1f° %8.2f %% %11.4f %6.2f\n", at, (double)theta_deg[at],
+                    (double)phi_deg[at], 100 * sums[at].error, sums[at].luminance_error,
+                    sums[at].delta_e);
+    }
+}
+
+static void tell(const struct compare *compare) {
+    const struct material_info *a = material_info(compare->of_a), *b = material_info(compare->of_b);
+    const struct comparison *c = compare->comparison;
+    g_autofree char *size_a = g_format_size((guint64)a->bytes);
+    g_autofree char *size_b = g_format_size((guint64)b->bytes);
+    if (cli_json) {
+        tell_json(compare);
+        return;
+    }
+    g_print("A          %s, %s, %s\n", a->label, a->kind, size_a);
+    g_print("B          %s, %s, %s, 1:%.3g\n", b->label, b->kind, size_b,
+            (double)a->bytes / (double)b->bytes);
+    g_print("error      %.3f %% (RMS of R, G, B relative to A)\n", 100 * c->all.error);
+    g_print("luminance  off by %.5f on average\n", c->all.luminance_error);
+    g_print("ΔE         %.3f on average (CIEDE2000, white is the diffuser)\n", c->all.delta_e);
+    g_print("largest    %.4f\n", c->largest);
+    tell_worst("view", a->view_theta_deg, a->view_phi_deg, c->views, c->n_views);
+    tell_worst("light", a->light_theta_deg, a->light_phi_deg, c->lights, c->n_lights);
+    if (compare->plot)
+        g_print("\nplot       %s\n", compare->plot);
+}
+
+static void tell_curve(const struct compare *compare) {
+    const double raw = (double)material_info(compare->of_a)->bytes;
+    GVariantBuilder builder, list;
+    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
+    for (guint i = 0; i < compare->points->len; i++) {
+        const struct plot_point *point = &g_array_index(compare->points, struct plot_point, i);
+        g_variant_builder_open(&list, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&list, "{sv}", "series", g_variant_new_string(point->series));
+        g_variant_builder_add(&list, "{sv}", "label", g_variant_new_string(point->label));
+        add_double(&list, "bytes", point->bytes);
+        add_double(&list, "ratio", raw / point->bytes);
+        add_double(&list, "error", point->error);
+        g_variant_builder_close(&list);
+        if (!cli_json)
+            g_print("%s%-19s %-10s 1:%-8.4g %7.3f %%\n", i ? "" : "\n", point->series, point->label,
+                    raw / point->bytes, 100 * point->error);
+    }
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "plot", g_variant_new_string(compare->curve));
+    g_variant_builder_add(&builder, "{sv}", "points", g_variant_builder_end(&list));
+    g_autoptr(GVariant) value = g_variant_ref_sink(g_variant_builder_end(&builder));
+    if (cli_json)
+        cli_print_json(value);
+    else
+        g_print("plot %s\n", compare->curve);
+}
+
+static char *plot_option, *curve_option;
+static const GOptionEntry entries[] = {
+    {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
+     "Draw errors of views and lights into this .svg or .png", "FILE"},
+    {"curve", 'c', 0, G_OPTION_ARG_FILENAME, &curve_option,
+     "Compress a session with every model and several sizes, and draw error against size", "FILE"},
+    {NULL},
+};
+
+static int run(const struct command *command, int argc, char **argv) {
+    g_autoptr(GError) error = NULL;
+    double seconds = 0;
+    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 2))
+        return CLI_USAGE;
+    if (curve_option ? argc != 2 || plot_option : argc != 3)
+        return cli_usage(command, "two materials are compared; --curve is of one session");
+    struct compare compare = {argv[1], argv[2], plot_option, curve_option};
+    const gboolean ok =
+        work_run(curve_option ? work_curve : work_compare, &compare, &seconds, &error);
+    if (ok && curve_option)
+        tell_curve(&compare);
+    else if (ok)
+        tell(&compare);
+    material_free(compare.of_a);
+    material_free(compare.of_b);
+    comparison_free(compare.comparison);
+    curve_free(compare.points);
+    return ok ? CLI_DONE : cli_fail(error);
+}
+
+const struct command cli_compare = {"compare", "A B | DIR --curve FILE",
+                                    "Compare two materials, or all models of one.", run};

@@ -1,0 +1,157 @@
+#include "mesorig_curve.h"
+
+#include "mesorig_compress.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MOST_TERMS      16
+#define MOST_COMPONENTS 16
+
+struct curve {
+    const struct btf_matrix *btf;
+    GArray *points;
+    PipelineFunc progress;
+    gpointer data;
+    GCancellable *cancellable;
+};
+
+void curve_free(GArray *points) {
+    for (guint i = 0; points && i < points->len; i++) {
+        g_free(g_array_index(points, struct plot_point, i).series);
+        g_free(g_array_index(points, struct plot_point, i).label);
+    }
+    if (points)
+        g_array_unref(points);
+}
+
+static void add_point(struct curve *curve, const char *series, char *label, gint64 bytes,
+                      double error) {
+    const struct plot_point point = {g_strdup(series), label, (double)bytes, error};
+    g_array_append_val(curve->points, point);
+}
+
+static void add_lpca(struct curve *curve, const struct lpca *lpca, int components) {
+    const enum lpca_quantise kinds[] = {LPCA_HALF, LPCA_8BIT};
+    static const char *const series[] = {"local PCA, halves", "local PCA, 8 bits"};
+    for (int i = 0; i < 2; i++) {
+        struct lpca *fewer = lpca_truncated(lpca, components);
+        lpca_quantise(fewer, kinds[i]);
+        add_point(curve, series[i], g_strdup_printf("%d × %d", fewer->n_clusters, components),
+                  lpca_bytes(fewer), lpca_error(fewer, curve->btf, 0));
+        lpca_free(fewer);
+    }
+}
+
+static gboolean add_lpcas(struct curve *curve, GError **error) {
+    const int texels = curve->btf->width * curve->btf->height;
+    const int values = 3 * curve->btf->n_views * curve->btf->n_lights;
+    for (int k = 1; k <= 64 && (k == 1 || k <= texels / 16); k *= 4) {
+        const struct lpca_options options = {.n_clusters = k,
+                                             .n_components = MIN(MOST_COMPONENTS, values),
+                                             .progress = curve->progress,
+                                             .data = curve->data,
+                                             .cancellable = curve->cancellable};
+        struct lpca *lpca = lpca_compute(curve->btf, &options, error);
+        if (!lpca)
+            return FALSE;
+        for (int c = 1; c <= lpca->n_components; c *= 2)
+            add_lpca(curve, lpca, c);
+        lpca_free(lpca);
+    }
+    return TRUE;
+}
+
+/* The last maps are left out one power of two after the other: they are in order of what they
+ * hold. */
+static gboolean add_eigenmaps(struct curve *curve, GError **error) {
+    const struct btf_matrix *btf = curve->btf;
+    const int most = MIN(MOST_TERMS, btf->n_views);
+    const struct lobes_options options = {.cancellable = curve->cancellable};
+    double ignored;
+    struct eigenmaps *maps = compress_eigenmaps(btf, most, curve->progress, curve->data,
+                                                curve->cancellable, &ignored, error);
+    if (!maps)
+        return FALSE;
+    Material *of_maps = material_of_eigenmaps("", maps);
+    Material *of_btf = material_of_btf("", g_memdup2(btf, sizeof *btf));
+    const gint64 bytes = material_info(of_maps)->bytes;
+    gboolean ok = TRUE;
+    for (int n = 1; ok && n <= most; n *= 2) {
+        maps->n_terms = n;
+        struct comparison *c = compare_materials(of_btf, of_maps, &options, error);
+        ok = c != NULL;
+        if (c)
+            add_point(curve, "eigen-maps", g_strdup_printf(n > 1 ? "%d terms" : "%d term", n),
+                      bytes * n / most, c->all.error);
+        comparison_free(c);
+    }
+    maps->n_terms = most;
+    material_free(of_maps);
+    /* It is the caller's: only the copy of the struct goes with the material. */
+    memset((struct btf_matrix *)material_btf(of_btf), 0, sizeof *btf);
+    material_free(of_btf);
+    return ok;
+}
+
+static gboolean add_lobes(struct curve *curve, enum lobes_model model, int most, GError **error) {
+    static const char *const names[LOBES_MODELS] = {"reflectance fields", "polynomials",
+                                                    "Lafortune", "Ward", "Ashikhmin–Shirley"};
+    for (int k = 1; k <= most; k++) {
+        const struct lobes_options options = {.model = model,
+                                              .n_lobes = k,
+                                              .progress = curve->progress,
+                                              .data = curve->data,
+                                              .cancellable = curve->cancellable};
+        struct lobes *lobes = lobes_compute(curve->btf, &options, error);
+        if (!lobes)
+            return FALSE;
+        add_point(curve, names[model],
+                  most > 1 ? g_strdup_printf(k > 1 ? "%d lobes" : "%d lobe", k)
+                           : g_strdup(names[model]),
+                  lobes_bytes(lobes), lobes->error);
+        lobes_free(lobes);
+    }
+    return TRUE;
+}
+
+static int by_series_and_size(gconstpointer a, gconstpointer b) {
+    const struct plot_point *p = a, *q = b;
+    const int series = strcmp(p->series, q->series);
+    return series ? series : (p->bytes > q->bytes) - (p->bytes < q->bytes);
+}
+
+/* Leaves out points that a smaller one of their series does not lose against. */
+static void keep_best(GArray *points) {
+    struct plot_point *list = &g_array_index(points, struct plot_point, 0);
+    guint kept = 0;
+    for (guint i = 0; i < points->len; i++) {
+        const gboolean same = kept > 0 && g_str_equal(list[kept - 1].series, list[i].series);
+        if (!same || list[i].error < list[kept - 1].error) {
+            list[kept++] = list[i];
+            continue;
+        }
+        g_free(list[i].series);
+        g_free(list[i].label);
+    }
+    g_array_set_size(points, kept);
+}
+
+GArray *curve_measure(const struct btf_matrix *btf, PipelineFunc progress, gpointer data,
+                      GCancellable *cancellable, GError **error) {
+    struct curve curve = {btf, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), progress, data,
+                          cancellable};
+    const gboolean ok = add_lpcas(&curve, error) && add_eigenmaps(&curve, error) &&
+                        add_lobes(&curve, LOBES_FIELDS, LOBES_MAX_LOBES, error) &&
+                        add_lobes(&curve, LOBES_PTM, 1, error) &&
+                        add_lobes(&curve, LOBES_LAFORTUNE, LOBES_MAX_LOBES, error) &&
+                        add_lobes(&curve, LOBES_WARD, 1, error) &&
+                        add_lobes(&curve, LOBES_ASHIKHMIN, 1, error);
+    if (!ok) {
+        curve_free(curve.points);
+        return NULL;
+    }
+    g_array_sort(curve.points, by_series_and_size);
+    keep_best(curve.points);
+    return curve.points;
+}
