@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "exr_half.h"
+
 #define MOST_HOLES 0.5 /* of the texels: with more of them something is wrong with the frame */
 
 static const char *const rgb_channels[] = {"B", "G", "R", NULL};
@@ -42,9 +44,23 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
                 irradiance[i] > 0 ? rgb[3 * i + c] * (float)G_PI / irradiance[i] : 0;
 }
 
-/* The rectification is made of the first frame's colour filter, and serves all. */
-static gboolean get_rectify(const struct btf_view *view, const struct input *input,
-                            const struct exr_part *frame, Rectify **rectify, char **cfa,
+/* The mosaics of a view, as they are on disk. */
+struct mosaics {
+    guint16 **half; /* of each light */
+    double *sum;    /* of all of them: the guide */
+    gsize n_pixels;
+    char *cfa;
+};
+
+static void clear_mosaics(struct mosaics *mosaics, guint n) {
+    for (guint i = 0; i < n; i++)
+        g_free(mosaics->half[i]);
+    g_free(mosaics->half);
+    g_free(mosaics->sum);
+    g_free(mosaics->cfa);
+}
+
+static gboolean check_frame(const struct input *input, const struct exr_part *frame, char **cfa,
                             GError **error) {
     const char *found = "mono";
     int shot = (int)input->shot;
@@ -58,27 +74,53 @@ static gboolean get_rectify(const struct btf_view *view, const struct input *inp
                     shot, (int)input->shot);
         return FALSE;
     }
-    if (*rectify && strcmp(found, *cfa) == 0)
+    *cfa = *cfa ? *cfa : g_strdup(found);
+    if (strcmp(found, *cfa) == 0)
         return TRUE;
-    g_clear_pointer(rectify, rectify_free);
-    g_free(*cfa);
-    *cfa = g_strdup(found);
-    *rectify = rectify_new(view->camera, found, view->turntable_rad, &view->grid, error);
-    return *rectify != NULL;
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "%s: it was taken through a colour filter %s, others of this camera through %s",
+                input->path, found, *cfa);
+    return FALSE;
 }
 
-static struct exr_part *make_light(const struct btf_view *view, const struct btf_light *light,
-                                   Rectify **rectify, char **cfa, GError **error) {
+/* One light's frame, of which each pixel that is a number counts for the guide. */
+static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
+                            GError **error) {
     static const char *const channels[] = {"Y", NULL};
-    struct exr_part *frame = input_read(&light->input, channels, error);
-    if (!frame || !get_rectify(view, &light->input, frame, rectify, cfa, error)) {
-        exr_part_free(frame);
-        return NULL;
+    const struct input *input = &g_array_index(view->lights, struct btf_light, i).input;
+    struct exr_part *frame = input_read(input, channels, error);
+    gboolean ok = frame && check_frame(input, frame, &to->cfa, error);
+    if (ok) {
+        const float *mosaic = exr_part_plane(frame, "Y");
+        to->half[i] = g_new(guint16, to->n_pixels);
+        exr_half_from_floats(to->half[i], mosaic, to->n_pixels);
+        for (gsize k = 0; k < to->n_pixels; k++)
+            to->sum[k] += isfinite(mosaic[k]) ? (double)mosaic[k] : 0;
     }
-    int n = view->grid.width * view->grid.height;
-    g_autofree float *rgb = g_new(float, 3 * n);
-    int holes = rectify_apply(*rectify, exr_part_plane(frame, "Y"), rgb);
     exr_part_free(frame);
+    return ok;
+}
+
+static Rectify *new_rectify(const struct btf_view *view, const struct mosaics *mosaics,
+                            GError **error) {
+    Rectify *rectify =
+        rectify_new(view->camera, mosaics->cfa, view->turntable_rad, &view->grid, error);
+    if (!rectify)
+        return NULL;
+    g_autofree float *guide = g_new(float, mosaics->n_pixels);
+    for (gsize i = 0; i < mosaics->n_pixels; i++)
+        guide[i] = (float)mosaics->sum[i];
+    rectify_guide(rectify, guide);
+    return rectify;
+}
+
+static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
+                                   const struct mosaics *mosaics, GError **error) {
+    const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
+    int n = view->grid.width * view->grid.height;
+    g_autofree float *rgb = g_new(float, 3 * n), *mosaic = g_new(float, mosaics->n_pixels);
+    exr_half_to_floats(mosaic, mosaics->half[i], mosaics->n_pixels);
+    int holes = rectify_apply(rectify, mosaic, rgb);
     if (holes > MOST_HOLES * n) {
         g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
                     "%s: %d of %d texels show pixels that are not numbers", light->input.path,
@@ -91,21 +133,34 @@ static struct exr_part *make_light(const struct btf_view *view, const struct btf
     return part;
 }
 
+static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
+                             GCancellable *cancellable, GError **error) {
+    gboolean ok = TRUE;
+    for (guint i = 0; ok && i < view->lights->len; i++)
+        ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
+             load_mosaic(view, i, to, error);
+    return ok;
+}
+
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error) {
     g_autoptr(Rectify) rectify = NULL;
-    g_autofree char *cfa = NULL;
     struct exr_file *file = exr_file_new();
-    gboolean ok = TRUE;
+    gsize n_pixels = (gsize)view->camera->width * (gsize)view->camera->height;
+    struct mosaics mosaics = {g_new0(guint16 *, view->lights->len), g_new0(double, n_pixels),
+                              n_pixels, NULL};
+    gboolean ok = load_mosaics(view, &mosaics, cancellable, error) &&
+                  (rectify = new_rectify(view, &mosaics, error)) != NULL;
     for (guint i = 0; ok && i < view->lights->len; i++) {
-        const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
         struct exr_part *part = NULL;
         ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
-             (part = make_light(view, light, &rectify, &cfa, error)) != NULL;
+             (part = make_light(view, i, rectify, &mosaics, error)) != NULL;
         if (part)
             exr_file_add(file, part);
+        g_clear_pointer(&mosaics.half[i], g_free);
     }
     ok = ok && exr_write(path, file, EXR_PIZ, TRUE, error);
+    clear_mosaics(&mosaics, view->lights->len);
     exr_file_free(file);
     return ok;
 }

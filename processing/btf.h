@@ -7,6 +7,9 @@
 #include "inputs.h"
 #include "rectify.h"
 
+/* Counts up whenever the same frames give other numbers: what older ones made is made again. */
+#define BTF_METHOD 2
+
 struct btf_light {
     int index; /* of the light */
     double theta_deg, phi_deg;

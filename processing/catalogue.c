@@ -173,7 +173,8 @@ static enum catalogue_state find_input(const struct catalogue *catalogue,
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind) {
     const struct session_grid *grid = &catalogue->grid;
     GChecksum *sum = g_checksum_new(G_CHECKSUM_SHA256);
-    input_hash(sum, "%s %s", kind, MESORIG_VERSION);
+    int method = strcmp(kind, "btf") == 0 ? BTF_METHOD : MDF_METHOD;
+    input_hash(sum, "%s %s %d", kind, MESORIG_VERSION, method);
     input_hash(sum, "%s", catalogue->calibration);
     input_hash(sum, "%d %d %.17g %.17g %.17g %.17g", grid->width, grid->height, grid->width_mm,
                grid->height_mm, grid->reference_mm, grid->depth_mm);

@@ -13,6 +13,9 @@
 
 #define MDF_MAX_SWEEPS 128
 
+/* Counts up whenever the same sweeps give other numbers: what older ones made is made again. */
+#define MDF_METHOD 2
+
 typedef struct MdfView MdfView;
 
 MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,

@@ -4,29 +4,28 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "demosaic.h"
 #include "pipeline.h"
 
-enum { RED, GREEN, BLUE, COLOURS };
+#define SPACING_PX  0.25  /* of the points by which a texel is gathered */
+#define MOST_EXCESS 10.0f /* of a colour, over what the others would have it */
 
-/* What is summed for each texel. Green has half of the pixels and is the sharpest colour. Red and
- * blue are interpolated between their own few pixels, and so is green as it would be if it were
- * known at those alone; how much sharper green really is tells how much sharper the others are. */
-enum row { ROW_GREEN, ROW_RED, ROW_GREEN_AT_RED, ROW_BLUE, ROW_GREEN_AT_BLUE, ROWS };
-
-#define DARK  0.02f /* of a picture's mean: too dark to tell a colour */
-#define TRUST 0.7f  /* in what is sharp in green being so in red and blue; measured on weaves */
+/* Weights over pixels, of each texel. */
+struct rows {
+    guint32 *start; /* n_texels + 1: into the two below */
+    GArray *pixel;  /* guint32 */
+    GArray *weight; /* float */
+};
 
 struct Rectify {
     int n_texels, n_outside;
     int width, height; /* of the mosaic */
     gsize n_pixels;
-    float unit;     /* radiance of one DN a millisecond */
-    guint8 *colour; /* of each pixel */
+    guint8 *colour; /* of each pixel, as in demosaic.h */
     gboolean mono;
-    int first_x[COLOURS], first_y[COLOURS]; /* of red and blue pixels, which are two apart */
-    guint32 *start;                         /* n_texels × ROWS + 1: into the two below */
-    GArray *pixel;                          /* guint32 */
-    GArray *weight;                         /* float */
+    struct rows area;   /* by what each pixel is part of it, times its gain */
+    struct rows around; /* smoothly, for a texel's colour */
+    float *ratio;       /* of each pixel: factors to red, green and blue; NULL: no guide */
 };
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
@@ -59,10 +58,8 @@ static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError *
     for (gsize i = 0; i < rectify->n_pixels; i++) {
         int x = (int)(i % (gsize)width), y = (int)(i / (gsize)width);
         char name = rectify->mono ? 'g' : cfa[2 * (y & 1) + (x & 1)];
-        int colour = name == 'r' ? RED : name == 'g' ? GREEN : BLUE;
+        int colour = name == 'r' ? DEMOSAIC_RED : name == 'g' ? DEMOSAIC_GREEN : DEMOSAIC_BLUE;
         rectify->colour[i] = (guint8)colour;
-        rectify->first_x[colour] = x & 1;
-        rectify->first_y[colour] = y & 1;
     }
     return TRUE;
 }
@@ -137,85 +134,74 @@ static guint32 pixel_at(const Rectify *rectify, int x, int y) {
     return (guint32)(mirror(y, rectify->height) * rectify->width + mirror(x, rectify->width));
 }
 
-/* Keys (1981), a = −½: sharper than linear, and exact for parabolas. */
-static void cubic_weights(double t, float *ret) {
-    ret[0] = (float)(((-0.5 * t + 1) * t - 0.5) * t);
-    ret[1] = (float)((1.5 * t - 2.5) * t * t + 1);
-    ret[2] = (float)(((-1.5 * t + 2) * t + 0.5) * t);
-    ret[3] = (float)((0.5 * t - 0.5) * t * t);
+/* A pixel is the mean over its area: of three side by side, the parabola with those means, which is
+ * the derivative of Keys' cubic (1981, a = −½) through the sums up to the pixels' borders. What is
+ * gathered over whole pixels is therefore theirs exactly. */
+static void area_weights(double t, float *ret) {
+    ret[0] = (float)((1.5 * t - 2) * t + 0.5);
+    ret[1] = (float)((3 - 3 * t) * t + 0.5);
+    ret[2] = (float)((1.5 * t - 1) * t);
 }
 
-/* Interpolated between pixels x0 + step·i, y0 + step·j, averaged over a texel. */
-static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint, int x0, int y0,
-                         int step, struct weights *weights) {
-    float share = 1.0f / (float)footprint->n, columns[4], rows[4];
+static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint,
+                         struct weights *weights) {
+    float share = 1.0f / (float)footprint->n, columns[3], rows[3];
     for (int k = 0; k < footprint->n; k++) {
-        double x = (footprint->x[k] - x0) / step, y = (footprint->y[k] - y0) / step;
+        double x = footprint->x[k] + 0.5, y = footprint->y[k] + 0.5;
         int i = (int)floor(x), j = (int)floor(y);
-        cubic_weights(x - i, columns);
-        cubic_weights(y - j, rows);
-        for (int c = 0; c < 16; c++)
-            add_weight(weights,
-                       pixel_at(rectify, x0 + (i + c % 4 - 1) * step, y0 + (j + c / 4 - 1) * step),
-                       share * columns[c % 4] * rows[c / 4]);
+        area_weights(x - i, columns);
+        area_weights(y - j, rows);
+        for (int c = 0; c < 9; c++)
+            add_weight(weights, pixel_at(rectify, i + c % 3 - 1, j + c / 3 - 1),
+                       share * columns[c % 3] * rows[c / 3]);
     }
 }
 
-/* Green where the filter is red or blue, in eighths: bilinear, corrected by the Laplacian of the
- * pixel's own colour (Malvar, He and Cutler 2004). */
-static const struct {
-    int x, y, eighths;
-} green_at_other[] = {{0, 0, 4},   {-1, 0, 2}, {1, 0, 2},   {0, -1, 2}, {0, 1, 2},
-                      {-2, 0, -1}, {2, 0, -1}, {0, -2, -1}, {0, 2, -1}};
+/* Quadratic B-spline over twice the pixels' distance: its sums over one colour's pixels, which are
+ * two apart, are the same wherever it stands. */
+static float spline(double t) {
+    t = fabs(t) / 2;
+    return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);
+}
 
-static void to_green(const Rectify *rectify, const struct weights *from, struct weights *to) {
-    for (guint i = 0; i < from->pixels->len; i++) {
-        guint32 pixel = g_array_index(from->pixels, guint32, i);
-        int x = (int)pixel % rectify->width, y = (int)pixel / rectify->width;
-        if (rectify->colour[pixel] == GREEN) {
-            add_weight(to, pixel, from->sum[pixel]);
-            continue;
+static void weigh_around(const Rectify *rectify, const struct footprint *footprint,
+                         struct weights *weights) {
+    for (int k = 0; k < footprint->n; k++) {
+        int i0 = (int)floor(footprint->x[k]) - 2, j0 = (int)floor(footprint->y[k]) - 2;
+        float columns[6], rows[6];
+        for (int c = 0; c < 6; c++) {
+            columns[c] = spline(footprint->x[k] - (i0 + c));
+            rows[c] = spline(footprint->y[k] - (j0 + c));
         }
-        for (guint k = 0; k < G_N_ELEMENTS(green_at_other); k++)
-            add_weight(to, pixel_at(rectify, x + green_at_other[k].x, y + green_at_other[k].y),
-                       from->sum[pixel] * (float)green_at_other[k].eighths / 8);
+        for (int c = 0; c < 36; c++)
+            add_weight(weights, pixel_at(rectify, i0 + c % 6, j0 + c / 6),
+                       columns[c % 6] * rows[c / 6]);
     }
 }
 
-static void append_row(Rectify *rectify, const struct weights *weights, const float *gain) {
+static struct rows new_rows(int n) {
+    return (struct rows){g_new0(guint32, (gsize)n + 1), g_array_new(FALSE, FALSE, sizeof(guint32)),
+                         g_array_new(FALSE, FALSE, sizeof(float))};
+}
+
+static void clear_rows(struct rows *rows) {
+    g_free(rows->start);
+    g_clear_pointer(&rows->pixel, g_array_unref);
+    g_clear_pointer(&rows->weight, g_array_unref);
+}
+
+/* Moves the weights there. */
+static void append_row(struct rows *rows, int texel, struct weights *weights, const float *gain) {
     for (guint i = 0; i < weights->pixels->len; i++) {
         guint32 pixel = g_array_index(weights->pixels, guint32, i);
-        float weight = weights->sum[pixel] * gain[pixel];
+        float weight = weights->sum[pixel] * (gain ? gain[pixel] : 1);
         if (weight == 0)
             continue;
-        g_array_append_val(rectify->pixel, pixel);
-        g_array_append_val(rectify->weight, weight);
+        g_array_append_val(rows->pixel, pixel);
+        g_array_append_val(rows->weight, weight);
     }
-}
-
-/* A texel's rows; the ends of each go to ends. */
-static void add_texel(Rectify *rectify, const struct footprint *footprint, const float *gain,
-                      struct weights *own, struct weights *green, guint32 *ends) {
-    weigh_pixels(rectify, footprint, 0, 0, 1, own);
-    to_green(rectify, own, green);
-    append_row(rectify, green, gain);
-    ends[ROW_GREEN] = rectify->pixel->len;
-    clear_weights(own);
-    clear_weights(green);
-    for (int colour = RED; colour <= BLUE; colour += BLUE - RED) {
-        int row = colour == RED ? ROW_RED : ROW_BLUE;
-        if (!rectify->mono) {
-            weigh_pixels(rectify, footprint, rectify->first_x[colour], rectify->first_y[colour], 2,
-                         own);
-            to_green(rectify, own, green);
-        }
-        append_row(rectify, own, gain);
-        ends[row] = rectify->pixel->len;
-        append_row(rectify, green, gain);
-        ends[row + 1] = rectify->pixel->len;
-        clear_weights(own);
-        clear_weights(green);
-    }
+    rows->start[texel + 1] = rows->pixel->len;
+    clear_weights(weights);
 }
 
 /* What a pixel's value is multiplied with to be a radiance: DN a millisecond → DN a second, then
@@ -232,7 +218,7 @@ static float *pixel_gains(const struct rig_camera *camera) {
     return gain;
 }
 
-/* Points a texel and direction, so that they lie at most half a pixel apart. */
+/* Points a texel and direction, at most SPACING_PX apart. */
 static int points_aside(const struct rig_camera *camera, double turntable_rad,
                         const struct session_grid *grid) {
     double most = 0;
@@ -246,7 +232,7 @@ static int points_aside(const struct rig_camera *camera, double turntable_rad,
         }
         most = MAX(most, MAX(hypot(x[1] - x[0], y[1] - y[0]), hypot(x[2] - x[0], y[2] - y[0])));
     }
-    return (int)CLAMP(ceil(most / 0.5), 2, 32);
+    return (int)CLAMP(ceil(most / SPACING_PX), 2, 64);
 }
 
 static gboolean check_outside(const Rectify *rectify, const struct rig_camera *camera,
@@ -267,20 +253,19 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera, double 
     g_autofree double *x = g_new(double, side *side), *y = g_new(double, side *side);
     g_autofree float *gain = pixel_gains(camera);
     struct footprint footprint = {x, y, 0};
-    struct weights own = new_weights(rectify->n_pixels);
-    struct weights green = new_weights(rectify->n_pixels);
+    struct weights weights = new_weights(rectify->n_pixels);
     for (int i = 0; i < rectify->n_texels; i++) {
-        guint32 *ends = rectify->start + (gsize)i * ROWS + 1;
         gboolean inside = project_texel(camera, turntable_rad, grid, i % grid->width,
                                         i / grid->width, side, &footprint);
         rectify->n_outside += !inside;
-        for (int row = 0; row < ROWS; row++)
-            ends[row] = rectify->pixel->len;
         if (inside)
-            add_texel(rectify, &footprint, gain, &own, &green, ends);
+            weigh_pixels(rectify, &footprint, &weights);
+        append_row(&rectify->area, i, &weights, gain);
+        if (inside && !rectify->mono)
+            weigh_around(rectify, &footprint, &weights);
+        append_row(&rectify->around, i, &weights, NULL);
     }
-    free_weights(&own);
-    free_weights(&green);
+    free_weights(&weights);
 }
 
 Rectify *rectify_new(const struct rig_camera *camera, const char *cfa, double turntable_rad,
@@ -289,11 +274,9 @@ Rectify *rectify_new(const struct rig_camera *camera, const char *cfa, double tu
     rectify->n_texels = grid->width * grid->height;
     rectify->width = camera->width;
     rectify->height = camera->height;
-    rectify->unit = (float)(1000 / camera->response);
     rectify->n_pixels = (gsize)camera->width * (gsize)camera->height;
-    rectify->start = g_new0(guint32, (gsize)rectify->n_texels * ROWS + 1);
-    rectify->pixel = g_array_new(FALSE, FALSE, sizeof(guint32));
-    rectify->weight = g_array_new(FALSE, FALSE, sizeof(float));
+    rectify->area = new_rows(rectify->n_texels);
+    rectify->around = new_rows(rectify->n_texels);
     if (!parse_cfa(rectify, cfa, camera->width, error)) {
         g_prefix_error(error, "camera %s: ", camera->name);
         return NULL;
@@ -308,9 +291,9 @@ void rectify_free(Rectify *rectify) {
     if (!rectify)
         return;
     g_free(rectify->colour);
-    g_free(rectify->start);
-    g_clear_pointer(&rectify->pixel, g_array_unref);
-    g_clear_pointer(&rectify->weight, g_array_unref);
+    g_free(rectify->ratio);
+    clear_rows(&rectify->area);
+    clear_rows(&rectify->around);
     g_free(rectify);
 }
 
@@ -318,50 +301,80 @@ int rectify_outside(const Rectify *rectify) {
     return rectify->n_outside;
 }
 
-/* The mean of each colour, by which they are brought to one scale. */
-static void mean_colours(const Rectify *rectify, const float *mosaic, float *ret) {
-    double sum[COLOURS] = {0};
-    gsize n[COLOURS] = {0};
-    for (gsize i = 0; i < rectify->n_pixels; i++)
-        if (isfinite(mosaic[i])) {
-            sum[rectify->colour[i]] += mosaic[i];
-            n[rectify->colour[i]]++;
-        }
-    for (int c = 0; c < COLOURS; c++)
-        ret[c] = n[c] > 0 && sum[c] > 0 ? (float)(sum[c] / (double)n[c]) : 1;
+static float *find_ratios(const Rectify *rectify, const float *mosaic) {
+    float *ratio = g_new(float, 3 * rectify->n_pixels);
+    if (!rectify->mono)
+        demosaic_ratios(mosaic, rectify->colour, rectify->width, rectify->height, ratio);
+    for (gsize i = 0; rectify->mono && i < 3 * rectify->n_pixels; i++)
+        ratio[i] = 1;
+    return ratio;
 }
 
-/* own + k·(sharp − blurred), where k is own/blurred, or 1 (colours are to one scale) where it is
- * too dark to tell. Pictures linear in x and y are not changed: sharp is blurred. */
-static float sharpen(float own, float sharp, float blurred, float dark) {
-    float k = (own * blurred + dark * dark) / (blurred * blurred + dark * dark);
-    return own + TRUST * CLAMP(k, 0.0f, 8.0f) * (sharp - blurred);
+void rectify_guide(Rectify *rectify, const float *mosaic) {
+    g_free(rectify->ratio);
+    rectify->ratio = find_ratios(rectify, mosaic);
+}
+
+/* Sums over a row for each colour, from its own pixels and from those of the other two. */
+struct tally {
+    float own[3], others[3];
+    float own_weight[3], weight;
+};
+
+static void add_up(const Rectify *rectify, const struct rows *rows, int texel, const float *mosaic,
+                   const float *ratio, struct tally *ret) {
+    const guint32 *pixel = (const guint32 *)(void *)rows->pixel->data;
+    const float *weight = (const float *)(void *)rows->weight->data;
+    *ret = (struct tally){0};
+    for (guint32 k = rows->start[texel]; k < rows->start[texel + 1]; k++) {
+        float value = weight[k] * mosaic[pixel[k]];
+        const float *factor = ratio + 3 * (gsize)pixel[k];
+        int mine = rectify->colour[pixel[k]];
+        for (int c = 0; c < 3; c++)
+            ret->others[c] += value * factor[c];
+        ret->own[mine] += value;
+        ret->own_weight[mine] += weight[k];
+        ret->weight += weight[k];
+    }
+    for (int c = 0; c < 3; c++)
+        ret->others[c] -= ret->own[c];
+}
+
+/* How much more of a colour its own pixels around a texel see than the others would have it: gloss
+ * is as white on blue cloth as on red, and what a red wall lights up is redder than under a lamp.
+ */
+static float excess(const struct tally *around, int colour) {
+    float own_weight = around->own_weight[colour], others_weight = around->weight - own_weight;
+    if (!(own_weight > 0) || !(others_weight > 0))
+        return 1;
+    float own = around->own[colour] / own_weight, others = around->others[colour] / others_weight;
+    return others > 0 ? CLAMP(own / others, 1 / MOST_EXCESS, MOST_EXCESS) : 1;
+}
+
+static gboolean apply_texel(const Rectify *rectify, int texel, const float *mosaic,
+                            const float *ratio, float *ret_rgb) {
+    struct tally area, around;
+    add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
+    add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
+    gboolean seen = rectify->area.start[texel + 1] > rectify->area.start[texel];
+    for (int c = 0; c < 3; c++) {
+        ret_rgb[c] = area.own[c] + area.others[c] * excess(&around, c);
+        seen = seen && isfinite(ret_rgb[c]);
+    }
+    for (int c = 0; c < 3 && !seen; c++)
+        ret_rgb[c] = 0;
+    return seen;
 }
 
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb) {
-    const guint32 *pixel = (const guint32 *)(void *)rectify->pixel->data;
-    const float *weight = (const float *)(void *)rectify->weight->data;
-    float mean[COLOURS];
-    mean_colours(rectify, mosaic, mean);
-    g_autofree float *scaled = g_new(float, rectify->n_pixels);
-    for (gsize i = 0; i < rectify->n_pixels; i++)
-        scaled[i] = mosaic[i] / mean[rectify->colour[i]];
-    int holes = 0;
-    for (int texel = 0; texel < rectify->n_texels; texel++, ret_rgb += COLOURS) {
-        const guint32 *start = rectify->start + (gsize)texel * ROWS;
-        float sum[ROWS] = {0};
-        for (int row = 0; row < ROWS; row++)
-            for (guint32 k = start[row]; k < start[row + 1]; k++)
-                sum[row] += weight[k] * scaled[pixel[k]];
-        float green = sum[ROW_GREEN], dark = DARK * rectify->unit;
-        float red = sharpen(sum[ROW_RED], green, sum[ROW_GREEN_AT_RED], dark);
-        float blue = sharpen(sum[ROW_BLUE], green, sum[ROW_GREEN_AT_BLUE], dark);
-        gboolean hole =
-            start[0] == start[ROWS] || !isfinite(red) || !isfinite(green) || !isfinite(blue);
-        ret_rgb[RED] = hole ? 0 : rectify->mono ? green * mean[GREEN] : red * mean[RED];
-        ret_rgb[GREEN] = hole ? 0 : green * mean[GREEN];
-        ret_rgb[BLUE] = hole ? 0 : rectify->mono ? green * mean[GREEN] : blue * mean[BLUE];
-        holes += hole;
+    g_autofree float *found = NULL;
+    const float *ratio = rectify->ratio;
+    if (!ratio) {
+        found = find_ratios(rectify, mosaic);
+        ratio = found;
     }
+    int holes = 0;
+    for (int texel = 0; texel < rectify->n_texels; texel++)
+        holes += !apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
     return holes;
 }

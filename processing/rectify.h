@@ -3,12 +3,12 @@
  * angle each texel has rows of weights over the pixels, so that rectifying a frame is a sparse
  * product.
  *
- * A texel's value is the average, over its area as the camera sees it, of the mosaic's
- * interpolation: an average where pixels are smaller than texels, an interpolation where they are
- * larger. Green is interpolated with a Laplacian correction; red and blue between their own pixels,
- * and sharpened by as much as green is sharper than it would be at those alone. Pictures that are
- * linear in x and y, with slopes of their own for each colour, come out exactly, whatever the phase
- * of the colour filter. Any thread; not changed after it was made.
+ * A texel's value is the mean over its area as the camera sees it. A pixel is itself the mean over
+ * its area, and is taken to vary over it as its neighbours suggest. Every pixel counts for all
+ * three colours: the two that it does not see follow from how they are, relative to its own, in a
+ * guide. The mean picture under all lights is the best guide: shadows and highlights, which are
+ * what changes sharply from light to light, then come out as sharp as if there were no colour
+ * filter. Any thread; not changed after it was made and given a guide.
  */
 #pragma once
 
@@ -25,6 +25,10 @@ void rectify_free(Rectify *rectify); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rectify, rectify_free)
 
 int rectify_outside(const Rectify *rectify); /* texels that are holes in every picture */
+
+/* The guide: a mosaic as below, of the same camera at the same turntable angle, in any unit.
+ * Without one, each frame is its own. */
+void rectify_guide(Rectify *rectify, const float *mosaic);
 
 /* mosaic: height rows of width, DN a millisecond at 0 dB. ret_rgb: a texel's R, G, B in
  * W·sr⁻¹·m⁻², vignetting taken out. Texels that are outside, or whose pixels are not all finite,

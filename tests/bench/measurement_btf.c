@@ -1,0 +1,162 @@
+#include "measurement_btf.h"
+
+#include "daemon/radiance.h"
+#include "processing/exr_half.h"
+#include "processing/rectify.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define DARK_FRAMES    8
+#define GUIDE_AZIMUTHS 5
+#define LEAST          0.02 /* of a denominator, in reflectance */
+
+static const gint64 exposures_us[] = {4000, 16000, 64000};
+#define N_EXPOSURES ((int)G_N_ELEMENTS(exposures_us))
+
+/* Texels lie turned in the pictures, as they do in a session. */
+static double turntable_deg(int view) {
+    return 24.0 * view;
+}
+
+/* Between cameras at azimuth 0 and the lamp, one a pair: every sort of azimuth comes about. */
+static double arc_deg(int view, int lamp) {
+    static const double azimuths[] = {20, 75, 130, 200, 290};
+    return azimuths[(view + 2 * lamp) % 5] + turntable_deg(view);
+}
+
+static Frame *expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
+                     guint64 key) {
+    struct world_sensor sensor;
+    world_sensor(world, camera, &sensor);
+    Frame *frame = frame_new(sensor.width, sensor.height);
+    frame->bits = sensor.bits;
+    frame->cfa = sensor.cfa;
+    frame->exposure_us = exposure_us;
+    world_expose(world, camera, state, exposure_us, 0, key, frame->pixels);
+    return frame;
+}
+
+struct darks {
+    float *level[N_EXPOSURES];
+};
+
+static struct darks take_darks(World *world, int camera) {
+    struct world_state off = {0};
+    struct darks darks;
+    for (int e = 0; e < N_EXPOSURES; e++) {
+        g_autofree guint32 *sums = NULL;
+        gsize n = 0;
+        for (int i = 0; i < DARK_FRAMES; i++) {
+            g_autoptr(Frame) frame = expose(world, camera, &off, exposures_us[e],
+                                            900000 + (guint64)e * 100 + (guint64)i);
+            n = (gsize)frame->width * (gsize)frame->height;
+            sums = sums ? sums : g_new0(guint32, n);
+            radiance_add(frame, sums);
+        }
+        darks.level[e] = g_new(float, n);
+        radiance_mean(sums, DARK_FRAMES, n, darks.level[e]);
+    }
+    return darks;
+}
+
+static guint64 frame_key(int camera, int lamp, double arc) {
+    return ((guint64)camera * 16 + (guint64)lamp) * 4096 + (guint64)arc * 8;
+}
+
+/* What intake stores: merged, in half floats. */
+static float *take_mosaic(World *world, int camera, int lamp, double arc, const struct darks *darks,
+                          int *ret_saturated) {
+    struct world_state state = {.turntable_deg = turntable_deg(camera), .arc_deg = arc};
+    state.lamp_output[lamp] = 1;
+    Frame *frames[N_EXPOSURES];
+    for (int e = 0; e < N_EXPOSURES; e++)
+        frames[e] = expose(world, camera, &state, exposures_us[e],
+                           frame_key(camera, lamp, arc) + (guint64)e);
+    gsize n = (gsize)frames[0]->width * (gsize)frames[0]->height;
+    float *mosaic = g_new(float, n);
+    struct radiance_stats stats;
+    radiance_merge((const Frame *const *)frames, (const float *const *)darks->level, N_EXPOSURES, 0,
+                   mosaic, &stats);
+    *ret_saturated = (int)stats.saturated;
+    g_autofree guint16 *half = g_new(guint16, n);
+    exr_half_from_floats(half, mosaic, n);
+    exr_half_to_floats(mosaic, half, n);
+    for (int e = 0; e < N_EXPOSURES; e++)
+        frame_unref(frames[e]);
+    return mosaic;
+}
+
+static int compare_floats(const void *a, const void *b) {
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+double bench_quantile(GArray *values, double q) {
+    g_array_sort(values, compare_floats);
+    return values->len ? (double)g_array_index(values, float, (guint)(q * (values->len - 1))) : NAN;
+}
+
+/* The mean under every lamp at some azimuths, as a session has them. */
+static void guide_by_all(World *world, int view, const struct darks *darks, Rectify *rectify) {
+    struct world_sensor sensor;
+    world_sensor(world, view, &sensor);
+    gsize n = (gsize)sensor.width * (gsize)sensor.height;
+    g_autofree float *sum = g_new0(float, n);
+    for (int i = 0; i < RIG_VIEWS * GUIDE_AZIMUTHS; i++) {
+        double arc = 15 + 360.0 / GUIDE_AZIMUTHS * (i % GUIDE_AZIMUTHS);
+        int saturated;
+        g_autofree float *mosaic =
+            take_mosaic(world, view, i / GUIDE_AZIMUTHS, arc, darks, &saturated);
+        for (gsize k = 0; k < n; k++)
+            sum[k] += mosaic[k];
+    }
+    rectify_guide(rectify, sum);
+}
+
+static void compare(const float *rgb, const float *irradiance, const float *truth, int n,
+                    gboolean mono, GArray *errors, GArray *bias) {
+    for (int i = 0; i < n; i++)
+        for (int c = mono; c < (mono ? 2 : 3); c++) {
+            float value = rgb[3 * i + c] * (float)G_PI / irradiance[i], exact = truth[3 * i + c];
+            float error = (value - exact) / MAX(exact, (float)LEAST);
+            float size = fabsf(error);
+            g_array_append_val(errors, size);
+            g_array_append_val(bias, error);
+        }
+}
+
+void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(World) world = bench_world(setup, &error);
+    g_assert_no_error(error);
+    struct rig rig;
+    bench_rig(setup, &rig);
+    struct session_grid grid = bench_grid(setup);
+    struct truth_grid truth_grid = bench_truth_grid(setup);
+    int n = grid.width * grid.height;
+    g_autofree float *rgb = g_new(float, 3 * n), *truth = g_new(float, 3 * n);
+    g_autofree float *irradiance = g_new(float, n);
+    for (int view = 0; view < RIG_VIEWS; view++) {
+        double turn_rad = turntable_deg(view) * G_PI / 180;
+        struct darks darks = take_darks(world, view);
+        g_autoptr(Rectify) rectify =
+            rectify_new(&rig.cameras[view], setup->mono ? "mono" : "rggb", turn_rad, &grid, &error);
+        g_assert_no_error(error);
+        guide_by_all(world, view, &darks, rectify);
+        for (int lamp = 0; lamp < RIG_VIEWS; lamp++) {
+            double arc = arc_deg(view, lamp);
+            struct bench_cell *cell = &ret[view * RIG_VIEWS + lamp];
+            g_autofree float *mosaic =
+                take_mosaic(world, view, lamp, arc, &darks, &cell->saturated);
+            rectify_apply(rectify, mosaic, rgb);
+            rectify_irradiance(&rig.arc, &rig.lamps[lamp], arc * G_PI / 180, turn_rad, &grid,
+                               irradiance);
+            truth_btf(world, view, lamp, turntable_deg(view), arc, &truth_grid, truth_samples,
+                      truth);
+            compare(rgb, irradiance, truth, n, setup->mono, cell->errors, cell->bias);
+        }
+        for (int e = 0; e < N_EXPOSURES; e++)
+            g_free(darks.level[e]);
+    }
+}

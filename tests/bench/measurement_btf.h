@@ -1,0 +1,15 @@
+/* The BTF's part of bench_measurement. */
+#pragma once
+
+#include "measurement_rig.h"
+
+struct bench_cell { /* a view and a lamp */
+    GArray *errors; /* float: of each texel and colour, relative */
+    GArray *bias;   /* with their signs */
+    int saturated;  /* pixels */
+};
+
+/* ret: RIG_VIEWS × RIG_VIEWS cells, view by view; errors are appended. */
+void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret);
+
+double bench_quantile(GArray *values, double q); /* sorts them */

@@ -1,0 +1,29 @@
+/*
+ * The rig and the simulated world of bench_measurement: both are said here once, in numbers, so
+ * that geometry is exact on both sides and what is left is the method's own error. Noise, Bayer
+ * pattern, distortion and vignetting are on.
+ */
+#pragma once
+
+#include "calib/rig.h"
+#include "processing/session.h"
+#include "sim/truth.h"
+
+#define RIG_VIEWS 5 /* also lamps and lasers: one at each elevation of 15, 30, 45, 60, 75° */
+
+struct bench_setup {
+    const char *material; /* kind of the sample: weave, brick, peanuts, brushed */
+    int texels;
+    double texel_mm;
+    double pixels_a_texel; /* across, in the direction in which a view shortens it */
+    int supersample, gather_rays;
+    gboolean noise, mono, keep_focal; /* keep_focal: pixels_a_texel is for a view from above */
+};
+
+double bench_elevation_deg(int index);
+
+/* Both describe the same; geometry in the rig alone is calib's. */
+World *bench_world(const struct bench_setup *setup, GError **error);
+void bench_rig(const struct bench_setup *setup, struct rig *ret);
+struct session_grid bench_grid(const struct bench_setup *setup);
+struct truth_grid bench_truth_grid(const struct bench_setup *setup);
