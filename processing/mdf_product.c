@@ -79,6 +79,8 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
             !add_sweep(view, &g_array_index(job->sweeps, struct mdf_input, i), error))
             return NULL;
     struct mdf_result *result = new_result(job->view, job->inputs, grid->width * grid->height);
+    struct vec3 centre = rig_turn(rig_camera_centre_mm(job->camera), -job->turntable_rad);
+    memcpy(result->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof result->centre_mm);
     mdf_view_merge(view, result->planes[0], result->planes[1], result->planes[2]);
     return result;
 }
@@ -92,6 +94,8 @@ static struct exr_part *result_part(const struct mdf_result *result,
                sizeof(float) * (gsize)grid->width * (gsize)grid->height);
     exr_set_double(part, "view.theta_deg", result->theta_deg);
     exr_set_double(part, "view.phi_deg", result->phi_deg);
+    const double *centre = result->centre_mm;
+    exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
     exr_set_double(part, "reference_mm", grid->reference_mm);
     exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
     exr_set_string(part, "mesorig.inputs", result->inputs);
@@ -115,10 +119,13 @@ static struct mdf_result *result_of(const struct exr_file *file, const struct ca
     g_autofree char *name = g_strdup_printf("view_%04d", view->index);
     const struct exr_part *part = exr_file_part(file, name);
     const char *inputs = NULL;
+    double centre_mm[3];
     if (!part || part->width != grid->width || part->height != grid->height ||
-        !exr_get_string(part, "mesorig.inputs", &inputs, NULL))
+        !exr_get_string(part, "mesorig.inputs", &inputs, NULL) ||
+        !exr_get_v3d(part, "view.centre_mm", centre_mm, NULL))
         return NULL;
     struct mdf_result *result = new_result(view, inputs, grid->width * grid->height);
+    memcpy(result->centre_mm, centre_mm, sizeof centre_mm);
     for (int i = 0; i < N_PLANES; i++) {
         const float *plane = exr_part_plane(part, channels[i]);
         if (!plane) {

@@ -7,7 +7,8 @@ struct mdf_result {
     char *inputs; /* hash of what it was made of */
     int index;    /* of the view */
     double theta_deg, phi_deg;
-    float *planes[3]; /* D, N, S of each texel */
+    double centre_mm[3]; /* of the camera, in the sample frame */
+    float *planes[3];    /* D, N, S of each texel */
 };
 
 void mdf_result_free(struct mdf_result *result); /* NULL is ignored */

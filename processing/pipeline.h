@@ -7,7 +7,8 @@
  *   products/mdf.exr             a part "view_0000" a view: channels "D" (mm, −1: not seen),
  *                                "N" (number of laser positions that saw it), "S" (standard error,
  *                                mm; −1: fewer than two), float; attributes view.theta_deg
- *                                view.phi_deg
+ *                                view.phi_deg, view.centre_mm (v3d: the camera, sample frame)
+ *                                reference_mm texel_mm
  *   products/eigenmaps.exr       see eigenmaps.h
  *
  * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0

@@ -31,7 +31,7 @@ static void half_angles(const struct view_settings *s, double aspect, double *re
     *ret_y = aspect >= 1.0 ? half : half / aspect;
 }
 
-void camera_matrix(const struct view_settings *s, double radius, double aspect,
+void camera_matrix(const struct view_settings *s, double radius, double reach, double aspect,
                    float ret_projection[16], float ret_eye[3]) {
     struct axes axes;
     mat4 look, lens, both;
@@ -44,8 +44,8 @@ void camera_matrix(const struct view_settings *s, double radius, double aspect,
     glm_vec3_copy(centre, ret_eye);
     glm_vec3_muladds(axes.back, distance, ret_eye);
     glm_lookat(ret_eye, centre, axes.up, look);
-    double near = MAX(distance - 1.05 * radius, 0.01 * radius);
-    glm_perspective(2.0 * atan(half_y), aspect, near, distance + 1.05 * radius, lens);
+    double near = MAX(distance - 1.05 * reach, 0.01 * radius);
+    glm_perspective(2.0 * atan(half_y), aspect, near, distance + 1.05 * reach, lens);
     glm_mat4_mul(lens, look, both);
     memcpy(ret_projection, both, sizeof both);
 }

@@ -3,8 +3,9 @@
 
 #include "view.h"
 
-/* column-major, of world coordinates; width / height. */
-void camera_matrix(const struct view_settings *settings, double radius, double aspect,
+/* column-major, of world coordinates; aspect: width / height. What lies within reach of the origin
+ * is drawn. */
+void camera_matrix(const struct view_settings *settings, double radius, double reach, double aspect,
                    float ret_projection[16], float ret_eye[3]);
 
 /* Stands so near, and so far aside, that all points (n × 3) just fill the picture, with a margin;

@@ -90,6 +90,10 @@ const char *gpu_renderer(void) {
     return name != NULL ? name : "unknown";
 }
 
+gboolean gpu_has_43(void) {
+    return epoxy_gl_version() >= 43;
+}
+
 gboolean gpu_check(const char *what, GError **error) {
     GLenum code = glGetError(), next = code;
     for (int k = 0; next != GL_NO_ERROR && k < 16; k++)
@@ -146,8 +150,8 @@ static guint link_program(guint vertex, guint fragment, const char *name, GError
     return 0;
 }
 
-guint gpu_program(const char *const *names, GError **error) {
-    const char *sources[8] = {"#version 330 core\n", find_shader(names[0])};
+static guint make_program(const char *version, const char *const *names, GError **error) {
+    const char *sources[10] = {version, find_shader(names[0])};
     guint program = 0, vertex = compile(GL_VERTEX_SHADER, sources, 2, names[0], error);
     if (vertex == 0)
         return 0;
@@ -163,6 +167,14 @@ guint gpu_program(const char *const *names, GError **error) {
     return program;
 }
 
+guint gpu_program(const char *const *names, GError **error) {
+    return make_program("#version 330 core\n", names, error);
+}
+
+guint gpu_program_43(const char *const *names, GError **error) {
+    return make_program("#version 430 core\n", names, error);
+}
+
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
     switch (internal_format) {
     case GL_RGBA16UI:
@@ -172,6 +184,18 @@ static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_
     case GL_R16UI:
         *ret_format = GL_RED_INTEGER;
         *ret_type = GL_UNSIGNED_SHORT;
+        break;
+    case GL_R32UI:
+        *ret_format = GL_RED_INTEGER;
+        *ret_type = GL_UNSIGNED_INT;
+        break;
+    case GL_DEPTH24_STENCIL8:
+        *ret_format = GL_DEPTH_STENCIL;
+        *ret_type = GL_UNSIGNED_INT_24_8;
+        break;
+    case GL_DEPTH_COMPONENT32F:
+        *ret_format = GL_DEPTH_COMPONENT;
+        *ret_type = GL_FLOAT;
         break;
     case GL_DEPTH_COMPONENT24:
         *ret_format = GL_DEPTH_COMPONENT;

@@ -31,6 +31,10 @@ gboolean gpu_check(const char *what, GError **error);
  * fragment shader. Returns 0 on error. */
 guint gpu_program(const char *const *names, GError **error);
 
+/* The same in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
+guint gpu_program_43(const char *const *names, GError **error);
+gboolean gpu_has_43(void);
+
 /* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
 

@@ -14,9 +14,10 @@
 struct options {
     const struct method *method;
     char *method_name;
+    char *mdf, *mdf_path;
     char *render, *shape, *size, *tiles, *up, *screenshot;
     int frames, close_after, supersample, sheet;
-    gboolean reference, light_turn, camera_turn, nearest, json, version;
+    gboolean floor, reference, light_turn, camera_turn, nearest, json, version;
     struct view_settings settings;
     char **rest;
     int width, height;
@@ -29,6 +30,26 @@ struct rendered {
     GPtrArray *files;
     double error; /* of the last frame against its reference */
 };
+
+static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
+                text, wanted);
+    return FALSE;
+}
+
+/* The data of the option group is the options; see main(). */
+static gboolean parse_silhouettes(const char *option, const char *value, gpointer data,
+                                  GError **error) {
+    static const char *const ways[] = {"auto", "peel", "lists"};
+    struct options *o = data;
+    o->settings.silhouettes = TRUE;
+    for (gsize k = 0; k < G_N_ELEMENTS(ways); k++)
+        if (value == NULL || strcmp(value, ways[k]) == 0) {
+            o->settings.visibility.way = (enum visibility_way)k;
+            return TRUE;
+        }
+    return bad(error, option, value, "auto, peel or lists");
+}
 
 static GOptionEntry *entries(struct options *o) {
     struct view_settings *s = &o->settings;
@@ -63,6 +84,21 @@ static GOptionEntry *entries(struct options *o) {
         {"nearest", 0, 0, G_OPTION_ARG_NONE, &o->nearest, "Do not filter between texels", NULL},
         {"plain", 0, 0, G_OPTION_ARG_NONE, &s->plain,
          "One texture times n·l instead of the BTF, to compare", NULL},
+        {"silhouettes", 0, G_OPTION_FLAG_OPTIONAL_ARG, G_OPTION_ARG_CALLBACK,
+         (gpointer)parse_silhouettes, "With the structure's outline, from the session's mdf.exr",
+         "auto|peel|lists"},
+        {"shadows", 0, 0, G_OPTION_ARG_NONE, &s->shadows, "With the shadows that the shape casts",
+         NULL},
+        {"floor", 0, 0, G_OPTION_ARG_NONE, &o->floor, "A floor of the material under the shape",
+         NULL},
+        {"layers", 0, 0, G_OPTION_ARG_INT, &s->visibility.layers,
+         "Of silhouettes behind each other, at most, 1 … 32 (default)", "N"},
+        {"straight", 0, 0, G_OPTION_ARG_NONE, &s->visibility.straight,
+         "Silhouettes as if the shape were flat under each ray, to compare", NULL},
+        {"shadow-map", 0, 0, G_OPTION_ARG_INT, &s->shadow_size,
+         "Size of the map of shadows, 16 … 16384, default 1024", "PIXELS"},
+        {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &o->mdf,
+         "Distances for --silhouettes, if not the mdf.exr beside the material", "FILE"},
         {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "An OBJ file's upward axis, default y", "y|z"},
         {"frames", 0, 0, G_OPTION_ARG_INT, &o->frames,
          "With --render: this many pictures OUT_0000.png …", "N"},
@@ -87,6 +123,8 @@ static GOptionEntry *entries(struct options *o) {
 
 static void options_clear(struct options *o) {
     g_free(o->method_name);
+    g_free(o->mdf);
+    g_free(o->mdf_path);
     g_free(o->render);
     g_free(o->shape);
     g_free(o->size);
@@ -94,12 +132,6 @@ static void options_clear(struct options *o) {
     g_free(o->up);
     g_free(o->screenshot);
     g_strfreev(o->rest);
-}
-
-static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
-    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
-                text, wanted);
-    return FALSE;
 }
 
 static gboolean bad_method(const struct options *o, GError **error) {
@@ -297,13 +329,12 @@ static gboolean render_mesh(const struct options *o, const char *material, const
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(View) view = gpu != NULL ? view_new(NULL, error) : NULL;
     if (view == NULL || !view_open(view, o->method, material, error) ||
+        (o->settings.silhouettes && !view_open_mdf(view, o->mdf_path, error)) ||
         !view_set_mesh(view, mesh, error))
         return FALSE;
     struct view_settings settings = o->settings;
-    if (o->tiles == NULL) {
-        settings.tiles_u = mesh->tiles_u;
-        settings.tiles_v = mesh->tiles_v;
-    }
+    settings.tiles_u = mesh->tiles_u;
+    settings.tiles_v = mesh->tiles_v;
     ret->renderer = g_strdup(gpu_renderer());
     g_autofree char *btf = btf_path(o);
     g_autoptr(Reference) reference = o->reference ? reference_open(btf, error) : NULL;
@@ -315,7 +346,9 @@ static gboolean render_mesh(const struct options *o, const char *material, const
 
 static gboolean render(const struct options *o, const char *material, struct rendered *ret,
                        GError **error) {
-    struct mesh *mesh = scene_shape(o->shape, up_of(o), error);
+    const struct scene_options scene = {o->settings.tiles_u, o->settings.tiles_v, up_of(o),
+                                        o->floor};
+    struct mesh *mesh = scene_make(o->shape, &scene, error);
     gboolean good = mesh != NULL && render_mesh(o, material, mesh, ret, error);
     mesh_free(mesh);
     return good;
@@ -326,8 +359,10 @@ static gboolean show(const struct options *o, const char *material, struct rende
     const struct window_options window = {
         .method = o->method,
         .material = material,
+        .mdf = o->mdf_path,
         .shape = o->shape,
         .up = up_of(o),
+        .floor = o->floor,
         .width = o->width,
         .height = o->height,
         .close_after = o->close_after,
@@ -382,6 +417,12 @@ static void report(const struct options *o, const char *material, const struct r
     g_print("%s}\n", json->str);
 }
 
+/* That of a material lies beside it. */
+static char *mdf_path(const struct options *o, const char *material) {
+    g_autofree char *folder = g_path_get_dirname(material);
+    return o->mdf != NULL ? g_strdup(o->mdf) : g_build_filename(folder, "mdf.exr", NULL);
+}
+
 static int run(struct options *o) {
     g_autoptr(GError) error = NULL;
     g_autofree char *material = method_path(o->method, o->rest[0]);
@@ -389,6 +430,7 @@ static int run(struct options *o) {
     struct rendered done = {.files = files};
     if (o->shape == NULL)
         o->shape = g_strdup("torus");
+    o->mdf_path = mdf_path(o, material);
     gboolean good =
         o->render != NULL ? render(o, material, &done, &error) : show(o, material, &done, &error);
     if (!good)
@@ -405,7 +447,9 @@ int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new("– show a measured material");
     g_autofree GOptionEntry *table = entries(&o);
-    g_option_context_add_main_entries(context, table, NULL);
+    GOptionGroup *group = g_option_group_new("", "", "", &o, NULL);
+    g_option_group_add_entries(group, table);
+    g_option_context_set_main_group(context, group);
     g_option_context_set_description(
         context, "MATERIAL is an eigenmaps.exr or the directory of a processed session.\n");
     int status = 0;

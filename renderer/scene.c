@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#define FLOOR 4.0 /* half its width, in radii of the mesh */
+
 G_DEFINE_QUARK(scene_error, scene_error)
 
 struct grid_shape {
@@ -105,6 +107,58 @@ struct mesh *scene_cylinder(void) {
     return with_tiles(grid("cylinder", &shape, cylinder_point, 128, 1), 5, 2);
 }
 
+static void minus(const float *a, const float *b, int n, double ret[3]) {
+    for (int k = 0; k < 3; k++)
+        ret[k] = k < n ? a[k] - b[k] : 0.0;
+}
+
+static double twice_area(const double a[3], const double b[3]) {
+    return sqrt(pow(a[1] * b[2] - a[2] * b[1], 2) + pow(a[2] * b[0] - a[0] * b[2], 2) +
+                pow(a[0] * b[1] - a[1] * b[0], 2));
+}
+
+/* How much larger areas are on the mesh than in u and v. */
+static double mean_scale(const struct mesh *mesh) {
+    double area = 0.0, flat = 0.0, e1[3], e2[3];
+    for (guint k = 0; k + 2 < mesh->n_indices; k += 3) {
+        const struct vertex *v[3];
+        for (int c = 0; c < 3; c++)
+            v[c] = &mesh->vertices[mesh->indices[k + c]];
+        minus(v[1]->position, v[0]->position, 3, e1);
+        minus(v[2]->position, v[0]->position, 3, e2);
+        area += twice_area(e1, e2);
+        minus(v[1]->uv, v[0]->uv, 2, e1);
+        minus(v[2]->uv, v[0]->uv, 2, e2);
+        flat += twice_area(e1, e2);
+    }
+    return flat > 0.0 && area > 0.0 ? area / flat : 1.0;
+}
+
+void scene_add_floor(struct mesh *mesh, double half_width) {
+    static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
+    double tile = sqrt(mean_scale(mesh) / (mesh->tiles_u * mesh->tiles_v));
+    double half = half_width * mesh->radius;
+    float low = 0.0f;
+    for (guint k = 0; k < mesh->n_vertices; k++)
+        low = MIN(low, mesh->vertices[k].position[2]);
+    guint first = mesh->n_vertices, at = mesh->n_indices;
+    mesh->vertices = g_renew(struct vertex, mesh->vertices, mesh->n_vertices += 4);
+    mesh->indices = g_renew(guint32, mesh->indices, mesh->n_indices += 6);
+    mesh->n_floor_vertices = 4;
+    mesh->n_floor_indices = 6;
+    for (int k = 0; k < 4; k++) {
+        struct vertex *v = &mesh->vertices[first + k];
+        double x = k & 1 ? half : -half, y = k & 2 ? half : -half;
+        *v = (struct vertex){.normal = {0, 0, 1}, .tangent = {1, 0, 0, 1}};
+        set3(v->position, x, y, low);
+        /* tiles_u and tiles_v multiply the floor's coordinates too. */
+        v->uv[0] = x / tile / mesh->tiles_u;
+        v->uv[1] = y / tile / mesh->tiles_v;
+    }
+    for (int k = 0; k < 6; k++)
+        mesh->indices[at + k] = first + corners[k];
+}
+
 void mesh_free(struct mesh *mesh) {
     if (mesh == NULL)
         return;
@@ -130,4 +184,15 @@ struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
                 "“%s” is no shape: plane, torus, sphere, cylinder or the path of an .obj file",
                 name);
     return NULL;
+}
+
+struct mesh *scene_make(const char *name, const struct scene_options *options, GError **error) {
+    struct mesh *mesh = scene_shape(name, options->up, error);
+    if (mesh == NULL)
+        return NULL;
+    if (options->tiles_u > 0.0 && options->tiles_v > 0.0)
+        with_tiles(mesh, options->tiles_u, options->tiles_v);
+    if (options->floor)
+        scene_add_floor(mesh, FLOOR);
+    return mesh;
 }

@@ -37,6 +37,9 @@ struct mesh {
     guint n_indices;
     float radius;            /* of the sphere around the origin that holds it */
     double tiles_u, tiles_v; /* so many tiles look right */
+    /* The last of vertices and indices are a floor, which receives shadows and casts none, and need
+     * neither lie within the radius nor fit into the picture. */
+    guint n_floor_vertices, n_floor_indices;
 };
 
 void mesh_free(struct mesh *mesh); /* NULL is ignored */
@@ -46,12 +49,23 @@ enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 /* "plane", "torus", "sphere", "cylinder", or the path of an .obj file. */
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
 
+struct scene_options {
+    double tiles_u, tiles_v; /* 0: as the shape has it */
+    enum scene_up up;
+    gboolean floor;
+};
+struct mesh *scene_make(const char *name, const struct scene_options *options, GError **error);
+
 /* plane: −1 … 1 in x and y, normal +z. */
 struct mesh *scene_plane(void);
 /* Around z; u runs around the axis, v around the tube from its outermost circle upwards. */
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
 struct mesh *scene_sphere(void);   /* radius 1 */
 struct mesh *scene_cylinder(void); /* around z, without lids */
+
+/* Lays a plane of half_width radii under the mesh, where it is lowest. With tiles_u × tiles_v tiles
+ * on the mesh the floor's are square and as large as the mesh's in the mean. */
+void scene_add_floor(struct mesh *mesh, double half_width);
 
 /* Wavefront OBJ: v, vt, vn and f with any number of corners (convex), negative indices too; the
  * rest is passed over. Normals are made where they are missing. Moved and scaled to radius 1. */

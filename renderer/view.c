@@ -3,6 +3,8 @@
 #include "camera.h"
 #include "eigenmaps_view.h"
 #include "gpu.h"
+#include "mesh_shape.h"
+#include "relief.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -21,16 +23,20 @@ const struct view_settings view_settings_default = {
     .exposure_ev = 0.7,
     .ambient = 0.05,
     .samples = 1,
+    .visibility = {.layers = VISIBILITY_MAX_LAYERS},
+    .shadow_size = 1024,
 };
 
 struct View {
     const struct method *method;
-    gpointer material;     /* of the method */
-    guint surface_program; /* of the method */
+    gpointer material;                     /* of the method */
+    guint surface_program, relief_program; /* of the method */
+    Relief *relief;
     guint plain_program, geometry_program, background_program, resolve_program;
-    guint array, vertices, indices, empty_array;
-    guint n_indices;
+    guint array, vertices, shapes, indices, empty_array;
+    guint n_indices, n_casting;
     double radius, tiles_u, tiles_v; /* of the mesh */
+    double reach;                    /* of the mesh and its floor */
     float *points;                   /* n_points × 3 */
     guint n_points;
     float foot[3], corner; /* of the mesh: half its width and depth, its lowest z */
@@ -55,6 +61,8 @@ gboolean view_settings_check(const struct view_settings *s, GError **error) {
         {"exposure", s->exposure_ev, -20.0, 20.0},
         {"ambient", s->ambient, 0.0, 100.0},
         {"supersampling", s->samples, 1.0, 8.0},
+        {"layers", s->visibility.layers, 1.0, VISIBILITY_MAX_LAYERS},
+        {"shadow map", s->shadow_size, 16.0, 16384.0},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(ranges); k++)
         if (!(ranges[k].value >= ranges[k].low && ranges[k].value <= ranges[k].high)) {
@@ -68,8 +76,9 @@ gboolean view_settings_check(const struct view_settings *s, GError **error) {
 
 static gboolean make_programs(View *view, GError **error) {
     const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
-    const char *const geometry[] = {"mesh.vert", "frame.glsl", "geometry.frag", NULL};
-    const char *const background[] = {"screen.vert", "background.frag", NULL};
+    const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
+                                    "shadow.glsl", "geometry.frag", NULL};
+    const char *const background[] = {"screen.vert", "shadow.glsl", "background.frag", NULL};
     const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
     return (view->plain_program = gpu_program(plain, error)) != 0 &&
            (view->geometry_program = gpu_program(geometry, error)) != 0 &&
@@ -81,6 +90,7 @@ static void make_array(View *view) {
     glGenVertexArrays(1, &view->empty_array);
     glGenVertexArrays(1, &view->array);
     glGenBuffers(1, &view->vertices);
+    glGenBuffers(1, &view->shapes);
     glGenBuffers(1, &view->indices);
     glBindVertexArray(view->array);
     glBindBuffer(GL_ARRAY_BUFFER, view->vertices);
@@ -92,18 +102,23 @@ static void make_array(View *view) {
                       {3, offsetof(struct vertex, normal)},
                       {4, offsetof(struct vertex, tangent)},
                       {2, offsetof(struct vertex, uv)}};
-    for (gsize k = 0; k < G_N_ELEMENTS(attributes); k++) {
-        glEnableVertexAttribArray(k);
+    const guint n = G_N_ELEMENTS(attributes);
+    for (guint k = 0; k < n; k++)
         glVertexAttribPointer(k, attributes[k].n, GL_FLOAT, GL_FALSE, sizeof(struct vertex),
                               (const void *)attributes[k].offset);
-    }
+    glBindBuffer(GL_ARRAY_BUFFER, view->shapes);
+    glVertexAttribPointer(n, 2, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape), NULL);
+    glVertexAttribPointer(n + 1, 3, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape),
+                          (const void *)offsetof(struct vertex_shape, bend));
+    for (guint k = 0; k < n + 2; k++)
+        glEnableVertexAttribArray(k);
     glBindVertexArray(0);
 }
 
 View *view_new(const struct eigenmaps *material, GError **error) {
     g_autoptr(View) view = g_new0(View, 1);
-    view->radius = 1.0;
-    if (!make_programs(view, error) ||
+    view->radius = view->reach = 1.0;
+    if (!make_programs(view, error) || (view->relief = relief_new(error)) == NULL ||
         (material != NULL && !view_set_material(view, material, error)))
         return NULL;
     make_array(view);
@@ -115,13 +130,16 @@ void view_free(View *view) {
         return;
     if (view->method != NULL)
         view->method->free(view->material);
-    const guint programs[] = {view->surface_program, view->plain_program, view->geometry_program,
+    relief_free(view->relief);
+    const guint programs[] = {view->surface_program,    view->relief_program,
+                              view->plain_program,      view->geometry_program,
                               view->background_program, view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
         glDeleteProgram(programs[k]);
     glDeleteVertexArrays(1, &view->array);
     glDeleteVertexArrays(1, &view->empty_array);
     glDeleteBuffers(1, &view->vertices);
+    glDeleteBuffers(1, &view->shapes);
     glDeleteBuffers(1, &view->indices);
     gpu_target_clear(&view->scene);
     gpu_target_clear(&view->geometry);
@@ -130,25 +148,38 @@ void view_free(View *view) {
     g_free(view);
 }
 
-/* vertex shader, frame, what the method has, and the rest: up to 8, NULL-ended. */
-static guint method_program(const struct method *method, const char *last, GError **error) {
-    const char *names[9] = {"mesh.vert", "frame.glsl"};
+/* What the method has, and the rest; relief: with what relief_bind() sets. */
+static guint method_program(const struct method *method, gboolean relief, GError **error) {
+    const char *names[10] = {"mesh.vert", "frame.glsl"};
     int n = 2;
     for (int k = 0; method->shaders[k] != NULL && k < 4; k++)
         names[n++] = method->shaders[k];
-    names[n] = last;
+    if (relief) {
+        names[n++] = "visible.glsl";
+        names[n++] = "shadow.glsl";
+    }
+    names[n] = relief ? "surface_relief.frag" : "surface.frag";
     return gpu_program(names, error);
+}
+
+static gboolean make_surface(View *view, const struct method *method, GError **error) {
+    guint surface = method_program(method, FALSE, error);
+    guint relief = surface != 0 ? method_program(method, TRUE, error) : 0;
+    if (relief == 0) {
+        glDeleteProgram(surface);
+        return FALSE;
+    }
+    glDeleteProgram(view->surface_program);
+    glDeleteProgram(view->relief_program);
+    view->surface_program = surface;
+    view->relief_program = relief;
+    return TRUE;
 }
 
 gboolean view_set_method(View *view, const struct method *method, gpointer material,
                          GError **error) {
-    if (view->method != method) {
-        guint program = method_program(method, "surface.frag", error);
-        if (program == 0)
-            return FALSE;
-        glDeleteProgram(view->surface_program);
-        view->surface_program = program;
-    }
+    if (view->method != method && !make_surface(view, method, error))
+        return FALSE;
     if (view->method != NULL)
         view->method->free(view->material);
     view->method = method;
@@ -201,11 +232,42 @@ static void find_foot(View *view) {
 
 static void keep_points(View *view, const struct mesh *mesh) {
     g_free(view->points);
-    view->n_points = mesh->n_vertices;
+    view->n_points = mesh->n_vertices - mesh->n_floor_vertices;
     view->points = g_new(float, 3 * (gsize)view->n_points);
     for (guint k = 0; k < view->n_points; k++)
         memcpy(view->points + 3 * (gsize)k, mesh->vertices[k].position, 3 * sizeof(float));
     find_foot(view);
+}
+
+gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error) {
+    return relief_set_mdf(view->relief, mdf, error);
+}
+
+gboolean view_open_mdf(View *view, const char *path, GError **error) {
+    if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "there is no %s, which silhouettes need; “mesorig process” makes it from a "
+                    "session with laser sweeps",
+                    path);
+        return FALSE;
+    }
+    struct mdf_table *mdf = mdf_table_read(path, error);
+    if (mdf != NULL)
+        mdf_table_add_grazing(mdf);
+    gboolean good = mdf != NULL && view_set_mdf(view, mdf, error);
+    mdf_table_free(mdf);
+    return good;
+}
+
+static void upload_shapes(const View *view, const struct mesh *mesh) {
+    g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
+    glBindBuffer(GL_ARRAY_BUFFER, view->shapes);
+    glBufferData(GL_ARRAY_BUFFER, mesh->n_vertices * sizeof(struct vertex_shape), shapes,
+                 GL_STATIC_DRAW);
+}
+
+static double length(const float p[3]) {
+    return sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
 }
 
 gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error) {
@@ -215,9 +277,13 @@ gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error) {
                  GL_STATIC_DRAW);
     glBufferData(GL_ELEMENT_ARRAY_BUFFER, mesh->n_indices * sizeof(guint32), mesh->indices,
                  GL_STATIC_DRAW);
+    upload_shapes(view, mesh);
     glBindVertexArray(0);
     view->n_indices = mesh->n_indices;
-    view->radius = mesh->radius;
+    view->n_casting = mesh->n_indices - mesh->n_floor_indices;
+    view->radius = view->reach = mesh->radius;
+    for (guint k = mesh->n_vertices - mesh->n_floor_vertices; k < mesh->n_vertices; k++)
+        view->reach = MAX(view->reach, length(mesh->vertices[k].position));
     view->tiles_u = mesh->tiles_u;
     view->tiles_v = mesh->tiles_v;
     keep_points(view, mesh);
@@ -229,9 +295,9 @@ void view_fit(const View *view, struct view_settings *settings, double aspect) {
         camera_fit(settings, view->points, view->n_points, view->radius, aspect);
 }
 
-/* What mesh.vert and background.frag know of the camera. */
+/* What mesh.vert and background.frag know of camera and lamp. */
 struct sight {
-    float projection[16], eye[3];
+    float projection[16], eye[3], light[3], tiles[2];
 };
 
 static void draw_background(View *view, const struct sight *sight) {
@@ -242,6 +308,7 @@ static void draw_background(View *view, const struct sight *sight) {
     glUniform3fv(glGetUniformLocation(program, "foot"), 1, view->foot);
     glUniform1f(glGetUniformLocation(program, "corner"), view->corner);
     glUniform1f(glGetUniformLocation(program, "radius"), view->radius);
+    relief_bind(view->relief, program);
     glDisable(GL_DEPTH_TEST);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
@@ -251,16 +318,13 @@ static void draw_background(View *view, const struct sight *sight) {
 
 static void draw_mesh(View *view, guint program, const struct view_settings *s,
                       const struct sight *sight) {
-    float light[3];
-    camera_direction(s->light_theta_deg, s->light_phi_deg, light);
     glUseProgram(program);
     view->method->bind(view->material, program, s->nearest);
+    relief_bind(view->relief, program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
-    glUniform2f(glGetUniformLocation(program, "tiles"),
-                s->tiles_u > 0.0 ? s->tiles_u : view->tiles_u,
-                s->tiles_v > 0.0 ? s->tiles_v : view->tiles_v);
+    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, sight->tiles);
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
-    glUniform3fv(glGetUniformLocation(program, "light"), 1, light);
+    glUniform3fv(glGetUniformLocation(program, "light"), 1, sight->light);
     glUniform1f(glGetUniformLocation(program, "ambient"), s->ambient);
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_LESS);
@@ -270,12 +334,30 @@ static void draw_mesh(View *view, guint program, const struct view_settings *s,
     glBindVertexArray(0);
 }
 
-static void begin(const View *view, const struct gpu_target *target, const struct view_settings *s,
-                  struct sight *ret) {
+/* Looks, and finds what is seen and lit of the relief. */
+static gboolean look(const View *view, const struct view_settings *s, int width, int height,
+                     struct sight *ret, GError **error) {
     struct view_settings fitted = *s;
-    double aspect = (double)target->width / target->height;
+    double aspect = (double)width / height;
     view_fit(view, &fitted, aspect);
-    camera_matrix(&fitted, view->radius, aspect, ret->projection, ret->eye);
+    camera_matrix(&fitted, view->radius, view->reach, aspect, ret->projection, ret->eye);
+    camera_direction(s->light_theta_deg, s->light_phi_deg, ret->light);
+    ret->tiles[0] = s->tiles_u > 0.0 ? s->tiles_u : view->tiles_u;
+    ret->tiles[1] = s->tiles_v > 0.0 ? s->tiles_v : view->tiles_v;
+    struct relief_scene scene = {.array = view->array,
+                                 .n_indices = view->n_indices,
+                                 .n_casting = view->n_casting,
+                                 .radius = view->radius,
+                                 .width = width,
+                                 .height = height};
+    memcpy(scene.projection, ret->projection, sizeof scene.projection);
+    memcpy(scene.eye, ret->eye, sizeof scene.eye);
+    memcpy(scene.light, ret->light, sizeof scene.light);
+    memcpy(scene.tiles, ret->tiles, sizeof scene.tiles);
+    return relief_prepare(view->relief, s, &scene, error);
+}
+
+static void begin(const struct gpu_target *target) {
     glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
     glViewport(0, 0, target->width, target->height);
     glDepthMask(GL_TRUE);
@@ -286,11 +368,13 @@ static void begin(const View *view, const struct gpu_target *target, const struc
 static gboolean draw_scene(View *view, const struct view_settings *s, int width, int height,
                            GError **error) {
     struct sight sight;
-    if (!gpu_target_resize(&view->scene, width, height, GL_RGBA16F, TRUE, error))
+    if (!gpu_target_resize(&view->scene, width, height, GL_RGBA16F, TRUE, error) ||
+        !look(view, s, width, height, &sight, error))
         return FALSE;
-    begin(view, &view->scene, s, &sight);
+    guint surface = s->silhouettes || s->shadows ? view->relief_program : view->surface_program;
+    begin(&view->scene);
     draw_background(view, &sight);
-    draw_mesh(view, s->plain ? view->plain_program : view->surface_program, s, &sight);
+    draw_mesh(view, s->plain ? view->plain_program : surface, s, &sight);
     return TRUE;
 }
 
@@ -374,9 +458,10 @@ float *view_render_geometry(View *view, const struct view_settings *s, enum view
                             int width, int height, GError **error) {
     struct sight sight;
     if (!view_settings_check(s, error) ||
-        !gpu_target_resize(&view->geometry, width, height, GL_RGBA32F, TRUE, error))
+        !gpu_target_resize(&view->geometry, width, height, GL_RGBA32F, TRUE, error) ||
+        !look(view, s, width, height, &sight, error))
         return NULL;
-    begin(view, &view->geometry, s, &sight);
+    begin(&view->geometry);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
     glUseProgram(view->geometry_program);

@@ -1,9 +1,11 @@
 /* A material on a mesh, as a picture. Needs a current GL context, of which it changes the state. */
 #pragma once
 
+#include "mdf_table.h"
 #include "method.h"
 #include "processing/eigenmaps.h"
 #include "scene.h"
+#include "visibility.h"
 
 /* World coordinates are the mesh's: z up. Azimuths are from +x, counter-clockwise seen from above.
  */
@@ -18,7 +20,13 @@ struct view_settings {
     double ambient;     /* radiance of an even sky, relative to the light's irradiance / π */
     int samples;        /* supersampling each way */
     gboolean nearest;   /* no filtering between texels */
-    gboolean plain;     /* instead of the BTF one texture × n·l, to compare with */
+    /* These three take view_set_mdf(). Silhouettes: where a ray misses the structure, what is
+     * behind is seen (seed 004 §4.1). Shadows: those that the mesh casts, with silhouettes of the
+     * structure too, and on it (§4.2); without an MDF or silhouettes the mesh's own. */
+    gboolean silhouettes, shadows;
+    struct visibility_options visibility;
+    int shadow_size; /* of the shadow map, each way */
+    gboolean plain;  /* instead of the BTF one texture × n·l, to compare with */
 };
 
 extern const struct view_settings view_settings_default;
@@ -40,6 +48,10 @@ gboolean view_set_method(View *view, const struct method *method, gpointer mater
                          GError **error);
 gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* copies */
 
+/* The MDF of the material; NULL: none. Copies what it needs. */
+gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error);
+gboolean view_open_mdf(View *view, const char *path, GError **error);
+
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
  * height); what draws does that by itself, but anew for every picture. */
 void view_fit(const View *view, struct view_settings *settings, double aspect);
@@ -58,8 +70,15 @@ float *view_render_linear(View *view, const struct view_settings *settings, int 
                           GError **error);
 
 /* What a sample of such a picture needs to be shaded elsewhere; the fourth float as above. Texels
- * are in tiles, +y along the texture's rows downwards; directions are unit, in the local frame. */
-enum view_geometry { VIEW_GEOMETRY_TEXEL, VIEW_GEOMETRY_VIEW, VIEW_GEOMETRY_LIGHT };
+ * are in tiles, +y along the texture's rows downwards; directions are unit, in the local frame;
+ * "lit" is how much of the lamp's light arrives (0 … 1), the way from the mesh along the ray to the
+ * structure, and that from the eye to the mesh. */
+enum view_geometry {
+    VIEW_GEOMETRY_TEXEL,
+    VIEW_GEOMETRY_VIEW,
+    VIEW_GEOMETRY_LIGHT,
+    VIEW_GEOMETRY_LIT,
+};
 float *view_render_geometry(View *view, const struct view_settings *settings,
                             enum view_geometry which, int width, int height, GError **error);
 

@@ -17,6 +17,8 @@ static const char help[] = "drag left       orbit\n"
                            "+ −             exposure\n"
                            "[ ]             fewer, more tiles\n"
                            "P               plain texture, to compare\n"
+                           "O               outlines of the structure (silhouettes)\n"
+                           "H               shadows that the shape casts\n"
                            "R               as it was at the start\n"
                            "S               screenshot\n"
                            "F1              this help\n"
@@ -32,7 +34,7 @@ struct window {
     double x, y;    /* of the mouse */
     gboolean stale; /* must be drawn again */
     GError *error;  /* of a callback; ends the loop */
-    gint64 file_time, looked_us;
+    gint64 file_time, mdf_time, looked_us;
     int n_screenshots;
 };
 
@@ -44,9 +46,15 @@ static void set_title(struct window *w) {
     glfwSetWindowTitle(w->glfw, title);
 }
 
-static void set_shape(struct window *w, const char *shape) {
+/* tiles: of which tiles_u and tiles_v are taken; NULL: as the shape has it. */
+static void set_shape(struct window *w, const char *shape, const struct view_settings *tiles) {
     g_autoptr(GError) error = NULL;
-    struct mesh *mesh = scene_shape(shape, w->options->up, &error);
+    struct scene_options scene = {.up = w->options->up, .floor = w->options->floor};
+    if (tiles != NULL) {
+        scene.tiles_u = tiles->tiles_u;
+        scene.tiles_v = tiles->tiles_v;
+    }
+    struct mesh *mesh = scene_make(shape, &scene, &error);
     if (mesh != NULL && view_set_mesh(w->view, mesh, &error)) {
         w->shape = shape;
         w->tiles_u = mesh->tiles_u;
@@ -80,6 +88,24 @@ static gboolean save(struct window *w, const char *path, GError **error) {
     return rgb != NULL && picture_write_png(path, rgb, width, height, texts, error);
 }
 
+static gint64 time_of(const char *path) {
+    GStatBuf info;
+    return g_stat(path, &info) == 0
+               ? info.st_mtim.tv_sec * G_USEC_PER_SEC + info.st_mtim.tv_nsec / 1000
+               : -1;
+}
+
+/* Unless it is open already and has not changed since. */
+static gboolean open_mdf(struct window *w, GError **error) {
+    gint64 changed = time_of(w->options->mdf);
+    if (changed >= 0 && changed == w->mdf_time)
+        return TRUE;
+    if (!view_open_mdf(w->view, w->options->mdf, error))
+        return FALSE;
+    w->mdf_time = changed;
+    return TRUE;
+}
+
 static void screenshot(struct window *w) {
     g_autoptr(GDateTime) now = g_date_time_new_now_local();
     g_autofree char *time = g_date_time_format(now, "%Y-%m-%d-%H%M%S");
@@ -91,6 +117,14 @@ static void screenshot(struct window *w) {
         g_printerr("mesorig-view: %s\n", error->message);
 }
 
+static void toggle_silhouettes(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    if (!w->settings.silhouettes && !open_mdf(w, &error))
+        g_printerr("mesorig-view: %s\n", error->message);
+    else
+        w->settings.silhouettes = !w->settings.silhouettes;
+}
+
 static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods) {
     static const char *const names[] = {"plane", "torus", "sphere", "cylinder"};
     struct window *w = glfwGetWindowUserPointer(glfw);
@@ -98,11 +132,15 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         return;
     w->stale = TRUE;
     if (key >= GLFW_KEY_1 && key <= GLFW_KEY_4)
-        set_shape(w, names[key - GLFW_KEY_1]);
+        set_shape(w, names[key - GLFW_KEY_1], NULL);
     else if (key == GLFW_KEY_0)
-        set_shape(w, w->options->shape);
+        set_shape(w, w->options->shape, &w->options->settings);
     else if (key == GLFW_KEY_P)
         w->settings.plain = !w->settings.plain;
+    else if (key == GLFW_KEY_O)
+        toggle_silhouettes(w);
+    else if (key == GLFW_KEY_H)
+        w->settings.shadows = !w->settings.shadows;
     else if (key == GLFW_KEY_R)
         w->settings = w->options->settings;
     else if (key == GLFW_KEY_S)
@@ -198,24 +236,23 @@ static GLFWwindow *open_window(const struct window_options *options, GError **er
     return glfw;
 }
 
-static gint64 time_of(const char *path) {
-    GStatBuf info;
-    return g_stat(path, &info) == 0
-               ? info.st_mtim.tv_sec * G_USEC_PER_SEC + info.st_mtim.tv_nsec / 1000
-               : -1;
-}
-
 /* Processing replaces the file as a whole, so what is there can be read at once. */
 static void follow_material(struct window *w) {
     gint64 now = g_get_monotonic_time();
     if (now - w->looked_us < G_USEC_PER_SEC)
         return;
     w->looked_us = now;
+    g_autoptr(GError) error = NULL;
+    if (w->mdf_time > 0 && time_of(w->options->mdf) != w->mdf_time) {
+        if (!open_mdf(w, &error))
+            g_printerr("mesorig-view: %s\n", error->message);
+        g_clear_error(&error);
+        w->stale = TRUE;
+    }
     gint64 changed = time_of(w->options->material);
     if (changed == w->file_time || changed < 0)
         return;
     w->file_time = changed;
-    g_autoptr(GError) error = NULL;
     if (!view_open(w->view, w->options->method, w->options->material, &error))
         g_printerr("mesorig-view: %s\n", error->message);
     w->stale = TRUE;
@@ -263,12 +300,11 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
 static gboolean run(struct window *w, struct window_result *ret, GError **error) {
     w->file_time = time_of(w->options->material);
     w->view = view_new(NULL, error);
-    if (w->view == NULL || !view_open(w->view, w->options->method, w->options->material, error))
+    if (w->view == NULL || !view_open(w->view, w->options->method, w->options->material, error) ||
+        (w->settings.silhouettes && !open_mdf(w, error)))
         return FALSE;
     ret->renderer = g_strdup(gpu_renderer());
-    set_shape(w, w->options->shape);
-    w->settings.tiles_u = w->options->settings.tiles_u;
-    w->settings.tiles_v = w->options->settings.tiles_v;
+    set_shape(w, w->options->shape, &w->options->settings);
     return loop(w, ret, error);
 }
 

@@ -6,8 +6,10 @@
 struct window_options {
     const struct method *method;
     const char *material; /* path: shown in the title, and read again when it changes */
+    const char *mdf;      /* path of the material's distances; need not be there */
     const char *shape;    /* of scene.h */
     enum scene_up up;
+    gboolean floor; /* under the shape */
     int width, height;
     int close_after;        /* frames; 0: when the user closes it */
     const char *screenshot; /* written before an automatic close; NULL: none */

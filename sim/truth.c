@@ -230,3 +230,15 @@ void truth_btf(World *world, int camera, int lamp, double turntable_deg, double 
     raster_clear(&raster);
     cache_release(world->cache, bounce);
 }
+
+void truth_surface(World *world, struct truth_surface *ret) {
+    G_STATIC_ASSERT(sizeof(struct vertex) % sizeof(float) == 0);
+    *ret = (struct truth_surface){
+        .vertices = (const float *)world->scene.vertices,
+        .n_vertices = world->scene.n_vertices,
+        .stride = sizeof(struct vertex) / sizeof(float),
+        .albedo = G_STRUCT_OFFSET(struct vertex, albedo) / sizeof(float),
+        .triangles = (const guint32 *)world->scene.triangles,
+        .n_triangles = world->scene.n_triangles,
+    };
+}

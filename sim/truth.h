@@ -49,3 +49,13 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
  * samples² rays. */
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb);
+
+/* The sample's own surface, without the turntable: borrowed, as long as the world lives. A vertex
+ * is stride floats: position in mm in the sample frame at 0, diffuse albedo at albedo. */
+struct truth_surface {
+    const float *vertices;
+    guint n_vertices, stride, albedo;
+    const guint32 *triangles; /* three a triangle, counter-clockwise seen from outside */
+    guint n_triangles;
+};
+void truth_surface(World *world, struct truth_surface *ret);

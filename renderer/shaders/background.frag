@@ -8,7 +8,7 @@ uniform float radius; // of the mesh
 in vec2 at;
 out vec4 colour;
 
-const float DISTANT = 0.022, NEAR = 0.105;
+const float DISTANT = 0.022, NEAR = 0.105, SHADOW = 0.35;
 
 void main() {
     vec4 far = inverse(projection) * vec4(2.0 * at - 1.0, 1.0, 1.0);
@@ -22,6 +22,7 @@ void main() {
         float away = max(length(beyond) - corner, 0.0) / radius;
         float lit = mix(DISTANT, NEAR, exp(-0.35 * dot(hit, hit) / (radius * radius)));
         shown = lit * (1.0 - 0.75 * exp(-away / 0.22));
+        shown *= mix(SHADOW, 1.0, lamp_at(vec3(hit, ground)));
     }
     colour = vec4(vec3(shown), 0.0);
 }

@@ -1,8 +1,8 @@
 /*
  * How long a frame of eigen-maps takes against a plain textured mesh on the same card, mesh and
  * size, both timed in turns. The material is made here: glazed bumps with parallax and shadows,
- * which
- * --write-material also saves, to look at.
+ * which --write-material also saves, to look at. So is the MDF: silhouettes, and silhouettes with
+ * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF alone.
  */
 #include "processing/eigenmaps.h"
 #include "renderer/gpu.h"
@@ -126,9 +126,10 @@ static gboolean column(int view, float *ret, gpointer data, GError **error) {
 }
 
 static float *ring_angles(gboolean theta, double offset_deg) {
-    float *angles = g_new(float, N_THETA *N_PHI);
-    for (int k = 0; k < N_THETA * N_PHI; k++)
-        angles[k] = theta ? 15.0 * (1 + k / N_PHI) : offset_deg + 360.0 / N_PHI * (k % N_PHI);
+    float *angles = g_new(float, N_THETA *N_PHI), *out = angles;
+    for (int j = 0; j < N_THETA; j++)
+        for (int i = 0; i < N_PHI; i++)
+            *out++ = theta ? 15.0 * (1 + j) : offset_deg + 360.0 / N_PHI * i;
     return angles;
 }
 
@@ -137,9 +138,10 @@ static void find_shadows(struct bumps *b) {
     for (int light = 0; light < b->maps->n_lights; light++) {
         double l[3];
         unit(b->maps->light_theta_deg[light], b->maps->light_phi_deg[light], l);
-        for (int k = 0; k < b->n * b->n; k++)
-            b->visible[(gsize)light * b->n * b->n + k] =
-                lit(l, (k % b->n + 0.5) / b->n, 1.0 - (k / b->n + 0.5) / b->n);
+        float *visible = b->visible + (gsize)light * b->n * b->n;
+        for (int j = 0; j < b->n; j++)
+            for (int i = 0; i < b->n; i++)
+                *visible++ = lit(l, (i + 0.5) / b->n, 1.0 - (j + 0.5) / b->n);
     }
 }
 
@@ -165,65 +167,118 @@ static struct eigenmaps *make_material(int n, double *ret_error, GError **error)
     return NULL;
 }
 
+/* The same bumps seen from each direction. */
+static struct mdf_table *make_mdf(const struct eigenmaps *maps) {
+    int n = maps->width;
+    struct mdf_table *mdf = g_new0(struct mdf_table, 1);
+    *mdf = (struct mdf_table){n, n, maps->n_views, maps->texel_mm};
+    mdf->theta_deg = g_memdup2(maps->view_theta_deg, maps->n_views * sizeof(float));
+    mdf->phi_deg = g_memdup2(maps->view_phi_deg, maps->n_views * sizeof(float));
+    mdf->depth_mm = g_new(float, (gsize)maps->n_views *n *n);
+    mdf->deepest_mm = DEPTH * n * maps->texel_mm;
+    float *out = mdf->depth_mm;
+    for (int view = 0; view < maps->n_views; view++)
+        for (int j = 0; j < n; j++)
+            for (int i = 0; i < n; i++) {
+                double v[3], from_x = (i + 0.5) / n, from_y = 1.0 - (j + 0.5) / n;
+                double x = from_x, y = from_y;
+                unit(mdf->theta_deg[view], mdf->phi_deg[view], v);
+                trace(v, &x, &y);
+                double z = hypot(x - from_x, y - from_y) * v[2] / hypot(v[0], v[1]);
+                *out++ = MIN(z, DEPTH) * n * maps->texel_mm;
+            }
+    return mdf;
+}
+
 static int compare_doubles(const void *a, const void *b) {
     double x = *(const double *)a, y = *(const double *)b;
     return x < y ? -1 : x > y;
 }
 
+enum { BTF, PLAIN, SILHOUETTES, PEELED, SHADOWS, SHADOWS_ONLY, N_VARIANTS };
+static const char *const variant_names[N_VARIANTS] = {
+    "eigenmaps", "plain", "silhouettes", "peeled_silhouettes", "silhouettes_shadows", "shadows"};
+
 struct timing {
     int frames;
-    double *eigenmaps_ms, *plain_ms;
+    double *ms[N_VARIANTS];
 };
 
-static gboolean time_one(View *view, const struct view_settings *s, int frame, int width,
-                         int height, struct gpu_target *target, double *ret_ms, GError **error) {
-    struct view_settings settings = *s;
-    settings.camera_azimuth_deg += 3.0 * frame;
+static double median(const struct timing *t, int variant) {
+    return t->ms[variant][t->frames / 2];
+}
+
+static struct view_settings settings_of(int variant) {
+    struct view_settings s = view_settings_default;
+    s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
+    s.camera_elevation_deg = s.camera_fov_deg = 35.0;
+    s.light_phi_deg = 215.0;
+    s.plain = variant == PLAIN;
+    s.silhouettes = variant >= SILHOUETTES && variant <= SHADOWS;
+    s.shadows = variant >= SHADOWS;
+    s.visibility.way = variant == PEELED ? VISIBILITY_PEEL : VISIBILITY_AUTO;
+    return s;
+}
+
+static gboolean time_one(View *view, int variant, int frame, int width, int height,
+                         struct gpu_target *target, double *ret_ms, GError **error) {
+    struct view_settings s = settings_of(variant);
+    s.camera_azimuth_deg += 3.0 * frame;
+    s.light_phi_deg += 2.0 * frame;
     gint64 start = g_get_monotonic_time();
-    if (!view_draw(view, &settings, target->framebuffer, width, height, error))
+    if (!view_draw(view, &s, target->framebuffer, width, height, error))
         return FALSE;
     view_finish();
     *ret_ms = (g_get_monotonic_time() - start) * 1e-3;
     return TRUE;
 }
 
-/* In turns, so that whatever else the machine does falls on both; the first two are not counted. */
+/* In turns, so that whatever else the machine does falls on all; the first two are not counted. */
 static gboolean measure(View *view, int width, int height, struct timing *t, GError **error) {
     struct gpu_target target = {0};
     gboolean good = gpu_target_resize(&target, width, height, 0x8058 /* GL_RGBA8 */, FALSE, error);
-    struct view_settings s = view_settings_default;
-    s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
-    s.camera_elevation_deg = s.camera_fov_deg = 35.0;
-    s.light_phi_deg = 215.0;
-    struct view_settings plain = s;
-    plain.plain = TRUE;
-    for (int k = -2; good && k < t->frames; k++) {
-        int at = MAX(k, 0);
-        good = time_one(view, &s, k, width, height, &target, &t->eigenmaps_ms[at], error) &&
-               time_one(view, &plain, k, width, height, &target, &t->plain_ms[at], error);
-    }
+    for (int k = -2; good && k < t->frames; k++)
+        for (int v = 0; good && v < N_VARIANTS; v++)
+            good = time_one(view, v, k, width, height, &target, &t->ms[v][MAX(k, 0)], error);
     gpu_target_clear(&target);
-    qsort(t->eigenmaps_ms, t->frames, sizeof(double), compare_doubles);
-    qsort(t->plain_ms, t->frames, sizeof(double), compare_doubles);
+    for (int v = 0; v < N_VARIANTS; v++)
+        qsort(t->ms[v], t->frames, sizeof(double), compare_doubles);
     return good;
+}
+
+static void report_text(const struct timing *t) {
+    g_print("eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n", median(t, BTF),
+            median(t, PLAIN), median(t, BTF) / median(t, PLAIN));
+    for (int v = SILHOUETTES; v < N_VARIANTS; v++)
+        g_print("%s %.2f ms, %.2f of eigen-maps alone\n", variant_names[v], median(t, v),
+                median(t, v) / median(t, BTF));
+}
+
+static void report_json(const struct timing *t) {
+    for (int v = 0; v < N_VARIANTS; v++)
+        g_print("\"%s_ms\": %.2f, ", variant_names[v], median(t, v));
+    for (int v = SILHOUETTES; v < N_VARIANTS; v++)
+        g_print("\"%s_ratio\": %.3f, ", variant_names[v], median(t, v) / median(t, BTF));
+    g_print("\"ratio\": %.3f}\n", median(t, BTF) / median(t, PLAIN));
 }
 
 static void report(const struct timing *t, const struct mesh *mesh, int width, int height,
                    int texels, double residual, gboolean json) {
-    double e = t->eigenmaps_ms[t->frames / 2], p = t->plain_ms[t->frames / 2];
     const char *format =
         json ? "{\"renderer\": \"%s\", \"width\": %d, \"height\": %d, \"triangles\": %u, "
                "\"texels\": %d, \"terms\": 4, \"lights\": %d, \"frames\": %d, "
-               "\"svd_error\": %.4f, \"eigenmaps_ms\": %.2f, \"plain_ms\": %.2f, "
-               "\"ratio\": %.3f}\n"
+               "\"svd_error\": %.4f, "
              : "%s, %d × %d, torus of %u triangles, %d² texels, 4 terms, %d lights, median of %d "
-               "frames\n(error of the eigen-maps %.4f)\neigen-maps %.2f ms, plain texture %.2f ms, "
-               "ratio %.2f\n";
+               "frames\n(error of the eigen-maps %.4f)\n";
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wformat-nonliteral"
     g_print(format, gpu_renderer(), width, height, mesh->n_indices / 3, texels, N_THETA * N_PHI,
-            t->frames, residual, e, p, e / p);
+            t->frames, residual);
 #pragma GCC diagnostic pop
+    if (json)
+        report_json(t);
+    else
+        report_text(t);
 }
 
 static gboolean bench(const struct eigenmaps *maps, const struct mesh *mesh, int frames,
@@ -233,12 +288,18 @@ static gboolean bench(const struct eigenmaps *maps, const struct mesh *mesh, int
     g_autoptr(View) view = gpu != NULL ? view_new(maps, error) : NULL;
     if (view == NULL || !view_set_mesh(view, mesh, error))
         return FALSE;
-    g_autofree double *e = g_new0(double, frames), *p = g_new0(double, frames);
-    struct timing timing = {frames, e, p};
-    if (!measure(view, width, height, &timing, error))
-        return FALSE;
-    report(&timing, mesh, width, height, maps->width, residual, json);
-    return TRUE;
+    struct mdf_table *mdf = make_mdf(maps);
+    gboolean good = view_set_mdf(view, mdf, error);
+    mdf_table_free(mdf);
+    struct timing timing = {.frames = frames};
+    for (int v = 0; v < N_VARIANTS; v++)
+        timing.ms[v] = g_new0(double, frames);
+    good = good && measure(view, width, height, &timing, error);
+    if (good)
+        report(&timing, mesh, width, height, maps->width, residual, json);
+    for (int v = 0; v < N_VARIANTS; v++)
+        g_free(timing.ms[v]);
+    return good;
 }
 
 int main(int argc, char **argv) {

@@ -1,0 +1,32 @@
+/*
+ * What the structure of a material adds to a picture of a mesh: its silhouettes and the shadows it
+ * casts (seed 004 §4). Before the mesh is drawn, relief_prepare() finds what is seen of it and how
+ * far the lamp's light gets; the programs that draw it have visible.glsl and shadow.glsl.
+ */
+#pragma once
+
+#include "view.h"
+
+typedef struct Relief Relief; /* belongs to the thread of the GL context */
+
+Relief *relief_new(GError **error);
+void relief_free(Relief *relief); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
+
+/* NULL: none, the mesh is smooth. */
+gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error);
+
+struct relief_scene {
+    guint array, n_indices;
+    guint n_casting; /* of the indices, from the first: these cast shadows, all receive them */
+    double radius;   /* of what casts */
+    float projection[16], eye[3], light[3], tiles[2];
+    int width, height;
+};
+
+/* As settings say; binds framebuffers of its own. */
+gboolean relief_prepare(Relief *relief, const struct view_settings *settings,
+                        const struct relief_scene *scene, GError **error);
+
+/* Sets the textures from VISIBILITY_UNIT on and the uniforms of a program in use. */
+void relief_bind(const Relief *relief, guint program);

@@ -1,0 +1,47 @@
+// The same search as peel_back.frag and peel_front.frag do layer by layer, over a pixel's list.
+layout(r32ui, binding = 0) uniform uimage2D first;
+uniform int layers;
+uniform bool straight;
+out vec4 seen;
+
+bool meets(float front, float back, float way) {
+    return straight ? front + back <= way : min(front, back) <= 0.5 * way;
+}
+
+// The nearest back face beyond z.
+vec2 find_back(uint head, float z) {
+    vec2 back = vec2(1e30, 0.0);
+    for (uint at = head; at != 0u; at = faces[at - 1u].next) {
+        face f = faces[at - 1u];
+        if (f.hit < 0.0 && f.z > z && f.z < back.x)
+            back = vec2(f.z, -f.hit);
+    }
+    return back;
+}
+
+vec4 find_front(uint head, float z, vec2 back) {
+    vec4 found = vec4(1e30, 0.0, 0.0, 0.0);
+    for (uint at = head; at != 0u; at = faces[at - 1u].next) {
+        face f = faces[at - 1u];
+        float way = back.x - f.z;
+        if (f.hit > 0.0 && f.z > z && way > 0.0 && f.z < found.x &&
+            meets(f.hit, back.y, way))
+            found = vec4(f.z, min(f.hit, way), min(f.base, way), 1.0);
+    }
+    return found;
+}
+
+void main() {
+    uint head = imageLoad(first, ivec2(gl_FragCoord.xy)).r;
+    seen = vec4(0.0);
+    float z = 0.0;
+    for (int k = 0; head != 0u && k < layers && z < 1e30; k++) {
+        vec2 back = find_back(head, z);
+        vec4 front = find_front(head, z, back);
+        if (front.w > 0.0) {
+            seen = front;
+            return;
+        }
+        z = back.x;
+    }
+}

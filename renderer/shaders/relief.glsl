@@ -1,0 +1,87 @@
+// How far a viewing ray goes below the mesh until it meets the material's structure, from the
+// mesostructure distance function (seed 004 §3 and §4.1).
+in vec2 tile_size;
+in vec3 bending;
+
+uniform vec4 sight;  // w = 1: where the eye is; w = 0: unit, towards an eye far away
+uniform float reach; // with w = 0: distances are measured from a plane so far from the origin
+
+uniform sampler2DArray mdf_depths; // mm below the reference plane; a layer a view
+uniform usampler2D mdf_indices;    // over the hemisphere, see directions.h
+uniform sampler2D mdf_weights;
+uniform vec2 mdf_size;     // of a tile, mm
+uniform float mdf_deepest; // mm
+uniform bool straight;     // as if the mesh were flat under each ray, with one scale for all axes
+
+const float LEAST_SLOPE = 0.01;
+const int CHORDS = 3;
+
+vec3 towards_eye() {
+    return sight.w > 0.5 ? normalize(sight.xyz - world) : sight.xyz;
+}
+
+float distance_from_eye() {
+    return sight.w > 0.5 ? length(sight.xyz - world) : reach - dot(sight.xyz, world);
+}
+
+// As long as the texture is not made larger by it in its sharper direction: at a contour the other
+// one is as short as can be, and what counts there is the relief.
+float level_of_detail() {
+    vec2 size = vec2(textureSize(mdf_depths, 0).xy);
+    vec2 a = dFdx(texel) * size, b = dFdy(texel) * size;
+    return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
+}
+
+float depth_mm(vec2 x, vec3 d, float level) {
+    d.z = max(d.z, 0.0);
+    vec2 p = d.xy / max(abs(d.x) + abs(d.y) + d.z, 1e-6);
+    vec2 at = clamp(0.5 + 0.5 * vec2(p.x + p.y, p.x - p.y), 0.0, 1.0);
+    ivec2 cells = textureSize(mdf_indices, 0);
+    ivec2 cell = min(ivec2(at * vec2(cells)), cells - 1);
+    uvec4 index = texelFetch(mdf_indices, cell, 0);
+    vec4 share = texelFetch(mdf_weights, cell, 0);
+    float depth = share.x * textureLod(mdf_depths, vec3(x, float(index.x)), level).r;
+    depth += share.y * textureLod(mdf_depths, vec3(x, float(index.y)), level).r;
+    depth += share.z * textureLod(mdf_depths, vec3(x, float(index.z)), level).r;
+    return depth + share.w * textureLod(mdf_depths, vec3(x, float(index.w)), level).r;
+}
+
+struct below {
+    float hit;  // along the ray, from the mesh to the structure
+    float base; // and to where the ray is as deep as the structure gets
+};
+
+// v: outwards along the ray, in the frame of the mesh. Under a mesh that bends away, a straight ray
+// is less deep after a way t than under a flat one: t v_z − ½ bend t². The MDF knows straight rays
+// only: chords of this parabola, all from where it enters, the last to where it is as deep as the
+// structure or deepest. Chords lie above it, so what one meets before its end the ray meets too.
+below below_mesh(vec3 v, float level) {
+    vec3 mm = vec3(tile_size / mdf_size, 0.0);
+    mm.z = sqrt(mm.x * mm.y);
+    if (straight)
+        mm.xy = mm.zz;
+    float bend = straight ? 0.0
+                          : bending.x * v.x * v.x + 2.0 * bending.y * v.x * v.y +
+                                bending.z * v.y * v.y;
+    float slope = max(v.z, LEAST_SLOPE), deepest = mdf_deepest * mm.z;
+    float root = slope * slope - 2.0 * bend * deepest;
+    float middle = root > 0.0 ? 2.0 * deepest / (slope + sqrt(root)) : slope / bend;
+    float base = root > 0.0 ? middle : 2.0 * middle;
+    float hit = 1e30;
+    for (int k = bend == 0.0 ? CHORDS : 1; k <= CHORDS; k++) {
+        float end = middle * float(k) / float(CHORDS), chord = slope - 0.5 * bend * end;
+        float met = depth_mm(texel, normalize(vec3(v.xy, chord) / mm), level) * mm.z / chord;
+        if (met <= end || k == CHORDS) {
+            hit = met;
+            break;
+        }
+    }
+    return below(hit, mdf_deepest > 0.0 ? base : 1e30);
+}
+
+// Whether a ray that enters at a front face and leaves, way further on, at a back face meets the
+// structure between them. Under a bent mesh each half of the way has its own chord; a flat one has
+// the test of seed 004 §4.1.
+bool meets(float front, float back, float way) {
+    return straight ? front + back <= way : min(front, back) <= 0.5 * way;
+}
