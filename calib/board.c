@@ -5,8 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MAX_CELLS 7 /* of a marker, its border aside */
-#define MAX_MM    2000
+#define MAX_MM 2000
 
 G_DEFINE_QUARK(board_error, board_error)
 
@@ -148,18 +147,27 @@ gboolean board_marker_square(const struct board *board, int marker, int *ret_col
     return FALSE;
 }
 
-/* u and v from the marker's top left, 0 … 1. */
-static double marker_value(const struct board *board, int marker, double u, double v) {
-    guint8 bits[MAX_CELLS * MAX_CELLS];
+/* The markers' bits, n × n each; g_free(). */
+static guint8 *all_bits(const struct board *board, int *ret_n) {
     const int n = vision_dictionary(board->dictionary, NULL);
-    const int i = (int)floor(v * (n + 2)) - 1, j = (int)floor(u * (n + 2)) - 1;
+    const int markers = whites_before(board, board->rows);
+    guint8 *bits = g_new0(guint8, (gsize)(n * n) * (gsize)markers + 1);
 
-    if (i < 0 || j < 0 || i >= n || j >= n || !vision_marker_bits(board->dictionary, marker, bits))
-        return 0;
-    return bits[i * n + j];
+    for (int i = 0; i < markers; i++)
+        vision_marker_bits(board->dictionary, i, bits + i * n * n);
+    *ret_n = n;
+    return bits;
 }
 
-double board_value(const struct board *board, double x_mm, double y_mm) {
+/* u and v from the marker's top left, 0 … 1. */
+static double marker_value(const guint8 *bits, int n, double u, double v) {
+    const int i = (int)floor(v * (n + 2)) - 1, j = (int)floor(u * (n + 2)) - 1;
+
+    return i < 0 || j < 0 || i >= n || j >= n ? 0 : bits[i * n + j];
+}
+
+static double value_at(const struct board *board, const guint8 *bits, int n, double x_mm,
+                       double y_mm) {
     const double x = x_mm / board->square_mm + board->columns / 2.0;
     const double y = board->rows / 2.0 - y_mm / board->square_mm;
     const int column = (int)floor(x), row = (int)floor(y);
@@ -172,5 +180,21 @@ double board_value(const struct board *board, double x_mm, double y_mm) {
     const double u = (x - column - 0.5) / size + 0.5, v = (y - row - 0.5) / size + 0.5;
     return u < 0 || v < 0 || u >= 1 || v >= 1
                ? 1
-               : marker_value(board, marker_of(board, column, row), u, v);
+               : marker_value(bits + marker_of(board, column, row) * n * n, n, u, v);
+}
+
+void board_values(const struct board *board, const double *xy_mm, int n, float *ret) {
+    int size = 0;
+    g_autofree guint8 *bits = board->marker_mm > 0 ? all_bits(board, &size) : NULL;
+
+    for (int i = 0; i < n; i++)
+        ret[i] = (float)value_at(board, bits, size, xy_mm[2 * i], xy_mm[2 * i + 1]);
+}
+
+double board_value(const struct board *board, double x_mm, double y_mm) {
+    const double xy_mm[2] = {x_mm, y_mm};
+    float value;
+
+    board_values(board, xy_mm, 1, &value);
+    return (double)value;
 }

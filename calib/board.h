@@ -42,6 +42,8 @@ gboolean board_marker_square(const struct board *board, int marker, int *ret_col
 
 /* What is printed at a point of the board frame: 0 black … 1 white; −1 outside. */
 double board_value(const struct board *board, double x_mm, double y_mm);
+/* The same at n points, x and y of each, in a fraction of the time. */
+void board_values(const struct board *board, const double *xy_mm, int n, float *ret);
 
 /* What to draw: millimetres, or for a PNG pixels; margins are white. */
 struct board_drawing {

@@ -43,6 +43,7 @@ struct optics_camera {
     double focal_px, centre_x_px, centre_y_px; /* (0, 0) is the centre of the top left pixel */
     double k1, k2, p1, p2; /* seen = ideal·(1 + k1 r² + k2 r⁴) + tangential, r = tan of the angle */
     struct v3 centre_mm, right, down, forward;
+    double blur_px;    /* of the lens, standard deviation */
     double vignetting; /* 1 − vignetting·(r/r_corner)² */
     double falloff;    /* times cos^falloff of the angle to the axis */
     double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */

@@ -4,7 +4,7 @@
 #include <string.h>
 
 static const char *const kinds[] = {"flat",    "weave", "brushed", "brick", "peanuts", "ridges",
-                                    "picture", "obj",   "poles",   "balls", NULL};
+                                    "picture", "obj",   "poles",   "balls", "plate",   NULL};
 
 #define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
 const struct option sample_option_table[] = {
@@ -41,7 +41,15 @@ const struct option sample_option_table[] = {
     {"path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(path),
      "picture: PNG of the relief, black base_mm, white relief_mm above; obj: mesh in mm, z up"},
     {"albedo_path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(albedo_path),
-     "picture: PNG of the colours"},
+     "picture: PNG of the colours; plate: PNG whose every pixel is a rectangle of its print"},
+    {"tilt_deg", OPTION_DOUBLE, "deg", 0, 60, "0", NULL, AT(tilt_deg),
+     "plate: how far it leans, its lowest corner on the turntable"},
+    {"tilt_towards_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(tilt_towards_deg),
+     "plate: azimuth its normal leans towards"},
+    {"turn_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(turn_deg),
+     "plate: turned about its normal"},
+    {"offset_mm", OPTION_DOUBLES, "mm", -200, 200, "", NULL, AT(offset_mm),
+     "plate: where its middle lies, x;y"},
     {0},
 };
 #undef AT
@@ -227,6 +235,16 @@ static gboolean check_options(const struct config_section *section,
                              options->places_mm.values[i]);
             return FALSE;
         }
+    if (options->offset_mm.n != 0 && options->offset_mm.n != 2) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "offset_mm", "%d number(s) given: x;y",
+                         options->offset_mm.n);
+        return FALSE;
+    }
+    if (options->kind == SAMPLE_PLATE && !*options->albedo_path) {
+        config_set_error(error, CONFIG_ERROR_MISSING, section, "albedo_path",
+                         "must be given for a plate: the PNG it is printed with");
+        return FALSE;
+    }
     gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
     if (loaded && !*options->path) {
         config_set_error(error, CONFIG_ERROR_MISSING, section, "path",
@@ -265,6 +283,8 @@ static struct mesh *make(const struct sample_options *options, GError **error) {
         return sample_peanuts(options);
     case SAMPLE_PICTURE:
         return sample_picture(options, error);
+    case SAMPLE_PLATE:
+        return sample_plate(options, error);
     case SAMPLE_OBJ:
         return sample_obj(options, error);
     case SAMPLE_POLES:

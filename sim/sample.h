@@ -32,6 +32,7 @@ enum sample_kind {
     SAMPLE_OBJ,
     SAMPLE_POLES,
     SAMPLE_BALLS,
+    SAMPLE_PLATE,
 };
 
 struct sample_options {
@@ -43,7 +44,9 @@ struct sample_options {
     struct option_doubles albedo, albedo2; /* empty, one value, or three */
     double gloss, along, across;           /* −1: the kind's own */
     gboolean smooth;
-    struct option_doubles places_mm; /* x, y and height or radius of each */
+    double tilt_deg, tilt_towards_deg, turn_deg; /* plate: how it was put down */
+    struct option_doubles offset_mm;             /* empty, or x and y */
+    struct option_doubles places_mm;             /* x, y and height or radius of each */
     double radius_mm;
     char *path, *albedo_path;
 };
@@ -78,6 +81,7 @@ struct mesh *sample_relief(const struct sample_options *options); /* flat, brush
 struct mesh *sample_picture(const struct sample_options *options, GError **error);
 struct mesh *sample_targets(const struct sample_options *options); /* poles, balls */
 struct mesh *sample_obj(const struct sample_options *options, GError **error);
+struct mesh *sample_plate(const struct sample_options *options, GError **error);
 
 /* The hash that everything random in the simulated world comes from. */
 static inline guint64 sample_hash(guint64 x) {

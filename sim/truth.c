@@ -20,6 +20,43 @@ static void give(struct v3 v, double ret[3]) {
     ret[2] = v.z;
 }
 
+void truth_camera(World *world, int camera, struct truth_camera *ret) {
+    const struct optics_camera *from = &world->cameras[camera];
+    give(from->centre_mm, ret->centre_mm);
+    give(from->right, ret->right);
+    give(from->down, ret->down);
+    give(from->forward, ret->forward);
+    ret->focal_px = from->focal_px;
+    ret->centre_px[0] = from->centre_x_px;
+    ret->centre_px[1] = from->centre_y_px;
+    ret->k1 = from->k1;
+    ret->k2 = from->k2;
+    ret->p1 = from->p1;
+    ret->p2 = from->p2;
+}
+
+/* By Newton's method on the rays of pixels, which pictures are made of. */
+void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
+    const struct optics_camera *from = &world->cameras[camera];
+    const struct v3 to =
+        v3_norm(v3_minus(v3(point_mm[0], point_mm[1], point_mm[2]), from->centre_mm));
+    double *xy = ret_xy_px;
+    xy[0] =
+        from->centre_x_px + from->focal_px * v3_dot(to, from->right) / v3_dot(to, from->forward);
+    xy[1] = from->centre_y_px + from->focal_px * v3_dot(to, from->down) / v3_dot(to, from->forward);
+    for (int i = 0; i < 20; i++) {
+        const struct v3 ray = optics_ray(from, xy[0], xy[1]), off = v3_minus(to, ray);
+        const struct v3 x =
+            v3_minus(optics_ray(from, xy[0] + 0.5, xy[1]), optics_ray(from, xy[0] - 0.5, xy[1]));
+        const struct v3 y =
+            v3_minus(optics_ray(from, xy[0], xy[1] + 0.5), optics_ray(from, xy[0], xy[1] - 0.5));
+        const double xx = v3_dot(x, x), xo = v3_dot(x, y), yy = v3_dot(y, y);
+        const double bx = v3_dot(x, off), by = v3_dot(y, off), det = xx * yy - xo * xo;
+        xy[0] += (yy * bx - xo * by) / det;
+        xy[1] += (xx * by - xo * bx) / det;
+    }
+}
+
 void truth_arc(World *world, struct truth_arc *ret) {
     ret->zero_deg = world->arc.zero * 180 / G_PI;
     give(world->arc.z, ret->axis);

@@ -16,6 +16,16 @@ struct truth_grid { /* texels of the reference plane, as in processing/pipeline.
 void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
 
 /* How the arc truly turns, rig frame. */
+/* A camera as it truly is, in the rig frame. */
+struct truth_camera {
+    double centre_mm[3], right[3], down[3], forward[3];
+    double focal_px, centre_px[2], k1, k2, p1, p2;
+};
+void truth_camera(World *world, int camera, struct truth_camera *ret);
+
+/* Where a camera truly sees a point of the rig frame, be it hidden or outside of the picture. */
+void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]);
+
 struct truth_arc {
     double zero_deg;     /* added to the arc's angle */
     double axis[3];      /* unit, upwards */

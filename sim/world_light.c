@@ -118,14 +118,30 @@ static void add_pixel(const struct view_job *job, const struct tracer *row, int 
         add_point(points, &table, colour, pixel);
 }
 
+/* Where in a pixel's cell of its samples one lies, and how far the lens throws it: another place in
+ * every picture, or edges would lie on a lattice. */
+static void spread(const struct optics_camera *camera, struct sample_random *random, double cell,
+                   double *x, double *y) {
+    double r = camera->blur_px * sqrt(-2 * log(1 - sample_uniform(random)));
+    double angle = 2 * G_PI * sample_uniform(random);
+    *x += cell * (sample_uniform(random) - 0.5) + r * cos(angle);
+    *y += cell * (sample_uniform(random) - 0.5) + r * sin(angle);
+}
+
 static void trace_row(const struct view_job *job, const struct tracer *row, int y) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int aa = job->world->supersample, k = 0;
+    struct sample_random random = {sample_hash(bits(whole_turn(job->turntable_deg)) +
+                                               (guint64)job->camera * 8191 +
+                                               (guint64)y * 0x9e3779b97f4a7c15u)};
     for (int x = 0; x < camera->width; x++)
         for (int j = 0; j < aa; j++)
-            for (int i = 0; i < aa; i++)
-                row->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg,
-                                           x + (i + 0.5) / aa - 0.5, y + (j + 0.5) / aa - 0.5);
+            for (int i = 0; i < aa; i++) {
+                double at_x = x + (i + 0.5) / aa - 0.5, at_y = y + (j + 0.5) / aa - 0.5;
+                if (camera->blur_px > 0)
+                    spread(camera, &random, 1.0 / aa, &at_x, &at_y);
+                row->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg, at_x, at_y);
+            }
     struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
     scene_trace(&job->world->scene, eye, NULL, row->rays, k, row->surfaces, row->hit);
 }

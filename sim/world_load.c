@@ -97,6 +97,8 @@ static const struct option camera_table[] = {
      "what is lost in the corners, growing with the square of the distance from the centre"},
     {"falloff", OPTION_DOUBLE, NULL, 0, 8, "0", NULL, AT(optics.falloff),
      "exponent of the cosine of the angle to the axis, 4 for a simple lens"},
+    {"blur_px", OPTION_DOUBLE, "px", 0, 10, "0", NULL, AT(optics.blur_px),
+     "standard deviation of the lens's blur; samples are then spread at random"},
     {"k1", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k1), "radial distortion, r³"},
     {"k2", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k2), "radial distortion, r⁵"},
     {"p1", OPTION_DOUBLE, NULL, -0.1, 0.1, "0", NULL, AT(optics.p1), "tangential distortion"},

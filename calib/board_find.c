@@ -1,0 +1,293 @@
+#include "board_find.h"
+
+#include "vision.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MIN_CORNERS    4
+#define TOLERANCE_PX   3.0 /* of markers from a plane: lenses bend it */
+#define STEPS_A_SQUARE 8   /* points that are compared, when it is looked for */
+#define LEAST_FIT      0.45
+#define STEP_MM        0.01 /* for derivatives */
+
+static GArray *refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+static GArray *refuse(GError **error, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *why = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_set_error_literal(error, BOARD_ERROR, BOARD_ERROR_SPEC, why);
+    return NULL;
+}
+
+static void guess_all(const struct board *board, BoardProject project, gpointer data,
+                      const double shift_px[2], struct corner_guess *guesses) {
+    const int n = board_n_corners(board);
+    memset(guesses, 0, sizeof *guesses * (gsize)n);
+    for (int id = 0; id < n; id++) {
+        double at[2], px[2], dx[2], dy[2];
+        board_corner_mm(board, id, at);
+        const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
+        if (!project(at, px, data) || !project(right, dx, data) || !project(up, dy, data))
+            continue;
+        struct corner_guess *to = &guesses[id];
+        to->x_px = px[0] + shift_px[0];
+        to->y_px = px[1] + shift_px[1];
+        for (int k = 0; k < 2; k++) {
+            to->px_a_mm[k][0] = (dx[k] - px[k]) / STEP_MM;
+            to->px_a_mm[k][1] = (dy[k] - px[k]) / STEP_MM;
+        }
+    }
+}
+
+static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+    const double *h = data;
+    const double w = h[6] * xy_mm[0] + h[7] * xy_mm[1] + h[8];
+    if (!(w > 1e-9))
+        return FALSE;
+    ret_xy_px[0] = (h[0] * xy_mm[0] + h[1] * xy_mm[1] + h[2]) / w;
+    ret_xy_px[1] = (h[3] * xy_mm[0] + h[4] * xy_mm[1] + h[5]) / w;
+    return TRUE;
+}
+
+/* Corners of a marker in the board frame, in the detector's order. */
+static void marker_corners(const struct board *board, int column, int row, double ret[8]) {
+    const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
+    const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
+    const double half = board->marker_mm / 2;
+    const double corners[8] = {x - half, y + half, x + half, y + half,
+                               x + half, y - half, x - half, y - half};
+    memcpy(ret, corners, sizeof corners);
+}
+
+/* How many different markers of the board agree with one plane. */
+static int agree(const guint8 *good, guint n) {
+    int markers = 0;
+    for (guint i = 0; i + 3 < n; i += 4)
+        markers += good[i] + good[i + 1] + good[i + 2] + good[i + 3] >= 3;
+    return markers;
+}
+
+static gboolean plane_of_markers(const struct picture *picture, const struct board *board,
+                                 double ret_h[9], GError **error) {
+    g_autoptr(GArray) found = vision_find_markers(picture, board->dictionary, FALSE, error);
+    g_autoptr(GArray) from = g_array_new(FALSE, FALSE, sizeof(double));
+    g_autoptr(GArray) to = g_array_new(FALSE, FALSE, sizeof(double));
+    if (!found)
+        return FALSE;
+    for (guint i = 0; i < found->len; i++) {
+        const struct vision_marker *marker = &g_array_index(found, struct vision_marker, i);
+        double corners[8];
+        int column, row;
+        if (!board_marker_square(board, marker->id, &column, &row))
+            continue;
+        marker_corners(board, column, row, corners);
+        g_array_append_vals(from, corners, 8);
+        g_array_append_vals(to, marker->corners_px, 8);
+    }
+    const guint n = from->len / 2;
+    g_autofree guint8 *good = g_new0(guint8, n + 1);
+    const gboolean plane = n >= 8 && vision_homography((const double *)(gpointer)from->data,
+                                                       (const double *)(gpointer)to->data, (int)n,
+                                                       TOLERANCE_PX, ret_h, good);
+    if (plane && agree(good, n) >= 2 && 2 * agree(good, n) >= (int)n / 4)
+        return TRUE;
+    g_autoptr(GArray) mirrored = vision_find_markers(picture, board->dictionary, TRUE, NULL);
+    if (mirrored && mirrored->len >= MAX(4, found->len))
+        refuse(error, "the board is mirrored: the picture is flipped, or the board was printed so");
+    else if (n >= 8)
+        refuse(error,
+               "its markers do not lie as on the board %d × %d: another board, or a bent one",
+               board->columns, board->rows);
+    else if (n == 0)
+        refuse(error, found->len ? "the markers that are to be seen are not the board's"
+                                 : "no board is to be seen");
+    else
+        refuse(error, "only one marker of the board is to be seen");
+    return FALSE;
+}
+
+static double value_at(const struct picture *picture, double x, double y) {
+    const int i = (int)lround(x), j = (int)lround(y);
+    if (i < 0 || j < 0 || i >= picture->width || j >= picture->height)
+        return NAN;
+    return (double)picture->values[(gsize)j * (gsize)picture->width + (gsize)i];
+}
+
+/* Whether the order of a chessboard's corners is the wrong one: then its top left square is white.
+ */
+static gboolean is_turned(const struct picture *picture, const struct board *board,
+                          const double h[9]) {
+    double sum = 0;
+    for (int row = 0; row < board->rows; row++)
+        for (int column = 0; column < board->columns; column++) {
+            const double xy[2] = {(column + 0.5 - board->columns / 2.0) * board->square_mm,
+                                  (board->rows / 2.0 - row - 0.5) * board->square_mm};
+            double px[2];
+            if (!by_homography(xy, px, (gpointer)h))
+                continue;
+            const double value = value_at(picture, px[0], px[1]);
+            if (isfinite(value))
+                sum += (column + row) % 2 ? value : -value;
+        }
+    return sum < 0;
+}
+
+static gboolean plane_of_chessboard(const struct picture *picture, const struct board *board,
+                                    double ret_h[9], GError **error) {
+    const int n = board_n_corners(board);
+    g_autofree double *seen = g_new(double, 2 * n), *from = g_new(double, 2 * n);
+    g_autofree guint8 *good = g_new0(guint8, n);
+    g_autoptr(GError) own = NULL;
+    if (!vision_find_chessboard(picture, board->columns, board->rows, seen, &own)) {
+        if (own)
+            g_propagate_error(error, g_steal_pointer(&own));
+        else
+            refuse(error, "no chessboard of %d × %d squares is to be seen whole", board->columns,
+                   board->rows);
+        return FALSE;
+    }
+    for (int turned = 0; turned < 2; turned++) {
+        for (int id = 0; id < n; id++)
+            board_corner_mm(board, turned ? n - 1 - id : id, from + 2 * id);
+        if (vision_homography(from, seen, n, TOLERANCE_PX, ret_h, good) &&
+            !is_turned(picture, board, ret_h))
+            return TRUE;
+    }
+    refuse(error, "the chessboard's colours are not those of the board");
+    return FALSE;
+}
+
+/* A board whose picture is flipped looks like one seen from below. */
+static gboolean is_seen_from_below(const double h[9]) {
+    const double middle[2] = {0, 0}, right[2] = {1, 0}, up[2] = {0, 1};
+    double m[2], r[2], u[2];
+    if (!by_homography(middle, m, (gpointer)h) || !by_homography(right, r, (gpointer)h) ||
+        !by_homography(up, u, (gpointer)h))
+        return TRUE;
+    return (r[0] - m[0]) * (u[1] - m[1]) - (r[1] - m[1]) * (u[0] - m[0]) > 0;
+}
+
+/* From all corners that were found, better than from markers. */
+static void improve(const struct board *board, const GArray *corners, double h[9]) {
+    const guint n = corners->len;
+    g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
+    g_autofree guint8 *good = g_new0(guint8, n + 1);
+    double better[9];
+    for (guint i = 0; i < n; i++) {
+        const struct corner *corner = &g_array_index(corners, struct corner, i);
+        board_corner_mm(board, corner->id, from + 2 * i);
+        to[2 * i] = corner->x_px;
+        to[2 * i + 1] = corner->y_px;
+    }
+    if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
+        memcpy(h, better, sizeof better);
+}
+
+GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
+                   GError **error) {
+    static const double nowhere[2] = {0, 0};
+    double h[9];
+    g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
+    if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, h, error))
+        return NULL;
+    if (is_seen_from_below(h))
+        return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
+                             "printed so");
+    guess_all(board, by_homography, h, nowhere, guesses);
+    g_autoptr(GArray) corners = corner_fit_all(picture, board, guesses);
+    if (fine) {
+        improve(board, corners, h);
+        guess_all(board, by_homography, h, nowhere, guesses);
+        g_array_unref(corners);
+        corners = corner_fit_all(picture, board, guesses);
+    }
+    if (corners->len >= MIN_CORNERS)
+        return g_steal_pointer(&corners);
+    return refuse(error,
+                  "only %u corners of the board are clear enough; more light, a sharper "
+                  "focus or larger squares help",
+                  corners->len);
+}
+
+struct points { /* of the board, as they should be seen */
+    int n;
+    float *x, *y, *value;
+};
+
+static void gather_points(const struct board *board, BoardProject project, gpointer data,
+                          struct points *to) {
+    const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
+    to->x = g_new(float, nx *ny);
+    to->y = g_new(float, nx *ny);
+    to->value = g_new(float, nx *ny);
+    g_autofree double *at = g_new(double, 2 * nx * ny);
+    to->n = 0;
+    for (int j = 0; j < ny; j++)
+        for (int i = 0; i < nx; i++) {
+            const double step = board->square_mm / STEPS_A_SQUARE;
+            const double xy[2] = {(i + 0.5 - nx / 2.0) * step, (j + 0.5 - ny / 2.0) * step};
+            double px[2];
+            if (!project(xy, px, data) || !(fabs(px[0]) < 1e6) || !(fabs(px[1]) < 1e6))
+                continue;
+            to->x[to->n] = (float)px[0];
+            to->y[to->n] = (float)px[1];
+            memcpy(at + 2 * to->n++, xy, sizeof xy);
+        }
+    board_values(board, at, to->n, to->value);
+}
+
+/* Correlation of what should be seen with what is, shifted by whole pixels. */
+static double correlate(const struct picture *picture, const struct points *points, int dx,
+                        int dy) {
+    double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+    for (int i = 0; i < points->n; i++) {
+        const int x = (int)lroundf(points->x[i]) + dx, y = (int)lroundf(points->y[i]) + dy;
+        if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
+            continue;
+        const double u = (double)points->value[i];
+        const double v = (double)picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
+        n++;
+        a += u;
+        b += v;
+        aa += u * u;
+        bb += v * v;
+        ab += u * v;
+    }
+    const double spread = (aa - a * a / n) * (bb - b * b / n);
+    return n > points->n / 5.0 && n > 100 && spread > 0 ? (ab - a * b / n) / sqrt(spread) : -1;
+}
+
+static double best_shift(const struct picture *picture, const struct points *points, int reach,
+                         double ret_shift[2]) {
+    double best = -1;
+    ret_shift[0] = ret_shift[1] = 0;
+    for (int dy = -reach; dy <= reach; dy++)
+        for (int dx = -reach; dx <= reach; dx++) {
+            const double fit = correlate(picture, points, dx, dy);
+            if (fit <= best)
+                continue;
+            best = fit;
+            ret_shift[0] = dx;
+            ret_shift[1] = dy;
+        }
+    return best;
+}
+
+GArray *board_find_near(const struct picture *picture, const struct board *board,
+                        BoardProject project, gpointer data, double reach_px, double *ret_fit) {
+    struct points points;
+    double shift[2];
+    g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
+    gather_points(board, project, data, &points);
+    *ret_fit = best_shift(picture, &points, (int)ceil(reach_px), shift);
+    g_free(points.x);
+    g_free(points.y);
+    g_free(points.value);
+    if (*ret_fit < LEAST_FIT)
+        return NULL;
+    guess_all(board, project, data, shift, guesses);
+    return corner_fit_all(picture, board, guesses);
+}
