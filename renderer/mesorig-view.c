@@ -58,7 +58,7 @@ static GOptionEntry *entries(struct options *o) {
          "OUT.png"},
         {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
          "plane, torus (default), sphere, cylinder or an OBJ file", "SHAPE"},
-        {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name, "eigenmaps (default) or lpca",
+        {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name, "eigenmaps (default), lpca-grid or lpca",
          "METHOD"},
         {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
         {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,

@@ -2,6 +2,7 @@
 #include "processing/lpca.h"
 #include "renderer/directions.h"
 #include "renderer/gpu.h"
+#include "renderer/lpca_grid.h"
 #include "renderer/lpca_view.h"
 #include "renderer/scene.h"
 #include "renderer/view.h"
@@ -58,6 +59,7 @@ struct scene { /* one picture, and what is needed to say what it should be */
     float *sky;
     double ambient;
     gboolean nearest;
+    int n_grid; /* 0: by pairs of measured directions */
 };
 
 /* E_i of a view and a light, either of which may be the pole: the mean of a ring. */
@@ -107,6 +109,57 @@ static double texel_value(const struct scene *s, int i, int j, const struct dire
     return sum;
 }
 
+/* The place of a direction on the grid: the square scaled to 0 … n − 1. */
+static void place_of(struct vec3 d, int n, double ret[2]) {
+    const double sum = fabs(d.x) + fabs(d.y) + d.z;
+    ret[0] = (1 + (d.x + d.y) / sum) / 2 * (n - 1);
+    ret[1] = (1 + (d.x - d.y) / sum) / 2 * (n - 1);
+}
+
+static double grid_corner(const struct scene *s, int texel_i, int texel_j, const int at[4],
+                          gboolean sky, int c) {
+    struct direction_weights g, h;
+    const double step = 2.0 / (s->n_grid - 1);
+    const struct vec3 v = directions_from_square(-1 + step * at[0], -1 + step * at[1]);
+    const struct vec3 l = directions_from_square(-1 + step * at[2], -1 + step * at[3]);
+    struct scene without = *s;
+    without.ambient = sky ? 1 : 0;
+    directions_weights(s->views, v, &g);
+    directions_weights(s->lights, l, &h);
+    return texel_value(&without, texel_i, texel_j, &g, &h, sky ? 0 : directions_fade(s->lights, l),
+                       c);
+}
+
+/* Linear in the simplex: from a corner of the cell, step by step along the coordinate that has most
+ * left; with only two coordinates, that of the views, for the sky. */
+static double grid_value(const struct scene *s, int i, int j, struct vec3 v, struct vec3 l,
+                         gboolean sky, int c) {
+    const int n = sky ? 2 : 4;
+    double at[4], left[4], before = 1, sum = 0;
+    int corner[4] = {0};
+    gboolean stepped[4] = {FALSE};
+    place_of(v, s->n_grid, at);
+    place_of(l, s->n_grid, at + 2);
+    for (int k = 0; k < 4; k++) {
+        corner[k] = MIN((int)floor(at[k]), s->n_grid - 2);
+        left[k] = at[k] - corner[k];
+    }
+    for (int k = 0; k <= n; k++) {
+        int most = -1;
+        for (int m = 0; m < n; m++)
+            if (!stepped[m] && (most < 0 || left[m] > left[most]))
+                most = m;
+        const double next = most < 0 ? 0 : left[most];
+        sum += (before - next) * grid_corner(s, i, j, corner, sky, c);
+        before = next;
+        if (most >= 0) {
+            corner[most]++;
+            stepped[most] = TRUE;
+        }
+    }
+    return sum;
+}
+
 static struct vec3 vec_of(const float *p) {
     return (struct vec3){p[0], p[1], p[2]};
 }
@@ -128,7 +181,12 @@ static gboolean expected(const struct scene *s, const float *at, const float *v,
         double corners[2][2];
         for (int b = 0; b < 2; b++)
             for (int a = 0; a < 2; a++)
-                corners[b][a] = texel_value(s, i + a, j + b, &g, &h, fade, c);
+                corners[b][a] = s->n_grid == 0
+                                    ? texel_value(s, i + a, j + b, &g, &h, fade, c)
+                                    : grid_value(s, i + a, j + b, vec_of(v), vec_of(l), FALSE, c);
+        for (int k = 0; s->n_grid > 0 && s->ambient > 0 && k < 4; k++)
+            corners[k / 2][k % 2] +=
+                s->ambient * grid_value(s, i + k % 2, j + k / 2, vec_of(v), vec_of(l), TRUE, c);
         if (s->nearest)
             ret[c] = corners[fy > 0.5][fx > 0.5];
         else
@@ -169,14 +227,18 @@ static void compare_picture(const struct scene *s, View *view,
         g_free(given[k]);
 }
 
-static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient) {
+static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient,
+                       int n_grid) {
     g_autoptr(GError) error = NULL;
     struct lpca *lpca = make_lpca(n_clusters, n_components);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
     view_set_mesh(view, mesh, &error);
-    view_set_method(view, &method_lpca, lpca_view_new(lpca, &error), &error);
+    if (n_grid == 0)
+        view_set_method(view, &method_lpca, lpca_view_new(lpca, &error), &error);
+    else
+        view_set_method(view, &method_lpca_grid, lpca_grid_new(lpca, n_grid, &error), &error);
     g_assert_no_error(error);
     struct view_settings settings = view_settings_default;
     settings.camera_distance = 3;
@@ -191,7 +253,7 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
         directions_new(lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
     g_autofree float *sky = g_new0(float, lpca->n_lights);
     directions_sky(lights, sky);
-    const struct scene scene = {lpca, views, lights, sky, ambient, nearest};
+    const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
     compare_picture(&scene, view, &settings);
     mesh_free(mesh);
     lpca_free(lpca);
@@ -215,17 +277,28 @@ static void tear_down(struct fixture *f, gconstpointer data) {
 static void test_formula(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    check_case(5, 6, TRUE, 0);
-    check_case(5, 6, FALSE, 0);
-    check_case(5, 3, FALSE, 0.5);
-    check_case(1, 1, FALSE, 0);
+    check_case(5, 6, TRUE, 0, 0);
+    check_case(5, 6, FALSE, 0, 0);
+    check_case(5, 3, FALSE, 0.5, 0);
+    check_case(1, 1, FALSE, 0, 0);
+}
+
+static void test_grid(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_case(5, 2, TRUE, 0, 5);
+    check_case(3, 5, TRUE, 0.5, 4);
+    check_case(2, 1, FALSE, 0, 3);
 }
 
 static void refuse_lpca(struct lpca *lpca, const char *said) {
     g_autoptr(GError) error = NULL;
+    g_autoptr(GError) of_grid = NULL;
     g_assert_null(lpca_view_new(lpca, &error));
     g_assert_nonnull(error);
     g_assert_nonnull(strstr(error->message, said));
+    g_assert_null(lpca_grid_new(lpca, 4, &of_grid));
+    g_assert_cmpstr(of_grid->message, ==, error->message);
     lpca_free(lpca);
 }
 
@@ -255,6 +328,7 @@ static void test_bad(struct fixture *f, gconstpointer data) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add("/lpca-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
+    g_test_add("/lpca-view/grid", struct fixture, NULL, set_up, test_grid, tear_down);
     g_test_add("/lpca-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
     return g_test_run();
 }

@@ -1,0 +1,212 @@
+/* Local PCA drawn by the pairs of measured directions (seed 000 §4, the baseline) and on a grid of
+ * directions: time a frame, and how far the pictures differ. On a torus of a material made up of
+ * glossy lobes on 81 × 81 directions, or of a file. */
+#include "processing/lpca.h"
+#include "renderer/gpu.h"
+#include "renderer/lpca_grid.h"
+#include "renderer/lpca_view.h"
+#include "renderer/scene.h"
+#include "renderer/view.h"
+
+#include <locale.h>
+#include <math.h>
+#include <stdlib.h>
+
+#define TEXELS   64
+#define CLUSTERS 32
+#define LIMIT    2.0 /* at least so many times as fast, on a processor */
+
+static void directions_81(float **ret_theta, float **ret_phi) {
+    static const int counts[] = {1, 6, 12, 18, 20, 24};
+    int n = 0;
+    *ret_theta = g_new(float, 81);
+    *ret_phi = g_new(float, 81);
+    for (int ring = 0; ring < 6; ring++)
+        for (int k = 0; k < counts[ring]; k++, n++) {
+            (*ret_theta)[n] = 15.0f * ring;
+            (*ret_phi)[n] = 360.0f * k / counts[ring];
+        }
+}
+
+static void unit(float theta_deg, float phi_deg, double ret[3]) {
+    const double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
+    ret[0] = sin(theta) * cos(phi);
+    ret[1] = sin(theta) * sin(phi);
+    ret[2] = cos(theta);
+}
+
+/* A Blinn lobe around a normal of its own, times n·l. */
+static double lobe(const double v[3], const double l[3], double exponent, const double n[3]) {
+    double dot = 0, length = 0;
+    for (int k = 0; k < 3; k++) {
+        const double h = v[k] + l[k];
+        dot += h * n[k];
+        length += h * h;
+    }
+    return l[2] * pow(fmax(dot / sqrt(length), 0), exponent);
+}
+
+/* Component 0 of a cluster is a diffuser with a lobe, the others narrower lobes that lean about. */
+static void fill_component(struct lpca *p, GRand *random, int i, float *values) {
+    double n[3];
+    const double exponent = i == 0 ? 6 : g_rand_double_range(random, 4, 40);
+    unit((float)(i == 0 ? 0 : g_rand_double_range(random, 0, 40)),
+         (float)g_rand_double_range(random, 0, 360), n);
+    for (int v = 0; v < p->n_views; v++)
+        for (int l = 0; l < p->n_lights; l++, values += 3) {
+            double from[3], to[3];
+            unit(p->view_theta_deg[v], p->view_phi_deg[v], to);
+            unit(p->light_theta_deg[l], p->light_phi_deg[l], from);
+            const double value = lobe(to, from, exponent, n);
+            values[0] = (float)(i == 0 ? 0.4 * from[2] + 0.3 * value : value);
+            values[1] = (float)(i == 0 ? 0.3 * from[2] + 0.3 * value : 0.9 * value);
+            values[2] = (float)(i == 0 ? 0.2 * from[2] + 0.3 * value : 0.8 * value);
+        }
+}
+
+static struct lpca *make_lpca(int n_components) {
+    g_autoptr(GRand) random = g_rand_new_with_seed(1);
+    struct lpca *p = g_new0(struct lpca, 1);
+    p->name = g_strdup("lobes");
+    p->width = p->height = TEXELS;
+    p->n_views = p->n_lights = 81;
+    p->n_clusters = CLUSTERS;
+    p->n_components = n_components;
+    directions_81(&p->view_theta_deg, &p->view_phi_deg);
+    directions_81(&p->light_theta_deg, &p->light_phi_deg);
+    const gsize size = 3 * (gsize)p->n_views * p->n_lights;
+    p->clusters = g_new(int, TEXELS *TEXELS);
+    p->weights = g_new(float, TEXELS *TEXELS *n_components);
+    p->scales = g_new(float, CLUSTERS *(n_components + 1));
+    p->brdfs = g_new(float, size *CLUSTERS *(n_components + 1));
+    for (int k = 0; k < CLUSTERS * (n_components + 1); k++) {
+        p->scales[k] = 1;
+        fill_component(p, random, k % (n_components + 1), p->brdfs + size * k);
+    }
+    /* Patches of 4 × 4 texels, as clusters of real materials are patches. */
+    for (int k = 0; k < TEXELS * TEXELS; k++)
+        p->clusters[k] = (k / TEXELS / 4 * 7 + k % TEXELS / 4 * 5) % CLUSTERS;
+    for (int k = 0; k < TEXELS * TEXELS * n_components; k++)
+        p->weights[k] = (float)g_rand_double_range(random, -0.1, 0.2);
+    return p;
+}
+
+static int by_value(gconstpointer a, gconstpointer b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Median milliseconds a frame, camera and light moving. */
+static gboolean time_frames(View *view, int frames, double *ret_ms, GError **error) {
+    struct view_settings s = view_settings_default;
+    g_autofree double *ms = g_new0(double, frames);
+    struct gpu_target target = {0};
+    gboolean good = gpu_target_resize(&target, 800, 600, 0x8058 /* GL_RGBA8 */, FALSE, error);
+    s.samples = 1;
+    s.ambient = 0;
+    for (int k = -1; good && k < frames; k++) {
+        s.camera_azimuth_deg = 40 + 7 * k;
+        s.light_phi_deg = 100 - 11 * k;
+        const gint64 start = g_get_monotonic_time();
+        good = view_draw(view, &s, target.framebuffer, 800, 600, error);
+        view_finish();
+        ms[MAX(k, 0)] = (double)(g_get_monotonic_time() - start) * 1e-3;
+    }
+    gpu_target_clear(&target);
+    qsort(ms, frames, sizeof(double), by_value);
+    *ret_ms = ms[frames / 2];
+    return good;
+}
+
+static float *picture(View *view, GError **error) {
+    struct view_settings s = view_settings_default;
+    s.ambient = 0;
+    return view_render_linear(view, &s, 400, 300, error);
+}
+
+struct result {
+    int n_components, n_grid;
+    double pairs_ms, grid_ms, difference; /* RMS, relative to the RMS of the picture by pairs */
+};
+
+static gboolean measure(const struct lpca *lpca, View *view, int frames, struct result *r,
+                        GError **error) {
+    if (!view_set_method(view, &method_lpca, lpca_view_new(lpca, error), error) ||
+        !time_frames(view, frames, &r->pairs_ms, error))
+        return FALSE;
+    g_autofree float *by_pairs = picture(view, error);
+    if (!by_pairs ||
+        !view_set_method(view, &method_lpca_grid, lpca_grid_new(lpca, r->n_grid, error), error) ||
+        !time_frames(view, frames, &r->grid_ms, error))
+        return FALSE;
+    g_autofree float *by_grid = picture(view, error);
+    double off = 0, all = 0;
+    for (gsize k = 0; by_grid && k < 4 * 400 * 300; k++)
+        if (k % 4 < 3 && by_pairs[k / 4 * 4 + 3] > 0) {
+            off += pow(by_grid[k] - by_pairs[k], 2);
+            all += pow(by_pairs[k], 2);
+        }
+    r->difference = sqrt(off / all);
+    return by_grid != NULL;
+}
+
+static void tell(const struct result *r, gboolean json, gboolean first) {
+    const double ratio = r->pairs_ms / r->grid_ms;
+    if (json)
+        g_print("%s{\"components\": %d, \"grid\": %d, \"pairs_ms\": %.2f, \"grid_ms\": %.2f, "
+                "\"ratio\": %.3f, \"limit\": %.1f, \"rms_difference\": %.4f}",
+                first ? "" : ", ", r->n_components, r->n_grid, r->pairs_ms, r->grid_ms, ratio,
+                LIMIT, r->difference);
+    else
+        g_print("c = %d, grid of %2d: pairs %.1f ms, grid %.1f ms, ratio %.2f (limit %.1f), RMS "
+                "difference %.2f %%\n",
+                r->n_components, r->n_grid, r->pairs_ms, r->grid_ms, ratio, LIMIT,
+                100 * r->difference);
+}
+
+static gboolean bench(const char *file, int frames, gboolean json, GError **error) {
+    static const struct {
+        int n_components, n_grid;
+    } cases[] = {{2, 12}, {4, 12}, {8, 8}, {8, 12}, {8, 16}};
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    g_autoptr(View) view = gpu ? view_new(NULL, error) : NULL;
+    struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
+    gboolean good = view && view_set_mesh(view, mesh, error);
+    g_print(json ? "{\"renderer\": \"%s\", \"cases\": [" : "%s, 800 × 600, torus\n",
+            gpu ? gpu_renderer() : "");
+    for (gsize k = 0; good && k < G_N_ELEMENTS(cases); k++) {
+        struct result r = {cases[k].n_components, cases[k].n_grid, 0, 0, 0};
+        struct lpca *whole = file ? lpca_read(file, error) : make_lpca(r.n_components);
+        struct lpca *lpca =
+            whole ? lpca_truncated(whole, MIN(r.n_components, whole->n_components)) : NULL;
+        good = lpca && measure(lpca, view, frames, &r, error);
+        if (good)
+            tell(&r, json, k == 0);
+        lpca_free(whole);
+        lpca_free(lpca);
+    }
+    g_print(json ? "]}\n" : "");
+    mesh_free(mesh);
+    return good;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
+    gboolean json = FALSE;
+    int frames = 5;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
+        {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 5", "N"},
+        {NULL}};
+    g_autoptr(GOptionContext) context = g_option_context_new("[lpca.exr]");
+    g_autoptr(GError) error = NULL;
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || argc > 2) {
+        g_printerr("bench_lpca_rendering: %s\n", error ? error->message : "bad arguments");
+        return 2;
+    }
+    if (bench(argc > 1 ? argv[1] : NULL, frames, json, &error))
+        return 0;
+    g_printerr("bench_lpca_rendering: %s\n", error->message);
+    return 1;
+}
