@@ -213,7 +213,7 @@ static gboolean check_covariances(const struct reader *r, const struct calibrati
 }
 
 static gboolean is_rigs(const char *group) {
-    static const char *const prefixes[] = {"camera ", "lamp ", "laser "};
+    static const char *const prefixes[] = {"camera ", "lamp ", "laser ", "mark "};
 
     if (strcmp(group, "rig") == 0 || strcmp(group, "end") == 0)
         return TRUE;

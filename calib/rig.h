@@ -19,6 +19,7 @@
 #define RIG_MAX_CAMERAS 16
 #define RIG_MAX_LAMPS   16
 #define RIG_MAX_LASERS  16
+#define RIG_MAX_MARKS   16
 #define RIG_NAME        32
 
 /* A pinhole with Brown distortion, OpenCV's convention: the centre of the top left pixel is (0, 0),
@@ -64,6 +65,15 @@ struct rig_laser {
     double stretch;     /* of the sweep: how much further it turns than it is told, relative */
 };
 
+/* A matt white disc that lies level beside the sample, fixed to the turntable: what is seen of it
+ * tells a lamp's output, and whether a camera or the turntable's zero has moved (marks.h). */
+struct rig_mark {
+    char name[RIG_NAME];
+    struct vec3 centre_mm; /* of its face, sample frame */
+    double radius_mm;
+    double reflectance[3]; /* at the cameras' red, green, blue */
+};
+
 struct rig {
     char id[64]; /* which rig this is; a calibration of another one is refused */
     struct rig_camera cameras[RIG_MAX_CAMERAS];
@@ -73,6 +83,8 @@ struct rig {
     struct rig_laser lasers[RIG_MAX_LASERS];
     int n_lasers;
     struct rig_arc arc;
+    struct rig_mark marks[RIG_MAX_MARKS];
+    int n_marks;
     double arc_radius_mm; /* of the arc's inner edge, and */
     double arc_width_mm;  /* its width across: together what it hides from a camera */
 };

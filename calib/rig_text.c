@@ -57,6 +57,14 @@ static const struct field laser_fields[] = {
     {NULL},
 };
 
+#define MARK(member) offsetof(struct rig_mark, member)
+static const struct field mark_fields[] = {
+    {"centre_mm", MARK(centre_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"radius_mm", MARK(radius_mm), 1, FALSE, 1e-3, FIELD_LARGE},
+    {"reflectance", MARK(reflectance), 3, FALSE, 0.01, 2},
+    {NULL},
+};
+
 static void write_device(GString *text, const char *what, int index, const char *name,
                          const struct field *fields, gconstpointer from) {
     g_string_append_printf(text, "\n[%s %d]\n", what, index);
@@ -70,6 +78,8 @@ char *rig_to_text(const struct rig *rig) {
     fields_write_string(text, "id", rig->id);
     g_string_append_printf(text, "cameras=%d\nlamps=%d\nlasers=%d\n", rig->n_cameras, rig->n_lamps,
                            rig->n_lasers);
+    if (rig->n_marks > 0)
+        g_string_append_printf(text, "marks=%d\n", rig->n_marks);
     fields_write(text, rig_fields, rig);
     for (int i = 0; i < rig->n_cameras; i++)
         write_device(text, "camera", i, rig->cameras[i].name, camera_fields, &rig->cameras[i]);
@@ -77,6 +87,8 @@ char *rig_to_text(const struct rig *rig) {
         write_device(text, "lamp", i, rig->lamps[i].name, lamp_fields, &rig->lamps[i]);
     for (int i = 0; i < rig->n_lasers; i++)
         write_device(text, "laser", i, rig->lasers[i].name, laser_fields, &rig->lasers[i]);
+    for (int i = 0; i < rig->n_marks; i++)
+        write_device(text, "mark", i, rig->marks[i].name, mark_fields, &rig->marks[i]);
     g_string_append(text, "\n[end]\ncomplete=yes\n");
     return g_string_free(text, FALSE);
 }
@@ -143,8 +155,18 @@ static gboolean read_counts(const struct reader *r, struct rig *rig, GError **er
          TRUE},
         {NULL},
     };
-    static const char *const others[] = {"format", "id", NULL};
+    static const struct field marks[] = {
+        {"marks", offsetof(struct rig, n_marks), 1, TRUE, 0, RIG_MAX_MARKS},
+        {NULL},
+    };
+    static const char *const others[] = {"format", "id", "marks", NULL};
+    static const char *const all[] = {"format",        "id",           "cameras", "lamps", "lasers",
+                                      "arc_radius_mm", "arc_width_mm", NULL};
 
+    /* Rigs without marks do not say so. */
+    if (g_key_file_has_key(r->file, "rig", "marks", NULL) &&
+        !fields_read(r->file, r->path, "rig", marks, all, rig, error))
+        return FALSE;
     return fields_read_name(r->file, r->path, "rig", "id", rig->id, sizeof rig->id, error) &&
            fields_read(r->file, r->path, "rig", counts, others, rig, error);
 }
@@ -154,7 +176,10 @@ static gboolean check_groups(const struct reader *r, const struct rig *rig, GErr
     const struct {
         const char *prefix;
         int n;
-    } devices[] = {{"camera ", rig->n_cameras}, {"lamp ", rig->n_lamps}, {"laser ", rig->n_lasers}};
+    } devices[] = {{"camera ", rig->n_cameras},
+                   {"lamp ", rig->n_lamps},
+                   {"laser ", rig->n_lasers},
+                   {"mark ", rig->n_marks}};
     g_auto(GStrv) groups = g_key_file_get_groups(r->file, NULL);
 
     for (char **group = groups; *group; group++)
@@ -186,6 +211,9 @@ static gboolean read_rig(struct reader *r, struct rig *rig, GError **error) {
             return FALSE;
     for (int i = 0; i < rig->n_lasers; i++)
         if (!read_device(r, "laser", i, rig->lasers[i].name, laser_fields, &rig->lasers[i], error))
+            return FALSE;
+    for (int i = 0; i < rig->n_marks; i++)
+        if (!read_device(r, "mark", i, rig->marks[i].name, mark_fields, &rig->marks[i], error))
             return FALSE;
     return check_shapes(r, rig, error);
 }

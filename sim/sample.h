@@ -75,6 +75,10 @@ typedef void (*SampleRelief)(struct vertex *vertex, gconstpointer data);
 void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
                        SampleRelief relief, gconstpointer data);
 
+/* A round post with a matt face of an albedo and black sides, of the turntable's height up to z. */
+void sample_add_post(struct mesh *mesh, double x_mm, double y_mm, double z_mm, double radius_mm,
+                     const float albedo[3]);
+
 struct mesh *sample_weave(const struct sample_options *options);
 struct mesh *sample_peanuts(const struct sample_options *options);
 struct mesh *sample_relief(const struct sample_options *options); /* flat, brushed, brick, ridges */

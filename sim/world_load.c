@@ -322,6 +322,44 @@ static gboolean load_laser(World *world, const struct world_options *all,
     return good;
 }
 
+struct mark_options {
+    double x_mm, y_mm, z_mm, radius_mm;
+    struct option_doubles albedo;
+};
+
+#define AT(field) G_STRUCT_OFFSET(struct mark_options, field)
+static const struct option mark_table[] = {
+    {"x_mm", OPTION_DOUBLE, "mm", -1000, 1000, NULL, NULL, AT(x_mm), "of its middle, sample frame"},
+    {"y_mm", OPTION_DOUBLE, "mm", -1000, 1000, NULL, NULL, AT(y_mm), "of its middle"},
+    {"z_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(z_mm),
+     "of its face, above the turntable"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 100, "3", NULL, AT(radius_mm), "of its face"},
+    {"albedo", OPTION_DOUBLES, NULL, 0, 1, "0.95", NULL, AT(albedo),
+     "of its face, one value or three; its sides are black"},
+    {0},
+};
+#undef AT
+
+static gboolean load_mark(World *world, const struct config_section *section, GError **error) {
+    struct mark_options from = {0};
+    if (!options_parse(mark_table, section, NULL, &from, error))
+        return FALSE;
+    float albedo[3];
+    sample_set_rgb(albedo, &from.albedo, 0.95f, 0.95f, 0.95f);
+    sample_add_post(world->mesh, from.x_mm, from.y_mm, from.z_mm, from.radius_mm, albedo);
+    options_clear(mark_table, &from);
+    return TRUE;
+}
+
+static gboolean load_marks(World *world, const Config *config, GError **error) {
+    gsize n = 0;
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++)
+        if (g_str_equal(sections[i].class_name, "mark") && !load_mark(world, &sections[i], error))
+            return FALSE;
+    return TRUE;
+}
+
 static gboolean load_sample(World *world, const struct world_options *all, const Config *config,
                             GError **error) {
     const struct config_section *section = config_find(config, "sample", NULL);
@@ -336,7 +374,7 @@ static gboolean load_sample(World *world, const struct world_options *all, const
         return FALSE;
     world->mesh = sample_new(section, &options, error);
     options_clear(sample_option_table, &options);
-    if (!world->mesh)
+    if (!world->mesh || !load_marks(world, config, error))
         return FALSE;
     struct scene_settings settings = {all->n_gather, all->seed, all->table_albedo,
                                       all->table_radius_mm};
@@ -358,8 +396,9 @@ static gboolean load_section(World *world, const struct world_options *all,
         {"lamp", load_lamp, world->n_lamps, WORLD_MAX_LAMPS},
         {"laser", load_laser, world->n_lasers, WORLD_MAX_LASERS},
     };
-    if (g_str_equal(section->group, "world") || g_str_equal(section->group, "sample"))
-        return TRUE;
+    if (g_str_equal(section->group, "world") || g_str_equal(section->group, "sample") ||
+        g_str_equal(section->class_name, "mark"))
+        return TRUE; /* the world's marks are part of its sample */
     for (gsize i = 0; i < G_N_ELEMENTS(classes); i++) {
         if (!g_str_equal(section->class_name, classes[i].class_name))
             continue;
@@ -374,8 +413,8 @@ static gboolean load_section(World *world, const struct world_options *all,
         return FALSE;
     }
     config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
-                     "a world file has [world], [sample], [camera NAME], [lamp NAME] and "
-                     "[laser NAME]");
+                     "a world file has [world], [sample], [camera NAME], [lamp NAME], "
+                     "[laser NAME] and [mark NAME]");
     return FALSE;
 }
 

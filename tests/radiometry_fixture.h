@@ -81,6 +81,15 @@ static inline void fixture_rig(struct rig *rig) {
     }
 }
 
+/* Where a lamp truly looks: its aim tilted along and across the arc, as sim/world_load.c says. */
+static inline struct vec3 fixture_aim(int lamp) {
+    double theta = fixture_lamps[lamp].theta_deg * G_PI / 180;
+    double along = tan(fixture_lamps[lamp].aim_deg[0] * G_PI / 180);
+    double across = tan(fixture_lamps[lamp].aim_deg[1] * G_PI / 180);
+    return vec3_unit(
+        vec3(-sin(theta) - along * cos(theta), across, -cos(theta) + along * sin(theta)));
+}
+
 struct fixture_pose {
     int lamp;
     double turntable_deg, arc_deg;
