@@ -13,7 +13,8 @@
  */
 #pragma once
 
-#include "rig.h"
+#include "photon_transfer.h"
+#include "radiometry.h"
 
 enum calibration_kind {
     CALIBRATION_CAMERAS, /* and the turntable */
@@ -75,12 +76,36 @@ struct calibration_laser { /* with rig.lasers; standard errors */
     double position_mm[3], axis_rad, normal_rad;
 };
 
+struct calibration_noise { /* with rig.cameras */
+    gboolean known;
+    struct transfer transfer;
+};
+
+struct calibration_mark { /* with rig.marks; standard errors */
+    gboolean known;
+    double centre_mm[3], reflectance[3];
+};
+
+/* What brings a white balanced R G B (1 1 1: the tile's reflectance of one) to CIE XYZ under the
+ * light that the chart's values are given for. */
+struct calibration_colour {
+    gboolean known;
+    double matrix[9], error[9]; /* rows X Y Z */
+    double residual;            /* RMS of the patches' ΔE*ab */
+    int patches;
+};
+
 struct calibration {
     struct rig rig;
     struct calibration_part parts[CALIBRATION_PARTS];
     struct calibration_camera cameras[RIG_MAX_CAMERAS];
     struct calibration_lamp lamps[RIG_MAX_LAMPS];
     struct calibration_laser lasers[RIG_MAX_LASERS];
+    struct radiometry_camera camera_radiometry[RIG_MAX_CAMERAS];
+    struct radiometry_lamp lamp_radiometry[RIG_MAX_LAMPS];
+    struct calibration_noise noise[RIG_MAX_CAMERAS];
+    struct calibration_mark marks[RIG_MAX_MARKS];
+    struct calibration_colour colour;
     GKeyFile *extra; /* sections that are not ours */
 };
 

@@ -47,6 +47,57 @@ static const struct field laser_fields[] = {
     {NULL},
 };
 
+#define RADIOMETRY(member) offsetof(struct radiometry_camera, member)
+static const struct field radiometry_fields[] = {
+    {"colour", RADIOMETRY(colour), 3, FALSE, 1e-3, 1e3},
+    {"flat", RADIOMETRY(flat), RADIOMETRY_FLAT, FALSE, -3, 3},
+    {"response_error", RADIOMETRY(response_error), 1, FALSE, 0, 10},
+    {"colour_error", RADIOMETRY(colour_error), 3, FALSE, 0, 1e3},
+    {"flat_error", RADIOMETRY(flat_error), RADIOMETRY_FLAT, FALSE, 0, 10},
+    {"cells", RADIOMETRY(cells), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+#define LIGHT(member) offsetof(struct radiometry_lamp, member)
+static const struct field light_fields[] = {
+    {"colour", LIGHT(colour), 3, FALSE, 1e-3, 1e3},
+    {"intensity_error", LIGHT(intensity_error), 1, FALSE, 0, 10},
+    {"exponent_error", LIGHT(exponent_error), 1, FALSE, 0, 1e6},
+    {"aim_error_rad", LIGHT(aim_error_rad), 1, FALSE, 0, 10},
+    {"colour_error", LIGHT(colour_error), 3, FALSE, 0, 1e3},
+    {"shots", LIGHT(shots), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+#define NOISE(member) offsetof(struct calibration_noise, transfer.member)
+static const struct field noise_fields[] = {
+    {"black_dn", NOISE(black_dn), 2, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"dark_dn_s", NOISE(dark_dn_s), 2, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"gain_dn_e", NOISE(gain_dn_e), 2, FALSE, 0, FIELD_LARGE},
+    {"read_noise_e", NOISE(read_noise_e), 2, FALSE, 0, FIELD_LARGE},
+    {"curvature", NOISE(curvature), 2, FALSE, -10, 10},
+    {"linearity", NOISE(linearity), 1, FALSE, 0, 10},
+    {"quality", NOISE(quality), 1, FALSE, 0, FIELD_LARGE},
+    {"points", NOISE(n_points), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+#define MARK(member) offsetof(struct calibration_mark, member)
+static const struct field mark_fields[] = {
+    {"centre_mm", MARK(centre_mm), 3, FALSE, 0, FIELD_LARGE},
+    {"reflectance", MARK(reflectance), 3, FALSE, 0, 10},
+    {NULL},
+};
+
+#define COLOUR(member) offsetof(struct calibration_colour, member)
+static const struct field colour_fields[] = {
+    {"matrix", COLOUR(matrix), 9, FALSE, -100, 100},
+    {"error", COLOUR(error), 9, FALSE, 0, 100},
+    {"residual", COLOUR(residual), 1, FALSE, 0, 1000},
+    {"patches", COLOUR(patches), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
 /* Sections "[PREFIX i]": one an element of an array, if its `known`, the first member, is set.
  * count: offset in struct rig of how many there may be; NONE: one, called "[PREFIX]". */
 #define NONE G_MAXSIZE
@@ -61,6 +112,17 @@ static const struct group {
      sizeof(struct calibration_lamp), lamp_fields},
     {"laser errors", offsetof(struct rig, n_lasers), offsetof(struct calibration, lasers),
      sizeof(struct calibration_laser), laser_fields},
+    {"camera radiometry", offsetof(struct rig, n_cameras),
+     offsetof(struct calibration, camera_radiometry), sizeof(struct radiometry_camera),
+     radiometry_fields},
+    {"lamp radiometry", offsetof(struct rig, n_lamps),
+     offsetof(struct calibration, lamp_radiometry), sizeof(struct radiometry_lamp), light_fields},
+    {"camera noise", offsetof(struct rig, n_cameras), offsetof(struct calibration, noise),
+     sizeof(struct calibration_noise), noise_fields},
+    {"mark errors", offsetof(struct rig, n_marks), offsetof(struct calibration, marks),
+     sizeof(struct calibration_mark), mark_fields},
+    {"colour", NONE, offsetof(struct calibration, colour), sizeof(struct calibration_colour),
+     colour_fields},
 };
 
 static int count_of(const struct group *group, const struct rig *rig) {

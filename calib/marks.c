@@ -49,10 +49,10 @@ static struct node node_at(const struct measuring *m, int x, int y) {
     const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
     struct vec3 ray = rig_pixel_ray(m->camera, x, y);
     struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
-    struct vec3 way = vec3_sub(rig_lamp_position_mm(lamp, s->arc_rad), p);
+    struct vec3 way = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
     double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) / G_PI *
-                   MAX(way.z / vec3_length(way), 0) * rig_lamp_irradiance(lamp, s->arc_rad, p) *
-                   1e-3;
+                   MAX(way.z / vec3_length(way), 0) *
+                   rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
     return (struct node){p.x, p.y, white};
 }
 

@@ -75,10 +75,10 @@ static gboolean on_tile(const struct tile *tile, struct vec3 point_mm, double tu
 
 static double expected(const struct measuring *m, struct vec3 p, int x, int y, int colour) {
     const struct rig_lamp *lamp = &m->rig->lamps[m->shot->lamp];
-    struct vec3 way = vec3_sub(rig_lamp_position_mm(lamp, m->shot->arc_rad), p);
+    struct vec3 way = vec3_sub(rig_lamp_position_mm(&m->rig->arc, lamp, m->shot->arc_rad), p);
     double cosine = MAX(way.z / vec3_length(way), 0);
     return m->camera->response * nominal_flat(m->camera, x, y) * m->tile->reflectance[colour] /
-           G_PI * cosine * rig_lamp_irradiance(lamp, m->shot->arc_rad, p);
+           G_PI * cosine * rig_lamp_irradiance(&m->rig->arc, lamp, m->shot->arc_rad, p);
 }
 
 static void add_pixel(struct measuring *m, int x, int y) {

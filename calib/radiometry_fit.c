@@ -81,8 +81,8 @@ static double lamp_row(const struct problem *p, const struct tile_cell *cell, st
     const struct tile_shot *shot = &p->shots[cell->shot];
     const struct rig_lamp *lamp = &p->rig->lamps[shot->lamp];
     const double *x = p->x + lamp_at(p, shot->lamp);
-    struct vec3 way =
-        vec3_unit(vec3_sub(rig_turn(cell->point_mm, -shot->arc_rad), lamp->position_mm));
+    struct vec3 way = vec3_unit(vec3_sub(
+        rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), lamp->position_mm));
     struct vec3 aim = tilted_aim(lamp, x[4], x[5]), e1, e2;
     double exponent = lamp->exponent + x[3], cosine = MAX(vec3_dot(way, aim), 1e-3);
     across(lamp, &e1, &e2);

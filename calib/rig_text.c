@@ -147,6 +147,7 @@ static gboolean read_counts(const struct reader *r, struct rig *rig, GError **er
         {"cameras", offsetof(struct rig, n_cameras), 1, TRUE, 0, RIG_MAX_CAMERAS},
         {"lamps", offsetof(struct rig, n_lamps), 1, TRUE, 0, RIG_MAX_LAMPS},
         {"lasers", offsetof(struct rig, n_lasers), 1, TRUE, 0, RIG_MAX_LASERS},
+        {"marks", offsetof(struct rig, n_marks), 1, TRUE, 0, RIG_MAX_MARKS, TRUE},
         {"arc_radius_mm", offsetof(struct rig, arc_radius_mm), 1, FALSE, 0, FIELD_LARGE},
         {"arc_width_mm", offsetof(struct rig, arc_width_mm), 1, FALSE, 0, FIELD_LARGE},
         {"arc_zero_rad", offsetof(struct rig, arc.zero_rad), 1, FALSE, -G_PI, G_PI, TRUE},
@@ -155,18 +156,8 @@ static gboolean read_counts(const struct reader *r, struct rig *rig, GError **er
          TRUE},
         {NULL},
     };
-    static const struct field marks[] = {
-        {"marks", offsetof(struct rig, n_marks), 1, TRUE, 0, RIG_MAX_MARKS},
-        {NULL},
-    };
-    static const char *const others[] = {"format", "id", "marks", NULL};
-    static const char *const all[] = {"format",        "id",           "cameras", "lamps", "lasers",
-                                      "arc_radius_mm", "arc_width_mm", NULL};
+    static const char *const others[] = {"format", "id", NULL};
 
-    /* Rigs without marks do not say so. */
-    if (g_key_file_has_key(r->file, "rig", "marks", NULL) &&
-        !fields_read(r->file, r->path, "rig", marks, all, rig, error))
-        return FALSE;
     return fields_read_name(r->file, r->path, "rig", "id", rig->id, sizeof rig->id, error) &&
            fields_read(r->file, r->path, "rig", counts, others, rig, error);
 }

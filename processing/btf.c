@@ -31,6 +31,13 @@ static struct exr_part *light_part(const struct btf_view *view, const struct btf
     return part;
 }
 
+/* Of a lamp, in a colour, in this shot: of rig_lamp_irradiance(). */
+static float output_of(const struct btf_light *light, int colour) {
+    double own =
+        light->radiometry && light->radiometry->known ? light->radiometry->colour[colour] : 1;
+    return (float)(own * light->output);
+}
+
 /* L·π / E: what is seen relative to a white diffuser that faces the lamp. */
 static void to_reflectance(const struct btf_view *view, const struct btf_light *light, float *rgb,
                            struct exr_part *part) {
@@ -38,10 +45,11 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
     g_autofree float *irradiance = g_new(float, n);
     rectify_irradiance(light->arc, light->lamp, light->arc_rad, view->turntable_rad, &view->grid,
                        irradiance);
-    for (int i = 0; i < n; i++)
-        for (int c = 0; c < 3; c++)
-            part->planes[2 - c][i] =
-                irradiance[i] > 0 ? rgb[3 * i + c] * (float)G_PI / irradiance[i] : 0;
+    for (int c = 0; c < 3; c++) {
+        float scale = (float)G_PI / output_of(light, c);
+        for (int i = 0; i < n; i++)
+            part->planes[2 - c][i] = irradiance[i] > 0 ? rgb[3 * i + c] * scale / irradiance[i] : 0;
+    }
 }
 
 /* The mosaics of a view, as they are on disk. */
@@ -103,8 +111,8 @@ static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics
 
 static Rectify *new_rectify(const struct btf_view *view, const struct mosaics *mosaics,
                             GError **error) {
-    Rectify *rectify =
-        rectify_new(view->camera, mosaics->cfa, view->turntable_rad, &view->grid, error);
+    Rectify *rectify = rectify_new(view->camera, view->radiometry, mosaics->cfa,
+                                   view->turntable_rad, &view->grid, error);
     if (!rectify)
         return NULL;
     g_autofree float *guide = g_new(float, mosaics->n_pixels);

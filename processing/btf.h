@@ -15,14 +15,17 @@ struct btf_light {
     double theta_deg, phi_deg;
     const struct rig_arc *arc; /* borrowed, as the lamp */
     const struct rig_lamp *lamp;
+    const struct radiometry_lamp *radiometry; /* may be not known */
     double arc_rad;
+    double output; /* of the lamp in this shot, of what it was calibrated at */
     struct input input;
 };
 
 struct btf_view {
     int index; /* of the view */
     double theta_deg, phi_deg;
-    const struct rig_camera *camera; /* borrowed */
+    const struct rig_camera *camera;            /* borrowed, as the next */
+    const struct radiometry_camera *radiometry; /* may be not known */
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */

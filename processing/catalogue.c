@@ -21,6 +21,7 @@ static void clear_rows(struct catalogue *catalogue) {
     g_clear_pointer(&catalogue->frames, g_hash_table_unref);
     g_clear_pointer(&catalogue->by_source, g_hash_table_unref);
     g_clear_pointer(&catalogue->frame_rows, g_ptr_array_unref);
+    g_clear_pointer(&catalogue->outputs, outputs_free);
 }
 
 void catalogue_free(struct catalogue *catalogue) {
@@ -31,6 +32,7 @@ void catalogue_free(struct catalogue *catalogue) {
     g_clear_pointer(&catalogue->lights, g_ptr_array_unref);
     g_clear_pointer(&catalogue->lasers, g_ptr_array_unref);
     g_free(catalogue->calibration);
+    calibration_free(catalogue->known);
     g_free(catalogue);
 }
 
@@ -88,7 +90,8 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
     catalogue->frames = g_hash_table_new(NULL, NULL);
     catalogue->frame_rows = session_frames(session, error);
     catalogue->shots = catalogue->frame_rows ? session_shots(session, error) : NULL;
-    if (!catalogue->shots)
+    catalogue->outputs = catalogue->shots ? outputs_load(session, catalogue->shots, error) : NULL;
+    if (!catalogue->outputs)
         return FALSE;
     for (guint i = 0; i < catalogue->frame_rows->len; i++) {
         struct session_frame *frame = g_ptr_array_index(catalogue->frame_rows, i);
@@ -114,10 +117,11 @@ static gboolean load(struct catalogue *catalogue, Session *session, GError **err
     catalogue->directory = session_path(session);
     catalogue->calibration = session_text(session, "calibration.conf", error);
     if (!catalogue->calibration ||
-        !rig_from_text(&catalogue->rig, catalogue->calibration, path, error) ||
+        !(catalogue->known = calibration_from_text(catalogue->calibration, path, error)) ||
         !session_grid(session, &catalogue->grid, error) ||
         !check_grid(&catalogue->grid, catalogue->directory, error))
         return FALSE;
+    catalogue->rig = catalogue->known->rig;
     catalogue->views = session_views(session, error);
     catalogue->lights = catalogue->views ? session_lights(session, error) : NULL;
     catalogue->lasers = catalogue->lights ? session_lasers(session, error) : NULL;
@@ -197,11 +201,13 @@ static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                               .phi_deg = direction->phi_deg,
                               .arc = &catalogue->rig.arc,
                               .lamp = &catalogue->rig.lamps[shot->device],
+                              .radiometry = &catalogue->known->lamp_radiometry[shot->device],
                               .arc_rad = radians(shot->arc_deg),
+                              .output = outputs_of(catalogue->outputs, shot->id),
                               .input = *input};
     g_array_append_val(btf->lights, light);
-    input_hash(sum, "%d %.17g %.17g %d %.17g %s", light.index, light.theta_deg, light.phi_deg,
-               shot->device, shot->arc_deg, input->sha256);
+    input_hash(sum, "%d %.17g %.17g %d %.17g %.17g %s", light.index, light.theta_deg, light.phi_deg,
+               shot->device, shot->arc_deg, light.output, input->sha256);
 }
 
 enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
@@ -212,6 +218,7 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
     btf->theta_deg = view->theta_deg;
     btf->phi_deg = view->phi_deg;
     btf->camera = &catalogue->rig.cameras[view->device];
+    btf->radiometry = &catalogue->known->camera_radiometry[view->device];
     btf->turntable_rad = radians(view->turntable_deg);
     btf->grid = catalogue->grid;
     btf->lights = g_array_new(FALSE, FALSE, sizeof(struct btf_light));

@@ -5,12 +5,16 @@
 #pragma once
 
 #include "btf.h"
+#include "calib/calibration.h"
 #include "mdf.h"
+#include "outputs.h"
 
 struct catalogue {
-    struct rig rig; /* as calibrated */
+    struct calibration *known;
+    struct rig rig; /* the calibration's */
     struct session_grid grid;
-    char *calibration;                          /* the text of rig */
+    char *calibration;                          /* its text */
+    struct outputs *outputs;                    /* of the lamps */
     GPtrArray *views, *lights, *lasers, *shots; /* as the session gives them */
     GHashTable *frames;                         /* shot and camera → struct session_frame */
     GPtrArray *frame_rows;

@@ -25,7 +25,8 @@ struct Rectify {
     gboolean mono;
     struct rows area;   /* by what each pixel is part of it, times its gain */
     struct rows around; /* smoothly, for a texel's colour */
-    float *ratio;       /* of each pixel: factors to red, green and blue; NULL: no guide */
+    float colour_gain[3];
+    float *ratio; /* of each pixel: factors to red, green and blue; NULL: no guide */
 };
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
@@ -205,17 +206,23 @@ static void append_row(struct rows *rows, int texel, struct weights *weights, co
 }
 
 /* What a pixel's value is multiplied with to be a radiance: DN a millisecond → DN a second, then
- * response and vignetting. */
-static float *pixel_gains(const struct rig_camera *camera) {
-    float *gain = g_new(float, (gsize)camera->width * camera->height);
-    double w = camera->width - 1, h = camera->height - 1, corner2 = 0.25 * (w * w + h * h);
-    for (int y = 0; y < camera->height; y++)
-        for (int x = 0; x < camera->width; x++) {
-            double dx = x - camera->cx_px, dy = y - camera->cy_px;
-            double light = 1 - camera->vignetting * (dx * dx + dy * dy) / corner2;
-            gain[y * camera->width + x] = (float)(1000 / (camera->response * MAX(light, 0.05)));
-        }
+ * response and flat field. Its colour is taken out of the texels, since every pixel counts for
+ * every colour. */
+static float *pixel_gains(const struct rig_camera *camera,
+                          const struct radiometry_camera *radiometry) {
+    float *gain = g_new(float, (gsize)camera->width *(gsize)camera->height);
+    for (int y = 0, i = 0; y < camera->height; y++)
+        for (int x = 0; x < camera->width; x++, i++)
+            gain[i] =
+                (float)(1000 / (camera->response * radiometry_flat(camera, radiometry, x, y)));
     return gain;
+}
+
+static void set_colour_gains(Rectify *rectify, const struct radiometry_camera *radiometry) {
+    gboolean known = radiometry && radiometry->known;
+    for (int c = 0; c < 3; c++)
+        rectify->colour_gain[c] =
+            known ? (float)(1 / radiometry->colour[rectify->mono ? DEMOSAIC_GREEN : c]) : 1;
 }
 
 /* Points a texel and direction, at most SPACING_PX apart. */
@@ -247,11 +254,12 @@ static gboolean check_outside(const Rectify *rectify, const struct rig_camera *c
     return FALSE;
 }
 
-static void fill_rows(Rectify *rectify, const struct rig_camera *camera, double turntable_rad,
+static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
+                      const struct radiometry_camera *radiometry, double turntable_rad,
                       const struct session_grid *grid) {
     int side = points_aside(camera, turntable_rad, grid);
     g_autofree double *x = g_new(double, side *side), *y = g_new(double, side *side);
-    g_autofree float *gain = pixel_gains(camera);
+    g_autofree float *gain = pixel_gains(camera, radiometry);
     struct footprint footprint = {x, y, 0};
     struct weights weights = new_weights(rectify->n_pixels);
     for (int i = 0; i < rectify->n_texels; i++) {
@@ -268,8 +276,9 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera, double 
     free_weights(&weights);
 }
 
-Rectify *rectify_new(const struct rig_camera *camera, const char *cfa, double turntable_rad,
-                     const struct session_grid *grid, GError **error) {
+Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
+                     const char *cfa, double turntable_rad, const struct session_grid *grid,
+                     GError **error) {
     g_autoptr(Rectify) rectify = g_new0(Rectify, 1);
     rectify->n_texels = grid->width * grid->height;
     rectify->width = camera->width;
@@ -281,7 +290,8 @@ Rectify *rectify_new(const struct rig_camera *camera, const char *cfa, double tu
         g_prefix_error(error, "camera %s: ", camera->name);
         return NULL;
     }
-    fill_rows(rectify, camera, turntable_rad, grid);
+    set_colour_gains(rectify, radiometry);
+    fill_rows(rectify, camera, radiometry, turntable_rad, grid);
     if (!check_outside(rectify, camera, turntable_rad, error))
         return NULL;
     return g_steal_pointer(&rectify);
@@ -358,7 +368,7 @@ static gboolean apply_texel(const Rectify *rectify, int texel, const float *mosa
     add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
     gboolean seen = rectify->area.start[texel + 1] > rectify->area.start[texel];
     for (int c = 0; c < 3; c++) {
-        ret_rgb[c] = area.own[c] + area.others[c] * excess(&around, c);
+        ret_rgb[c] = rectify->colour_gain[c] * (area.own[c] + area.others[c] * excess(&around, c));
         seen = seen && isfinite(ret_rgb[c]);
     }
     for (int c = 0; c < 3 && !seen; c++)

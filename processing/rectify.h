@@ -12,15 +12,17 @@
  */
 #pragma once
 
-#include "calib/rig.h"
+#include "calib/radiometry.h"
 #include "session.h"
 
 typedef struct Rectify Rectify;
 
 /* cfa: "mono", "rggb", "bggr", "grbg" or "gbrg"; a mono camera gives three colours alike. Texels
- * outside of the picture are holes; more than 1 % of them are PIPELINE_ERROR_DATA. */
-Rectify *rectify_new(const struct rig_camera *camera, const char *cfa, double turntable_rad,
-                     const struct session_grid *grid, GError **error);
+ * outside of the picture are holes; more than 1 % of them are PIPELINE_ERROR_DATA. radiometry: of
+ * the camera; NULL or not known: nominal vignetting, colours alike. */
+Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
+                     const char *cfa, double turntable_rad, const struct session_grid *grid,
+                     GError **error);
 void rectify_free(Rectify *rectify); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rectify, rectify_free)
 
@@ -31,8 +33,8 @@ int rectify_outside(const Rectify *rectify); /* texels that are holes in every p
 void rectify_guide(Rectify *rectify, const float *mosaic);
 
 /* mosaic: height rows of width, DN a millisecond at 0 dB. ret_rgb: a texel's R, G, B in
- * W·sr⁻¹·m⁻², vignetting taken out. Texels that are outside, or whose pixels are not all finite,
- * are 0; returns how many. */
+ * W·sr⁻¹·m⁻², flat field and colours of the sensor taken out. Texels that are outside, or whose
+ * pixels are not all finite, are 0; returns how many. */
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb);
 
 /* Sample frame, in the reference plane; texel (i, j) covers column i … i+1, row j … j+1. */

@@ -161,6 +161,24 @@ char *session_value(Session *session, const char *key) {
     return one_text(session, "SELECT value FROM value WHERE key = ?1", key, NULL);
 }
 
+GHashTable *session_values(Session *session, const char *prefix, GError **error) {
+    g_autoptr(GHashTable) values = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    g_autoptr(GError) own = NULL;
+    g_autoptr(sqlite3_stmt) statement = session_db_query(
+        session, error, "SELECT key, value FROM value WHERE substr(key, 1, length(?1)) = ?1", "s",
+        prefix);
+
+    if (!statement)
+        return NULL;
+    while (session_db_next(session, statement, &own))
+        g_hash_table_insert(values, g_strdup((const char *)sqlite3_column_text(statement, 0)),
+                            g_strdup((const char *)sqlite3_column_text(statement, 1)));
+    if (!own)
+        return g_steal_pointer(&values);
+    g_propagate_error(error, g_steal_pointer(&own));
+    return NULL;
+}
+
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error) {
     g_autofree char *valid = value ? g_utf8_make_valid(value, -1) : NULL;
 

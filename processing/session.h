@@ -138,6 +138,9 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 char *session_value(Session *session, const char *key); /* NULL: not set; g_free() */
 
+/* All of them whose names begin with prefix: name → value, both owned by the table. */
+GHashTable *session_values(Session *session, const char *prefix, GError **error);
+
 /* Says what a product was made of; checksum and size are taken from the file. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);

@@ -47,7 +47,7 @@ static void check_linear(const char *cfa, const struct pinhole *pinhole, double 
     g_autoptr(GError) error = NULL;
     struct rig_camera camera = pinhole_to_rig(pinhole, "cam");
     camera.response = 1000; /* a DN a millisecond is one unit of radiance */
-    g_autoptr(Rectify) rectify = rectify_new(&camera, cfa, turntable, &grid, &error);
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, cfa, turntable, &grid, &error);
     g_assert_no_error(error);
     g_autofree float *mosaic = linear_mosaic(cfa, &camera), *rgb = g_new(float, 24 * 20 * 3);
     g_assert_cmpint(rectify_apply(rectify, mosaic, rgb), ==, 0);
@@ -77,7 +77,7 @@ static void test_vignetting(void) {
     struct pinhole pinhole = camera_at(30, 1664);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
     camera.vignetting = 0.3;
-    g_autoptr(Rectify) rectify = rectify_new(&camera, "rggb", 1, &grid, NULL);
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rggb", 1, &grid, NULL);
     g_autofree float *mosaic = g_new(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
     for (int y = 0; y < 160; y++)
         for (int x = 0; x < 160; x++) {
@@ -97,7 +97,7 @@ static void test_energy(void) {
         pinhole.focal_px = p * 645 / 1.5;
         struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
         camera.response = 1000;
-        g_autoptr(Rectify) rectify = rectify_new(&camera, "mono", 0, &grid, NULL);
+        g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "mono", 0, &grid, NULL);
         g_autofree float *mosaic = g_new0(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
         double sum[3] = {0};
         mosaic[160 * 78 + 80] = 4;
@@ -116,7 +116,7 @@ static void test_detail(void) {
     struct pinhole pinhole = camera_at(15, 1664);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
     camera.response = 1000;
-    g_autoptr(Rectify) rectify = rectify_new(&camera, "rggb", 0, &grid, NULL);
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rggb", 0, &grid, NULL);
     g_autofree float *mosaic = g_new(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
     for (int y = 0; y < 160; y++)
         for (int x = 0; x < 160; x++)
@@ -147,7 +147,7 @@ static void test_border(void) {
             struct pinhole pinhole = {size, size - 16, 0, 645 + 5, 1664};
             struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
             camera.response = 1000;
-            g_autoptr(Rectify) rectify = rectify_new(&camera, filters[f], 0, &grid, NULL);
+            g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, filters[f], 0, &grid, NULL);
             if (!rectify) /* a picture that is too small is refused */
                 continue;
             int n = camera.width * camera.height;
@@ -164,7 +164,7 @@ static void test_border(void) {
 static void test_holes(void) {
     struct pinhole pinhole = camera_at(15, 1664);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
-    g_autoptr(Rectify) rectify = rectify_new(&camera, "rggb", 0, &grid, NULL);
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rggb", 0, &grid, NULL);
     g_autofree float *mosaic = g_new(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
     for (int i = 0; i < 160 * 160; i++)
         mosaic[i] = 1;
@@ -185,7 +185,7 @@ static void test_outside(void) {
     g_autoptr(GError) error = NULL;
     struct pinhole pinhole = camera_at(15, 5000);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam7");
-    g_assert_null(rectify_new(&camera, "rggb", 0, &grid, &error));
+    g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
     g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
     g_assert_nonnull(strstr(error->message, "cam7"));
     g_assert_nonnull(strstr(error->message, "calibrate"));
@@ -193,14 +193,14 @@ static void test_outside(void) {
     pinhole.focal_px = 1664;
     camera = pinhole_to_rig(&pinhole, "cam7");
     camera.translation_mm.z = -650; /* behind the camera */
-    g_assert_null(rectify_new(&camera, "rggb", 0, &grid, &error));
+    g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
     g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
     g_clear_error(&error);
     camera.translation_mm.z = NAN;
-    g_assert_null(rectify_new(&camera, "rggb", 0, &grid, &error));
+    g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
     g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
     g_clear_error(&error);
-    g_assert_null(rectify_new(&camera, "xtrans", 0, &grid, &error));
+    g_assert_null(rectify_new(&camera, NULL, "xtrans", 0, &grid, &error));
     g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
 }
 
