@@ -37,6 +37,19 @@ int marks_measure(const struct mark_scene *scene, const char *cfa, const float *
  * none. */
 gboolean marks_output(const struct mark_seen *seen, int n, double *ret_output, double *ret_error);
 
+/* What sightings at several turntable angles, by several cameras, say of one mark. */
+struct mark_fit {
+    struct vec3 centre_mm;
+    double centre_error_mm[3];
+    double white, white_error; /* of the reflectance that the rig says it has */
+    int n_seen;
+};
+
+/* Among n sightings those of the mark. Cameras and turntable are taken to be right; if they are not
+ * calibrated, place is FALSE: the mark stays where the rig has it. FALSE: seen too seldom. */
+gboolean marks_fit(const struct rig *rig, const struct mark_seen *seen, int n, int mark,
+                   gboolean place, struct mark_fit *ret);
+
 /* Whether marks are where the calibration says; what explains it best if not: the turntable's zero,
  * or one camera after the other. */
 struct marks_check {

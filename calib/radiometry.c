@@ -88,7 +88,8 @@ static void add_pixel(struct measuring *m, int x, int y) {
     struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->tile->top_mm - m->eye.z) / ray.z));
     if (!on_tile(m->tile, p, m->shot->turntable_rad))
         return;
-    int cell = y * m->cells / m->camera->height * CELLS + x * m->cells / m->camera->width;
+    int row = y * m->cells / m->camera->height, column = x * m->cells / m->camera->width;
+    int cell = row * CELLS + column;
     int colour = colour_at(m->cfa, x, y);
     struct sums *s = &m->sums[cell][colour];
     float value = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x];
@@ -155,7 +156,7 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
     m->cells = CLAMP(MIN(c->width, c->height) / CELL_PX, 1, CELLS);
     m->eye = rig_camera_centre_mm(c);
     /* Whole rows, so that neighbours tell the noise. */
-    int stride = 2 * MAX(c->height / 2 / MOST_ROWS, 1);
+    int stride = 2 * MAX(c->height / (2 * MOST_ROWS), 1);
     for (int y = 0; y + 1 < c->height; y += stride)
         for (int x = 0; x < 2 * c->width; x++)
             add_pixel(m, x % c->width, y + x / c->width);

@@ -7,6 +7,8 @@
 #define GAUGE           1e8 /* weight of what fixes a free sum to zero */
 #define EXPONENT_SD     1.0 /* what is believed of a lamp before it was seen: */
 #define AIM_SD_RAD      0.035
+#define DRIFT_SD        0.05 /* of a lamp from shot to shot; pictures of one shot tell it far better */
+#define MOST_GAIN_ERROR 0.01
 #define OUTLIER         5.0 /* standard deviations */
 #define MOST_OUTLIERS   0.05
 #define MOST_RESIDUAL   0.03
@@ -179,6 +181,8 @@ static void add_priors(struct problem *p) {
     for (int c = 0; c < p->rig->n_cameras; c++)
         for (int i = 0; i < RADIOMETRY_FLAT; i++)
             add_prior(p, camera_at(p, c) + 3 + i, flat_sd[i]);
+    for (int s = 0; s < p->n_shots; s++)
+        add_prior(p, shot_at(p, s), DRIFT_SD);
     for (int l = 0; l < p->rig->n_lamps; l++) {
         add_prior(p, lamp_at(p, l) + 3, EXPONENT_SD);
         add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
@@ -361,10 +365,18 @@ static void store_lamp(const struct problem *p, int l, double worse, struct tile
         sqrt(0.5 * (covariance(p, at + 4, at + 4) + covariance(p, at + 5, at + 5))) * worse;
 }
 
-static gboolean check_flat(const struct rig *rig, const struct tile_fit *fit, GError **error) {
+static gboolean check_errors(const struct rig *rig, const struct tile_fit *fit, GError **error) {
     for (int c = 0; c < rig->n_cameras; c++) {
         /* The slopes and the curvature matter at the picture's edge, where x and r² are about 1. */
         double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
+        if (fit->cameras[c].known && fit->cameras[c].response_error > MOST_GAIN_ERROR) {
+            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                        "camera %s and others never see the tile in the same shot, so that lamps "
+                        "that drift cannot be told from cameras that differ: plan views of all "
+                        "cameras that share turntable angles",
+                        rig->cameras[c].name);
+            return FALSE;
+        }
         if (!fit->cameras[c].known || worst < MOST_FLAT_ERROR)
             continue;
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
@@ -394,7 +406,7 @@ static gboolean finish(struct problem *p, struct tile_fit *ret, GError **error) 
         ret->output[s] = exp(p->x[shot_at(p, s)]);
         ret->output_error[s] = sqrt(covariance(p, shot_at(p, s), shot_at(p, s))) * worse;
     }
-    return check_flat(p->rig, ret, error);
+    return check_errors(p->rig, ret, error);
 }
 
 void tile_fit_clear(struct tile_fit *fit) {

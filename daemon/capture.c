@@ -2,7 +2,9 @@
 
 #include <math.h>
 
+#include "capture_calibration.h"
 #include "capture_check.h"
+#include "capture_marks.h"
 #include "capture_mount.h"
 #include "thumbnail.h"
 
@@ -79,7 +81,14 @@ static gboolean set_up(Capture *capture, GError **error) {
     if (!text || !session_conf_parse(&capture->conf, text, session_path(session), error) ||
         !(capture->shots = session_shots(session, error)))
         return FALSE;
-    struct intake_setup setup = {capture->devices, &capture->conf, session_path(session)};
+    g_autofree char *calibration = session_text(session, "calibration.conf", error);
+    if (!calibration ||
+        !(capture->calibration = calibration_from_text(calibration, session_path(session), error)))
+        return FALSE;
+    struct intake_setup setup = {.devices = capture->devices,
+                                 .conf = &capture->conf,
+                                 .directory = session_path(session),
+                                 .calibration = capture->calibration};
     capture->intake = intake_new(&setup, &intake_hooks);
     capture->sequencer = sequencer_new(capture->devices, &capture->conf, &hooks);
     capture->predicted_s = load_value(session, "predicted_s");
@@ -94,12 +103,13 @@ static gboolean set_up(Capture *capture, GError **error) {
 }
 
 static Session *create_session(struct devices *devices, const struct session_conf *conf,
-                               const char *directory, const struct plan *plan, GError **error) {
-    g_autofree char *calibration = rig_to_text(&devices->geometry);
+                               const char *directory, const struct plan *plan,
+                               const struct calibration *calibration, GError **error) {
+    g_autofree char *text = calibration_to_text(calibration);
     struct session_texts texts = {
         .rig_conf = devices->text,
         .session_conf = conf->text,
-        .calibration = calibration,
+        .calibration = text,
         .rig_path = devices->path,
     };
     return session_create(directory, conf->name, &texts, &plan->session, error);
@@ -113,16 +123,33 @@ static void keep_plan(Capture *capture, const struct plan *plan) {
         capture_tell(capture, "info", "plan", plan->notes->pdata[i]);
 }
 
+/* Which calibration it was is in the session as a whole; here where it came from. */
+static void keep_calibration(Capture *capture, const struct calibration *calibration,
+                             const GPtrArray *warnings) {
+    gboolean calibrated = FALSE;
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibrated |= calibration->parts[i].done;
+    session_set_value(capture->session, "calibration",
+                      calibrated ? capture->devices->calibration_path : "nominal", NULL);
+    for (guint i = 0; i < warnings->len; i++)
+        capture_tell(capture, "warning", "calibration", warnings->pdata[i]);
+}
+
 Capture *capture_start(struct devices *devices, const struct session_conf *conf,
                        const char *directory, const struct capture_callbacks *callbacks,
                        GError **error) {
     struct plan *plan = capture_validate(devices, conf, directory, error);
     if (!plan)
         return NULL;
-    Session *session = create_session(devices, conf, directory, plan, error);
+    g_autoptr(GPtrArray) warnings = NULL;
+    g_autoptr(Calibration) calibration = capture_calibration(devices, &warnings, error);
+    Session *session =
+        calibration ? create_session(devices, conf, directory, plan, calibration, error) : NULL;
     Capture *capture = session ? capture_new(devices, session, callbacks) : NULL;
-    if (capture)
+    if (capture) {
         keep_plan(capture, plan);
+        keep_calibration(capture, calibration, warnings);
+    }
     plan_free(plan);
     if (!capture || !set_up(capture, error)) {
         capture_free(capture);
@@ -159,8 +186,7 @@ static gboolean reload_shots(Capture *capture, GError **error) {
 
 static gboolean check_resumed(Capture *capture, GError **error) {
     g_autofree char *warning = NULL;
-    if (!capture_check_rig(capture->session, capture->shots, &capture->devices->geometry, &warning,
-                           error) ||
+    if (!capture_check_rig(capture->session, capture->shots, capture->devices, &warning, error) ||
         !take_latest_time(capture, error))
         return FALSE;
     double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
@@ -206,6 +232,7 @@ void capture_free(Capture *capture) {
     g_queue_clear_full(&capture->flights, capture_flight_free);
     sequencer_free(capture->sequencer);
     session_close(capture->session);
+    calibration_free(capture->calibration);
     for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
         frame_unref(capture->views[c].frame);
         g_free(capture->views[c].thumbnail.rgb);
@@ -247,6 +274,7 @@ gboolean capture_continue(Capture *capture, GError **error) {
     }
     if (!capture_mount_answer(capture, error))
         return FALSE;
+    capture_marks_accept(capture);
     capture_tell(capture, "info", "capture", "continued");
     capture_begin_soon(capture);
     return TRUE;

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sys/statvfs.h>
 
+#include "capture_calibration.h"
 #include "processing/exr.h"
 
 /* Beside what is predicted: the database's journal, and products that are being made. */
@@ -83,8 +84,17 @@ static gboolean check_shots(const char *path, const GPtrArray *shots, const stru
     return TRUE;
 }
 
-gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct rig *rig,
+/* Whether what a capture would be begun with now is what this one was begun with. */
+static gboolean is_same(const struct devices *devices, const char *text) {
+    g_autoptr(GPtrArray) warnings = NULL;
+    g_autoptr(Calibration) now = capture_calibration(devices, &warnings, NULL);
+    g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
+    return g_strcmp0(text, now_text) == 0;
+}
+
+gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
                            char **ret_warning, GError **error) {
+    const struct rig *rig = &devices->geometry;
     const char *path = session_path(session);
     g_autofree char *text = session_text(session, "calibration.conf", error);
     struct rig then;
@@ -100,10 +110,10 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
     }
     if (!check_camera_sizes(path, &then, rig, error) || !check_shots(path, shots, rig, error))
         return FALSE;
-    g_autofree char *now_text = rig_to_text(rig);
-    if (strcmp(text, now_text))
-        *ret_warning = g_strdup("The rig's geometry is not the one the session was begun with; "
-                                "frames from before and after may not fit together. What is "
-                                "processed uses the geometry of the beginning.");
+    if (!is_same(devices, text))
+        *ret_warning =
+            g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
+                     "frames from before and after may not fit together. What is "
+                     "processed uses the calibration of the beginning.");
     return TRUE;
 }

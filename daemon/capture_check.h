@@ -14,6 +14,6 @@ gboolean capture_is_full(const char *directory, const GError *error);
 gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
 
 /* Refuses a session of another rig, or one whose shots name devices this rig lacks. ret_warning is
- * set if the rig's geometry is not that of the session any more; g_free(). */
-gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct rig *rig,
+ * set if the rig's calibration is not that of the session any more; g_free(). */
+gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
                            char **ret_warning, GError **error);

@@ -4,6 +4,7 @@
  */
 #pragma once
 
+#include "calib/calibration.h"
 #include "capture.h"
 #include "intake.h"
 #include "sequencer.h"
@@ -14,6 +15,7 @@ struct flight { /* a shot whose frames are with the intake */
     struct session_frame frames[RIG_MAX_CAMERAS];
     double signal_dn;                  /* highest of all cameras */
     gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0: not worth a word */
+    GArray *marks;                     /* of struct mark_seen, of all cameras; NULL: none */
 };
 
 struct teller { /* of one camera */
@@ -34,6 +36,7 @@ struct Capture {
     struct capture_callbacks callbacks;
     struct session_conf conf;
     Session *session;
+    struct calibration *calibration; /* the session's */
     Intake *intake;
     Sequencer *sequencer;
     enum capture_state state;
@@ -58,6 +61,8 @@ struct Capture {
     gint64 left_committed;    /* committed then; −1: not yet */
     struct teller retake_tellers[RIG_MAX_CAMERAS], saturated_tellers[RIG_MAX_CAMERAS];
     struct view views[RIG_MAX_CAMERAS];
+    guint32 moved;       /* of what the session was paused for: capture_marks.c */
+    gboolean marks_told; /* how they looked at the beginning */
     guint changed_source;
     gint64 changed_at_us;
     guint starter;

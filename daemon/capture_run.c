@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 
 #include "capture_check.h"
+#include "capture_marks.h"
 #include "capture_mount.h"
 
 #define CHANGED_MS 100
@@ -127,6 +128,8 @@ void capture_flight_free(gpointer data) {
         g_free(flight->frames[c].path);
         g_free(flight->frames[c].sha256);
     }
+    if (flight->marks)
+        g_array_unref(flight->marks);
     g_free(flight);
 }
 
@@ -254,6 +257,11 @@ static void commit_what_is_back(Capture *capture) {
             stop_for(capture, lamp, reason);
             return;
         }
+        g_autofree char *moved = capture_marks_check(capture, flight);
+        if (moved) {
+            stop_for(capture, "marks", moved);
+            return;
+        }
         if (!commit(capture, flight))
             return;
         capture_flight_free(g_queue_pop_head(&capture->flights));
@@ -320,6 +328,11 @@ static void on_result(const struct intake_result *result, gpointer data) {
     flight->frames[camera].path = g_strdup(result->frame.path);
     flight->frames[camera].sha256 = g_strdup(result->frame.sha256);
     flight->signal_dn = MAX(flight->signal_dn, result->signal_dn);
+    if (result->marks) {
+        if (!flight->marks)
+            flight->marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+        g_array_append_vals(flight->marks, result->marks->data, result->marks->len);
+    }
     if (result->shot->kind == SHOT_LAMP)
         note_saturated(capture, flight, result);
     if (result->shot->kind == SHOT_DARK)

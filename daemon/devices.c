@@ -222,6 +222,8 @@ static struct devices *open_layout(const struct layout *layout, GError **error) 
     devices->geometry = layout->geometry;
     devices->text = g_strdup(config_text(layout->config));
     devices->path = g_canonicalize_filename(config_path(layout->config), NULL);
+    devices->calibration_path = g_strdup(layout->calibration_path);
+    devices->calibration_days = layout->calibration_days;
     if (open_interlocks(devices, layout, error) && open_axes(devices, layout, error) &&
         open_banks(devices, layout, error) && open_lasers(devices, layout, error) &&
         open_cameras(devices, layout, error))
@@ -279,6 +281,7 @@ void devices_close(struct devices *devices) {
     clock_unref(devices->clock);
     g_free(devices->text);
     g_free(devices->path);
+    g_free(devices->calibration_path);
     g_free(devices);
 }
 

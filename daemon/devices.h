@@ -4,7 +4,8 @@
  * devices.c.
  *
  * Sections: [rig]; [axis turntable], [axis arc] and one axis a laser sweep; [lamps BANK] and a
- * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME], optional.
+ * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME],
+ * optional.
  *
  * A [laser NAME] with mount_of is no device but a further place of the unit that it names, which
  * somebody has to mount there. In geometry and timing it is a laser like any other.
@@ -59,6 +60,8 @@ struct devices {
     Interlock *guard; /* stands for all of them: what guards the lasers; NULL if there is none */
     char *text;       /* the rig file as it was read */
     char *path;       /* of the rig file, absolute */
+    char *calibration_path; /* that the rig file names, absolute; NULL: none */
+    double calibration_days;
 };
 
 /* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error

@@ -112,6 +112,7 @@ static void describe_sections(const char *name, gboolean json, GString *to) {
         {"lamp", "A lamp of a bank, in a section [lamp NAME]"},
         {"camera", "A camera's place, in its section [camera NAME] beside its driver's options"},
         {"laser", "A laser's place, in its section [laser NAME] beside its driver's options"},
+        {"mark", "A white mark on the turntable beside the sample, in a section [mark NAME]"},
     };
 
     for (gsize i = 0; i < G_N_ELEMENTS(sections); i++)

@@ -6,9 +6,9 @@
 #define MAX_KEYS 32
 
 struct rig_fields {
-    char *id;
+    char *id, *calibration;
     int clock;
-    double arc_radius_mm, arc_width_mm;
+    double calibration_days, arc_radius_mm, arc_width_mm;
 };
 
 static const char *const clock_choices[] = {"real", "virtual", NULL};
@@ -19,6 +19,11 @@ static const struct option rig_options[] = {
      .help = "Name of this rig; a calibration of another one is refused"},
     {"clock", OPTION_CHOICE, .fallback = "real", .choices = clock_choices, .offset = RIG(clock),
      .help = "Virtual time jumps to the next event; for simulated devices alone"},
+    {"calibration", OPTION_STRING, .fallback = "", .offset = RIG(calibration),
+     .help = "Its calibration, a file beside this one; without it geometry and light are as said "
+             "here"},
+    {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
+     .help = "A part that was calibrated longer ago is warned of"},
     {"arc_radius_mm", OPTION_DOUBLE, "mm", 1, 100000, .offset = RIG(arc_radius_mm),
      .help = "Radius of the light arc's inner edge"},
     {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, .offset = RIG(arc_width_mm),
@@ -97,6 +102,24 @@ static const struct option mount_options[] = {
     {NULL},
 };
 
+struct mark_fields {
+    double x_mm, y_mm, z_mm, radius_mm;
+    struct option_doubles reflectance;
+};
+
+#define MARK(member) G_STRUCT_OFFSET(struct mark_fields, member)
+static const struct option mark_place_options[] = {
+    {"x_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(x_mm),
+     .help = "Its middle, with the turntable at 0"},
+    {"y_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(y_mm), .help = "Its middle"},
+    {"z_mm", OPTION_DOUBLE, "mm", -1000, 1000, "0", .offset = MARK(z_mm),
+     .help = "Its face, above the turntable's top"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 1000, .offset = MARK(radius_mm), .help = "Of its face"},
+    {"reflectance", OPTION_DOUBLES, NULL, 0.01, 2, "0.9", .offset = MARK(reflectance),
+     .help = "Of its face, one value or three for red, green and blue"},
+    {NULL},
+};
+
 const struct option *layout_options(const char *class_name) {
     static const struct {
         const char *class_name;
@@ -104,7 +127,8 @@ const struct option *layout_options(const char *class_name) {
     } tables[] = {{"rig", rig_options},
                   {"lamp", lamp_options},
                   {"camera", camera_options},
-                  {"laser", laser_options}};
+                  {"laser", laser_options},
+                  {"mark", mark_place_options}};
 
     for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
         if (g_str_equal(class_name, tables[i].class_name))
@@ -164,6 +188,11 @@ static gboolean read_rig(struct layout *layout, GError **error) {
     layout->geometry.arc_radius_mm = fields.arc_radius_mm;
     layout->geometry.arc_width_mm = fields.arc_width_mm;
     layout->virtual_clock = fields.clock == 1;
+    layout->calibration_days = fields.calibration_days;
+    if (*fields.calibration) {
+        g_autofree char *folder = g_path_get_dirname(config_path(layout->config));
+        layout->calibration_path = g_canonicalize_filename(fields.calibration, folder);
+    }
     options_clear(rig_options, &fields);
     return ok;
 }
@@ -334,6 +363,29 @@ static gboolean read_laser(struct layout *layout, const struct config_section *s
     return ok;
 }
 
+static gboolean read_mark(struct layout *layout, const struct config_section *section,
+                          GError **error) {
+    struct rig *rig = &layout->geometry;
+    struct mark_fields p = {0};
+    int i = rig->n_marks;
+
+    if (!count_up(&rig->n_marks, RIG_MAX_MARKS, section, error) ||
+        !take_name(section, rig->marks[i].name, error) ||
+        !options_parse(mark_place_options, section, NULL, &p, error))
+        return FALSE;
+    gboolean ok = p.reflectance.n == 1 || p.reflectance.n == 3;
+    if (!ok)
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "reflectance",
+                         "%d numbers are given; give one, or three separated by ';'",
+                         p.reflectance.n);
+    rig->marks[i].centre_mm = vec3(p.x_mm, p.y_mm, p.z_mm);
+    rig->marks[i].radius_mm = p.radius_mm;
+    for (int k = 0; ok && k < 3; k++)
+        rig->marks[i].reflectance[k] = p.reflectance.values[p.reflectance.n == 3 ? k : 0];
+    options_clear(mark_place_options, &p);
+    return ok;
+}
+
 static gboolean take_section(struct layout *layout, const struct config_section *section,
                              GError **error) {
     if (g_str_equal(section->class_name, "axis")) {
@@ -364,18 +416,22 @@ static gboolean take_place(struct layout *layout, const struct config_section *s
         return read_lamp(layout, section, error);
     if (g_str_equal(section->class_name, "laser"))
         return read_laser(layout, section, error);
+    if (g_str_equal(section->class_name, "mark"))
+        return read_mark(layout, section, error);
     return TRUE;
 }
 
 static gboolean check_class(const struct config_section *section, GError **error) {
     static const char *const named[] = {"axis",  "lamps",     "lamp", "camera",
-                                        "laser", "interlock", NULL};
+                                        "laser", "interlock", "mark", NULL};
     gboolean is_rig = g_str_equal(section->class_name, "rig");
 
     if (!is_rig && !g_strv_contains(named, section->class_name)) {
-        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
-                         "there is no such section; a rig file has [rig], [axis NAME], [lamps "
-                         "NAME], [lamp NAME], [camera NAME], [laser NAME] and [interlock NAME]");
+        config_set_error(
+            error, CONFIG_ERROR_UNKNOWN, section, NULL,
+            "there is no such section; a rig file has [rig], [axis NAME], [lamps "
+            "NAME], [lamp NAME], [camera NAME], [laser NAME], [interlock NAME] and [mark "
+            "NAME]");
         return FALSE;
     }
     if (is_rig == (section->name == NULL))
@@ -466,4 +522,5 @@ gboolean layout_read(struct layout *layout, const char *path, GError **error) {
 
 void layout_clear(struct layout *layout) {
     g_clear_pointer(&layout->config, config_free);
+    g_clear_pointer(&layout->calibration_path, g_free);
 }

@@ -7,6 +7,8 @@ struct layout {
     Config *config;
     struct rig geometry;
     gboolean virtual_clock;
+    char *calibration_path; /* absolute; NULL: none is named */
+    double calibration_days;
     const struct config_section *turntable, *arc;
     const struct config_section *sweeps[RIG_MAX_LASERS]; /* one may be the sweep of several */
     const struct config_section *cameras[RIG_MAX_CAMERAS], *lamps[RIG_MAX_LAMPS];
@@ -26,7 +28,7 @@ void layout_clear(struct layout *layout);
  * the list alone with g_free(). */
 const char **layout_keys(const char *class_name);
 
-/* The table behind those keys, and that of [rig] and [lamp]; NULL if a class has none. */
+/* The table behind those keys, and that of [rig], [lamp] and [mark]; NULL if a class has none. */
 const struct option *layout_options(const char *class_name);
 
 /* Drivers by the driver key of a section; an error lists those there are. */

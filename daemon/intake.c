@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "calib/marks.h"
 #include "intake_write.h"
 #include "radiance.h"
 
@@ -75,6 +76,8 @@ static void finished_free(gpointer data) {
     g_free(finished->result.frame.path);
     g_free(finished->result.frame.sha256);
     g_clear_error(&finished->result.error);
+    if (finished->result.marks)
+        g_array_unref((GArray *)finished->result.marks);
     g_free(finished);
 }
 
@@ -202,6 +205,13 @@ static void hand_back(struct lane *lane, const struct job *job, struct intake_re
     g_source_set_ready_time(lane->intake->wake, 0);
 }
 
+static void keep_raw(struct lane *lane, const struct job *job) {
+    struct intake_file file;
+    describe(lane, job, &file);
+    if (!lane->error)
+        intake_write_raw(&file, job->sub, &lane->error);
+}
+
 static void take_dark(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     gsize n = (gsize)job->frame->width * job->frame->height;
@@ -229,8 +239,30 @@ static void finish_dark(struct lane *lane, const struct job *job) {
         result.dark_dn = MAX(result.dark_dn, lane->darks[i].mean_dn);
     }
     file.dark_dn = result.dark_dn;
-    intake_write_dark(&file, exposures, pixels, n, &result.frame, &result.error);
+    result.error = g_steal_pointer(&lane->error);
+    if (!result.error)
+        intake_write_dark(&file, exposures, pixels, n, &result.frame, &result.error);
     hand_back(lane, job, result);
+}
+
+/* What the marks beside the sample show, or NULL if there are none. */
+static GArray *look_at_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
+    const struct calibration *calibration = lane->intake->setup.calibration;
+    const struct session_shot *shot = job->shot;
+    if (!calibration || calibration->rig.n_marks == 0 || shot->device >= calibration->rig.n_lamps)
+        return NULL;
+    struct mark_scene scene = {
+        .rig = &calibration->rig,
+        .camera = lane->camera,
+        .lamp = shot->device,
+        .turntable_rad = shot->turntable_deg * G_PI / 180,
+        .arc_rad = shot->arc_deg * G_PI / 180,
+        .radiometry = &calibration->camera_radiometry[lane->camera],
+        .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
+    };
+    GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    marks_measure(&scene, cfa_name(job->frame->cfa), mosaic, marks);
+    return marks;
 }
 
 static void finish_lamp(struct lane *lane, const struct job *job) {
@@ -250,7 +282,10 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
                    merged, &stats);
     file.saturated = stats.saturated;
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
-    intake_write_lamp(&file, merged, &result.frame, &result.error);
+    result.marks = look_at_marks(lane, job, merged);
+    result.error = g_steal_pointer(&lane->error);
+    if (!result.error)
+        intake_write_lamp(&file, merged, &result.frame, &result.error);
     hand_back(lane, job, result);
 }
 
@@ -278,11 +313,8 @@ static void take_sweep(struct lane *lane, const struct job *job) {
         lane->sweep = sweep_new(frame->width, frame->height, job->shot->sweep_steps,
                                 radiance_saturation(frame->bits));
     sweep_add(lane->sweep, frame->pixels);
-    if (!conf->keep_laser_frames || lane->error)
-        return;
-    struct intake_file file;
-    describe(lane, job, &file);
-    intake_write_raw(&file, job->sub, &lane->error);
+    if (conf->keep_laser_frames)
+        keep_raw(lane, job);
 }
 
 static void take(struct lane *lane, const struct job *job) {
@@ -295,6 +327,8 @@ static void take(struct lane *lane, const struct job *job) {
     g_return_if_fail(job->sub == lane->n_frames);
     lane->n_frames++;
     gboolean last = lane->n_frames == intake_n_frames(conf, job->shot);
+    if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
+        keep_raw(lane, job);
     switch (job->shot->kind) {
     case SHOT_DARK:
         take_dark(lane, job);

@@ -19,6 +19,7 @@
  */
 #pragma once
 
+#include "calib/calibration.h"
 #include "plan.h"
 
 typedef struct Intake Intake;
@@ -28,6 +29,7 @@ struct intake_setup {
     const struct session_conf *conf;
     const char *directory; /* of the session */
     gsize full_bytes;      /* of frames in the workers' queues at which it is full; 0: 256 MiB */
+    const struct calibration *calibration; /* of the marks; NULL: none is looked for */
 };
 
 /* One camera's part of a shot is on disk, or could not be written. */
@@ -37,6 +39,7 @@ struct intake_result {
     GError *error;
     double signal_dn;    /* SHOT_LAMP: mean above dark of the longest exposure */
     double dark_dn;      /* SHOT_DARK: highest mean of any exposure */
+    const GArray *marks; /* SHOT_LAMP: of struct mark_seen, what this camera saw; or NULL */
     gint64 saturated;    /* SHOT_LAMP: pixels, in the shortest exposure */
     gboolean laser_seen; /* SHOT_SWEEP: the frame after the laser was switched off is not dark */
 };

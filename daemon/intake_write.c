@@ -125,7 +125,11 @@ gboolean intake_write_raw(const struct intake_file *file, int step, GError **err
     }
     g_autofree char *path = g_strdup_printf("%s/%04d.exr", folder, step);
     struct exr_part *part = part_new(file, "frame", mono_channels, EXR_FLOAT, "DN");
-    exr_set_string(part, "mesorig.laser", file->source_name);
+    if (file->shot->kind != SHOT_DARK)
+        exr_set_string(part, file->shot->kind == SHOT_LAMP ? "mesorig.lamp" : "mesorig.laser",
+                       file->source_name);
+    exr_set_double(part, "mesorig.exposure_us", (double)file->last->exposure_us);
+    exr_set_int(part, "mesorig.bits", file->last->bits);
     for (gsize i = 0; i < (gsize)part->width * part->height; i++)
         part->planes[0][i] = file->last->pixels[i];
     struct exr_file *exr = exr_file_new();

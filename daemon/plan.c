@@ -464,10 +464,11 @@ static guint64 bytes_of(const struct build *b, const struct session_shot *shot, 
     for (int c = 0; c < b->rig->n_cameras; c++)
         if (shot->cameras & 1u << c)
             pixels += (guint64)b->rig->cameras[c].width * (guint64)b->rig->cameras[c].height;
+    guint64 raw = b->conf->keep_exposures ? pixels * 4 * (guint64)n_frames : 0;
     if (shot->kind == SHOT_LAMP)
-        return pixels * 2;
+        return pixels * 2 + raw;
     if (shot->kind == SHOT_DARK)
-        return pixels * 4 * (guint64)(n_frames / b->conf->dark_frames);
+        return pixels * 4 * (guint64)(n_frames / b->conf->dark_frames) + raw;
     return pixels * 4 * (3 + (b->conf->keep_laser_frames ? (guint64)n_frames : 0));
 }
 

@@ -31,7 +31,7 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
 };
 
 #define PLAN_MAX_RINGS   32
-#define PLAN_MAX_BRACKET 4
+#define PLAN_MAX_BRACKET 12
 
 enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 
@@ -41,7 +41,8 @@ struct session_conf {
     struct session_grid grid;
     struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];
     int n_views, n_lights, n_lasers;       /* rings */
-    double exposures_us[PLAN_MAX_BRACKET]; /* of lamp shots, ascending */
+    double exposures_us[PLAN_MAX_BRACKET]; /* of lamp shots, ascending; with
+                                              keep_exposures some may be equal */
     int n_exposures;
     double laser_exposure_us;
     int sweep_steps;
@@ -52,7 +53,7 @@ struct session_conf {
     double saturated_pct;      /* pixels that may be saturated in the shortest exposure */
     double laser_threshold_dn; /* above background, for a peak to count */
     enum on_blocked on_blocked;
-    gboolean keep_laser_frames;
+    gboolean keep_laser_frames, keep_exposures;
     char *text; /* as it was read */
     char *path; /* for messages */
 };

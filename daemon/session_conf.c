@@ -26,7 +26,7 @@ struct fields {
     struct option_doubles exposures_us;
     double gain_db, laser_exposure_us, sweep_margin_mm, laser_threshold_dn, saturated_pct;
     int sweep_steps, dark_frames, retries, on_blocked;
-    gboolean keep_laser_frames;
+    gboolean keep_laser_frames, keep_exposures;
 };
 
 #define FIELD(member) G_STRUCT_OFFSET(struct fields, member)
@@ -58,7 +58,7 @@ static const char *const blocked_choices[] = {"shift", "skip", "refuse", NULL};
 
 static const struct option capture_options[] = {
     {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
-     .help = "Exposures of one bracket under a lamp, ascending, at most four"},
+     .help = "Exposures of one bracket under a lamp, ascending, at most twelve"},
     {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = FIELD(gain_db),
      .help = "Gain of all cameras"},
     {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = FIELD(laser_exposure_us),
@@ -81,6 +81,9 @@ static const struct option capture_options[] = {
      .help = "What to do where the light arc stands in a camera's picture"},
     {"keep_laser_frames", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_laser_frames),
      .help = "Keep every frame of the laser sweeps as well"},
+    {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_exposures),
+     .help = "Keep every dark frame and every exposure of a bracket as well; an exposure may then "
+             "be given twice: calibration tells noise by such pairs"},
     {NULL},
 };
 
@@ -304,10 +307,12 @@ static gboolean take_capture(struct session_conf *conf, const struct config_sect
     }
     for (int i = 0; i < n; i++) {
         conf->exposures_us[i] = f->exposures_us.values[i];
-        if (i > 0 && conf->exposures_us[i] <= conf->exposures_us[i - 1]) {
+        double before = i > 0 ? conf->exposures_us[i - 1] : 0;
+        if (conf->exposures_us[i] < before ||
+            (conf->exposures_us[i] == before && !f->keep_exposures)) {
             config_set_error(error, CONFIG_ERROR_VALUE, section, "exposures_us",
                              "%g does not follow on %g: write the shortest first",
-                             conf->exposures_us[i], conf->exposures_us[i - 1]);
+                             conf->exposures_us[i], before);
             return FALSE;
         }
     }
@@ -322,6 +327,7 @@ static gboolean take_capture(struct session_conf *conf, const struct config_sect
     conf->laser_threshold_dn = f->laser_threshold_dn;
     conf->on_blocked = (enum on_blocked)f->on_blocked;
     conf->keep_laser_frames = f->keep_laser_frames;
+    conf->keep_exposures = f->keep_exposures;
     return TRUE;
 }
 

@@ -15,7 +15,8 @@ struct sim_axis {
     gboolean wraps;
     double min_deg, max_deg, speed_deg_s, accel_deg_s2, backlash_deg, settle_ms;
     double home_deg, homing_s, latency_ms, ringing_deg, position_error_deg;
-    int error_seed, fault_stall_at, fault_stall_kind;
+    double fault_slip_deg;
+    int error_seed, fault_slip_at, fault_stall_at, fault_stall_kind;
 
     World *world;
     enum part part;
@@ -63,6 +64,10 @@ static const struct option options[] = {
      "Largest error of position: repeatable, a function of the position and error_seed"},
     {"error_seed", OPTION_INT, NULL, 0, G_MAXINT, "1", NULL, FIELD(error_seed),
      "Which position errors this axis has"},
+    {"fault_slip_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, FIELD(fault_slip_deg),
+     "Fault: how far the load has slipped on its shaft, counter-clockwise"},
+    {"fault_slip_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_slip_at),
+     "In which movement it slips (taking up backlash counts as one); 0: before the first"},
     {"fault_stall_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_stall_at),
      "Fault: the n-th movement stalls half way (taking up backlash counts as one); 0: none does"},
     {"fault_stall_kind", OPTION_CHOICE, NULL, 0, 0, "reported", stall_kinds,
@@ -104,8 +109,9 @@ double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) 
 }
 
 static double true_deg(const struct sim_axis *sim, double deg) {
+    double slip = sim->n_moves >= sim->fault_slip_at ? sim->fault_slip_deg : 0;
     return sim_axis_true_deg(deg, sim->wraps, sim->position_error_deg, sim->error_seed) +
-           sim->slack_deg;
+           sim->slack_deg + slip;
 }
 
 static void tell_world(struct sim_axis *sim, double off_deg) {

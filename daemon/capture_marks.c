@@ -1,0 +1,86 @@
+#include "capture_marks.h"
+
+#include "processing/outputs.h"
+
+/* What a calibration may be off by in a picture, and what turns are too small to care about. */
+#define SYSTEMATIC_PX 0.05
+#define LEAST_DEG     0.05
+#define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
+#define KEY           "accepted_moves"
+
+static const struct mark_seen *marks_of(const struct flight *flight) {
+    return (const struct mark_seen *)(void *)flight->marks->data;
+}
+
+static void keep_outputs(Capture *capture, const struct flight *flight) {
+    const struct calibration *known = capture->calibration;
+    const struct mark_seen *seen = marks_of(flight);
+    if (!known->lamp_radiometry[flight->shot->device].known)
+        return;
+    for (int c = 0; c < known->rig.n_cameras; c++) {
+        g_autoptr(GArray) own = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+        double output, error;
+        for (guint i = 0; i < flight->marks->len; i++)
+            if (seen[i].camera == c)
+                g_array_append_val(own, seen[i]);
+        if (known->camera_radiometry[c].known &&
+            marks_output((struct mark_seen *)(void *)own->data, (int)own->len, &output, &error))
+            outputs_store(capture->session, flight->shot->id, known->rig.cameras[c].name, output,
+                          error, NULL);
+    }
+}
+
+static guint32 moved(const struct rig *rig, const struct marks_check *check) {
+    guint32 bits = check->slipped ? TURNTABLE : 0;
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (check->cameras[c].moved)
+            bits |= 1u << c;
+    return bits;
+}
+
+static guint32 accepted(const Capture *capture) {
+    g_autofree char *text = session_value(capture->session, KEY);
+    return text ? (guint32)g_ascii_strtoull(text, NULL, 10) : 0;
+}
+
+static void tell_first(Capture *capture, const struct marks_check *check) {
+    if (capture->marks_told)
+        return;
+    capture->marks_told = TRUE;
+    g_autofree char *text =
+        check->n_seen > 0
+            ? g_strdup_printf("quick check: %d marks seen, %.3f px off where calibration has them",
+                              check->n_seen, check->rms_px)
+            : g_strdup("no camera sees a mark: is something on them? Nothing tells whether the rig "
+                       "has moved, and what the lamps give");
+    capture_tell(capture, check->n_seen > 0 ? "info" : "warning", "marks", text);
+}
+
+char *capture_marks_check(Capture *capture, const struct flight *flight) {
+    const struct calibration *known = capture->calibration;
+    if (flight->shot->kind != SHOT_LAMP || !flight->marks)
+        return NULL;
+    keep_outputs(capture, flight);
+    if (!known->parts[CALIBRATION_CAMERAS].done)
+        return NULL;
+    struct marks_check check;
+    marks_check(&known->rig, marks_of(flight), (int)flight->marks->len, SYSTEMATIC_PX, LEAST_DEG,
+                &check);
+    capture->moved = moved(&known->rig, &check) & ~accepted(capture);
+    if (capture->moved == 0) {
+        tell_first(capture, &check);
+        return NULL;
+    }
+    g_autofree char *what = marks_describe(&known->rig, &check);
+    return g_strdup_printf("Something has moved since the rig was calibrated: %s. Put it back or "
+                           "calibrate again; if you go on, it is taken as it is.",
+                           what);
+}
+
+void capture_marks_accept(Capture *capture) {
+    if (capture->moved == 0)
+        return;
+    g_autofree char *text = g_strdup_printf("%u", accepted(capture) | capture->moved);
+    session_set_value(capture->session, KEY, text, NULL);
+    capture->moved = 0;
+}
