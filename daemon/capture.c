@@ -233,6 +233,7 @@ void capture_free(Capture *capture) {
     sequencer_free(capture->sequencer);
     session_close(capture->session);
     calibration_free(capture->calibration);
+    capture_marks_forget(capture);
     for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
         frame_unref(capture->views[c].frame);
         g_free(capture->views[c].thumbnail.rgb);

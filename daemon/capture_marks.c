@@ -5,6 +5,7 @@
 /* What a calibration may be off by in a picture, and what turns are too small to care about. */
 #define SYSTEMATIC_PX 0.05
 #define LEAST_DEG     0.05
+#define WINDOW        8          /* shots that are looked at together */
 #define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
 #define KEY           "accepted_moves"
 
@@ -56,25 +57,62 @@ static void tell_first(Capture *capture, const struct marks_check *check) {
     capture_tell(capture, check->n_seen > 0 ? "info" : "warning", "marks", text);
 }
 
+/* What small cameras see in one shot is too little: the last few are looked at together. */
+static GArray *add_to_window(Capture *capture, const struct flight *flight) {
+    if (!capture->marks)
+        capture->marks = g_queue_new();
+    g_queue_push_tail(capture->marks, g_array_ref(flight->marks));
+    if (g_queue_get_length(capture->marks) > WINDOW)
+        g_array_unref(g_queue_pop_head(capture->marks));
+    GArray *all = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    for (const GList *at = capture->marks->head; at; at = at->next) {
+        const GArray *one = at->data;
+        g_array_append_vals(all, one->data, one->len);
+    }
+    return all;
+}
+
+static void check_seen(const Capture *capture, const GArray *seen, struct marks_check *ret) {
+    marks_check(&capture->calibration->rig, (const struct mark_seen *)(void *)seen->data,
+                (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
+}
+
 char *capture_marks_check(Capture *capture, const struct flight *flight) {
-    const struct calibration *known = capture->calibration;
+    const struct rig *rig = &capture->calibration->rig;
     if (flight->shot->kind != SHOT_LAMP || !flight->marks)
         return NULL;
     keep_outputs(capture, flight);
-    if (!known->parts[CALIBRATION_CAMERAS].done)
+    if (!capture->calibration->parts[CALIBRATION_CAMERAS].done)
         return NULL;
     struct marks_check check;
-    marks_check(&known->rig, marks_of(flight), (int)flight->marks->len, SYSTEMATIC_PX, LEAST_DEG,
-                &check);
-    capture->moved = moved(&known->rig, &check) & ~accepted(capture);
-    if (capture->moved == 0) {
-        tell_first(capture, &check);
+    g_autoptr(GArray) window = add_to_window(capture, flight);
+    guint before = g_queue_get_length(capture->marks) - 1;
+    check_seen(capture, flight->marks, &check);
+    tell_first(capture, &check);
+    if (moved(rig, &check) != 0)
+        before = 0;
+    else
+        check_seen(capture, window, &check);
+    capture->moved = moved(rig, &check) & ~accepted(capture);
+    if (capture->moved == 0)
         return NULL;
-    }
-    g_autofree char *what = marks_describe(&known->rig, &check);
-    return g_strdup_printf("Something has moved since the rig was calibrated: %s. Put it back or "
+    capture_marks_forget(capture);
+    g_autofree char *what = marks_describe(rig, &check);
+    g_autofree char *also =
+        before > 0 ? g_strdup_printf(" It may have been so in the last %u shots.", before + 1)
+                   : g_strdup("");
+    return g_strdup_printf("Something has moved since the rig was calibrated: %s.%s Put it back or "
                            "calibrate again; if you go on, it is taken as it is.",
-                           what);
+                           what, also);
+}
+
+static void unref_array(gpointer array) {
+    g_array_unref(array);
+}
+
+void capture_marks_forget(Capture *capture) {
+    if (capture->marks)
+        g_queue_free_full(g_steal_pointer(&capture->marks), unref_array);
 }
 
 void capture_marks_accept(Capture *capture) {

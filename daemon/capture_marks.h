@@ -12,5 +12,8 @@
  * g_free(): then the shot must not be committed. */
 char *capture_marks_check(Capture *capture, const struct flight *flight);
 
+/* What was seen before is not looked at any more. */
+void capture_marks_forget(Capture *capture);
+
 /* The user goes on although something has moved: that is not told again. */
 void capture_marks_accept(Capture *capture);

@@ -210,8 +210,10 @@ static const struct bad bad_files[] = {
     {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n", 0, "[capture]"},
     {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\n", 0, "exposures_us"},
     {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\nexposures_us=9;8\n", 14, "first"},
-    {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\nexposures_us=1;2;3;4;5\n", 14,
-     "1 to 4"},
+    {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\nexposures_us=1;2;3;4;5;6;7;8;9;10;"
+          "11;12;13\n",
+     14, "1 to 12"},
+    {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\nexposures_us=9;9\n", 14, "first"},
     {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\nexposures_us=nan\n", 14, "number"},
     {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\nexposures_us=9\nsweep_steps=2\n",
      15, "range"},
