@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define CLASS_FOLDER "/sys/class/video4linux"
-#define MAX_LISTED   64 /* of formats and sizes */
+#define MAX_LISTED   256 /* of formats and sizes; vivid has 80 */
 
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg) {
     int code;
