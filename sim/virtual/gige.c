@@ -115,15 +115,18 @@ static void fill(VirtualGige *camera, const struct virtual_gige_exposure *exposu
                  struct gige_kept *kept) {
     const struct virtual_gige_options *options = &camera->options;
     gsize n = (gsize)kept->width * kept->height;
-    g_autofree guint16 *sensor = g_new(guint16, (gsize)options->width * (gsize)options->height);
+    g_autofree guint16 *sensor = g_new0(guint16, (gsize)options->width * (gsize)options->height);
     g_autofree guint16 *region = g_new(guint16, n);
     if (options->picture)
         options->picture(exposure, options->data, sensor);
     else
         make_ramp(camera, exposure->n, sensor);
-    cut_region(camera, sensor, kept, shift, region);
+    gboolean whole = shift == 0 && n == (gsize)options->width * (gsize)options->height;
+    if (!whole)
+        cut_region(camera, sensor, kept, shift, region);
     kept->data = g_malloc(kept->size);
-    virtual_gige_pack(kept->format, options->cfa, region, n, options->bits, kept->data);
+    virtual_gige_pack(kept->format, options->cfa, whole ? sensor : region, n, options->bits,
+                      kept->data);
 }
 
 static gboolean describe(VirtualGige *camera, struct gige_kept *ret) {

@@ -1,8 +1,13 @@
 /*
- * How long a Modbus transaction takes through a line's thread, and how soon a drive begins to move
- * after axis_move(), against libmodbus's own round trip to such a virtual device in the same run,
- * taken in turns. A pseudo-terminal has no baud rate: add the wire's.
+ * Latencies of real drivers against the protocol's own round trip in the same run, taken in turns.
+ *
+ * Modbus: how long a transaction takes through a line's thread, and how soon a drive begins to move
+ * after axis_move(), against libmodbus alone. A pseudo-terminal has no baud rate: add the wire's.
+ *
+ * GigE Vision: from a trigger to the whole picture, against bare GVCP and GVSP on plain sockets.
  */
+#include "devices_gige.h"
+
 #include "tests/modbus_rig.h"
 
 #include <modbus/modbus.h>
@@ -144,15 +149,33 @@ static void print(const char *name, const struct result *r, gboolean json) {
                name, r->raw, r->line, r->line / r->raw, r->start, r->start / r->raw);
 }
 
+static void print_gige(const struct gige_latency *g, gboolean json) {
+    if (json)
+        printf("\"gige_1024x768\":{\"register_us\":%.1f,\"protocol_us\":%.1f,"
+               "\"protocol_p99_us\":%.1f,\"trigger_to_frame_us\":%.1f,"
+               "\"trigger_to_frame_p99_us\":%.1f,\"trigger_to_frame_ratio\":%.2f}",
+               g->register_us, g->protocol_us, g->protocol_p99_us, g->driver_us, g->driver_p99_us,
+               g->driver_us / g->protocol_us);
+    else
+        printf("gige, 1024 × 768 of 8 bits: a register %.0f µs, trigger to picture by the bare "
+               "protocol %.0f µs, by the driver %.0f µs (%.2f)\n",
+               g->register_us, g->protocol_us, g->driver_us, g->driver_us / g->protocol_us);
+}
+
 int main(int argc, char **argv) {
     gboolean json = argc > 1 && g_str_equal(argv[1], "--json");
     struct result tcp = measure(FALSE), rtu = measure(TRUE);
+    struct gige_latency gige;
+    gige_latency(1024, 768, &gige);
     if (json)
         putchar('{');
     print("tcp", &tcp, json);
     if (json)
         putchar(',');
     print("rtu", &rtu, json);
+    if (json)
+        putchar(',');
+    print_gige(&gige, json);
     if (json)
         puts("}");
     return 0;
