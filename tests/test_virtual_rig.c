@@ -90,7 +90,7 @@ static void capture_simulated(const char *name, const char *seed) {
 }
 
 static void wait_for_file(const char *path) {
-    for (int i = 0; i < 1000 && !g_file_test(path, G_FILE_TEST_EXISTS); i++)
+    for (int i = 0; i < 3000 && !g_file_test(path, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
 }
@@ -161,6 +161,77 @@ static void through_real_protocols(void) {
     }
 }
 
+struct mishap { /* a session, and what happens to a camera in it */
+    VirtualRig *rig;
+    GSubprocess *capture;
+    char *out;
+    gboolean over;
+};
+
+static gboolean lose_power(gpointer data) {
+    struct mishap *mishap = data;
+    virtual_rig_restart_camera(mishap->rig, "cam30", 4000);
+    return G_SOURCE_REMOVE;
+}
+
+static void on_over(GObject *source, GAsyncResult *result, gpointer data) {
+    struct mishap *mishap = data;
+    g_autoptr(GError) error = NULL;
+    g_subprocess_communicate_utf8_finish(mishap->capture, result, &mishap->out, NULL, &error);
+    g_assert_no_error(error);
+    mishap->over = TRUE;
+}
+
+static void assert_has(const char *text, const char *words) {
+    if (!strstr(text, words))
+        g_error("no \"%s\" in: %s", words, text);
+}
+
+/* Two pictures of each camera come incomplete, then one camera is without power for a while: the
+ * session goes on by itself and says what happened. */
+static void camera_lost_and_found(void) {
+    g_autofree char *path = in_top("virtual.conf"), *conf = in_top("short.conf");
+    g_autofree char *session = in_top("mishap.session"), *socket = in_top("mishap-bus");
+    g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+    struct virtual_gige_faults faults = {.cut = 2};
+    struct mishap mishap = {0};
+    GError *error = NULL;
+    mishap.rig = virtual_rig_new(SMALL "rig.conf", &error);
+    g_assert_no_error(error);
+    virtual_rig_fail_cameras(mishap.rig, &faults);
+    g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
+    g_assert_true(g_file_set_contents(conf,
+                                      "[session]\nname = short\n[sample]\nwidth_mm = 50\n"
+                                      "height_mm = 50\ntexels = 8\nreference_mm = 5\n"
+                                      "depth_mm = 5\n[views]\nrings = 30:2; 60:2\n"
+                                      "[lights]\nrings = 30:2; 60:2\noffset_deg = 45\n"
+                                      "[capture]\nexposures_us = 4000; 16000\nretries = 4\n",
+                                      -1, NULL));
+    GSubprocess *daemon =
+        starts(G_SUBPROCESS_FLAGS_STDERR_SILENCE, BIN("mesorigd"), "--listen", address, "--rig", path, NULL);
+    wait_for_file(socket);
+    mishap.capture =
+        starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
+               "capture", "--address", address, path, conf, "-o", session, NULL);
+    g_subprocess_communicate_utf8_async(mishap.capture, NULL, NULL, on_over, &mishap);
+    g_timeout_add(5000, lose_power, &mishap);
+    for (gint64 until = g_get_monotonic_time() + 90 * G_USEC_PER_SEC; !mishap.over;) {
+        g_main_context_iteration(NULL, TRUE); /* the rig's own timer wakes it */
+        g_assert_cmpint(g_get_monotonic_time(), <, until);
+    }
+    if (!g_subprocess_get_successful(mishap.capture))
+        g_error("the capture failed: %s", mishap.out);
+    assert_has(mishap.out,
+               "cam60: picture taken again: picture refused: some of its data was lost");
+    assert_has(mishap.out, "cam30: picture taken again: ");
+    runs(BIN("mesorig"), "process", session, NULL);
+    g_assert_cmpfloat(value("mishap.session", "retakes"), >=, 5);
+    ends(daemon);
+    virtual_rig_free(mishap.rig);
+    g_object_unref(mishap.capture);
+    g_free(mishap.out);
+}
+
 static void refused(void) {
     static const struct {
         const char *text, *said;
@@ -185,6 +256,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     top = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
     g_test_add_func("/virtual-rig/refused", refused);
+    g_test_add_func("/virtual-rig/camera-lost-and-found", camera_lost_and_found);
     g_test_add_func("/virtual-rig/through-real-protocols", through_real_protocols);
     int failed = g_test_run();
     const char *const remove[] = {"/bin/rm", "-rf", top, NULL};

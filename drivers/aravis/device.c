@@ -323,8 +323,9 @@ const struct aravis_limits *aravis_device_limits(const AravisDevice *device) {
     return &device->limits;
 }
 
-ArvDevice *aravis_device_arv(AravisDevice *device) {
-    return device->device;
+gboolean aravis_device_has_control(AravisDevice *device) {
+    return !ARV_IS_GV_DEVICE(device->device) ||
+           arv_gv_device_is_controller(ARV_GV_DEVICE(device->device));
 }
 
 gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GError **error) {

@@ -43,7 +43,7 @@ void aravis_device_close(AravisDevice *device); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
-ArvDevice *aravis_device_arv(AravisDevice *device);
+gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
 
 /* Fails if the camera rounds the exposure by more than 0.5 % + 1 µs. */
 gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GError **error);

@@ -8,9 +8,10 @@
 #define OPEN_LIMIT_S   20
 #define CLOSE_LIMIT_S  1
 #define LOOK_EVERY_US  G_USEC_PER_SEC
+#define CHECK_EVERY_US (G_USEC_PER_SEC / 2)
 #define CLOCK_AGE_US   (5 * G_USEC_PER_SEC)
 
-enum job_kind { CONFIGURE, ARM, DISARM, TRIGGER, BUFFER, CONTROL_LOST, QUIT };
+enum job_kind { CONFIGURE, ARM, DISARM, TRIGGER, BUFFER, QUIT };
 
 struct job {
     enum job_kind kind;
@@ -162,11 +163,6 @@ static void on_stream(void *data, ArvStreamCallbackType type, ArvBuffer *buffer)
     g_mutex_unlock(&worker->mutex);
 }
 
-static void on_control_lost(ArvDevice *device, gpointer data) {
-    struct job job = {.kind = CONTROL_LOST};
-    push(data, &job);
-}
-
 /* In the worker's thread. */
 
 static void set_pending(AravisWorker *worker, gboolean pending, guint generation) {
@@ -179,8 +175,6 @@ static void set_pending(AravisWorker *worker, gboolean pending, guint generation
 }
 
 static void close_device(AravisWorker *worker) {
-    if (worker->device)
-        g_signal_handlers_disconnect_by_data(aravis_device_arv(worker->device), worker);
     g_clear_pointer(&worker->device, aravis_device_close);
 }
 
@@ -209,8 +203,6 @@ static gboolean open_device(AravisWorker *worker, double control_s, GError **err
     worker->limits = *aravis_device_limits(worker->device);
     worker->answer.limits = &worker->limits;
     worker->exposure_set = worker->gain_set = FALSE;
-    g_signal_connect(aravis_device_arv(worker->device), "control-lost", G_CALLBACK(on_control_lost),
-                     worker);
     return TRUE;
 }
 
@@ -324,8 +316,10 @@ static void take_buffer(AravisWorker *worker) {
         ask_clock(worker);
 }
 
-static void control_lost(AravisWorker *worker) {
-    if (worker->device)
+/* Asked for, rather than heard of by the signal: while that is emitted the device must not be
+ * freed, or Aravis's heartbeat would wait for itself. */
+static void check_control(AravisWorker *worker) {
+    if (!aravis_device_has_control(worker->device))
         fail(worker, worker->armed,
              g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
                          "control of it was lost; check its power and cable, and that no other "
@@ -350,9 +344,6 @@ static gboolean do_job(AravisWorker *worker, const struct job *job) {
     case BUFFER:
         take_buffer(worker);
         break;
-    case CONTROL_LOST:
-        control_lost(worker);
-        break;
     case QUIT:
         return FALSE;
     }
@@ -371,11 +362,12 @@ static gpointer work(gpointer data) {
     gboolean go_on = open_device(worker, OPEN_CONTROL_S, &worker->open_error);
     say(worker, &worker->opened);
     while (go_on) {
-        g_autofree struct job *job = worker->device
-                                         ? g_async_queue_pop(worker->jobs)
-                                         : g_async_queue_timeout_pop(worker->jobs, LOOK_EVERY_US);
+        g_autofree struct job *job = g_async_queue_timeout_pop(
+            worker->jobs, worker->device ? CHECK_EVERY_US : LOOK_EVERY_US);
         if (job)
             go_on = do_job(worker, job);
+        else if (worker->device)
+            check_control(worker);
         else
             look_for_it(worker);
     }

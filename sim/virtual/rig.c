@@ -36,6 +36,7 @@ struct board { /* of relays and inputs */
 
 struct eye {
     VirtualRig *rig;
+    const char *name; /* of its section */
     int camera;
     VirtualGige *device;
 };
@@ -332,7 +333,8 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
     if (!world)
         return FALSE;
     struct eye *eye = &rig->eyes[rig->n_eyes];
-    *eye = (struct eye){.rig = rig, .camera = world_find_camera(world, part_of(section))};
+    *eye = (struct eye){
+        .rig = rig, .name = section->name, .camera = world_find_camera(world, part_of(section))};
     if (eye->camera < 0) {
         set_error(error, section, "its world has no such camera");
         return FALSE;
@@ -450,6 +452,12 @@ const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsiz
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults *faults) {
     for (int i = 0; i < rig->n_eyes; i++)
         virtual_gige_fail(rig->eyes[i].device, faults);
+}
+
+void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms) {
+    for (int i = 0; i < rig->n_eyes; i++)
+        if (g_str_equal(rig->eyes[i].name, name))
+            virtual_gige_restart(rig->eyes[i].device, down_ms);
 }
 
 void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum) {

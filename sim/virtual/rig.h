@@ -36,5 +36,8 @@ const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsiz
 /* What all its cameras suffer from now on. */
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults *faults);
 
+/* A camera loses power for so long. name: of its section. */
+void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
+
 /* How its cameras have fared, one after another: missed, lost, resent, pictures are sums. */
 void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum);
