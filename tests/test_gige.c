@@ -203,14 +203,16 @@ static void hardware_trigger(void) {
     g_rmdir(dir);
 }
 
-/* On plain sockets, all triggered at once, and none of the first pictures lost. */
+/* On plain sockets, all triggered at once, and nothing lost, not even of the first pictures: what
+ * is asked for again does not come. */
 static void eight_at_once(void) {
     struct eye eyes[8] = {0};
-    struct virtual_gige_state state;
+    struct virtual_gige_faults faults = {.no_resend = TRUE};
     GError *error = NULL;
     for (int i = 0; i < 8; i++) {
         g_autofree char *serial = g_strdup_printf("EIGHT%d", i);
         eyes[i].device = eye_device(serial, 1024, 768, CFA_RGGB);
+        virtual_gige_fail(eyes[i].device, &faults);
         eye_open(&eyes[i], "pixel_format = BayerRG8", &error);
         g_assert_no_error(error);
     }
@@ -223,9 +225,7 @@ static void eight_at_once(void) {
             conformance_wait(eyes[i].clock, &eyes[i].n_ended, (int)shot, 10);
     }
     for (int i = 0; i < 8; i++) {
-        virtual_gige_state(eyes[i].device, &state);
         g_assert_cmpint(eyes[i].n_frames, ==, 10);
-        g_assert_cmpuint(state.resent, ==, 0);
         eye_end(&eyes[i]);
     }
 }

@@ -64,7 +64,7 @@ static const struct option options[] = {
      "GigE: room for packets that are not read yet; net.core.rmem_max must allow it"},
     {"packet_socket", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(packet_socket),
      "GigE: read packets past the kernel's UDP, if this process may"},
-    {"resend_ms", OPTION_DOUBLE, "ms", 0, 10000, "5", NULL, FIELD(resend_ms),
+    {"resend_ms", OPTION_DOUBLE, "ms", 0, 10000, "20", NULL, FIELD(resend_ms),
      "GigE: how long a packet may be missing before it is asked for again"},
     {"retention_ms", OPTION_DOUBLE, "ms", 1, 60000, "200", NULL, FIELD(retention_ms),
      "GigE: how long after its last packet a picture may still become complete"},
