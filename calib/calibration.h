@@ -71,9 +71,16 @@ struct calibration_lamp { /* with rig.lamps */
     double position_covariance_mm2[3][3];
 };
 
+struct calibration_arc { /* with rig.arc; standard errors, 0 of what was believed as it is */
+    gboolean known;
+    double zero_rad, tilt_rad[2], centre_mm[2];
+};
+
 struct calibration_laser { /* with rig.lasers; standard errors */
     gboolean known;
-    double position_mm[3], axis_rad, normal_rad;
+    double position_mm[3]; /* across the axis; along it pictures tell nothing */
+    double axis_rad, normal_rad, stretch;
+    double residual_rms_mm;
 };
 
 struct calibration_noise { /* with rig.cameras */
@@ -99,6 +106,7 @@ struct calibration {
     struct rig rig;
     struct calibration_part parts[CALIBRATION_PARTS];
     struct calibration_camera cameras[RIG_MAX_CAMERAS];
+    struct calibration_arc arc;
     struct calibration_lamp lamps[RIG_MAX_LAMPS];
     struct calibration_laser lasers[RIG_MAX_LASERS];
     struct radiometry_camera camera_radiometry[RIG_MAX_CAMERAS];

@@ -44,6 +44,16 @@ static const struct field laser_fields[] = {
     {"position_mm", LASER(position_mm), 3, FALSE, 0, FIELD_LARGE},
     {"axis_rad", LASER(axis_rad), 1, FALSE, 0, FIELD_LARGE},
     {"normal_rad", LASER(normal_rad), 1, FALSE, 0, FIELD_LARGE},
+    {"stretch", LASER(stretch), 1, FALSE, 0, FIELD_LARGE, TRUE},
+    {"residual_rms_mm", LASER(residual_rms_mm), 1, FALSE, 0, FIELD_LARGE, TRUE},
+    {NULL},
+};
+
+#define ARC(member) offsetof(struct calibration_arc, member)
+static const struct field arc_fields[] = {
+    {"zero_rad", ARC(zero_rad), 1, FALSE, 0, FIELD_LARGE},
+    {"tilt_rad", ARC(tilt_rad), 2, FALSE, 0, FIELD_LARGE},
+    {"centre_mm", ARC(centre_mm), 2, FALSE, 0, FIELD_LARGE},
     {NULL},
 };
 
@@ -108,6 +118,8 @@ static const struct group {
 } groups[] = {
     {"camera errors", offsetof(struct rig, n_cameras), offsetof(struct calibration, cameras),
      sizeof(struct calibration_camera), camera_fields},
+    {"arc errors", NONE, offsetof(struct calibration, arc), sizeof(struct calibration_arc),
+     arc_fields},
     {"lamp errors", offsetof(struct rig, n_lamps), offsetof(struct calibration, lamps),
      sizeof(struct calibration_lamp), lamp_fields},
     {"laser errors", offsetof(struct rig, n_lasers), offsetof(struct calibration, lasers),

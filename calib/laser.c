@@ -10,8 +10,9 @@ G_DEFINE_QUARK(laser_error, laser_error)
 #define REJECT        5.0
 #define LEAST_POINTS  60  /* of a laser, on each of two heights */
 #define LEAST_HEIGHTS 2.0 /* mm between them */
-#define LEAST_ARC     (60 * G_PI / 180)
-#define STEP_POINTS   12 /* of a step on each height, to tell its sheet */
+#define STEP_POINTS   12  /* of a step on each height, to tell its sheet */
+
+#define ARC 4 /* parameters of the arc, the first ones */
 
 enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, PER_LASER };
 
@@ -19,7 +20,7 @@ struct problem {
     const struct rig *rig;
     const struct laser_point *points;
     int n;
-    gboolean fit_arc;
+    struct laser_arc known;
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int n_parameters;
 };
@@ -47,14 +48,13 @@ static struct rig_laser laser_of(const struct problem *problem, const double *x,
     return laser;
 }
 
+/* The first four parameters. */
 static struct rig_arc arc_of(const struct problem *problem, const double *x) {
     struct rig_arc arc = problem->rig->arc;
-    if (problem->fit_arc) {
-        arc.tilt_rad[0] += x[0];
-        arc.tilt_rad[1] += x[1];
-        arc.centre_mm[0] += x[2];
-        arc.centre_mm[1] += x[3];
-    }
+    arc.tilt_rad[0] += x[0];
+    arc.tilt_rad[1] += x[1];
+    arc.centre_mm[0] += x[2];
+    arc.centre_mm[1] += x[3];
     return arc;
 }
 
@@ -75,6 +75,8 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
         const struct laser_point *point = &problem->points[i];
         ret[i] = distance_mm(&arc, &lasers[point->laser], point) / point->sigma_mm;
     }
+    for (int k = 0; k < ARC; k++) /* what is known of the arc counts as observed */
+        ret[problem->n + k] = x[k] / (k < 2 ? problem->known.tilt_rad : problem->known.centre_mm);
 }
 
 struct levels { /* of a laser's points */
@@ -124,22 +126,8 @@ static gboolean check_levels(const struct problem *problem, int laser, const str
     return FALSE;
 }
 
-/* Arc angles in twelfths of a turn that there are. */
-static gboolean arc_is_told(const struct problem *problem) {
-    guint32 seen = 0;
-    int n = 0;
-    for (int i = 0; i < problem->n; i++) {
-        double turn = problem->points[i].arc_rad / (2 * G_PI);
-        seen |= 1u << (guint32)(12 * (turn - floor(turn)));
-    }
-    for (int i = 0; i < 13; i++)
-        n += (int)(seen >> i & 1);
-    return n >= 3;
-}
-
 static gboolean lay_out(struct problem *problem, const char *const *sweep_names, GError **error) {
-    problem->fit_arc = problem->fit_arc && arc_is_told(problem);
-    problem->n_parameters = problem->fit_arc ? 4 : 0;
+    problem->n_parameters = ARC;
     gboolean any = FALSE;
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         struct levels l = levels_of(problem, i);
@@ -226,9 +214,8 @@ static void take_laser(const struct problem *problem, const struct fit *fit,
     int at = problem->at[i];
     ret->seen[i] = TRUE;
     ret->rig.lasers[i] = laser_of(problem, x, i);
-    ret->source_error_mm[i][0] =
+    ret->source_error_mm[i] =
         hypot(fit_error(fit, fitted, at + ACROSS), fit_error(fit, fitted, at + BEAM));
-    ret->source_error_mm[i][1] = HUGE_VAL;
     ret->axis_error_rad[i] =
         hypot(fit_error(fit, fitted, at + AXIS_BEAM), fit_error(fit, fitted, at + AXIS_ACROSS));
     ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
@@ -240,7 +227,10 @@ static void take(const struct problem *problem, const struct fit *fit, struct fi
     double sum[RIG_MAX_LASERS] = {0}, all = 0;
     ret->rig = *problem->rig;
     ret->rig.arc = arc_of(problem, x);
-    ret->arc_fitted = problem->fit_arc;
+    for (int k = 0; k < 2; k++) {
+        ret->tilt_error_rad[k] = fit_error(fit, fitted, k);
+        ret->centre_error_mm[k] = fit_error(fit, fitted, 2 + k);
+    }
     for (int i = 0; i < problem->rig->n_lasers; i++)
         if (problem->at[i] >= 0)
             take_laser(problem, fit, fitted, x, i, ret);
@@ -267,26 +257,25 @@ static gboolean check_told(const struct problem *problem, const struct fit_resul
                            GError **error) {
     if (fitted->undetermined < 0)
         return TRUE;
-    const char *name = "the arc's axis";
+    const char *name = "arc";
     for (int i = 0; i < problem->rig->n_lasers; i++)
         if (problem->at[i] >= 0 && fitted->undetermined >= problem->at[i])
             name = problem->rig->lasers[i].name;
     g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
-                "laser %s: the sweeps leave open how its sheet lies; sweep a larger part of both "
-                "planes",
-                name);
+                "%s: the sweeps leave open how it lies; sweep a larger part of both planes", name);
     return FALSE;
 }
 
-gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n, gboolean fit_arc,
-                   const char *const *sweep_names, struct laser_result *ret, GError **error) {
-    struct problem problem = {.rig = rig, .points = points, .n = n, .fit_arc = fit_arc};
+gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
+                   const struct laser_arc *arc, const char *const *sweep_names,
+                   struct laser_result *ret, GError **error) {
+    struct problem problem = {.rig = rig, .points = points, .n = n, .known = *arc};
     struct fit_result fitted;
     memset(ret, 0, sizeof *ret);
     if (!lay_out(&problem, sweep_names, error))
         return FALSE;
     g_autofree double *x = g_new0(double, problem.n_parameters);
-    const struct fit fit = {problem.n_parameters, n, 1, residuals, &problem, REJECT};
+    const struct fit fit = {problem.n_parameters, n + ARC, 1, residuals, &problem, REJECT};
     if (!fit_solve(&fit, x, &fitted)) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                     "the sweeps' points are too few or not finite");

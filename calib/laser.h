@@ -38,27 +38,33 @@ struct laser_step { /* one step of one sweep against the model */
 };
 
 struct laser_result {
-    struct rig rig; /* with lasers (and arc, if it was fitted) as found */
+    struct rig rig; /* with lasers and the arc's axis as found */
     gboolean seen[RIG_MAX_LASERS];
-    /* Standard errors of source across the axis and along it (infinite: not told), axis, sweep's
-     * zero, stretch. */
-    double source_error_mm[RIG_MAX_LASERS][2];
+    /* Standard errors of the source across the axis (along it nothing is told), of axis, sweep's
+     * zero and stretch. */
+    double source_error_mm[RIG_MAX_LASERS];
     double axis_error_rad[RIG_MAX_LASERS], zero_error_rad[RIG_MAX_LASERS],
         stretch_error[RIG_MAX_LASERS];
-    double rms_mm[RIG_MAX_LASERS]; /* of points from their sheets */
-    int points[RIG_MAX_LASERS];    /* used */
-    gboolean arc_fitted;
+    double rms_mm[RIG_MAX_LASERS];                /* of points from their sheets */
+    int points[RIG_MAX_LASERS];                   /* used */
+    double tilt_error_rad[2], centre_error_mm[2]; /* of the arc */
     double rms_all_mm, sigma;
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* a point; owned */
     GArray *steps;    /* struct laser_step; owned */
 };
 
-/* rig: calibrated cameras, nominal lasers. fit_arc: the lean and place of the arc's axis too, where
- * the sweeps' arc angles tell it; else they are believed as they are. sweep_name: of a point's
- * sweep, for messages. */
-gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n, gboolean fit_arc,
-                   const char *const *sweep_names, struct laser_result *ret, GError **error);
+/* How well the arc's axis is known beforehand, standard deviations. Lines on planes tell it better
+ * than lamps do, as far as the sweeps' arc angles go round. */
+struct laser_arc {
+    double tilt_rad, centre_mm;
+};
+
+/* rig: calibrated cameras, lasers and arc as they are known. sweep_names: of the points' sweeps,
+ * for messages. */
+gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
+                   const struct laser_arc *arc, const char *const *sweep_names,
+                   struct laser_result *ret, GError **error);
 void laser_result_clear(struct laser_result *result);
 
 /* A sweep as one camera saw it: peak times as sweep_finish() left them, −1 where there is none;

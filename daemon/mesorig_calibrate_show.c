@@ -36,6 +36,46 @@ static void show_camera(const struct rig_camera *camera, const struct calibratio
     g_print("\n");
 }
 
+static void show_lamp(const struct rig *rig, int i, const struct calibration_lamp *errors) {
+    const struct vec3 at = rig_lamp_position_mm(&rig->arc, &rig->lamps[i], 0);
+    const double(*c)[3] = errors->position_covariance_mm2;
+
+    g_print("  %s: %.2f %.2f %.2f mm with the arc at 0", rig->lamps[i].name, at.x, at.y, at.z);
+    if (errors->known)
+        g_print("; ± %.2f %.2f %.2f mm", sqrt(c[0][0]), sqrt(c[1][1]), sqrt(c[2][2]));
+    g_print("\n");
+}
+
+static void show_arc(const struct rig_arc *arc, const struct calibration_arc *errors) {
+    const double deg = 180 / G_PI;
+
+    g_print("  arc: zero %+.4f°, axis leans %.4f° and stands at %+.3f %+.3f mm",
+            arc->zero_rad * deg, hypot(arc->tilt_rad[0], arc->tilt_rad[1]) * deg, arc->centre_mm[0],
+            arc->centre_mm[1]);
+    if (errors->known)
+        g_print("; ± %.4f°, %.4f°, %.3f mm", errors->zero_rad * deg,
+                hypot(errors->tilt_rad[0], errors->tilt_rad[1]) * deg,
+                hypot(errors->centre_mm[0], errors->centre_mm[1]));
+    g_print("\n");
+}
+
+static void show_laser(const struct rig_laser *laser, const struct calibration_laser *errors) {
+    const struct vec3 at = laser->position_mm;
+
+    g_print("  %s: %.2f %.2f %.2f mm, sweeps %+.3f %%", laser->name, at.x, at.y, at.z,
+            100 * laser->stretch);
+    if (errors->known)
+        g_print("; ± %.2f mm across its axis, zero %.4f°, RMS %.3f mm", errors->position_mm[0],
+                errors->normal_rad * 180 / G_PI, errors->residual_rms_mm);
+    g_print("\n");
+}
+
+static void show_lights(const struct calibration *calibration) {
+    for (int i = 0; i < calibration->rig.n_lamps; i++)
+        show_lamp(&calibration->rig, i, &calibration->lamps[i]);
+    show_arc(&calibration->rig.arc, &calibration->arc);
+}
+
 static GVariant *part_variant(const struct calibration_part *part) {
     GVariantBuilder builder;
 
@@ -85,6 +125,10 @@ static int run(const struct command *command, int argc, char **argv) {
         show_part(calibration, (enum calibration_kind)i);
         for (int c = 0; i == CALIBRATION_CAMERAS && c < calibration->rig.n_cameras; c++)
             show_camera(&calibration->rig.cameras[c], &calibration->cameras[c]);
+        if (i == CALIBRATION_LIGHTS)
+            show_lights(calibration);
+        for (int k = 0; i == CALIBRATION_LASER && k < calibration->rig.n_lasers; k++)
+            show_laser(&calibration->rig.lasers[k], &calibration->lasers[k]);
     }
     return CLI_DONE;
 }

@@ -91,8 +91,9 @@ static inline gboolean sweep_measure(guint32 seed, int pixels, const struct swee
                 for (int arc = 0; arc < poses->arcs; arc++)
                     sweep_add_points(*scene, poses, sweep_heights[h], camera, laser, arc, points);
     }
+    static const struct laser_arc unknown = {0.01, 1};
     return laser_fit(&(*scene)->rig, (const struct laser_point *)(gpointer)points->data,
-                     (int)points->len, TRUE, names, ret, error);
+                     (int)points->len, &unknown, names, ret, error);
 }
 
 struct sweep_errors {
