@@ -71,8 +71,8 @@ static inline void rig_write_tile(const char *folder, int seed) {
 
 #define TILE_CONF                                                                                  \
     "[session]\nname=tile\n[sample]\nwidth_mm=44\nheight_mm=44\ntexels=8\nreference_mm=4\n"        \
-    "depth_mm=4\n[views]\nrings=10:3; 40:3:20; 65:3\n[lights]\nrings=15:3; 45:3; 70:3\n"              \
-    "offset_deg=50\n"                                                            \
+    "depth_mm=4\n[views]\nrings=10:3; 40:3:20; 65:3\n[lights]\nrings=15:3; 45:3; 70:3\n"           \
+    "offset_deg=50\n"                                                                              \
     "[capture]\nexposures_us=1000;1000;3000;3000;6000;6000\nkeep_exposures=yes\ndark_frames=2\n"
 
 struct rig_told {

@@ -207,8 +207,8 @@ static void camera_lost_and_found(void) {
                                       "[lights]\nrings = 30:2; 60:2\noffset_deg = 45\n"
                                       "[capture]\nexposures_us = 4000; 16000\nretries = 4\n",
                                       -1, NULL));
-    GSubprocess *daemon =
-        starts(G_SUBPROCESS_FLAGS_STDERR_SILENCE, BIN("mesorigd"), "--listen", address, "--rig", path, NULL);
+    GSubprocess *daemon = starts(G_SUBPROCESS_FLAGS_STDERR_SILENCE, BIN("mesorigd"), "--listen",
+                                 address, "--rig", path, NULL);
     wait_for_file(socket);
     mishap.capture =
         starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
