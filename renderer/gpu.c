@@ -40,6 +40,10 @@ static EGLContext create_context(EGLDisplay display) {
                              3,
                              EGL_CONTEXT_OPENGL_PROFILE_MASK,
                              EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+#ifdef GPU_DEBUG
+                             EGL_CONTEXT_OPENGL_DEBUG,
+                             EGL_TRUE,
+#endif
                              EGL_NONE};
     EGLConfig config = NULL;
     EGLint n_configs = 0;
@@ -47,6 +51,24 @@ static EGLContext create_context(EGLDisplay display) {
         !eglChooseConfig(display, config_wanted, &config, 1, &n_configs) || n_configs == 0)
         return EGL_NO_CONTEXT;
     return eglCreateContext(display, config, EGL_NO_CONTEXT, wanted);
+}
+
+#ifdef GPU_DEBUG
+static void complain(GLenum source, GLenum type, GLuint id, GLenum severity, GLsizei length,
+                     const GLchar *text, const void *data) {
+    if (type == GL_DEBUG_TYPE_ERROR && id != GL_OUT_OF_MEMORY)
+        g_critical("OpenGL: %s", text);
+}
+#endif
+
+void gpu_watch(void) {
+#ifdef GPU_DEBUG
+    if (epoxy_gl_version() < 43 && !epoxy_has_gl_extension("GL_KHR_debug"))
+        return;
+    glEnable(GL_DEBUG_OUTPUT);
+    glEnable(GL_DEBUG_OUTPUT_SYNCHRONOUS);
+    glDebugMessageCallback(complain, NULL);
+#endif
 }
 
 Gpu *gpu_new_headless(GError **error) {
@@ -73,6 +95,7 @@ Gpu *gpu_new_headless(GError **error) {
     }
     Gpu *gpu = g_new(Gpu, 1);
     *gpu = (Gpu){display, context};
+    gpu_watch();
     return gpu;
 }
 

@@ -22,6 +22,10 @@ Gpu *gpu_new_headless(GError **error);
 void gpu_free(Gpu *gpu); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Gpu, gpu_free)
 
+/* In debug builds (GPU_DEBUG): each OpenGL error of the current context is a critical message, at
+ * the call that makes it. gpu_new_headless() does this. */
+void gpu_watch(void);
+
 const char *gpu_renderer(void); /* of the current context, never NULL */
 
 /* Fails if OpenGL has an error pending; what: was being done. */

@@ -57,7 +57,7 @@ static GOptionEntry *entries(struct options *o) {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
          "OUT.png"},
         {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
-         "plane, torus (default), sphere, cylinder or an OBJ file", "SHAPE"},
+         "plane, torus (default), sphere, cylinder, torus-knot or an OBJ file", "SHAPE"},
         {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
          "eigenmaps (default), lpca-grid or lpca", "METHOD"},
         {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},

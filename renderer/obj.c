@@ -295,7 +295,29 @@ static guint32 add_vertex(const struct obj *obj, struct builder *b, const struct
     return index;
 }
 
-/* dP/du of the triangle, added to its corners. */
+/* Of v along the surface, at right angles to the vertex's normal, unit; FALSE: nothing is left. */
+static gboolean along_surface(const struct vertex *vertex, const float v[3], float ret[3]) {
+    float off = dot(v, vertex->normal);
+    for (int k = 0; k < 3; k++)
+        ret[k] = v[k] - off * vertex->normal[k];
+    return normalise(ret);
+}
+
+/* A triangle's angle at its corner v[c], seen along that vertex's normal. */
+static float corner_angle(struct vertex *const v[3], int c) {
+    float edges[2][3];
+    for (int e = 0; e < 2; e++) {
+        float edge[3];
+        for (int k = 0; k < 3; k++)
+            edge[k] = v[(c + 1 + e) % 3]->position[k] - v[c]->position[k];
+        if (!along_surface(v[c], edge, edges[e]))
+            return 0.0f;
+    }
+    return acosf(CLAMP(dot(edges[0], edges[1]), -1.0f, 1.0f));
+}
+
+/* dP/du of the triangle, added to its corners as MikkTSpace has it, so that normal maps and fibres
+ * made elsewhere fit: along the surface of each, weighted by the angle there. */
 static void add_tangent(struct builder *b, const guint32 index[3]) {
     struct vertex *v[3];
     for (int k = 0; k < 3; k++)
@@ -309,9 +331,11 @@ static void add_tangent(struct builder *b, const guint32 index[3]) {
                      (area < 0.0f ? -1.0f : 1.0f);
     if (area == 0.0f || !normalise(tangent))
         return;
-    for (int c = 0; c < 3; c++)
-        for (int k = 0; k < 3; k++)
-            v[c]->tangent[k] += tangent[k];
+    for (int c = 0; c < 3; c++) {
+        float turned[3], angle = corner_angle(v, c);
+        for (int k = 0; k < 3 && along_surface(v[c], tangent, turned); k++)
+            v[c]->tangent[k] += angle * turned[k];
+    }
 }
 
 static void add_polygon(const struct obj *obj, struct builder *b, const struct corner *corners,
@@ -330,10 +354,9 @@ static void add_polygon(const struct obj *obj, struct builder *b, const struct c
 }
 
 static void finish_tangent(struct vertex *vertex) {
-    float *t = vertex->tangent, along = dot(t, vertex->normal);
-    for (int k = 0; k < 3; k++)
-        t[k] -= along * vertex->normal[k];
-    if (normalise(t))
+    float *t = vertex->tangent, sum[3];
+    memcpy(sum, t, sizeof sum);
+    if (along_surface(vertex, sum, t))
         return;
     float axis[3] = {0.0f, 0.0f, 0.0f};
     axis[fabsf(vertex->normal[0]) < 0.7f ? 0 : 1] = 1.0f;

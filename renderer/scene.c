@@ -48,6 +48,63 @@ static void cylinder_point(const struct grid_shape *shape, double u, double v, s
     set3(ret->tangent, -sin(a), cos(a), 0.0);
 }
 
+/* Of the (2, 3) torus knot. */
+static void knot_curve(double t, double ret[3]) {
+    double r = 2.0 + cos(3.0 * t);
+    ret[0] = r * cos(2.0 * t);
+    ret[1] = r * sin(2.0 * t);
+    ret[2] = sin(3.0 * t);
+}
+
+static void knot_along(double t, double ret[3]) {
+    double a[3], b[3], length;
+    knot_curve(t - 1e-4, a);
+    knot_curve(t + 1e-4, b);
+    for (int k = 0; k < 3; k++)
+        ret[k] = b[k] - a[k];
+    length = sqrt(ret[0] * ret[0] + ret[1] * ret[1] + ret[2] * ret[2]);
+    for (int k = 0; k < 3; k++)
+        ret[k] /= length;
+}
+
+/* A tube's normal at angle b around it, from its upper side, is at right angles to its middle line,
+ * which is nowhere vertical. */
+static void knot_at(const struct grid_shape *shape, double u, double v, double ret[3],
+                    double ret_normal[3]) {
+    double t = 2.0 * G_PI * u, b = 2.0 * G_PI * v, middle[3], along[3], aside[3];
+    double out[3] = {0.0, 0.0, 1.0};
+    knot_curve(t, middle);
+    knot_along(t, along);
+    double off = along[2], length = 0.0;
+    for (int k = 0; k < 3; k++) {
+        out[k] -= off * along[k];
+        length = hypot(length, out[k]);
+    }
+    for (int k = 0; k < 3; k++)
+        out[k] /= length;
+    for (int k = 0; k < 3; k++)
+        aside[k] = out[(k + 1) % 3] * along[(k + 2) % 3] - out[(k + 2) % 3] * along[(k + 1) % 3];
+    for (int k = 0; k < 3; k++) {
+        ret_normal[k] = cos(b) * out[k] + sin(b) * aside[k];
+        ret[k] = shape->radius * middle[k] + shape->tube_radius * ret_normal[k];
+    }
+}
+
+static void knot_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double p[3], n[3], before[3], after[3], unused[3], t[3], length = 0.0;
+    knot_at(shape, u, v, p, n);
+    knot_at(shape, u - 1e-4, v, before, unused);
+    knot_at(shape, u + 1e-4, v, after, unused);
+    for (int k = 0; k < 3; k++)
+        t[k] = after[k] - before[k];
+    double off = t[0] * n[0] + t[1] * n[1] + t[2] * n[2];
+    for (int k = 0; k < 3; k++)
+        length = hypot(length, t[k] -= off * n[k]);
+    set3(ret->position, p[0], p[1], p[2]);
+    set3(ret->normal, n[0], n[1], n[2]);
+    set3(ret->tangent, t[0] / length, t[1] / length, t[2] / length);
+}
+
 static void grid_indices(struct mesh *mesh, int nu, int nv) {
     guint32 *out = mesh->indices;
     for (int j = 0; j < nv; j++)
@@ -102,9 +159,37 @@ struct mesh *scene_sphere(void) {
     return with_tiles(grid("sphere", NULL, sphere_point, 128, 64), 6, 3);
 }
 
+/* A flat end at height z, facing up or down, with texels as large as those around. */
+static void add_lid(struct mesh *mesh, const struct grid_shape *shape, int n, double side) {
+    guint first = mesh->n_vertices, at = mesh->n_indices;
+    mesh->vertices = g_renew(struct vertex, mesh->vertices, mesh->n_vertices += n + 1);
+    mesh->indices = g_renew(guint32, mesh->indices, mesh->n_indices += 3 * n);
+    for (int k = 0; k <= n; k++) {
+        double r = k == n ? 0.0 : shape->radius, a = 2.0 * G_PI * k / n;
+        struct vertex *v = &mesh->vertices[first + k];
+        *v = (struct vertex){.normal = {0, 0, side}, .tangent = {1, 0, 0, 1}};
+        set3(v->position, r * cos(a), r * sin(a), 0.5 * side * shape->height);
+        v->uv[0] = v->position[0] / (2.0 * G_PI * shape->radius);
+        v->uv[1] = side * v->position[1] / shape->height;
+    }
+    for (int k = 0; k < n; k++) {
+        guint32 a = first + k, b = first + (k + 1) % n;
+        guint32 triangle[3] = {first + n, side > 0.0 ? a : b, side > 0.0 ? b : a};
+        memcpy(mesh->indices + at + 3 * (gsize)k, triangle, sizeof triangle);
+    }
+}
+
 struct mesh *scene_cylinder(void) {
     struct grid_shape shape = {.radius = 0.6, .height = 1.6};
-    return with_tiles(grid("cylinder", &shape, cylinder_point, 128, 1), 5, 2);
+    struct mesh *mesh = grid("cylinder", &shape, cylinder_point, 128, 1);
+    add_lid(mesh, &shape, 128, 1.0);
+    add_lid(mesh, &shape, 128, -1.0);
+    return with_tiles(mesh, 5, 2);
+}
+
+struct mesh *scene_torus_knot(void) {
+    struct grid_shape shape = {.radius = 0.42, .tube_radius = 0.18};
+    return with_tiles(grid("torus-knot", &shape, knot_point, 768, 48), 24, 2);
 }
 
 static void minus(const float *a, const float *b, int n, double ret[3]) {
@@ -177,11 +262,14 @@ struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
         return scene_sphere();
     if (strcmp(name, "cylinder") == 0)
         return scene_cylinder();
+    if (strcmp(name, "torus-knot") == 0)
+        return scene_torus_knot();
     gsize length = strlen(name);
     if (length > 4 && g_ascii_strcasecmp(name + length - 4, ".obj") == 0)
         return scene_read_obj(name, up, error);
     g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
-                "“%s” is no shape: plane, torus, sphere, cylinder or the path of an .obj file",
+                "“%s” is no shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
+                ".obj file",
                 name);
     return NULL;
 }

@@ -46,7 +46,7 @@ void mesh_free(struct mesh *mesh); /* NULL is ignored */
 
 enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 
-/* "plane", "torus", "sphere", "cylinder", or the path of an .obj file. */
+/* "plane", "torus", "sphere", "cylinder", "torus-knot", or the path of an .obj file. */
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
 
 struct scene_options {
@@ -61,7 +61,9 @@ struct mesh *scene_plane(void);
 /* Around z; u runs around the axis, v around the tube from its outermost circle upwards. */
 struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube);
 struct mesh *scene_sphere(void);   /* radius 1 */
-struct mesh *scene_cylinder(void); /* around z, without lids */
+struct mesh *scene_cylinder(void); /* around z, with flat ends */
+/* (2, 3), around z; u runs along the tube, v around it. */
+struct mesh *scene_torus_knot(void);
 
 /* Lays a plane of half_width radii under the mesh, where it is lowest. With tiles_u × tiles_v tiles
  * on the mesh the floor's are square and as large as the mesh's in the mean. */

@@ -200,7 +200,7 @@ static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     glDrawElements(GL_TRIANGLES, s->n_indices, GL_UNSIGNED_INT, NULL);
     glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT |
-                    GL_BUFFER_UPDATE_BARRIER_BIT);
+                    GL_BUFFER_UPDATE_BARRIER_BIT | GL_FRAMEBUFFER_BARRIER_BIT);
     glGetBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof n_faces, &n_faces);
     return n_faces;
 }

@@ -12,7 +12,7 @@
 static const char help[] = "drag left       orbit\n"
                            "drag right      move the light\n"
                            "wheel           zoom\n"
-                           "1 2 3 4         plane, torus, sphere, cylinder\n"
+                           "1 2 3 4 5       plane, torus, sphere, cylinder, torus knot\n"
                            "0               the shape it was started with\n"
                            "+ −             exposure\n"
                            "[ ]             fewer, more tiles\n"
@@ -126,12 +126,12 @@ static void toggle_silhouettes(struct window *w) {
 }
 
 static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods) {
-    static const char *const names[] = {"plane", "torus", "sphere", "cylinder"};
+    static const char *const names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot"};
     struct window *w = glfwGetWindowUserPointer(glfw);
     if (action == GLFW_RELEASE)
         return;
     w->stale = TRUE;
-    if (key >= GLFW_KEY_1 && key <= GLFW_KEY_4)
+    if (key >= GLFW_KEY_1 && key <= GLFW_KEY_5)
         set_shape(w, names[key - GLFW_KEY_1], NULL);
     else if (key == GLFW_KEY_0)
         set_shape(w, w->options->shape, &w->options->settings);
@@ -222,6 +222,9 @@ static GLFWwindow *open_window(const struct window_options *options, GError **er
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
     glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
+#ifdef GPU_DEBUG
+    glfwWindowHint(GLFW_OPENGL_DEBUG_CONTEXT, GLFW_TRUE);
+#endif
     GLFWwindow *glfw =
         glfwCreateWindow(options->width, options->height, "mesorig-view", NULL, NULL);
     if (glfw == NULL) {
@@ -232,6 +235,7 @@ static GLFWwindow *open_window(const struct window_options *options, GError **er
         return NULL;
     }
     glfwMakeContextCurrent(glfw);
+    gpu_watch();
     glfwSwapInterval(options->close_after > 0 ? 0 : 1);
     return glfw;
 }

@@ -64,7 +64,7 @@ static void check_triangles(const struct mesh *mesh) {
 }
 
 static void test_shapes(void) {
-    const char *const names[] = {"plane", "torus", "sphere", "cylinder"};
+    const char *const names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot"};
     for (gsize k = 0; k < G_N_ELEMENTS(names); k++) {
         g_autoptr(GError) error = NULL;
         struct mesh *mesh = scene_shape(names[k], SCENE_Y_UP, &error);
@@ -116,6 +116,45 @@ static void test_obj_square(void) {
         g_assert_cmpfloat(mesh->vertices[k].tangent[3], ==, 1.0);
         g_assert_cmpfloat_with_epsilon(fabs(mesh->vertices[k].position[0]), sqrt(0.5), 1e-6);
     }
+    mesh_free(mesh);
+}
+
+/* A quarter around the first vertex has its texture's +x along x; the next one, in three slivers,
+ * along y. Weighted by angles, as MikkTSpace has it, the vertex's tangent lies half way between. */
+static void test_obj_tangent(void) {
+    g_autoptr(GString) text = g_string_new("v 0 0 0\nvt 0 0\nvn 0 0 1\nv 1 0 0\nvt 1 0\n"
+                                           "v 0 1 0\nvt 0 1\nf 1/1/1 2/2/1 3/3/1\n");
+    const double angles[] = {0.0, 10.0, 35.0, 90.0};
+    for (int k = 0; k < 4; k++) {
+        double c = cos(angles[k] * G_PI / 180.0), s = sin(angles[k] * G_PI / 180.0);
+        g_string_append_printf(text, "v %.9f %.9f 0\nvt %.9f %.9f\n", -s, c, c, s);
+        if (k > 0)
+            g_string_append(text, "f 1/1/1 -2/-2/1 -1/-1/1\n");
+    }
+    struct mesh *mesh = parse(text->str, SCENE_Z_UP);
+    const struct vertex *v = &mesh->vertices[mesh->indices[0]];
+    g_assert_cmpuint(mesh->indices[3], ==, mesh->indices[0]);
+    g_assert_cmpfloat_with_epsilon(v->tangent[0], sqrt(0.5), 1e-5);
+    g_assert_cmpfloat_with_epsilon(v->tangent[1], sqrt(0.5), 1e-5);
+    mesh_free(mesh);
+}
+
+/* The floor touches the shape, and its tiles are as large as the shape's in the mean. */
+static void test_floor(void) {
+    const struct scene_options options = {8, 4, SCENE_Z_UP, TRUE};
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_make("torus", &options, &error);
+    g_assert_no_error(error);
+    check_triangles(mesh);
+    g_assert_cmpuint(mesh->n_floor_vertices, ==, 4);
+    const struct vertex *v = &mesh->vertices[mesh->n_vertices - 4];
+    double tile[2] = {(v[1].position[0] - v[0].position[0]) / (8 * (v[1].uv[0] - v[0].uv[0])),
+                      (v[2].position[1] - v[0].position[1]) / (4 * (v[2].uv[1] - v[0].uv[1]))};
+    g_assert_cmpfloat_with_epsilon(v->position[2], -0.4, 1e-6);
+    g_assert_cmpfloat_with_epsilon(tile[0], tile[1], 1e-5);
+    /* The torus has 4 π² · 0.4 in 32 tiles. */
+    g_assert_cmpfloat_with_epsilon(tile[0] * tile[1], 4.0 * G_PI * G_PI * 0.4 / 32.0, 2e-3);
+    g_assert_cmpfloat(mesh->radius, <, 1.5);
     mesh_free(mesh);
 }
 
@@ -256,6 +295,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/scene/shapes", test_shapes);
     g_test_add_func("/scene/torus", test_torus);
     g_test_add_func("/scene/obj/square", test_obj_square);
+    g_test_add_func("/scene/floor", test_floor);
+    g_test_add_func("/scene/obj/tangent", test_obj_tangent);
     g_test_add_func("/scene/obj/y-up", test_obj_y_up);
     g_test_add_func("/scene/obj/negative-and-ngon", test_obj_negative_and_ngon);
     g_test_add_func("/scene/obj/mirrored", test_obj_mirrored);
