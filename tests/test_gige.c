@@ -161,6 +161,15 @@ static void without_clock(void) {
     eye_end(&eye);
 }
 
+/* Past the kernel's UDP where this process may, else as without. */
+static void packet_socket(void) {
+    struct eye eye;
+    eye_begin(&eye, "packet_socket = yes");
+    for (guint64 shot = 1; shot <= 5; shot++)
+        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
+    eye_end(&eye);
+}
+
 struct line {
     VirtualGige *device;
     int fd, pulses;
@@ -312,6 +321,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/gige/times", times);
     g_test_add_func("/gige/exposed-before-it-is-here", exposed_before_it_is_here);
     g_test_add_func("/gige/without-clock", without_clock);
+    g_test_add_func("/gige/packet-socket", packet_socket);
     g_test_add_func("/gige/hardware-trigger", hardware_trigger);
     g_test_add_func("/gige/eight-at-once", eight_at_once);
     g_test_add_func("/gige/scan", scan);

@@ -96,6 +96,35 @@ static void stamp_in_the_future(void) {
     eye_end(&eye);
 }
 
+static void another_size(void) {
+    struct eye eye;
+    struct virtual_gige_faults faults = {.odd = 1};
+    eye_begin(&eye, "");
+    virtual_gige_fail(eye.device, &faults);
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FAULT);
+    eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "its picture is 318 × 240 of format");
+    eye_recover(&eye, 1, 5);
+    eye_end(&eye);
+}
+
+/* Told to be over too early: lamps may have been switched while it still exposed. */
+static void exposed_longer_than_said(void) {
+    struct eye eye;
+    struct virtual_gige_faults faults = {.announces = TRUE}, slow = {0};
+    eye_begin(&eye, "trigger_ms = 5");
+    virtual_gige_fail(eye.device, &faults);
+    for (guint64 shot = 1; shot <= 3; shot++) /* announced, but as quick as it says */
+        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
+    slow = faults;
+    slow.slow_us = 60000;
+    virtual_gige_fail(eye.device, &slow);
+    g_assert_cmpint(eye_shoot(&eye, 4), ==, CAMERA_FAULT);
+    eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "ms after it had begun to send; set trigger_ms");
+    virtual_gige_fail(eye.device, &faults);
+    eye_recover(&eye, 4, 5);
+    eye_end(&eye);
+}
+
 static void no_picture(void) {
     struct eye eye;
     struct virtual_gige_faults faults = {.blind = 1};
@@ -240,6 +269,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/gige/old-picture", old_picture);
     g_test_add_func("/gige/late-picture", late_picture);
     g_test_add_func("/gige/stamp-in-the-future", stamp_in_the_future);
+    g_test_add_func("/gige/another-size", another_size);
+    g_test_add_func("/gige/exposed-longer-than-said", exposed_longer_than_said);
     g_test_add_func("/gige/no-picture", no_picture);
     g_test_add_func("/gige/control-stolen", control_stolen);
     g_test_add_func("/gige/power-lost", power_lost);

@@ -144,10 +144,23 @@ static gboolean describe(VirtualGige *camera, struct gige_kept *ret) {
            ret->y + ret->height <= (guint)camera->options.height;
 }
 
+static guint16 next_id(const VirtualGige *camera) {
+    return (guint16)(camera->last_id == 65535 ? 1 : camera->last_id + 1);
+}
+
+static void announce(VirtualGige *camera, struct gige_kept kept) {
+    kept.id = next_id(camera);
+    kept.ticks = gige_ticks(camera->state.triggered_us + camera->faults.slow_us);
+    gige_send_leader(camera, &kept);
+}
+
 static void keep(VirtualGige *camera, struct gige_kept *kept) {
     gboolean old = camera->faults.old > 0 && camera->kept[0].data;
-    camera->last_id = (guint16)(camera->last_id == 65535 ? 1 : camera->last_id + 1);
+    gboolean odd = camera->faults.odd > 0;
+    camera->last_id = next_id(camera);
     kept->id = camera->last_id;
+    kept->width -= odd ? 2 : 0;
+    camera->faults.odd -= odd;
     kept->cut = camera->faults.cut > 0;
     camera->faults.cut -= kept->cut;
     camera->faults.old -= old;
@@ -171,15 +184,17 @@ static gboolean wait_until(VirtualGige *camera, gint64 until_us) {
 static void take_picture(VirtualGige *camera) {
     struct virtual_gige_exposure exposure = {
         .n = camera->state.pictures + 1,
-        .start_us = camera->state.triggered_us,
+        .start_us = camera->state.triggered_us + camera->faults.slow_us,
         .exposure_us = gige_reg(camera, REG_EXPOSURE_US),
         .gain_db = gige_reg(camera, REG_GAIN) / 100.0,
     };
     struct gige_kept kept;
     int shift = (int)(gige_reg(camera, REG_BLACK) / 10.0 - camera->options.black_level);
     camera->exposing = TRUE;
-    gboolean exposed =
-        describe(camera, &kept) && wait_until(camera, exposure.start_us + exposure.exposure_us);
+    gboolean exposed = describe(camera, &kept);
+    if (exposed && camera->faults.announces)
+        announce(camera, kept);
+    exposed = exposed && wait_until(camera, exposure.start_us + exposure.exposure_us);
     camera->exposing = FALSE;
     if (!exposed)
         return;

@@ -57,6 +57,9 @@ struct virtual_gige_faults {
     gint64 ahead_us;    /* time stamps of pictures are so much in the future */
     gint64 late_us;     /* pictures leave so much later */
     gboolean unplugged; /* nothing comes through */
+    int odd;            /* pictures that say they are narrower than they are */
+    gint64 slow_us;     /* from the trigger to the exposure */
+    gboolean announces; /* the first packet of a picture leaves when it is triggered, too */
     int mtu;            /* larger packets do not get through; 0: all do */
     double rounding_us; /* exposures are multiples of this; 0: of 1 µs */
 };

@@ -151,5 +151,6 @@ void gige_stop(VirtualGige *camera);
 
 /* gige_stream.c */
 void gige_send_picture(VirtualGige *camera); /* the last one kept; unlocks it between packets */
+void gige_send_leader(VirtualGige *camera, const struct gige_kept *kept);
 void gige_send_again(VirtualGige *camera, const guint8 *request, gsize size);
 void gige_send_test_packet(VirtualGige *camera, guint32 value);

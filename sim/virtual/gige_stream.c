@@ -66,6 +66,10 @@ static void gige_send_block(VirtualGige *camera, const struct gige_kept *kept, g
         gige_send_packet(camera, packet, size + 8);
 }
 
+void gige_send_leader(VirtualGige *camera, const struct gige_kept *kept) {
+    gige_send_block(camera, kept, 0);
+}
+
 void gige_send_again(VirtualGige *camera, const guint8 *request, gsize size) {
     if (size < 12 || camera->faults.no_resend)
         return;

@@ -15,7 +15,7 @@
 #define LAMP_UNIT     1
 
 /* Of a line: a busy desk computer is slower than a drive. */
-#define PATIENCE    "timeout_ms = 500\nlate_ms = 500\n"
+#define PATIENCE    "timeout_ms = 300\nlate_ms = 300\n"
 #define MAX_COILS   VIRTUAL_MODBUS_BITS
 #define MAX_DEVICES 64
 
