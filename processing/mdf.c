@@ -11,6 +11,7 @@
 #define LEAST_AGREEMENT 0.1  /* mm: results of two lasers this close are never outliers */
 #define SEEN_SHARE      0.6f /* of the pixels around a texel */
 #define LIVE_SHARE      0.25 /* of what the best phase of the colour filter sees */
+#define FAINT           0.5  /* of the brightest line at a texel: it counts half */
 #define MANY_SWEEPS     4    /* with as many, one alone is not believed */
 
 struct MdfView {
@@ -23,7 +24,7 @@ struct MdfView {
     float *onset_mm;    /* of each pixel: along its ray from the centre to the reference plane */
     float *x_px, *y_px; /* of each texel's centre; x < 0: outside of the picture */
     float *pixel_mm;    /* of each pixel, for one sweep: distance from the reference plane, −1 */
-    float *texel_mm[MDF_MAX_SWEEPS];
+    float *texel_mm[MDF_MAX_SWEEPS], *texel_dn[MDF_MAX_SWEEPS]; /* distance, how bright */
     double weight[MDF_MAX_SWEEPS];
 };
 
@@ -77,8 +78,10 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
 void mdf_view_free(MdfView *view) {
     if (!view)
         return;
-    for (int i = 0; i < view->n_sweeps; i++)
+    for (int i = 0; i < view->n_sweeps; i++) {
         g_free(view->texel_mm[i]);
+        g_free(view->texel_dn[i]);
+    }
     g_free(view->ray);
     g_free(view->onset_mm);
     g_free(view->pixel_mm);
@@ -144,12 +147,12 @@ static struct phases find_phases(const MdfView *view) {
 }
 
 struct near {
-    float mm, share; /* share of a bilinear mean */
+    float mm, dn, share; /* share of a bilinear mean */
 };
 
 /* The pixels around a point that could have seen the laser; mm is −1 for those that have not. */
-static int find_near(const MdfView *view, const struct phases *phases, float x, float y,
-                     struct near *ret) {
+static int find_near(const MdfView *view, const struct phases *phases, const float *intensity,
+                     float x, float y, struct near *ret) {
     int n = 0, r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
     for (int v = j - r + 1; v <= j + r; v++)
         for (int u = i - r + 1; u <= i + r; u++) {
@@ -157,34 +160,43 @@ static int find_near(const MdfView *view, const struct phases *phases, float x, 
             if (u < 0 || v < 0 || u >= view->camera.width || v >= view->camera.height ||
                 !phases->live[phase_of(u, v)] || share <= 0)
                 continue;
-            float mm = view->pixel_mm[(gsize)v * (gsize)view->camera.width + (gsize)u];
-            ret[n++] = (struct near){mm, share};
+            gsize pixel = (gsize)v * (gsize)view->camera.width + (gsize)u;
+            float dn = isfinite(intensity[pixel]) ? MAX(intensity[pixel], 0) : 0;
+            ret[n++] = (struct near){view->pixel_mm[pixel], dn, share};
         }
     return n;
 }
 
-/* The mean of those pixels around that agree with the nearest one seen: none is taken across a
- * depth edge. Where too few have seen the laser, the texel may show what they do not. */
-static float resample(const MdfView *view, const struct phases *phases, float x, float y) {
-    struct near near[16];
-    int n = find_near(view, phases, x, y, near), nearest = -1;
-    float all = 0, seen = 0, sum = 0, shares = 0;
+/* How much of the neighbourhood agrees with one of its pixels; and the mean of what does. */
+static float find_support(const MdfView *view, const struct near *near, int n, int of,
+                          struct near *ret) {
+    *ret = (struct near){0};
+    for (int k = 0; k < n; k++)
+        if (near[k].mm >= 0 && fabsf(near[k].mm - near[of].mm) <= view->agreement_mm) {
+            ret->mm += near[k].share * near[k].mm;
+            ret->dn += near[k].share * near[k].dn;
+            ret->share += near[k].share;
+        }
+    ret->mm /= ret->share;
+    ret->dn /= ret->share;
+    return ret->share;
+}
+
+/* Pixels on both sides of a depth edge show two surfaces: the texel is on that of which more is
+ * around it, and the mean is taken of that side alone. Where too few have seen the laser, the texel
+ * may show what they do not. */
+static struct near resample(const MdfView *view, const struct near *near, int n) {
+    struct near best = {.mm = -1}, side;
+    float all = 0, seen = 0;
     for (int k = 0; k < n; k++) {
         all += near[k].share;
         if (near[k].mm < 0)
             continue;
         seen += near[k].share;
-        if (nearest < 0 || near[k].share > near[nearest].share)
-            nearest = k;
+        if (find_support(view, near, n, k, &side) > best.share)
+            best = side;
     }
-    if (nearest < 0 || seen < SEEN_SHARE * all)
-        return -1;
-    for (int k = 0; k < n; k++)
-        if (near[k].mm >= 0 && fabsf(near[k].mm - near[nearest].mm) <= view->agreement_mm) {
-            sum += near[k].share * near[k].mm;
-            shares += near[k].share;
-        }
-    return sum / shares;
+    return seen < SEEN_SHARE * all ? (struct near){.mm = -1} : best;
 }
 
 int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep) {
@@ -193,13 +205,20 @@ int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep) {
     for (gsize i = 0; i < n_pixels; i++)
         view->pixel_mm[i] = intersect(view, sweep, i);
     struct phases phases = find_phases(view);
-    float *texels = view->texel_mm[view->n_sweeps] = g_new(float, view->n_texels);
+    float *texel_mm = view->texel_mm[view->n_sweeps] = g_new(float, view->n_texels);
+    float *texel_dn = view->texel_dn[view->n_sweeps] = g_new0(float, view->n_texels);
     view->weight[view->n_sweeps++] =
         mdf_weight(sweep->arc, sweep->laser, sweep->arc_rad, view->centre_mm);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
-        texels[i] = view->x_px[i] < 0 ? -1 : resample(view, &phases, view->x_px[i], view->y_px[i]);
-        seen += texels[i] >= 0;
+        struct near near[16], texel = {.mm = -1};
+        if (view->x_px[i] >= 0) {
+            int n = find_near(view, &phases, sweep->intensity, view->x_px[i], view->y_px[i], near);
+            texel = resample(view, near, n);
+        }
+        texel_mm[i] = texel.mm;
+        texel_dn[i] = texel.dn;
+        seen += texel.mm >= 0;
     }
     return seen;
 }
@@ -266,14 +285,29 @@ static void merge_texel(struct sample *samples, int n, int least, float *ret_mm,
         *ret_error = (float)sqrt(scatter / weights / MAX(effective - 1, 1e-6));
 }
 
+/* What each laser position says of a texel. A line that is much fainter than others there grazes
+ * the surface, or is not the laser's but its light thrown back by what stands around. */
+static int collect(const MdfView *view, int texel, struct sample *ret) {
+    float most = 0;
+    int n = 0;
+    for (int s = 0; s < view->n_sweeps; s++)
+        if (view->texel_mm[s][texel] >= 0)
+            most = MAX(most, view->texel_dn[s][texel]);
+    for (int s = 0; s < view->n_sweeps; s++) {
+        if (view->texel_mm[s][texel] < 0 || !(view->weight[s] > 0))
+            continue;
+        double bright = most > 0 ? view->texel_dn[s][texel] / most : 1;
+        double trust = bright * bright / (bright * bright + FAINT * FAINT);
+        ret[n++] = (struct sample){view->texel_mm[s][texel], view->weight[s] * trust};
+    }
+    return n;
+}
+
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
     struct sample samples[MDF_MAX_SWEEPS];
     int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
     for (int i = 0; i < view->n_texels; i++) {
-        int n = 0;
-        for (int s = 0; s < view->n_sweeps; s++)
-            if (view->texel_mm[s][i] >= 0 && view->weight[s] > 0)
-                samples[n++] = (struct sample){view->texel_mm[s][i], view->weight[s]};
+        int n = collect(view, i, samples);
         merge_texel(samples, n, least, ret_distance + i, ret_n + i, ret_error + i);
     }
 }

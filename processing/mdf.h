@@ -14,7 +14,7 @@
 #define MDF_MAX_SWEEPS 128
 
 /* Counts up whenever the same sweeps give other numbers: what older ones made is made again. */
-#define MDF_METHOD 2
+#define MDF_METHOD 3
 
 typedef struct MdfView MdfView;
 

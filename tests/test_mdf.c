@@ -194,6 +194,28 @@ static void test_outliers(void) {
         g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
 }
 
+/* Most lasers do not reach a place and see what others throw back there, faintly and elsewhere: the
+ * few that are bright are believed. Brightness that is no number counts for nothing. */
+static void test_faint(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int i = 0; i < 9; i++) {
+        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
+        double arc = (70 + 30 * i) * DEGREE;
+        world->surface.height = i < 6 ? 2.6 : 2;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int k = 0; k < SIDE * SIDE; k++)
+            world->intensity[k] = i < 5 ? 30 : i == 5 ? (k % 2 ? NAN : -INFINITY) : 900;
+        add(view, world, &laser, arc);
+    }
+    world->surface.height = 2;
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+}
+
 static void test_unseen(void) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
@@ -293,6 +315,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf/noise", test_noise);
     g_test_add_func("/mdf/step", test_step);
     g_test_add_func("/mdf/outliers", test_outliers);
+    g_test_add_func("/mdf/faint", test_faint);
     g_test_add_func("/mdf/unseen", test_unseen);
     g_test_add_func("/mdf/one-phase", test_one_phase);
     g_test_add_func("/mdf/alone", test_alone);

@@ -1,0 +1,133 @@
+#include "measurement_mdf.h"
+
+#include "daemon/radiance.h"
+#include "processing/mdf.h"
+#include "processing/sweep.h"
+
+#include <math.h>
+
+#define RAD(deg)     ((deg) * (G_PI / 180))
+#define EXPOSURE_US  4000
+#define THRESHOLD_DN 12
+#define MARGIN_MM    2
+#define POSITIONS    26 /* as in the demo: 2 at 15°, 6 each at 30, 45, 60 and 75° */
+
+struct position {
+    int laser;
+    double arc_deg;
+};
+
+static struct position position_at(int index) {
+    if (index < 2)
+        return (struct position){0, 15 + 180.0 * index};
+    return (struct position){1 + (index - 2) / 6, 15 + 60.0 * ((index - 2) % 6)};
+}
+
+/* As a plan would have it: from edge to edge of the sample's box. */
+static void find_range(const struct rig *rig, const struct session_grid *grid,
+                       const struct position *position, double turntable_rad, double *ret_from,
+                       double *ret_to) {
+    *ret_from = G_MAXDOUBLE;
+    *ret_to = -G_MAXDOUBLE;
+    for (int corner = 0; corner < 8; corner++) {
+        double x = grid->width_mm / 2 + MARGIN_MM, y = grid->height_mm / 2 + MARGIN_MM;
+        double z = grid->reference_mm - (corner & 4 ? grid->depth_mm : 0);
+        struct vec3 p = rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), turntable_rad);
+        double s = rig_laser_sweep_rad(&rig->arc, &rig->lasers[position->laser],
+                                       RAD(position->arc_deg), p);
+        *ret_from = MIN(*ret_from, s);
+        *ret_to = MAX(*ret_to, s);
+    }
+}
+
+struct planes {
+    float *peak, *width, *intensity;
+};
+
+static void take_sweep(World *world, int camera, double turntable_deg,
+                       const struct position *position, double from, double to, int steps,
+                       const struct planes *planes) {
+    struct world_sensor sensor;
+    world_sensor(world, camera, &sensor);
+    g_autofree guint16 *pixels = g_new(guint16, (gsize)sensor.width * (gsize)sensor.height);
+    g_autoptr(Sweep) sweep =
+        sweep_new(sensor.width, sensor.height, steps, radiance_saturation(sensor.bits));
+    struct world_state state = {.turntable_deg = turntable_deg, .arc_deg = position->arc_deg};
+    state.laser_on[position->laser] = TRUE;
+    for (int k = 0; k < steps; k++) {
+        double angle = from + (to - from) * k / (steps - 1);
+        state.sweep_deg[position->laser] = angle * 180 / G_PI;
+        guint64 key = ((guint64)camera * 64 + (guint64)position->laser) * 1024 + (guint64)k;
+        world_expose(world, camera, &state, EXPOSURE_US, 0,
+                     key * 512 + (guint64)position->arc_deg + 7, pixels);
+        sweep_add(sweep, pixels);
+    }
+    sweep_finish(sweep, THRESHOLD_DN, planes->peak, planes->width, planes->intensity);
+}
+
+static void compare(const struct bench_setup *setup, const float *measured, const float *truth,
+                    const guint8 *edge, const guint8 *seen, struct bench_mdf *ret) {
+    for (int i = 0; i < setup->texels * setup->texels; i++) {
+        ret->texels++;
+        ret->seen += seen[i] > 0;
+        ret->covered += seen[i] > 0 && measured[i] >= 0;
+        if (measured[i] < 0 || truth[i] < 0)
+            continue;
+        double error = (measured[i] - truth[i]) / setup->texel_mm;
+        float size = (float)fabs(error);
+        if (edge[i]) {
+            ret->edges++;
+            ret->edge_squares += error * error;
+            ret->edge_outliers += size > 1;
+            continue;
+        }
+        ret->measured++;
+        ret->squares += error * error;
+        ret->sum += error;
+        ret->outliers += size > 1;
+        g_array_append_val(ret->errors, size);
+    }
+}
+
+void bench_mdf(const struct bench_setup *setup, int view, int steps, struct bench_mdf *ret) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(World) world = bench_world(setup, &error);
+    g_assert_no_error(error);
+    struct rig rig;
+    bench_rig(setup, &rig);
+    struct session_grid grid = bench_grid(setup);
+    struct truth_grid truth_grid = bench_truth_grid(setup);
+    double turntable_deg = 24.0 * view;
+    g_autoptr(MdfView) mdf = mdf_view_new(&rig.cameras[view], RAD(turntable_deg), &grid);
+    gsize n_pixels = (gsize)rig.cameras[view].width * (gsize)rig.cameras[view].height;
+    g_autofree float *peak = g_new(float, n_pixels), *width = g_new(float, n_pixels);
+    g_autofree float *intensity = g_new(float, n_pixels);
+    struct planes planes = {peak, width, intensity};
+    double arcs[POSITIONS];
+    int lasers[POSITIONS];
+    for (int i = 0; i < POSITIONS; i++) {
+        struct position position = position_at(i);
+        double from, to;
+        find_range(&rig, &grid, &position, RAD(turntable_deg), &from, &to);
+        take_sweep(world, view, turntable_deg, &position, from, to, steps, &planes);
+        struct mdf_sweep sweep = {.arc = &rig.arc,
+                                  .laser = &rig.lasers[position.laser],
+                                  .arc_rad = RAD(position.arc_deg),
+                                  .from_rad = from,
+                                  .step_rad = (to - from) / (steps - 1),
+                                  .peak = peak,
+                                  .width = width,
+                                  .intensity = intensity};
+        mdf_view_add(mdf, &sweep);
+        arcs[i] = position.arc_deg;
+        lasers[i] = position.laser;
+    }
+    int n = grid.width * grid.height;
+    g_autofree float *distance = g_new(float, n), *count = g_new(float, n);
+    g_autofree float *spread = g_new(float, n), *truth = g_new(float, n);
+    g_autofree guint8 *edge = g_new(guint8, n), *seen = g_new(guint8, n);
+    mdf_view_merge(mdf, distance, count, spread);
+    truth_mdf(world, view, turntable_deg, &truth_grid, truth, edge);
+    truth_laser_seen(world, view, turntable_deg, &truth_grid, arcs, lasers, POSITIONS, seen);
+    compare(setup, distance, truth, edge, seen, ret);
+}

@@ -1,0 +1,15 @@
+/* The MDF's part of bench_measurement. */
+#pragma once
+
+#include "measurement_rig.h"
+
+struct bench_mdf {
+    gint64 texels, seen, covered; /* seen: by a laser position at least */
+    gint64 measured, outliers;    /* outliers: more than a texel off, without edges */
+    gint64 edges, edge_outliers;
+    double squares, edge_squares, sum; /* of errors in texels, without edges and at them */
+    GArray *errors;                    /* float: absolute, in texels, without edges */
+};
+
+/* Of one view, added to ret. */
+void bench_mdf(const struct bench_setup *setup, int view, int steps, struct bench_mdf *ret);
