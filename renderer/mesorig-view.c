@@ -242,6 +242,10 @@ static gboolean write_frame(const struct options *o, const char *material, const
     g_autofree char *tiles = g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v);
     g_autofree char *exposure =
         g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient);
+    const char *relief = s->silhouettes && s->shadows ? "silhouettes, shadows"
+                         : s->silhouettes             ? "silhouettes"
+                         : s->shadows                 ? "shadows"
+                                                      : "none";
     const char *texts[] = {"Software", "mesorig-view " MESORIG_VERSION,
                            "Material", material,
                            "Shape",    o->shape,
@@ -249,6 +253,7 @@ static gboolean write_frame(const struct options *o, const char *material, const
                            "Light",    light,
                            "Camera",   camera,
                            "Exposure", exposure,
+                           "Relief",   relief,
                            "Source",   o->reference ? "the whole BTF" : o->method->title,
                            NULL};
     return picture_write_png(path, rgb, width, height, texts, error);

@@ -43,7 +43,7 @@ struct shading {
     const struct view_settings *settings;
     struct sample *samples;
     guint n_samples;
-    const float *texel, *view, *light; /* as view_render_geometry() gives them */
+    const float *texel, *view, *light, *lit; /* as view_render_geometry() gives them */
     const struct layers *layers;
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
@@ -203,6 +203,7 @@ static gpointer prepare(gpointer data) {
             directions_weights(views, vector(s->view + 4 * (gsize)sample->at), &sample->view);
             directions_weights(lights, light, &sample->light);
             float fade = light.z >= 0.0 ? directions_fade(lights, light) : 0.0;
+            fade *= s->lit[4 * (gsize)sample->at];
             for (int i = 0; i < 4; i++)
                 sample->light.weight[i] *= fade;
         }
@@ -373,11 +374,12 @@ static void put_samples(const struct shading *s, float *picture, double *ret_err
 float *reference_render_linear(Reference *r, View *view, const struct view_settings *s, int width,
                                int height, double *ret_error, GError **error) {
     g_autofree float *picture = view_render_linear(view, s, width, height, error);
-    g_autofree float *texel = NULL, *to_view = NULL, *to_light = NULL;
+    g_autofree float *texel = NULL, *to_view = NULL, *to_light = NULL, *lit = NULL;
     if (picture == NULL ||
         !(texel = view_render_geometry(view, s, VIEW_GEOMETRY_TEXEL, width, height, error)) ||
         !(to_view = view_render_geometry(view, s, VIEW_GEOMETRY_VIEW, width, height, error)) ||
-        !(to_light = view_render_geometry(view, s, VIEW_GEOMETRY_LIGHT, width, height, error)))
+        !(to_light = view_render_geometry(view, s, VIEW_GEOMETRY_LIGHT, width, height, error)) ||
+        !(lit = view_render_geometry(view, s, VIEW_GEOMETRY_LIT, width, height, error)))
         return NULL;
     g_autoptr(GArray) samples = find_samples(texel, (gsize)width * height);
     struct shading shading = {.reference = r,
@@ -386,7 +388,8 @@ float *reference_render_linear(Reference *r, View *view, const struct view_setti
                               .n_samples = samples->len,
                               .texel = texel,
                               .view = to_view,
-                              .light = to_light};
+                              .light = to_light,
+                              .lit = lit};
     if (!shade_samples(&shading, error))
         return NULL;
     put_samples(&shading, picture, ret_error);

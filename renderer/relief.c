@@ -11,12 +11,22 @@
 #define REACH        2.0  /* in radii; see shadow_range in shadow.glsl */
 #define RANGE        4.0
 
+/* Whatever a shadow map depends on. */
+struct map_key {
+    const MdfTexture *mdf;
+    guint serial;
+    int size;
+    float light[3], tiles[2];
+    struct visibility_options options;
+};
+
 struct Relief {
     MdfTexture *mdf, *smooth;
     Visibility *eye, *lamp; /* each keeps its textures at their size */
     guint map_program, empty_array;
     guint map, map_framebuffer;
     int map_size;
+    struct map_key key; /* mdf NULL: there is no map yet */
     /* Of what was prepared. */
     gboolean silhouettes, shadows;
     guint seen;
@@ -57,6 +67,7 @@ gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **er
         return FALSE;
     mdf_texture_free(relief->mdf);
     relief->mdf = texture;
+    relief->key.mdf = NULL;
     return TRUE;
 }
 
@@ -127,19 +138,44 @@ static void draw_map(const Relief *relief, guint seen) {
     glDepthFunc(GL_LESS);
 }
 
+static gboolean same_floats(const float *a, const float *b, int n) {
+    for (int k = 0; k < n; k++)
+        if (a[k] != b[k])
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean same_map(const struct map_key *a, const struct map_key *b) {
+    return a->mdf == b->mdf && a->serial == b->serial && a->size == b->size &&
+           same_floats(a->light, b->light, 3) && same_floats(a->tiles, b->tiles, 2) &&
+           a->options.way == b->options.way && a->options.layers == b->options.layers &&
+           a->options.straight == b->options.straight;
+}
+
 static gboolean find_shadows(Relief *relief, const struct view_settings *s,
-                             struct visibility_scene *scene, guint n_casting, GError **error) {
+                             struct visibility_scene *scene, const struct relief_scene *from,
+                             GError **error) {
     guint seen;
+    struct map_key key = {.mdf = scene->mdf,
+                          .serial = from->serial,
+                          .size = s->shadow_size,
+                          .tiles = {scene->tiles[0], scene->tiles[1]},
+                          .options = scene->options};
+    memcpy(key.light, relief->light, sizeof key.light);
+    if (same_map(&key, &relief->key))
+        return TRUE;
+    relief->key.mdf = NULL;
     lamp_matrix(relief->light, relief->radius, relief->matrix);
     memcpy(scene->projection, relief->matrix, sizeof relief->matrix);
     memcpy(scene->sight, relief->light, sizeof relief->light);
     scene->sight[3] = 0.0f;
     scene->width = scene->height = s->shadow_size;
-    scene->n_indices = n_casting;
+    scene->n_indices = from->n_casting;
     if (!make_map(relief, s->shadow_size, error) ||
         !visibility_find(relief->lamp, scene, &seen, error))
         return FALSE;
     draw_map(relief, seen);
+    relief->key = key;
     return TRUE;
 }
 
@@ -174,7 +210,7 @@ gboolean relief_prepare(Relief *relief, const struct view_settings *s,
     relief->shadows = s->shadows;
     if (s->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
         return FALSE;
-    return !s->shadows || find_shadows(relief, s, &scene, from->n_casting, error);
+    return !s->shadows || find_shadows(relief, s, &scene, from, error);
 }
 
 void relief_bind(const Relief *relief, guint program) {

@@ -22,9 +22,11 @@ struct relief_scene {
     double radius;   /* of what casts */
     float projection[16], eye[3], light[3], tiles[2];
     int width, height;
+    guint serial; /* another one for each mesh */
 };
 
-/* As settings say; binds framebuffers of its own. */
+/* As settings say; binds framebuffers of its own. The shadow map is kept while lamp, mesh, tiles,
+ * MDF and what is asked of it stay the same. */
 gboolean relief_prepare(Relief *relief, const struct view_settings *settings,
                         const struct relief_scene *scene, GError **error);
 

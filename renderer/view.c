@@ -34,7 +34,7 @@ struct View {
     Relief *relief;
     guint plain_program, geometry_program, background_program, resolve_program;
     guint array, vertices, shapes, indices, empty_array;
-    guint n_indices, n_casting;
+    guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
     double reach;                    /* of the mesh and its floor */
     float *points;                   /* n_points × 3 */
@@ -279,6 +279,7 @@ gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error) {
                  GL_STATIC_DRAW);
     upload_shapes(view, mesh);
     glBindVertexArray(0);
+    view->serial++;
     view->n_indices = mesh->n_indices;
     view->n_casting = mesh->n_indices - mesh->n_floor_indices;
     view->radius = view->reach = mesh->radius;
@@ -349,7 +350,8 @@ static gboolean look(const View *view, const struct view_settings *s, int width,
                                  .n_casting = view->n_casting,
                                  .radius = view->radius,
                                  .width = width,
-                                 .height = height};
+                                 .height = height,
+                                 .serial = view->serial};
     memcpy(scene.projection, ret->projection, sizeof scene.projection);
     memcpy(scene.eye, ret->eye, sizeof scene.eye);
     memcpy(scene.light, ret->light, sizeof scene.light);

@@ -111,12 +111,13 @@ static void clear(guint framebuffer, GLbitfield what) {
     glClear(what);
 }
 
-/* Whether there was anything left to draw. */
+/* Whether there was anything left to draw, where nothing was found yet. */
 static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
     GLuint any = 0;
     clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     use(v->programs[BACK], s);
     bind(v->programs[BACK], "before", VISIBILITY_UNIT, v->back[~layer & 1].colour);
+    bind(v->programs[BACK], "seen", VISIBILITY_UNIT + 1, v->seen.colour);
     glBeginQuery(GL_ANY_SAMPLES_PASSED, v->query);
     draw_mesh(s, GL_FRONT);
     glEndQuery(GL_ANY_SAMPLES_PASSED);
@@ -171,14 +172,19 @@ static gboolean make_first(Visibility *v, int width, int height, GError **error)
     return gpu_check("making lists of faces", error);
 }
 
-static gboolean make_room(Visibility *v, guint32 faces, GError **error) {
+/* FALSE: the card has no memory for so many, and none is taken. */
+static gboolean make_room(Visibility *v, guint32 faces) {
     if (v->faces == 0)
         glGenBuffers(1, &v->faces);
     v->room = faces;
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, v->faces);
     glBufferData(GL_SHADER_STORAGE_BUFFER, HEADER_BYTES + FACE_BYTES * (gsize)faces, NULL,
                  GL_DYNAMIC_COPY);
-    return gpu_check("making room for lists of faces", error);
+    if (gpu_check("making room for lists of faces", NULL))
+        return TRUE;
+    glDeleteBuffers(1, &v->faces);
+    v->faces = v->room = 0;
+    return FALSE;
 }
 
 /* Returns how many faces there are; those beyond v->room are missing from the lists. */
@@ -213,12 +219,12 @@ static gboolean fits(guint32 faces) {
 
 /* FALSE without error: there are more faces than the card holds in lists. */
 static gboolean list(Visibility *v, const struct visibility_scene *s, GError **error) {
-    guint32 start = (guint32)s->width * s->height * 2, n_faces;
-    if (!make_first(v, s->width, s->height, error) || (v->room == 0 && !fits(start)) ||
-        (v->room == 0 && !make_room(v, start, error)))
+    guint32 start = (guint32)s->width * s->height, n_faces;
+    if (!make_first(v, s->width, s->height, error) ||
+        (v->room == 0 && (!fits(start) || !make_room(v, start))))
         return FALSE;
     while ((n_faces = add_faces(v, s)) > v->room)
-        if (!fits(n_faces + n_faces / 4) || !make_room(v, n_faces + n_faces / 4, error))
+        if (!fits(n_faces + n_faces / 4) || !make_room(v, n_faces + n_faces / 4))
             return FALSE;
     glUseProgram(v->programs[FIND]);
     glUniform1i(glGetUniformLocation(v->programs[FIND], "layers"), s->options.layers);

@@ -55,6 +55,35 @@ static void test_reference_agrees(struct fixture *f, gconstpointer data) {
     remove_folder(dir);
 }
 
+/* In a shadow both have what an even sky gives, and nothing else. */
+static void test_reference_shadows(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_autofree char *dir = write_btf(COSINE, 3, 8);
+    g_autoptr(View) view = make_view(COSINE, 3, 8, mesh);
+    mesh_free(mesh);
+    g_autoptr(Reference) reference = reference_open(dir, &error);
+    struct view_settings s = view_settings_default;
+    s.shadows = TRUE;
+    s.ambient = 0.1;
+    double relative = 1.0, dark = 0.0;
+    g_autofree float *whole =
+        reference_render_linear(reference, view, &s, 120, 90, &relative, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(relative, <, 0.005);
+    g_autofree float *lit = view_render_geometry(view, &s, VIEW_GEOMETRY_LIT, 120, 90, &error);
+    for (int k = 0; k < 120 * 90; k++)
+        if (lit[4 * k + 3] > 0.5f && lit[4 * k] == 0.0f) {
+            dark++;
+            g_assert_cmpfloat(whole[4 * k], <=, 0.1 + 1e-3);
+        }
+    g_assert_cmpfloat(dark, >, 500.0);
+    remove_folder(dir);
+}
+
 static void test_bad_reference(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) none = NULL, odd = NULL, torn = NULL;
     g_autofree char *dir = write_btf(GREY, 1, 4);
@@ -82,6 +111,7 @@ int main(int argc, char **argv) {
     } tests[] = {
         {"/reference/formula", test_reference},
         {"/reference/agrees", test_reference_agrees},
+        {"/reference/shadows", test_reference_shadows},
         {"/reference/bad", test_bad_reference},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)

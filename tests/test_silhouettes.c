@@ -300,6 +300,48 @@ static void test_shadow_ring(struct fixture *f, gconstpointer data) {
     mesh_free(mesh);
 }
 
+static gboolean same(const float *a, const float *b) {
+    for (int k = 0; k < 4 * W * H; k++)
+        if (a[k] != b[k])
+            return FALSE;
+    return TRUE;
+}
+
+/* The shadow map is kept only as long as nothing changes that it depends on. */
+static void test_shadow_kept(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = pile(3);
+    struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
+    g_autoptr(View) view = new_view(mesh, bumps);
+    struct view_settings s = view_settings_default;
+    s.silhouettes = s.shadows = TRUE;
+    g_autofree float *first = see(view, &s, W, H);
+    g_autofree float *again = see(view, &s, W, H);
+    g_assert_true(same(first, again));
+    s.light_phi_deg += 40.0;
+    g_autofree float *lit_otherwise = see(view, &s, W, H);
+    g_assert_false(same(first, lit_otherwise));
+    s.light_phi_deg -= 40.0;
+    g_assert_true(view_set_mdf(view, flat, &error));
+    g_autofree float *with_flat = see(view, &s, W, H);
+    g_assert_false(same(first, with_flat));
+    g_assert_true(view_set_mdf(view, bumps, &error));
+    g_autofree float *as_before = see(view, &s, W, H);
+    g_assert_true(same(first, as_before));
+    mesh_free(mesh);
+    mesh = pile(2);
+    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_autofree float *other_mesh = see(view, &s, W, H);
+    s.shadow_size = 64;
+    g_autofree float *coarse = see(view, &s, W, H);
+    g_assert_false(same(other_mesh, coarse));
+    mdf_table_free(bumps);
+    mdf_table_free(flat);
+    mesh_free(mesh);
+}
+
 #define N_THETA 5
 #define N_PHI   12
 #define TEXELS  48
@@ -521,6 +563,7 @@ int main(int argc, char **argv) {
     ADD("/silhouettes/ways", NULL, test_ways_agree);
     ADD("/silhouettes/lists", NULL, test_lists_grow);
     ADD("/silhouettes/shadow", NULL, test_shadow_ring);
+    ADD("/silhouettes/shadow-kept", NULL, test_shadow_kept);
     ADD("/silhouettes/missing", NULL, test_missing);
     ADD("/silhouettes/truth/weave", &weave, test_truth);
     ADD("/silhouettes/truth/brick", &brick, test_truth);
