@@ -65,7 +65,7 @@ struct marks_check {
 };
 
 /* systematic_px: by how much a good calibration may be off; it is added to the marks' errors.
- * least_deg: what is smaller is nothing. Angles are reported from both five standard errors and
+ * least_deg: what is smaller is nothing. Angles are reported from both four standard errors and
  * this on. */
 void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
                  double least_deg, struct marks_check *ret);

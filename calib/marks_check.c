@@ -4,7 +4,7 @@
 #include <string.h>
 
 #define STEP_RAD   1e-5
-#define CERTAIN    5.0 /* standard errors */
+#define CERTAIN    4.0 /* standard errors */
 #define MOST_TURNS (RIG_MAX_CAMERAS + 1)
 #define PRIOR_RAD  0.02 /* of any turn: keeps one that hardly shows from growing without bounds */
 
@@ -176,6 +176,15 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
     }
 }
 
+/* How a mark lies on the pixels makes an error that is the same in all pictures of a pose. */
+static int same_pose(const struct mark_seen *seen, int n, int i) {
+    int same = 0;
+    for (int k = 0; k < n; k++)
+        same += seen[k].camera == seen[i].camera && seen[k].mark == seen[i].mark &&
+                seen[k].turntable_rad == seen[i].turntable_rad;
+    return same;
+}
+
 void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
                  double least_deg, struct marks_check *ret) {
     struct checking check = {.rig = rig, .seen = seen, .n = n};
@@ -188,7 +197,9 @@ void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, dou
     for (int i = 0; i < n; i++) {
         check.off_x[i] = seen[i].x_px - seen[i].expected_x_px;
         check.off_y[i] = seen[i].y_px - seen[i].expected_y_px;
-        check.weight[i] = 1 / (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px);
+        check.weight[i] = 1 /
+                          (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) /
+                          same_pose(seen, n, i);
         ret->rms_px += (check.off_x[i] * check.off_x[i] + check.off_y[i] * check.off_y[i]) / n;
         ret->cameras[seen[i].camera].n_seen++;
     }

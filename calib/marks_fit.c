@@ -15,7 +15,7 @@ struct place {
     const struct mark_seen **seen;
     int n;
     struct vec3 start, now;
-    double matrix[9], right[3], chi2;
+    double matrix[9], right[3];
 };
 
 static struct vec3 moved(struct vec3 p, int axis, double by) {
@@ -27,6 +27,15 @@ static struct vec3 moved(struct vec3 p, int axis, double by) {
 static gboolean project(const struct place *place, const struct mark_seen *seen, struct vec3 p,
                         double *x, double *y) {
     return rig_project(&place->rig->cameras[seen->camera], rig_turn(p, seen->turntable_rad), x, y);
+}
+
+/* How a mark lies on the pixels makes an error that is the same in all pictures of a pose. */
+static int same_pose(const struct place *place, const struct mark_seen *seen) {
+    int n = 0;
+    for (int i = 0; i < place->n; i++)
+        n += place->seen[i]->camera == seen->camera &&
+             place->seen[i]->turntable_rad == seen->turntable_rad;
+    return n;
 }
 
 static void add_seen(struct place *place, const struct mark_seen *seen) {
@@ -43,9 +52,9 @@ static void add_seen(struct place *place, const struct mark_seen *seen) {
     }
     double off[2] = {seen->x_px - seen->expected_x_px - (x - x0),
                      seen->y_px - seen->expected_y_px - (y - y0)};
-    double weight = 1 / (seen->error_px * seen->error_px + SYSTEMATIC_PX * SYSTEMATIC_PX);
+    double weight = 1 / (seen->error_px * seen->error_px + SYSTEMATIC_PX * SYSTEMATIC_PX) /
+                    same_pose(place, seen);
     for (int k = 0; k < 2; k++) {
-        place->chi2 += weight * off[k] * off[k];
         for (int a = 0; a < 3; a++) {
             place->right[a] += weight * slope[k][a] * off[k];
             for (int b = 0; b <= a; b++)
@@ -59,7 +68,6 @@ static gboolean fit_step(struct place *place) {
     struct vec3 off = vec3_sub(place->start, place->now);
     memset(place->matrix, 0, sizeof place->matrix);
     memset(place->right, 0, sizeof place->right);
-    place->chi2 = 0;
     for (int i = 0; i < place->n; i++)
         add_seen(place, place->seen[i]);
     for (int a = 0; a < 3; a++) {
@@ -78,34 +86,50 @@ static gboolean fit_place(struct place *place, struct mark_fit *ret) {
         if (!fit_step(place))
             return FALSE;
     LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', 3, place->matrix, 3);
-    double worse = sqrt(MAX(place->chi2 / (2 * place->n - 3), 1));
     ret->centre_mm = place->now;
     for (int a = 0; a < 3; a++)
-        ret->centre_error_mm[a] = worse * sqrt(place->matrix[4 * a]);
+        ret->centre_error_mm[a] = sqrt(place->matrix[4 * a]);
     return TRUE;
 }
 
+struct white {
+    double sum, weight;
+};
+
+static double white_of(const struct white *white) {
+    return white->sum / white->weight;
+}
+
+/* Noise is one thing; another is how well each camera's flat field is known where the mark is seen,
+ * which the cameras tell by how they differ. */
 static gboolean fit_white(const struct place *place, struct mark_fit *ret) {
-    double sum = 0, weight = 0, spread = 0;
-    int n = 0;
-    for (int pass = 0; pass < 2; pass++)
-        for (int i = 0; i < place->n; i++) {
-            const struct mark_seen *s = place->seen[i];
-            double w = 1 / (s->output_error * s->output_error + UNEVEN_WHITE * UNEVEN_WHITE);
-            if (!isfinite(s->output_error))
-                continue;
-            if (pass == 0) {
-                sum += w * s->output;
-                weight += w;
-                n++;
-            } else {
-                spread += w * w * (s->output - sum / weight) * (s->output - sum / weight);
-            }
-        }
+    struct white all = {0}, of[RIG_MAX_CAMERAS] = {{0}};
+    double spread = 0, apart = 0;
+    int n = 0, cameras = 0;
+    for (int i = 0; i < place->n; i++) {
+        const struct mark_seen *s = place->seen[i];
+        if (!isfinite(s->output_error))
+            continue;
+        double w = 1 / (s->output_error * s->output_error + UNEVEN_WHITE * UNEVEN_WHITE);
+        all.sum += w * s->output;
+        all.weight += w;
+        of[s->camera].sum += w * s->output;
+        of[s->camera].weight += w;
+        n++;
+    }
     if (n < FEW_SEEN)
         return FALSE;
-    ret->white = sum / weight;
-    ret->white_error = sqrt(spread * n / (n - 1)) / weight;
+    ret->white = white_of(&all);
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
+        double share = of[c].weight / all.weight;
+        if (!(share > 0))
+            continue;
+        double off = white_of(&of[c]) - ret->white;
+        spread += share * share / of[c].weight;
+        apart += share * off * off;
+        cameras++;
+    }
+    ret->white_error = sqrt(spread + apart / MAX(cameras - 1, 1));
     return TRUE;
 }
 

@@ -76,6 +76,43 @@ static void show_lights(const struct calibration *calibration) {
     show_arc(&calibration->rig.arc, &calibration->arc);
 }
 
+static void show_sensor(const char *name, const struct transfer *t) {
+    g_print(
+        "  %s: black %.2f ± %.2f DN, dark current %.2f ± %.2f DN/s, %.4f ± %.4f DN an electron, "
+        "read noise %.2f ± %.2f electrons, %.2f %% off linear\n",
+        name, t->black_dn, t->black_error_dn, t->dark_dn_s, t->dark_error_dn_s, t->gain_dn_e,
+        t->gain_error_dn_e, t->read_noise_e, t->read_noise_error_e, 100 * t->linearity);
+}
+
+static void show_radiometry(const struct calibration *calibration) {
+    const struct rig *rig = &calibration->rig;
+
+    for (int c = 0; c < rig->n_cameras; c++) {
+        const struct rig_camera *camera = &rig->cameras[c];
+        const struct radiometry_camera *r = &calibration->camera_radiometry[c];
+        if (r->known)
+            g_print(
+                "  %s: response %.1f ± %.3f %%, colours %.4f %.4f %.4f, corners %.1f %% darker\n",
+                camera->name, camera->response, 100 * r->response_error, r->colour[0], r->colour[1],
+                r->colour[2], 100 * (1 - radiometry_flat(camera, r, 0, 0)));
+        if (calibration->noise[c].known)
+            show_sensor(camera->name, &calibration->noise[c].transfer);
+    }
+    for (int l = 0; l < rig->n_lamps; l++) {
+        const struct radiometry_lamp *r = &calibration->lamp_radiometry[l];
+        if (r->known)
+            g_print("  %s: %.3f W/sr ± %.3f %%, exponent %.2f ± %.2f, colours %.4f %.4f %.4f\n",
+                    rig->lamps[l].name, rig->lamps[l].intensity, 100 * r->intensity_error,
+                    rig->lamps[l].exponent, r->exponent_error, r->colour[0], r->colour[1],
+                    r->colour[2]);
+    }
+    for (int m = 0; m < rig->n_marks; m++)
+        if (calibration->marks[m].known)
+            g_print("  mark %s: %.3f %.3f %.3f mm, reflectance %.4f ± %.4f\n", rig->marks[m].name,
+                    rig->marks[m].centre_mm.x, rig->marks[m].centre_mm.y, rig->marks[m].centre_mm.z,
+                    rig->marks[m].reflectance[1], calibration->marks[m].reflectance[1]);
+}
+
 static GVariant *part_variant(const struct calibration_part *part) {
     GVariantBuilder builder;
 
@@ -127,6 +164,8 @@ static int run(const struct command *command, int argc, char **argv) {
             show_camera(&calibration->rig.cameras[c], &calibration->cameras[c]);
         if (i == CALIBRATION_LIGHTS)
             show_lights(calibration);
+        if (i == CALIBRATION_RADIOMETRY)
+            show_radiometry(calibration);
         for (int k = 0; i == CALIBRATION_LASER && k < calibration->rig.n_lasers; k++)
             show_laser(&calibration->rig.lasers[k], &calibration->lasers[k]);
     }

@@ -88,11 +88,20 @@ struct run {
     GArray *cells;
     struct tile_fit fit;
     struct tile_result *ret;
+    gboolean stopped;
 };
 
-static void report(const struct run *run, const char *stage, guint done) {
-    if (run->options->progress)
-        run->options->progress(stage, (int)done, (int)run->frames.inputs->len, run->options->data);
+static gboolean goes_on(struct run *run, const char *stage, guint done) {
+    if (run->options->progress &&
+        !run->options->progress(stage, (int)done, (int)run->frames.inputs->len, run->options->data))
+        run->stopped = TRUE;
+    return !run->stopped;
+}
+
+static gboolean check_stopped(const struct run *run, GError **error) {
+    if (run->stopped)
+        g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_CANCELLED, "cancelled");
+    return !run->stopped;
 }
 
 /* NULL: rejected, and why is noted. */
@@ -116,10 +125,9 @@ static struct exr_part *read_frame(struct run *run, guint i, const char **ret_cf
 
 static void measure_tile(struct run *run) {
     const struct tile_shot *shots = (const struct tile_shot *)(void *)run->frames.tile_shots->data;
-    for (guint i = 0; i < run->frames.inputs->len; i++) {
+    for (guint i = 0; i < run->frames.inputs->len && goes_on(run, "tile", i); i++) {
         const char *cfa = "mono";
         struct exr_part *part = read_frame(run, i, &cfa);
-        report(run, "tile", i + 1);
         if (!part)
             continue;
         tile_measure(&run->calibration->rig, g_array_index(run->frames.camera, int, i), cfa,
@@ -181,14 +189,26 @@ static void add_marks(struct run *run, guint i, GArray *seen) {
     exr_part_free(part);
 }
 
+/* Of what is seen of anything, since cameras and lamps share it; relative. */
+static double level_error(const struct calibration *known) {
+    double squares = 0;
+    int n = 0;
+    for (int l = 0; l < known->rig.n_lamps; l++)
+        if (known->lamp_radiometry[l].known) {
+            squares += known->lamp_radiometry[l].intensity_error *
+                       known->lamp_radiometry[l].intensity_error;
+            n++;
+        }
+    return n > 0 ? sqrt(squares / n) : 0;
+}
+
 static void calibrate_marks(struct run *run) {
     struct calibration *to = run->calibration;
     g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
     guint rejected = run->rejected->len;
-    for (guint i = 0; to->rig.n_marks > 0 && i < run->frames.inputs->len; i++) {
-        add_marks(run, i, seen);
-        report(run, "marks", i + 1);
-    }
+    for (guint i = 0; to->rig.n_marks > 0 && i < run->frames.inputs->len; i++)
+        if (goes_on(run, "marks", i))
+            add_marks(run, i, seen);
     g_ptr_array_set_size(run->rejected, (int)rejected); /* they were told already */
     for (int m = 0; m < to->rig.n_marks; m++) {
         struct mark_fit fit;
@@ -200,7 +220,8 @@ static void calibrate_marks(struct run *run) {
         memcpy(to->marks[m].centre_mm, fit.centre_error_mm, sizeof fit.centre_error_mm);
         for (int k = 0; k < 3; k++) {
             to->rig.marks[m].reflectance[k] *= fit.white;
-            to->marks[m].reflectance[k] = fit.white_error * to->rig.marks[m].reflectance[k];
+            to->marks[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error(to)) *
+                                          to->rig.marks[m].reflectance[k];
         }
         run->ret->marks++;
     }
@@ -235,10 +256,12 @@ static gboolean run_all(struct run *run, GError **error) {
         !find_frames(run->session, &run->calibration->rig, &run->frames, error))
         return FALSE;
     measure_tile(run);
-    if (!fit_tile(run, error) ||
+    if (!check_stopped(run, error) || !fit_tile(run, error) ||
         !tile_noise(run->session, run->calibration, run->frames.shots, &run->ret->transfers, error))
         return FALSE;
     calibrate_marks(run);
+    if (!check_stopped(run, error))
+        return FALSE;
     set_part(run);
     return TRUE;
 }

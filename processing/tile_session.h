@@ -12,7 +12,8 @@
 struct tile_options {
     double reflectance[3];      /* of the tile, at the cameras' red, green, blue */
     double width_mm, height_mm; /* of the tile; 0: the session's sample */
-    void (*progress)(const char *stage, int done, int total, gpointer data); /* may be NULL */
+    /* May be NULL; FALSE ends it: G_IO_ERROR_CANCELLED. */
+    gboolean (*progress)(const char *stage, int done, int total, gpointer data);
     gpointer data;
 };
 

@@ -61,16 +61,17 @@ static inline void rig_write_world(const char *folder, const char *keys, const c
     rig_write(folder, "world.conf", text);
 }
 
-/* A white tile of 44 × 44 mm, 4 mm thick; a lamp's light drifts by 3 %. */
+/* A white tile of 56 × 56 mm, 4 mm thick, which reaches nearly to the marks; a lamp's light drifts
+ * by 3 %. */
 static inline void rig_write_tile(const char *folder, int seed) {
     g_autofree char *keys = g_strdup_printf(
         "seed=%d\nturntable_albedo=0.02\ndrift_pct=3\ndrift_period_s=%d", seed, 200 + 37 * seed);
     rig_write_world(folder, keys,
-                    "[sample]\nkind=flat\nwidth_mm=44\nheight_mm=44\nbase_mm=4\nalbedo=0.96\n");
+                    "[sample]\nkind=flat\nwidth_mm=56\nheight_mm=56\nbase_mm=4\nalbedo=0.96\n");
 }
 
 #define TILE_CONF                                                                                  \
-    "[session]\nname=tile\n[sample]\nwidth_mm=44\nheight_mm=44\ntexels=8\nreference_mm=4\n"        \
+    "[session]\nname=tile\n[sample]\nwidth_mm=56\nheight_mm=56\ntexels=8\nreference_mm=4\n"        \
     "depth_mm=4\n[views]\nrings=10:3; 40:3:20; 65:3\n[lights]\nrings=15:3; 45:3; 70:3\n"           \
     "offset_deg=50\n"                                                                              \
     "[capture]\nexposures_us=1000;1000;3000;3000;6000;6000\nkeep_exposures=yes\ndark_frames=2\n"

@@ -63,7 +63,7 @@ static GArray *look(World *world, int seed, double slip_deg) {
         double turn_deg = 17 + 30 * lamp;
         struct fixture_pose pose = {lamp, turn_deg + slip_deg, 100 + 40.0 * lamp, 10.0 * lamp};
         for (int c = 0; c < 3; c++) {
-            fixture_mosaic(world, c, &pose, 1, (guint64)(seed * 100 + lamp), mosaic);
+            fixture_mosaic(world, c, &pose, 1, (guint64)seed * 100 + (guint64)lamp, mosaic);
             struct mark_scene scene = {
                 &rig,        c,           lamp, turn_deg * G_PI / 180, pose.arc_deg * G_PI / 180,
                 &cameras[c], &lamps[lamp]};
@@ -161,12 +161,40 @@ static void turntable_slipped(void) {
     g_test_message("slip: chi-square %.2f", normalised);
 }
 
+/* What is no mark is not taken for one. */
+static void nothing_seen(void) {
+    struct rig rig;
+    struct radiometry_camera cameras[3];
+    struct radiometry_lamp lamps[3];
+    struct marks_check check;
+    double output, error;
+    g_autofree float *mosaic = g_new0(float, PIXELS);
+    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    marked_rig(&rig, cameras, lamps);
+    struct mark_scene scene = {&rig, 0, 0, 0.3, 1, &cameras[0], &lamps[0]};
+    g_assert_cmpint(marks_measure(&scene, "rggb", mosaic, seen), ==, 0);
+    for (int i = 0; i < PIXELS; i++)
+        mosaic[i] = (float)NAN;
+    g_assert_cmpint(marks_measure(&scene, "rggb", mosaic, seen), ==, 0);
+    for (int i = 0; i < PIXELS; i++)
+        mosaic[i] = 100 + (float)(i % 7);
+    g_assert_cmpint(marks_measure(&scene, "rggb", mosaic, seen), ==, 0);
+    for (int i = 0; i < N_MARKS; i++) /* out of the picture, or behind the camera */
+        rig.marks[i].centre_mm = i % 2 ? vec3(0, 0, 5000) : vec3(500, 20 * i, 4);
+    g_assert_cmpint(marks_measure(&scene, "mono", mosaic, seen), ==, 0);
+    g_assert_false(marks_output(NULL, 0, &output, &error));
+    marks_check(&rig, NULL, 0, 0.05, 0.05, &check);
+    g_assert_false(check.slipped);
+    g_assert_null(marks_describe(&rig, &check));
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/marks/found", found);
     g_test_add_func("/marks/nothing-moved", nothing_moved);
     g_test_add_func("/marks/camera-nudged", camera_nudged);
     g_test_add_func("/marks/turntable-slipped", turntable_slipped);
+    g_test_add_func("/marks/nothing-seen", nothing_seen);
     int status = g_test_run();
     fixture_clean();
     return status;

@@ -2,6 +2,8 @@
 #include "calib/radiometry.h"
 #include "radiometry_fixture.h"
 
+#include <string.h>
+
 #define PIXELS (FIXTURE_SIZE * FIXTURE_SIZE)
 #define SEEDS  6
 
@@ -201,10 +203,109 @@ static void photon_transfer(void) {
     g_assert_cmpfloat(all, <, 1.4);
 }
 
+static void refused(const struct pairs *pairs, int n_dark, int n_lit, enum transfer_error code,
+                    const char *says) {
+    struct transfer_sensor sensor = {FIXTURE_SIZE, FIXTURE_SIZE, 12};
+    struct transfer found;
+    g_autoptr(GError) error = NULL;
+    g_assert_false(transfer_fit(&sensor, pairs->dark, n_dark, pairs->lit, n_lit, &found, &error));
+    g_assert_error(error, TRANSFER_ERROR, (int)code);
+    g_assert_nonnull(strstr(error->message, says));
+}
+
+static void bad_pairs(void) {
+    g_autoptr(World) world = tile_world(1);
+    struct pairs pairs, changed;
+    take_pairs(world, 0, 1, &pairs);
+    refused(&pairs, 1, 5, TRANSFER_ERROR_TOO_FEW, "two dark");
+    refused(&pairs, 4, 2, TRANSFER_ERROR_TOO_FEW, "three lit");
+    changed = pairs;
+    changed.dark[0].exposure_us = changed.dark[1].exposure_us;
+    refused(&changed, 2, 5, TRANSFER_ERROR_TOO_FEW, "one exposure only");
+    changed = pairs;
+    changed.lit[1].second = changed.lit[1].first;
+    refused(&changed, 4, 5, TRANSFER_ERROR_DATA, "one picture twice");
+    changed = pairs;
+    changed.lit[1].second = pairs.lit[3].first;
+    refused(&changed, 4, 5, TRANSFER_ERROR_DATA, "warm up");
+    for (int i = 0; i < 3; i++) /* nothing but darkness */
+        changed.lit[i] = pairs.dark[i];
+    refused(&changed, 4, 3, TRANSFER_ERROR_RANGE, "brightest");
+    float *pixel = (float *)pairs.lit[2].first + 77, kept = *pixel;
+    *pixel = (float)NAN;
+    refused(&pairs, 4, 5, TRANSFER_ERROR_DATA, "not a number");
+    *pixel = kept;
+    g_free(pairs.pixels);
+}
+
+/* A sensor that bends as is said: signal = linear (1 − c·linear/range). */
+static void bent_sensor(void) {
+    const double range = 4095 - 64, bend = 0.05;
+    struct transfer_sensor sensor = {FIXTURE_SIZE, FIXTURE_SIZE, 12};
+    struct transfer found;
+    struct pairs pairs;
+    g_autoptr(World) world = tile_world(2);
+    g_autoptr(GError) error = NULL;
+    take_pairs(world, 0, 2, &pairs);
+    for (int i = 8 * PIXELS; i < 18 * PIXELS; i++) {
+        double linear = pairs.pixels[i] - 64.0;
+        pairs.pixels[i] = (float)(64 + linear * (1 - bend * linear / range));
+    }
+    g_assert_true(transfer_fit(&sensor, pairs.dark, 4, pairs.lit, 5, &found, &error));
+    g_test_message("curvature %.4f ± %.4f, off a line by %.4f", found.curvature,
+                   found.curvature_error, found.linearity);
+    g_assert_cmpfloat(fabs(found.curvature - bend), <, 5 * found.curvature_error);
+    g_assert_cmpfloat(found.linearity, >, 0.005);
+    g_free(pairs.pixels);
+}
+
+static void tile_refused(const struct tile_shot *shots, int n_shots, const GArray *cells,
+                         enum radiometry_error code, const char *says) {
+    g_autoptr(GError) error = NULL;
+    struct tile_fit fit;
+    struct rig rig, before;
+    fixture_rig(&rig);
+    before = rig;
+    g_assert_false(tile_fit(&rig, shots, n_shots, (struct tile_cell *)(void *)cells->data,
+                            (int)cells->len, &fit, &error));
+    g_assert_error(error, RADIOMETRY_ERROR, (int)code);
+    g_test_message("%s", error->message);
+    g_assert_nonnull(strstr(error->message, says));
+    g_assert_cmpmem(&rig, sizeof rig, &before, sizeof before);
+}
+
+static void bad_tiles(void) {
+    g_autoptr(World) world = tile_world(1);
+    struct rig rig;
+    struct tile_shot shots[N_SHOTS], same[N_SHOTS];
+    fixture_rig(&rig);
+    g_autoptr(GArray) cells = tile_cells(world, &rig, shots);
+    g_autoptr(GArray) none = g_array_new(FALSE, FALSE, sizeof(struct tile_cell));
+    tile_refused(shots, N_SHOTS, none, RADIOMETRY_ERROR_TOO_FEW, "no picture shows the tile");
+    for (int s = 0; s < N_SHOTS; s++)
+        same[s] = (struct tile_shot){shots[s].lamp, 0.3, shots[s].turntable_rad};
+    tile_refused(same, N_SHOTS, cells, RADIOMETRY_ERROR_TOO_FEW, "from one side only");
+    struct tile_cell *cell = (struct tile_cell *)(void *)cells->data;
+    for (guint i = 0; i < cells->len; i++) /* a pattern, no tile */
+        cell[i].signal *= 1 + 0.2 * sin(i * 0.7);
+    tile_refused(shots, N_SHOTS, cells, RADIOMETRY_ERROR_MISFIT, "not a matt white tile");
+    /* A camera that never sees the tile when others do. */
+    g_autoptr(GArray) apart = g_array_new(FALSE, FALSE, sizeof(struct tile_cell));
+    for (guint i = 0; i < cells->len; i++) {
+        cell[i].signal /= 1 + 0.2 * sin(i * 0.7);
+        if ((cell[i].camera == 1) == (cell[i].shot % 2 == 1))
+            g_array_append_val(apart, cell[i]);
+    }
+    tile_refused(shots, N_SHOTS, apart, RADIOMETRY_ERROR_DEGENERATE, "never see the tile");
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/radiometry/tile", tile);
     g_test_add_func("/radiometry/photon-transfer", photon_transfer);
+    g_test_add_func("/radiometry/bent-sensor", bent_sensor);
+    g_test_add_func("/radiometry/bad-pairs", bad_pairs);
+    g_test_add_func("/radiometry/bad-tiles", bad_tiles);
     int status = g_test_run();
     fixture_clean();
     return status;

@@ -1,8 +1,11 @@
 /* Measures calibration against the simulated world's own truth. One JSON object with --json. */
 #include "tests/calibration_fixture.h"
 
+#include "calibration_radiometry.h"
+
 #include <stdio.h>
 
+static char *only;
 static int n_cameras = 5, size_px = 192, n_stops = 12, n_seeds = 5, show;
 
 static double cpu_s(void) {
@@ -67,6 +70,7 @@ int main(int argc, char **argv) {
         {"size", 0, 0, G_OPTION_ARG_INT, &size_px, "Pixels across", "N"},
         {"stops", 0, 0, G_OPTION_ARG_INT, &n_stops, "Angles of the turntable", "N"},
         {"seeds", 0, 0, G_OPTION_ARG_INT, &n_seeds, "Worlds", "N"},
+        {"part", 0, 0, G_OPTION_ARG_STRING, &only, "cameras or radiometry alone", "PART"},
         {"show", 0, 0, G_OPTION_ARG_NONE, &show, "Tell more", NULL},
         {NULL},
     };
@@ -74,7 +78,11 @@ int main(int argc, char **argv) {
     g_option_context_add_main_entries(context, entries, NULL);
     if (!g_option_context_parse(context, &argc, &argv, NULL))
         return 2;
-    for (int seed = 1; seed <= n_seeds; seed++)
+    for (int seed = 1; seed <= n_seeds && g_strcmp0(only, "radiometry") != 0; seed++)
         run(seed, json);
+    if (!only || g_str_equal(only, "radiometry")) {
+        g_autofree char *radiometry = bench_radiometry(n_seeds, !json);
+        printf("{\"radiometry\":%s}\n", radiometry);
+    }
     return 0;
 }

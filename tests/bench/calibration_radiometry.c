@@ -1,0 +1,85 @@
+#include "calibration_radiometry.h"
+
+#include "tests/grey_fixture.h"
+
+#include <stdio.h>
+
+struct figures {
+    double worst_pct, worst_uncorrected_pct; /* of the grey scale */
+    struct grey_chi2 chi2;
+    double quality; /* largest */
+    int nudges, nudges_noticed, slips, slips_noticed, alarms;
+    double calibrate_s, cpu_s; /* of all: tile to calibration; everything */
+};
+
+static double cpu_s(void) {
+    return (double)clock() / CLOCKS_PER_SEC;
+}
+
+/* Once more without the capture, for the time it takes. */
+static double calibrate_seconds(const char *folder) {
+    g_autofree char *path = g_build_filename(folder, "tile.session", NULL);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, NULL);
+    g_autofree char *text = session_text(session, "calibration.conf", NULL);
+    g_autoptr(Calibration) calibration = calibration_from_text(text, path, NULL);
+    struct tile_result result;
+    double start = cpu_s();
+    g_assert_true(tile_session(session, calibration, &grey_tile, &result, NULL));
+    return cpu_s() - start;
+}
+
+static void measure_tile(int seed, struct figures *to) {
+    g_autofree char *folder = grey_folder();
+    g_autofree char *path = g_build_filename(folder, "calibration.conf", NULL);
+    struct tile_result result;
+    grey_calibrate(folder, seed, &result);
+    g_autoptr(Calibration) found = calibration_read(path, NULL);
+    grey_compare(found, &to->chi2);
+    to->quality = MAX(to->quality, result.quality);
+    to->calibrate_s += calibrate_seconds(folder);
+    rig_remove(folder);
+}
+
+static gboolean notices(int seed, const char *camera, const char *turntable, const char *says) {
+    enum capture_state state;
+    g_autofree char *told = grey_pause(seed, camera, turntable, &state);
+    return state == CAPTURE_PAUSED && strstr(told, says) != NULL;
+}
+
+static void measure_check(int seed, struct figures *to) {
+    static const char *const nudges[] = {"turn_deg=0.1;0;0", "turn_deg=-0.1;0;0",
+                                         "turn_deg=0;0.1;0", "turn_deg=0;-0.1;0"};
+    static const char *const slips[] = {"fault_slip_deg=0.1\n", "fault_slip_deg=-0.1\n"};
+    for (gsize i = 0; i < G_N_ELEMENTS(nudges); i++, to->nudges++)
+        to->nudges_noticed += notices(seed, nudges[i], "", "camera cam1 is turned");
+    for (gsize i = 0; i < G_N_ELEMENTS(slips); i++, to->slips++)
+        to->slips_noticed += notices(seed, NULL, slips[i], "the turntable has slipped");
+    to->alarms += notices(seed, NULL, "", "moved");
+}
+
+char *bench_radiometry(int n_seeds, gboolean verbose) {
+    struct figures f = {0};
+    double start = cpu_s();
+    for (int seed = 1; seed <= n_seeds; seed++) {
+        double corrected = 100 * grey_error(seed, TRUE);
+        double uncorrected = 100 * grey_error(seed, FALSE);
+        f.worst_pct = MAX(f.worst_pct, corrected);
+        f.worst_uncorrected_pct = MAX(f.worst_uncorrected_pct, uncorrected);
+        measure_tile(seed, &f);
+        measure_check(seed, &f);
+        if (verbose)
+            printf("radiometry, seed %d: grey scale within %.3f %% (uncorrected %.1f %%), "
+                   "chi-square %.2f of %d so far, nudges %d/%d, slips %d/%d, false alarms %d\n",
+                   seed, corrected, uncorrected, f.chi2.sum / f.chi2.n, f.chi2.n, f.nudges_noticed,
+                   f.nudges, f.slips_noticed, f.slips, f.alarms);
+    }
+    f.cpu_s = cpu_s() - start;
+    return g_strdup_printf(
+        "{\"seeds\":%d,\"grey_worst_pct\":%.4f,\"grey_worst_uncorrected_pct\":%.3f,"
+        "\"chi_square\":%.3f,\"chi_square_of\":%d,\"tile_quality_worst\":%.3f,"
+        "\"nudges_noticed\":%d,\"nudges\":%d,\"slips_noticed\":%d,\"slips\":%d,"
+        "\"false_alarms\":%d,\"calibrate_s\":%.3f,\"cpu_s\":%.1f}",
+        n_seeds, f.worst_pct, f.worst_uncorrected_pct, f.chi2.sum / f.chi2.n, f.chi2.n, f.quality,
+        f.nudges_noticed, f.nudges, f.slips_noticed, f.slips, f.alarms, f.calibrate_s / n_seeds,
+        f.cpu_s);
+}
