@@ -1,13 +1,17 @@
 /*
- * How far measured BTFs are from the simulated world's own truth, for four materials and a grid of
- * views and lights, all noise on, geometry exact: what is left is the error of the method.
+ * How far measured BTFs and MDFs are from the simulated world's own truth, for four materials and a
+ * grid of views and lights, all noise on, geometry exact: what is left is the error of the method.
  *
  * Of each material five views (15, 30, 45, 60, 75° from the normal, at turntable angles of their
- * own) under five lamps of the same elevations. A texel is at least --pixels pixels across, in the
- * direction in which a view shortens it too.
+ * own); for the BTF five lamps of the same elevations, for the MDF the demo's 26 laser positions. A
+ * texel is at least --pixels pixels across, in the direction in which a view shortens it too. At an
+ * edge means with a step of half a texel within one texel.
  */
 #include "measurement_btf.h"
+#include "measurement_mdf.h"
+#include "measurement_peaks.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -16,7 +20,8 @@
 
 static int texels = 24, supersample = 4, samples = 24;
 static double pixels = 3;
-static gboolean json, quiet;
+static int steps = 64;
+static gboolean json, quiet, no_btf, no_mdf;
 static char *only;
 
 static const GOptionEntry entries[] = {
@@ -26,6 +31,9 @@ static const GOptionEntry entries[] = {
     {"supersample", 0, 0, G_OPTION_ARG_INT, &supersample, "Rays a pixel, in x and y (4)", "N"},
     {"samples", 0, 0, G_OPTION_ARG_INT, &samples, "Rays a texel of the truth (24)", "N"},
     {"quiet", 0, 0, G_OPTION_ARG_NONE, &quiet, "Cameras without noise", NULL},
+    {"steps", 0, 0, G_OPTION_ARG_INT, &steps, "Frames a laser sweep (64)", "N"},
+    {"no-btf", 0, 0, G_OPTION_ARG_NONE, &no_btf, "Leave the BTF out", NULL},
+    {"no-mdf", 0, 0, G_OPTION_ARG_NONE, &no_mdf, "Leave the MDF out", NULL},
     {"only", 0, 0, G_OPTION_ARG_STRING, &only, "One material", "KIND"},
     {NULL},
 };
@@ -67,7 +75,54 @@ static void print_table(struct bench_cell *cells) {
     printf(json ? "]" : "");
 }
 
-static void measure(const char *material, gboolean first) {
+static double part(gint64 n, gint64 of) {
+    return of > 0 ? (double)n / (double)of : 0;
+}
+
+static double rms(double squares, gint64 n) {
+    return n > 0 ? sqrt(squares / (double)n) : 0;
+}
+
+static void print_view(int view, struct bench_mdf *m) {
+    printf(json ? "%s{\"view_deg\": %.0f, \"rms_texels\": %.4f, \"median_texels\": %.4f, "
+                  "\"mean_texels\": %.4f, \"edge_texels\": %.4f, \"edge_rms_texels\": %.4f, "
+                  "\"coverage\": %.4f, \"outliers\": %.4f, \"outliers_with_edges\": %.4f}"
+                : "%s  MDF from %.0f°: rms %.4f texels, median %.4f, mean %+.4f; %.3f of texels at "
+                  "edges, rms there %.3f; %.4f covered; outliers %.4f, with edges %.4f\n",
+           json && view ? ", " : "", bench_elevation_deg(view), rms(m->squares, m->measured),
+           bench_quantile(m->errors, 0.5), m->sum / (double)MAX(m->measured, 1),
+           part(m->edges, m->edges + m->measured), rms(m->edge_squares, m->edges),
+           part(m->covered, m->seen), part(m->outliers, m->measured),
+           part(m->outliers + m->edge_outliers, m->edges + m->measured));
+}
+
+static void print_mdf(const struct bench_setup *setup) {
+    printf(json ? "\"mdf\": [" : "");
+    for (int view = 0; view < RIG_VIEWS; view++) {
+        struct bench_mdf m = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
+        bench_mdf(setup, view, steps, &m);
+        print_view(view, &m);
+        g_array_unref(m.errors);
+    }
+    printf(json ? "]%s" : "%s", json && !no_btf ? ", " : "");
+}
+
+/* At σ = 0.7 frames, which is what 96 steps over 50 mm give, and twice as fine. */
+static void print_peaks(void) {
+    gboolean first = TRUE;
+    printf(json ? "\"peaks\": [" : "time of a pulse against the Cramér-Rao bound\n");
+    for (double sigma = 0.7; sigma < 1.5; sigma *= 2)
+        for (double dn = 20; dn < 4000; dn *= 2) {
+            struct bench_peaks p = bench_peaks(dn, sigma);
+            printf(json ? "%s{\"sigma_frames\": %.2f, \"dn\": %.0f, \"rms\": %.5f, \"ratio\": %.3f}"
+                        : "%s  sigma %.2f frames, %5.0f DN: rms %.5f frames, %.3f of the bound\n",
+                   json && !first ? ", " : "", sigma, dn, p.rms, p.rms / p.bound);
+            first = FALSE;
+        }
+    printf(json ? "]" : "");
+}
+
+static void measure(const char *material) {
     struct bench_setup setup = {.material = material,
                                 .texels = texels,
                                 .texel_mm = 50.0 / 64,
@@ -79,11 +134,15 @@ static void measure(const char *material, gboolean first) {
     for (int i = 0; i < PAIRS; i++)
         cells[i] = (struct bench_cell){.errors = g_array_new(FALSE, FALSE, sizeof(float)),
                                        .bias = g_array_new(FALSE, FALSE, sizeof(float))};
-    bench_btf(&setup, samples, cells);
-    printf(json ? "%s\"%s\": {" : "%s%s\n", json && !first ? ", " : "", material);
-    print_group("btf_to_60deg", cells, FALSE);
-    print_group("btf_75deg", cells, TRUE);
-    print_table(cells);
+    printf(json ? "%s\"%s\": {" : "%s%s\n", json ? ", " : "", material);
+    if (!no_mdf)
+        print_mdf(&setup);
+    if (!no_btf) {
+        bench_btf(&setup, samples, cells);
+        print_group("btf_to_60deg", cells, FALSE);
+        print_group("btf_75deg", cells, TRUE);
+        print_table(cells);
+    }
     printf(json ? "}" : "");
     fflush(stdout);
     clear_cells(cells);
@@ -99,12 +158,10 @@ int main(int argc, char **argv) {
         return 2;
     }
     printf(json ? "{\"pixels_a_texel\": %g, " : "at least %g pixels a texel\n", pixels);
-    gboolean first = TRUE;
+    print_peaks();
     for (gsize i = 0; i < G_N_ELEMENTS(materials); i++)
-        if (!only || g_str_equal(only, materials[i])) {
-            measure(materials[i], first);
-            first = FALSE;
-        }
+        if (!only || g_str_equal(only, materials[i]))
+            measure(materials[i]);
     printf(json ? "}\n" : "");
     return 0;
 }

@@ -140,8 +140,8 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
     for (int view = 0; view < RIG_VIEWS; view++) {
         double turn_rad = turntable_deg(view) * G_PI / 180;
         struct darks darks = take_darks(world, view);
-        g_autoptr(Rectify) rectify =
-            rectify_new(&rig.cameras[view], setup->mono ? "mono" : "rggb", turn_rad, &grid, &error);
+        g_autoptr(Rectify) rectify = rectify_new(
+            &rig.cameras[view], NULL, setup->mono ? "mono" : "rggb", turn_rad, &grid, &error);
         g_assert_no_error(error);
         guide_by_all(world, view, &darks, rectify);
         for (int lamp = 0; lamp < RIG_VIEWS; lamp++) {
