@@ -6,6 +6,8 @@
 #include "processing/exr.h"
 #include "processing/lobes.h"
 #include "processing/lpca.h"
+#include "processing/lpca_choose.h"
+#include "processing/resample.h"
 #include "report.h"
 
 #include <glib/gstdio.h>
@@ -24,6 +26,8 @@ struct compress {
     int clusters, components; /* 0: not asked for */
     double target;            /* 0: none */
     enum lpca_quantise quantise;
+    int grid;           /* 0: measured directions */
+    gint64 size;        /* 0: any */
     const char *output; /* NULL: products/lpca.exr */
     /* found */
     char *written;
@@ -41,15 +45,31 @@ static gboolean check_output(const char *output, GError **error) {
     return FALSE;
 }
 
-/* Rounded, and its errors before and after. */
+static struct lpca *compute_exact(const struct compress *compress, const struct btf_matrix *btf,
+                                  const struct lpca_options *options, GError **error) {
+    const struct lpca_wish wish = {options->target, compress->size, options->n_components,
+                                   compress->quantise, compress->grid};
+    if (compress->clusters == 0 && (compress->size > 0 || compress->target > 0))
+        return lpca_choose(btf, options, &wish, error);
+    return lpca_compute(btf, options, error);
+}
+
+/* Put on a grid, if asked for, and rounded; its errors before and after. */
 static struct lpca *compute_rounded(struct compress *compress, const struct btf_matrix *btf,
                                     const struct lpca_options *options, GError **error) {
-    struct lpca *lpca = lpca_compute(btf, options, error);
+    struct lpca *lpca = compute_exact(compress, btf, options, error);
     if (!lpca)
         return NULL;
     compress->exact_error = lpca->error;
+    if (compress->grid > 0) {
+        struct lpca *resampled = resample_lpca(lpca, compress->grid, error);
+        lpca_free(lpca);
+        lpca = resampled;
+    }
+    if (!lpca)
+        return NULL;
     lpca_quantise(lpca, compress->quantise);
-    compress->error = lpca_error(lpca, btf, 0);
+    compress->error = compress->grid > 0 ? resample_error(lpca, btf, 0) : lpca_error(lpca, btf, 0);
     return lpca;
 }
 
@@ -69,9 +89,10 @@ static struct lpca *compute(struct compress *compress, const struct btf_matrix *
         options->target = MIN(sqrt(left), compress->exact_error) * (1 - 1e-6);
     }
     g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                "an error of %.3g %% is not reached: rounding makes %.3g %% of %.3g %%; quantise "
+                "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; quantise "
                 "less or use more clusters",
-                100 * compress->target, 100 * compress->error, 100 * compress->exact_error);
+                100 * compress->target, compress->grid ? " and the grid" : "",
+                100 * compress->error, 100 * compress->exact_error);
     return NULL;
 }
 
@@ -97,7 +118,7 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
     struct lpca_options options = {
         .n_clusters = compress->clusters ? compress->clusters : MIN(CLUSTERS, compress->texels),
         .n_components = compress->components ? compress->components
-                        : compress->target > 0
+                        : compress->target > 0 || compress->size > 0
                             ? MIN(LPCA_MAX_COMPONENTS, 3 * btf->n_views * btf->n_lights)
                             : MIN(COMPONENTS, 3 * btf->n_views * btf->n_lights),
         .target = compress->target,
@@ -289,6 +310,7 @@ static void tell_json(const struct compress *compress, double seconds) {
         {"lights", compress->lights},
         {"clusters", compress->used_clusters},
         {"components", compress->used_components},
+        {"grid", compress->grid},
         {"holes", compress->holes},
         {"btf_bytes", compress->raw_bytes},
         {"bytes", compress->bytes},
@@ -312,9 +334,13 @@ static void tell_json(const struct compress *compress, double seconds) {
 static char *describe(const struct compress *compress) {
     if (compress->eigenmaps)
         return g_strdup_printf("%d eigen-maps", compress->used_components);
-    if (!compress->lobes)
-        return g_strdup_printf("%d clusters of %d components", compress->used_clusters,
-                               compress->used_components);
+    if (!compress->lobes) {
+        const int k = compress->used_clusters, c = compress->used_components;
+        g_autofree char *grid =
+            compress->grid ? g_strdup_printf(" on a grid of %d", compress->grid) : g_strdup("");
+        return g_strdup_printf("%d %s of %d %s%s", k, k == 1 ? "cluster" : "clusters", c,
+                               c == 1 ? "component" : "components", grid);
+    }
     if (compress->used_components == 0)
         return g_strdup_printf("%s, luminance off by %.4f on average",
                                lobes_model_name(compress->model), compress->luminance_error);
@@ -333,9 +359,10 @@ static void tell(const struct compress *compress, double seconds) {
     g_autofree char *what = describe(compress);
     g_autofree char *size = g_format_size((guint64)compress->bytes);
     g_autofree char *file = g_format_size((guint64)compress->file_bytes);
-    g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before rounding), %s, 1:%.0f of the BTF in "
-            "half floats; %s on disk\n",
-            compress->written, time, what, 100 * compress->error, 100 * compress->exact_error, size,
+    g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before %srounding), %s, 1:%.0f of the "
+            "BTF in half floats; %s on disk\n",
+            compress->written, time, what, 100 * compress->error, 100 * compress->exact_error,
+            compress->grid ? "the grid and " : "", size,
             (double)compress->raw_bytes / (double)compress->bytes, file);
     if (compress->holes > 0)
         g_print("%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
@@ -343,8 +370,8 @@ static void tell(const struct compress *compress, double seconds) {
                 compress->holes, compress->raw_bytes / 6);
 }
 
-static char *method_option, *error_option, *quantise_option, *output_option;
-static int clusters_option, components_option;
+static char *method_option, *error_option, *size_option, *quantise_option, *output_option;
+static int clusters_option, components_option, grid_option;
 static const GOptionEntry entries[] = {
     {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
      "Local PCA (the default); eigen-maps, which need -o; or a model fitted to each texel",
@@ -358,7 +385,12 @@ static const GOptionEntry entries[] = {
      "fields and lafortune: 1 … 3, 2 if not given",
      "C"},
     {"error", 'e', 0, G_OPTION_ARG_STRING, &error_option,
-     "As few components as reach this error of the whole", "2%"},
+     "As small as reaches this error of the whole: components, and clusters unless -k says them",
+     "2%"},
+    {"size", 's', 0, G_OPTION_ARG_STRING, &size_option,
+     "The best clusters and components that take no more than this", "20MB"},
+    {"grid", 'g', 0, G_OPTION_ARG_INT, &grid_option,
+     "Eigen-BRDFs on a grid of directions with so many samples each way: 4 … 24, 12 is good", "N"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
      "Numbers in the file; half if not "
      "given",
@@ -378,6 +410,22 @@ static gboolean parse_error(const char *text, double *ret) {
     return end != text && *end == '\0' && *ret > 0 && *ret < 1;
 }
 
+/* Thousands, as g_format_size() prints them. */
+static gboolean parse_size(const char *text, gint64 *ret) {
+    static const char *const units[] = {"", "B", "kB", "KB", "MB", "GB"};
+    static const double factors[] = {1, 1, 1e3, 1e3, 1e6, 1e9};
+    char *end;
+    const double value = g_ascii_strtod(text, &end);
+    while (*end == ' ')
+        end++;
+    for (gsize i = 0; end != text && i < G_N_ELEMENTS(units); i++)
+        if (g_str_equal(end, units[i]) && value * factors[i] >= 1 && value * factors[i] < 1e15) {
+            *ret = (gint64)(value * factors[i]);
+            return TRUE;
+        }
+    return FALSE;
+}
+
 static gboolean parse_quantise(const char *text, enum lpca_quantise *ret) {
     static const char *const names[] = {"float", "half", "8bit", NULL};
     for (int i = 0; names[i]; i++)
@@ -393,6 +441,7 @@ static int run(const struct command *command, int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     double seconds = 0;
     clusters_option = components_option = -1;
+    grid_option = 0;
     if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
         return CLI_USAGE;
     compress.eigenmaps = g_strcmp0(method_option, "eigenmaps") == 0;
@@ -408,6 +457,15 @@ static int run(const struct command *command, int argc, char **argv) {
         return cli_usage(command, "there is at least one cluster and one component");
     if (error_option && !parse_error(error_option, &compress.target))
         return cli_usage(command, "--error is a number like 2%% or 0.02");
+    if (size_option && !parse_size(size_option, &compress.size))
+        return cli_usage(command, "--size is a number like 20MB or 500kB");
+    if (compress.size > 0 && clusters_option > 0)
+        return cli_usage(command, "--size chooses the clusters: leave out -k");
+    if (grid_option != 0 && (grid_option < RESAMPLE_MIN_GRID || grid_option > RESAMPLE_MAX_GRID))
+        return cli_usage(command, "--grid is 4 to 24");
+    if ((compress.lobes || compress.eigenmaps) && (compress.size > 0 || grid_option > 0))
+        return cli_usage(command, "--size and --grid are for local PCAs");
+    compress.grid = grid_option;
     if (quantise_option && !parse_quantise(quantise_option, &compress.quantise))
         return cli_usage(command, "--quantise is float, half or 8bit");
     if (compress.eigenmaps && (clusters_option > 0 || quantise_option || !output_option))

@@ -492,6 +492,7 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
                sizeof(float) * (gsize)(n_components + 1));
     }
     fewer->quantise = lpca->quantise;
+    fewer->n_grid = lpca->n_grid;
     return fewer;
 }
 

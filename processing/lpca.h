@@ -13,10 +13,11 @@
  *   part "weights"          channels "W01" … "Wcc", width × height texels, half (or float): w_i(x)
  *   part "scales"           channel "S", width n_clusters, height c + 1, float
  *   part "means"            channels B G R, width n_lights, height n_clusters · n_views
- *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l is E_{i,k}(v, l) /
- * S_{i,k} part "views", "lights"  channels "phi_deg","theta_deg", width n, height 1, float
- * attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
- * float, half, 8bit), mesorig.error (double, see lpca_error()), texel_mm, reference_mm (double).
+ *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l: E_{i,k}(v, l) / S_{i,k}
+ *   part "views", "lights"  channels "phi_deg", "theta_deg", width n, height 1, float
+ * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
+ * float, half, 8bit), mesorig.error (double, see lpca_error()), texel_mm, reference_mm (double),
+ * and mesorig.grid (int) where there is an n_grid, see below.
  *
  * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
  * each with a scale of its own; means stay halves, since no small weight makes their steps smaller.
@@ -56,6 +57,8 @@ struct lpca {
     int width, height; /* texels */
     double texel_mm, reference_mm;
     int n_views, n_lights, n_clusters, n_components;
+    int n_grid; /* 0; or views and lights are the n_grid² samples of resample.h, not measured ones
+                 */
     float *view_theta_deg, *view_phi_deg;   /* n_views */
     float *light_theta_deg, *light_phi_deg; /* n_lights */
     int *clusters;                          /* height × width: k(x) */

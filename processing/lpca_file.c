@@ -28,6 +28,8 @@ static struct exr_part *clusters_part(const struct lpca *lpca) {
     exr_set_string(part, "mesorig.name", lpca->name ? lpca->name : "");
     exr_set_string(part, "mesorig.quantise", kinds[lpca->quantise]);
     exr_set_double(part, "mesorig.error", lpca->error);
+    if (lpca->n_grid > 0)
+        exr_set_int(part, "mesorig.grid", lpca->n_grid);
     exr_set_double(part, "texel_mm", lpca->texel_mm);
     exr_set_double(part, "reference_mm", lpca->reference_mm);
     return part;
@@ -165,6 +167,10 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
         !read_directions(file, "lights", &lpca->light_theta_deg, &lpca->light_phi_deg,
                          &lpca->n_lights))
         return format_error(path, error, "views or lights are missing or damaged");
+    if (exr_get_int(part, "mesorig.grid", &lpca->n_grid, NULL) &&
+        (lpca->n_grid < 2 || lpca->n_grid > 1024 || lpca->n_views != lpca->n_grid * lpca->n_grid ||
+         lpca->n_lights != lpca->n_views))
+        return format_error(path, error, "its views and lights are not those of a grid");
     part = exr_file_part(file, "scales");
     if (!part || part->width > LPCA_MAX_CLUSTERS || part->height < 2 ||
         part->height > LPCA_MAX_COMPONENTS + 1)

@@ -342,6 +342,15 @@ static void test_compress(const char *folder, const char *session) {
     runs(1, &output, "compress", session, "-m", "ptm", "-e", "0.0001%", NULL);
     runs(1, &output, "compress", session, "-m", "fields", "-c", "4", NULL);
     runs(2, &output, "compress", session, "-m", "ward", "-k", "2", NULL);
+    runs(0, &output, "compress", session, "--grid", "5", "-k", "1", "-c", "1", "-o", other, NULL);
+    assert_has(output.out, "1 cluster of 1 component on a grid of 5");
+    runs(0, &output, "compress", "--json", session, "--size", "20kB", "-o", other, NULL);
+    assert_json_lines(output.out);
+    runs(1, &output, "compress", session, "--size", "10B", "-o", other, NULL);
+    runs(2, &output, "compress", session, "--size", "large", NULL);
+    runs(2, &output, "compress", session, "--size", "20kB", "-k", "2", NULL);
+    runs(2, &output, "compress", session, "--grid", "1000", NULL);
+    runs(2, &output, "compress", session, "--grid", "8", "-m", "ptm", NULL);
     g_autofree char *plot = g_build_filename(folder, "plot.png", NULL);
     g_autofree char *curve = g_build_filename(folder, "curve.svg", NULL);
     runs(0, &output, "compare", session, fields, "--plot", plot, NULL);

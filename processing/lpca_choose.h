@@ -1,0 +1,19 @@
+/* How many clusters and components: the smallest local PCA that is good enough, or the best one
+ * that is small enough. */
+#pragma once
+
+#include "lpca.h"
+
+struct lpca_wish {
+    double error;     /* to reach, or 0 */
+    gint64 bytes;     /* lpca_bytes() once rounded, at most; or 0 */
+    int n_components; /* at most */
+    enum lpca_quantise quantise;
+    int n_grid; /* of the eigen-BRDFs whose size counts, see resample.h; or 0 */
+};
+
+/* Tries 1, 2, 4, … clusters, as long as that helps. options says all but clusters, components and
+ * target. With an error the smallest that reaches it (and is not too large); else the best. The
+ * result is LPCA_FLOAT. An error of what cannot be says how near it came. */
+struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
+                         const struct lpca_wish *wish, GError **error);

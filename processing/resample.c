@@ -1,0 +1,366 @@
+#include "resample.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "lobes_private.h"
+
+#define COLOURS  3
+#define LINEAR   4    /* 1, x, y, z */
+#define DENSE    3000 /* directions all over the hemisphere */
+#define MEASURED 3.0  /* what a measured direction counts beside all of those together, per n */
+#define NEAR     1e-3 /* what staying near the smooth interpolant counts */
+#define BLOCK    8    /* texels a thread compares at a time */
+
+void resample_direction(double s, double t, float ret[3]) {
+    const double a = 2 * CLAMP(s, 0, 1) - 1, b = 2 * CLAMP(t, 0, 1) - 1;
+    const gboolean across = fabs(a) > fabs(b);
+    const double rho = across ? a : b;
+    const double phi = rho == 0 ? 0 : across ? G_PI_4 * b / a : G_PI_2 - G_PI_4 * a / b;
+    const double out = rho * sqrt(2 - rho * rho);
+    ret[0] = (float)(out * cos(phi));
+    ret[1] = (float)(out * sin(phi));
+    ret[2] = (float)(1 - rho * rho);
+}
+
+void resample_square(const float direction[3], double *ret_s, double *ret_t) {
+    const double rho = sqrt(CLAMP(1 - (double)direction[2], 0, 1));
+    double phi = atan2((double)direction[1], (double)direction[0]), a, b;
+    if (phi < -G_PI_4)
+        phi += 2 * G_PI;
+    const int side = CLAMP((int)floor((phi + G_PI_4) / G_PI_2), 0, 3);
+    const double along = rho, across = rho * (phi - side * G_PI_2) / G_PI_4;
+    a = side == 0 ? along : side == 1 ? -across : side == 2 ? -along : across;
+    b = side == 0 ? across : side == 1 ? along : side == 2 ? -across : -along;
+    *ret_s = CLAMP((a + 1) / 2, 0, 1);
+    *ret_t = CLAMP((b + 1) / 2, 0, 1);
+}
+
+void resample_weights(int n_grid, const float direction[3], int ret_index[4], float ret_weight[4]) {
+    double s, t;
+    resample_square(direction, &s, &t);
+    const double x = s * (n_grid - 1), y = t * (n_grid - 1);
+    const int i = MIN((int)x, n_grid - 2), j = MIN((int)y, n_grid - 2);
+    const float u = (float)(x - i), v = (float)(y - j);
+    for (int k = 0; k < 4; k++) {
+        ret_index[k] = (j + k / 2) * n_grid + i + k % 2;
+        ret_weight[k] = (k % 2 ? u : 1 - u) * (k / 2 ? v : 1 - v);
+    }
+}
+
+/* Everything about one set of measured directions. */
+struct smooth {
+    int n;
+    float *directions; /* n × 3 */
+    double lowest;     /* z of the lowest one */
+    double *inverse;   /* (n + LINEAR) × n: from values to coefficients */
+    gboolean lights;
+};
+
+static double kernel(const float *a, const float *b) {
+    const double x = (double)a[0] - b[0], y = (double)a[1] - b[1], z = (double)a[2] - b[2];
+    return sqrt(x * x + y * y + z * z);
+}
+
+static void smooth_row(const struct smooth *smooth, const float *direction, double *ret) {
+    for (int i = 0; i < smooth->n; i++)
+        ret[i] = kernel(direction, smooth->directions + (gsize)(3 * i));
+    ret[smooth->n] = 1;
+    for (int k = 0; k < 3; k++)
+        ret[smooth->n + 1 + k] = direction[k];
+}
+
+/* The shortest solution, so that directions that repeat, lie in a plane or are alone do no harm. */
+static gboolean invert(struct smooth *smooth) {
+    const int n = smooth->n, m = n + LINEAR;
+    g_autofree double *a = g_new0(double, m *m), *singular = g_new(double, m);
+    int rank;
+    for (int i = 0; i < n; i++) {
+        smooth_row(smooth, smooth->directions + (gsize)(3 * i), a + (gsize)i * (gsize)m);
+        for (int k = n; k < m; k++)
+            a[(gsize)k * (gsize)m + (gsize)i] = a[(gsize)i * (gsize)m + (gsize)k];
+    }
+    smooth->inverse = g_new0(double, m *n);
+    for (int i = 0; i < n; i++)
+        smooth->inverse[(gsize)i * (gsize)n + (gsize)i] = 1;
+    return LAPACKE_dgelsd(LAPACK_ROW_MAJOR, m, m, n, a, m, smooth->inverse, n, singular, 1e-7,
+                          &rank) == 0;
+}
+
+static gboolean smooth_init(struct smooth *smooth, const float *theta_deg, const float *phi_deg,
+                            int n, gboolean lights) {
+    *smooth = (struct smooth){n, g_new(float, 3 * n), 1, NULL, lights};
+    for (int i = 0; i < n; i++) {
+        float *direction = smooth->directions + (gsize)(3 * i);
+        lobes_direction(theta_deg[i], phi_deg[i], direction);
+        smooth->lowest = MIN(smooth->lowest, direction[2]);
+    }
+    smooth->lowest = MAX(smooth->lowest, 1e-3);
+    return invert(smooth);
+}
+
+static void smooth_clear(struct smooth *smooth) {
+    g_free(smooth->directions);
+    g_free(smooth->inverse);
+}
+
+/* Rows of what each measured value counts in the smooth interpolant at these directions. */
+static double *smooth_at(const struct smooth *smooth, const float *directions, int count) {
+    const int m = smooth->n + LINEAR;
+    g_autofree double *rows = g_new(double, (gsize)count *(gsize)m);
+    double *ret = g_new(double, (gsize)count *(gsize)smooth->n);
+    for (int i = 0; i < count; i++) {
+        const float *d = directions + (gsize)(3 * i);
+        const double low = smooth->lowest, out = hypot((double)d[0], (double)d[1]);
+        const gboolean below = d[2] < low;
+        const double scale = below ? sqrt(1 - low * low) / MAX(out, 1e-9) : 1;
+        const float at[3] = {(float)(d[0] * scale), (float)(d[1] * scale),
+                             below ? (float)low : d[2]};
+        double *row = rows + (gsize)i * (gsize)m;
+        smooth_row(smooth, at, row);
+        if (below && smooth->lights)
+            cblas_dscal(m, MAX(d[2], 0) / low, row, 1);
+    }
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, count, smooth->n, m, 1, rows, m,
+                smooth->inverse, smooth->n, 0, ret, smooth->n);
+    return ret;
+}
+
+/* Adds weight × (bilinear at direction − row of target)² to the normal equations. */
+static void add_equation(int n_grid, const float *direction, double weight, const double *target,
+                         int n, double *matrix, double *right) {
+    const int samples = n_grid * n_grid;
+    int index[4];
+    float share[4];
+    resample_weights(n_grid, direction, index, share);
+    for (int a = 0; a < 4; a++) {
+        for (int b = 0; b < 4; b++)
+            matrix[(gsize)index[a] * (gsize)samples + (gsize)index[b]] +=
+                weight * share[a] * share[b];
+        cblas_daxpy(n, weight * share[a], target, 1, right + (gsize)index[a] * (gsize)n, 1);
+    }
+}
+
+/* Evenly spread: a Fibonacci spiral. */
+static float *dense_directions(void) {
+    float *ret = g_new(float, 3 * DENSE);
+    for (int i = 0; i < DENSE; i++) {
+        const double z = 1 - (i + 0.5) / DENSE, r = sqrt(1 - z * z);
+        const double phi = G_PI * (1 + sqrt(5)) * (i + 0.5);
+        ret[3 * i] = (float)(r * cos(phi));
+        ret[3 * i + 1] = (float)(r * sin(phi));
+        ret[3 * i + 2] = (float)z;
+    }
+    return ret;
+}
+
+static float *grid_directions(int n_grid) {
+    float *ret = g_new(float, 3 * n_grid * n_grid);
+    for (int i = 0; i < n_grid * n_grid; i++) {
+        const int column = i % n_grid, row = i / n_grid;
+        resample_direction(column / (n_grid - 1.0), row / (n_grid - 1.0), ret + (gsize)(3 * i));
+    }
+    return ret;
+}
+
+static void fill_equations(const struct smooth *smooth, int n_grid, double *matrix, double *right) {
+    const gsize samples = (gsize)n_grid * (gsize)n_grid, n = (gsize)smooth->n;
+    g_autofree float *dense = dense_directions(), *grid = grid_directions(n_grid);
+    g_autofree double *at_dense = smooth_at(smooth, dense, DENSE);
+    g_autofree double *at_grid = smooth_at(smooth, grid, (int)samples);
+    g_autofree double *one = g_new0(double, n);
+    for (gsize i = 0; i < DENSE; i++)
+        add_equation(n_grid, dense + 3 * i, 1.0 / DENSE, at_dense + i * n, (int)n, matrix, right);
+    for (gsize i = 0; i < n; i++) {
+        one[i] = 1;
+        add_equation(n_grid, smooth->directions + 3 * i, MEASURED / (double)n, one, (int)n, matrix,
+                     right);
+        one[i] = 0;
+    }
+    for (gsize i = 0; i < samples; i++) {
+        matrix[i * samples + i] += NEAR / (double)samples;
+        cblas_daxpy((int)n, NEAR / (double)samples, at_grid + i * n, 1, right + i * n, 1);
+    }
+}
+
+float *resample_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
+                         gboolean lights, GError **error) {
+    const int samples = n_grid * n_grid;
+    gboolean ok = n >= 1 && n <= 4096 && n_grid >= RESAMPLE_MIN_GRID && n_grid <= RESAMPLE_MAX_GRID;
+    for (int i = 0; ok && i < n; i++)
+        ok = isfinite(theta_deg[i]) && isfinite(phi_deg[i]) && fabsf(theta_deg[i]) <= 90;
+    struct smooth smooth;
+    if (!ok || !smooth_init(&smooth, theta_deg, phi_deg, n, lights)) {
+        if (ok)
+            smooth_clear(&smooth);
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%d directions cannot be put on a grid of %d: 1 to 4096 are needed, above the "
+                    "horizon, and a grid of %d to %d",
+                    n, n_grid, RESAMPLE_MIN_GRID, RESAMPLE_MAX_GRID);
+        return NULL;
+    }
+    g_autofree double *matrix = g_new0(double, samples *samples);
+    g_autofree double *right = g_new0(double, samples *n);
+    fill_equations(&smooth, n_grid, matrix, right);
+    smooth_clear(&smooth);
+    LAPACKE_dposv(LAPACK_ROW_MAJOR, 'U', samples, n, matrix, samples, right, n);
+    float *ret = g_new(float, samples *n);
+    for (int i = 0; i < samples * n; i++)
+        ret[i] = (float)right[i];
+    return ret;
+}
+
+static void grid_angles(int n_grid, float **ret_theta_deg, float **ret_phi_deg) {
+    const int samples = n_grid * n_grid;
+    g_autofree float *grid = grid_directions(n_grid);
+    *ret_theta_deg = g_new(float, samples);
+    *ret_phi_deg = g_new(float, samples);
+    for (int i = 0; i < samples; i++) {
+        const float *d = grid + (gsize)(3 * i);
+        (*ret_theta_deg)[i] = acosf(CLAMP(d[2], -1, 1)) * 180 / (float)G_PI;
+        (*ret_phi_deg)[i] = atan2f(d[1], d[0]) * 180 / (float)G_PI;
+    }
+}
+
+static struct lpca *like(const struct lpca *lpca, int n_grid) {
+    const gsize texels = (gsize)lpca->width * (gsize)lpca->height;
+    const gsize tables = (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
+    struct lpca *ret = g_new0(struct lpca, 1);
+    *ret = *lpca;
+    ret->name = g_strdup(lpca->name);
+    ret->n_grid = n_grid;
+    ret->n_views = ret->n_lights = n_grid * n_grid;
+    grid_angles(n_grid, &ret->view_theta_deg, &ret->view_phi_deg);
+    grid_angles(n_grid, &ret->light_theta_deg, &ret->light_phi_deg);
+    ret->clusters = g_memdup2(lpca->clusters, sizeof(int) * texels);
+    ret->weights = g_memdup2(lpca->weights, sizeof(float) * texels * (gsize)lpca->n_components);
+    ret->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
+    ret->brdfs = g_try_new(float, tables *(gsize)ret->n_views *(gsize)ret->n_lights *COLOURS);
+    ret->error = 0;
+    return ret;
+}
+
+/* Views, then the lights of each view, whose colours lie side by side. */
+static void resample_table(const struct lpca *from, const struct lpca *to, gsize table,
+                           const float *views, const float *lights, float *between) {
+    const int samples = to->n_views, row = from->n_lights * COLOURS;
+    const float *values = from->brdfs + table * (gsize)from->n_views * (gsize)row;
+    float *ret = to->brdfs + table * (gsize)samples * (gsize)samples * COLOURS;
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, row, from->n_views, 1, views,
+                from->n_views, values, row, 0, between, row);
+    for (gsize i = 0; i < (gsize)samples; i++)
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, COLOURS, from->n_lights, 1,
+                    lights, from->n_lights, between + i * (gsize)row, COLOURS, 0,
+                    ret + i * (gsize)samples * COLOURS, COLOURS);
+}
+
+struct lpca *resample_lpca(const struct lpca *lpca, int n_grid, GError **error) {
+    g_return_val_if_fail(lpca->quantise == LPCA_FLOAT && lpca->n_grid == 0, NULL);
+    g_autofree float *views = resample_operator(lpca->view_theta_deg, lpca->view_phi_deg,
+                                                lpca->n_views, n_grid, FALSE, error);
+    g_autofree float *lights = views ? resample_operator(lpca->light_theta_deg, lpca->light_phi_deg,
+                                                         lpca->n_lights, n_grid, TRUE, error)
+                                     : NULL;
+    if (!lights)
+        return NULL;
+    struct lpca *ret = like(lpca, n_grid);
+    if (!ret->brdfs) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "a grid of %d for %d clusters of %d components does not fit into memory",
+                    n_grid, lpca->n_clusters, lpca->n_components);
+        lpca_free(ret);
+        return NULL;
+    }
+    g_autofree float *between = g_new(float, (gsize)ret->n_views *(gsize)lpca->n_lights *COLOURS);
+    for (gsize table = 0; table < (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
+         table++)
+        resample_table(lpca, ret, table, views, lights, between);
+    return ret;
+}
+
+/* A texel's reflectances are mixed on the grid first: that costs least. */
+struct comparison {
+    const struct lpca *lpca;
+    const struct btf_matrix *btf;
+    int *view_index, *light_index; /* × 4 */
+    float *view_weight, *light_weight;
+    double *sums; /* × 2 a block */
+};
+
+static void fill_weights(int n_grid, const float *theta_deg, const float *phi_deg, int n,
+                         int **ret_index, float **ret_weight) {
+    *ret_index = g_new(int, 4 * n);
+    *ret_weight = g_new(float, 4 * n);
+    for (int i = 0; i < n; i++) {
+        float direction[3];
+        lobes_direction(theta_deg[i], phi_deg[i], direction);
+        resample_weights(n_grid, direction, *ret_index + (gsize)(4 * i),
+                         *ret_weight + (gsize)(4 * i));
+    }
+}
+
+static void interpolate(const struct comparison *to, const float *grid, int view, int light,
+                        float ret[COLOURS]) {
+    const gsize samples = (gsize)to->lpca->n_lights;
+    memset(ret, 0, sizeof(float) * COLOURS);
+    for (int a = 0; a < 4; a++)
+        for (int b = 0; b < 4; b++) {
+            const float weight = to->view_weight[4 * view + a] * to->light_weight[4 * light + b];
+            const float *at = grid + ((gsize)to->view_index[4 * view + a] * samples +
+                                      (gsize)to->light_index[4 * light + b]) *
+                                         COLOURS;
+            for (int c = 0; c < COLOURS; c++)
+                ret[c] += weight * at[c];
+        }
+}
+
+static void compare_block(int block, gpointer data) {
+    const struct comparison *to = data;
+    const struct btf_matrix *btf = to->btf;
+    const int end = MIN((block + 1) * BLOCK, btf->width * btf->height);
+    const gsize n = (gsize)btf->n_views * (gsize)btf->n_lights;
+    g_autofree float *grid =
+        g_new(float, (gsize)to->lpca->n_views *(gsize)to->lpca->n_lights *COLOURS);
+    for (int texel = block * BLOCK; texel < end; texel++) {
+        lpca_reconstruct(to->lpca, texel, grid);
+        for (gsize i = 0; i < n; i++) {
+            const float *truth = btf->values + ((gsize)texel * n + i) * COLOURS;
+            float value[COLOURS];
+            interpolate(to, grid, (int)(i / (gsize)btf->n_lights), (int)(i % (gsize)btf->n_lights),
+                        value);
+            for (int c = 0; c < COLOURS; c++) {
+                const double rest = (double)truth[c] - value[c];
+                to->sums[2 * block] += rest * rest;
+                to->sums[2 * block + 1] += (double)truth[c] * truth[c];
+            }
+        }
+    }
+}
+
+double resample_error(struct lpca *resampled, const struct btf_matrix *btf, int n_threads) {
+    const struct lobes_options options = {.n_threads = n_threads};
+    const int blocks = (btf->width * btf->height + BLOCK - 1) / BLOCK;
+    struct comparison to = {.lpca = resampled, .btf = btf, .sums = g_new0(double, 2 * blocks)};
+    double rest = 0, all = 0;
+    g_return_val_if_fail(resampled->n_grid > 0 && resampled->width == btf->width &&
+                             resampled->height == btf->height,
+                         NAN);
+    fill_weights(resampled->n_grid, btf->view_theta_deg, btf->view_phi_deg, btf->n_views,
+                 &to.view_index, &to.view_weight);
+    fill_weights(resampled->n_grid, btf->light_theta_deg, btf->light_phi_deg, btf->n_lights,
+                 &to.light_index, &to.light_weight);
+    lobes_parallel(&options, "", blocks, compare_block, &to, NULL);
+    for (int i = 0; i < blocks; i++) {
+        rest += to.sums[2 * i];
+        all += to.sums[2 * i + 1];
+    }
+    g_free(to.view_index);
+    g_free(to.view_weight);
+    g_free(to.light_index);
+    g_free(to.light_weight);
+    g_free(to.sums);
+    resampled->error = all > 0 ? sqrt(rest / all) : 0;
+    return resampled->error;
+}
