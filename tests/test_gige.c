@@ -135,6 +135,28 @@ static void times(void) {
     eye_end(&eye);
 }
 
+/* Some cameras stamp the end of the exposure; told so, the driver knows when it began. */
+static void stamps_of_the_end(void) {
+    struct eye eye;
+    struct virtual_gige_state state;
+    struct virtual_gige_faults faults = {.stamps_end = TRUE};
+    struct camera_settings settings = {.exposure_us = 20000};
+    eye_begin(&eye, "stamp = end");
+    virtual_gige_fail(eye.device, &faults);
+    g_assert_true(camera_configure(eye.camera, &settings, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+    virtual_gige_state(eye.device, &state);
+    g_assert_cmpint(ABS(eye.frame->exposure_start_us - state.triggered_us), <, 1000);
+    eye_end(&eye);
+    /* Not told so, it does not take them for something else. */
+    eye_begin(&eye, "");
+    virtual_gige_fail(eye.device, &faults);
+    g_assert_true(camera_configure(eye.camera, &settings, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_REFUSED);
+    eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "its time stamp is in the future");
+    eye_end(&eye);
+}
+
 /* Lamps may go on while the picture is still being sent. */
 static void exposed_before_it_is_here(void) {
     struct eye eye;
@@ -319,6 +341,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/gige/settings", settings);
     g_test_add_func("/gige/packet-size", packet_size);
     g_test_add_func("/gige/times", times);
+    g_test_add_func("/gige/stamps-of-the-end", stamps_of_the_end);
     g_test_add_func("/gige/exposed-before-it-is-here", exposed_before_it_is_here);
     g_test_add_func("/gige/without-clock", without_clock);
     g_test_add_func("/gige/packet-socket", packet_socket);

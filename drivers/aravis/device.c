@@ -94,10 +94,10 @@ static gboolean switch_off_automatics(AravisDevice *device, GError **error) {
     }
     if (has(device, "GammaEnable"))
         arv_camera_set_boolean(device->camera, "GammaEnable", FALSE, &why);
-    if (check(why, "GammaEnable", error) && has(device, "AcquisitionMode"))
-        arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
-    else if (error && *error)
+    if (!check(why, "GammaEnable", error))
         return FALSE;
+    if (has(device, "AcquisitionMode"))
+        arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
     return check(why, "AcquisitionMode", error);
 }
 

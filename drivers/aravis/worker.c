@@ -202,6 +202,7 @@ static gboolean open_device(AravisWorker *worker, double control_s, GError **err
         return FALSE;
     worker->limits = *aravis_device_limits(worker->device);
     worker->answer.limits = &worker->limits;
+    worker->answer.stamp_is_end = worker->options.stamp == ARAVIS_STAMP_END;
     worker->exposure_set = worker->gain_set = FALSE;
     return TRUE;
 }

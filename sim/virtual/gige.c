@@ -202,7 +202,8 @@ static void take_picture(VirtualGige *camera) {
     fill(camera, &exposure, shift, &kept);
     g_mutex_lock(&camera->mutex);
     gint64 late_us = camera->faults.late_us;
-    kept.ticks = gige_ticks(exposure.start_us + camera->faults.ahead_us);
+    kept.ticks = gige_ticks(exposure.start_us + camera->faults.ahead_us +
+                            (camera->faults.stamps_end ? exposure.exposure_us : 0));
     keep(camera, &kept);
     if (late_us == 0 || wait_until(camera, g_get_monotonic_time() + late_us))
         gige_send_picture(camera);

@@ -49,19 +49,20 @@ const char *virtual_gige_address(const VirtualGige *camera);
 
 /* How it fails from now on. Counts run down. */
 struct virtual_gige_faults {
-    double loss;        /* part of the packets of pictures that is lost on the way */
-    gboolean no_resend; /* what is asked for again does not come */
-    int cut;            /* pictures that end in the middle, and cannot be asked for again */
-    int blind;          /* triggers that are acknowledged and make no picture */
-    int old;            /* pictures that are the one before, with its time stamp */
-    gint64 ahead_us;    /* time stamps of pictures are so much in the future */
-    gint64 late_us;     /* pictures leave so much later */
-    gboolean unplugged; /* nothing comes through */
-    int odd;            /* pictures that say they are narrower than they are */
-    gint64 slow_us;     /* from the trigger to the exposure */
-    gboolean announces; /* the first packet of a picture leaves when it is triggered, too */
-    int mtu;            /* larger packets do not get through; 0: all do */
-    double rounding_us; /* exposures are multiples of this; 0: of 1 µs */
+    double loss;         /* part of the packets of pictures that is lost on the way */
+    gboolean no_resend;  /* what is asked for again does not come */
+    int cut;             /* pictures that end in the middle, and cannot be asked for again */
+    int blind;           /* triggers that are acknowledged and make no picture */
+    int old;             /* pictures that are the one before, with its time stamp */
+    gint64 ahead_us;     /* time stamps of pictures are so much in the future */
+    gint64 late_us;      /* pictures leave so much later */
+    gboolean unplugged;  /* nothing comes through */
+    int odd;             /* pictures that say they are narrower than they are */
+    gboolean stamps_end; /* time stamps mark the end of the exposure, as some makers' do */
+    gint64 slow_us;      /* from the trigger to the exposure */
+    gboolean announces;  /* the first packet of a picture leaves when it is triggered, too */
+    int mtu;             /* larger packets do not get through; 0: all do */
+    double rounding_us;  /* exposures are multiples of this; 0: of 1 µs */
 };
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_gige_faults *faults);
 
