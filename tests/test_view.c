@@ -382,6 +382,9 @@ static void test_program_usage(struct fixture *f, gconstpointer data) {
     check_usage(2,
                 (const char *[]){PROGRAM, "a", "-o", "b", "--frames", "99", "--sheet", "99", NULL},
                 "16384");
+    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--silhouettes=x", NULL}, "peel");
+    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--layers", "99", NULL}, "layers");
+    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--shadow-map", "1", NULL}, "16384");
     check_usage(1, (const char *[]){PROGRAM, "/nowhere", "-o", "b.png", NULL}, "/nowhere");
     check_usage(1, (const char *[]){PROGRAM, "/nowhere", "-o", "b", "--shape", "cow", NULL}, "cow");
     check_usage(1, (const char *[]){PROGRAM, "/", "-o", "b.png", NULL}, "products/eigenmaps.exr");
@@ -435,6 +438,20 @@ static void test_program_renders(struct fixture *f, gconstpointer data) {
     g_free(rgb[1]);
     remove_session(dir, (const char *[]){"turn_0000.png", "turn_0001.png", "turn_0002.png",
                                          "turn_0003.png", NULL});
+}
+
+/* A session without an MDF has shadows, but no silhouettes. */
+static void test_program_relief(struct fixture *f, gconstpointer data) {
+    if (!have_program(f))
+        return;
+    g_autofree char *dir = write_session(), *out = NULL, *err = NULL;
+    g_autofree char *path = g_build_filename(dir, "floor.png", NULL);
+    check_usage(1, (const char *[]){PROGRAM, dir, "-o", path, "--silhouettes", NULL},
+                "products/mdf.exr");
+    const char *arguments[] = {PROGRAM,   dir,         "-o",      path,         "--size", "24x16",
+                               "--floor", "--shadows", "--shape", "torus-knot", NULL};
+    g_assert_cmpint(run_program(arguments, &out, &err), ==, 0);
+    remove_session(dir, (const char *[]){"floor.png", NULL});
 }
 
 /* A sheet holds the frames that would be files of their own, row by row. */
@@ -543,6 +560,7 @@ int main(int argc, char **argv) {
         {"/view/png", test_png},
         {"/view/program/usage", test_program_usage},
         {"/view/program/renders", test_program_renders},
+        {"/view/program/relief", test_program_relief},
         {"/view/program/sheet", test_program_sheet},
         {"/view/program/reference", test_program_reference},
         {"/view/program/window", test_program_window},
