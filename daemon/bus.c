@@ -252,23 +252,53 @@ static GVariant *validate(Bus *bus, const char *session_path, const char *direct
     return report;
 }
 
-static gboolean check_options(GVariant *options, gboolean *ret_process, GError **error) {
+struct start_options {
+    gboolean process;
+    char *calibration; /* path; NULL: nominal geometry */
+};
+
+static gboolean check_options(GVariant *options, struct start_options *ret, GError **error) {
     GVariantIter iter;
     const char *key;
     g_autoptr(GVariant) value = NULL;
-    *ret_process = FALSE;
+    *ret = (struct start_options){0};
     g_variant_iter_init(&iter, options);
     while (g_variant_iter_next(&iter, "{&sv}", &key, &value)) {
-        if (strcmp(key, "process") != 0 || !g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
+        if (strcmp(key, "process") == 0 && g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
+            ret->process = g_variant_get_boolean(value);
+        } else if (strcmp(key, "calibration") == 0 &&
+                   g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
+            g_free(ret->calibration);
+            ret->calibration = g_variant_dup_string(value, NULL);
+        } else {
             g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                        "no such option, or not of its type: %s (there is: process, a boolean)",
+                        "no such option, or not of its type: %s (there are: process, a boolean, "
+                        "and calibration, a string)",
                         key);
             return FALSE;
         }
-        *ret_process = g_variant_get_boolean(value);
         g_clear_pointer(&value, g_variant_unref);
     }
     return TRUE;
+}
+
+/* In place of what the rig file names, for a session that begins now. */
+static Capture *start_calibrated(Bus *bus, const struct session_conf *conf, const char *directory,
+                                 char *calibration, const struct capture_callbacks *callbacks,
+                                 GError **error) {
+    char *own = bus->devices->calibration_path;
+    if (calibration && !need_absolute(calibration, error))
+        return NULL;
+    if (calibration && !g_file_test(calibration, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: there is no such calibration",
+                    calibration);
+        return NULL;
+    }
+    if (calibration)
+        bus->devices->calibration_path = calibration;
+    Capture *capture = capture_start(bus->devices, conf, directory, callbacks, error);
+    bus->devices->calibration_path = own;
+    return capture;
 }
 
 /* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
@@ -312,22 +342,31 @@ static gboolean start(Bus *bus, const char *session_path, const char *directory,
                       GError **error) {
     const struct capture_callbacks callbacks = {changed, event, bus};
     struct session_conf conf = {0};
-    gboolean process = FALSE;
+    struct start_options chosen;
     const gboolean begins = session_path != NULL;
-    if (!need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error) ||
-        !check_options(options, &process, error))
+    if (!need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error))
         return FALSE;
+    const gboolean good = check_options(options, &chosen, error);
+    g_autofree char *calibration = chosen.calibration;
+    if (!good)
+        return FALSE;
+    if (calibration && !begins) {
+        g_set_error_literal(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
+                            "a session that goes on keeps the calibration it was begun with");
+        return FALSE;
+    }
     if (begins &&
         (!need_absolute(session_path, error) || !session_conf_load(&conf, session_path, error)))
         return FALSE;
     g_clear_pointer(&bus->follower, follower_free);
     g_hash_table_remove_all(bus->faults);
-    Capture *capture = begins ? capture_start(bus->devices, &conf, directory, &callbacks, error)
-                              : capture_resume(bus->devices, directory, &callbacks, error);
+    Capture *capture = begins
+                           ? start_calibrated(bus, &conf, directory, calibration, &callbacks, error)
+                           : capture_resume(bus->devices, directory, &callbacks, error);
     if (begins)
         session_conf_clear(&conf);
     if (capture)
-        begin(bus, capture, directory, process);
+        begin(bus, capture, directory, chosen.process);
     return capture != NULL;
 }
 

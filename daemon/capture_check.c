@@ -85,9 +85,13 @@ static gboolean check_shots(const char *path, const GPtrArray *shots, const stru
 }
 
 /* Whether what a capture would be begun with now is what this one was begun with. */
-static gboolean is_same(const struct devices *devices, const char *text) {
+static gboolean is_same(Session *session, const struct devices *devices, const char *text) {
     g_autoptr(GPtrArray) warnings = NULL;
-    g_autoptr(Calibration) now = capture_calibration(devices, &warnings, NULL);
+    g_autofree char *begun_with = session_value(session, "calibration");
+    struct devices then = *devices;
+    if (begun_with && g_path_is_absolute(begun_with))
+        then.calibration_path = begun_with; /* it may not be the one that the rig file names */
+    g_autoptr(Calibration) now = capture_calibration(&then, &warnings, NULL);
     g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
     return g_strcmp0(text, now_text) == 0;
 }
@@ -110,7 +114,7 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
     }
     if (!check_camera_sizes(path, &then, rig, error) || !check_shots(path, shots, rig, error))
         return FALSE;
-    if (!is_same(devices, text))
+    if (!is_same(session, devices, text))
         *ret_warning =
             g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
                      "frames from before and after may not fit together. What is "

@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-static char *output, *rig_option;
+static char *output, *rig_option, *calibration;
 static gboolean process, yes;
 
 #define YES_ENTRY                                                                                  \
@@ -20,6 +20,8 @@ static gboolean process, yes;
 static const GOptionEntry capture_entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
     {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
+     "Take this calibration, not the one that the rig file names", "FILE"},
     YES_ENTRY,
     {NULL},
 };
@@ -74,6 +76,10 @@ static GVariant *start_options(void) {
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     if (process)
         g_variant_builder_add(&builder, "{sv}", "process", g_variant_new_boolean(TRUE));
+    if (calibration) {
+        g_autofree char *path = cli_absolute(calibration);
+        g_variant_builder_add(&builder, "{sv}", "calibration", g_variant_new_string(path));
+    }
     return g_variant_builder_end(&builder);
 }
 

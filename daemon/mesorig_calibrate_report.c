@@ -1,0 +1,262 @@
+/* calibrate report: a calibration file as a page to look at. */
+#include "mesorig_calibrate.h"
+
+#include <string.h>
+
+#define DEG(rad) ((rad) * (180 / G_PI))
+#define PLOT     320 /* px of the page */
+
+static char *output_option;
+static const GOptionEntry entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Write the page here", "FILE.html"},
+    {NULL},
+};
+
+static const char head[] =
+    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration</title>"
+    "<style>body{font:15px/1.4 system-ui,sans-serif;max-width:64em;margin:2em auto;padding:0 1em;"
+    "color:#222}table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:"
+    "right;border-bottom:1px solid #ddd}td:first-child,th:first-child{text-align:left}figure{"
+    "display:inline-block;margin:0 1em 1em 0}figcaption{font-size:13px;color:#555}svg{background:"
+    "#fafafa;border:1px solid #ccc}.none{color:#777}</style></head><body>\n";
+
+static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+/* The numbers have decimal points: the programs set no locale for numbers. */
+static void add(GString *to, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_string_append_vprintf(to, format, arguments);
+    va_end(arguments);
+}
+
+static char *escaped(const char *text) {
+    return g_markup_escape_text(text, -1);
+}
+
+static void add_part(GString *to, const struct calibration *calibration,
+                     enum calibration_kind kind) {
+    const struct calibration_part *part = &calibration->parts[kind];
+    if (!part->done) {
+        add(to,
+            "<tr class=\"none\"><td>%s</td><td colspan=\"6\">not calibrated: nominal</td></tr>\n",
+            calibration_part_name(kind));
+        return;
+    }
+    g_autofree char *method = escaped(part->method);
+    g_autofree char *unit = escaped(part->residual_unit);
+    add(to,
+        "<tr><td>%s</td><td>%s</td><td>%s</td><td>%d</td><td>%u</td><td>%.3g %s</td><td>%d</td>"
+        "</tr>\n",
+        calibration_part_name(kind), part->date, method, part->pictures, part->rejected->len,
+        part->residual_rms, unit, part->degrees_of_freedom);
+}
+
+static void add_parts(GString *to, const struct calibration *calibration) {
+    add(to, "<table><tr><th>part</th><th>date</th><th>method</th><th>pictures</th><th>rejected</th>"
+            "<th>residual RMS</th><th>degrees of freedom</th></tr>\n");
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        add_part(to, calibration, (enum calibration_kind)i);
+    add(to, "</table>\n");
+}
+
+static double sigma(const struct calibration_camera *camera, int parameter) {
+    return sqrt(camera->covariance[parameter][parameter]);
+}
+
+static void add_cameras(GString *to, const struct calibration *calibration) {
+    const struct rig *rig = &calibration->rig;
+    add(to,
+        "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>elevation, azimuth "
+        "(°)</th><th>focal length (px)</th><th>centre (px)</th><th>k1</th><th>corners</th>"
+        "<th>RMS (px)</th></tr>\n");
+    for (int i = 0; i < rig->n_cameras; i++) {
+        const struct rig_camera *c = &rig->cameras[i];
+        const struct calibration_camera *e = &calibration->cameras[i];
+        const struct vec3 at = rig_camera_centre_mm(c);
+        g_autofree char *name = escaped(c->name);
+        double theta, phi;
+        rig_angles(at, &theta, &phi);
+        phi = phi > G_PI ? phi - 2 * G_PI : phi;
+        add(to,
+            "<tr><td>%s</td><td>%.2f, %.2f, %.2f</td><td>%.3f, %.3f</td><td>%.2f ± %.2f</td><td>"
+            "%.1f ± %.1f, %.1f ± %.1f</td><td>%.4f ± %.4f</td><td>%d</td><td>%.3f</td></tr>\n",
+            name, at.x, at.y, at.z, DEG(theta), DEG(phi), c->fx_px, sigma(e, CALIBRATION_FX),
+            c->cx_px, sigma(e, CALIBRATION_CX), c->cy_px, sigma(e, CALIBRATION_CY), c->k1,
+            sigma(e, CALIBRATION_K1), e->points, e->residual_rms_px);
+    }
+    add(to, "</table>\n");
+}
+
+/* The rig from the side (x, z) and from above (x, y); everything with the arc at 0. */
+struct plan {
+    double scale;
+    gboolean above;
+};
+
+static void add_mark(GString *to, const struct plan *plan, struct vec3 at, const char *colour,
+                     const char *name) {
+    const double x = PLOT * 0.4 + at.x * plan->scale;
+    const double y = PLOT * (plan->above ? 0.5 : 0.9) - (plan->above ? at.y : at.z) * plan->scale;
+    g_autofree char *text = escaped(name);
+    add(to,
+        "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/><text x=\"%.1f\" y=\"%.1f\" "
+        "font-size=\"10\">%s</text>\n",
+        x, y, colour, x + 6, y + 3, text);
+}
+
+static void add_plan(GString *to, const struct rig *rig, double reach_mm, gboolean above) {
+    const struct plan plan = {PLOT * 0.5 / reach_mm, above};
+    add(to, "<figure><svg width=\"%d\" height=\"%d\">\n", PLOT, PLOT);
+    if (above)
+        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#ddd\"/>\n", PLOT * 0.4,
+            PLOT * 0.5, 150 * plan.scale);
+    else
+        add(to, "<path d=\"M%.1f %.1fh%.1f\" stroke=\"#999\" stroke-width=\"3\"/>\n",
+            PLOT * 0.4 - 150 * plan.scale, PLOT * 0.9, 300 * plan.scale);
+    for (int i = 0; i < rig->n_cameras; i++)
+        add_mark(to, &plan, rig_camera_centre_mm(&rig->cameras[i]), "#1764ab",
+                 rig->cameras[i].name);
+    for (int i = 0; i < rig->n_lamps; i++)
+        add_mark(to, &plan, rig->lamps[i].position_mm, "#e2a100", rig->lamps[i].name);
+    for (int i = 0; i < rig->n_lasers; i++)
+        add_mark(to, &plan, rig->lasers[i].position_mm, "#c0222b", rig->lasers[i].name);
+    add(to, "</svg><figcaption>%s; %.0f mm across</figcaption></figure>\n",
+        above ? "from above: x to the right, y up" : "from the side: x to the right, z up",
+        2 * reach_mm);
+}
+
+static void add_positions(GString *to, const struct rig *rig) {
+    double reach = 1;
+    for (int i = 0; i < rig->n_cameras; i++)
+        reach = MAX(reach, vec3_length(rig_camera_centre_mm(&rig->cameras[i])));
+    for (int i = 0; i < rig->n_lamps; i++)
+        reach = MAX(reach, vec3_length(rig->lamps[i].position_mm));
+    add(to, "<h2>Positions</h2>\n<p>Cameras blue, lamps yellow, lasers red; lamps and lasers with "
+            "the arc at 0°.</p>\n");
+    add_plan(to, rig, reach, FALSE);
+    add_plan(to, rig, reach, TRUE);
+}
+
+static double *list(GKeyFile *file, const char *group, const char *key, gsize *ret_n) {
+    double *values = g_key_file_get_double_list(file, group, key, ret_n, NULL);
+    if (!values)
+        *ret_n = 0;
+    for (gsize i = 0; i < *ret_n; i++)
+        if (!isfinite(values[i]))
+            values[i] = 0;
+    return values;
+}
+
+/* Arrows so long that the longest tenth of them are a few pixels of the page. */
+static void add_vectors(GString *to, const struct calibration *calibration, int camera) {
+    const struct rig_camera *c = &calibration->rig.cameras[camera];
+    const struct calibration_camera *e = &calibration->cameras[camera];
+    g_autofree char *group = g_strdup_printf("camera residuals %d", camera);
+    g_autofree char *name = escaped(c->name);
+    gsize n[4];
+    GKeyFile *file = calibration->extra;
+    g_autofree double *x = list(file, group, "x_px", &n[0]), *y = list(file, group, "y_px", &n[1]);
+    g_autofree double *dx = list(file, group, "dx_px", &n[2]),
+                      *dy = list(file, group, "dy_px", &n[3]);
+    const gsize all = MIN(MIN(n[0], n[1]), MIN(n[2], n[3]));
+    const double scale = (double)PLOT / c->width;
+    const double arrow = e->residual_rms_px > 0 ? 8 / e->residual_rms_px : 1;
+    if (all == 0)
+        return;
+    add(to, "<figure><svg width=\"%d\" height=\"%.0f\"><path stroke=\"#1764ab\" fill=\"none\" d=\"",
+        PLOT, c->height * scale);
+    for (gsize i = 0; i < all; i++)
+        add(to, "M%.1f %.1fl%.1f %.1f", x[i] * scale, y[i] * scale, dx[i] * arrow, dy[i] * arrow);
+    add(to,
+        "\"/></svg><figcaption>%s: %.3f px RMS, drawn %.0f times as long</figcaption></figure>\n",
+        name, e->residual_rms_px, arrow / scale);
+}
+
+static void add_residuals(GString *to, const struct calibration *calibration) {
+    if (!calibration->parts[CALIBRATION_CAMERAS].done)
+        return;
+    add(to,
+        "<h2>Residuals</h2>\n<p>From where corners were seen to where they should have been. A "
+        "pattern that all share is what the model of the lens leaves over; noise has none.</p>\n");
+    for (int i = 0; i < calibration->rig.n_cameras; i++)
+        add_vectors(to, calibration, i);
+}
+
+static void add_turntable(GString *to, const struct calibration *calibration) {
+    gsize n, m;
+    g_autofree double *at = list(calibration->extra, "turntable", "commanded_deg", &n);
+    g_autofree double *error = list(calibration->extra, "turntable", "error_deg", &m);
+    double most = 1e-4;
+    n = MIN(n, m);
+    for (gsize i = 0; i < n; i++)
+        most = MAX(most, fabs(error[i]));
+    if (n == 0)
+        return;
+    add(to,
+        "<h2>Turntable</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 80h%d\" "
+        "stroke=\"#999\"/>\n",
+        2 * PLOT, 2 * PLOT);
+    for (gsize i = 0; i < n; i++) {
+        const double turn = at[i] - 360 * floor(at[i] / 360);
+        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"#1764ab\"/>\n",
+            8 + turn / 360 * (2 * PLOT - 16), 80 - 72 * error[i] / most);
+    }
+    add(to,
+        "</svg><figcaption>how much further it was than commanded, over a turn; the full height "
+        "is ± %.4f°</figcaption></figure>\n",
+        most);
+}
+
+static void add_rejected(GString *to, const struct calibration *calibration) {
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        const GPtrArray *rejected = calibration->parts[i].rejected;
+        if (rejected->len == 0)
+            continue;
+        add(to, "<h2>Rejected pictures: %s</h2>\n<ul>\n",
+            calibration_part_name((enum calibration_kind)i));
+        for (guint k = 0; k < rejected->len; k++) {
+            g_autofree char *text = escaped(rejected->pdata[k]);
+            add(to, "<li>%s</li>\n", text);
+        }
+        add(to, "</ul>\n");
+    }
+}
+
+static char *page(const struct calibration *calibration) {
+    GString *to = g_string_new(head);
+    g_autofree char *id = escaped(calibration->rig.id);
+    add(to, "<h1>Calibration of rig %s</h1>\n", id);
+    add_parts(to, calibration);
+    add_cameras(to, calibration);
+    add_positions(to, &calibration->rig);
+    add_residuals(to, calibration);
+    add_turntable(to, calibration);
+    add_rejected(to, calibration);
+    add(to, "</body></html>\n");
+    return g_string_free(to, FALSE);
+}
+
+static int run(const struct command *command, int argc, char **argv) {
+    g_autoptr(GError) error = NULL;
+    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    if (!output_option)
+        return cli_usage(command, "where to? Give -o FILE.html");
+    g_autoptr(Calibration) calibration = calibration_read(argv[1], &error);
+    g_autofree char *text = calibration ? page(calibration) : NULL;
+    if (!text || !g_file_set_contents(output_option, text, -1, &error))
+        return cli_fail(error);
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output_option));
+        cli_print_json(g_variant_builder_end(&builder));
+    } else {
+        g_print("%s: look at it in a browser\n", output_option);
+    }
+    return CLI_DONE;
+}
+
+const struct command calibrate_report = {"calibrate report", "FILE -o FILE.html",
+                                         "Draw what a calibration file says, as a page.", run};
