@@ -6,8 +6,9 @@
 #include <string.h>
 
 #define MIN_CORNERS    4
-#define TOLERANCE_PX   3.0 /* of markers from a plane: lenses bend it */
-#define STEPS_A_SQUARE 8   /* points that are compared, when it is looked for */
+#define TOLERANCE_PX   3.0  /* of markers from a plane: lenses bend it, */
+#define TOLERANCE      0.15 /* or of a marker's side: the detector's corners lie within them */
+#define STEPS_A_SQUARE 8    /* points that are compared, when it is looked for */
 #define LEAST_FIT      0.45
 #define STEP_MM        0.01 /* for derivatives */
 
@@ -62,6 +63,17 @@ static void marker_corners(const struct board *board, int column, int row, doubl
     memcpy(ret, corners, sizeof corners);
 }
 
+/* By the first edge of each: half of them at least are as large. */
+static double tolerance_px(const GArray *markers) {
+    double sum = 0;
+    for (guint i = 0; i < markers->len; i++) {
+        const struct vision_marker *m = &g_array_index(markers, struct vision_marker, i);
+        sum += hypot(m->corners_px[1][0] - m->corners_px[0][0],
+                     m->corners_px[1][1] - m->corners_px[0][1]);
+    }
+    return MAX(TOLERANCE_PX, markers->len ? TOLERANCE * sum / markers->len : 0);
+}
+
 /* How many different markers of the board agree with one plane. */
 static int agree(const guint8 *good, guint n) {
     int markers = 0;
@@ -91,7 +103,7 @@ static gboolean plane_of_markers(const struct picture *picture, const struct boa
     g_autofree guint8 *good = g_new0(guint8, n + 1);
     const gboolean plane = n >= 8 && vision_homography((const double *)(gpointer)from->data,
                                                        (const double *)(gpointer)to->data, (int)n,
-                                                       TOLERANCE_PX, ret_h, good);
+                                                       tolerance_px(found), ret_h, good);
     if (plane && agree(good, n) >= 2 && 2 * agree(good, n) >= (int)n / 4)
         return TRUE;
     g_autoptr(GArray) mirrored = vision_find_markers(picture, board->dictionary, TRUE, NULL);

@@ -78,8 +78,9 @@ struct Reprojection {
         if (!project(lens, q, px))
             return false;
         const T d[2] = {px[0] - o->seen_px[0], px[1] - o->seen_px[1]};
-        residual[0] = (o->whiten[0][0] * d[0] + o->whiten[0][1] * d[1]) / camera.noise;
-        residual[1] = (o->whiten[1][0] * d[0] + o->whiten[1][1] * d[1]) / camera.noise;
+        const double noise = camera.noise * o->noise;
+        residual[0] = (o->whiten[0][0] * d[0] + o->whiten[0][1] * d[1]) / noise;
+        residual[1] = (o->whiten[1][0] * d[0] + o->whiten[1][1] * d[1]) / noise;
         return true;
     }
 };

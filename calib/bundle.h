@@ -43,8 +43,8 @@ struct bundle_stop {
 struct bundle_observation {
     int camera, stop, point; /* point: of the board; not looked at here */
     double board_mm[2], seen_px[2];
-    double whiten[2]
-                 [2]; /* whiten · (projected − seen) has unit variance, times the camera's noise */
+    /* whiten · (projected − seen) has the deviation of the camera's noise times this. */
+    double whiten[2][2], noise;
     gboolean rejected;
 };
 

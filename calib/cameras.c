@@ -11,6 +11,7 @@
 #define LEAST_PICTURES  3   /* of a camera, to be refined */
 #define OUTLIER         4.5 /* times the noise: 4e-5 of all, if noise is all there is */
 #define OUTLIER_PX      0.1 /* and so far at least */
+#define TYPICAL         20  /* residuals' worth of a camera's noise in a picture's */
 #define ROUNDS          4
 #define MOST_REJECTED   0.4 /* of a picture's corners, before all of it is */
 
@@ -290,6 +291,28 @@ static void weigh(struct cameras_work *work) {
             b->cameras[c].noise = sqrt(MAX(sum[c] / n[c] / share, 1e-6));
 }
 
+/* Some pictures are noisier than others of their camera: darker, or more oblique. Few corners tell
+ * little about that: then what the camera's others tell counts more. */
+static void weigh_pictures(struct cameras_work *work) {
+    struct bundle *b = &work->bundle;
+    const int n = work->task->n_pictures;
+    g_autofree double *sum = g_new0(double, n + 1), *count = g_new0(double, n + 1);
+    double d[2];
+    for (int i = 0; i < b->n_observations; i++) {
+        const struct bundle_observation *o = &b->observations[i];
+        const int picture = g_array_index(work->observed_in, int, i);
+        if (o->rejected)
+            continue;
+        const double r = residual(b, o, d) / b->cameras[o->camera].noise;
+        sum[picture] += r * r;
+        count[picture] += 2;
+    }
+    for (int i = 0; i < b->n_observations; i++) {
+        const int picture = g_array_index(work->observed_in, int, i);
+        b->observations[i].noise = sqrt((TYPICAL + sum[picture]) / (TYPICAL + count[picture]));
+    }
+}
+
 /* A picture most of whose corners are off shows something else, or was taken elsewhere. */
 static void drop_pictures(struct cameras_work *work) {
     const int n = work->task->n_pictures;
@@ -334,6 +357,7 @@ static gboolean refine(struct cameras_work *work, GError **error) {
         if (!bundle_solve(&work->bundle, error))
             return FALSE;
         weigh(work);
+        weigh_pictures(work);
         drop_pictures(work);
         if (!progress(work, error))
             return FALSE;

@@ -228,6 +228,7 @@ void cameras_set_observations(struct cameras_work *work) {
             struct bundle_observation o = {.camera = seen->camera,
                                            .stop = seen->stop,
                                            .point = corner->id,
+                                           .noise = 1,
                                            .seen_px = {corner->x_px, corner->y_px}};
             board_corner_mm(&work->task->board, corner->id, o.board_mm);
             whiten(corner, o.whiten);

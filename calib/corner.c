@@ -13,6 +13,7 @@ enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR
 #define REACH          0.44 /* of a square */
 #define GUARD_PX       0.9  /* from edges that are not the corner's */
 #define STEPS          30
+#define LEAST_BLUR_PX  0.2 /* a pixel's own width blurs more than that */
 #define MOST_BLUR_PX   4
 #define MOST_ERROR_PX  0.35
 #define LEAST_CONTRAST 3 /* of the residuals */
@@ -164,7 +165,8 @@ static gboolean step(const double *h, const double *g, double damping, const dou
         return FALSE;
     for (int i = 0; i < N; i++)
         ret[i] = p[i] + b[i];
-    return ret[BLUR] > 0.1 && ret[BLUR] < 2 * MOST_BLUR_PX && ret[CONTRAST] > 0;
+    ret[BLUR] = MAX(ret[BLUR], LEAST_BLUR_PX);
+    return ret[BLUR] < 2 * MOST_BLUR_PX && ret[CONTRAST] > 0;
 }
 
 /* Levenberg and Marquardt's method; FALSE if it does not settle. */

@@ -95,14 +95,14 @@ struct plan {
 };
 
 static void add_mark(GString *to, const struct plan *plan, struct vec3 at, const char *colour,
-                     const char *name) {
+                     const char *name, gboolean left) {
     const double x = PLOT * 0.4 + at.x * plan->scale;
     const double y = PLOT * (plan->above ? 0.5 : 0.9) - (plan->above ? at.y : at.z) * plan->scale;
     g_autofree char *text = escaped(name);
     add(to,
         "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/><text x=\"%.1f\" y=\"%.1f\" "
-        "font-size=\"10\">%s</text>\n",
-        x, y, colour, x + 6, y + 3, text);
+        "font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
+        x, y, colour, left ? x - 6 : x + 6, y + 3, left ? "end" : "start", text);
 }
 
 static void add_plan(GString *to, const struct rig *rig, double reach_mm, gboolean above) {
@@ -115,12 +115,12 @@ static void add_plan(GString *to, const struct rig *rig, double reach_mm, gboole
         add(to, "<path d=\"M%.1f %.1fh%.1f\" stroke=\"#999\" stroke-width=\"3\"/>\n",
             PLOT * 0.4 - 150 * plan.scale, PLOT * 0.9, 300 * plan.scale);
     for (int i = 0; i < rig->n_cameras; i++)
-        add_mark(to, &plan, rig_camera_centre_mm(&rig->cameras[i]), "#1764ab",
-                 rig->cameras[i].name);
+        add_mark(to, &plan, rig_camera_centre_mm(&rig->cameras[i]), "#1764ab", rig->cameras[i].name,
+                 FALSE);
     for (int i = 0; i < rig->n_lamps; i++)
-        add_mark(to, &plan, rig->lamps[i].position_mm, "#e2a100", rig->lamps[i].name);
+        add_mark(to, &plan, rig->lamps[i].position_mm, "#e2a100", rig->lamps[i].name, FALSE);
     for (int i = 0; i < rig->n_lasers; i++)
-        add_mark(to, &plan, rig->lasers[i].position_mm, "#c0222b", rig->lasers[i].name);
+        add_mark(to, &plan, rig->lasers[i].position_mm, "#c0222b", rig->lasers[i].name, TRUE);
     add(to, "</svg><figcaption>%s; %.0f mm across</figcaption></figure>\n",
         above ? "from above: x to the right, y up" : "from the side: x to the right, z up",
         2 * reach_mm);
