@@ -231,6 +231,18 @@ static char *frame_path(const struct options *o, int frame) {
     return g_strdup_printf("%.*s_%04d.png", (int)(png ? length - 4 : length), o->render, frame);
 }
 
+/* As people name it, "weave.session/products/eigenmaps.exr": where it lay on this machine is
+ * nobody's business who is sent the picture. */
+static char *shown_name(const char *path) {
+    g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
+    g_autofree char *folder_name = g_path_get_basename(folder);
+    g_autofree char *session = g_path_get_dirname(folder);
+    g_autofree char *session_name = g_path_get_basename(session);
+    if (!g_str_equal(folder_name, "products"))
+        return g_steal_pointer(&name);
+    return g_build_filename(session_name, folder_name, name, NULL);
+}
+
 static gboolean write_frame(const struct options *o, const char *material, const char *path,
                             const struct view_settings *s, const guint8 *rgb, int width, int height,
                             GError **error) {
@@ -246,8 +258,9 @@ static gboolean write_frame(const struct options *o, const char *material, const
                          : s->silhouettes             ? "silhouettes"
                          : s->shadows                 ? "shadows"
                                                       : "none";
+    g_autofree char *name = shown_name(material);
     const char *texts[] = {"Software", "mesorig-view " MESORIG_VERSION,
-                           "Material", material,
+                           "Material", name,
                            "Shape",    o->shape,
                            "Tiles",    tiles,
                            "Light",    light,

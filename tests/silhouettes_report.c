@@ -100,7 +100,8 @@ static gboolean make_picture(const struct options *o, Displaced *displaced, View
                         : p->albedo[c] * ((p->dark ? 0 : p->cosine) + (float)s->ambient);
     }
     g_autofree guint8 *rgb = view_resolve(view, s, linear, o->width, o->height, error);
-    const char *texts[] = {"Software", "silhouettes_report", "World", o->world, NULL};
+    g_autofree char *world = g_path_get_basename(o->world); /* nobody's business where it lies */
+    const char *texts[] = {"Software", "silhouettes_report", "World", world, NULL};
     return rgb != NULL && picture_write_png(o->picture, rgb, o->width, o->height, texts, error);
 }
 
