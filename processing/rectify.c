@@ -10,6 +10,9 @@
 #define SPACING_PX  0.25  /* of the points by which a texel is gathered */
 #define MOST_EXCESS 10.0f /* of a colour, over what the others would have it */
 
+/* Red, green, blue and nothing. */
+typedef float lanes __attribute__((vector_size(16)));
+
 /* Weights over pixels, of each texel. */
 struct rows {
     guint32 *start; /* n_texels + 1: into the two below */
@@ -26,7 +29,7 @@ struct Rectify {
     struct rows area;   /* by what each pixel is part of it, times its gain */
     struct rows around; /* smoothly, for a texel's colour */
     float colour_gain[3];
-    float *ratio; /* of each pixel: factors to red, green and blue; NULL: no guide */
+    lanes *ratio; /* of each pixel: factors to red, green and blue; NULL: no guide */
 };
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
@@ -225,9 +228,9 @@ static void set_colour_gains(Rectify *rectify, const struct radiometry_camera *r
             known ? (float)(1 / radiometry->colour[rectify->mono ? DEMOSAIC_GREEN : c]) : 1;
 }
 
-/* Points a texel and direction, at most SPACING_PX apart. */
+/* Points a texel and direction, at most that far apart. */
 static int points_aside(const struct rig_camera *camera, double turntable_rad,
-                        const struct session_grid *grid) {
+                        const struct session_grid *grid, double spacing_px) {
     double most = 0;
     for (int k = 0; k < 4; k++) { /* distances grow and shrink smoothly: the corners tell */
         double column = k & 1 ? grid->width - 1 : 0, row = k >> 1 ? grid->height - 1 : 0;
@@ -239,7 +242,7 @@ static int points_aside(const struct rig_camera *camera, double turntable_rad,
         }
         most = MAX(most, MAX(hypot(x[1] - x[0], y[1] - y[0]), hypot(x[2] - x[0], y[2] - y[0])));
     }
-    return (int)CLAMP(ceil(most / SPACING_PX), 2, 64);
+    return (int)CLAMP(ceil(most / spacing_px), 2, 64);
 }
 
 static gboolean check_outside(const Rectify *rectify, const struct rig_camera *camera,
@@ -257,19 +260,21 @@ static gboolean check_outside(const Rectify *rectify, const struct rig_camera *c
 static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
                       const struct radiometry_camera *radiometry, double turntable_rad,
                       const struct session_grid *grid) {
-    int side = points_aside(camera, turntable_rad, grid);
+    int side = points_aside(camera, turntable_rad, grid, SPACING_PX);
+    int coarse = points_aside(camera, turntable_rad, grid, 4 * SPACING_PX);
     g_autofree double *x = g_new(double, side *side), *y = g_new(double, side *side);
     g_autofree float *gain = pixel_gains(camera, radiometry);
     struct footprint footprint = {x, y, 0};
     struct weights weights = new_weights(rectify->n_pixels);
     for (int i = 0; i < rectify->n_texels; i++) {
-        gboolean inside = project_texel(camera, turntable_rad, grid, i % grid->width,
-                                        i / grid->width, side, &footprint);
+        int column = i % grid->width, row = i / grid->width;
+        gboolean inside = project_texel(camera, turntable_rad, grid, column, row, side, &footprint);
         rectify->n_outside += !inside;
         if (inside)
             weigh_pixels(rectify, &footprint, &weights);
         append_row(&rectify->area, i, &weights, gain);
-        if (inside && !rectify->mono)
+        if (inside && !rectify->mono &&
+            project_texel(camera, turntable_rad, grid, column, row, coarse, &footprint))
             weigh_around(rectify, &footprint, &weights);
         append_row(&rectify->around, i, &weights, NULL);
     }
@@ -311,12 +316,16 @@ int rectify_outside(const Rectify *rectify) {
     return rectify->n_outside;
 }
 
-static float *find_ratios(const Rectify *rectify, const float *mosaic) {
-    float *ratio = g_new(float, 3 * rectify->n_pixels);
-    if (!rectify->mono)
-        demosaic_ratios(mosaic, rectify->colour, rectify->width, rectify->height, ratio);
-    for (gsize i = 0; rectify->mono && i < 3 * rectify->n_pixels; i++)
-        ratio[i] = 1;
+static lanes *find_ratios(const Rectify *rectify, const float *mosaic) {
+    lanes *ratio = g_new(lanes, rectify->n_pixels);
+    g_autofree float *found = NULL;
+    if (!rectify->mono) {
+        found = g_new0(float, 3 * rectify->n_pixels);
+        demosaic_ratios(mosaic, rectify->colour, rectify->width, rectify->height, found);
+    }
+    for (gsize i = 0; i < rectify->n_pixels; i++)
+        ratio[i] = found ? (lanes){found[3 * i], found[3 * i + 1], found[3 * i + 2], 0}
+                         : (lanes){1, 1, 1, 0};
     return ratio;
 }
 
@@ -325,36 +334,34 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
     rectify->ratio = find_ratios(rectify, mosaic);
 }
 
-/* Sums over a row for each colour, from its own pixels and from those of the other two. */
+/* Sums over a row for each colour, from its own pixels and from those of the other two; and of the
+ * weights of both. */
 struct tally {
-    float own[3], others[3];
-    float own_weight[3], weight;
+    lanes own, others, own_weight, others_weight;
 };
 
 static void add_up(const Rectify *rectify, const struct rows *rows, int texel, const float *mosaic,
-                   const float *ratio, struct tally *ret) {
+                   const lanes *ratio, struct tally *ret) {
+    static const lanes mine[] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
     const guint32 *pixel = (const guint32 *)(void *)rows->pixel->data;
     const float *weight = (const float *)(void *)rows->weight->data;
-    *ret = (struct tally){0};
+    lanes all = {0}, own = {0}, own_weight = {0}, weights = {0};
     for (guint32 k = rows->start[texel]; k < rows->start[texel + 1]; k++) {
         float value = weight[k] * mosaic[pixel[k]];
-        const float *factor = ratio + 3 * (gsize)pixel[k];
-        int mine = rectify->colour[pixel[k]];
-        for (int c = 0; c < 3; c++)
-            ret->others[c] += value * factor[c];
-        ret->own[mine] += value;
-        ret->own_weight[mine] += weight[k];
-        ret->weight += weight[k];
+        lanes is_mine = mine[rectify->colour[pixel[k]]];
+        all += value * ratio[pixel[k]];
+        own += value * is_mine;
+        own_weight += weight[k] * is_mine;
+        weights += weight[k];
     }
-    for (int c = 0; c < 3; c++)
-        ret->others[c] -= ret->own[c];
+    *ret = (struct tally){own, all - own, own_weight, weights - own_weight};
 }
 
 /* How much more of a colour its own pixels around a texel see than the others would have it: gloss
  * is as white on blue cloth as on red, and what a red wall lights up is redder than under a lamp.
  */
 static float excess(const struct tally *around, int colour) {
-    float own_weight = around->own_weight[colour], others_weight = around->weight - own_weight;
+    float own_weight = around->own_weight[colour], others_weight = around->others_weight[colour];
     if (!(own_weight > 0) || !(others_weight > 0))
         return 1;
     float own = around->own[colour] / own_weight, others = around->others[colour] / others_weight;
@@ -362,7 +369,7 @@ static float excess(const struct tally *around, int colour) {
 }
 
 static gboolean apply_texel(const Rectify *rectify, int texel, const float *mosaic,
-                            const float *ratio, float *ret_rgb) {
+                            const lanes *ratio, float *ret_rgb) {
     struct tally area, around;
     add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
     add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
@@ -377,8 +384,8 @@ static gboolean apply_texel(const Rectify *rectify, int texel, const float *mosa
 }
 
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb) {
-    g_autofree float *found = NULL;
-    const float *ratio = rectify->ratio;
+    g_autofree lanes *found = NULL;
+    const lanes *ratio = rectify->ratio;
     if (!ratio) {
         found = find_ratios(rectify, mosaic);
         ratio = found;
