@@ -5,9 +5,9 @@
 
 #include <string.h>
 
-static const struct command *const commands[] = {&calibrate_cameras, &calibrate_lights,
-                                                 &calibrate_laser,   &calibrate_radiometry,
-                                                 &calibrate_show,    &calibrate_report};
+static const struct command *const commands[] = {
+    &calibrate_cameras, &calibrate_lights, &calibrate_laser, &calibrate_radiometry,
+    &calibrate_colour,  &calibrate_show,   &calibrate_report};
 
 struct calibration *calibrate_begin(const char *path, Session *session, GError **error) {
     g_autofree char *where = session_file(session, "session.db (calibration.conf)");

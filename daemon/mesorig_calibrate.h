@@ -13,7 +13,7 @@
 
 /* Their names are "calibrate NAME", so that cli_parse() and cli_usage() speak of that. */
 extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser,
-    calibrate_radiometry, calibrate_show, calibrate_report;
+    calibrate_radiometry, calibrate_colour, calibrate_show, calibrate_report;
 
 /* The calibration to improve on: that of a file if there is one (path may be NULL or not exist
  * yet), else that of the session. It is refused if it is not of the session's rig. */

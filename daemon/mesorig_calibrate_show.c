@@ -113,6 +113,14 @@ static void show_radiometry(const struct calibration *calibration) {
                     rig->marks[m].reflectance[1], calibration->marks[m].reflectance[1]);
 }
 
+static void show_colour(const struct calibration_colour *colour) {
+    for (int i = 0; colour->known && i < 9; i += 3)
+        g_print("  colour: %c = %+.4f R %+.4f G %+.4f B\n", "XYZ"[i / 3], colour -> matrix[i],
+                colour -> matrix[i + 1], colour -> matrix[i + 2]);
+    if (colour->known)
+        g_print("  colour: %d patches, %.2f ΔE*ab RMS\n", colour->patches, colour->residual);
+}
+
 static GVariant *part_variant(const struct calibration_part *part) {
     GVariantBuilder builder;
 
@@ -164,8 +172,10 @@ static int run(const struct command *command, int argc, char **argv) {
             show_camera(&calibration->rig.cameras[c], &calibration->cameras[c]);
         if (i == CALIBRATION_LIGHTS)
             show_lights(calibration);
-        if (i == CALIBRATION_RADIOMETRY)
+        if (i == CALIBRATION_RADIOMETRY) {
             show_radiometry(calibration);
+            show_colour(&calibration->colour);
+        }
         for (int k = 0; i == CALIBRATION_LASER && k < calibration->rig.n_lasers; k++)
             show_laser(&calibration->rig.lasers[k], &calibration->lasers[k]);
     }
