@@ -61,6 +61,10 @@ static void weigh(const struct fit *fit, const double *residuals, gboolean hard,
     double usual = usual_size(fit, residuals);
     for (int i = 0; i < fit->n_observations; i++) {
         double times = size_of(fit, residuals, i) / usual;
+        if (i >= fit->n_observations - fit->n_sure) {
+            weights[i] = 1;
+            continue;
+        }
         weights[i] = hard ? times <= fit->reject : 1 / sqrt(1 + times * times / (SOFT * SOFT));
     }
 }

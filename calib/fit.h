@@ -19,7 +19,8 @@ struct fit {
     int dimension; /* residuals an observation, 1 or 2: in or out together */
     FitFunc residuals;
     gconstpointer data;
-    double reject; /* observations this many times the usual residual are left out */
+    double reject; /* observations this many times the usual residual are left out, but not */
+    int n_sure;    /* the last ones: what is known beforehand */
 };
 
 struct fit_result {

@@ -7,9 +7,9 @@
 #define ABOVE_NOISE 12.0  /* the peak, in units of what the surroundings vary by */
 #define FLAT        0.998 /* of the brightest: as bright as it */
 #define FLAT_PIXELS 7     /* so many are as bright only where the spot is cut off */
-#define SIGHT_PX    0.1
-#define SLANT       0.3 /* cosine at which a highlight is too near to the ball's rim */
-#define SPOT_SHARE  0.2 /* of a ball's picture, that a spot may take up */
+#define SIGHT_PX    0.03  /* standard deviation of a middle */
+#define SLANT       0.3   /* cosine at which a highlight is too near to the ball's rim */
+#define SPOT_SHARE  0.2   /* of a ball's picture, that a spot may take up */
 
 struct spot {
     const struct picture *picture;

@@ -21,6 +21,9 @@ struct problem {
     gboolean fit_arc;
     int lamp_at[RIG_MAX_LAMPS]; /* first parameter; −1: not seen */
     int mark_at[LAMP_MAX_MARKS];
+    int camera_at[RIG_MAX_CAMERAS];
+    int n_cameras; /* seen */
+    double *aside; /* of each sight: what its x and y change by, a pixel across and down */
     int n_parameters;
 };
 
@@ -116,11 +119,45 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
         const struct lamp_sight *s = &problem->sights[i];
         struct vec3 lamp = s->lamp < 0 ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
                                        : rig_lamp_position_mm(&arc, &lamps[s->lamp], s->arc_rad);
-        double at[2];
+        const double *d = x + problem->camera_at[s->camera], *aside = problem->aside + 4 * i;
+        double at[2] = {0, 0};
         gboolean seen = predict(problem, &target, s, lamp, at);
+        at[0] += aside[0] * d[0] + aside[1] * d[1];
+        at[1] += aside[2] * d[0] + aside[3] * d[1];
         ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
         ret[2 * i + 1] = seen ? (at[1] - s->y) / s->sigma : FIT_LOST;
     }
+    for (int c = 0, i = 2 * problem->n; c < problem->rig->n_cameras; c++)
+        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
+            ret[i++] = x[problem->camera_at[c] + k] / LAMPS_CAMERA_PX;
+}
+
+/* What a sight on the plate moves by where its camera looks aside by a pixel. */
+static void find_aside(const struct problem *problem, const struct lamp_sight *s, double ret[4]) {
+    const struct rig_camera *camera = &problem->rig->cameras[s->camera];
+    double x[3], y[3];
+    for (int k = 0; k < 3; k++) {
+        struct vec3 p = vec3(s->x + (k == 1), s->y + (k == 2), problem->target->plane_mm);
+        if (!rig_project(camera, rig_turn(p, s->turntable_rad), &x[k], &y[k]))
+            return; /* is not seen then, and FIT_LOST */
+    }
+    double a = x[1] - x[0], b = x[2] - x[0], c = y[1] - y[0], d = y[2] - y[0];
+    double det = a * d - b * c;
+    if (!(fabs(det) > 1e-9))
+        return;
+    ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
+}
+
+static double *new_aside(const struct problem *problem) {
+    double *aside = g_new0(double, 4 * (gsize)problem->n);
+    for (int i = 0; i < problem->n; i++) {
+        double *a = aside + 4 * (gsize)i;
+        if (problem->target->kind == LAMP_BALLS)
+            a[0] = a[3] = 1;
+        else
+            find_aside(problem, &problem->sights[i], a);
+    }
+    return aside;
 }
 
 static int compare(gconstpointer a, gconstpointer b) {
@@ -154,12 +191,14 @@ static gboolean few(const char *what, const char *name, int n, GError **error) {
 /* Which parameters there are. */
 static gboolean lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
+    gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
     for (int i = 0; i < problem->n; i++) {
         if (problem->sights[i].lamp >= 0) {
             lamps[problem->sights[i].lamp]++;
             seen++;
         }
         marks[problem->sights[i].mark]++;
+        cameras[problem->sights[i].camera] = TRUE;
     }
     if (seen == 0) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, "no lamp is seen in any picture");
@@ -176,6 +215,11 @@ static gboolean lay_out(struct problem *problem, GError **error) {
     for (int i = 0; i < LAMP_MAX_MARKS; i++) {
         problem->mark_at[i] = marks[i] ? problem->n_parameters : -1;
         problem->n_parameters += marks[i] ? 2 : 0;
+    }
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+        problem->camera_at[i] = cameras[i] ? problem->n_parameters : -1;
+        problem->n_parameters += cameras[i] ? 2 : 0;
+        problem->n_cameras += cameras[i];
     }
     return TRUE;
 }
@@ -269,6 +313,7 @@ static void take(const struct problem *problem, const double *x, struct fit_resu
         const struct lamp_sight *s = &problem->sights[i];
         if (fit->rejected[i])
             continue;
+        ret->n_used++;
         if (s->lamp >= 0)
             ret->sights[s->lamp]++;
         sum += s->sigma * s->sigma *
@@ -277,9 +322,8 @@ static void take(const struct problem *problem, const double *x, struct fit_resu
     for (int i = 0; i < problem->rig->n_lamps; i++)
         if (ret->seen[i])
             keep_aim(&problem->rig->lamps[i], &ret->rig.lamps[i]);
-    ret->rms = sqrt(sum / MAX(2 * fit->n_used, 1));
+    ret->rms = sqrt(sum / MAX(2 * ret->n_used, 1));
     ret->sigma = fit->sigma;
-    ret->n_used = fit->n_used;
     ret->degrees_of_freedom = fit->degrees_of_freedom;
     ret->rejected = g_steal_pointer(&fit->rejected);
 }
@@ -315,7 +359,10 @@ gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
         return FALSE;
     g_autofree double *x = g_new0(double, problem.n_parameters);
     start(&problem, x);
-    const struct fit fit = {problem.n_parameters, n, 2, residuals, &problem, REJECT};
+    g_autofree double *aside = problem.aside = new_aside(&problem);
+    const struct fit fit = {
+        problem.n_parameters, n + problem.n_cameras, 2, residuals, &problem, REJECT,
+        problem.n_cameras};
     if (!fit_solve(&fit, x, &fitted)) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                     "%d sights are too few for %d unknowns; take more pictures", n,

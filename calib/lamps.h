@@ -12,6 +12,9 @@
  * of arc and turntable, are adjusted together: the lamps' positions, the lean and place of the
  * arc's axis, and where on the plate each post or ball stands. Cameras must have been calibrated.
  *
+ * A camera that looks aside by some hundredths of a pixel would move all it sees; how far each does
+ * is adjusted too, from 0 as far as LAMPS_CAMERA_PX allows.
+ *
  * The zero of the arc's angle and a turn of all lamps about its axis cannot be told apart: the zero
  * is the one that brings the nominal lamps nearest to those found.
  *
@@ -29,6 +32,9 @@ enum lamps_error {
     LAMPS_ERROR_PICTURES,   /* what should be seen is not */
     LAMPS_ERROR_DEGENERATE, /* the pictures do not determine what is asked for */
 };
+
+/* What cameras may look aside, standard deviation: what is left of a calibration's errors. */
+#define LAMPS_CAMERA_PX 0.1
 
 #define LAMP_MAX_MARKS 64
 

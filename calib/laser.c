@@ -7,6 +7,7 @@
 
 G_DEFINE_QUARK(laser_error, laser_error)
 
+#define POINT_MM      0.02 /* standard deviation across the sheet, about */
 #define REJECT        5.0
 #define LEAST_POINTS  60  /* of a laser, on each of two heights */
 #define LEAST_HEIGHTS 2.0 /* mm between them */
@@ -22,6 +23,8 @@ struct problem {
     int n;
     struct laser_arc known;
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
+    int camera_at[RIG_MAX_CAMERAS];
+    int n_cameras;
     int n_parameters;
 };
 
@@ -58,10 +61,15 @@ static struct rig_arc arc_of(const struct problem *problem, const double *x) {
     return arc;
 }
 
+/* d: how far the camera looks aside, px. */
 static double distance_mm(const struct rig_arc *arc, const struct rig_laser *laser,
-                          const struct laser_point *point) {
+                          const struct laser_point *point, const double d[2]) {
     struct rig_plane sheet = rig_laser_sheet(arc, laser, point->arc_rad, point->sweep_rad);
-    return vec3_dot(sheet.normal, point->point_mm) - sheet.offset_mm;
+    const float *a = point->aside;
+    struct vec3 p = point->point_mm;
+    p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
+    p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
+    return vec3_dot(sheet.normal, p) - sheet.offset_mm;
 }
 
 static void residuals(const double *x, double *ret, gconstpointer data) {
@@ -73,10 +81,16 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
             lasers[i] = laser_of(problem, x, i);
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
-        ret[i] = distance_mm(&arc, &lasers[point->laser], point) / point->sigma_mm;
+        ret[i] =
+            distance_mm(&arc, &lasers[point->laser], point, x + problem->camera_at[point->camera]) /
+            point->sigma_mm;
     }
-    for (int k = 0; k < ARC; k++) /* what is known of the arc counts as observed */
-        ret[problem->n + k] = x[k] / (k < 2 ? problem->known.tilt_rad : problem->known.centre_mm);
+    int n = problem->n; /* what is known of arc and cameras counts as observed */
+    for (int k = 0; k < ARC; k++)
+        ret[n++] = x[k] / (k < 2 ? problem->known.tilt_rad : problem->known.centre_mm);
+    for (int c = 0; c < problem->rig->n_cameras; c++)
+        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
+            ret[n++] = x[problem->camera_at[c] + k] / LASER_CAMERA_PX;
 }
 
 struct levels { /* of a laser's points */
@@ -136,6 +150,14 @@ static gboolean lay_out(struct problem *problem, const char *const *sweep_names,
         any |= l.n > 0;
         if (l.n > 0 && !check_levels(problem, i, &l, sweep_names, error))
             return FALSE;
+    }
+    gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
+    for (int i = 0; i < problem->n; i++)
+        cameras[problem->points[i].camera] = TRUE;
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+        problem->camera_at[i] = cameras[i] ? problem->n_parameters : -1;
+        problem->n_parameters += cameras[i] ? 2 : 0;
+        problem->n_cameras += cameras[i];
     }
     if (!any)
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
@@ -275,7 +297,9 @@ gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int 
     if (!lay_out(&problem, sweep_names, error))
         return FALSE;
     g_autofree double *x = g_new0(double, problem.n_parameters);
-    const struct fit fit = {problem.n_parameters, n + ARC, 1, residuals, &problem, REJECT};
+    int n_known = ARC + 2 * problem.n_cameras;
+    const struct fit fit = {
+        problem.n_parameters, n + n_known, 1, residuals, &problem, REJECT, n_known};
     if (!fit_solve(&fit, x, &fitted)) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                     "the sweeps' points are too few or not finite");
@@ -304,6 +328,19 @@ static gboolean plane_point(const struct rig_camera *camera, const struct laser_
     return hypot(ret->x, ret->y) <= sweep->radius_mm;
 }
 
+/* By neighbouring pixels. */
+static void find_aside(const struct rig_camera *camera, const struct laser_sweep *sweep, int x,
+                       int y, struct laser_point *point) {
+    struct vec3 right, down;
+    if (!plane_point(camera, sweep, x + 1, y, &right) ||
+        !plane_point(camera, sweep, x, y + 1, &down))
+        return; /* at the rim: as if the camera were perfect */
+    point->aside[0] = (float)(right.x - point->point_mm.x);
+    point->aside[1] = (float)(down.x - point->point_mm.x);
+    point->aside[2] = (float)(right.y - point->point_mm.y);
+    point->aside[3] = (float)(down.y - point->point_mm.y);
+}
+
 int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points) {
     const struct rig_camera *camera = &rig->cameras[sweep->camera];
     gsize n = (gsize)camera->width * (gsize)camera->height, seen = 0, taken = 0;
@@ -320,13 +357,15 @@ int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray 
         next += every;
         struct laser_point point = {.sweep = sweep->sweep,
                                     .laser = sweep->laser,
+                                    .camera = sweep->camera,
                                     .arc_rad = sweep->arc_rad,
                                     .sweep_rad =
                                         sweep->from_rad + (double)sweep->peak[i] * sweep->step_rad,
-                                    .sigma_mm = 0.05};
-        if (!plane_point(camera, sweep, (int)(i % (gsize)camera->width),
-                         (int)(i / (gsize)camera->width), &point.point_mm))
+                                    .sigma_mm = POINT_MM};
+        int x = (int)(i % (gsize)camera->width), y = (int)(i / (gsize)camera->width);
+        if (!plane_point(camera, sweep, x, y, &point.point_mm))
             continue;
+        find_aside(camera, sweep, x, y, &point);
         g_array_append_val(points, point);
         taken++;
     }

@@ -23,10 +23,11 @@ enum laser_error {
 
 struct laser_point {
     int sweep; /* picture: number of the sweep's file, for messages */
-    int laser;
+    int laser, camera;
     double arc_rad, sweep_rad; /* commanded */
     struct vec3 point_mm;      /* rig frame */
     double sigma_mm;           /* across the sheet */
+    float aside[4];            /* mm that x and y of the point change by, a pixel across and down */
 };
 
 struct laser_step { /* one step of one sweep against the model */
@@ -53,6 +54,10 @@ struct laser_result {
     guint8 *rejected; /* a point; owned */
     GArray *steps;    /* struct laser_step; owned */
 };
+
+/* What cameras may look aside, standard deviation: it is adjusted too, so that the one that sees
+ * the planes best counts most. */
+#define LASER_CAMERA_PX 0.1
 
 /* How well the arc's axis is known beforehand, standard deviations. Lines on planes tell it better
  * than lamps do, as far as the sweeps' arc angles go round. */

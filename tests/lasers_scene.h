@@ -13,7 +13,8 @@ struct sweep_poses {
 
 /* A flat plate of a height; the same rig for each. uneven: the sweep's motor goes so much further
  * than it is told, and wavers by uneven_deg. */
-static inline struct scene *sweep_scene(guint32 seed, int pixels, double height_mm) {
+static inline struct scene *sweep_scene(guint32 seed, int pixels, double camera_px,
+                                        double height_mm) {
     static char sample[256];
     g_snprintf(sample, sizeof sample,
                "[sample]\nkind=flat\ngrid=2\nwidth_mm=90\nheight_mm=90\nbase_mm=%g\ntop_mm=60\n"
@@ -26,7 +27,8 @@ static inline struct scene *sweep_scene(guint32 seed, int pixels, double height_
                                     .sample = sample,
                                     .marks = none,
                                     .n_marks = 1,
-                                    .bend = 1};
+                                    .bend = 1,
+                                    .camera_px = camera_px};
     return scene_new(&options);
 }
 
@@ -76,8 +78,9 @@ static inline void sweep_add_points(struct scene *scene, const struct sweep_pose
 
 static const double sweep_heights[2] = {1, 21};
 
-static inline gboolean sweep_measure(guint32 seed, int pixels, const struct sweep_poses *poses,
-                                     int n_heights, struct laser_result *ret, struct scene **scene,
+static inline gboolean sweep_measure(guint32 seed, int pixels, double camera_px,
+                                     const struct sweep_poses *poses, int n_heights,
+                                     struct laser_result *ret, struct scene **scene,
                                      GError **error) {
     g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
     static const char *const names[] = {"sweep"};
@@ -85,7 +88,7 @@ static inline gboolean sweep_measure(guint32 seed, int pixels, const struct swee
     for (int h = 0; h < n_heights; h++) {
         if (*scene)
             scene_free(*scene);
-        *scene = sweep_scene(seed, pixels, sweep_heights[h]);
+        *scene = sweep_scene(seed, pixels, camera_px, sweep_heights[h]);
         for (int camera = 0; camera < SCENE_CAMERAS; camera += 2)
             for (int laser = 0; laser < SCENE_LASERS; laser++)
                 for (int arc = 0; arc < poses->arcs; arc++)

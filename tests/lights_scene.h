@@ -28,6 +28,7 @@ struct scene_options {
     int n_marks;
     double shift_mm, turn_deg; /* how carelessly it is laid, at most */
     double bend;               /* of what is meant to be ideal: 1 as usual, 0 none */
+    double camera_px;          /* what calibrated cameras are off by, standard deviation */
 };
 
 struct scene {
@@ -68,6 +69,13 @@ static inline void scene_devices(struct scene *scene, GString *text) {
         g_string_append_printf(text, "[laser s%d]\ntheta_deg=%g\n", i, scene_lamp_deg[i]);
 }
 
+static inline double scene_deviate(struct scene *scene) {
+    double sum = -6;
+    for (int i = 0; i < 12; i++)
+        sum += g_rand_double(scene->rand);
+    return sum;
+}
+
 static inline void scene_rig(struct scene *scene) {
     struct rig *rig = &scene->rig;
     const struct scene_options *o = &scene->options;
@@ -78,7 +86,8 @@ static inline void scene_rig(struct scene *scene) {
         struct rig_camera *c = &rig->cameras[i];
         *c = (struct rig_camera){.width = o->pixels, .height = o->pixels, .response = 6000};
         c->fx_px = c->fy_px = o->pixels * 650 / o->view_mm;
-        c->cx_px = c->cy_px = (o->pixels - 1) / 2.0;
+        c->cx_px = (o->pixels - 1) / 2.0 + o->camera_px * scene_deviate(scene);
+        c->cy_px = (o->pixels - 1) / 2.0 + o->camera_px * scene_deviate(scene);
         c->k1 = scene_k1(i);
         c->p1 = 0.001;
         g_snprintf(c->name, RIG_NAME, "c%d", i);
@@ -243,7 +252,8 @@ static inline void scene_target(const struct scene *scene, enum lamp_target_kind
 #define SCENE_BALLS_SAMPLE                                                                         \
     "[sample]\nkind=balls\nwidth_mm=84\nheight_mm=84\nbase_mm=2\ntop_mm=40\nplaces_mm=%s\n"
 
-static inline struct scene *scene_of(enum lamp_target_kind kind, guint32 seed, int pixels) {
+static inline struct scene *scene_of(enum lamp_target_kind kind, guint32 seed, int pixels,
+                                     double camera_px) {
     const struct scene_options poles = {.seed = seed,
                                         .pixels = pixels,
                                         .view_mm = 80,
@@ -252,7 +262,8 @@ static inline struct scene *scene_of(enum lamp_target_kind kind, guint32 seed, i
                                         .n_marks = G_N_ELEMENTS(scene_poles),
                                         .shift_mm = 2,
                                         .turn_deg = 2,
-                                        .bend = 1};
+                                        .bend = 1,
+                                        .camera_px = camera_px};
     struct scene_options balls = poles;
     balls.sample = SCENE_BALLS_SAMPLE;
     balls.marks = scene_balls;

@@ -26,7 +26,7 @@ static void check(const struct scene *scene, const char *what, struct lamps_resu
 }
 
 static void poles(void) {
-    struct scene *scene = scene_of(LAMP_POLES, 1, 224);
+    struct scene *scene = scene_of(LAMP_POLES, 1, 224, 0);
     const struct scene_poses poses = {4, 1};
     g_autoptr(GPtrArray) rejected = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GError) error = NULL;
@@ -41,7 +41,7 @@ static void poles(void) {
 }
 
 static void balls(void) {
-    struct scene *scene = scene_of(LAMP_BALLS, 2, 256);
+    struct scene *scene = scene_of(LAMP_BALLS, 2, 256, 0);
     const struct scene_poses poses = {6, 2};
     g_autoptr(GPtrArray) rejected = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GError) error = NULL;
@@ -54,7 +54,7 @@ static void balls(void) {
 
 /* Exposed as for the plate: the highlights are cut off, and nothing may come of it. */
 static void saturated_balls(void) {
-    struct scene *scene = scene_of(LAMP_BALLS, 3, 256);
+    struct scene *scene = scene_of(LAMP_BALLS, 3, 256, 0);
     const struct scene_poses poses = {1, 1};
     g_autoptr(GPtrArray) rejected = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GError) error = NULL;
@@ -71,7 +71,7 @@ static void saturated_balls(void) {
 
 /* One camera, one pose: each lamp is seen five times, along one line each. */
 static void too_few(void) {
-    struct scene *scene = scene_of(LAMP_BALLS, 3, 256);
+    struct scene *scene = scene_of(LAMP_BALLS, 3, 256, 0);
     struct lamp_target target;
     g_autoptr(GArray) sights = g_array_new(FALSE, FALSE, sizeof(struct lamp_sight));
     g_autoptr(GPtrArray) rejected = g_ptr_array_new_with_free_func(g_free);
@@ -97,7 +97,7 @@ static void too_few(void) {
 
 /* A view is too narrow to say how far away anything is: it must be said, not guessed. */
 static void degenerate(void) {
-    struct scene *scene = scene_of(LAMP_BALLS, 3, 64);
+    struct scene *scene = scene_of(LAMP_BALLS, 3, 64, 0);
     struct lamp_target target;
     struct lamps_result found;
     g_autoptr(GError) error = NULL;

@@ -9,7 +9,7 @@ static void two_heights(void) {
     struct scene *scene;
     struct sweep_errors errors;
     g_autoptr(GError) error = NULL;
-    g_assert_true(sweep_measure(1, 96, &poses, 2, &found, &scene, &error));
+    g_assert_true(sweep_measure(1, 96, 0, &poses, 2, &found, &scene, &error));
     g_assert_no_error(error);
     sweep_compare(scene, &poses, &found, &errors);
     g_test_message("angle %.4f°, offset %.4f mm, source %.3f mm, rms %.4f mm, %u steps",
@@ -28,7 +28,7 @@ static void one_height(void) {
     struct laser_result found;
     struct scene *scene;
     g_autoptr(GError) error = NULL;
-    g_assert_false(sweep_measure(1, 48, &poses, 1, &found, &scene, &error));
+    g_assert_false(sweep_measure(1, 48, 0, &poses, 1, &found, &scene, &error));
     g_assert_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE);
     g_assert_nonnull(strstr(error->message, "sweep: laser s0 is seen on planes of one height only, "
                                             "1.000 mm"));
@@ -37,7 +37,7 @@ static void one_height(void) {
 
 /* Exact points of a sheet that is off, and some that are nowhere near it. */
 static void exact(void) {
-    struct rig rig = {.n_lasers = 2, .n_cameras = 0};
+    struct rig rig = {.n_lasers = 2, .n_cameras = 1};
     struct rig_arc arc = {0.01, {0.002, -0.001}, {0.3, -0.2}};
     g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
     g_autoptr(GRand) rand = g_rand_new_with_seed(1);

@@ -5,6 +5,7 @@
  */
 #include "tests/calibration_fixture.h"
 
+#include "calibration_lights.h"
 #include "calibration_radiometry.h"
 
 #include <stdio.h>
@@ -132,7 +133,7 @@ int main(int argc, char **argv) {
         {"stops", 0, 0, G_OPTION_ARG_INT, &n_stops, "Angles of the turntable", "N"},
         {"distance", 0, 0, G_OPTION_ARG_INT, &distance_mm, "Of the cameras", "MM"},
         {"seeds", 0, 0, G_OPTION_ARG_INT, &n_seeds, "Worlds", "N"},
-        {"part", 0, 0, G_OPTION_ARG_STRING, &only, "cameras or radiometry alone", "PART"},
+        {"part", 0, 0, G_OPTION_ARG_STRING, &only, "cameras, lights or radiometry alone", "PART"},
         {"show", 0, 0, G_OPTION_ARG_NONE, &show, "Tell more", NULL},
         {NULL},
     };
@@ -148,6 +149,10 @@ int main(int argc, char **argv) {
             run(seed, &total);
         g_autofree char *text = cameras_json(&total);
         add_part(all, "cameras", text);
+    }
+    if (wanted("lights")) {
+        g_autofree char *text = bench_lights(n_seeds, !json);
+        add_part(all, "lights", text);
     }
     if (wanted("radiometry")) {
         g_autofree char *text = bench_radiometry(n_seeds, !json);

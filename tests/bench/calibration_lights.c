@@ -1,0 +1,131 @@
+#include "calibration_lights.h"
+
+#include "tests/lasers_scene.h"
+
+#include <stdio.h>
+#include <time.h>
+
+#define CAMERA_PX 0.03 /* across and down, standard deviations */
+
+enum { POLES, BALLS, LASER, KINDS };
+static const char *const names[KINDS] = {"poles", "balls", "laser"};
+
+struct figures {
+    double direction_deg, distance_pct, zero_deg, axis_deg, chi2; /* lamps */
+    double sheet_deg, sheet_mm, source_mm;                        /* laser */
+    double cpu_s;                                                 /* rendering too */
+    int n;                                                        /* sights or points */
+};
+
+static double cpu_s(void) {
+    return (double)clock() / CLOCKS_PER_SEC;
+}
+
+static gboolean run_lamps(int kind, int seed, struct figures *ret) {
+    struct scene *scene =
+        scene_of(kind == POLES ? LAMP_POLES : LAMP_BALLS, (guint32)seed, 320, CAMERA_PX);
+    const struct scene_poses poses = {6, kind == POLES ? 1 : 2};
+    g_autoptr(GPtrArray) rejected = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GError) error = NULL;
+    struct lamps_result found;
+    struct scene_errors errors;
+    gboolean ok = kind == POLES ? scene_measure_poles(scene, &poses, &found, rejected, &error)
+                                : scene_measure_balls(scene, &poses, 150, &found, rejected, &error);
+    if (!ok) {
+        fprintf(stderr, "%s, seed %d: refused: %s\n", names[kind], seed, error->message);
+    } else {
+        scene_compare(scene, &found, &errors);
+        *ret = (struct figures){.direction_deg = errors.direction_deg,
+                                .distance_pct = 100 * errors.distance,
+                                .zero_deg = errors.zero_deg,
+                                .axis_deg = errors.axis_deg,
+                                .chi2 = errors.chi2,
+                                .n = found.n_used};
+        lamps_result_clear(&found);
+    }
+    scene_free(scene);
+    return ok;
+}
+
+static gboolean run_laser(int seed, struct figures *ret) {
+    const struct sweep_poses poses = {.arcs = 3, .steps = 80, .span_deg = 3.2, .most = 600};
+    g_autoptr(GError) error = NULL;
+    struct laser_result found;
+    struct sweep_errors errors;
+    struct scene *scene;
+    gboolean ok = sweep_measure((guint32)seed, 192, CAMERA_PX, &poses, 2, &found, &scene, &error);
+    if (!ok) {
+        fprintf(stderr, "laser, seed %d: refused: %s\n", seed, error->message);
+    } else {
+        sweep_compare(scene, &poses, &found, &errors);
+        *ret = (struct figures){.sheet_deg = errors.angle_deg,
+                                .sheet_mm = errors.offset_mm,
+                                .source_mm = errors.source_mm,
+                                .n = found.n_used};
+        laser_result_clear(&found);
+    }
+    scene_free(scene);
+    return ok;
+}
+
+static void worst(struct figures *of, const struct figures *with) {
+    of->direction_deg = MAX(of->direction_deg, with->direction_deg);
+    of->distance_pct = MAX(of->distance_pct, with->distance_pct);
+    of->zero_deg = MAX(of->zero_deg, with->zero_deg);
+    of->axis_deg = MAX(of->axis_deg, with->axis_deg);
+    of->chi2 += with->chi2;
+    of->sheet_deg = MAX(of->sheet_deg, with->sheet_deg);
+    of->sheet_mm = MAX(of->sheet_mm, with->sheet_mm);
+    of->source_mm = MAX(of->source_mm, with->source_mm);
+    of->cpu_s += with->cpu_s;
+    of->n += with->n;
+}
+
+static char *figures_text(int kind, const struct figures *f, gboolean json) {
+    const char *lamps = json ? "\"direction_deg\":%.4f,\"distance_pct\":%.3f,\"zero_deg\":%.4f,"
+                               "\"axis_deg\":%.4f,\"chi2\":%.2f,\"sights\":%d,\"cpu_s\":%.1f"
+                             : "direction %.4f°, distance %.3f %%, zero %.4f°, axis %.4f°, χ² "
+                               "%.2f, %d sights, %.1f s";
+    const char *laser =
+        json ? "\"sheet_deg\":%.4f,\"sheet_mm\":%.4f,\"source_mm\":%.3f,\"points\":%d,"
+               "\"cpu_s\":%.1f"
+             : "any step's sheet %.4f°, %.4f mm, source %.3f mm, %d points, %.1f s";
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wformat-nonliteral"
+    return kind == LASER
+               ? g_strdup_printf(laser, f->sheet_deg, f->sheet_mm, f->source_mm, f->n, f->cpu_s)
+               : g_strdup_printf(lamps, f->direction_deg, f->distance_pct, f->zero_deg, f->axis_deg,
+                                 f->chi2, f->n, f->cpu_s);
+#pragma GCC diagnostic pop
+}
+
+static void run_kind(int kind, int n_seeds, gboolean tell, GString *json) {
+    struct figures all = {0};
+    int refused = 0;
+    for (int seed = 1; seed <= n_seeds; seed++) {
+        struct figures one = {0};
+        const double start = cpu_s();
+        if (!(kind == LASER ? run_laser(seed, &one) : run_lamps(kind, seed, &one))) {
+            refused++;
+            continue;
+        }
+        one.cpu_s = cpu_s() - start;
+        g_autofree char *text = figures_text(kind, &one, FALSE);
+        if (tell)
+            printf("%s, seed %d: %s\n", names[kind], seed, text);
+        worst(&all, &one);
+    }
+    all.chi2 /= MAX(n_seeds - refused, 1);
+    g_autofree char *text = figures_text(kind, &all, TRUE);
+    g_string_append_printf(json, "%s\"%s\":{\"seeds\":%d,\"refused\":%d,%s}",
+                           json->len > 1 ? "," : "", names[kind], n_seeds, refused, text);
+}
+
+char *bench_lights(int n_seeds, gboolean tell) {
+    GString *json = g_string_new("{");
+    for (int kind = 0; kind < KINDS; kind++)
+        run_kind(kind, n_seeds, tell, json);
+    g_string_append_c(json, '}');
+    fixture_clean();
+    return g_string_free(json, FALSE);
+}
