@@ -56,7 +56,8 @@ void truth_laser_seen(World *world, int camera, double turntable_deg, const stru
                       const double *arc_deg, const int *laser, int n, guint8 *ret_seen);
 
 /* Reflectance as in processing/pipeline.h, R G B interleaved, averaged over each texel's area with
- * samples² rays. */
+ * samples² rays. Edges of shadows need many: on a brick wall the 95th percentile of the difference
+ * to a picture with 4 pixels a texel was 5.4 % with 6 samples and 1.8 % with 24. */
 void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
                const struct truth_grid *grid, int samples, float *ret_rgb);
 

@@ -12,6 +12,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+/* A texel, in x and y: edges of shadows need many. */
+#define TRUTH_SAMPLES 12
+
 struct report {
     Session *session;
     World *world;
@@ -23,7 +26,7 @@ struct report {
 };
 
 static char *mdf_png, *btf_png, *facts;
-static int btf_pairs = 240;
+static int btf_pairs = 120;
 static const GOptionEntry entries[] = {
     {"mdf-png", 0, 0, G_OPTION_ARG_FILENAME, &mdf_png, "MDF of one view beside the truth", "PNG"},
     {"btf-png", 0, 0, G_OPTION_ARG_FILENAME, &btf_png, "BTF pictures beside the truth", "PNG"},
@@ -302,7 +305,7 @@ static gboolean report_btf(struct report *report, GError **error) {
             break;
         }
         truth_btf(report->world, view->device, shot->device, shot->turntable_deg, shot->arc_deg,
-                  &report->texels, 4, truth);
+                  &report->texels, TRUTH_SAMPLES, truth);
         const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
                                   exr_part_plane(part, "B")};
         for (int t = 0; t < n; t++)
