@@ -2,6 +2,7 @@
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
 #include "compression_fields.h"
+#include "compression_resample.h"
 #include "processing/lpca.h"
 
 #include <cblas.h>
@@ -16,7 +17,7 @@
 
 static int texels = 64, views = 30, lights = 30, clusters = 32, components = 8;
 static char *session, *dump;
-static gboolean json, fields;
+static gboolean json, fields, resample;
 static int fits = 20000;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
@@ -28,6 +29,10 @@ static const GOptionEntry entries[] = {
     {"dump", 'd', 0, G_OPTION_ARG_FILENAME, &dump, "Write the rows as floats, for peers", "FILE"},
     {"fields", 'f', 0, G_OPTION_ARG_NONE, &fields,
      "Models of a texel instead, of the sessions that are named as arguments", NULL},
+    {"resample", 'r', 0, G_OPTION_ARG_NONE, &resample,
+     "Grids of directions instead: of sessions named as arguments, each followed by the same "
+     "material from directions between",
+     NULL},
     {"fits", 0, 0, G_OPTION_ARG_INT, &fits, "Problems of each given to solvers (20000)", "N"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {NULL},
@@ -135,6 +140,8 @@ int main(int argc, char **argv) {
     }
     if (fields)
         return bench_fields(argv + 1, fits, json);
+    if (resample)
+        return bench_resample(argv + 1, clusters, components, json);
     struct btf_matrix *btf =
         session ? btf_matrix_read(session, NULL, NULL, NULL, &error) : synthetic();
     int rc = 1;

@@ -1,0 +1,127 @@
+#include "compression_resample.h"
+
+#include "processing/resample.h"
+#include "renderer/triangulation.h"
+
+#include <math.h>
+#include <stdio.h>
+
+/* The three measured directions around each of others: barycentric in the stereographic plane. */
+struct triples {
+    int *index;     /* × 3 */
+    double *weight; /* × 3 */
+};
+
+static void stereographic(float theta_deg, float phi_deg, double ret[2]) {
+    const double r = tan(theta_deg * G_PI / 360), phi = phi_deg * G_PI / 180;
+    ret[0] = r * cos(phi);
+    ret[1] = r * sin(phi);
+}
+
+static struct triples triples_new(const float *theta_deg, const float *phi_deg, int n,
+                                  const float *at_theta_deg, const float *at_phi_deg, int n_at) {
+    struct triples ret = {g_new(int, 3 * n_at), g_new(double, 3 * n_at)};
+    g_autofree double *points = g_new(double, 2 * n);
+    for (int i = 0; i < n; i++)
+        stereographic(theta_deg[i], phi_deg[i], points + (gsize)(2 * i));
+    Triangulation *triangulation = triangulation_new(points, n);
+    for (int i = 0; i < n_at; i++) {
+        double at[2], nearest[2];
+        stereographic(at_theta_deg[i], at_phi_deg[i], at);
+        triangulation_weights(triangulation, at, ret.index + (gsize)(3 * i),
+                              ret.weight + (gsize)(3 * i), nearest);
+    }
+    triangulation_free(triangulation);
+    return ret;
+}
+
+static void triples_clear(struct triples *triples) {
+    g_free(triples->index);
+    g_free(triples->weight);
+}
+
+static double mix(const float *row, int n_lights, const struct triples *views, int view,
+                  const struct triples *lights, int light, int colour) {
+    double sum = 0;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++)
+            sum += views->weight[3 * view + a] * lights->weight[3 * light + b] *
+                   row[(views->index[3 * view + a] * n_lights + lights->index[3 * light + b]) * 3 +
+                       colour];
+    return sum;
+}
+
+static double nine_pairs(const struct lpca *lpca, const struct btf_matrix *truth) {
+    struct triples views = triples_new(lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views,
+                                       truth->view_theta_deg, truth->view_phi_deg, truth->n_views);
+    struct triples lights =
+        triples_new(lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights,
+                    truth->light_theta_deg, truth->light_phi_deg, truth->n_lights);
+    g_autofree float *row = g_new(float, lpca->n_views * lpca->n_lights * 3);
+    const float *value = truth->values;
+    double rest = 0, all = 0;
+    for (int texel = 0; texel < truth->width * truth->height; texel++) {
+        lpca_reconstruct(lpca, texel, row);
+        for (int i = 0; i < truth->n_views * truth->n_lights * 3; i++, value++) {
+            const double found = mix(row, lpca->n_lights, &views, i / 3 / truth->n_lights, &lights,
+                                     i / 3 % truth->n_lights, i % 3);
+            rest += (found - *value) * (found - *value);
+            all += (double)*value * *value;
+        }
+    }
+    triples_clear(&views);
+    triples_clear(&lights);
+    return sqrt(rest / all);
+}
+
+static void print_grid(const struct lpca *lpca, int n_grid, const struct btf_matrix *at,
+                       const struct btf_matrix *between, double nine, gboolean json) {
+    const gint64 start = g_get_monotonic_time();
+    struct lpca *grid = resample_lpca(lpca, n_grid, NULL);
+    const double seconds = (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
+    const double here = resample_error(grid, at, 0), there = resample_error(grid, between, 0);
+    printf(json ? "%s{\"grid\": %d, \"seconds\": %.2f, \"error\": %.5f, \"between\": %.5f, "
+                  "\"ratio\": %.3f}"
+                : "%s  grid of %2d (%.2f s): %.4f at, %.4f between, %.2f of nine pairs\n",
+           json && n_grid > 8 ? ", " : "", n_grid, seconds, here, there, there / nine);
+    lpca_free(grid);
+}
+
+static gboolean measure(struct btf_matrix *at, struct btf_matrix *between, int clusters,
+                        int components, gboolean json, GError **error) {
+    const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
+    struct lpca *lpca = at && between ? lpca_compute(at, &options, error) : NULL;
+    if (!lpca)
+        return FALSE;
+    const double nine = nine_pairs(lpca, between);
+    printf(json ? "{\"name\": \"%s\", \"error\": %.5f, \"nine_pairs_between\": %.5f, \"grids\": ["
+                : "%s: local PCA %.4f at the measured directions, %.4f between by nine pairs\n",
+           at->name, lpca->error, nine);
+    for (int n_grid = 8; n_grid <= 16; n_grid += 2)
+        print_grid(lpca, n_grid, at, between, nine, json);
+    printf(json ? "]}" : "");
+    lpca_free(lpca);
+    return TRUE;
+}
+
+int bench_resample(char *const *sessions, int clusters, int components, gboolean json) {
+    g_autoptr(GError) error = NULL;
+    if (json)
+        printf("{\"materials\": [");
+    for (int i = 0; sessions[i] && sessions[i + 1]; i += 2) {
+        struct btf_matrix *at = btf_matrix_read(sessions[i], NULL, NULL, NULL, &error);
+        struct btf_matrix *between =
+            at ? btf_matrix_read(sessions[i + 1], NULL, NULL, NULL, &error) : NULL;
+        printf(json && i ? ", " : "");
+        const gboolean ok = measure(at, between, clusters, components, json, &error);
+        btf_matrix_free(at);
+        btf_matrix_free(between);
+        if (!ok) {
+            fprintf(stderr, "%s\n", error->message);
+            return 1;
+        }
+    }
+    if (json)
+        printf("]}\n");
+    return 0;
+}
