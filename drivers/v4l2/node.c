@@ -131,9 +131,11 @@ static gboolean open_named(struct video_node *node, const char *who, const char 
         return TRUE;
     int code = errno;
     if (code == ENOTTY)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "%s: %s is no camera that streams video; “mesorig devices” lists those", who,
-                    path);
+        g_set_error(
+            error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+            "%s: %s is no camera that streams video in one plane a picture; “mesorig devices” "
+            "lists those",
+            who, path);
     else
         video_set_error(error, who, node, code, "could not be opened");
     video_node_close(node);
