@@ -7,6 +7,7 @@
 #include "processing/lobes.h"
 #include "processing/lpca.h"
 #include "processing/lpca_choose.h"
+#include "processing/lpca_levels.h"
 #include "processing/resample.h"
 #include "report.h"
 
@@ -26,12 +27,13 @@ struct compress {
     int clusters, components; /* 0: not asked for */
     double target;            /* 0: none */
     enum lpca_quantise quantise;
-    int grid;           /* 0: measured directions */
-    gint64 size;        /* 0: any */
+    int grid;    /* 0: measured directions */
+    gint64 size; /* 0: any */
+    gboolean mips;
     const char *output; /* NULL: products/lpca.exr */
     /* found */
     char *written;
-    int texels, views, lights, used_clusters, used_components;
+    int texels, views, lights, used_clusters, used_components, levels;
     gint64 holes, raw_bytes, bytes, file_bytes;
     double exact_error, error, luminance_error;
 };
@@ -112,6 +114,29 @@ static gboolean register_product(const char *directory, const struct compress *c
     return session && session_add_product(session, product, made_by, error);
 }
 
+/* Levels 1 and on, of as many clusters and components as level 0 if there are so many texels. */
+static gboolean add_levels(struct compress *compress, const struct btf_matrix *btf,
+                           const struct lpca_options *options, GPtrArray *levels, GError **error) {
+    struct btf_matrix *half = btf_matrix_halved(btf);
+    while (half && levels->len < LPCA_MAX_LEVELS) {
+        struct compress fixed = *compress;
+        struct lpca_options now = *options;
+        fixed.clusters = now.n_clusters = MIN(compress->used_clusters, half->width * half->height);
+        now.n_components = compress->used_components;
+        fixed.target = now.target = 0;
+        struct lpca *lpca = compute_rounded(&fixed, half, &now, error);
+        struct btf_matrix *next = lpca ? btf_matrix_halved(half) : NULL;
+        btf_matrix_free(half);
+        if (!lpca)
+            return FALSE;
+        compress->bytes += lpca_bytes(lpca);
+        g_ptr_array_add(levels, lpca);
+        half = next;
+    }
+    btf_matrix_free(half);
+    return TRUE;
+}
+
 static gboolean make_lpca(struct compress *compress, const struct btf_matrix *btf,
                           PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                           GError **error) {
@@ -132,10 +157,14 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
     compress->used_clusters = lpca->n_clusters;
     compress->used_components = lpca->n_components;
     compress->bytes = lpca_bytes(lpca);
-    const gboolean ok = lpca_write(compress->written, lpca, error) &&
-                        (compress->output || register_product(btf->directory, compress, error));
-    lpca_free(lpca);
-    return ok;
+    g_autoptr(GPtrArray) levels = g_ptr_array_new_with_free_func((GDestroyNotify)lpca_free);
+    g_ptr_array_add(levels, lpca);
+    if (compress->mips && !add_levels(compress, btf, &options, levels, error))
+        return FALSE;
+    compress->levels = (int)levels->len;
+    return lpca_write_levels(compress->written, (struct lpca *const *)(gpointer)levels->pdata,
+                             compress->levels, error) &&
+           (compress->output || register_product(btf->directory, compress, error));
 }
 
 struct columns {
@@ -311,6 +340,7 @@ static void tell_json(const struct compress *compress, double seconds) {
         {"clusters", compress->used_clusters},
         {"components", compress->used_components},
         {"grid", compress->grid},
+        {"levels", compress->levels},
         {"holes", compress->holes},
         {"btf_bytes", compress->raw_bytes},
         {"bytes", compress->bytes},
@@ -338,8 +368,11 @@ static char *describe(const struct compress *compress) {
         const int k = compress->used_clusters, c = compress->used_components;
         g_autofree char *grid =
             compress->grid ? g_strdup_printf(" on a grid of %d", compress->grid) : g_strdup("");
-        return g_strdup_printf("%d %s of %d %s%s", k, k == 1 ? "cluster" : "clusters", c,
-                               c == 1 ? "component" : "components", grid);
+        g_autofree char *levels = compress->levels > 1
+                                      ? g_strdup_printf(", %d mip levels", compress->levels)
+                                      : g_strdup("");
+        return g_strdup_printf("%d %s of %d %s%s%s", k, k == 1 ? "cluster" : "clusters", c,
+                               c == 1 ? "component" : "components", grid, levels);
     }
     if (compress->used_components == 0)
         return g_strdup_printf("%s, luminance off by %.4f on average",
@@ -372,6 +405,7 @@ static void tell(const struct compress *compress, double seconds) {
 
 static char *method_option, *error_option, *size_option, *quantise_option, *output_option;
 static int clusters_option, components_option, grid_option;
+static gboolean mips_option;
 static const GOptionEntry entries[] = {
     {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
      "Local PCA (the default); eigen-maps, which need -o; or a model fitted to each texel",
@@ -389,6 +423,8 @@ static const GOptionEntry entries[] = {
      "2%"},
     {"size", 's', 0, G_OPTION_ARG_STRING, &size_option,
      "The best clusters and components that take no more than this", "20MB"},
+    {"mips", 0, 0, G_OPTION_ARG_NONE, &mips_option,
+     "Mip levels too, each with clusters and weights of its own", NULL},
     {"grid", 'g', 0, G_OPTION_ARG_INT, &grid_option,
      "Eigen-BRDFs on a grid of directions with so many samples each way: 4 … 24, 12 is good", "N"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
@@ -463,9 +499,11 @@ static int run(const struct command *command, int argc, char **argv) {
         return cli_usage(command, "--size chooses the clusters: leave out -k");
     if (grid_option != 0 && (grid_option < RESAMPLE_MIN_GRID || grid_option > RESAMPLE_MAX_GRID))
         return cli_usage(command, "--grid is 4 to 24");
-    if ((compress.lobes || compress.eigenmaps) && (compress.size > 0 || grid_option > 0))
-        return cli_usage(command, "--size and --grid are for local PCAs");
+    if ((compress.lobes || compress.eigenmaps) &&
+        (compress.size > 0 || grid_option > 0 || mips_option))
+        return cli_usage(command, "--size, --grid and --mips are for local PCAs");
     compress.grid = grid_option;
+    compress.mips = mips_option;
     if (quantise_option && !parse_quantise(quantise_option, &compress.quantise))
         return cli_usage(command, "--quantise is float, half or 8bit");
     if (compress.eigenmaps && (clusters_option > 0 || quantise_option || !output_option))

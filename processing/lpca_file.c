@@ -84,7 +84,7 @@ static struct exr_part *table_part(const struct lpca *lpca, int component) {
     return part;
 }
 
-gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
+struct exr_file *lpca_to_exr(const struct lpca *lpca) {
     struct exr_file *file = exr_file_new();
     exr_file_add(file, clusters_part(lpca));
     exr_file_add(file, weights_part(lpca));
@@ -95,6 +95,11 @@ gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
                  directions_part("views", lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views));
     exr_file_add(file, directions_part("lights", lpca->light_theta_deg, lpca->light_phi_deg,
                                        lpca->n_lights));
+    return file;
+}
+
+gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
+    struct exr_file *file = lpca_to_exr(lpca);
     /* PIZ rounds nothing, and ZIP is smaller for the integers of 8 bits. */
     gboolean ok =
         exr_write(path, file, lpca->quantise == LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
@@ -247,14 +252,17 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
     return TRUE;
 }
 
-struct lpca *lpca_read(const char *path, GError **error) {
-    struct exr_file *file = exr_read(path, error);
-    if (!file)
-        return NULL;
+struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error) {
     struct lpca *lpca = g_new0(struct lpca, 1);
     if (!read_head(lpca, file, path, error) || !read_texels(lpca, file, path, error) ||
         !read_tables(lpca, file, path, error))
         g_clear_pointer(&lpca, lpca_free);
+    return lpca;
+}
+
+struct lpca *lpca_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    struct lpca *lpca = file ? lpca_from_exr(file, path, error) : NULL;
     exr_file_free(file);
     return lpca;
 }

@@ -1,6 +1,7 @@
 /* What lpca.c, lpca_cluster.c and lpca_file.c share. */
 #pragma once
 
+#include "exr.h"
 #include "lpca.h"
 
 /* Calls func for 0 … n − 1, each once, in any thread and order. Results are the same with any
@@ -30,3 +31,7 @@ struct lpca_reduced {
 /* FALSE when cancelled. Fills labels … members, which lpca_reduced_clear() frees. */
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error);
 void lpca_reduced_clear(struct lpca_reduced *reduced);
+
+/* A file in memory, and what it holds; path is for errors. */
+struct exr_file *lpca_to_exr(const struct lpca *lpca);
+struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error);

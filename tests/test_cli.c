@@ -347,6 +347,8 @@ static void test_compress(const char *folder, const char *session) {
     runs(0, &output, "compress", "--json", session, "--size", "20kB", "-o", other, NULL);
     assert_json_lines(output.out);
     runs(1, &output, "compress", session, "--size", "10B", "-o", other, NULL);
+    runs(0, &output, "compress", session, "--mips", "-k", "2", "-c", "1", "-o", other, NULL);
+    assert_has(output.out, "2 clusters of 1 component, 4 mip levels");
     runs(2, &output, "compress", session, "--size", "large", NULL);
     runs(2, &output, "compress", session, "--size", "20kB", "-k", "2", NULL);
     runs(2, &output, "compress", session, "--grid", "1000", NULL);

@@ -1,6 +1,8 @@
 #include "processing/resample.h"
 
+#include "processing/exr.h"
 #include "processing/lpca_choose.h"
+#include "processing/lpca_levels.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -223,6 +225,58 @@ static void test_choose(void) {
     btf_matrix_free(btf);
 }
 
+/* Levels are means over areas, also of odd sizes, and come back from one file each as it was. */
+static void test_levels(void) {
+    g_autofree char *folder = g_dir_make_tmp("levels-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    struct lpca *levels[3];
+    struct btf_matrix *btf = new_btf(5), *half = btf_matrix_halved(btf);
+    const int row = 60 * 60 * 3;
+    g_assert_cmpint(half->width, ==, 2);
+    g_assert_cmpfloat(half->texel_mm, ==, 2.5);
+    for (int i = 0; i < row; i += 97) { /* 2.5 × 2.5 texels: two whole, one by half, each way */
+        static const double share[] = {0.4, 0.4, 0.2};
+        double mean = 0;
+        for (int y = 0; y < 3; y++)
+            for (int x = 0; x < 3; x++)
+                mean +=
+                    share[x] * share[y] * btf->values[(gsize)(y * 5 + x) * (gsize)row + (gsize)i];
+        g_assert_cmpfloat_with_epsilon(half->values[i], mean, 1e-5);
+    }
+    struct btf_matrix *one = btf_matrix_halved(half);
+    g_assert_cmpint(one->width * one->height, ==, 1);
+    g_assert_null(btf_matrix_halved(one));
+    const struct btf_matrix *all[] = {btf, half, one};
+    for (int i = 0; i < 3; i++) {
+        const struct lpca_options options = {.n_clusters = MIN(2, all[i]->width),
+                                             .n_components = 2};
+        levels[i] = lpca_compute(all[i], &options, &error);
+        g_assert_no_error(error);
+        lpca_quantise(levels[i], LPCA_HALF);
+        lpca_error(levels[i], all[i], 0);
+    }
+    g_assert_true(lpca_write_levels(path, levels, 3, &error));
+    g_assert_cmpint(lpca_count_levels(path, &error), ==, 3);
+    for (int i = 0; i < 3; i++) {
+        struct lpca *back = i ? lpca_read_level(path, i, &error) : lpca_read(path, &error);
+        g_assert_no_error(error);
+        g_assert_cmpint(back->width, ==, all[i]->width);
+        g_assert_cmpfloat(back->texel_mm, ==, all[i]->texel_mm);
+        g_assert_true(back->error == levels[i]->error);
+        g_assert_cmpfloat_with_epsilon(lpca_error(back, all[i], 0), levels[i]->error, 1e-6);
+        lpca_free(back);
+        lpca_free(levels[i]);
+    }
+    g_assert_null(lpca_read_level(path, 3, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
+    btf_matrix_free(one);
+    btf_matrix_free(half);
+    btf_matrix_free(btf);
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/resample/map", test_map);
@@ -230,5 +284,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/resample/refused", test_refused);
     g_test_add_func("/resample/lpca", test_lpca);
     g_test_add_func("/resample/choose", test_choose);
+    g_test_add_func("/resample/levels", test_levels);
     return g_test_run();
 }

@@ -1,0 +1,17 @@
+/* Mip levels of a local PCA: each is one of its own, of the BTF with half the texels each way. */
+#pragma once
+
+#include "lpca.h"
+
+#define LPCA_MAX_LEVELS 16
+
+/* The mean over areas: max(1, n/2) texels each way, texel_mm grown alike. NULL for one texel. */
+struct btf_matrix *btf_matrix_halved(const struct btf_matrix *btf);
+
+/* One file: level 0 as lpca_write() has it, which lpca_read() reads; the parts of level n, all of
+ * them, are named "mip<n>.clusters", "mip<n>.weights" and so on. */
+gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, GError **error);
+
+/* How many there are, 1 at least; 0 with an error if the file cannot be read. */
+int lpca_count_levels(const char *path, GError **error);
+struct lpca *lpca_read_level(const char *path, int level, GError **error);
