@@ -9,6 +9,7 @@ struct sweep_poses {
     int steps;       /* of a sweep */
     double span_deg; /* it goes over, on either side of 0 */
     gsize most;      /* points to take of each */
+    int cameras;     /* that look on, the last ones of the scene */
 };
 
 /* A flat plate of a height; the same rig for each. uneven: the sweep's motor goes so much further
@@ -89,7 +90,7 @@ static inline gboolean sweep_measure(guint32 seed, int pixels, double camera_px,
         if (*scene)
             scene_free(*scene);
         *scene = sweep_scene(seed, pixels, camera_px, sweep_heights[h]);
-        for (int camera = 0; camera < SCENE_CAMERAS; camera += 2)
+        for (int camera = SCENE_CAMERAS - poses->cameras; camera < SCENE_CAMERAS; camera++)
             for (int laser = 0; laser < SCENE_LASERS; laser++)
                 for (int arc = 0; arc < poses->arcs; arc++)
                     sweep_add_points(*scene, poses, sweep_heights[h], camera, laser, arc, points);

@@ -4,7 +4,8 @@
 #include <string.h>
 
 static void two_heights(void) {
-    const struct sweep_poses poses = {.arcs = 3, .steps = 64, .span_deg = 2.5, .most = 800};
+    const struct sweep_poses poses = {
+        .arcs = 3, .steps = 64, .span_deg = 2.5, .most = 800, .cameras = 2};
     struct laser_result found;
     struct scene *scene;
     struct sweep_errors errors;
@@ -24,7 +25,8 @@ static void two_heights(void) {
 }
 
 static void one_height(void) {
-    const struct sweep_poses poses = {.arcs = 1, .steps = 24, .span_deg = 2.5, .most = 400};
+    const struct sweep_poses poses = {
+        .arcs = 1, .steps = 24, .span_deg = 2.5, .most = 400, .cameras = 1};
     struct laser_result found;
     struct scene *scene;
     g_autoptr(GError) error = NULL;

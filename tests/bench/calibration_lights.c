@@ -48,7 +48,8 @@ static gboolean run_lamps(int kind, int seed, struct figures *ret) {
 }
 
 static gboolean run_laser(int seed, struct figures *ret) {
-    const struct sweep_poses poses = {.arcs = 3, .steps = 80, .span_deg = 3.2, .most = 600};
+    const struct sweep_poses poses = {
+        .arcs = 3, .steps = 80, .span_deg = 3.2, .most = 600, .cameras = SCENE_CAMERAS};
     g_autoptr(GError) error = NULL;
     struct laser_result found;
     struct sweep_errors errors;
