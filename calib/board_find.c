@@ -23,23 +23,94 @@ static GArray *refuse(GError **error, const char *format, ...) {
     return NULL;
 }
 
-static void guess_all(const struct board *board, BoardProject project, gpointer data,
-                      const double shift_px[2], struct corner_guess *guesses) {
+/* Half of what a point and its opposite are from the middle of both, for one direction. */
+static gboolean even_part(BoardProject project, gpointer data, const double at[2],
+                          const double way[2], double ret[2]) {
+    const double there[2] = {at[0] + way[0], at[1] + way[1]};
+    const double opposite[2] = {at[0] - way[0], at[1] - way[1]};
+    double a[2], b[2], m[2];
+    if (!project(there, a, data) || !project(opposite, b, data) || !project(at, m, data))
+        return FALSE;
+    for (int k = 0; k < 2; k++)
+        ret[k] = (a[k] + b[k]) / 2 - m[k];
+    return TRUE;
+}
+
+static gboolean slopes(BoardProject project, gpointer data, const double at[2], double ret[2][2]) {
+    const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
+    double px[2], dx[2], dy[2];
+    if (!project(at, px, data) || !project(right, dx, data) || !project(up, dy, data))
+        return FALSE;
+    for (int k = 0; k < 2; k++) {
+        ret[k][0] = (dx[k] - px[k]) / STEP_MM;
+        ret[k][1] = (dy[k] - px[k]) / STEP_MM;
+    }
+    return TRUE;
+}
+
+/* By Cramer's rule. */
+static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
+    const double det = a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
+                       a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
+                       a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
+    for (int k = 0; k < 3; k++) {
+        double m[3][3];
+        memcpy(m, a, sizeof m);
+        for (int i = 0; i < 3; i++)
+            m[i][k] = b[i];
+        ret[k] = (m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+                  m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+                  m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])) /
+                 det;
+    }
+    return fabs(det) > 1e-9;
+}
+
+/* The second order of the map from the picture to one without distortion, that is the same as it in
+ * first order: what perspective alone bends is the same in both, and keeps edges straight. */
+static void straighten(const struct board *board, BoardProject project, BoardProject straight,
+                       gpointer data, const double at[2], struct corner_guess *to) {
+    const double h = 0.3 * board->square_mm, ways[3][2] = {{h, 0}, {0, h}, {h, h}};
+    double s[2][2], a[3][3], b[2][3];
+    const double(*j)[2] = to->px_a_mm;
+    if (!slopes(straight, data, at, s))
+        return;
+    const double det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
+    for (int i = 0; i < 3; i++) {
+        double bent[2], even[2];
+        if (!even_part(project, data, at, ways[i], bent) ||
+            !even_part(straight, data, at, ways[i], even))
+            return;
+        const double u = (s[1][1] * even[0] - s[0][1] * even[1]) / det;
+        const double v = (s[0][0] * even[1] - s[1][0] * even[0]) / det;
+        const double x = j[0][0] * ways[i][0] + j[0][1] * ways[i][1];
+        const double y = j[1][0] * ways[i][0] + j[1][1] * ways[i][1];
+        for (int k = 0; k < 2; k++)
+            b[k][i] = j[k][0] * u + j[k][1] * v - bent[k];
+        a[i][0] = x * x;
+        a[i][1] = x * y;
+        a[i][2] = y * y;
+    }
+    double found[2][3];
+    if (solve3(a, b[0], found[0]) && solve3(a, b[1], found[1]))
+        memcpy(to->straighten, found, sizeof found);
+}
+
+static void guess_all(const struct board *board, BoardProject project, BoardProject straight,
+                      gpointer data, const double shift_px[2], struct corner_guess *guesses) {
     const int n = board_n_corners(board);
     memset(guesses, 0, sizeof *guesses * (gsize)n);
     for (int id = 0; id < n; id++) {
-        double at[2], px[2], dx[2], dy[2];
-        board_corner_mm(board, id, at);
-        const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
-        if (!project(at, px, data) || !project(right, dx, data) || !project(up, dy, data))
-            continue;
         struct corner_guess *to = &guesses[id];
+        double at[2], px[2], slope[2][2];
+        board_corner_mm(board, id, at);
+        if (!project(at, px, data) || !slopes(project, data, at, slope))
+            continue;
         to->x_px = px[0] + shift_px[0];
         to->y_px = px[1] + shift_px[1];
-        for (int k = 0; k < 2; k++) {
-            to->px_a_mm[k][0] = (dx[k] - px[k]) / STEP_MM;
-            to->px_a_mm[k][1] = (dy[k] - px[k]) / STEP_MM;
-        }
+        memcpy(to->px_a_mm, slope, sizeof slope);
+        if (straight)
+            straighten(board, project, straight, data, at, to);
     }
 }
 
@@ -208,11 +279,11 @@ GArray *board_find(const struct picture *picture, const struct board *board, gbo
     if (is_seen_from_below(h))
         return refuse(error, "the board is mirrored: the picture is flipped, or the board was "
                              "printed so");
-    guess_all(board, by_homography, h, nowhere, guesses);
+    guess_all(board, by_homography, NULL, h, nowhere, guesses);
     g_autoptr(GArray) corners = corner_fit_all(picture, board, guesses);
     if (fine) {
         improve(board, corners, h);
-        guess_all(board, by_homography, h, nowhere, guesses);
+        guess_all(board, by_homography, NULL, h, nowhere, guesses);
         g_array_unref(corners);
         corners = corner_fit_all(picture, board, guesses);
     }
@@ -289,7 +360,8 @@ static double best_shift(const struct picture *picture, const struct points *poi
 }
 
 GArray *board_find_near(const struct picture *picture, const struct board *board,
-                        BoardProject project, gpointer data, double reach_px, double *ret_fit) {
+                        BoardProject project, BoardProject straight, gpointer data, double reach_px,
+                        double *ret_fit) {
     struct points points;
     double shift[2];
     g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
@@ -300,6 +372,6 @@ GArray *board_find_near(const struct picture *picture, const struct board *board
     g_free(points.value);
     if (*ret_fit < LEAST_FIT)
         return NULL;
-    guess_all(board, project, data, shift, guesses);
+    guess_all(board, project, straight, data, shift, guesses);
     return corner_fit_all(picture, board, guesses);
 }

@@ -401,8 +401,8 @@ gboolean bundle_covariance(struct bundle *bundle, GError **error) {
     }
 }
 
-gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
-                        double ret_px[2]) {
+static gboolean project_by(const struct bundle *bundle, const double *lens, int camera, int stop,
+                           const double board_mm[2], double ret_px[2]) {
     static const double zero[3] = {0, 0, 0};
     const bundle_camera &c = bundle->cameras[camera];
     const bundle_stop &s = bundle->stops[stop];
@@ -413,5 +413,17 @@ gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const
     turn(c.rotation, zero, p, q);
     for (int i = 0; i < 3; i++)
         q[i] += c.shift[i];
-    return project(c.intrinsics, q, ret_px);
+    return project(lens, q, ret_px);
+}
+
+gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
+                        double ret_px[2]) {
+    return project_by(bundle, bundle->cameras[camera].intrinsics, camera, stop, board_mm, ret_px);
+}
+
+gboolean bundle_project_straight(const struct bundle *bundle, int camera, int stop,
+                                 const double board_mm[2], double ret_px[2]) {
+    double lens[BUNDLE_INTRINSICS] = {0};
+    std::memcpy(lens, bundle->cameras[camera].intrinsics, 4 * sizeof(double));
+    return project_by(bundle, lens, camera, stop, board_mm, ret_px);
 }

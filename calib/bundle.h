@@ -74,4 +74,8 @@ gboolean bundle_covariance(struct bundle *bundle, GError **error);
 gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
                         double ret_px[2]);
 
+/* The same, had the lens no distortion. */
+gboolean bundle_project_straight(const struct bundle *bundle, int camera, int stop,
+                                 const double board_mm[2], double ret_px[2]);
+
 G_END_DECLS

@@ -136,6 +136,11 @@ static gboolean look(const double xy_mm[2], double ret_xy_px[2], gpointer data) 
     return bundle_project(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
 }
 
+static gboolean look_straight(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+    const struct look *at = data;
+    return bundle_project_straight(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
+}
+
 /* Corners where the geometry says they are: also those that nobody would find by themselves. */
 static gboolean look_again(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
@@ -144,7 +149,8 @@ static gboolean look_again(struct cameras_work *work, int i, double reach_px, GE
     double fit;
     if (!picture)
         return FALSE;
-    GArray *corners = board_find_near(picture, &work->task->board, look, &at, reach_px, &fit);
+    GArray *corners =
+        board_find_near(picture, &work->task->board, look, look_straight, &at, reach_px, &fit);
     if (corners && corners->len >= LEAST_CORNERS) {
         g_clear_pointer(&seen->corners, g_array_unref);
         seen->corners = corners;

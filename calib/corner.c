@@ -12,6 +12,7 @@ enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR
 #define REACH_PX       11   /* around the corner, at most */
 #define REACH          0.44 /* of a square */
 #define GUARD_PX       0.9  /* from edges that are not the corner's */
+#define NEAR_PX        0.25
 #define STEPS          30
 #define LEAST_BLUR_PX  0.2 /* a pixel's own width blurs more than that */
 #define MOST_BLUR_PX   4
@@ -54,6 +55,10 @@ static gboolean is_clear(const struct board *board, double sign, double dx, doub
     return fabs(dx) < margin - guard_mm[0] || fabs(dy) < margin - guard_mm[1];
 }
 
+static double bend(const double by[3], double x, double y) {
+    return by[0] * x * x + by[1] * x * y + by[2] * y * y;
+}
+
 /* FALSE: too much of the corner's surroundings is outside of the picture. */
 static gboolean gather(const struct picture *picture, const struct board *board,
                        const struct corner_guess *guess, struct pixels *to) {
@@ -78,8 +83,8 @@ static gboolean gather(const struct picture *picture, const struct board *board,
             const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
             if (!isfinite(value) || to->n == MAX_PIXELS)
                 continue;
-            to->x[to->n] = px;
-            to->y[to->n] = py;
+            to->x[to->n] = px + bend(guess->straighten[0], px, py);
+            to->y[to->n] = py + bend(guess->straighten[1], px, py);
             to->value[to->n++] = (double)value;
         }
     return to->n >= MIN_PIXELS && to->n > 0.7 * wanted;
@@ -219,7 +224,7 @@ static double squares_moved(const struct board *board, const struct corner_guess
            board->square_mm;
 }
 
-gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
+static gboolean fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
     double p[N], h[N * N], total;
@@ -230,15 +235,30 @@ gboolean corner_fit(const struct picture *picture, const struct board *board, in
     if (!(p[CONTRAST] > 0) || !minimise(&pixels, p, h, &total))
         return FALSE;
     const double variance = MAX(total / (pixels.n - N), 1e-12 * p[CONTRAST] * p[CONTRAST]);
-    *ret = (struct corner){.id = id,
-                           .x_px = guess->x_px + p[AT_X],
-                           .y_px = guess->y_px + p[AT_Y],
-                           .blur_px = p[BLUR],
-                           .contrast = p[CONTRAST]};
+    *ret = (struct corner){
+        .id = id,
+        .x_px = guess->x_px + p[AT_X] - bend(guess->straighten[0], p[AT_X], p[AT_Y]),
+        .y_px = guess->y_px + p[AT_Y] - bend(guess->straighten[1], p[AT_X], p[AT_Y]),
+        .blur_px = p[BLUR],
+        .contrast = p[CONTRAST]};
     return covariance(h, variance, ret->covariance_px2) && p[BLUR] < MOST_BLUR_PX &&
            squares_moved(board, guess, p) < 0.35 && p[CONTRAST] > LEAST_CONTRAST * sqrt(variance) &&
            fabs(sin(p[TURN_1] - p[TURN_2])) > 0.05 &&
            ret->covariance_px2[0][0] + ret->covariance_px2[1][1] < MOST_ERROR_PX * MOST_ERROR_PX;
+}
+
+/* What is left out was chosen around the guess: if that was far off, again around what was found.
+ */
+gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
+                    const struct corner_guess *guess, struct corner *ret) {
+    struct corner_guess nearer = *guess;
+    if (!fit(picture, board, id, guess, ret))
+        return FALSE;
+    if (hypot(ret->x_px - guess->x_px, ret->y_px - guess->y_px) < NEAR_PX)
+        return TRUE;
+    nearer.x_px = ret->x_px;
+    nearer.y_px = ret->y_px;
+    return fit(picture, board, id, &nearer, ret);
 }
 
 GArray *corner_fit_all(const struct picture *picture, const struct board *board,

@@ -15,6 +15,9 @@
 struct corner_guess {
     double x_px, y_px;
     double px_a_mm[2][2]; /* derivative of the picture's x, y by the board's x, y */
+    /* What makes edges straight that a lens has bent: x² xy y² of the distance from here are to be
+     * added to x and to y times these. 0: edges are straight. */
+    double straighten[2][3];
 };
 
 struct corner {

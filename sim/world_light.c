@@ -119,7 +119,7 @@ static void add_pixel(const struct view_job *job, const struct tracer *row, int 
 }
 
 /* Where in a pixel's cell of its samples one lies, and how far the lens throws it: another place in
- * every picture, or edges would lie on a lattice. */
+ * every picture and of every sample, or pictures would share errors that real ones do not. */
 static void spread(const struct optics_camera *camera, struct sample_random *random, double cell,
                    double *x, double *y) {
     double r = camera->blur_px * sqrt(-2 * log(1 - sample_uniform(random)));
@@ -131,7 +131,10 @@ static void spread(const struct optics_camera *camera, struct sample_random *ran
 static void trace_row(const struct view_job *job, const struct tracer *row, int y) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int aa = job->world->supersample, k = 0;
-    struct sample_random random = {sample_hash(bits(whole_turn(job->turntable_deg)) +
+    const float *low = job->world->scene.low, *high = job->world->scene.high;
+    guint64 sample = sample_hash(bits((double)low[0] + (double)high[1])) ^
+                     sample_hash(bits((double)low[1] - (double)high[0] + (double)high[2]));
+    struct sample_random random = {sample_hash(bits(whole_turn(job->turntable_deg)) + sample +
                                                (guint64)job->camera * 8191 +
                                                (guint64)y * 0x9e3779b97f4a7c15u)};
     for (int x = 0; x < camera->width; x++)

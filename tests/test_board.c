@@ -1,5 +1,6 @@
 /* Boards: what is drawn is what the geometry says, found again by an independent detector. */
 #include "calib/board.h"
+#include "calib/corner.h"
 #include "calib/vision.h"
 
 #include <glib/gstdio.h>
@@ -174,6 +175,81 @@ static void test_paper(void) {
     g_unlink(pdf);
 }
 
+#define FINE 24 /* samples in x and y of a pixel and its lens's blur */
+
+/* A board as a camera sees it: the middle of 8 × 8 squares, corner 24, at (x, y), px a mm by m, and
+ * bent by so much a pixel². The lens spreads a point over a pixel, and a pixel is a mean over its
+ * area. */
+struct seen {
+    double x, y, m[2][2], bend;
+};
+
+static void to_board(const struct seen *seen, double px, double py, double ret_mm[2]) {
+    const double x = px - seen->x, y = py - seen->y;
+    const double u = x + seen->bend * x * x, v = y + seen->bend * x * y;
+    const double det = seen->m[0][0] * seen->m[1][1] - seen->m[0][1] * seen->m[1][0];
+    ret_mm[0] = (seen->m[1][1] * u - seen->m[0][1] * v) / det;
+    ret_mm[1] = (seen->m[0][0] * v - seen->m[1][0] * u) / det;
+}
+
+/* From −1 to 1 px about a pixel. */
+static double offset(int i) {
+    return 2 * (i + 0.5) / FINE - 1;
+}
+
+static struct picture *see(const struct board *board, const struct seen *seen) {
+    struct picture *picture = picture_new("seen", "", 40, 40);
+    g_autofree double *at = g_new(double, 2 * FINE * FINE);
+    g_autofree float *values = g_new(float, FINE *FINE);
+    for (int y = 0; y < 40; y++)
+        for (int x = 0; x < 40; x++) {
+            double sum = 0, all = 0;
+            for (int k = 0; k < FINE * FINE; k++)
+                to_board(seen, x + offset(k % FINE), y + offset(k / FINE), at + 2 * k);
+            board_values(board, at, FINE * FINE, values);
+            for (int k = 0; k < FINE * FINE; k++) {
+                const double weight = (1 - fabs(offset(k % FINE))) * (1 - fabs(offset(k / FINE)));
+                sum += weight * (double)MAX(values[k], 0);
+                all += weight;
+            }
+            picture->values[y * 40 + x] = (float)(10 + 80 * sum / all + 0.1 * x);
+        }
+    return picture;
+}
+
+static void test_corner(void) {
+    const struct board board = parse("8x8,square=9,marker=6.75");
+    GRand *rand = g_rand_new_with_seed(4);
+    for (int i = 0; i < 30; i++) {
+        const double turn = g_rand_double_range(rand, 0, 2 * G_PI), scale = 2.5;
+        const double flat = i % 3 == 0 ? 0.26 : 1; /* cos 75° */
+        const struct seen seen = {20 + g_rand_double_range(rand, -1, 1),
+                                  20 + g_rand_double_range(rand, -1, 1),
+                                  {{scale * cos(turn), -scale * sin(turn)},
+                                   {-flat * scale * sin(turn), -flat * scale * cos(turn)}},
+                                  i % 2 ? 4e-4 : 0};
+        g_autoptr(Picture) picture = see(&board, &seen);
+        struct corner_guess guess = {seen.x + g_rand_double_range(rand, -0.7, 0.7),
+                                     seen.y + g_rand_double_range(rand, -0.3, 0.3)};
+        struct corner corner;
+        memcpy(guess.px_a_mm, seen.m, sizeof guess.px_a_mm);
+        guess.straighten[0][0] = guess.straighten[1][1] = seen.bend;
+        g_assert_true(corner_fit(picture, &board, 24, &guess, &corner));
+        g_test_message("%d: off by %.4f %.4f", i, corner.x_px - seen.x, corner.y_px - seen.y);
+        g_assert_cmpfloat_with_epsilon(corner.x_px, seen.x, flat < 1 ? 0.05 : 0.02);
+        g_assert_cmpfloat_with_epsilon(corner.y_px, seen.y, flat < 1 ? 0.05 : 0.02);
+        /* The squares of the next corner have the other colours. */
+        g_assert_false(corner_fit(picture, &board, 25, &guess, &corner));
+    }
+    g_rand_free(rand);
+    g_autoptr(Picture) empty = picture_new("empty", "", 40, 40);
+    const struct corner_guess guess = {20, 20, {{2.5, 0}, {0, -2.5}}};
+    const struct corner_guess outside = {0, 20, {{2.5, 0}, {0, -2.5}}};
+    struct corner corner;
+    g_assert_false(corner_fit(empty, &board, 24, &guess, &corner));
+    g_assert_false(corner_fit(empty, &board, 24, &outside, &corner));
+}
+
 static void test_bad_pictures(void) {
     g_autofree char *path = g_build_filename(folder, "bad.png", NULL);
     static const char *const contents[] = {"", "no picture", "\x89PNG\r\n\x1a\n\0\0\0\rIHDR"};
@@ -197,6 +273,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/board/markers", test_markers);
     g_test_add_func("/board/chessboard", test_chessboard);
     g_test_add_func("/board/paper", test_paper);
+    g_test_add_func("/board/corner", test_corner);
     g_test_add_func("/board/bad pictures", test_bad_pictures);
     const int code = g_test_run();
     g_rmdir(folder);

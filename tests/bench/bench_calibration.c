@@ -11,7 +11,8 @@
 #include <stdio.h>
 #include <time.h>
 
-static int n_cameras = 5, size_px = 192, n_stops = 20, n_seeds = 5, distance_mm = 400;
+static int n_cameras = 5, size_px = 192, n_stops = 20, n_seeds = 5, first_seed = 1,
+           distance_mm = 400;
 static gboolean json, show;
 static char *only;
 
@@ -133,6 +134,7 @@ int main(int argc, char **argv) {
         {"stops", 0, 0, G_OPTION_ARG_INT, &n_stops, "Angles of the turntable", "N"},
         {"distance", 0, 0, G_OPTION_ARG_INT, &distance_mm, "Of the cameras", "MM"},
         {"seeds", 0, 0, G_OPTION_ARG_INT, &n_seeds, "Worlds", "N"},
+        {"first", 0, 0, G_OPTION_ARG_INT, &first_seed, "Seed of the cameras' first world", "N"},
         {"part", 0, 0, G_OPTION_ARG_STRING, &only, "cameras, lights or radiometry alone", "PART"},
         {"show", 0, 0, G_OPTION_ARG_NONE, &show, "Tell more", NULL},
         {NULL},
@@ -145,8 +147,8 @@ int main(int argc, char **argv) {
     setvbuf(stdout, NULL, _IOLBF, 0);
     g_autoptr(GString) all = g_string_new("{");
     if (wanted("cameras")) {
-        for (int seed = 1; seed <= n_seeds; seed++)
-            run(seed, &total);
+        for (int i = 0; i < n_seeds; i++)
+            run(first_seed + i, &total);
         g_autofree char *text = cameras_json(&total);
         add_part(all, "cameras", text);
     }
