@@ -114,7 +114,7 @@ static void add_pixel(struct measuring *m, int x, int y) {
 }
 
 static gboolean is_good(const struct sums *s) {
-    return s->n >= FEW_PIXELS && s->triples >= FEW_PIXELS / 4 && isfinite(s->signal) &&
+    return s->n >= FEW_PIXELS && 4 * s->triples >= FEW_PIXELS && isfinite(s->signal) &&
            s->signal > 0 && s->expected > 0;
 }
 
