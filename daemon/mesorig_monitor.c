@@ -27,7 +27,7 @@ struct Monitor {
     guint enter_id; /* waits for the Enter key */
     gint64 begun_us, json_us;
     gint64 frames_before; /* since when frames a second are counted */
-    guint signal_ids[3];
+    guint signal_ids[3], check_id;
 };
 
 static double real_s(const Monitor *monitor) {
@@ -275,7 +275,15 @@ static void on_owner(GDBusProxy *proxy, GParamSpec *spec, gpointer data) {
         finish(monitor, MONITOR_LOST);
 }
 
-/* Once: after the shot under way. Twice: now. */
+static gboolean check_idle(gpointer data) {
+    Monitor *monitor = data;
+    monitor->check_id = 0;
+    check(monitor);
+    return G_SOURCE_REMOVE;
+}
+
+/* Once: after the shot under way. Twice: now. What the daemon showed before it answered may still
+ * wait to be heard, its start even: the state is looked at after that. */
 static gboolean on_interrupt(gpointer data) {
     Monitor *monitor = data;
     g_autoptr(GError) error = NULL;
@@ -288,8 +296,8 @@ static gboolean on_interrupt(gpointer data) {
                       "pausing after the shot under way; Ctrl-C once more stops at once");
         if (!bus_rig1_call_pause_sync(link_rig(monitor->link), NULL, &error))
             finish(monitor, MONITOR_PAUSED);
-        else
-            check(monitor);
+        else if (!monitor->check_id)
+            monitor->check_id = g_idle_add(check_idle, monitor);
     } else {
         bus_rig1_call_abort_sync(link_rig(monitor->link), NULL, NULL);
         finish(monitor, MONITOR_ABORTED);
@@ -324,6 +332,7 @@ void monitor_free(Monitor *monitor) {
     for (gsize i = 0; i < G_N_ELEMENTS(monitor->signal_ids); i++)
         g_source_remove(monitor->signal_ids[i]);
     forget_enter(monitor);
+    g_clear_handle_id(&monitor->check_id, g_source_remove);
     progress_free(monitor->progress);
     g_main_loop_unref(monitor->loop);
     g_free(monitor->shown_state);

@@ -449,8 +449,12 @@ static gboolean has_frames(const char *session) {
     return dir && g_dir_read_name(dir);
 }
 
-/* Ctrl-C in the middle: what it says is true. */
-static void test_interrupt(void) {
+static gboolean is_there(const char *session) {
+    return g_file_test(session, G_FILE_TEST_IS_DIR);
+}
+
+/* Ctrl-C when begun() says so: what it says is true. */
+static void interrupt(gboolean (*begun)(const char *session)) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
     g_autofree char *conf = write_long_session(folder);
@@ -460,9 +464,9 @@ static void test_interrupt(void) {
                          MESORIG, "capture", RIG, SESSION, "-o", session, NULL);
     g_assert_no_error(error);
     const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
-    while (!has_frames(session)) {
+    while (!begun(session)) {
         g_assert_cmpint(g_get_monotonic_time(), <, until);
-        g_usleep(1000);
+        g_usleep(100);
     }
     struct output output = {0};
     g_subprocess_send_signal(process, SIGINT);
@@ -470,6 +474,7 @@ static void test_interrupt(void) {
     g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, &error);
     g_assert_no_error(error);
     if (g_subprocess_get_exit_status(process) == 1) { /* else it was quicker */
+        assert_has(told, "mesorig: paused");
         assert_has(told, "mesorig resume");
         runs(0, &output, "info", session, NULL);
         assert_has(output.out, "state      paused");
@@ -480,6 +485,13 @@ static void test_interrupt(void) {
     assert_has(output.out, "state      done");
     clear(&output);
     remove_tree(folder);
+}
+
+/* In the middle, and before the client has heard that its capture has begun. */
+static void test_interrupt(void) {
+    interrupt(has_frames);
+    for (int i = 0; i < 3; i++)
+        interrupt(is_there);
 }
 
 int main(int argc, char **argv) {
