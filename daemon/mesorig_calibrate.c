@@ -66,7 +66,7 @@ GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GErro
     return frames;
 }
 
-static gboolean check_sum(const struct calibrate_frame *frame, GError **error) {
+gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error) {
     g_autofree char *sum = exr_sha256(frame->path, NULL, error);
 
     if (!sum || strcmp(sum, frame->sha256) == 0)
@@ -82,7 +82,7 @@ struct picture *calibrate_read(const struct calibrate_frame *frame, char **ret_c
                                GError **error) {
     const char *cfa = NULL;
     struct exr_part *part =
-        check_sum(frame, error) ? exr_read_part(frame->path, "radiance", error) : NULL;
+        calibrate_check_sum(frame, error) ? exr_read_part(frame->path, "radiance", error) : NULL;
     const float *plane = part ? exr_part_plane(part, "Y") : NULL;
     struct picture *picture = NULL;
 

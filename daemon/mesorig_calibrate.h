@@ -33,6 +33,9 @@ void calibrate_frame_free(struct calibrate_frame *frame); /* NULL is ignored */
 /* Frames of one kind in planned order, with a free function. */
 GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GError **error);
 
+/* Whether its file is the one that was captured. */
+gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error);
+
 /* Lamp frames only: the mosaic in DN a millisecond, above dark, its colours as they are. ret_cfa
  * (may be NULL): "rggb" …; g_free(). The checksum of the file is compared. */
 struct picture *calibrate_read(const struct calibrate_frame *frame, char **ret_cfa, GError **error);

@@ -38,10 +38,7 @@ struct job {
     struct cameras_result *result;
     GArray *pictures; /* struct cameras_picture */
     GArray *sources;  /* struct source, of pictures */
-    PipelineFunc progress;
-    gpointer progress_data;
-    GCancellable *cancellable;
-    gint64 begun_us;
+    struct work_stage stage;
 };
 
 static void clear_source(gpointer data) {
@@ -156,11 +153,7 @@ static struct picture *read_picture(int i, gpointer data, GError **error) {
 
 static gboolean on_step(int step, int n, gpointer data) {
     const struct job *job = data;
-    const double so_far = (double)(g_get_monotonic_time() - job->begun_us) / G_USEC_PER_SEC;
-    const struct pipeline_progress progress = {"boards", step, n,
-                                               step > n / 20 ? so_far * (n - step) / step : -1};
-    job->progress(&progress, job->progress_data);
-    return !g_cancellable_is_cancelled(job->cancellable);
+    return work_tell(&job->stage, "boards", step, n);
 }
 
 static gboolean gather(struct job *job, GError **error) {
@@ -220,10 +213,7 @@ static void keep_turntable(struct job *job) {
 static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                      gpointer data, GError **error) {
     struct job *job = data;
-    job->progress = progress;
-    job->progress_data = progress_data;
-    job->cancellable = cancellable;
-    job->begun_us = g_get_monotonic_time();
+    job->stage = work_stage(progress, progress_data, cancellable);
     if (!gather(job, error))
         return FALSE;
     const struct cameras_task task = {

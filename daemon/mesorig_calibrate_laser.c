@@ -111,17 +111,6 @@ static gboolean gather(struct job *job, GError **error) {
     return FALSE;
 }
 
-static gboolean check_sum(const struct calibrate_frame *frame, GError **error) {
-    g_autofree char *sum = exr_sha256(frame->path, NULL, error);
-    if (!sum || strcmp(sum, frame->sha256) == 0)
-        return sum != NULL;
-    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
-                "%s: is not the file that was captured, its checksum differs; mesorig resume takes "
-                "it again",
-                frame->path);
-    return FALSE;
-}
-
 static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError **error) {
     const struct calibrate_frame *frame = job->frames->pdata[i];
     const struct plate *plate = &g_array_index(job->plates, struct plate, i);
@@ -162,20 +151,18 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
 
 static gboolean measure(struct job *job, PipelineFunc progress, gpointer progress_data,
                         GCancellable *cancellable, GError **error) {
-    gint64 begun_us = g_get_monotonic_time();
+    const struct work_stage stage = work_stage(progress, progress_data, cancellable);
     for (guint i = 0; i < job->frames->len; i++) {
         const struct calibrate_frame *frame = job->frames->pdata[i];
-        if (g_cancellable_set_error_if_cancelled(cancellable, error) || !check_sum(frame, error))
+        if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
+            !calibrate_check_sum(frame, error))
             return FALSE;
         struct exr_part *part = exr_read_part(frame->path, "sweep", error);
         const gboolean ok = part && read_sweep(job, (int)i, part, error);
         exr_part_free(part);
         if (!ok)
             return FALSE;
-        const double so_far = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
-        const struct pipeline_progress now = {"laser", (int)i + 1, (int)job->frames->len,
-                                              so_far / (i + 1) * (job->frames->len - i - 1)};
-        progress(&now, progress_data);
+        work_tell(&stage, "laser", (int)i + 1, (int)job->frames->len);
     }
     return TRUE;
 }

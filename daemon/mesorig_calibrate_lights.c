@@ -49,11 +49,8 @@ struct job {
     GArray *sights;
     GPtrArray *rejected;
     struct lamps_result result;
-    PipelineFunc progress;
-    gpointer progress_data;
-    GCancellable *cancellable;
+    struct work_stage stage;
     int done, total;
-    gint64 begun_us;
 };
 
 static void clear_view(gpointer data) {
@@ -81,13 +78,9 @@ static int index_of(const struct job *job, const struct calibrate_frame *frame) 
 }
 
 static gboolean step(struct job *job, GError **error) {
-    const double so_far = (double)(g_get_monotonic_time() - job->begun_us) / G_USEC_PER_SEC;
     job->done++;
-    const struct pipeline_progress progress = {
-        "lights", MIN(job->done, job->total), job->total,
-        job->done > job->total / 20 ? so_far * (job->total - job->done) / job->done : -1};
-    job->progress(&progress, job->progress_data);
-    return !g_cancellable_set_error_if_cancelled(job->cancellable, error);
+    work_tell(&job->stage, "lights", MIN(job->done, job->total), job->total);
+    return !g_cancellable_set_error_if_cancelled(job->stage.cancellable, error);
 }
 
 /* Every n-th of each lamp's, so that no lamp has many more than are of use. */
@@ -298,10 +291,7 @@ static void keep(struct job *job) {
 static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                      gpointer data, GError **error) {
     struct job *job = data;
-    job->progress = progress;
-    job->progress_data = progress_data;
-    job->cancellable = cancellable;
-    job->begun_us = g_get_monotonic_time();
+    job->stage = work_stage(progress, progress_data, cancellable);
     if (!gather(job, error))
         return FALSE;
     if (!(job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, error)) {

@@ -130,18 +130,15 @@ static gboolean write_lights(const struct job *job, GError **error) {
 static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                      gpointer data, GError **error) {
     struct job *job = data;
-    gint64 begun_us = g_get_monotonic_time();
+    const struct work_stage stage = work_stage(progress, progress_data, cancellable);
     if (!list(job, error))
         return FALSE;
     for (guint i = 0; i < job->names->len; i++) {
-        const double so_far = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
         g_autoptr(Picture) picture = vision_read(job->names->pdata[i], error);
         if (!picture || g_cancellable_set_error_if_cancelled(cancellable, error))
             return FALSE;
         measure(job, picture);
-        const struct pipeline_progress now = {"lights", (int)i + 1, (int)job->names->len,
-                                              so_far / (i + 1) * (job->names->len - i - 1)};
-        progress(&now, progress_data);
+        work_tell(&stage, "lights", (int)i + 1, (int)job->names->len);
     }
     if (job->lights->len > 0)
         return write_lights(job, error);

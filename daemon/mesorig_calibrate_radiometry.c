@@ -24,28 +24,18 @@ struct job {
     struct calibration *calibration;
     struct tile_options options;
     struct tile_result result;
-    PipelineFunc progress;
-    gpointer progress_data;
-    GCancellable *cancellable;
-    gint64 begun_us;
+    struct work_stage stage;
 };
 
 static gboolean on_progress(const char *stage, int done, int total, gpointer data) {
     const struct job *job = data;
-    const double so_far = (double)(g_get_monotonic_time() - job->begun_us) / G_USEC_PER_SEC;
-    const struct pipeline_progress progress = {
-        stage, done, total, done > total / 20 ? so_far * (total - done) / done : -1};
-    job->progress(&progress, job->progress_data);
-    return !g_cancellable_is_cancelled(job->cancellable);
+    return work_tell(&job->stage, stage, done, total);
 }
 
 static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                      gpointer data, GError **error) {
     struct job *job = data;
-    job->progress = progress;
-    job->progress_data = progress_data;
-    job->cancellable = cancellable;
-    job->begun_us = g_get_monotonic_time();
+    job->stage = work_stage(progress, progress_data, cancellable);
     return tile_session(job->session, job->calibration, &job->options, &job->result, error) &&
            calibration_write(job->calibration, output_option, error);
 }

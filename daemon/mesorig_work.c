@@ -72,6 +72,18 @@ static void attach(GMainContext *context, GSource *source, GSourceFunc func, gpo
     g_source_unref(source);
 }
 
+struct work_stage work_stage(PipelineFunc progress, gpointer data, GCancellable *cancellable) {
+    return (struct work_stage){progress, data, cancellable, g_get_monotonic_time()};
+}
+
+gboolean work_tell(const struct work_stage *stage, const char *name, int done, int total) {
+    const double so_far = (double)(g_get_monotonic_time() - stage->begun_us) / G_USEC_PER_SEC;
+    const struct pipeline_progress progress = {
+        name, done, total, done > total / 20 ? so_far * (total - done) / done : -1};
+    stage->progress(&progress, stage->data);
+    return !g_cancellable_is_cancelled(stage->cancellable);
+}
+
 gboolean work_run(WorkFunc func, gpointer data, double *ret_seconds, GError **error) {
     g_autoptr(GMainContext) context = g_main_context_new();
     g_autoptr(GMainLoop) loop = g_main_loop_new(context, FALSE);
