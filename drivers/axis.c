@@ -56,7 +56,7 @@ double axis_move_time_s(const struct axis_motion *motion, double from_deg, doubl
     if (way == 0)
         return 0;
     double over = way < 0 ? overshoot_deg(motion, to_deg) : 0;
-    return leg_time_s(motion, way - over) + leg_time_s(motion, over) + motion->settle_s;
+    return leg_time_s(motion, way - over) + leg_time_s(motion, over) + motion->settle_ms / 1000;
 }
 
 static gint64 to_us(double seconds) {
@@ -66,10 +66,10 @@ static gint64 to_us(double seconds) {
 static gboolean check_motion(const Axis *axis, GError **error) {
     const struct axis_motion *m = &axis->motion;
     gboolean finite = isfinite(m->speed_deg_s) && isfinite(m->accel_deg_s2) &&
-                      isfinite(m->backlash_deg) && isfinite(m->settle_s) && isfinite(m->min_deg) &&
+                      isfinite(m->backlash_deg) && isfinite(m->settle_ms) && isfinite(m->min_deg) &&
                       isfinite(m->max_deg);
     if (finite && m->speed_deg_s > 0 && m->accel_deg_s2 > 0 && m->backlash_deg >= 0 &&
-        m->settle_s >= 0 && (m->wraps || m->min_deg < m->max_deg))
+        m->settle_ms >= 0 && (m->wraps || m->min_deg < m->max_deg))
         return TRUE;
     g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
                 "axis %s: makes no sense: limits %g to %g°, speed %g°/s, acceleration %g°/s², "
@@ -257,8 +257,8 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error) {
         return FALSE;
     }
     state->slack_unknown = FALSE;
-    set_deadline(axis,
-                 leg_time_s(motion, way - over) + leg_time_s(motion, over) + motion->settle_s);
+    set_deadline(axis, leg_time_s(motion, way - over) + leg_time_s(motion, over) +
+                           motion->settle_ms / 1000);
     return TRUE;
 }
 
@@ -301,7 +301,7 @@ double axis_position_deg(Axis *axis) {
 static void arrived(Axis *axis) {
     struct axis_state *state = axis->state;
     if (!state->another_leg) {
-        settle(axis, axis->motion.settle_s);
+        settle(axis, axis->motion.settle_ms / 1000);
         return;
     }
     state->another_leg = FALSE;

@@ -18,14 +18,15 @@ enum axis_event {
 /* error is set with AXIS_FAULT only, and valid during the call. */
 typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error, gpointer data);
 
-/* How an axis moves, so that a plan can predict time. Filled by the driver's open(). */
+/* How an axis moves, so that a plan can predict time. Filled by the driver's open(), most simply
+ * from one in its own state that its options table points into. */
 struct axis_motion {
     double min_deg, max_deg; /* limits, inclusive */
     gboolean wraps;      /* may turn on without end: targets are taken modulo 360, the short way */
     double speed_deg_s;  /* > 0 */
     double accel_deg_s2; /* > 0, also to stop */
     double backlash_deg; /* >= 0: taken up by always arriving in the positive direction */
-    double settle_s;     /* after arrival, before the load is still; waited for by the class */
+    double settle_ms;    /* after arrival, before the load is still; waited for by the class */
 };
 
 struct axis_driver {

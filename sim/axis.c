@@ -12,8 +12,7 @@ enum part { PART_NONE, PART_TURNTABLE, PART_ARC, PART_SWEEP };
 
 struct sim_axis {
     char *world_path, *part_name;
-    gboolean wraps;
-    double min_deg, max_deg, speed_deg_s, accel_deg_s2, backlash_deg, settle_ms;
+    struct axis_motion motion;
     double home_deg, homing_s, latency_ms, ringing_deg, position_error_deg;
     double fault_slip_deg;
     int error_seed, fault_slip_at, fault_stall_at, fault_stall_kind;
@@ -41,17 +40,19 @@ static const struct option options[] = {
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
      "What it moves: turntable, arc, or a laser's name for its sweep; default: the axis's own "
      "name"},
-    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(wraps),
+    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(motion.wraps),
      "Turns on without end, so that it has no limits and goes the short way"},
-    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(min_deg), "Lower limit"},
-    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(max_deg), "Upper limit"},
-    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "60", NULL, FIELD(speed_deg_s),
+    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(motion.min_deg),
+     "Lower limit"},
+    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(motion.max_deg),
+     "Upper limit"},
+    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "60", NULL, FIELD(motion.speed_deg_s),
      "Top speed"},
-    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "120", NULL, FIELD(accel_deg_s2),
-     "Acceleration, also to stop"},
-    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(backlash_deg),
+    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "120", NULL,
+     FIELD(motion.accel_deg_s2), "Acceleration, also to stop"},
+    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(motion.backlash_deg),
      "Lost motion: the load lags by as much when approached from above"},
-    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(settle_ms),
+    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(motion.settle_ms),
      "How long the load swings after arrival"},
     {"ringing_deg", OPTION_DOUBLE, "deg", 0, 10, "0.02", NULL, FIELD(ringing_deg),
      "How far off the load is while it swings"},
@@ -110,7 +111,7 @@ double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) 
 
 static double true_deg(const struct sim_axis *sim, double deg) {
     double slip = sim->n_moves >= sim->fault_slip_at ? sim->fault_slip_deg : 0;
-    return sim_axis_true_deg(deg, sim->wraps, sim->position_error_deg, sim->error_seed) +
+    return sim_axis_true_deg(deg, sim->motion.wraps, sim->position_error_deg, sim->error_seed) +
            sim->slack_deg + slip;
 }
 
@@ -126,13 +127,13 @@ static void tell_world(struct sim_axis *sim, double off_deg) {
 
 static void go_to(struct sim_axis *sim, double deg) {
     double slack = sim->slack_deg - (deg - sim->position_deg);
-    sim->slack_deg = slack < 1e-7 ? 0 : MIN(slack, sim->backlash_deg);
+    sim->slack_deg = slack < 1e-7 ? 0 : MIN(slack, sim->motion.backlash_deg);
     sim->position_deg = deg;
 }
 
 /* How far it has come after t seconds of a move over d degrees (both positive), and its speed. */
 static double travelled(const struct sim_axis *sim, double d, double t, double *ret_speed) {
-    double a = sim->accel_deg_s2, v = MIN(sim->speed_deg_s, sqrt(a * d));
+    double a = sim->motion.accel_deg_s2, v = MIN(sim->motion.speed_deg_s, sqrt(a * d));
     double ramp = v / a, total = d / v + ramp;
     double left = MAX(0, total - t);
     *ret_speed = MIN(v, a * MIN(t, left));
@@ -151,7 +152,7 @@ static double position_now(const struct sim_axis *sim, gint64 now_us, double *re
     if (now_us >= sim->end_us)
         return sim->to_deg;
     if (sim->phase == BRAKING)
-        return sim->from_deg + sim->speed0_deg_s * t - sign * sim->accel_deg_s2 * t * t / 2;
+        return sim->from_deg + sim->speed0_deg_s * t - sign * sim->motion.accel_deg_s2 * t * t / 2;
     double way = travelled(sim, fabs(sim->to_deg - sim->from_deg), t, &speed);
     *ret_speed = sign * speed;
     return sim->from_deg + sign * way;
@@ -189,10 +190,10 @@ static void finish(Axis *axis) {
     if (sim->phase == HOMING)
         sim->slack_deg = 0;
     sim->phase = STANDING;
-    if (event == AXIS_ARRIVED && sim->settle_ms > 0 && sim->ringing_deg > 0) {
+    if (event == AXIS_ARRIVED && sim->motion.settle_ms > 0 && sim->ringing_deg > 0) {
         sim->phase = RINGING;
         tell_world(sim, sim->ringing_deg);
-        wake_at(axis, clock_now_us(axis->device.clock) + to_us(sim->settle_ms / 1000));
+        wake_at(axis, clock_now_us(axis->device.clock) + to_us(sim->motion.settle_ms / 1000));
     } else {
         tell_world(sim, 0);
     }
@@ -247,7 +248,8 @@ static gboolean home(Axis *axis, GError **error) {
 
 static gboolean move(Axis *axis, double target_deg, GError **error) {
     struct sim_axis *sim = axis->device.priv;
-    double d = fabs(target_deg - sim->position_deg), v = sim->speed_deg_s, a = sim->accel_deg_s2;
+    double d = fabs(target_deg - sim->position_deg), v = sim->motion.speed_deg_s,
+           a = sim->motion.accel_deg_s2;
     sim->stalls = ++sim->n_moves == sim->fault_stall_at;
     start(axis, MOVING, target_deg, d >= v * v / a ? d / v + v / a : 2 * sqrt(d / a));
     return TRUE;
@@ -255,7 +257,7 @@ static gboolean move(Axis *axis, double target_deg, GError **error) {
 
 static gboolean stop(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
-    double speed, a = sim->accel_deg_s2;
+    double speed, a = sim->motion.accel_deg_s2;
     if (sim->phase == HOMING) { /* so slow that it stands at once */
         sim->slack_deg = 0;
         start(axis, BRAKING, sim->position_deg, 0);
@@ -299,23 +301,16 @@ static gboolean find_part(Axis *axis, GError **error) {
 
 static gboolean open_axis(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
-    if (!sim->wraps && (sim->home_deg < sim->min_deg || sim->home_deg > sim->max_deg)) {
+    if (!sim->motion.wraps &&
+        (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg)) {
         g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
                     "axis %s: home_deg: %g lies outside min_deg to max_deg, %g to %g",
-                    axis->device.name, sim->home_deg, sim->min_deg, sim->max_deg);
+                    axis->device.name, sim->home_deg, sim->motion.min_deg, sim->motion.max_deg);
         return FALSE;
     }
     if (!find_part(axis, error))
         return FALSE;
-    axis->motion = (struct axis_motion){
-        .min_deg = sim->min_deg,
-        .max_deg = sim->max_deg,
-        .wraps = sim->wraps,
-        .speed_deg_s = sim->speed_deg_s,
-        .accel_deg_s2 = sim->accel_deg_s2,
-        .backlash_deg = sim->backlash_deg,
-        .settle_s = sim->settle_ms / 1000,
-    };
+    axis->motion = sim->motion;
     return TRUE;
 }
 

@@ -125,7 +125,7 @@ static void go(Axis *axis, struct heard *heard, double to_deg) {
 
 /* Worked out by hand: v = 10, a = 10, so that the ramps together take 10° and 2 s. */
 static void test_move_time(void) {
-    struct axis_motion m = {-100, 100, FALSE, 10, 10, 0, 0.5};
+    struct axis_motion m = {-100, 100, FALSE, 10, 10, 0, 500};
     g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 0, 20), 3.5, 1e-12);
     g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 0, 10), 2.5, 1e-12);
     g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 0, 2.5), 1.5, 1e-12);
@@ -168,7 +168,7 @@ struct silent_axis {
 };
 
 static gboolean silent_open(Axis *axis, GError **error) {
-    axis->motion = (struct axis_motion){-50, 50, FALSE, 10, 10, 2, 0.5};
+    axis->motion = (struct axis_motion){-50, 50, FALSE, 10, 10, 2, 500};
     return TRUE;
 }
 

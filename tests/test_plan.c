@@ -48,12 +48,12 @@ static struct rig rig_of(const double *theta_deg, int n) {
 
 static struct rig_timing timing_of(double warm_up_s) {
     struct rig_timing t = {
-        .turntable = {0, 360, TRUE, 60, 120, 0.05, 0.15},
-        .arc = {0, 360, TRUE, 45, 60, 0.1, 0.2},
+        .turntable = {0, 360, TRUE, 60, 120, 0.05, 150},
+        .arc = {0, 360, TRUE, 45, 60, 0.1, 200},
     };
 
     for (int i = 0; i < RIG_MAX_LAMPS; i++) {
-        t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 0.01};
+        t.sweep[i] = (struct axis_motion){-15, 15, FALSE, 30, 400, 0, 10};
         t.lamp_warm_up_s[i] = warm_up_s;
         t.laser_warm_up_s[i] = 0.1;
         t.readout_us[i] = 40000;
@@ -508,7 +508,7 @@ static struct axis_motion random_motion(GRand *rand, gboolean wraps) {
                                 g_rand_double_range(rand, 5, 90),
                                 g_rand_double_range(rand, 10, 200),
                                 g_rand_boolean(rand) ? g_rand_double_range(rand, 0, 1) : 0,
-                                g_rand_double_range(rand, 0, 0.5)};
+                                g_rand_double_range(rand, 0, 500)};
 }
 
 static struct rig_timing random_timing(GRand *rand) {

@@ -20,8 +20,8 @@ struct number { /* a register, or two */
 
 struct modbus_axis {
     struct modbus_link link;
-    gboolean wraps;
-    double min_deg, max_deg, speed_deg_s, accel_deg_s2, backlash_deg, settle_ms, home_deg;
+    struct axis_motion motion;
+    double home_deg;
     double steps_per_deg, tolerance_deg, speed_scale, accel_scale;
     struct number target, position, speed, accel;
     int word_order, read_with, status_address;
@@ -47,17 +47,20 @@ static const char *const kind_choices[] = {"holding", "input", NULL};
 
 static const struct option options[] = {
     MODBUS_LINK_OPTIONS,
-    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(wraps),
+    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(motion.wraps),
      "Turns on without end, so that it has no limits and goes the short way"},
-    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(min_deg), "Lower limit"},
-    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(max_deg), "Upper limit"},
-    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, NULL, NULL, FIELD(speed_deg_s),
+    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(motion.min_deg),
+     "Lower limit"},
+    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(motion.max_deg),
+     "Upper limit"},
+    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, NULL, NULL, FIELD(motion.speed_deg_s),
      "Top speed; written to speed_register, or else as the drive is set"},
-    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, NULL, NULL, FIELD(accel_deg_s2),
+    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, NULL, NULL,
+     FIELD(motion.accel_deg_s2),
      "Acceleration; written to accel_register, or else as the drive is set"},
-    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(backlash_deg),
+    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(motion.backlash_deg),
      "Taken up by always arriving in the positive direction; home the drive in it too"},
-    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(settle_ms),
+    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(motion.settle_ms),
      "How long the load swings after arrival"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Where the axis is when the drive counts 0, as it does after homing"},
@@ -463,14 +466,14 @@ static gboolean check_options(const Axis *axis, GError **error) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "steps_per_deg", "must not be 0");
         return FALSE;
     }
-    if (!priv->wraps && priv->min_deg >= priv->max_deg) {
+    if (!priv->motion.wraps && priv->motion.min_deg >= priv->motion.max_deg) {
         config_set_error(error, CONFIG_ERROR_VALUE, section, "min_deg",
-                         "%g is not below max_deg, %g", priv->min_deg, priv->max_deg);
+                         "%g is not below max_deg, %g", priv->motion.min_deg, priv->motion.max_deg);
         return FALSE;
     }
-    return check_range(axis, "speed_scale", priv->speed_deg_s * priv->speed_scale, priv->speed.bits,
-                       error) &&
-           check_range(axis, "accel_scale", priv->accel_deg_s2 * priv->accel_scale,
+    return check_range(axis, "speed_scale", priv->motion.speed_deg_s * priv->speed_scale,
+                       priv->speed.bits, error) &&
+           check_range(axis, "accel_scale", priv->motion.accel_deg_s2 * priv->accel_scale,
                        priv->accel.bits, error) &&
            check_writes(axis, "setup", priv->setup, FALSE, error) &&
            check_writes(axis, "start", priv->start, TRUE, error) &&
@@ -486,9 +489,10 @@ static gboolean greet(Axis *axis, GError **error) {
     struct modbus_job job = {0};
     add_writes(&job, priv->setup);
     if (priv->speed.address >= 0)
-        add_number(priv, &job, &priv->speed, llround(priv->speed_deg_s * priv->speed_scale));
+        add_number(priv, &job, &priv->speed, llround(priv->motion.speed_deg_s * priv->speed_scale));
     if (priv->accel.address >= 0)
-        add_number(priv, &job, &priv->accel, llround(priv->accel_deg_s2 * priv->accel_scale));
+        add_number(priv, &job, &priv->accel,
+                   llround(priv->motion.accel_deg_s2 * priv->accel_scale));
     add_poll(priv, &job);
     if (!modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, error)) {
         g_prefix_error(error, "axis %s: ", axis->device.name);
@@ -510,15 +514,7 @@ static gboolean open_axis(Axis *axis, GError **error) {
         g_clear_pointer(&priv->bus, modbus_bus_unref);
         return FALSE;
     }
-    axis->motion = (struct axis_motion){
-        .min_deg = priv->min_deg,
-        .max_deg = priv->max_deg,
-        .wraps = priv->wraps,
-        .speed_deg_s = priv->speed_deg_s,
-        .accel_deg_s2 = priv->accel_deg_s2,
-        .backlash_deg = priv->backlash_deg,
-        .settle_s = priv->settle_ms / 1000,
-    };
+    axis->motion = priv->motion;
     poll_later(axis);
     return TRUE;
 }

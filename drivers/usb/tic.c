@@ -67,9 +67,8 @@ enum homing { HOMING_REVERSE, HOMING_FORWARD, HOMING_HERE };
 
 struct tic {
     char *serial, *path;
-    double steps_per_deg, min_deg, max_deg, speed_deg_s, accel_deg_s2;
-    double backlash_deg, settle_ms, home_deg;
-    gboolean wraps;
+    struct axis_motion motion;
+    double steps_per_deg, home_deg;
     int homing, poll_ms;
 
     UsbDevice *usb;
@@ -102,17 +101,19 @@ static const struct option options[] = {
      "Where it is plugged in: bus-port, with .port at each hub, as in 1-2.4"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
      "Microsteps in a degree of the axis, its gear included"},
-    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(wraps),
+    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(motion.wraps),
      "Turns on without end, so that it has no limits and goes the short way"},
-    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(min_deg), "Lower limit"},
-    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(max_deg), "Upper limit"},
-    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "20", NULL, FIELD(speed_deg_s),
+    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(motion.min_deg),
+     "Lower limit"},
+    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(motion.max_deg),
+     "Upper limit"},
+    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "20", NULL, FIELD(motion.speed_deg_s),
      "Top speed"},
-    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "40", NULL, FIELD(accel_deg_s2),
-     "Acceleration, also to stop"},
-    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(backlash_deg),
+    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "40", NULL,
+     FIELD(motion.accel_deg_s2), "Acceleration, also to stop"},
+    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(motion.backlash_deg),
      "Lost motion, taken up by always arriving from below"},
-    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(settle_ms),
+    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(motion.settle_ms),
      "From arrival until the load is still"},
     {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
      "Towards which limit switch it homes; here: no switch, where it stands becomes home_deg"},
@@ -346,11 +347,11 @@ static void wake(Axis *axis) {
 }
 
 static gint32 speed_units(const struct tic *tic) {
-    return (gint32)MAX(1, llround(tic->speed_deg_s * tic->steps_per_deg * SPEED_UNITS));
+    return (gint32)MAX(1, llround(tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS));
 }
 
 static gint32 accel_units(const struct tic *tic) {
-    return (gint32)llround(tic->accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
+    return (gint32)llround(tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS);
 }
 
 static void started(Axis *axis, enum phase phase) {
@@ -519,8 +520,8 @@ static gboolean connect_usb(Axis *axis, GError **error) {
 
 static gboolean check_options(const Axis *axis, GError **error) {
     const struct tic *tic = axis->device.priv;
-    double speed = tic->speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
-    double accel = tic->accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
+    double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
+    double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
     if (speed <= MAX_SPEED && accel >= MIN_ACCEL && accel <= MAX_STEPS)
         return TRUE;
     g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
@@ -535,15 +536,7 @@ static gboolean open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!check_options(axis, error) || !connect_usb(axis, error))
         return FALSE;
-    axis->motion = (struct axis_motion){
-        .min_deg = tic->min_deg,
-        .max_deg = tic->max_deg,
-        .wraps = tic->wraps,
-        .speed_deg_s = tic->speed_deg_s,
-        .accel_deg_s2 = tic->accel_deg_s2,
-        .backlash_deg = tic->backlash_deg,
-        .settle_s = tic->settle_ms / 1000,
-    };
+    axis->motion = tic->motion;
     return TRUE;
 }
 
