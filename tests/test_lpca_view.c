@@ -1,7 +1,7 @@
 /* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
+#include "gpu_fixture.h"
 #include "processing/lpca.h"
 #include "renderer/directions.h"
-#include "renderer/gpu.h"
 #include "renderer/lpca_grid.h"
 #include "renderer/lpca_view.h"
 #include "renderer/scene.h"
@@ -257,21 +257,6 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     compare_picture(&scene, view, &settings);
     mesh_free(mesh);
     lpca_free(lpca);
-}
-
-struct fixture {
-    Gpu *gpu;
-};
-
-static void set_up(struct fixture *f, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    f->gpu = gpu_new_headless(&error);
-    if (f->gpu == NULL)
-        g_test_skip(error->message);
-}
-
-static void tear_down(struct fixture *f, gconstpointer data) {
-    gpu_free(f->gpu);
 }
 
 static void test_formula(struct fixture *f, gconstpointer data) {

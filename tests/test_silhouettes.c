@@ -1,6 +1,6 @@
 /* Silhouettes and shadows of a material's structure: against closed forms, and against displaced
  * geometry that is ray traced. */
-#include "renderer/gpu.h"
+#include "gpu_fixture.h"
 #include "renderer/mesh_shape.h"
 #include "silhouettes.h"
 #include "world_fixture.h"
@@ -9,21 +9,6 @@
 
 #define W 320
 #define H 240
-
-struct fixture {
-    Gpu *gpu;
-};
-
-static void set_up(struct fixture *f, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    f->gpu = gpu_new_headless(&error);
-    if (f->gpu == NULL)
-        g_test_skip(error->message);
-}
-
-static void tear_down(struct fixture *f, gconstpointer data) {
-    gpu_free(f->gpu);
-}
 
 /* A diffuser: one term, cos θ at three lights. */
 static struct eigenmaps *grey(void) {

@@ -1,10 +1,9 @@
 /* A session through USB and V4L2 alone: the small rig's axes are Tics, its lamps and lasers hang on
  * relay boards, its cameras are V4L2's, all over one world, and the programs capture it in real
  * time. Its frames and products are those of the simulated drivers, but for the noise. */
-#include "session_difference.h"
+#include "twin_sessions.h"
 
 #include "drivers/config.h"
-#include "processing/session.h"
 #include "sim/virtual/testbed.h"
 #include "sim/virtual/usb_relays.h"
 #include "sim/virtual/usb_tic.h"
@@ -18,8 +17,6 @@
 #define STEPS_PER_DEG 500
 #define MAX_EACH      4
 
-static char *top;
-
 struct rig {
     World *world;
     VirtualTic *tics[MAX_EACH];
@@ -28,10 +25,6 @@ struct rig {
     int n_tics, n_lasers, n_cameras;
     GString *text;
 };
-
-static char *in_top(const char *name) {
-    return g_build_filename(top, name, NULL);
-}
 
 static GSubprocess *starts(GSubprocessFlags flags, const char *const *argv) {
     g_autoptr(GError) error = NULL;
@@ -182,28 +175,6 @@ static void capture_simulated(const char *name, const char *seed) {
     runs((const char *[]){BIN("mesorig"), "capture", rig, SMALL "session.conf", "-o", session,
                           NULL});
     runs((const char *[]){BIN("mesorig"), "process", session, NULL});
-}
-
-static struct difference compare(const char *a, const char *b, const char *folder, gboolean holes) {
-    struct difference difference;
-    g_autofree char *in_a = in_top(a), *in_b = in_top(b);
-    g_autoptr(GError) error = NULL;
-    difference_folder(in_a, in_b, folder, holes, &difference, &error);
-    g_assert_no_error(error);
-    g_assert_cmpint(difference.n_values, >, 0);
-    g_test_message("%s and %s, %s: RMS %.5f, mean %+.5f, seen differently %.4f", a, b, folder,
-                   difference.rms, difference.systematic, difference.seen_differently);
-    return difference;
-}
-
-static double value(const char *name, const char *key) {
-    g_autofree char *path = in_top(name);
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
-    g_assert_no_error(error);
-    g_autofree char *text = session_value(session, key);
-    g_assert_nonnull(text);
-    return g_ascii_strtod(text, NULL);
 }
 
 static void test_session(void) {

@@ -1,9 +1,8 @@
 /* A session through real protocols: mesorig-rig stands for the small rig, 1 % of its cameras'
  * packets lost, and the programs capture it in real time. Its frames and products are those of the
  * simulated drivers, but for the noise. */
-#include "session_difference.h"
+#include "twin_sessions.h"
 
-#include "processing/session.h"
 #include "sim/virtual/rig.h"
 
 #include <gio/gio.h>
@@ -13,12 +12,6 @@
 
 #define SMALL  SOURCE_DIR "/tests/small/"
 #define BIN(x) BUILD_DIR "/bin/" x
-
-static char *top;
-
-static char *in_top(const char *name) {
-    return g_build_filename(top, name, NULL);
-}
 
 static char *text_of(const char *path) {
     char *text = NULL;
@@ -113,29 +106,6 @@ static void capture_virtual(const char *name) {
     ends(daemon);
     ends(devices);
     g_assert_false(g_file_test(rig, G_FILE_TEST_EXISTS));
-}
-
-static struct difference compare(const char *a, const char *b, const char *folder, gboolean holes) {
-    struct difference difference;
-    g_autofree char *in_a = in_top(a), *in_b = in_top(b);
-    g_autoptr(GError) error = NULL;
-    difference_folder(in_a, in_b, folder, holes, &difference, &error);
-    g_assert_no_error(error);
-    g_assert_cmpint(difference.n_files, >, 0);
-    g_assert_cmpint(difference.n_values, >, 0);
-    g_test_message("%s and %s, %s: RMS %.5f, mean %+.5f, seen differently %.4f", a, b, folder,
-                   difference.rms, difference.systematic, difference.seen_differently);
-    return difference;
-}
-
-static double value(const char *name, const char *key) {
-    g_autofree char *path = in_top(name);
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
-    g_assert_no_error(error);
-    g_autofree char *text = session_value(session, key);
-    g_assert_nonnull(text);
-    return g_ascii_strtod(text, NULL);
 }
 
 static void through_real_protocols(void) {

@@ -5,8 +5,8 @@
  */
 #pragma once
 
+#include "gpu_fixture.h"
 #include "processing/exr.h"
-#include "renderer/gpu.h"
 #include "renderer/scene.h"
 #include "renderer/view.h"
 
@@ -205,21 +205,6 @@ static void compare(const struct check *c, double tolerance, int at_least) {
     g_assert_cmpint(n, >=, at_least);
     g_assert_cmpint(wrong_texel, <=, n / 500);
     g_assert_cmpint(wrong, <=, n / 500);
-}
-
-struct fixture {
-    Gpu *gpu;
-};
-
-static void set_up(struct fixture *f, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    f->gpu = gpu_new_headless(&error);
-    if (f->gpu == NULL)
-        g_test_skip(error->message);
-}
-
-static void tear_down(struct fixture *f, gconstpointer data) {
-    gpu_free(f->gpu);
 }
 
 static View *make_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {

@@ -7,6 +7,7 @@
  * GigE Vision: from a trigger to the whole picture, against bare GVCP and GVSP on plain sockets.
  */
 #include "devices_gige.h"
+#include "quantile.h"
 
 #include "tests/modbus_rig.h"
 
@@ -21,16 +22,6 @@ struct result {
     double raw, line, start; /* µs, medians */
     double raw_p99, line_p99, start_p99;
 };
-
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double quantile(double *values, int n, double q) {
-    qsort(values, (gsize)n, sizeof *values, by_value);
-    return values[(int)(q * (n - 1))];
-}
 
 static void check(GError *error) {
     if (!error)

@@ -2,6 +2,7 @@
  * directions: time a frame, and how far the pictures differ. On a torus of a material made up of
  * glossy lobes on 81 × 81 directions, or of a file. */
 #include "processing/lpca.h"
+#include "quantile.h"
 #include "renderer/gpu.h"
 #include "renderer/lpca_grid.h"
 #include "renderer/lpca_view.h"
@@ -10,7 +11,6 @@
 
 #include <locale.h>
 #include <math.h>
-#include <stdlib.h>
 
 #define TEXELS   64
 #define CLUSTERS 32
@@ -91,11 +91,6 @@ static struct lpca *make_lpca(int n_components) {
     return p;
 }
 
-static int by_value(gconstpointer a, gconstpointer b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Median milliseconds a frame, camera and light moving. */
 static gboolean time_frames(View *view, int frames, double *ret_ms, GError **error) {
     struct view_settings s = view_settings_default;
@@ -113,8 +108,7 @@ static gboolean time_frames(View *view, int frames, double *ret_ms, GError **err
         ms[MAX(k, 0)] = (double)(g_get_monotonic_time() - start) * 1e-3;
     }
     gpu_target_clear(&target);
-    qsort(ms, frames, sizeof(double), by_value);
-    *ret_ms = ms[frames / 2];
+    *ret_ms = quantile(ms, frames, 0.5);
     return good;
 }
 

@@ -14,6 +14,7 @@
 #include "drivers/usb/usb.h"
 #include "drivers/v4l2/stream.h"
 #include "drivers/v4l2/v4l2.h"
+#include "quantile.h"
 #include "sim/virtual/testbed.h"
 #include "sim/virtual/usb_relays.h"
 #include "sim/virtual/usb_tic.h"
@@ -32,16 +33,6 @@
 #define WIDTH       1024
 #define HEIGHT      768
 #define EXPOSURE_US 2000
-
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double quantile(double *values, int n, double q) {
-    qsort(values, (gsize)n, sizeof *values, by_value);
-    return values[(int)(q * (n - 1))];
-}
 
 static void check(GError *error) {
     if (!error)

@@ -1,4 +1,5 @@
 #include "devices_gige.h"
+#include "quantile.h"
 
 #include "tests/gige_rig.h"
 
@@ -31,16 +32,6 @@ struct bare { /* a client that knows nothing but the protocol */
     int control, stream;
     guint16 id;
 };
-
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double quantile(double *values, int n, double q) {
-    qsort(values, (gsize)n, sizeof *values, by_value);
-    return values[(int)(q * (n - 1))];
-}
 
 static void put32(guint8 *to, guint32 value) {
     value = htonl(value);
