@@ -119,3 +119,36 @@ struct lpca *lpca_read_level(const char *path, int level, GError **error) {
     exr_file_free(file);
     return lpca;
 }
+
+/* Moves the parts of a level out of the file. */
+static struct exr_file *take_level(struct exr_file *file, int level) {
+    struct exr_file *one = exr_file_new();
+    g_autofree char *prefix = g_strdup_printf("mip%d.", level);
+    for (guint i = 0; i < file->parts->len;) {
+        const struct exr_part *part = file->parts->pdata[i];
+        if (level == 0 ? g_str_has_prefix(part->name, "mip")
+                       : !g_str_has_prefix(part->name, prefix))
+            i++;
+        else
+            exr_file_add(one, g_ptr_array_steal_index(file->parts, i));
+    }
+    keep_level(one, level);
+    return one;
+}
+
+int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    const int n = file ? count_levels(file) : 0;
+    int level = 0;
+    for (; level < n; level++) {
+        struct exr_file *one = take_level(file, level);
+        ret_levels[level] = lpca_from_exr(one, path, error);
+        exr_file_free(one);
+        if (!ret_levels[level])
+            break;
+    }
+    exr_file_free(file);
+    while (level < n && level > 0)
+        lpca_free(ret_levels[--level]);
+    return level;
+}

@@ -15,3 +15,6 @@ gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, 
 /* How many there are, 1 at least; 0 with an error if the file cannot be read. */
 int lpca_count_levels(const char *path, GError **error);
 struct lpca *lpca_read_level(const char *path, int level, GError **error);
+
+/* All of them, at one reading: how many, or 0 with an error. */
+int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error);

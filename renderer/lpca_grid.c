@@ -117,26 +117,34 @@ static int fitting(const struct lpca *lpca) {
     return n;
 }
 
-LpcaGrid *lpca_grid_new(const struct lpca *lpca, int n_grid, GError **error) {
-    g_autoptr(LpcaGrid) grid = g_new0(LpcaGrid, 1);
+static gboolean make(LpcaGrid *grid, const struct lpca_pyramid *pyramid, int n_grid,
+                     GError **error) {
+    const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
-    if (!lpca_texels_check(lpca, error))
-        return NULL;
     grid->n = n_grid ? n_grid : fitting(lpca);
     if (grid->n < LEAST || grid->n > 1000) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "a grid of %d samples each way: 2 … 1000",
                     grid->n);
-        return NULL;
+        return FALSE;
     }
     const int cells = grid->n * grid->n;
     if (!lpca_stack_init(&grid->stack, lpca->n_clusters, (cells + 1) * (lpca->n_components + 1),
                          cells, "compress with fewer components or clusters, or draw with lpca",
                          error) ||
         !lpca_directions_init(&directions, lpca, error))
-        return NULL;
-    const gboolean ok =
-        lpca_texels_init(&grid->texels, lpca, error) && upload(grid, lpca, &directions, error);
+        return FALSE;
+    const gboolean ok = lpca_texels_init(&grid->texels, pyramid, NULL, error) &&
+                        upload(grid, lpca, &directions, error);
     lpca_directions_clear(&directions);
+    return ok;
+}
+
+LpcaGrid *lpca_grid_new(struct lpca *const *levels, int n, int n_grid, GError **error) {
+    g_autoptr(LpcaGrid) grid = g_new0(LpcaGrid, 1);
+    struct lpca_pyramid pyramid;
+    const gboolean ok =
+        lpca_pyramid_init(&pyramid, levels, n, error) && make(grid, &pyramid, n_grid, error);
+    lpca_pyramid_clear(&pyramid);
     return ok ? g_steal_pointer(&grid) : NULL;
 }
 
@@ -158,11 +166,12 @@ static void bind_all(gpointer material, guint program, gboolean nearest) {
     glUniform1i(glGetUniformLocation(program, "clusters_a_layer"), grid->stack.clusters_a_layer);
 }
 
+static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
+    return lpca_grid_new(levels, n, 0, error);
+}
+
 static gpointer open_file(const char *path, GError **error) {
-    struct lpca *lpca = lpca_read(path, error);
-    LpcaGrid *grid = lpca != NULL ? lpca_grid_new(lpca, 0, error) : NULL;
-    lpca_free(lpca);
-    return grid;
+    return lpca_open_levels(path, open_levels, error);
 }
 
 static void free_grid(gpointer material) {

@@ -4,6 +4,7 @@
 
 #include <epoxy/gl.h>
 #include <math.h>
+#include <string.h>
 
 #define HALF_MAX 65504.0f
 
@@ -17,7 +18,7 @@ static gboolean all_finite(const float *values, gsize n, const char *what, GErro
     return TRUE;
 }
 
-gboolean lpca_texels_check(const struct lpca *lpca, GError **error) {
+static gboolean check_one(const struct lpca *lpca, GError **error) {
     const gsize texels = (gsize)lpca->width * lpca->height;
     const gsize brdf = 3 * (gsize)lpca->n_views * lpca->n_lights;
     if (lpca->n_views < 1 || lpca->n_lights < 1 || texels < 1 || lpca->n_clusters < 1) {
@@ -44,27 +45,153 @@ gboolean lpca_texels_check(const struct lpca *lpca, GError **error) {
                       "eigen-BRDF value", error);
 }
 
-gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca *lpca, GError **error) {
+static gboolean same_directions(const struct lpca *a, const struct lpca *b) {
+    const gsize views = sizeof(float) * a->n_views, lights = sizeof(float) * a->n_lights;
+    return a->n_views == b->n_views && a->n_lights == b->n_lights && a->n_grid == b->n_grid &&
+           memcmp(a->view_theta_deg, b->view_theta_deg, views) == 0 &&
+           memcmp(a->view_phi_deg, b->view_phi_deg, views) == 0 &&
+           memcmp(a->light_theta_deg, b->light_theta_deg, lights) == 0 &&
+           memcmp(a->light_phi_deg, b->light_phi_deg, lights) == 0;
+}
+
+static gboolean check_levels(struct lpca *const *levels, int n, GError **error) {
+    for (int k = 0; k < n; k++) {
+        if (!check_one(levels[k], error)) {
+            if (k > 0)
+                g_prefix_error(error, "mip level %d: ", k);
+            return FALSE;
+        }
+        if (k > 0 && (levels[k]->width != MAX(1, levels[0]->width >> k) ||
+                      levels[k]->height != MAX(1, levels[0]->height >> k) ||
+                      !same_directions(levels[0], levels[k]))) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "mip level %d has %d × %d texels and %d × %d directions, which does not "
+                        "fit level 0; compress the material anew",
+                        k, levels[k]->width, levels[k]->height, levels[k]->n_views,
+                        levels[k]->n_lights);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
+/* Components that a level lacks are 0, with weight 0. */
+static void join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
+    const gsize size = 3 * (gsize)joined->n_views * joined->n_lights;
+    const gsize tables = joined->n_components + 1;
+    joined->brdfs = g_new0(float, size *tables * joined->n_clusters);
+    joined->scales = g_new(float, tables * joined->n_clusters);
+    for (gsize k = 0; k < tables * joined->n_clusters; k++)
+        joined->scales[k] = 1;
+    for (int n = 0; n < pyramid->n_levels; n++) {
+        const struct lpca *level = pyramid->levels[n];
+        const gsize own = level->n_components + 1;
+        for (int k = 0; k < level->n_clusters; k++) {
+            const gsize to = tables * (pyramid->first[n] + k);
+            memcpy(joined->brdfs + size * to, level->brdfs + size * own * k,
+                   sizeof(float) * size * own);
+            memcpy(joined->scales + to, level->scales + own * k, sizeof(float) * own);
+        }
+    }
+}
+
+gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
+                           GError **error) {
+    *pyramid = (struct lpca_pyramid){.lpca = levels[0], .n_levels = n};
+    if (!check_levels(levels, n, error))
+        return FALSE;
+    int n_clusters = 0, n_components = 0;
+    for (int k = 0; k < n; k++) {
+        pyramid->levels[k] = levels[k];
+        pyramid->first[k] = n_clusters;
+        n_clusters += levels[k]->n_clusters;
+        n_components = MAX(n_components, levels[k]->n_components);
+    }
+    if (n_clusters > G_MAXUINT16) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d clusters in all mip levels; compress with fewer", n_clusters);
+        return FALSE;
+    }
+    if (n == 1)
+        return TRUE;
+    pyramid->lpca = g_memdup2(levels[0], sizeof(struct lpca)); /* all else is borrowed */
+    pyramid->owned = TRUE;
+    pyramid->lpca->n_clusters = n_clusters;
+    pyramid->lpca->n_components = n_components;
+    join_brdfs(pyramid->lpca, pyramid);
+    return TRUE;
+}
+
+void lpca_pyramid_clear(struct lpca_pyramid *pyramid) {
+    if (pyramid->owned) {
+        g_free(pyramid->lpca->brdfs);
+        g_free(pyramid->lpca->scales);
+        g_free(pyramid->lpca);
+    }
+    *pyramid = (struct lpca_pyramid){0};
+}
+
+gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
+    struct lpca *levels[LPCA_MAX_LEVELS];
+    const int n = lpca_read_levels(path, levels, error);
+    gpointer view = n > 0 ? make(levels, n, error) : NULL;
+    for (int k = 0; k < n; k++)
+        lpca_free(levels[k]);
+    return view;
+}
+
+static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
+    const struct lpca *lpca = pyramid->levels[level];
     const gsize n = (gsize)lpca->width * lpca->height;
-    const int pages = MAX(1, (lpca->n_components + 3) / 4);
     g_autofree guint16 *clusters = g_new(guint16, n);
-    g_autofree float *page = g_new(float, 4 * n);
     for (gsize k = 0; k < n; k++)
-        clusters[k] = (guint16)lpca->clusters[k];
-    texels->n_components = lpca->n_components;
-    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    texels->clusters = gpu_texture(GL_R16UI, lpca->width, lpca->height, 0);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, lpca->width, lpca->height, GL_RED_INTEGER,
-                    GL_UNSIGNED_SHORT, clusters);
-    texels->weights = gpu_texture(GL_RGBA32F, lpca->width, lpca->height, pages);
+        clusters[k] = (guint16)(pyramid->first[level] + lpca->clusters[k]);
+    glTexImage2D(GL_TEXTURE_2D, level, GL_R16UI, lpca->width, lpca->height, 0, GL_RED_INTEGER,
+                 GL_UNSIGNED_SHORT, clusters);
+}
+
+static void upload_weights(const struct lpca_pyramid *pyramid, const float *scales, int level,
+                           int pages) {
+    const struct lpca *lpca = pyramid->levels[level];
+    const gsize n = (gsize)lpca->width * lpca->height;
+    const int tables = pyramid->lpca->n_components + 1;
+    g_autofree float *page = g_new(float, 4 * n);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_RGBA32F, lpca->width, lpca->height, pages, 0,
+                 GL_RGBA, GL_FLOAT, NULL);
     for (int p = 0; p < pages; p++) {
         for (gsize k = 0; k < 4 * n; k++) {
             const int i = 4 * p + (int)(k % 4);
+            const int cluster = pyramid->first[level] + lpca->clusters[k / 4];
             page[k] = i < lpca->n_components ? lpca->weights[k / 4 * lpca->n_components + i] : 0;
+            page[k] *= scales && i + 1 < tables ? scales[(gsize)cluster * tables + i + 1] : 1;
         }
-        glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, p, lpca->width, lpca->height, 1, GL_RGBA,
+        glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, p, lpca->width, lpca->height, 1, GL_RGBA,
                         GL_FLOAT, page);
     }
+}
+
+/* Texels are fetched, never filtered; complete with these levels. */
+static guint mipmapped(GLenum target, int n_levels) {
+    GLuint texture;
+    glGenTextures(1, &texture);
+    glBindTexture(target, texture);
+    glTexParameteri(target, GL_TEXTURE_MAX_LEVEL, n_levels - 1);
+    glTexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
+    glTexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return texture;
+}
+
+gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid *pyramid,
+                          const float *scales, GError **error) {
+    texels->n_components = pyramid->lpca->n_components;
+    texels->n_levels = pyramid->n_levels;
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    texels->clusters = mipmapped(GL_TEXTURE_2D, texels->n_levels);
+    for (int level = 0; level < texels->n_levels; level++)
+        upload_clusters(pyramid, level);
+    texels->weights = mipmapped(GL_TEXTURE_2D_ARRAY, texels->n_levels);
+    for (int level = 0; level < texels->n_levels; level++)
+        upload_weights(pyramid, scales, level, MAX(1, (texels->n_components + 3) / 4));
     return gpu_check("the weights' texture", error);
 }
 
@@ -82,6 +209,7 @@ void lpca_texels_bind(const struct lpca_texels *texels, guint program, gboolean 
     glUniform1i(glGetUniformLocation(program, "weights"), 1);
     glUniform1i(glGetUniformLocation(program, "clusters"), 2);
     glUniform1i(glGetUniformLocation(program, "n_components"), texels->n_components);
+    glUniform1i(glGetUniformLocation(program, "n_levels"), texels->n_levels);
     glUniform1i(glGetUniformLocation(program, "nearest"), nearest);
 }
 

@@ -4,16 +4,38 @@
 
 #include "directions.h"
 #include "processing/lpca.h"
+#include "processing/lpca_levels.h"
+
+/* A local PCA and its mip levels understood as one: level 0, with the eigen-BRDFs of all levels'
+ * clusters one after the other. */
+struct lpca_pyramid {
+    struct lpca *lpca;
+    gboolean owned; /* not levels[0] itself */
+    int n_levels;
+    const struct lpca *levels[LPCA_MAX_LEVELS]; /* borrowed; their clusters are counted from */
+    int first[LPCA_MAX_LEVELS];                 /* this one */
+};
+
+/* Whether everything in them is there and finite, and they fit together: each with half the texels
+ * of the one before, all with the same directions. levels are to outlive it. */
+gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
+                           GError **error);
+void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
+
+/* The method's open: reads all levels of a file and has make (of the method) put them on the card,
+ * which gets them borrowed. */
+typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
+gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
 
 struct lpca_texels {
-    int n_components;
+    int n_components, n_levels;
     guint weights, clusters;
 };
 
-/* Whether everything in it is there and finite. */
-gboolean lpca_texels_check(const struct lpca *lpca, GError **error);
-
-gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca *lpca, GError **error);
+/* scales: NULL, or what the weights of each cluster are multiplied by, n_clusters ×
+ * (n_components + 1) as in struct lpca. */
+gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid *pyramid,
+                          const float *scales, GError **error);
 void lpca_texels_clear(struct lpca_texels *texels);
 
 /* To units 1 and 2 of a program in use. */

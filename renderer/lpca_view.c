@@ -67,21 +67,29 @@ static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca,
     return gpu_check("the eigen-BRDFs' texture", error);
 }
 
-LpcaView *lpca_view_new(const struct lpca *lpca, GError **error) {
-    g_autoptr(LpcaView) view = g_new0(LpcaView, 1);
+static gboolean make(LpcaView *view, const struct lpca_pyramid *pyramid, GError **error) {
+    const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
-    if (!lpca_texels_check(lpca, error) ||
-        !lpca_stack_init(&view->stack, lpca->n_clusters,
+    if (!lpca_stack_init(&view->stack, lpca->n_clusters,
                          (lpca->n_lights + 2) * (lpca->n_components + 1), lpca->n_views + 1,
                          "compress with fewer components or clusters", error) ||
         !lpca_directions_init(&directions, lpca, error))
-        return NULL;
+        return FALSE;
     view->ambient_column = lpca->n_lights + 1;
     view->views = direction_table_new(directions.views, FALSE);
     view->lights = direction_table_new(directions.lights, TRUE);
-    const gboolean ok = lpca_texels_init(&view->texels, lpca, error) &&
+    const gboolean ok = lpca_texels_init(&view->texels, pyramid, NULL, error) &&
                         upload_brdfs(view, lpca, &directions, error);
     lpca_directions_clear(&directions);
+    return ok;
+}
+
+LpcaView *lpca_view_new(struct lpca *const *levels, int n, GError **error) {
+    g_autoptr(LpcaView) view = g_new0(LpcaView, 1);
+    struct lpca_pyramid pyramid;
+    const gboolean ok =
+        lpca_pyramid_init(&pyramid, levels, n, error) && make(view, &pyramid, error);
+    lpca_pyramid_clear(&pyramid);
     return ok ? g_steal_pointer(&view) : NULL;
 }
 
@@ -112,11 +120,12 @@ static void bind_all(gpointer material, guint program, gboolean nearest) {
     set_int(program, "ambient_column", view->ambient_column);
 }
 
+static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
+    return lpca_view_new(levels, n, error);
+}
+
 static gpointer open_file(const char *path, GError **error) {
-    struct lpca *lpca = lpca_read(path, error);
-    LpcaView *view = lpca != NULL ? lpca_view_new(lpca, error) : NULL;
-    lpca_free(lpca);
-    return view;
+    return lpca_open_levels(path, open_levels, error);
 }
 
 static void free_view(gpointer material) {

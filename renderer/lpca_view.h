@@ -16,8 +16,8 @@
 
 typedef struct LpcaView LpcaView; /* belongs to the thread of the GL context */
 
-/* Copies what it needs. */
-LpcaView *lpca_view_new(const struct lpca *lpca, GError **error);
+/* levels: a local PCA and its n − 1 mip levels, see lpca_levels.h. Copies what it needs. */
+LpcaView *lpca_view_new(struct lpca *const *levels, int n, GError **error);
 void lpca_view_free(LpcaView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LpcaView, lpca_view_free)
 

@@ -59,7 +59,7 @@ static GOptionEntry *entries(struct options *o) {
         {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
          "plane, torus (default), sphere, cylinder, torus-knot or an OBJ file", "SHAPE"},
         {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
-         "eigenmaps (default), lpca-grid or lpca", "METHOD"},
+         "eigenmaps (default), lpca-grid, lpca-revised or lpca", "METHOD"},
         {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
         {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,
          "Repetitions of the material along the shape, for example 8x3", "N|UxV"},

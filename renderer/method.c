@@ -3,11 +3,13 @@
 #include "eigenmaps_view.h"
 #include "gpu.h"
 #include "lpca_grid.h"
+#include "lpca_revised.h"
 #include "lpca_view.h"
 
 #include <string.h>
 
-const struct method *const methods[] = {&method_eigenmaps, &method_lpca_grid, &method_lpca, NULL};
+const struct method *const methods[] = {&method_eigenmaps, &method_lpca_grid, &method_lpca_revised,
+                                        &method_lpca, NULL};
 
 const struct method *method_find(const char *name) {
     for (gsize k = 0; methods[k] != NULL; k++)

@@ -1,8 +1,10 @@
 /* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
 #include "gpu_fixture.h"
 #include "processing/lpca.h"
+#include "processing/resample.h"
 #include "renderer/directions.h"
 #include "renderer/lpca_grid.h"
+#include "renderer/lpca_revised.h"
 #include "renderer/lpca_view.h"
 #include "renderer/scene.h"
 #include "renderer/view.h"
@@ -25,26 +27,28 @@ static void fill_directions(double offset_deg, float **ret_theta_deg, float **re
     }
 }
 
-static struct lpca *make_lpca(int n_clusters, int n_components) {
-    g_autoptr(GRand) random = g_rand_new_with_seed(5);
+/* Level 0 has W × H texels. */
+static struct lpca *make_level(int level, int n_clusters, int n_components) {
+    const int w = MAX(1, W >> level), h = MAX(1, H >> level);
+    g_autoptr(GRand) random = g_rand_new_with_seed(5 + level);
     struct lpca *p = g_new0(struct lpca, 1);
     p->name = g_strdup("test");
-    p->width = W;
-    p->height = H;
+    p->width = w;
+    p->height = h;
     p->texel_mm = 1;
     p->n_views = p->n_lights = RINGS * A_RING;
     p->n_clusters = n_clusters;
     p->n_components = n_components;
     fill_directions(0, &p->view_theta_deg, &p->view_phi_deg);
     fill_directions(5, &p->light_theta_deg, &p->light_phi_deg);
-    p->clusters = g_new(int, W *H);
-    p->weights = g_new(float, W *H *n_components);
+    p->clusters = g_new(int, w *h);
+    p->weights = g_new(float, w *h *n_components);
     p->scales = g_new(float, n_clusters *(n_components + 1));
     const gsize n = (gsize)n_clusters * (n_components + 1) * p->n_views * p->n_lights * 3;
     p->brdfs = g_new(float, n);
-    for (int k = 0; k < W * H; k++) /* a whole row of one cluster, others mixed */
-        p->clusters[k] = k < 2 * W ? 0 : g_rand_int_range(random, 0, n_clusters);
-    for (int k = 0; k < W * H * n_components; k++)
+    for (int k = 0; k < w * h; k++) /* a whole row of one cluster, others mixed */
+        p->clusters[k] = k < 2 * w ? 0 : g_rand_int_range(random, 0, n_clusters);
+    for (int k = 0; k < w * h * n_components; k++)
         p->weights[k] = (float)g_rand_double_range(random, -0.3, 0.3);
     for (int k = 0; k < n_clusters * (n_components + 1); k++)
         p->scales[k] = 1;
@@ -53,13 +57,18 @@ static struct lpca *make_lpca(int n_clusters, int n_components) {
     return p;
 }
 
+static struct lpca *make_lpca(int n_clusters, int n_components) {
+    return make_level(0, n_clusters, n_components);
+}
+
 struct scene { /* one picture, and what is needed to say what it should be */
     const struct lpca *lpca;
     Directions *views, *lights;
     float *sky;
     double ambient;
     gboolean nearest;
-    int n_grid; /* 0: by pairs of measured directions */
+    int n_grid;       /* 0: by pairs of measured directions */
+    gboolean revised; /* lpca is on a grid of resample.h */
 };
 
 /* E_i of a view and a light, either of which may be the pole: the mean of a ring. */
@@ -94,7 +103,8 @@ static double pair(const struct scene *s, int texel, int v, int l, int c) {
 
 static double texel_value(const struct scene *s, int i, int j, const struct direction_weights *g,
                           const struct direction_weights *h, double fade, int c) {
-    const int texel = ((i % W) + W) % W + W * (((j % H) + H) % H);
+    const int w = s->lpca->width, height = s->lpca->height;
+    const int texel = ((i % w) + w) % w + w * (((j % height) + height) % height);
     double sum = 0;
     for (int a = 0; a < 4; a++) {
         if (g->weight[a] <= 0)
@@ -164,18 +174,51 @@ static struct vec3 vec_of(const float *p) {
     return (struct vec3){p[0], p[1], p[2]};
 }
 
+/* To the centre of a cell of a face of a cube of 512 cells; FALSE if that is not sure. */
+static gboolean snap(const float *d, float ret[3]) {
+    const float most = fmaxf(fmaxf(fabsf(d[0]), fabsf(d[1])), fabsf(d[2]));
+    float length = 0;
+    for (int k = 0; k < 3; k++) {
+        const double cell = (d[k] / most + 1) * 256;
+        if (fabs(cell - round(cell)) < 1e-3 && fabsf(d[k]) < most)
+            return FALSE;
+        ret[k] = fabsf(d[k]) < most ? (float)((floor(cell) + 0.5) / 256 - 1) : d[k] / most;
+        length += ret[k] * ret[k];
+    }
+    for (int k = 0; k < 3; k++)
+        ret[k] /= sqrtf(length);
+    return TRUE;
+}
+
 /* FALSE where rounding may pick other texels or directions. */
+static gboolean direction_shares(const struct scene *s, const float *v, const float *l,
+                                 struct direction_weights *g, struct direction_weights *h) {
+    float snapped[3];
+    if (!s->revised) {
+        directions_weights(s->views, (struct vec3){v[0], v[1], v[2]}, g);
+        directions_weights(s->lights, (struct vec3){l[0], l[1], l[2]}, h);
+        return TRUE;
+    }
+    if (!snap(l, snapped))
+        return FALSE;
+    resample_weights(s->lpca->n_grid, v, g->index, g->weight);
+    resample_weights(s->lpca->n_grid, snapped, h->index, h->weight);
+    return TRUE;
+}
+
+/* FALSE as above. */
 static gboolean expected(const struct scene *s, const float *at, const float *v, const float *l,
                          double ret[3]) {
     struct direction_weights g, h;
-    const double x = at[0] * (double)W - 0.5, y = at[1] * (double)H - 0.5;
+    const double x = at[0] * (double)s->lpca->width - 0.5,
+                 y = at[1] * (double)s->lpca->height - 0.5;
     const double fx = x - floor(x), fy = y - floor(y);
     if (v[2] < 0.1 || l[2] < 0.1 ||
         (s->nearest && (fabs(fx - 0.5) < 0.03 || fabs(fy - 0.5) < 0.03)))
         return FALSE;
-    directions_weights(s->views, vec_of(v), &g);
-    directions_weights(s->lights, vec_of(l), &h);
-    const double fade = directions_fade(s->lights, vec_of(l));
+    if (!direction_shares(s, v, l, &g, &h))
+        return FALSE;
+    const double fade = s->revised ? 1 : directions_fade(s->lights, vec_of(l));
     const int i = (int)floor(x), j = (int)floor(y);
     for (int c = 0; c < 3; c++) {
         double corners[2][2];
@@ -197,7 +240,16 @@ static gboolean expected(const struct scene *s, const float *at, const float *v,
     return TRUE;
 }
 
-static void compare_picture(const struct scene *s, View *view,
+/* A pixel of a whole scene, of level 0. */
+static gboolean of_scene(gconstpointer data, const float *at, const float *v, const float *l,
+                         double ret[3]) {
+    return expected(data, at, v, l, ret);
+}
+
+typedef gboolean (*Expected)(gconstpointer data, const float *at, const float *v, const float *l,
+                             double ret[3]);
+
+static void compare_picture(Expected func, gconstpointer data, View *view,
                             const struct view_settings *settings) {
     g_autoptr(GError) error = NULL;
     g_autofree float *shown = view_render_linear(view, settings, SIZE, SIZE, &error);
@@ -212,7 +264,7 @@ static void compare_picture(const struct scene *s, View *view,
     for (gsize k = 0; k < 4 * SIZE * SIZE; k += 4) {
         double want[3], off = 0;
         if (shown[k + 3] <= 0 || given[0][k + 2] <= 0 ||
-            !expected(s, given[0] + k, given[1] + k, given[2] + k, want))
+            !func(data, given[0] + k, given[1] + k, given[2] + k, want))
             continue;
         for (int c = 0; c < 3; c++)
             off = fmax(off, fabs(shown[k + c] - want[c]));
@@ -236,9 +288,9 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_assert_no_error(error);
     view_set_mesh(view, mesh, &error);
     if (n_grid == 0)
-        view_set_method(view, &method_lpca, lpca_view_new(lpca, &error), &error);
+        view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     else
-        view_set_method(view, &method_lpca_grid, lpca_grid_new(lpca, n_grid, &error), &error);
+        view_set_method(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error), &error);
     g_assert_no_error(error);
     struct view_settings settings = view_settings_default;
     settings.camera_distance = 3;
@@ -254,7 +306,7 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_autofree float *sky = g_new0(float, lpca->n_lights);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
-    compare_picture(&scene, view, &settings);
+    compare_picture(of_scene, &scene, view, &settings);
     mesh_free(mesh);
     lpca_free(lpca);
 }
@@ -268,6 +320,128 @@ static void test_formula(struct fixture *f, gconstpointer data) {
     check_case(1, 1, FALSE, 0, 0);
 }
 
+/* Of an even sky by the trapezoidal rule; the square's area is the hemisphere's 2π. */
+static float *sky_of_grid(int n) {
+    float *sky = g_new(float, n *n);
+    for (int k = 0; k < n * n; k++) {
+        const gboolean edge[2] = {k % n == 0 || k % n == n - 1, k / n == 0 || k / n == n - 1};
+        sky[k] =
+            2.0f / ((float)(n - 1) * (float)(n - 1)) * (edge[0] ? 0.5f : 1) * (edge[1] ? 0.5f : 1);
+    }
+    return sky;
+}
+
+static void start_view(View *view, struct view_settings *settings, const struct mesh *mesh) {
+    g_autoptr(GError) error = NULL;
+    view_set_mesh(view, mesh, &error);
+    g_assert_no_error(error);
+    *settings = view_settings_default;
+    settings->camera_distance = 3;
+    settings->tiles_u = 3;
+    settings->tiles_v = 2;
+    settings->light_theta_deg = 30;
+}
+
+static void check_revised(int n_clusters, int n_components, gboolean nearest, double ambient,
+                          int n) {
+    g_autoptr(GError) error = NULL;
+    struct lpca *lpca = make_lpca(n_clusters, n_components);
+    struct lpca *grid = resample_lpca(lpca, n, &error);
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    struct view_settings settings;
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    start_view(view, &settings, mesh);
+    view_set_method(view, &method_lpca_revised, lpca_revised_new(&lpca, 1, n, &error), &error);
+    g_assert_no_error(error);
+    settings.nearest = nearest;
+    settings.ambient = ambient;
+    lpca_quantise(grid, LPCA_8BIT);
+    g_autofree float *sky = sky_of_grid(n);
+    const struct scene scene = {
+        .lpca = grid, .sky = sky, .ambient = ambient, .nearest = nearest, .revised = TRUE};
+    compare_picture(of_scene, &scene, view, &settings);
+    mesh_free(mesh);
+    lpca_free(lpca);
+    lpca_free(grid);
+}
+
+static void test_revised(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_revised(5, 6, TRUE, 0, 8);
+    check_revised(5, 6, FALSE, 0, 6);
+    check_revised(260, 2, FALSE, 0.5, 8); /* more than fit side by side */
+}
+
+/* Between two mip levels of a plane seen from straight above, where all pixels are as large. */
+struct between {
+    struct scene scenes[3];
+    double level;
+};
+
+static gboolean of_levels(gconstpointer data, const float *at, const float *v, const float *l,
+                          double ret[3]) {
+    const struct between *b = data;
+    const int level = MIN((int)b->level, 1);
+    const double part = b->level - level;
+    double coarse[3];
+    if (!expected(&b->scenes[level], at, v, l, ret) ||
+        !expected(&b->scenes[level + 1], at, v, l, coarse))
+        return FALSE;
+    for (int c = 0; c < 3; c++)
+        ret[c] = (1 - part) * ret[c] + part * coarse[c];
+    return TRUE;
+}
+
+static void check_levels(View *view, struct lpca *const *levels, double tiles) {
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_plane();
+    struct view_settings settings;
+    struct between b;
+    g_autoptr(Directions) views = directions_new(levels[0]->view_theta_deg, levels[0]->view_phi_deg,
+                                                 levels[0]->n_views, &error);
+    g_autoptr(Directions) lights = directions_new(
+        levels[0]->light_theta_deg, levels[0]->light_phi_deg, levels[0]->n_lights, &error);
+    start_view(view, &settings, mesh);
+    settings.ambient = 0;
+    settings.camera_elevation_deg = 90;
+    settings.tiles_u = settings.tiles_v = tiles;
+    for (int k = 0; k < 3; k++)
+        b.scenes[k] = (struct scene){.lpca = levels[k], .views = views, .lights = lights};
+    g_autofree float *texels =
+        view_render_geometry(view, &settings, VIEW_GEOMETRY_TEXEL, SIZE, SIZE, &error);
+    const float *middle = texels + 4 * (SIZE / 2 * SIZE + SIZE / 2), *next = middle + 4;
+    const float *below = middle + 4 * SIZE;
+    const double across = hypot((next[0] - middle[0]) * W, (next[1] - middle[1]) * H);
+    const double down = hypot((below[0] - middle[0]) * W, (below[1] - middle[1]) * H);
+    b.level = CLAMP(log2(fmax(across, down)), 0, 2);
+    g_test_message("%g tiles: level %.3f", tiles, b.level);
+    compare_picture(of_levels, &b, view, &settings);
+    mesh_free(mesh);
+}
+
+static void test_levels(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct lpca *levels[3];
+    g_autoptr(View) view = view_new(NULL, &error);
+    for (int k = 0; k < 3; k++)
+        levels[k] = make_level(k, 4 - k, k == 1 ? 2 : 3);
+    view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
+    g_assert_no_error(error);
+    check_levels(view, levels, 6);
+    check_levels(view, levels, 18);
+    check_levels(view, levels, 33);
+    check_levels(view, levels, 90);
+    levels[1]->view_phi_deg[3] += 1;
+    g_assert_null(lpca_view_new(levels, 3, &error));
+    g_assert_nonnull(strstr(error->message, "mip level 1"));
+    for (int k = 0; k < 3; k++)
+        lpca_free(levels[k]);
+}
+
 static void test_grid(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
@@ -279,10 +453,10 @@ static void test_grid(struct fixture *f, gconstpointer data) {
 static void refuse_lpca(struct lpca *lpca, const char *said) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) of_grid = NULL;
-    g_assert_null(lpca_view_new(lpca, &error));
+    g_assert_null(lpca_view_new(&lpca, 1, &error));
     g_assert_nonnull(error);
     g_assert_nonnull(strstr(error->message, said));
-    g_assert_null(lpca_grid_new(lpca, 4, &of_grid));
+    g_assert_null(lpca_grid_new(&lpca, 1, 4, &of_grid));
     g_assert_cmpstr(of_grid->message, ==, error->message);
     lpca_free(lpca);
 }
@@ -313,6 +487,8 @@ static void test_bad(struct fixture *f, gconstpointer data) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add("/lpca-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
+    g_test_add("/lpca-view/revised", struct fixture, NULL, set_up, test_revised, tear_down);
+    g_test_add("/lpca-view/levels", struct fixture, NULL, set_up, test_levels, tear_down);
     g_test_add("/lpca-view/grid", struct fixture, NULL, set_up, test_grid, tear_down);
     g_test_add("/lpca-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
     return g_test_run();
