@@ -1,0 +1,96 @@
+/*
+ * The ".btf" container of the University of Bonn's BTF database, read and written.
+ *
+ * Little-endian; u32, f32, and halves as EXR has them. After a signature of ten bytes:
+ *   metadata    u32 bytes of this block, itself included; u32 version; three texts of 80 bytes
+ *               (set-up, sensor, light source); f32 texels a mm; f32[3] scale of R, G, B; version
+ * 2: u32 whether values hold n·l; 3: u32 length and text (XML); 4: u32 channels, of each u32 length
+ * and name sampling    u32 views; of each f32 θ, φ (radians), u32 lights, and θ, φ of each size u32
+ * width, height and then one of these: BDI    "!BDIF06R2!" or "!BDI06R2!". u32 scan lines a chunk;
+ * u8 0: full, 2: sparse (1, bzip2, is not read); a mask, a byte a texel, row by row; u32 n and n
+ * rotations of 9 f32; then chunks, each u32 bytes and one ABRDF of halves a texel (of sparse ones
+ * those in the mask alone), channel fastest, then light, then view FMF    "!FMF06FCR";
+ * "!FMF12FCER", which has a version and what that brings. A matrix of rows (view, light, channel)
+ * and columns (texel), or of rows (texel, channel) and columns (view, light), in factors U and S·V
+ *   DFMF   "!DFMF08FCR". A matrix a channel, the channels made independent by one of several models
+ *
+ * Rows of all matrices, and texels, lie row by row, the first row of texels at +y. Hostile files
+ * are refused: everything is checked against the file's length before it is allocated. One BonnFile
+ * may be read from several threads at once.
+ */
+#pragma once
+
+#include <gio/gio.h>
+
+#define BONN_ERROR bonn_error_quark()
+GQuark bonn_error_quark(void);
+enum bonn_error {
+    BONN_ERROR_IO,
+    BONN_ERROR_FORMAT,      /* not such a file, truncated, or it contradicts itself */
+    BONN_ERROR_UNSUPPORTED, /* of a kind that is not read; says which */
+    BONN_ERROR_FULL,        /* the disk is full */
+};
+
+#define BONN_CHANNELS 3
+
+enum bonn_kind { BONN_BDI, BONN_BDI_SPARSE, BONN_FMF, BONN_DFMF };
+
+struct bonn_header {
+    enum bonn_kind kind;
+    char *setup, *sensor, *light_source, *xml; /* made UTF-8; NULL is empty, when written */
+    double texels_a_mm;
+    double rgb_scale[BONN_CHANNELS];        /* as the file says; not applied */
+    gboolean cosine;                        /* values hold n·l */
+    int n_rotations;                        /* of local frames; not applied */
+    int width, height;                      /* texels */
+    int n_views, n_lights;                  /* the same lights for every view */
+    float *view_theta_deg, *view_phi_deg;   /* n_views */
+    float *light_theta_deg, *light_phi_deg; /* n_lights */
+};
+
+void bonn_header_clear(struct bonn_header *header);
+
+const char *bonn_kind_name(enum bonn_kind kind); /* "bdi", "sparse", "fmf", "dfmf" */
+gboolean bonn_kind_parse(const char *name, enum bonn_kind *ret);
+
+typedef struct BonnFile BonnFile;
+
+/* The file is mapped, not read: one of many gigabytes takes no memory, but must not be cut while it
+ * is open. Matrices of FMF and DFMF are held as floats. */
+BonnFile *bonn_open(const char *path, GError **error);
+void bonn_close(BonnFile *file); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
+
+const struct bonn_header *bonn_header(const BonnFile *file);
+
+/* One view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone. Texels that
+ * the mask leaves out, or of which a value is not finite, are 0; of each light ret_holes (n_lights)
+ * says how many. */
+void bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes);
+
+/* Writing a BDI, a view at a time in any order. The file appears, synced, when it is finished. */
+typedef struct BonnWriter BonnWriter;
+
+/* header->kind is BONN_BDI or BONN_BDI_SPARSE; the header is copied as far as needed. mask: a byte
+ * a texel, 0 where there is none; NULL: all are there. */
+BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
+                            GError **error);
+void bonn_writer_free(BonnWriter *writer); /* what is not finished is removed; NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnWriter, bonn_writer_free)
+
+/* rgb as bonn_read_view() gives it. Beyond ±65504 is written as ±65504. */
+gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError **error);
+gboolean bonn_writer_finish(BonnWriter *writer, GError **error);
+
+/* One matrix M ≈ U · (S·V)ᵀ in row-major factors. */
+struct bonn_factors {
+    int n_components, n_rows, n_columns;
+    const float *s;  /* n_components singular values, for information */
+    const float *u;  /* n_rows × n_components */
+    const float *sv; /* n_columns × n_components */
+};
+
+/* kind BONN_FMF: one matrix of rows (view, light, channel) and columns (texel); BONN_DFMF: three,
+ * of R, G and B as they are, of rows (view, light). Halves. */
+gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
+                            const struct bonn_factors *factors, GError **error);

@@ -1,0 +1,68 @@
+/* What the sources of bonn.h share. */
+#pragma once
+
+#include "bonn.h"
+
+#include <stdio.h>
+
+#define BONN_SIGNATURE 10 /* bytes */
+
+/* Bytes that are used up from the front. */
+struct bonn_bytes {
+    const guint8 *data;
+    gsize size, at;
+    const char *path;
+};
+
+/* NULL: there are not that many left; what is named in the error. */
+const guint8 *bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
+gboolean bonn_take_u32(struct bonn_bytes *bytes, const char *what, guint32 *ret, GError **error);
+
+void bonn_report(const struct bonn_bytes *bytes, enum bonn_error code, GError **error,
+                 const char *format, ...) G_GNUC_PRINTF(4, 5);
+#define bonn_fail(...) (bonn_report(__VA_ARGS__), FALSE)
+
+/* From the signature to width and height. ret_order: where R, G, B are among the channels.
+ * ret_extra: whether it is an FMF with a version. */
+gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
+                           int ret_order[BONN_CHANNELS], gboolean *ret_extra, GError **error);
+
+/* Rotations of local frames, which are skipped. */
+gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error);
+
+/* The same, written. */
+void bonn_put_header(GByteArray *to, const struct bonn_header *header);
+void bonn_put_u32(GByteArray *to, guint32 value);
+
+/* Which texels are stored, and at what place among them; −1: not. Of a full file all are. */
+struct bonn_places {
+    gint32 *of_texel;
+    int n_stored;
+};
+
+/* A matrix in factors, and what it is of. */
+struct bonn_matrix {
+    gsize n_components, n_rows, n_columns;
+    float *u, *sv;
+    gboolean of_images; /* rows are texels, not directions */
+};
+void bonn_matrix_clear(struct bonn_matrix *matrix);
+
+/* Of n_channels interleaved (FMF: 3) or one (DFMF: 1). */
+gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *header,
+                           int n_channels, struct bonn_matrix *ret, GError **error);
+
+/* Texels first … first + n of a view: to[(light · n + texel) · 3 + channel[i]]. */
+void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header *header,
+                      int n_channels, int view, gsize first, gsize n, const int *channel,
+                      float *to);
+
+/* What was done to a pixel's channels, undone. */
+struct bonn_colours {
+    guint32 model;
+    float mean[3], matrix[9];
+    gboolean logarithm; /* of everything */
+};
+gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_colours *colours,
+                            GError **error);
+void bonn_colours_undo(const struct bonn_colours *colours, float *rgb, gsize n_pixels);
