@@ -86,20 +86,24 @@ double linear_of_srgb(double v) {
     return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
-void fill(picture *to, const cv::Mat &grey) {
+/* Of all channels as they lie; 8 bits are made linear. */
+void fill(float *to, const cv::Mat &from) {
     std::array<float, 256> table{};
     for (int i = 0; i < 256; i++)
         table[(gsize)i] = (float)linear_of_srgb(i / 255.0);
-    for (int y = 0; y < grey.rows; y++)
-        for (int x = 0; x < grey.cols; x++) {
-            float &v = to->values[(gsize)y * (gsize)grey.cols + (gsize)x];
-            if (grey.depth() == CV_8U)
-                v = table[grey.at<guint8>(y, x)];
-            else if (grey.depth() == CV_16U)
-                v = (float)grey.at<guint16>(y, x) / 65535;
+    for (int y = 0; y < from.rows; y++)
+        for (int x = 0; x < from.cols * from.channels(); x++)
+            if (from.depth() == CV_8U)
+                *to++ = table[from.ptr<guint8>(y)[x]];
+            else if (from.depth() == CV_16U)
+                *to++ = (float)from.ptr<guint16>(y)[x] / 65535;
             else
-                v = grey.at<float>(y, x);
-        }
+                *to++ = from.ptr<float>(y)[x];
+}
+
+bool is_readable(const cv::Mat &picture) {
+    return !picture.empty() &&
+           (picture.depth() == CV_8U || picture.depth() == CV_16U || picture.depth() == CV_32F);
 }
 
 /* Markers smaller than a few pixels a cell are found in an enlarged picture. */
@@ -172,12 +176,11 @@ struct picture *vision_read(const char *path, GError **error) {
             const cv::Mat bytes(1, (int)length, CV_8U, text);
             const cv::Mat grey = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH |
                                                          cv::IMREAD_IGNORE_ORIENTATION);
-            if (!grey.empty() &&
-                (grey.depth() == CV_8U || grey.depth() == CV_16U || grey.depth() == CV_32F)) {
+            if (is_readable(grey)) {
                 g_autofree char *sum =
                     g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)text, length);
                 ret = picture_new(path, sum, grey.cols, grey.rows);
-                fill(ret, grey);
+                fill(ret->values, grey);
             }
         }
         if (!ret)
@@ -186,6 +189,35 @@ struct picture *vision_read(const char *path, GError **error) {
         return ret != nullptr;
     });
     return ret;
+}
+
+gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
+                            float **ret_rgb, GError **error) {
+    g_autofree char *text = nullptr;
+    gsize length = 0;
+    if (!g_file_get_contents(path, &text, &length, error))
+        return FALSE;
+    return guarded(error, path, [&] {
+        cv::Mat bgr;
+        if (length > 0 && length <= G_MAXINT) {
+            const cv::Mat bytes(1, (int)length, CV_8U, text);
+            bgr = cv::imdecode(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH |
+                                          cv::IMREAD_IGNORE_ORIENTATION);
+        }
+        if (!is_readable(bgr) || (bgr.channels() != 1 && bgr.channels() != 3)) {
+            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                        "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+            return false;
+        }
+        *ret_grey = bgr.channels() == 1;
+        *ret_width = bgr.cols;
+        *ret_height = bgr.rows;
+        cv::Mat rgb;
+        cv::cvtColor(bgr, rgb, *ret_grey ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
+        *ret_rgb = g_new(float, 3 * (gsize)rgb.cols * (gsize)rgb.rows);
+        fill(*ret_rgb, rgb);
+        return true;
+    });
 }
 
 int vision_dictionary(const char *name, int *ret_markers) {

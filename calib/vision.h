@@ -21,6 +21,10 @@ enum vision_error {
  * linear; 1 is white. Not turned as EXIF may say: pixels stay where the sensor has them. */
 struct picture *vision_read(const char *path, GError **error);
 
+/* The same in colour: height × width × 3 (R, G, B), g_free(). ret_grey: all three are the one. */
+gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
+                            float **ret_rgb, GError **error);
+
 /* A dictionary of markers by its name in lower case without "DICT_": "4x4_50" … "7x7_1000",
  * "aruco_original". Its cells across, black border aside; 0: there is none of that name. */
 int vision_dictionary(const char *name, int *ret_markers);

@@ -2,6 +2,7 @@
 
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
+#include "processing/session.h"
 #include "report.h"
 
 static void tell_result(const struct pipeline_result *result, double seconds) {
@@ -36,6 +37,15 @@ struct process {
 static gboolean run_pipeline(PipelineFunc progress, gpointer progress_data,
                              GCancellable *cancellable, gpointer data, GError **error) {
     struct process *process = data;
+    g_autoptr(Session) session = session_open(process->directory, SESSION_READ, error);
+    g_autofree char *imported = session ? session_value(session, "imported") : NULL;
+    if (imported)
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s: it was imported from %s as a finished BTF; there is nothing to process",
+                    process->directory, imported);
+    if (!session || imported)
+        return FALSE;
+    g_clear_pointer(&session, session_close);
     const struct pipeline_options options = {
         .follow = process->follow,
         .n_eigenmaps = 4,

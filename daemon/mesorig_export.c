@@ -1,0 +1,87 @@
+/* export: what a session has become, for other programs. */
+#include "mesorig_cli.h"
+#include "mesorig_work.h"
+#include "processing/export.h"
+#include "processing/lpca.h"
+#include "report.h"
+
+#include <string.h>
+
+#define COMPONENTS 24
+
+static char *output, *format;
+static int components;
+
+static const GOptionEntry entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE"},
+    {"format", 'f', 0, G_OPTION_ARG_STRING, &format, "btf: how the values are stored (bdi)",
+     "bdi|fmf|dfmf"},
+    {"components", 'c', 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: how many (24)", "N"},
+    {NULL},
+};
+
+struct job {
+    const char *session;
+    enum bonn_kind kind;
+    struct export_bonn_result btf;
+};
+
+static gboolean work_btf(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                         gpointer data, GError **error) {
+    struct job *job = data;
+    const struct export_progress to = {progress, progress_data, cancellable};
+    return export_bonn(job->session, output, job->kind, components ? components : COMPONENTS, &to,
+                       &job->btf, error);
+}
+
+static void tell_btf(const struct job *job, double seconds) {
+    const struct export_bonn_result *result = &job->btf;
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output));
+        g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
+        g_variant_builder_add(&builder, "{sv}", "lights", g_variant_new_int32(result->n_lights));
+        g_variant_builder_add(&builder, "{sv}", "width", g_variant_new_int32(result->width));
+        g_variant_builder_add(&builder, "{sv}", "height", g_variant_new_int32(result->height));
+        g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_double(result->error));
+        g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
+        cli_print_json(g_variant_builder_end(&builder));
+        return;
+    }
+    g_autofree char *time = report_duration(seconds);
+    g_print("%s: %d × %d texels, %d views × %d lights as %s in %s", output, result->width,
+            result->height, result->n_views, result->n_lights, bonn_kind_name(job->kind), time);
+    if (result->error > 0)
+        g_print(", with an error of %.2f %%", 100 * result->error);
+    g_print("\n");
+}
+
+static int export_btf(const struct command *command, struct job *job) {
+    g_autoptr(GError) error = NULL;
+    double seconds = 0;
+    if (format && (!bonn_kind_parse(format, &job->kind) || job->kind == BONN_BDI_SPARSE))
+        return cli_usage(command, "--format is bdi, fmf or dfmf");
+    if (components < 0 || components > LPCA_MAX_COMPONENTS)
+        return cli_usage(command, "--components is 1 to %d", LPCA_MAX_COMPONENTS);
+    if (!work_run(work_btf, job, &seconds, &error))
+        return cli_fail(error);
+    tell_btf(job, seconds);
+    return CLI_DONE;
+}
+
+static int run(const struct command *command, int argc, char **argv) {
+    struct job job = {.kind = BONN_BDI};
+    if (!cli_parse(command, entries, FALSE, &argc, &argv, 2, 2))
+        return CLI_USAGE;
+    if (!output)
+        return cli_usage(command, "where to? Give -o FILE");
+    job.session = argv[2];
+    if (strcmp(argv[1], "btf") == 0)
+        return export_btf(command, &job);
+    return cli_usage(command, "“%s” is not btf", argv[1]);
+}
+
+const struct command cli_export = {
+    "export", "KIND DIR -o FILE",
+    "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's).", run};

@@ -1,0 +1,297 @@
+#include "import_private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "btf.h"
+#include "eigenmaps.h"
+#include "exr.h"
+
+#define EIGENMAPS 4
+
+G_DEFINE_QUARK(import_error, import_error)
+
+void import_report(const char *file, int line, GError **error, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *message = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    if (line > 0)
+        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_DATA, "%s:%d: %s", file, line, message);
+    else
+        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_DATA, "%s: %s", file, message);
+}
+
+gboolean import_tell(const struct import_progress *progress, const char *stage, int done, int total,
+                     gint64 begun_us, GError **error) {
+    const double spent = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
+    const struct pipeline_progress now = {stage, done, total,
+                                          done > 0 ? spent / done * (total - done) : -1};
+    if (g_cancellable_set_error_if_cancelled(progress->cancellable, error))
+        return FALSE;
+    if (progress->func)
+        progress->func(&now, progress->data);
+    return TRUE;
+}
+
+static gboolean fail_errno(const char *path, GError **error) {
+    const int saved = errno;
+    const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
+    g_set_error(error, IMPORT_ERROR, exists ? IMPORT_ERROR_EXISTS : IMPORT_ERROR_IO,
+                exists ? "%s: exists already; take another name: %s" : "%s: cannot be made: %s",
+                path, g_strerror(saved));
+    return FALSE;
+}
+
+gboolean import_place_begin(struct import_place *place, const char *path, GError **error) {
+    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+    g_autofree char *parent = g_path_get_dirname(absolute), *base = g_path_get_basename(absolute);
+    *place = (struct import_place){0};
+    if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
+        errno = EEXIST;
+        return fail_errno(path, error);
+    }
+    g_autofree char *folder = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
+    if (!g_mkdtemp_full(folder, 0777))
+        return fail_errno(path, error);
+    place->session = g_build_filename(folder, "session", NULL);
+    place->folder = g_steal_pointer(&folder);
+    place->path = g_steal_pointer(&absolute);
+    return TRUE;
+}
+
+/* Of what this process has made itself. */
+static void remove_tree(const char *path) {
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *inside = g_build_filename(path, name, NULL);
+        if (g_file_test(inside, G_FILE_TEST_IS_DIR) && !g_file_test(inside, G_FILE_TEST_IS_SYMLINK))
+            remove_tree(inside);
+        else
+            g_unlink(inside);
+    }
+    g_rmdir(path);
+}
+
+gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
+                          GError **error) {
+    session_close(session);
+    if (good && renameat2(AT_FDCWD, place->session, AT_FDCWD, place->path, RENAME_NOREPLACE) != 0)
+        good = fail_errno(place->path, error);
+    if (place->folder)
+        remove_tree(place->folder);
+    g_free(place->folder);
+    g_free(place->session);
+    g_free(place->path);
+    *place = (struct import_place){0};
+    return good;
+}
+
+struct import {
+    const struct import_material *material;
+    const struct import_progress *progress;
+    struct import_region region;
+    struct session_grid grid;
+    Session *session;
+    gint64 begun_us;
+    gint64 holes;
+    int *lights; /* 0 … n_lights − 1 */
+    int asked;
+};
+
+static gboolean check(struct import *import, GError **error) {
+    const struct import_material *material = import->material;
+    struct import_region *region = &import->region;
+    *region = material->region;
+    if (region->width == 0 && region->height == 0)
+        *region = (struct import_region){0, 0, material->width, material->height};
+    if (region->x < 0 || region->y < 0 || region->width < 1 || region->height < 1 ||
+        region->width > material->width - region->x ||
+        region->height > material->height - region->y)
+        return import_fail(material->source, 0, error,
+                           "%d × %d texels at %d, %d do not lie within its %d × %d", region->width,
+                           region->height, region->x, region->y, material->width, material->height);
+    import->grid = (struct session_grid){.width = region->width,
+                                         .height = region->height,
+                                         .width_mm = region->width * material->texel_mm,
+                                         .height_mm = region->height * material->texel_mm};
+    return TRUE;
+}
+
+static struct session_direction *directions(const float *theta_deg, const float *phi_deg, int n) {
+    struct session_direction *list = g_new0(struct session_direction, n);
+    for (int i = 0; i < n; i++)
+        list[i] = (struct session_direction){
+            .index = i, .theta_deg = (double)theta_deg[i], .phi_deg = (double)phi_deg[i]};
+    return list;
+}
+
+static Session *create(const struct import *import, const char *path, const char *name,
+                       GError **error) {
+    const struct import_material *m = import->material;
+    g_autofree struct session_direction *views =
+        directions(m->view_theta_deg, m->view_phi_deg, m->n_views);
+    g_autofree struct session_direction *lights =
+        directions(m->light_theta_deg, m->light_phi_deg, m->n_lights);
+    const struct session_texts texts = {"# none: imported\n", "# none: imported\n",
+                                        "# none: imported\n", NULL};
+    const struct session_plan plan = {.grid = import->grid,
+                                      .views = views,
+                                      .n_views = m->n_views,
+                                      .lights = lights,
+                                      .n_lights = m->n_lights};
+    return session_create(path, name, &texts, &plan, error);
+}
+
+static struct exr_part *light_part(const struct import *import, int view, int light,
+                                   const float *rgb, int holes) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    const struct import_material *m = import->material;
+    const struct import_region *r = &import->region;
+    g_autofree char *name = g_strdup_printf("light_%04d", light);
+    struct exr_part *part = exr_part_new(name, r->width, r->height, channels, EXR_HALF);
+    exr_set_double(part, "view.theta_deg", (double)m->view_theta_deg[view]);
+    exr_set_double(part, "view.phi_deg", (double)m->view_phi_deg[view]);
+    exr_set_double(part, "light.theta_deg", (double)m->light_theta_deg[light]);
+    exr_set_double(part, "light.phi_deg", (double)m->light_phi_deg[light]);
+    exr_set_string(part, "mesorig.inputs", m->source);
+    exr_set_int(part, "mesorig.holes", holes);
+    for (int y = 0; y < r->height; y++)
+        for (int x = 0; x < r->width; x++) {
+            const float *from = rgb + 3 * ((gsize)(r->y + y) * (gsize)m->width + (gsize)(r->x + x));
+            for (int c = 0; c < 3; c++)
+                part->planes[2 - c][y * r->width + x] = from[c];
+        }
+    return part;
+}
+
+static char *view_relative(int view) {
+    return g_strdup_printf("products/btf/view_%04d.exr", view);
+}
+
+static gboolean write_view(struct import *import, int view, float *rgb, int *holes,
+                           GError **error) {
+    const struct import_material *m = import->material;
+    const gsize n = (gsize)m->width * (gsize)m->height;
+    g_autofree char *relative = view_relative(view);
+    g_autofree char *path = session_file(import->session, relative);
+    if (!m->view(view, rgb, holes, m->data, error))
+        return FALSE;
+    struct exr_file *file = exr_file_new();
+    gboolean ok = TRUE;
+    for (int light = 0; ok && light < m->n_lights; light++) {
+        import->holes += holes[light];
+        ok = (double)holes[light] <= IMPORT_MOST_HOLES * (double)n ||
+             import_fail(m->source, 0, error,
+                         "%d of %zu texels of view %d, light %d are missing or no numbers",
+                         holes[light], n, view, light);
+        exr_file_add(file,
+                     light_part(import, view, light, rgb + 3 * n * (gsize)light, holes[light]));
+    }
+    ok = ok && exr_write(path, file, EXR_PIZ, FALSE, error) &&
+         session_add_product(import->session, relative, m->source, error);
+    exr_file_free(file);
+    return ok;
+}
+
+static gboolean write_views(struct import *import, GError **error) {
+    const struct import_material *m = import->material;
+    const gsize n = (gsize)m->width * (gsize)m->height * (gsize)m->n_lights;
+    g_autofree float *rgb = g_try_new(float, 3 * n);
+    g_autofree int *holes = g_new0(int, m->n_lights);
+    if (!rgb)
+        return import_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
+                           3 * (double)n * sizeof(float) / (1 << 30));
+    for (int view = 0; view < m->n_views; view++)
+        if (!write_view(import, view, rgb, holes, error) ||
+            !import_tell(import->progress, "import", view + 1, m->n_views, import->begun_us, error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean give_column(int view, float *ret_column, gpointer data, GError **error) {
+    struct import *import = data;
+    const int n_views = import->material->n_views;
+    g_autofree char *relative = view_relative(view);
+    g_autofree char *path = session_file(import->session, relative);
+    import->asked++;
+    return import_tell(import->progress, "eigenmaps", MIN(import->asked, n_views), n_views,
+                       import->begun_us, error) &&
+           btf_read_view(path, import->lights, import->material->n_lights, &import->grid,
+                         ret_column, error);
+}
+
+static struct eigenmaps *new_eigenmaps(const struct import *import) {
+    const struct import_material *m = import->material;
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    *maps = (struct eigenmaps){
+        .name = g_strdup(session_name(import->session)),
+        .width = import->grid.width,
+        .height = import->grid.height,
+        .texel_mm = m->texel_mm,
+        .n_views = m->n_views,
+        .n_lights = m->n_lights,
+        .n_terms = MIN(EIGENMAPS, m->n_views),
+        .view_theta_deg = g_memdup2(m->view_theta_deg, sizeof(float) * (gsize)m->n_views),
+        .view_phi_deg = g_memdup2(m->view_phi_deg, sizeof(float) * (gsize)m->n_views),
+        .light_theta_deg = g_memdup2(m->light_theta_deg, sizeof(float) * (gsize)m->n_lights),
+        .light_phi_deg = g_memdup2(m->light_phi_deg, sizeof(float) * (gsize)m->n_lights)};
+    return maps;
+}
+
+static gboolean write_eigenmaps(struct import *import, double *ret_error, GError **error) {
+    g_autofree char *path = session_file(import->session, "products/eigenmaps.exr");
+    struct eigenmaps *maps = new_eigenmaps(import);
+    import->begun_us = g_get_monotonic_time();
+    const gboolean ok = eigenmaps_compute(maps, give_column, import, ret_error, error) &&
+                        eigenmaps_write(path, maps, error) &&
+                        session_add_product(import->session, "products/eigenmaps.exr",
+                                            import->material->source, error);
+    eigenmaps_free(maps);
+    return ok;
+}
+
+static gboolean fill(struct import *import, struct import_result *ret, GError **error) {
+    const struct import_material *m = import->material;
+    import->lights = g_new(int, m->n_lights);
+    for (int i = 0; i < m->n_lights; i++)
+        import->lights[i] = i;
+    const gboolean ok = write_views(import, error) &&
+                        write_eigenmaps(import, &ret->eigenmaps_error, error) &&
+                        session_set_value(import->session, "imported", m->source, error) &&
+                        session_set_value(import->session, "state", "done", error);
+    g_free(import->lights);
+    ret->n_views = m->n_views;
+    ret->n_lights = m->n_lights;
+    ret->width = import->grid.width;
+    ret->height = import->grid.height;
+    ret->holes = import->holes;
+    return ok;
+}
+
+static char *name_of(const char *path) {
+    char *name = g_path_get_basename(path);
+    if (g_str_has_suffix(name, ".session"))
+        name[strlen(name) - strlen(".session")] = '\0';
+    return name;
+}
+
+gboolean import_material(const char *path, const struct import_material *material,
+                         const struct import_progress *progress, struct import_result *ret,
+                         GError **error) {
+    struct import import = {
+        .material = material, .progress = progress, .begun_us = g_get_monotonic_time()};
+    struct import_place place;
+    g_autofree char *name = name_of(path);
+    *ret = (struct import_result){0};
+    if (!check(&import, error) || !import_place_begin(&place, path, error))
+        return FALSE;
+    import.session = create(&import, place.session, name, error);
+    const gboolean ok = import.session && fill(&import, ret, error);
+    return import_place_end(&place, import.session, ok, error);
+}
