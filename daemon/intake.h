@@ -14,8 +14,9 @@
  * float, as in processing/sweep.h; mesorig.unit = "DN", mesorig.laser (string), sweep.from_deg,
  * sweep.to_deg (double), sweep.steps (int): frame k is taken at from + (to − from)·k/(steps − 1).
  * With keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr, part "frame",
- * channel "Y", float, raw DN. When it was taken is said by the session alone, so that a retaken
- * shot's files, and what is made of them, are to the byte those of an undisturbed one.
+ * channel "Y", raw DN, float, or half up to 11 bits. When it was taken is said by the session
+ * alone, so that a retaken shot's files, and what is made of them, are to the byte those of an
+ * undisturbed one.
  */
 #pragma once
 

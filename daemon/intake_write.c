@@ -9,6 +9,8 @@
 static const char *const mono_channels[] = {"Y", NULL};
 static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
 
+#define HALF_BITS 11 /* integers that a half holds exactly */
+
 /* Below this, what compression saves on disk is little and costs more time than all else that is
  * done with a frame. */
 #define SMALL_PIXELS (256 * 256)
@@ -124,7 +126,10 @@ gboolean intake_write_raw(const struct intake_file *file, int step, GError **err
         return FALSE;
     }
     g_autofree char *path = g_strdup_printf("%s/%04d.exr", folder, step);
-    struct exr_part *part = part_new(file, "frame", mono_channels, EXR_FLOAT, "DN");
+    /* Those of a sweep come faster than they can be compressed. */
+    const gboolean sweep = file->shot->kind == SHOT_SWEEP;
+    struct exr_part *part = part_new(file, "frame", mono_channels,
+                                     file->last->bits <= HALF_BITS ? EXR_HALF : EXR_FLOAT, "DN");
     if (file->shot->kind != SHOT_DARK)
         exr_set_string(part, file->shot->kind == SHOT_LAMP ? "mesorig.lamp" : "mesorig.laser",
                        file->source_name);
@@ -134,7 +139,7 @@ gboolean intake_write_raw(const struct intake_file *file, int step, GError **err
         part->planes[0][i] = file->last->pixels[i];
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
-    gboolean ok = exr_write(path, exr, compression_of(file), FALSE, error);
+    gboolean ok = exr_write(path, exr, sweep ? EXR_NONE : compression_of(file), FALSE, error);
     exr_file_free(exr);
     return ok;
 }
