@@ -5,56 +5,8 @@
 
 #include "processing/exr.h"
 
-#define SMALL SOURCE_DIR "/tests/small/"
-
 static char *top; /* everything is made in here */
 static int n_made;
-
-static void remove_tree(const char *path) {
-    GDir *dir = g_file_test(path, G_FILE_TEST_IS_SYMLINK) ? NULL : g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *child = g_build_filename(path, name, NULL);
-        remove_tree(child);
-    }
-    if (dir)
-        g_dir_close(dir);
-    g_remove(path);
-}
-
-static char *changed_text(const char *name, const struct change *changes) {
-    g_autofree char *path = g_strconcat(SMALL, name, NULL);
-    char *text;
-    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
-    for (const struct change *change = changes; change && change->head; change++) {
-        gboolean fault = g_str_has_prefix(change->line, "fault_"); /* devices have those */
-        if (!strstr(text, change->head) || (fault && !g_str_equal(name, "rig.conf")))
-            continue;
-        /* A key that stands in the section already is replaced, so none is there twice. */
-        g_autofree char *key = g_strndup(change->line, strcspn(change->line, " ="));
-        GString *to = g_string_new(NULL);
-        gboolean inside = FALSE;
-        g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
-        for (char **line = lines; *line; line++) {
-            g_autofree char *its = g_strndup(*line, strcspn(*line, " ="));
-            if (**line == '[')
-                inside = g_str_equal(*line, change->head);
-            if (!inside || !g_str_equal(its, key))
-                g_string_append_printf(to, "%s\n", *line);
-            if (**line == '[' && inside)
-                g_string_append_printf(to, "%s\n", change->line);
-        }
-        g_free(text);
-        text = g_string_free(to, FALSE);
-    }
-    return text;
-}
-
-static void write_small(const char *directory, const char *name, const struct change *changes) {
-    g_autofree char *text = changed_text(name, changes);
-    g_autofree char *path = g_build_filename(directory, name, NULL);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-}
 
 void run_open_devices(struct run *run) {
     g_autoptr(GError) error = NULL;
@@ -65,8 +17,8 @@ void run_open_devices(struct run *run) {
 
 void run_change_rig(struct run *run, const struct change *changes) {
     devices_close(run->devices);
-    write_small(run->directory, "rig.conf", changes);
-    write_small(run->directory, "world.conf", changes);
+    small_rig_write(run->directory, "rig.conf", changes);
+    small_rig_write(run->directory, "world.conf", changes);
     run_open_devices(run);
 }
 
@@ -77,9 +29,9 @@ struct run *run_new(const struct change *changes) {
     run->told = g_string_new(NULL);
     run->least_gap_us = G_MAXINT64;
     g_mkdir(run->directory, 0777);
-    write_small(run->directory, "rig.conf", changes);
-    write_small(run->directory, "world.conf", changes);
-    write_small(run->directory, "session.conf", changes);
+    small_rig_write(run->directory, "rig.conf", changes);
+    small_rig_write(run->directory, "world.conf", changes);
+    small_rig_write(run->directory, "session.conf", changes);
     run_open_devices(run);
     g_autoptr(GError) error = NULL;
     g_autofree char *conf = g_build_filename(run->directory, "session.conf", NULL);
@@ -92,7 +44,7 @@ void run_free(struct run *run) {
     capture_free(run->capture);
     devices_close(run->devices);
     session_conf_clear(&run->conf);
-    remove_tree(run->directory);
+    small_rig_remove(run->directory);
     g_free(run->directory);
     g_free(run->session);
     g_string_free(run->told, TRUE);
@@ -288,7 +240,7 @@ void run_check_whole(const char *path) {
 int run_tests(void) {
     top = g_dir_make_tmp("mesorig-capture-XXXXXX", NULL);
     int result = g_test_run();
-    remove_tree(top);
+    small_rig_remove(top);
     g_clear_pointer(&top, g_free);
     return result;
 }

@@ -6,13 +6,7 @@
 #pragma once
 
 #include "daemon/capture.h"
-
-/* What is changed in the small rig's files: lines put below a section's head, keys given a new
- * value. A list ends with an empty one. */
-struct change {
-    const char *head; /* "[lamps bank]" */
-    const char *line; /* "key = value" */
-};
+#include "small_rig.h"
 
 struct run {
     char *directory; /* of this test */
