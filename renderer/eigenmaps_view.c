@@ -262,16 +262,18 @@ static void bind(guint program, const char *name, int unit, guint texture) {
     glUniform1i(glGetUniformLocation(program, name), unit);
 }
 
-static void bind_all(gpointer material, guint program, gboolean nearest) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const EigenmapsView *view = material;
     bind(program, "view_weights", 1, view->view_weights);
     direction_table_bind(&view->lights, program, "light", 2);
     bind(program, "maps", 0, view->maps);
     glActiveTexture(GL_TEXTURE0);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, nearest && view->refined ? 1 : 0);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL,
+                    style->nearest && view->refined ? 1 : 0);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER,
-                    nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, nearest ? GL_NEAREST : GL_LINEAR);
+                    style->nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER,
+                    style->nearest ? GL_NEAREST : GL_LINEAR);
     glUniform1i(glGetUniformLocation(program, "n_terms"), view->n_terms);
     glUniform1i(glGetUniformLocation(program, "n_layers"), view->n_layers);
 }

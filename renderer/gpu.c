@@ -174,7 +174,7 @@ static guint link_program(guint vertex, guint fragment, const char *name, GError
 }
 
 static guint make_program(const char *version, const char *const *names, GError **error) {
-    const char *sources[10] = {version, find_shader(names[0])};
+    const char *sources[12] = {version, find_shader(names[0])};
     guint program = 0, vertex = compile(GL_VERTEX_SHADER, sources, 2, names[0], error);
     if (vertex == 0)
         return 0;

@@ -156,9 +156,9 @@ void lpca_grid_free(LpcaGrid *grid) {
     g_free(grid);
 }
 
-static void bind_all(gpointer material, guint program, gboolean nearest) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaGrid *grid = material;
-    lpca_texels_bind(&grid->texels, program, nearest);
+    lpca_texels_bind(&grid->texels, program, style->nearest);
     glActiveTexture(GL_TEXTURE0);
     glBindTexture(GL_TEXTURE_2D_ARRAY, grid->brdfs);
     glUniform1i(glGetUniformLocation(program, "brdfs"), 0);

@@ -218,10 +218,10 @@ static void bind(guint program, const char *name, int unit, GLenum target, guint
     glUniform1i(glGetUniformLocation(program, name), unit);
 }
 
-static void bind_all(gpointer material, guint program, gboolean nearest) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaRevised *revised = material;
     glEnable(GL_TEXTURE_CUBE_MAP_SEAMLESS);
-    lpca_texels_bind(&revised->texels, program, nearest);
+    lpca_texels_bind(&revised->texels, program, style->nearest);
     bind(program, "means", 3, GL_TEXTURE_3D, revised->means);
     bind(program, "brdfs", 4, GL_TEXTURE_3D, revised->brdfs);
     bind(program, "view_map", 5, GL_TEXTURE_CUBE_MAP, revised->view_map);

@@ -107,9 +107,9 @@ static void set_int(guint program, const char *name, int value) {
     glUniform1i(glGetUniformLocation(program, name), value);
 }
 
-static void bind_all(gpointer material, guint program, gboolean nearest) {
+static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaView *view = material;
-    lpca_texels_bind(&view->texels, program, nearest);
+    lpca_texels_bind(&view->texels, program, style->nearest);
     direction_table_bind(&view->views, program, "view", 3);
     direction_table_bind(&view->lights, program, "light", 5);
     glActiveTexture(GL_TEXTURE0);

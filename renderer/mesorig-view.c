@@ -215,7 +215,7 @@ static gboolean check_options(struct options *o, GError **error) {
                     "--frames goes with --render OUT.png");
         return FALSE;
     }
-    o->settings.nearest = o->nearest;
+    o->settings.style.nearest = o->nearest;
     int samples = o->reference ? 2 : o->render != NULL ? 4 : 1;
     o->settings.samples = o->supersample != 0 ? o->supersample : samples;
     return parse_size(o, error) && check_sheet(o, error) && parse_tiles(o, error) &&

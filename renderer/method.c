@@ -19,13 +19,13 @@ const struct method *method_find(const char *name) {
 }
 
 char *method_path(const struct method *method, const char *argument) {
-    if (g_file_test(argument, G_FILE_TEST_IS_DIR))
+    if (method->product != NULL && g_file_test(argument, G_FILE_TEST_IS_DIR))
         return g_build_filename(argument, "products", method->product, NULL);
     return g_strdup(argument);
 }
 
 gpointer method_open(const struct method *method, const char *path, GError **error) {
-    if (g_file_test(path, G_FILE_TEST_EXISTS))
+    if (method->product == NULL || g_file_test(path, G_FILE_TEST_EXISTS))
         return method->open(path, error);
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "there is no %s; “%s” makes it from a session",
                 path, method->made_by);

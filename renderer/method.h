@@ -7,14 +7,28 @@
 
 #include <glib.h>
 
-#define METHOD_UNITS 8 /* texture units 0 … 7 are a method's, higher ones the view's */
+#define METHOD_UNITS   8 /* texture units 0 … 7 are a method's, higher ones the view's */
+#define METHOD_SHADERS 6
+
+/* How microfacets follow a normal that is not the surface's (seed 003). */
+enum method_rotation {
+    METHOD_ROTATION_EXACT,       /* eq. 4 … 6 */
+    METHOD_ROTATION_APPROXIMATE, /* eq. 9 … 11: not orthonormal where the normal leans along y */
+    METHOD_ROTATION_NONE,        /* plain normal mapping, eq. 2 */
+    METHOD_ROTATIONS
+};
+
+struct method_style {
+    gboolean nearest; /* no filtering between texels */
+    enum method_rotation rotation;
+};
 
 struct method {
     const char *name;    /* of --method */
     const char *title;   /* for people */
     const char *product; /* its file in products/ of a session, and */
-    const char *made_by; /* the command that makes it */
-    /* GLSL files, at most 4, NULL-ended. They define
+    const char *made_by; /* the command that makes it; both NULL: it needs no file */
+    /* GLSL files, at most METHOD_SHADERS, NULL-ended. They define
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
      * at texel coordinates x (in tiles, y along the texture's rows downwards), for unit vectors
      * in its frame (+y upwards): lit × the reflectance under the light l, plus uniform float
@@ -24,17 +38,17 @@ struct method {
      * card. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
-    /* Sets textures and uniforms of a program in use that has the shaders. nearest: no filtering
-     * between texels. */
-    void (*bind)(gpointer material, guint program, gboolean nearest);
+    /* Sets textures and uniforms of a program in use that has the shaders. */
+    void (*bind)(gpointer material, guint program, const struct method_style *style);
 };
 
 extern const struct method *const methods[]; /* NULL-ended; the first is the default */
 
 const struct method *method_find(const char *name); /* NULL: there is none */
 
-/* argument: a file, or a session's directory, in which the method's product is meant. g_free() */
+/* argument: a file, or a session's directory, in which the method's product is meant; what is not
+ * needed may be NULL. g_free() */
 char *method_path(const struct method *method, const char *argument);
 
-/* As open, with a sentence if the file is not there. */
+/* As open, with a sentence if the file is not there. path: ignored by what needs none. */
 gpointer method_open(const struct method *method, const char *path, GError **error);

@@ -244,7 +244,7 @@ static gpointer shade(gpointer data) {
         for (; k < to; k++) {
             struct sample *sample = &s->samples[k];
             float share = share_of_view(s, sample);
-            gboolean nearest = s->settings->nearest;
+            gboolean nearest = s->settings->style.nearest;
             if (share == 0.0f)
                 continue;
             for (int i = 0; i < 4; i++)

@@ -150,9 +150,9 @@ void view_free(View *view) {
 
 /* What the method has, and the rest; relief: with what relief_bind() sets. */
 static guint method_program(const struct method *method, gboolean relief, GError **error) {
-    const char *names[10] = {"mesh.vert", "frame.glsl"};
+    const char *names[12] = {"mesh.vert", "frame.glsl"};
     int n = 2;
-    for (int k = 0; method->shaders[k] != NULL && k < 4; k++)
+    for (int k = 0; method->shaders[k] != NULL && k < METHOD_SHADERS; k++)
         names[n++] = method->shaders[k];
     if (relief) {
         names[n++] = "visible.glsl";
@@ -320,7 +320,7 @@ static void draw_background(View *view, const struct sight *sight) {
 static void draw_mesh(View *view, guint program, const struct view_settings *s,
                       const struct sight *sight) {
     glUseProgram(program);
-    view->method->bind(view->material, program, s->nearest);
+    view->method->bind(view->material, program, &s->style);
     relief_bind(view->relief, program);
     glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
     glUniform2fv(glGetUniformLocation(program, "tiles"), 1, sight->tiles);

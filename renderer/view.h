@@ -19,7 +19,7 @@ struct view_settings {
     double exposure_ev; /* 0: a white diffuser lit from its normal is 0.8 of full scale */
     double ambient;     /* radiance of an even sky, relative to the light's irradiance / π */
     int samples;        /* supersampling each way */
-    gboolean nearest;   /* no filtering between texels */
+    struct method_style style;
     /* These three take view_set_mdf(). Silhouettes: where a ray misses the structure, what is
      * behind is seen (seed 004 §4.1). Shadows: those that the mesh casts, with silhouettes of the
      * structure too, and on it (§4.2); without an MDF or silhouettes the mesh's own. */

@@ -294,7 +294,7 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_assert_no_error(error);
     struct view_settings settings = view_settings_default;
     settings.camera_distance = 3;
-    settings.nearest = nearest;
+    settings.style.nearest = nearest;
     settings.ambient = ambient;
     settings.tiles_u = 3;
     settings.tiles_v = 2;
@@ -354,7 +354,7 @@ static void check_revised(int n_clusters, int n_components, gboolean nearest, do
     start_view(view, &settings, mesh);
     view_set_method(view, &method_lpca_revised, lpca_revised_new(&lpca, 1, n, &error), &error);
     g_assert_no_error(error);
-    settings.nearest = nearest;
+    settings.style.nearest = nearest;
     settings.ambient = ambient;
     lpca_quantise(grid, LPCA_8BIT);
     g_autofree float *sky = sky_of_grid(n);

@@ -97,7 +97,7 @@ static void test_diffuser(struct fixture *f, gconstpointer data) {
     g_autoptr(View) view = make_view(COSINE, 5, 12, mesh);
     mesh_free(mesh);
     struct view_settings s = bare_settings();
-    s.nearest = FALSE;
+    s.style.nearest = FALSE;
     const double thetas[] = {0.0, 10.0, 17.0, 34.0, 60.0, 80.0, 86.0, 89.0, 91.0, 150.0};
     double mean[3];
     for (gsize k = 0; k < G_N_ELEMENTS(thetas); k++) {
@@ -154,7 +154,7 @@ static void test_minified(struct fixture *f, gconstpointer data) {
     mesh_free(mesh);
     g_autoptr(GError) error = NULL;
     struct view_settings s = bare_settings();
-    s.nearest = FALSE;
+    s.style.nearest = FALSE;
     s.tiles_u = s.tiles_v = 200.0;
     s.camera_elevation_deg = 90.0;
     s.light_theta_deg = 20.0;
@@ -175,7 +175,7 @@ static void test_magnified(struct fixture *f, gconstpointer data) {
     struct mesh *mesh = scene_plane();
     g_autoptr(View) view = make_view(WAVE, 5, 12, mesh);
     struct view_settings s = bare_settings();
-    s.nearest = FALSE;
+    s.style.nearest = FALSE;
     s.camera_elevation_deg = 90.0;
     s.camera_azimuth_deg = -90.0;
     s.camera_distance = 3.0;

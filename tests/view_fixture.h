@@ -103,7 +103,7 @@ static struct view_settings bare_settings(void) {
     struct view_settings s = view_settings_default;
     s.ambient = 0.0;
     s.tiles_u = s.tiles_v = 1.0;
-    s.nearest = TRUE;
+    s.style.nearest = TRUE;
     s.camera_distance = 3.0;
     return s;
 }
