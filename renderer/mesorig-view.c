@@ -10,6 +10,7 @@
 #include <string.h>
 
 #define MAX_SIZE 16384
+#define DEMO     "fabric-ashikhmin" /* shown where nothing is named */
 
 struct options {
     const struct method *method;
@@ -51,6 +52,18 @@ static gboolean parse_silhouettes(const char *option, const char *value, gpointe
     return bad(error, option, value, "auto, peel or lists");
 }
 
+static gboolean parse_rotation(const char *option, const char *value, gpointer data,
+                               GError **error) {
+    static const char *const ways[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
+    struct options *o = data;
+    for (gsize k = 0; k < G_N_ELEMENTS(ways); k++)
+        if (strcmp(value, ways[k]) == 0) {
+            o->settings.style.rotation = (enum method_rotation)k;
+            return TRUE;
+        }
+    return bad(error, option, value, "exact, approximate or none");
+}
+
 static GOptionEntry *entries(struct options *o) {
     struct view_settings *s = &o->settings;
     const GOptionEntry all[] = {
@@ -59,7 +72,13 @@ static GOptionEntry *entries(struct options *o) {
         {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
          "plane, torus (default), sphere, cylinder, torus-knot or an OBJ file", "SHAPE"},
         {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
-         "eigenmaps (default), lpca-grid, lpca-revised or lpca", "METHOD"},
+         "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
+         "lafortune, "
+         "ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin",
+         "METHOD"},
+        {"rotation", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_rotation,
+         "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)",
+         "exact|approximate|none"},
         {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
         {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,
          "Repetitions of the material along the shape, for example 8x3", "N|UxV"},
@@ -184,15 +203,27 @@ static gboolean check_sheet(const struct options *o, GError **error) {
     return FALSE;
 }
 
+static gboolean check_plain(const struct options *o, GError **error) {
+    if (!o->settings.plain || o->method == methods[0])
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "--plain goes with --method %s",
+                methods[0]->name);
+    return FALSE;
+}
+
 static gboolean check_options(struct options *o, GError **error) {
-    if (o->rest == NULL || o->rest[0] == NULL || o->rest[1] != NULL) {
-        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED,
-                    "one MATERIAL is expected: an eigenmaps.exr or a session directory");
-        return FALSE;
-    }
-    o->method = methods[0];
+    const gboolean given = o->rest != NULL && o->rest[0] != NULL;
+    o->method = given ? methods[0] : method_find(DEMO);
     if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL)
         return bad_method(o, error);
+    if (given ? o->rest[1] != NULL : o->method->product != NULL) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED,
+                    "one MATERIAL is expected: a session directory or what “%s” made of one",
+                    o->method->made_by != NULL ? o->method->made_by : "mesorig process");
+        return FALSE;
+    }
+    if (!check_plain(o, error))
+        return FALSE;
     if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
         return bad(error, "--up", o->up, "y or z");
     if (o->frames < 0 || o->frames > 10000 || o->close_after < 0) {
@@ -200,9 +231,9 @@ static gboolean check_options(struct options *o, GError **error) {
                     "--frames takes 1 … 10000, --close-after 1 or more");
         return FALSE;
     }
-    if (o->reference && (o->render == NULL || o->settings.plain)) {
+    if (o->reference && (o->render == NULL || o->settings.plain || !given)) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--reference goes with --render OUT.png, not with --plain");
+                    "--reference goes with --render OUT.png and a session, not with --plain");
         return FALSE;
     }
     if (o->sheet != 0 && (o->frames == 0 || o->sheet < 1 || o->sheet > o->frames)) {
@@ -281,7 +312,7 @@ static void put_on_sheet(const struct options *o, int frame, const guint8 *rgb, 
 }
 
 static char *btf_path(const struct options *o) {
-    return g_build_filename(o->rest[0], "products", "btf", NULL);
+    return o->reference && o->rest ? g_build_filename(o->rest[0], "products", "btf", NULL) : NULL;
 }
 
 /* What frames are made with. */
@@ -443,7 +474,8 @@ static char *mdf_path(const struct options *o, const char *material) {
 
 static int run(struct options *o) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *material = method_path(o->method, o->rest[0]);
+    const gboolean given = o->rest != NULL && o->rest[0] != NULL;
+    g_autofree char *material = method_path(o->method, given ? o->rest[0] : o->method->name);
     g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
     struct rendered done = {.files = files};
     if (o->shape == NULL)
@@ -469,7 +501,9 @@ int main(int argc, char **argv) {
     g_option_group_add_entries(group, table);
     g_option_context_set_main_group(context, group);
     g_option_context_set_description(
-        context, "MATERIAL is an eigenmaps.exr or the directory of a processed session.\n");
+        context,
+        "MATERIAL is the directory of a processed session, or a file that mesorig process or "
+        "mesorig compress made; without one, woven fabric is shown.\n");
     int status = 0;
     gboolean parsed = g_option_context_parse(context, &argc, &argv, &error);
     if (parsed && o.version) {

@@ -2,14 +2,30 @@
 
 #include "eigenmaps_view.h"
 #include "gpu.h"
+#include "lobes_view.h"
 #include "lpca_grid.h"
 #include "lpca_revised.h"
 #include "lpca_view.h"
+#include "microfacet.h"
 
 #include <string.h>
 
-const struct method *const methods[] = {&method_eigenmaps, &method_lpca_grid, &method_lpca_revised,
-                                        &method_lpca, NULL};
+const struct method *const methods[] = {
+    &method_eigenmaps,
+    &method_lpca_grid,
+    &method_lpca_revised,
+    &method_lpca,
+    &methods_lobes[LOBES_FIELDS],
+    &methods_lobes[LOBES_PTM],
+    &methods_lobes[LOBES_LAFORTUNE],
+    &methods_lobes[LOBES_WARD],
+    &methods_lobes[LOBES_ASHIKHMIN],
+    &methods_microfacet[0],
+    &methods_microfacet[1],
+    &methods_microfacet[2],
+    &methods_microfacet[3],
+    NULL,
+};
 
 const struct method *method_find(const char *name) {
     for (gsize k = 0; methods[k] != NULL; k++)

@@ -1,31 +1,15 @@
 /* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
-#include "gpu_fixture.h"
+#include "formula_fixture.h"
 #include "processing/lpca.h"
 #include "processing/resample.h"
 #include "renderer/directions.h"
 #include "renderer/lpca_grid.h"
 #include "renderer/lpca_revised.h"
 #include "renderer/lpca_view.h"
-#include "renderer/scene.h"
-#include "renderer/view.h"
+#include "rings.h"
 
 #include <math.h>
 #include <string.h>
-
-#define SIZE   96
-#define W      7 /* texels */
-#define H      5
-#define RINGS  3
-#define A_RING 8
-
-static void fill_directions(double offset_deg, float **ret_theta_deg, float **ret_phi_deg) {
-    *ret_theta_deg = g_new(float, RINGS *A_RING);
-    *ret_phi_deg = g_new(float, RINGS *A_RING);
-    for (int k = 0; k < RINGS * A_RING; k++) {
-        (*ret_theta_deg)[k] = (float)(85.0 / RINGS * (1 + k / A_RING));
-        (*ret_phi_deg)[k] = (float)(offset_deg + 360.0 / A_RING * (k % A_RING));
-    }
-}
 
 /* Level 0 has W × H texels. */
 static struct lpca *make_level(int level, int n_clusters, int n_components) {
@@ -246,39 +230,6 @@ static gboolean of_scene(gconstpointer data, const float *at, const float *v, co
     return expected(data, at, v, l, ret);
 }
 
-typedef gboolean (*Expected)(gconstpointer data, const float *at, const float *v, const float *l,
-                             double ret[3]);
-
-static void compare_picture(Expected func, gconstpointer data, View *view,
-                            const struct view_settings *settings) {
-    g_autoptr(GError) error = NULL;
-    g_autofree float *shown = view_render_linear(view, settings, SIZE, SIZE, &error);
-    g_assert_no_error(error);
-    float *given[3];
-    for (int k = 0; k < 3; k++) {
-        given[k] = view_render_geometry(view, settings, (enum view_geometry)k, SIZE, SIZE, &error);
-        g_assert_no_error(error);
-    }
-    int n = 0, wrong = 0;
-    double worst = 0;
-    for (gsize k = 0; k < 4 * SIZE * SIZE; k += 4) {
-        double want[3], off = 0;
-        if (shown[k + 3] <= 0 || given[0][k + 2] <= 0 ||
-            !func(data, given[0] + k, given[1] + k, given[2] + k, want))
-            continue;
-        for (int c = 0; c < 3; c++)
-            off = fmax(off, fabs(shown[k + c] - want[c]));
-        n++;
-        wrong += off > 1.0 / 255;
-        worst = fmax(worst, off);
-    }
-    g_test_message("%d pixels, worst error %.4f, beyond a step of 8 bits: %d", n, worst, wrong);
-    g_assert_cmpint(n, >, 1000);
-    g_assert_cmpint(wrong, ==, 0);
-    for (int k = 0; k < 3; k++)
-        g_free(given[k]);
-}
-
 static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient,
                        int n_grid) {
     g_autoptr(GError) error = NULL;
@@ -286,19 +237,15 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
-    view_set_mesh(view, mesh, &error);
+    struct view_settings settings;
+    start_view(view, &settings, mesh);
     if (n_grid == 0)
         view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     else
         view_set_method(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error), &error);
     g_assert_no_error(error);
-    struct view_settings settings = view_settings_default;
-    settings.camera_distance = 3;
     settings.style.nearest = nearest;
     settings.ambient = ambient;
-    settings.tiles_u = 3;
-    settings.tiles_v = 2;
-    settings.light_theta_deg = 30;
     g_autoptr(Directions) views =
         directions_new(lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
     g_autoptr(Directions) lights =
@@ -329,17 +276,6 @@ static float *sky_of_grid(int n) {
             2.0f / ((float)(n - 1) * (float)(n - 1)) * (edge[0] ? 0.5f : 1) * (edge[1] ? 0.5f : 1);
     }
     return sky;
-}
-
-static void start_view(View *view, struct view_settings *settings, const struct mesh *mesh) {
-    g_autoptr(GError) error = NULL;
-    view_set_mesh(view, mesh, &error);
-    g_assert_no_error(error);
-    *settings = view_settings_default;
-    settings->camera_distance = 3;
-    settings->tiles_u = 3;
-    settings->tiles_v = 2;
-    settings->light_theta_deg = 30;
 }
 
 static void check_revised(int n_clusters, int n_components, gboolean nearest, double ambient,

@@ -371,7 +371,10 @@ static void check_usage(int status, const char *const *arguments, const char *sa
 static void test_program_usage(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
-    check_usage(2, (const char *[]){PROGRAM, NULL}, "one MATERIAL");
+    check_usage(2, (const char *[]){PROGRAM, "a", "b", NULL}, "one MATERIAL");
+    check_usage(2, (const char *[]){PROGRAM, "--method", "lpca", NULL}, "mesorig compress");
+    check_usage(2, (const char *[]){PROGRAM, "a", "--method", "lpca", "--plain", NULL}, "--plain");
+    check_usage(2, (const char *[]){PROGRAM, "--rotation", "left", NULL}, "approximate");
     check_usage(2, (const char *[]){PROGRAM, "--bogus", NULL}, "--bogus");
     check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--size", "0x9", NULL}, "--size 0x9");
     check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--tiles", "3x", NULL}, "--tiles 3x");

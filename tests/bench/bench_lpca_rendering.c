@@ -1,8 +1,8 @@
 /* Local PCA drawn by the pairs of measured directions (seed 000 §5, the baseline), from a 3D
  * texture (§6) and on a grid of directions with simplices: time a frame, and how far the pictures
  * differ. On a torus of a material made up of glossy lobes on 81 × 81 directions, or of a file. */
+#include "frame_time.h"
 #include "processing/lpca.h"
-#include "quantile.h"
 #include "renderer/gpu.h"
 #include "renderer/lpca_grid.h"
 #include "renderer/lpca_revised.h"
@@ -12,8 +12,6 @@
 
 #include <locale.h>
 #include <math.h>
-#include <string.h>
-#include <time.h>
 
 #define TEXELS   64
 #define CLUSTERS 32
@@ -94,38 +92,20 @@ static struct lpca *make_lpca(int n_components) {
     return p;
 }
 
-/* Microseconds: of the processor where that draws, so that other programs do not count. */
-static double now_us(void) {
-    if (strstr(gpu_renderer(), "llvmpipe"))
-        return (double)clock() * 1e6 / CLOCKS_PER_SEC;
-    return (double)g_get_monotonic_time();
-}
-
-/* Median milliseconds a frame, camera and light moving. */
-static gboolean time_frames(View *view, int frames, double *ret_ms, GError **error) {
+static struct view_settings without_sky(void) {
     struct view_settings s = view_settings_default;
-    g_autofree double *ms = g_new0(double, frames);
-    struct gpu_target target = {0};
-    gboolean good = gpu_target_resize(&target, 800, 600, 0x8058 /* GL_RGBA8 */, FALSE, error);
-    s.samples = 1;
     s.ambient = 0;
-    for (int k = -1; good && k < frames; k++) {
-        s.camera_azimuth_deg = 40 + 7 * k;
-        s.light_phi_deg = 100 - 11 * k;
-        const double start = now_us();
-        good = view_draw(view, &s, target.framebuffer, 800, 600, error);
-        view_finish();
-        ms[MAX(k, 0)] = (now_us() - start) * 1e-3;
-    }
-    gpu_target_clear(&target);
-    *ret_ms = quantile(ms, frames, 0.5);
-    return good;
+    return s;
 }
 
 static float *picture(View *view, GError **error) {
-    struct view_settings s = view_settings_default;
-    s.ambient = 0;
+    const struct view_settings s = without_sky();
     return view_render_linear(view, &s, 400, 300, error);
+}
+
+static gboolean time_all(View *view, int frames, double *ret_ms, GError **error) {
+    const struct view_settings s = without_sky();
+    return time_frames(view, &s, frames, ret_ms, error);
 }
 
 struct timed { /* a way to draw; the difference is RMS, relative to the RMS of that by pairs */
@@ -151,7 +131,7 @@ static double difference(const float *a, const float *by_pairs) {
 static gboolean measure_one(View *view, const struct method *method, gpointer material, int frames,
                             const float *by_pairs, struct timed *ret, GError **error) {
     if (!material || !view_set_method(view, method, material, error) ||
-        !time_frames(view, frames, &ret->ms, error))
+        !time_all(view, frames, &ret->ms, error))
         return FALSE;
     g_autofree float *drawn = picture(view, error);
     ret->difference = drawn ? difference(drawn, by_pairs) : 0;
@@ -161,7 +141,7 @@ static gboolean measure_one(View *view, const struct method *method, gpointer ma
 static gboolean measure(struct lpca *lpca, View *view, int frames, struct result *r,
                         GError **error) {
     if (!view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, error), error) ||
-        !time_frames(view, frames, &r->pairs_ms, error))
+        !time_all(view, frames, &r->pairs_ms, error))
         return FALSE;
     g_autofree float *by_pairs = picture(view, error);
     return by_pairs &&

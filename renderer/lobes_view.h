@@ -1,0 +1,29 @@
+/*
+ * Analytic models of each texel (lobes.h) on the graphics card. Their values are the layers of one
+ * array texture of halves, as they are in the file.
+ *
+ * Reflectance fields and polynomials belong to one view each: those of the up to four measured
+ * views around v are evaluated and interpolated bilinearly in θ and φ (seed 001 §5.4;
+ * direction_table.h takes the place of its cube maps). A pole is the mean of its ring.
+ *
+ * Ward and Ashikhmin–Shirley: the tangent's azimuth is that of the surface's anisotropy, the normal
+ * what it is perturbed by, so that METHOD_ROTATION_EXACT is just the model that was fitted, and the
+ * other rotations are what seed 003 compares with it.
+ *
+ * Parameters cannot be mixed: four texels are evaluated and mixed, and there are no mip levels. An
+ * even sky is 16 lights that see equal areas of it, evaluated beforehand for each measured view.
+ */
+#pragma once
+
+#include "method.h"
+#include "processing/lobes.h"
+
+typedef struct LobesView LobesView; /* belongs to the thread of the GL context */
+
+/* Copies what it needs. */
+LobesView *lobes_view_new(const struct lobes *lobes, GError **error);
+void lobes_view_free(LobesView *view); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(LobesView, lobes_view_free)
+
+/* In the order of enum lobes_model; the material of each is a LobesView of its model. */
+extern const struct method methods_lobes[LOBES_MODELS];

@@ -1,0 +1,173 @@
+#include "microfacet.h"
+
+#include "gpu.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+
+#define SIZE        256 /* of the normal map, for one tile */
+#define YARNS       16
+#define ACROSS      0.8F
+#define ALONG       0.45F
+#define BUMPS       3 /* a tile each way */
+#define BUMP_RADIUS 0.36
+#define BUMP_SLOPE  0.75
+
+/* Warp first; a weft yarn has U and V exchanged. U of metal is along its brushing, where facets
+ * lean least. */
+static const struct microfacet surfaces[2][2] = {
+    {{MICROFACET_WARD, {0.03F, 0.03F, 0.03F}, {0.24F, 0.22F, 0.19F}, {0.08F, 0.35F}},
+     {MICROFACET_ASHIKHMIN, {0.03F, 0.03F, 0.03F}, {0.55F, 0.5F, 0.44F}, {160, 10}}},
+    {{MICROFACET_WARD, {0.28F, 0.05F, 0.06F}, {0.06F, 0.05F, 0.05F}, {0.5F, 0.18F}},
+     {MICROFACET_ASHIKHMIN, {0.28F, 0.05F, 0.06F}, {0.1F, 0.08F, 0.08F}, {5, 50}}},
+};
+static const float weft_diffuse[3] = {0.07F, 0.08F, 0.3F};
+
+struct material {
+    enum microfacet_surface surface;
+    struct microfacet facets;
+    guint normals;
+};
+
+/* Bosses on a lattice, whose sides are as steep as BUMP_SLOPE half way down. */
+static void metal_slopes(double x, double y, double ret[2]) {
+    const double u = x * BUMPS - floor(x * BUMPS) - 0.5, v = y * BUMPS - floor(y * BUMPS) - 0.5;
+    const double r = hypot(u, v) / BUMP_RADIUS;
+    const double slope = r < 1 ? BUMP_SLOPE * sin(G_PI * r) : 0;
+    ret[0] = r > 0 ? slope * u / (r * BUMP_RADIUS) : 0;
+    ret[1] = r > 0 ? slope * v / (r * BUMP_RADIUS) : 0;
+}
+
+/* Slopes are those of the normal: it leans towards the foot of a boss. */
+static struct vec3 normal_of(double x, double y) {
+    const double length = sqrt(x * x + y * y + 1);
+    return (struct vec3){x / length, y / length, 1 / length};
+}
+
+static struct vec3 metal_normal(const double x[2]) {
+    double slopes[2];
+    const int i = (int)floor((x[0] - floor(x[0])) * SIZE),
+              j = (int)floor((x[1] - floor(x[1])) * SIZE);
+    metal_slopes((i + 0.5) / SIZE, (j + 0.5) / SIZE, slopes);
+    return normal_of(slopes[0], -slopes[1]); /* rows run down */
+}
+
+void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model model,
+                           const double x[2], struct microfacet *ret_surface,
+                           struct vec3 *ret_normal) {
+    *ret_surface = surfaces[which][model];
+    if (which == MICROFACET_METAL) {
+        *ret_normal = metal_normal(x);
+        return;
+    }
+    const double u = x[0] * YARNS, v = x[1] * YARNS;
+    const gboolean warp = ((gint64)floor(u) + (gint64)floor(v)) % 2 == 0;
+    const double p = 2 * (u - floor(u)) - 1, q = 1 - 2 * (v - floor(v));
+    *ret_normal =
+        normal_of(p * (double)(warp ? ACROSS : ALONG), q * (double)(warp ? ALONG : ACROSS));
+    if (warp) {
+        ret_surface->rough[0] = surfaces[which][model].rough[1];
+        ret_surface->rough[1] = surfaces[which][model].rough[0];
+        return;
+    }
+    for (int c = 0; c < 3; c++)
+        ret_surface->diffuse[c] = weft_diffuse[c];
+}
+
+static guint normal_map(void) {
+    g_autofree float *xy = g_new(float, 2 * SIZE * SIZE);
+    GLuint texture;
+    for (int j = 0; j < SIZE; j++)
+        for (int i = 0; i < SIZE; i++) {
+            const double at[2] = {(i + 0.5) / SIZE, (j + 0.5) / SIZE};
+            const struct vec3 n = metal_normal(at);
+            xy[2 * (j * SIZE + i)] = (float)n.x;
+            xy[2 * (j * SIZE + i) + 1] = (float)n.y;
+        }
+    glGenTextures(1, &texture);
+    glBindTexture(GL_TEXTURE_2D, texture);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RG16F, SIZE, SIZE, 0, GL_RG, GL_FLOAT, xy);
+    glGenerateMipmap(GL_TEXTURE_2D);
+    return texture;
+}
+
+static gpointer open_surface(enum microfacet_surface surface, enum microfacet_model model,
+                             GError **error) {
+    struct material *material = g_new0(struct material, 1);
+    material->surface = surface;
+    material->facets = surfaces[surface][model];
+    if (surface == MICROFACET_METAL)
+        material->normals = normal_map();
+    if (gpu_check("the normal map", error))
+        return material;
+    g_free(material);
+    return NULL;
+}
+
+static gpointer open_metal_ward(const char *path, GError **error) {
+    return open_surface(MICROFACET_METAL, MICROFACET_WARD, error);
+}
+
+static gpointer open_metal_ashikhmin(const char *path, GError **error) {
+    return open_surface(MICROFACET_METAL, MICROFACET_ASHIKHMIN, error);
+}
+
+static gpointer open_fabric_ward(const char *path, GError **error) {
+    return open_surface(MICROFACET_FABRIC, MICROFACET_WARD, error);
+}
+
+static gpointer open_fabric_ashikhmin(const char *path, GError **error) {
+    return open_surface(MICROFACET_FABRIC, MICROFACET_ASHIKHMIN, error);
+}
+
+static void free_material(gpointer data) {
+    struct material *material = data;
+    if (material == NULL)
+        return;
+    glDeleteTextures(1, &material->normals);
+    g_free(material);
+}
+
+static void set_colour(guint program, const char *name, const float rgb[3]) {
+    glUniform3fv(glGetUniformLocation(program, name), 1, rgb);
+}
+
+static void bind_material(gpointer data, guint program, const struct method_style *style) {
+    const struct material *material = data;
+    glActiveTexture(GL_TEXTURE0);
+    glBindTexture(GL_TEXTURE_2D, material->normals);
+    if (material->normals != 0) {
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER,
+                        style->nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER,
+                        style->nearest ? GL_NEAREST : GL_LINEAR);
+    }
+    glUniform1i(glGetUniformLocation(program, "normals"), 0);
+    set_colour(program, "diffuse", material->facets.diffuse);
+    set_colour(program, "specular", material->facets.specular);
+    set_colour(program, "weft_diffuse", weft_diffuse);
+    glUniform2fv(glGetUniformLocation(program, "rough"), 1, material->facets.rough);
+    glUniform3f(glGetUniformLocation(program, "weave"), YARNS, ACROSS, ALONG);
+    glUniform1i(glGetUniformLocation(program, "rotation"), (int)style->rotation);
+}
+
+static const char *const metal_ward[] = {"ward.glsl", "microfacet.glsl", "metal.glsl", NULL};
+static const char *const metal_ashikhmin[] = {"ashikhmin.glsl", "microfacet.glsl", "metal.glsl",
+                                              NULL};
+static const char *const fabric_ward[] = {"ward.glsl", "microfacet.glsl", "fabric.glsl", NULL};
+static const char *const fabric_ashikhmin[] = {"ashikhmin.glsl", "microfacet.glsl", "fabric.glsl",
+                                               NULL};
+
+#define SURFACE(ident, text, id)                                                                   \
+    {                                                                                              \
+        .name = (ident), .title = (text), .shaders = (id), .open = open_##id,                      \
+        .free = free_material, .bind = bind_material,                                              \
+    }
+
+const struct method methods_microfacet[MICROFACET_METHODS] = {
+    SURFACE("metal-ward", "brushed metal (Ward)", metal_ward),
+    SURFACE("metal-ashikhmin", "brushed metal (Ashikhmin and Shirley)", metal_ashikhmin),
+    SURFACE("fabric-ward", "woven fabric (Ward)", fabric_ward),
+    SURFACE("fabric-ashikhmin", "woven fabric (Ashikhmin and Shirley)", fabric_ashikhmin),
+};

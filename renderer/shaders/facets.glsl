@@ -1,0 +1,10 @@
+// A texel's own normal and tangent. The tangent's azimuth is the direction of U on the surface.
+vec3 reflectance(ivec2 texel, int slice, vec3 v, vec3 l) {
+    vec4 diffuse = page(texel, 0, 0), specular = page(texel, 0, 1);
+    vec3 n = page(texel, 0, 2).xyz;
+    vec2 t = page(texel, 0, 3).xy;
+    t = length(t) > 1e-6 ? normalize(t) : vec2(1.0, 0.0);
+    mat3 turned = transpose(mat3(vec3(t, 0.0), vec3(-t.y, t.x, 0.0), vec3(0.0, 0.0, 1.0)));
+    return facet(diffuse.rgb, specular.rgb, vec2(diffuse.a, specular.a), turned * n, turned * v,
+                 turned * l, rotation);
+}

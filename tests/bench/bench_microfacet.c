@@ -1,0 +1,178 @@
+/* Rotated microfacets (seed 003) on a torus of brushed metal: time a frame against plain normal
+ * mapping, and how far the approximate rotation is from the exact one as the normal tilts. */
+#include "frame_time.h"
+#include "renderer/microfacet.h"
+#include "renderer/scene.h"
+
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+
+#define STEPS   17 /* of 5 degrees */
+#define AZIMUTH 72
+#define LIMIT   1.01 /* times plain normal mapping */
+
+struct tilt {
+    double degrees;
+    double half_rms, half_worst; /* length of the difference of the half vectors */
+    double ward_rms;             /* of reflectances, relative to the exact ones' RMS */
+};
+
+static struct vec3 unit(double theta_deg, double phi_deg) {
+    const double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
+    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+}
+
+static double ward_at(struct vec3 n, struct vec3 h, enum method_rotation rotation) {
+    static const struct microfacet ward = {
+        MICROFACET_WARD, {0, 0, 0}, {1, 1, 1}, {0.1F, 0.5F}}; /* of the seed's fig. 5 */
+    double rgb[3];
+    microfacet_evaluate(&ward, n, h, h, rotation, rgb); /* light from where one looks */
+    return rgb[0];
+}
+
+/* Over normals all around, and half vectors up to 60 degrees away from them. */
+static struct tilt measure_tilt(double degrees) {
+    struct tilt ret = {.degrees = degrees};
+    double all = 0, off = 0;
+    int n = 0;
+    for (int a = 0; a < AZIMUTH; a++) {
+        const struct vec3 normal = unit(degrees, 360.0 * a / AZIMUTH);
+        for (int k = 0; k < AZIMUTH * 40; k++) {
+            const int ring = k / AZIMUTH;
+            const struct vec3 h = unit(1.5 + 2.2 * ring, 360.0 * (k % AZIMUTH) / AZIMUTH);
+            if (vec3_dot(h, normal) < 0.5)
+                continue;
+            const double far =
+                vec3_length(vec3_sub(microfacet_half(h, normal, METHOD_ROTATION_APPROXIMATE),
+                                     microfacet_half(h, normal, METHOD_ROTATION_EXACT)));
+            const double exact = ward_at(normal, h, METHOD_ROTATION_EXACT);
+            off += pow(ward_at(normal, h, METHOD_ROTATION_APPROXIMATE) - exact, 2);
+            all += exact * exact;
+            ret.half_rms += far * far;
+            ret.half_worst = fmax(ret.half_worst, far);
+            n++;
+        }
+    }
+    ret.half_rms = sqrt(ret.half_rms / n);
+    ret.ward_rms = sqrt(off / all);
+    return ret;
+}
+
+static void draw_line(FILE *file, const struct tilt *tilts, gsize offset, const char *colour,
+                      const char *text, double label) {
+    fprintf(file, "<polyline fill=\"none\" stroke=\"%s\" stroke-width=\"2\" points=\"", colour);
+    for (int k = 0; k < STEPS; k++) {
+        const double value = G_STRUCT_MEMBER(double, &tilts[k], offset);
+        fprintf(file, "%d,%d ", (int)(60 + 6 * tilts[k].degrees), (int)(300 - 200 * value));
+    }
+    fprintf(file, "\"/>\n<text x=\"75\" y=\"%d\" fill=\"%s\">%s</text>\n", (int)label, colour,
+            text);
+}
+
+static gboolean plot(const char *path, const struct tilt *tilts) {
+    FILE *file = fopen(path, "w");
+    if (!file)
+        return FALSE;
+    fputs("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"580\" height=\"350\" "
+          "font-family=\"sans-serif\" font-size=\"14\">\n<rect width=\"580\" height=\"350\" "
+          "fill=\"white\"/>\n<path d=\"M60 20V300H550\" fill=\"none\" stroke=\"black\"/>\n",
+          file);
+    for (int k = 0; k <= 80; k += 20)
+        fprintf(file, "<text x=\"%d\" y=\"318\" text-anchor=\"middle\">%d°</text>\n", 60 + 6 * k,
+                k);
+    for (int k = 0; k <= 5; k++)
+        fprintf(file, "<text x=\"52\" y=\"%d\" text-anchor=\"end\">%.2f</text>\n", 305 - 50 * k,
+                k / 4.0);
+    fputs("<text x=\"300\" y=\"340\" text-anchor=\"middle\">tilt of the normal</text>\n", file);
+    draw_line(file, tilts, G_STRUCT_OFFSET(struct tilt, half_worst), "#c33",
+              "half vector, largest difference", 40);
+    draw_line(file, tilts, G_STRUCT_OFFSET(struct tilt, half_rms), "#36c", "half vector, RMS", 60);
+    draw_line(file, tilts, G_STRUCT_OFFSET(struct tilt, ward_rms), "#393",
+              "Ward 0.1, 0.5, relative RMS", 80);
+    fputs("</svg>\n", file);
+    return fclose(file) == 0;
+}
+
+static void tell_tilts(const struct tilt *tilts, gboolean json) {
+    for (int k = 0; k < STEPS; k++)
+        g_print(json ? "%s{\"tilt_deg\": %g, \"half_rms\": %.4f, \"half_worst\": %.4f, "
+                       "\"ward_relative_rms\": %.4f}"
+                     : "%stilt %2g°: half vector RMS %.4f, worst %.4f, Ward relative RMS %.4f",
+                json && k > 0 ? ", " : (k > 0 ? "\n" : ""), tilts[k].degrees, tilts[k].half_rms,
+                tilts[k].half_worst, tilts[k].ward_rms);
+}
+
+/* In turns, so that what else the machine does falls on all alike; ret_ms: the least of each. */
+static gboolean time_rotations(View *view, const struct method *method, int rounds,
+                               double ret_ms[METHOD_ROTATIONS], GError **error) {
+    struct view_settings s = view_settings_default;
+    gboolean good = view_open(view, method, NULL, error);
+    for (int k = 0; good && k < rounds * METHOD_ROTATIONS; k++) {
+        const int way = k % METHOD_ROTATIONS;
+        double ms = 0;
+        s.style.rotation = (enum method_rotation)way;
+        good = time_frames(view, &s, 3, &ms, error);
+        ret_ms[way] = k < METHOD_ROTATIONS ? ms : fmin(ret_ms[way], ms);
+    }
+    return good;
+}
+
+static void tell_times(const char *name, const double *ms, gboolean json, gboolean first) {
+    const double none = ms[METHOD_ROTATION_NONE], exact = ms[METHOD_ROTATION_EXACT];
+    const double approximate = ms[METHOD_ROTATION_APPROXIMATE];
+    g_print(json ? "%s{\"method\": \"%s\", \"none_ms\": %.2f, \"exact_ms\": %.2f, "
+                   "\"approximate_ms\": %.2f, \"exact_ratio\": %.4f, \"approximate_ratio\": %.4f, "
+                   "\"limit\": %.2f}"
+                 : "%s%s: normal mapping %.2f ms, exact rotation %.2f ms, approximate %.2f ms; "
+                   "ratios %.3f, %.3f (limit %.2f)\n",
+            json && !first ? ", " : "", name, none, exact, approximate, exact / none,
+            approximate / none, LIMIT);
+}
+
+static gboolean bench(int rounds, gboolean json, GError **error) {
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    g_autoptr(View) view = gpu ? view_new(NULL, error) : NULL;
+    struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
+    gboolean good = view && view_set_mesh(view, mesh, error);
+    g_print(json ? "\"renderer\": \"%s\", \"times\": [" : "%s, 800 × 600, torus\n",
+            gpu ? gpu_renderer() : "");
+    for (int k = 0; good && k < MICROFACET_METHODS; k++) {
+        double ms[METHOD_ROTATIONS] = {0};
+        good = time_rotations(view, &methods_microfacet[k], rounds, ms, error);
+        if (good)
+            tell_times(methods_microfacet[k].name, ms, json, k == 0);
+    }
+    mesh_free(mesh);
+    return good;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
+    gboolean json = FALSE;
+    int rounds = 5;
+    g_autofree char *svg = NULL;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
+        {"rounds", 0, 0, G_OPTION_ARG_INT, &rounds, "Of three frames each, default 5", "N"},
+        {"plot", 0, 0, G_OPTION_ARG_FILENAME, &svg, "Draw the error over the tilt", "OUT.svg"},
+        {NULL}};
+    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
+    g_autoptr(GError) error = NULL;
+    struct tilt tilts[STEPS];
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error) || rounds < 1 || argc > 1) {
+        g_printerr("bench_microfacet: %s\n", error ? error->message : "bad arguments");
+        return 2;
+    }
+    for (int k = 0; k < STEPS; k++)
+        tilts[k] = measure_tilt(5.0 * k);
+    g_print("%s", json ? "{" : "");
+    const gboolean good = bench(rounds, json, &error) && (!svg || plot(svg, tilts));
+    g_print("%s", json ? "], \"tilts\": [" : "");
+    tell_tilts(tilts, json);
+    g_print("%s\n", json ? "]}" : "");
+    if (!good)
+        g_printerr("bench_microfacet: %s\n", error ? error->message : "the plot cannot be written");
+    return good ? 0 : 1;
+}
