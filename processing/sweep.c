@@ -1,78 +1,70 @@
 #include "sweep.h"
 
-#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
-/* Frames are copied into a short queue and absorbed BATCH at a time: the state is then read and
- * written once a batch, stays in registers meanwhile, and where nothing in the batch was as bright
- * as the peak only the darkest value is touched. */
-#define BATCH 4
-#define TILE  1024 /* pixels whose state sweep_finish() has on its stack */
+#include "sweep_pulse.h"
 
-/* Pixels side by side. Signed, since there is no unsigned comparison of vectors on x86; values are
- * moved down by BIAS. Comparisons give −1 or 0. */
-#define LANES 16
-#define BIAS  0x8000
-typedef gint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
-typedef gint64 wide __attribute__((vector_size(2 * LANES)));
+#define LEAST_MARGIN 4     /* DN above background that are not yet a line */
+#define MOST_MARGIN  64    /* of the converter's range, the part that a margin grows to */
+#define FEW_PIXELS   256   /* they tell nothing of noise, and may all be lit at once */
+#define NOISE_PIXELS 1024  /* by which it is measured */
+#define NOISE_MARGIN 6     /* its standard deviations; the darkest of many is two or three below */
+#define MEDIAN       0.954 /* of the difference of two normal deviates, its size */
+#define CROWDED      8     /* records a vector that are no cause to look for noise among them */
+
+/* Pixels side by side, of which all samples are kept if one is lit. Comparisons give −1 or 0. */
+#define LANES   16
+#define GROUP   4 /* vectors that are looked at together */
+#define NOTHING G_MAXUINT32
+typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
+typedef guint64 wide __attribute__((vector_size(2 * LANES)));
 
 /* The compiler makes one blend of it. */
-#define CHOOSE(condition, yes, no) (((condition) & (yes)) | (~(condition) & (no)))
+#define CHOOSE(condition, yes, no) (((lanes)(condition) & (yes)) | (~(lanes)(condition) & (no)))
 
-struct state {      /* a plane each */
-    gint16 *peak;   /* brightest so far */
-    gint16 *first;  /* the first frame that was as bright */
-    gint16 *length; /* frames as bright, without a gap */
-    gint16 *before; /* the value before first */
-    gint16 *after;  /* the value after the last of them */
-    gint16 *open;   /* −1 while after is still to come */
-    gint16 *darkest;
+struct record {
+    guint16 value[LANES];
+    guint32 previous; /* of the same vector, or NOTHING */
+    guint32 frame;
 };
-#define STATE_PLANES 7
 
 struct Sweep {
-    gsize n_pixels, stride; /* of the planes: whole vectors */
+    gsize n_pixels, n_vectors;
     int n_frames, count;
-    int saturation;
-    gint16 *memory;
-    struct state state;
-    gint16 *queue[BATCH + 1]; /* [0] is the frame before the first one queued */
-    int queued;
+    guint16 saturation, margin;
+    guint16 *darkest; /* whole vectors, as are the next two */
+    guint16 *padded;  /* the last vector of a frame, or the first frame */
+    guint32 *last;    /* record of each vector, or NOTHING */
+    struct record *records;
+    gsize n_records, room, crowded;
 };
-
-static struct state state_at(gint16 *memory, gsize stride) {
-    return (struct state){memory,
-                          memory + stride,
-                          memory + 2 * stride,
-                          memory + 3 * stride,
-                          memory + 4 * stride,
-                          memory + 5 * stride,
-                          memory + 6 * stride};
-}
 
 Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
     g_return_val_if_fail(width > 0 && height > 0, NULL);
     g_return_val_if_fail(n_frames > 0 && n_frames <= G_MAXINT16, NULL);
     Sweep *sweep = g_new0(Sweep, 1);
     sweep->n_pixels = (gsize)width * (gsize)height;
-    sweep->stride = (sweep->n_pixels + LANES - 1) / LANES * LANES;
+    sweep->n_vectors = (sweep->n_pixels + LANES - 1) / LANES;
     sweep->n_frames = n_frames;
-    sweep->saturation = CLAMP(saturation, 1, G_MAXUINT16);
-    sweep->memory = g_new0(gint16, sweep->stride * (STATE_PLANES + BATCH + 1));
-    sweep->state = state_at(sweep->memory, sweep->stride);
-    for (int i = 0; i <= BATCH; i++)
-        sweep->queue[i] = sweep->memory + sweep->stride * (gsize)(STATE_PLANES + i);
-    for (gsize i = 0; i < sweep->n_pixels; i++) {
-        sweep->state.peak[i] = G_MININT16;
-        sweep->state.darkest[i] = G_MAXINT16;
-    }
+    sweep->saturation = (guint16)CLAMP(saturation, 1, G_MAXUINT16);
+    sweep->margin = LEAST_MARGIN;
+    sweep->darkest = g_new(guint16, sweep->n_vectors * LANES);
+    memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
+    sweep->padded = g_new0(guint16, sweep->n_vectors * LANES);
+    sweep->last = g_new(guint32, sweep->n_vectors);
+    memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
+    sweep->crowded = sweep->n_vectors * (CROWDED + (gsize)n_frames * 3 / 4);
     return sweep;
 }
 
 void sweep_free(Sweep *sweep) {
     if (!sweep)
         return;
-    g_free(sweep->memory);
+    g_free(sweep->darkest);
+    g_free(sweep->padded);
+    g_free(sweep->last);
+    g_free(sweep->records);
     g_free(sweep);
 }
 
@@ -80,161 +72,210 @@ int sweep_count(const Sweep *sweep) {
     return sweep->count;
 }
 
-static inline __attribute__((always_inline)) void follow_peak(struct state state, gsize at,
-                                                              const lanes *values, lanes previous,
-                                                              int batch, int time) {
-    lanes peak = *(lanes *)(state.peak + at), first = *(lanes *)(state.first + at);
-    lanes length = *(lanes *)(state.length + at), before = *(lanes *)(state.before + at);
-    lanes after = *(lanes *)(state.after + at), open = *(lanes *)(state.open + at);
-    lanes now = (lanes){} + (gint16)time;
-#pragma GCC unroll 4
-    for (int k = 0; k < batch; k++) {
-        lanes value = values[k], more = value > peak, same = (value == peak) & open;
-        after = CHOOSE(open, value, after);
-        before = CHOOSE(more, previous, before);
-        first = CHOOSE(more, now, first);
-        open = more | same;
-        length = (length & ~more) - open;
-        peak = CHOOSE(more, value, peak);
-        previous = value;
-        now += 1;
-    }
-    *(lanes *)(state.peak + at) = peak, *(lanes *)(state.first + at) = first;
-    *(lanes *)(state.length + at) = length, *(lanes *)(state.before + at) = before;
-    *(lanes *)(state.after + at) = after, *(lanes *)(state.open + at) = open;
+gsize sweep_bytes(const Sweep *sweep) {
+    return sizeof *sweep + sweep->n_vectors * (2 * LANES * sizeof(guint16) + sizeof(guint32)) +
+           sweep->n_records * sizeof(struct record);
 }
 
-/* LANES pixels of `batch` queued frames, of which the first is number `time`. */
-static inline __attribute__((always_inline)) void absorb_lanes(struct state state, gsize at,
-                                                               gint16 *const *queue, gsize offset,
-                                                               int batch, int time,
-                                                               int saturation) {
-    lanes bias = (lanes){} + (gint16)BIAS, most = (lanes){} + (gint16)(saturation - BIAS);
-    lanes peak = *(lanes *)(state.peak + at), darkest = *(lanes *)(state.darkest + at);
-    lanes previous = *(lanes *)(queue[0] + offset) ^ bias, values[BATCH];
-    previous = CHOOSE(previous > most, most, previous);
-    lanes busy = *(lanes *)(state.open + at);
-#pragma GCC unroll 4
-    for (int k = 0; k < batch; k++) {
-        lanes value = *(lanes *)(queue[k + 1] + offset) ^ bias;
-        value = CHOOSE(value > most, most, value);
-        busy |= value > peak;
-        darkest = CHOOSE(value < darkest, value, darkest);
-        values[k] = value;
-    }
-    *(lanes *)(state.darkest + at) = darkest;
-    wide any = (wide)busy;
-    if (any[0] | any[1] | any[2] | any[3])
-        follow_peak(state, at, values, previous, batch, time);
+/* Something in this vector is lit, or darker than ever. */
+static inline __attribute__((always_inline)) void absorb_vector(Sweep *sweep, gsize vector,
+                                                                lanes value) {
+    lanes *darkest = (lanes *)(sweep->darkest + vector * LANES);
+    lanes dark = CHOOSE(value < *darkest, value, *darkest);
+    wide lit = (wide)((value - dark) > sweep->margin);
+    *darkest = dark;
+    if (!(lit[0] | lit[1] | lit[2] | lit[3]))
+        return;
+    struct record *record = &sweep->records[sweep->n_records];
+    memcpy(record->value, &value, sizeof value);
+    record->previous = sweep->last[vector];
+    record->frame = (guint32)sweep->count;
+    sweep->last[vector] = (guint32)sweep->n_records++;
 }
 
-static inline __attribute__((always_inline)) void absorb_all(Sweep *sweep, int time) {
-    for (gsize i = 0; i < sweep->stride; i += LANES)
-        absorb_lanes(sweep->state, i, sweep->queue, i, BATCH, time, sweep->saturation);
+static inline __attribute__((always_inline)) void absorb(Sweep *sweep, const guint16 *pixels,
+                                                         gsize first, gsize n) {
+    lanes most = (lanes){} + sweep->saturation, margin = (lanes){} + sweep->margin;
+    for (gsize v = 0; v < n; v += GROUP) {
+        lanes value[GROUP], any = {0};
+        int together = (int)MIN(GROUP, n - v);
+#pragma GCC unroll 4
+        for (int k = 0; k < together; k++) {
+            lanes now = *(const lanes *)(pixels + (v + (gsize)k) * LANES);
+            lanes dark = *(const lanes *)(sweep->darkest + (first + v + (gsize)k) * LANES);
+            value[k] = CHOOSE(now > most, most, now);
+            any |= (lanes)(value[k] - dark > margin) | (lanes)(value[k] < dark);
+        }
+        wide bits = (wide)any;
+        if (bits[0] | bits[1] | bits[2] | bits[3])
+            for (int k = 0; k < together; k++)
+                absorb_vector(sweep, first + v + (gsize)k, value[k]);
+    }
 }
 
 /* The dispatch is by hand because the resolvers of target_clones run before the sanitizers' own
  * start-up. */
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static void absorb_batch_avx2(Sweep *sweep, int time) {
-    absorb_all(sweep, time);
+__attribute__((target("avx2"))) static void absorb_avx2(Sweep *sweep, const guint16 *pixels,
+                                                        gsize first, gsize n) {
+    absorb(sweep, pixels, first, n);
 }
 #endif
 
-static void absorb_batch(Sweep *sweep, int time) {
+static void absorb_frame(Sweep *sweep, const guint16 *pixels, gsize first, gsize n) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
-        absorb_batch_avx2(sweep, time);
+        absorb_avx2(sweep, pixels, first, n);
         return;
     }
 #endif
-    absorb_all(sweep, time);
+    absorb(sweep, pixels, first, n);
+}
+
+static int by_size(const void *a, const void *b) {
+    return *(const int *)a - *(const int *)b;
+}
+
+/* From the first two frames. */
+static void measure_noise(Sweep *sweep, const guint16 *pixels) {
+    gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
+    if (n < FEW_PIXELS)
+        return;
+    int size[NOISE_PIXELS];
+    for (gsize i = 0; i < n; i++) {
+        gsize pixel = i * (sweep->n_pixels / n);
+        size[i] = abs((int)pixels[pixel] - (int)sweep->padded[pixel]);
+    }
+    qsort(size, n, sizeof *size, by_size);
+    gsize middle = n / 2;
+    double noise = size[middle] / MEDIAN;
+    sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
+}
+
+/* Whether any pixel of a record is still above the margin, now that its background is known. */
+static gboolean is_lit(const Sweep *sweep, gsize vector, const struct record *record) {
+    for (gsize i = 0; i < LANES; i++)
+        if (record->value[i] - (int)sweep->darkest[vector * LANES + i] > (int)sweep->margin)
+            return TRUE;
+    return FALSE;
+}
+
+/* More is above the background than lines can be: noise, or light that flickers. The margin grows
+ * until half of the room is free, but not so far that lines are lost. */
+static void make_room(Sweep *sweep) {
+    int most = MAX(LEAST_MARGIN, sweep->saturation / MOST_MARGIN);
+    while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {
+        sweep->margin += sweep->margin / 2;
+        struct record *kept = g_new(struct record, sweep->n_records);
+        gsize n = 0;
+        for (gsize vector = 0; vector < sweep->n_vectors; vector++) {
+            guint32 from = sweep->last[vector], *to = &sweep->last[vector];
+            for (; from != NOTHING; from = sweep->records[from].previous) {
+                if (!is_lit(sweep, vector, &sweep->records[from]))
+                    continue;
+                kept[n] = sweep->records[from];
+                *to = (guint32)n;
+                to = &kept[n++].previous;
+            }
+            *to = NOTHING;
+        }
+        g_free(sweep->records);
+        sweep->records = kept;
+        sweep->room = sweep->n_records;
+        sweep->n_records = n;
+    }
 }
 
 void sweep_add(Sweep *sweep, const guint16 *pixels) {
     g_return_if_fail(sweep->count < sweep->n_frames);
-    memcpy(sweep->queue[++sweep->queued], pixels, sweep->n_pixels * sizeof *pixels);
+    gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
+    if (sweep->count == 1)
+        measure_noise(sweep, pixels);
+    if (sweep->n_records + sweep->n_vectors > sweep->room) {
+        sweep->room = MAX(2 * sweep->room, sweep->n_records + sweep->n_vectors);
+        sweep->records = g_renew(struct record, sweep->records, sweep->room);
+    }
+    absorb_frame(sweep, pixels, 0, whole);
+    if (rest) {
+        memcpy(sweep->padded, pixels + whole * LANES, rest * sizeof *pixels);
+        memset(sweep->padded + rest, 0, (LANES - rest) * sizeof *pixels);
+        absorb_frame(sweep, sweep->padded, whole, 1);
+    }
+    if (sweep->count == 0)
+        memcpy(sweep->padded, pixels, sweep->n_pixels * sizeof *pixels);
     sweep->count++;
-    if (sweep->queued < BATCH)
-        return;
-    absorb_batch(sweep, sweep->count - BATCH);
-    gint16 *spare = sweep->queue[0];
-    sweep->queue[0] = sweep->queue[BATCH];
-    sweep->queue[BATCH] = spare;
-    sweep->queued = 0;
+    if (sweep->n_records > sweep->crowded)
+        make_room(sweep);
 }
 
-/* The vertex of the parabola through (−1, a), (0, b), (1, c). FALSE if it has none. */
-static gboolean vertex(double a, double b, double c, double *ret_offset, double *ret_curvature) {
-    double curvature = a - 2 * b + c;
-    if (!(curvature < 0))
-        return FALSE;
-    *ret_offset = CLAMP(0.5 * (a - c) / curvature, -0.5, 0.5);
-    *ret_curvature = curvature;
-    return TRUE;
+/* A vector's records, the first one first. */
+struct history {
+    const struct record **record;
+    int n;
+    int *frame; /* of one pixel's samples, as the next */
+    float *value;
+};
+
+static void gather(const Sweep *sweep, gsize vector, struct history *history) {
+    int n = 0;
+    for (guint32 i = sweep->last[vector]; i != NOTHING; i = sweep->records[i].previous)
+        history->record[n++] = &sweep->records[i];
+    history->n = n;
+    for (int k = 0; k < n / 2; k++) {
+        const struct record *other = history->record[k];
+        history->record[k] = history->record[n - 1 - k];
+        history->record[n - 1 - k] = other;
+    }
 }
 
-/* The three samples are above background. In logarithms a Gaussian is a parabola, whose curvature
- * is −1/σ². Where a neighbour lies in the background the parabola is fitted to the values. */
-static void interpolate(double a, double b, double c, double *ret_offset, double *ret_width) {
-    double curvature;
-    *ret_offset = 0;
-    *ret_width = 0.5;
-    if (a > 0 && c > 0 && vertex(log(a), log(b), log(c), ret_offset, &curvature))
-        *ret_width = 1 / sqrt(-curvature);
-    else if (vertex(a, b, c, ret_offset, &curvature))
-        *ret_width = sqrt(b / -curvature);
+struct found {
+    float peak, width, intensity;
+};
+
+static struct found finish_pixel(const Sweep *sweep, gsize pixel, const struct history *history,
+                                 double threshold, int rank) {
+    guint16 dark = sweep->darkest[pixel];
+    struct sweep_samples samples = {
+        history->frame,      history->value, 0, sweep->count, (float)(sweep->saturation - dark),
+        (float)sweep->margin};
+    for (int k = 0; k < history->n; k++) {
+        int value = history->record[k]->value[pixel % LANES] - (int)dark;
+        if (value <= sweep->margin)
+            continue;
+        history->frame[samples.n] = (int)history->record[k]->frame;
+        history->value[samples.n++] = (float)value;
+    }
+    struct sweep_pulse pulse;
+    if (!sweep_pulse_find(&samples, rank, &pulse))
+        return (struct found){-1, 0, 0};
+    if (!(pulse.height >= threshold) || pulse.time < 0)
+        return (struct found){-1, 0, (float)pulse.height};
+    return (struct found){(float)pulse.time, (float)pulse.width, (float)pulse.height};
 }
 
-/* A plateau of length frames at the converter's end. Where it begins and ends the pulse crosses the
- * plateau's value, on average half a frame beyond; with the neighbours that gives σ, and their
- * ratio the centre. */
-static void across_plateau(double a, double top, double c, int length, double *ret_offset,
-                           double *ret_width) {
-    double half = 0.5 * (length + 1), low = 0.01 * top;
-    double ratio = log(top / CLAMP(sqrt(MAX(a, low) * MAX(c, low)), low, 0.95 * top));
-    double variance = (half * half - 0.25 * length * length) / (2 * ratio);
-    *ret_width = sqrt(variance);
-    *ret_offset = 0.5 * (length - 1);
-    if (a > 0 && c > 0)
-        *ret_offset += CLAMP(0.5 * variance * log(c / a) / half, -0.5, 0.5);
-}
-
-static void finish_pixel(const struct state *state, gsize i, int count, int saturation,
-                         double threshold, float *ret_peak, float *ret_width,
-                         float *ret_intensity) {
-    double dark = state->darkest[i], bright = state->peak[i] - dark;
-    int first = state->first[i], length = state->length[i];
-    *ret_intensity = (float)MAX(bright, 0);
-    *ret_peak = -1;
-    *ret_width = 0;
-    if (!(bright >= threshold) || bright <= 0 || first == 0 || first + length >= count)
-        return;
-    double a = state->before[i] - dark, c = state->after[i] - dark, offset, width;
-    if (state->peak[i] + BIAS >= saturation || length > 2)
-        across_plateau(a, bright, c, length, &offset, &width);
-    else
-        interpolate(a, bright, length == 1 ? c : bright, &offset, &width);
-    *ret_peak = (float)(first + offset);
-    *ret_width = (float)width;
+static void finish(const Sweep *sweep, int rank, double threshold, float *ret_peak,
+                   float *ret_width, float *ret_intensity) {
+    gsize n = (gsize)MAX(sweep->count, 1);
+    g_autofree const struct record **record = g_new(const struct record *, n);
+    g_autofree int *frame = g_new(int, n);
+    g_autofree float *value = g_new(float, n);
+    struct history history = {record, 0, frame, value};
+    for (gsize i = 0; i < sweep->n_pixels; i++) {
+        if (i % LANES == 0)
+            gather(sweep, i / LANES, &history);
+        struct found found = finish_pixel(sweep, i, &history, threshold, rank);
+        ret_peak[i] = found.peak;
+        ret_width[i] = found.width;
+        ret_intensity[i] = found.intensity;
+    }
 }
 
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity) {
-    gint16 memory[STATE_PLANES * TILE];
-    for (gsize start = 0; start < sweep->stride; start += TILE) {
-        gsize n = MIN(TILE, sweep->stride - start);
-        /* What is still queued is absorbed into a copy: more frames may follow. */
-        for (gsize plane = 0; plane < STATE_PLANES; plane++)
-            memcpy(memory + plane * TILE, sweep->memory + sweep->stride * plane + start,
-                   n * sizeof *memory);
-        struct state state = state_at(memory, TILE);
-        for (int k = 0; k < sweep->queued; k++)
-            for (gsize i = 0; i < n; i += LANES)
-                absorb_lanes(state, i, sweep->queue + k, start + i, 1,
-                             sweep->count - sweep->queued + k, sweep->saturation);
-        for (gsize i = 0; i < n && start + i < sweep->n_pixels; i++)
-            finish_pixel(&state, i, sweep->count, sweep->saturation, threshold,
-                         ret_peak + start + i, ret_width + start + i, ret_intensity + start + i);
-    }
+    finish(sweep, 0, threshold, ret_peak, ret_width, ret_intensity);
+}
+
+void sweep_finish_second(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
+                         float *ret_intensity) {
+    finish(sweep, 1, threshold, ret_peak, ret_width, ret_intensity);
 }

@@ -1,10 +1,12 @@
 /*
  * A laser sweep seen by one camera, analysed as the frames come (space-time analysis, seed 004
- * §3.2): for every pixel the frame in which it was brightest, to a fraction of a frame, without the
+ * §3.2): for every pixel the time at which it was brightest, to a fraction of a frame, without the
  * frames being kept.
  *
- * State a pixel: the brightest value so far, its index, and both neighbours in time. Feed frames in
- * order; a frame may be fed once only. One thread at a time.
+ * A line lights each pixel in a few frames only: those samples are kept and all others forgotten,
+ * but for each pixel's darkest value, its background. What is above background by less than noise
+ * does not count; the noise is measured in the first two frames (at least 4 DN are taken for it).
+ * Feed frames in order; a frame may be fed once only. One thread at a time.
  */
 #pragma once
 
@@ -12,6 +14,7 @@
 
 typedef struct Sweep Sweep;
 
+/* At most 32767 frames. */
 Sweep *sweep_new(int width, int height, int n_frames, int saturation);
 void sweep_free(Sweep *sweep); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
@@ -23,8 +26,16 @@ int sweep_count(const Sweep *sweep);
 /* What is left, each width × height, written to the caller's arrays:
  *   peak       time of the peak in frames (0 is the first frame's middle), −1 where there is none:
  *              peak − background below threshold, or at the very first or last frame
- *   width      standard deviation of the pulse in frames, from the three samples around it
+ *   width      standard deviation of the pulse in frames
  *   intensity  brightest value above background
- * background is each pixel's own darkest value, threshold in the same units (DN). */
+ * background is each pixel's own darkest value, threshold in the same units (DN). Time and width
+ * are those of the Gaussian that fits all samples of the pulse best, by their noise. */
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity);
+
+/* The same of each pixel's second brightest pulse: light thrown back by what stands around, or a
+ * surface behind an edge; intensity is 0 where there is none. */
+void sweep_finish_second(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
+                         float *ret_intensity);
+
+gsize sweep_bytes(const Sweep *sweep); /* it occupies */

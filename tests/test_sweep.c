@@ -152,6 +152,64 @@ static void test_shapes(void) {
     g_assert_cmpfloat(tilted, <, 3.5);
 }
 
+/* Wide lines: all samples of a pulse count, not the three around its peak, which alone would give
+ * 0.135 frames. */
+#define WIDE_BOUND 0.0368 /* frames: Cramér and Rao, for a pulse of this size, width and noise */
+
+static void test_wide(void) {
+    g_autofree double *centre = random_centres(64 * 64, 10, 50);
+    struct pulses pulses = {64, 64, 60, 4095, 3, 300, 70, 6, centre};
+    struct result result = measure(&pulses, 100);
+    g_test_message("RMS %.4f frames", result.rms);
+    g_assert_cmpint(result.missing, ==, 0);
+    g_assert_cmpfloat(result.rms, <, 1.3 * WIDE_BOUND);
+    g_assert_cmpfloat(fabs(result.mean_width - 3), <, 0.2);
+}
+
+/* Light that another surface throws back comes at another time. */
+static void test_second(void) {
+    static const guint16 values[] = {10, 10, 40, 60, 40, 10, 10, 50,
+                                     90, 50, 10, 10, 10, 30, 10, 10};
+    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 4000);
+    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
+        sweep_add(sweep, &values[i]);
+    float peak, width, bright;
+    sweep_finish(sweep, 15, &peak, &width, &bright);
+    g_assert_cmpfloat_with_epsilon(peak, 8, 1e-6);
+    sweep_finish_second(sweep, 15, &peak, &width, &bright);
+    g_assert_cmpfloat_with_epsilon(peak, 3, 1e-6);
+    g_assert_cmpfloat(bright, ==, 50);
+    sweep_finish_second(sweep, 60, &peak, &width, &bright);
+    g_assert_cmpfloat(peak, ==, -1);
+}
+
+static void test_no_second(void) {
+    static const guint16 values[] = {10, 10, 50, 90, 50, 10, 10, 10};
+    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 4000);
+    for (guint i = 0; i < G_N_ELEMENTS(values); i++)
+        sweep_add(sweep, &values[i]);
+    float peak, width, bright;
+    sweep_finish_second(sweep, 15, &peak, &width, &bright);
+    g_assert_cmpfloat(peak, ==, -1);
+    g_assert_cmpfloat(bright, ==, 0);
+}
+
+/* Noise above what is taken for it must not fill the memory. */
+static void test_noise_alone(void) {
+    enum { SIDE = 64, FRAMES = 200 };
+    g_autoptr(Sweep) sweep = sweep_new(SIDE, SIDE, FRAMES, 4000);
+    guint16 pixels[SIDE * SIDE];
+    GRand *random = g_rand_new_with_seed(2);
+    for (int t = 0; t < FRAMES; t++) {
+        for (int i = 0; i < SIDE * SIDE; i++)
+            pixels[i] = (guint16)(100 + (t > 5 ? g_rand_int_range(random, 0, 60) : 0));
+        sweep_add(sweep, pixels);
+    }
+    g_rand_free(random);
+    g_test_message("%" G_GSIZE_FORMAT " bytes", sweep_bytes(sweep));
+    g_assert_cmpuint(sweep_bytes(sweep), <, (gsize)SIDE * SIDE * FRAMES * 3 / 2);
+}
+
 /* Whatever the number of pixels and frames, queued or absorbed, the answer is the same. */
 static void test_sizes(void) {
     for (int n = 1; n < 40; n += 3)
@@ -184,6 +242,10 @@ int main(int argc, char **argv) {
     g_test_add_func("/sweep/above-saturation", test_above_saturation);
     g_test_add_func("/sweep/no-peak", test_no_peak);
     g_test_add_func("/sweep/shapes", test_shapes);
+    g_test_add_func("/sweep/wide", test_wide);
+    g_test_add_func("/sweep/second", test_second);
+    g_test_add_func("/sweep/no-second", test_no_second);
+    g_test_add_func("/sweep/noise-alone", test_noise_alone);
     g_test_add_func("/sweep/sizes", test_sizes);
     g_test_add_func("/sweep/look-in-between", test_look_in_between);
     return g_test_run();

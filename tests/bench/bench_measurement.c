@@ -22,7 +22,7 @@
 static int texels = 24, supersample = 4, samples = 24;
 static double pixels = 3;
 static int steps = 64;
-static gboolean json, quiet, no_btf, no_mdf;
+static gboolean json, quiet, mono, curve, no_btf, no_mdf;
 static char *only;
 
 static const GOptionEntry entries[] = {
@@ -32,12 +32,20 @@ static const GOptionEntry entries[] = {
     {"supersample", 0, 0, G_OPTION_ARG_INT, &supersample, "Rays a pixel, in x and y (4)", "N"},
     {"samples", 0, 0, G_OPTION_ARG_INT, &samples, "Rays a texel of the truth (24)", "N"},
     {"quiet", 0, 0, G_OPTION_ARG_NONE, &quiet, "Cameras without noise", NULL},
+    {"mono", 0, 0, G_OPTION_ARG_NONE, &mono, "Cameras without a colour filter", NULL},
+    {"curve", 0, 0, G_OPTION_ARG_NONE, &curve, "Only BTFs, over pixels a texel", NULL},
     {"steps", 0, 0, G_OPTION_ARG_INT, &steps, "Frames a laser sweep (64)", "N"},
     {"no-btf", 0, 0, G_OPTION_ARG_NONE, &no_btf, "Leave the BTF out", NULL},
     {"no-mdf", 0, 0, G_OPTION_ARG_NONE, &no_mdf, "Leave the MDF out", NULL},
     {"only", 0, 0, G_OPTION_ARG_STRING, &only, "One material", "KIND"},
     {NULL},
 };
+
+static void new_cells(struct bench_cell *cells) {
+    for (int i = 0; i < PAIRS; i++)
+        cells[i] = (struct bench_cell){.errors = g_array_new(FALSE, FALSE, sizeof(float)),
+                                       .bias = g_array_new(FALSE, FALSE, sizeof(float))};
+}
 
 static void clear_cells(struct bench_cell *cells) {
     for (int i = 0; i < PAIRS; i++) {
@@ -51,15 +59,74 @@ static gboolean is_steep(int pair) {
            bench_elevation_deg(pair % RIG_VIEWS) > STEEP_DEG;
 }
 
-static void print_group(const char *name, struct bench_cell *cells, gboolean steep) {
+struct errors {
+    double median, p95;
+};
+
+static struct errors group_errors(const struct bench_cell *cells, gboolean steep) {
     g_autoptr(GArray) all = g_array_new(FALSE, FALSE, sizeof(float));
     for (int i = 0; i < PAIRS; i++)
         if (is_steep(i) == steep)
             g_array_append_vals(all, cells[i].errors->data, cells[i].errors->len);
-    printf(json ? "\"%s_median\": %.5f, \"%s_p95\": %.5f, "
-                : "  %s: median %.2f %%, %s p95 %.2f %%\n",
-           name, bench_quantile(all, 0.5) * (json ? 1 : 100), name,
-           bench_quantile(all, 0.95) * (json ? 1 : 100));
+    double median = bench_quantile(all, 0.5);
+    return (struct errors){median, bench_quantile(all, 0.95)};
+}
+
+static struct errors btf_limit(gboolean steep) {
+    return steep ? (struct errors){0.02, 0.08} : (struct errors){0.01, 0.04};
+}
+
+static void print_group(const char *name, const struct bench_cell *cells, gboolean steep) {
+    struct errors e = group_errors(cells, steep), limit = btf_limit(steep);
+    if (json)
+        printf("\"%s_median\": %.5f, \"%s_p95\": %.5f, ", name, e.median, name, e.p95);
+    else
+        printf("  %s: median %.2f %% (limit %.0f), p95 %.2f %% (limit %.0f)\n", name,
+               100 * e.median, 100 * limit.median, 100 * e.p95, 100 * limit.p95);
+}
+
+/* With every kind of camera, to tell what of the errors is noise, what the colour filter, and what
+ * any camera of as many pixels has: a texel's border does not follow those of pixels. */
+static const struct {
+    const char *name;
+    gboolean mono, quiet;
+} cameras[] = {{"colour", FALSE, FALSE},
+               {"colour_quiet", FALSE, TRUE},
+               {"mono", TRUE, FALSE},
+               {"mono_quiet", TRUE, TRUE}};
+
+static void print_camera(const char *name, const struct bench_cell *cells) {
+    struct errors flat = group_errors(cells, FALSE), steep = group_errors(cells, TRUE);
+    printf(json ? ", \"%s\": [%.5f, %.5f, %.5f, %.5f]" : "  %-14s %6.2f /%6.2f   %6.2f /%6.2f\n",
+           name, flat.median * (json ? 1 : 100), flat.p95 * (json ? 1 : 100),
+           steep.median * (json ? 1 : 100), steep.p95 * (json ? 1 : 100));
+}
+
+static void print_cameras(struct bench_setup setup) {
+    if (!json)
+        printf("  %g pixels a texel, median / p95 in %%: to 60° (limits 1 / 4), 75° (2 / 8)\n",
+               setup.pixels_a_texel);
+    for (gsize k = 0; k < G_N_ELEMENTS(cameras); k++) {
+        struct bench_cell cells[PAIRS];
+        new_cells(cells);
+        setup.mono = cameras[k].mono;
+        setup.noise = !cameras[k].quiet;
+        bench_btf(&setup, samples, cells);
+        print_camera(cameras[k].name, cells);
+        clear_cells(cells);
+    }
+}
+
+static void print_curve(struct bench_setup setup) {
+    static const double all[] = {2, 3, 4, 6};
+    printf(json ? "\"curve\": [" : "");
+    for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
+        setup.pixels_a_texel = all[i];
+        printf(json ? "%s{\"pixels\": %g" : "", i ? ", " : "", all[i]);
+        print_cameras(setup);
+        printf(json ? "}" : "");
+    }
+    printf(json ? "]" : "");
 }
 
 static void print_table(struct bench_cell *cells) {
@@ -108,18 +175,28 @@ static void print_mdf(const struct bench_setup *setup) {
     printf(json ? "]%s" : "%s", json && !no_btf ? ", " : "");
 }
 
-/* At σ = 0.7 frames, which is what 96 steps over 50 mm give, and twice as fine. */
+/* 96 steps over 50 mm give σ = 0.7 frames; finer steps, slanted surfaces and wide lines give more.
+ */
 static void print_peaks(void) {
+    static const double sigmas[] = {0.6, 0.7, 1, 1.4, 2, 3};
     gboolean first = TRUE;
-    printf(json ? "\"peaks\": [" : "time of a pulse against the Cramér-Rao bound\n");
-    for (double sigma = 0.7; sigma < 1.5; sigma *= 2)
+    printf(json ? "\"peaks\": ["
+                : "time of a pulse, rms in frames, of the Cramér-Rao bound (limit 1.3)\n");
+    for (gsize i = 0; i < G_N_ELEMENTS(sigmas); i++) {
+        printf(json ? "" : "  sigma %.1f frames:", sigmas[i]);
         for (double dn = 20; dn < 4000; dn *= 2) {
-            struct bench_peaks p = bench_peaks(dn, sigma);
-            printf(json ? "%s{\"sigma_frames\": %.2f, \"dn\": %.0f, \"rms\": %.5f, \"ratio\": %.3f}"
-                        : "%s  sigma %.2f frames, %5.0f DN: rms %.5f frames, %.3f of the bound\n",
-                   json && !first ? ", " : "", sigma, dn, p.rms, p.rms / p.bound);
+            struct bench_peaks p = bench_peaks(dn, sigmas[i]);
+            double ratio = p.rms / p.bound;
+            if (json)
+                printf("%s{\"sigma_frames\": %.1f, \"dn\": %.0f, \"rms\": %.5f, "
+                       "\"ratio\": %.3f, \"missed\": %.5f}",
+                       first ? "" : ", ", sigmas[i], dn, p.rms, ratio, p.missed);
+            else
+                printf(" %.0f DN %.4f (%.2f)%s", dn, p.rms, ratio, p.missed > 0 ? " missed!" : "");
             first = FALSE;
         }
+        printf(json ? "" : "\n");
+    }
     printf(json ? "]" : "");
 }
 
@@ -142,15 +219,16 @@ static void measure(const char *material) {
                                 .pixels_a_texel = pixels,
                                 .supersample = supersample,
                                 .gather_rays = 12,
-                                .noise = !quiet};
+                                .noise = !quiet,
+                                .mono = mono};
     struct bench_cell cells[PAIRS];
-    for (int i = 0; i < PAIRS; i++)
-        cells[i] = (struct bench_cell){.errors = g_array_new(FALSE, FALSE, sizeof(float)),
-                                       .bias = g_array_new(FALSE, FALSE, sizeof(float))};
+    new_cells(cells);
     printf(json ? "%s\"%s\": {" : "%s%s\n", json ? ", " : "", material);
-    if (!no_mdf)
+    if (curve)
+        print_curve(setup);
+    else if (!no_mdf)
         print_mdf(&setup);
-    if (!no_btf) {
+    if (!no_btf && !curve) {
         bench_btf(&setup, samples, cells);
         print_group("btf_to_60deg", cells, FALSE);
         print_group("btf_75deg", cells, TRUE);

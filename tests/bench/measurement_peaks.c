@@ -59,5 +59,6 @@ struct bench_peaks bench_peaks(double amplitude_dn, double sigma) {
             n++;
         }
     g_rand_free(random);
-    return (struct bench_peaks){amplitude_dn, sqrt(bits / N_PIXELS), sqrt(squares / MAX(n, 1))};
+    return (struct bench_peaks){amplitude_dn, sqrt(bits / N_PIXELS), sqrt(squares / MAX(n, 1)),
+                                1 - (double)n / N_PIXELS};
 }

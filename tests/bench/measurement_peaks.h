@@ -6,6 +6,7 @@
 
 struct bench_peaks {
     double amplitude_dn, bound, rms; /* frames */
+    double missed;                   /* part of the pulses: not found, or more than 3 σ away */
 };
 
 /* The noise is that of the simulated cameras: 12 bits for 15000 electrons, 4 of read noise.

@@ -1,0 +1,207 @@
+#include "sweep_pulse.h"
+
+#include <math.h>
+
+#define VALLEY  0.6f  /* of the fainter of two peaks: two pulses lie there, not noise on one */
+#define WINGS   0.12f /* of the brightest sample: what is fainter may be another line's */
+#define FAINT   0.6f  /* of the margin: what samples below it are on average next to a pulse */
+#define READ_DN 5.0f  /* where noise of light begins to count more than that of reading */
+#define DOUBT   1.3   /* of the margin: samples that should be fainter may be missing */
+
+/* Samples first … last are one pulse's; top is the first of the brightest. */
+struct span {
+    int first, last, top;
+};
+
+static gboolean follows(const struct sweep_samples *s, int k) {
+    return s->frame[k] == s->frame[k - 1] + 1;
+}
+
+/* The pulse that begins at a sample: to where it ends, or rises again after a valley. */
+static struct span span_from(const struct sweep_samples *s, int first) {
+    struct span span = {first, first, first};
+    int low = first;
+    for (int k = first + 1; k < s->n && follows(s, k); k++) {
+        float peak = s->value[span.top];
+        if (s->value[k] > peak && s->value[low] >= VALLEY * peak) {
+            span.top = low = k;
+        } else if (s->value[k] < s->value[low]) {
+            low = k;
+        } else if (s->value[low] < VALLEY * MIN(peak, s->value[k])) {
+            span.last = low;
+            return span;
+        }
+        span.last = k;
+    }
+    return span;
+}
+
+/* How many frames in a row are as bright as the brightest. */
+static int plateau_of(const struct sweep_samples *s, const struct span *span) {
+    int k = span->top;
+    while (k < span->last && s->value[k + 1] >= s->value[span->top])
+        k++;
+    return k - span->top + 1;
+}
+
+/* Sums for a parabola c0 + c1·t + c2·t² through logarithms. */
+struct sums {
+    double m[5], v[3];
+};
+
+static void add_sample(struct sums *sums, double t, double y, double weight) {
+    double power = weight;
+    for (int i = 0; i < 5; i++, power *= t) {
+        sums->m[i] += power;
+        if (i < 3)
+            sums->v[i] += power * y;
+    }
+}
+
+static gboolean solve(const struct sums *sums, double c[3]) {
+    const double *m = sums->m, *v = sums->v;
+    double a = m[2] * m[4] - m[3] * m[3], b = m[2] * m[3] - m[1] * m[4];
+    double d = m[1] * m[3] - m[2] * m[2];
+    double det = m[0] * a + m[1] * b + m[2] * d;
+    if (!(fabs(det) > 1e-9 * m[0] * m[2] * m[4]))
+        return FALSE;
+    double e = m[0] * m[4] - m[2] * m[2], f = m[1] * m[2] - m[0] * m[3];
+    double g = m[0] * m[2] - m[1] * m[1];
+    c[0] = (a * v[0] + b * v[1] + d * v[2]) / det;
+    c[1] = (b * v[0] + e * v[1] + f * v[2]) / det;
+    c[2] = (d * v[0] + f * v[1] + g * v[2]) / det;
+    return TRUE;
+}
+
+/* Of the parabola, in logarithms: where, how wide, how high. */
+struct gaussian {
+    double time, width, c[3];
+};
+
+/* Whether noise rather than the pulse decides if a sample that far off is among those that are
+ * left: to fit it would draw the pulse its way. */
+static gboolean is_uncertain(const struct sweep_samples *s, const struct gaussian *g, double t,
+                             double height) {
+    double least = MAX(WINGS * height, DOUBT * (double)s->margin), off = t - g->time;
+    return height * exp(-0.5 * off * off / (g->width * g->width)) < least;
+}
+
+/* In logarithms a Gaussian is a parabola (Guo 2011): each sample counts by the inverse of its
+ * logarithm's variance, which the noise of reading and of light give. Saturated samples say nothing
+ * but that the pulse is there. */
+static gboolean fit_once(const struct sweep_samples *s, const struct span *part, double middle,
+                         gboolean again, struct gaussian *g) {
+    struct sums sums = {0};
+    double height = again ? exp(MIN(g->c[0] - 0.25 * g->c[1] * g->c[1] / g->c[2], 12)) : 0;
+    int used = 0;
+    for (int k = part->first; k <= part->last; k++) {
+        double t = s->frame[k] - middle, y = s->value[k];
+        if (y >= s->full || (again && is_uncertain(s, g, t, height)))
+            continue;
+        double model = again ? exp(MIN(g->c[0] + (g->c[1] + g->c[2] * t) * t, 12)) : y;
+        add_sample(&sums, t, log(y), model * model / (model + READ_DN));
+        used++;
+    }
+    if (used < 3 || !solve(&sums, g->c) || !(g->c[2] < 0))
+        return FALSE;
+    g->time = -g->c[1] / (2 * g->c[2]);
+    g->width = sqrt(-0.5 / g->c[2]);
+    return s->frame[part->first] - 1 <= middle + g->time &&
+           middle + g->time <= s->frame[part->last] + 1;
+}
+
+static gboolean fit(const struct sweep_samples *s, const struct span *part, double middle,
+                    struct sweep_pulse *ret) {
+    struct gaussian first, better;
+    if (!fit_once(s, part, middle, FALSE, &first))
+        return FALSE;
+    better = first;
+    if (!fit_once(s, part, middle, TRUE, &better))
+        better = first;
+    ret->time = middle + better.time;
+    ret->width = better.width;
+    return TRUE;
+}
+
+/* A sample that is left out for being faint is not 0 in logarithms. */
+static double value_at(const struct sweep_samples *s, const struct span *span, int k) {
+    return k >= span->first && k <= span->last ? (double)s->value[k] : FAINT * s->margin;
+}
+
+/* One or two samples alone: the Gaussian through three, some of which are background. */
+static void between_few(const struct sweep_samples *s, const struct span *span, int length,
+                        struct sweep_pulse *ret) {
+    double a = log(value_at(s, span, span->top - 1)), b = log((double)s->value[span->top]);
+    double c = length > 1 ? b : log(value_at(s, span, span->top + 1)), curvature = a - 2 * b + c;
+    ret->time = s->frame[span->top];
+    ret->width = 0.5;
+    if (!(curvature < 0))
+        return;
+    ret->time += CLAMP(0.5 * (a - c) / curvature, -0.5, 0.5);
+    ret->width = 1 / sqrt(-curvature);
+}
+
+/* A plateau of length frames at the converter's end. Where it begins and ends the pulse crosses the
+ * plateau's value, on average half a frame beyond; with the neighbours that gives σ, and their
+ * ratio the centre. */
+static void across_plateau(const struct sweep_samples *s, const struct span *span, int length,
+                           struct sweep_pulse *ret) {
+    double top = s->value[span->top], half = 0.5 * (length + 1), low = 0.01 * top;
+    double a = value_at(s, span, span->top - 1), c = value_at(s, span, span->top + length);
+    double ratio = log(top / CLAMP(sqrt(MAX(a, low) * MAX(c, low)), low, 0.95 * top));
+    double variance = (half * half - 0.25 * length * length) / (2 * ratio);
+    ret->width = sqrt(variance);
+    ret->time = s->frame[span->top] + 0.5 * (length - 1);
+    if (a > 0 && c > 0)
+        ret->time += CLAMP(0.5 * variance * log(c / a) / half, -0.5, 0.5);
+}
+
+/* The samples that are not too faint, to both sides of the plateau; a next one at any rate. */
+static struct span bright_part(const struct sweep_samples *s, const struct span *span, int length) {
+    struct span part = {span->top, span->top + length - 1, span->top};
+    double least = WINGS * s->value[span->top];
+    do
+        part.first -= part.first > span->first;
+    while (part.first > span->first && s->value[part.first - 1] >= least);
+    do
+        part.last += part.last < span->last;
+    while (part.last < span->last && s->value[part.last + 1] >= least);
+    return part;
+}
+
+static void measure(const struct sweep_samples *s, const struct span *span,
+                    struct sweep_pulse *ret) {
+    int length = plateau_of(s, span);
+    int begin = s->frame[span->top], end = begin + length - 1;
+    *ret = (struct sweep_pulse){-1, 0, s->value[span->top]};
+    if (begin == 0 || end + 1 >= s->count)
+        return;
+    struct span part = bright_part(s, span, length);
+    if (fit(s, &part, 0.5 * (begin + end), ret))
+        return;
+    if (length > 2 || s->value[span->top] >= s->full)
+        across_plateau(s, span, length, ret);
+    else
+        between_few(s, span, length, ret);
+}
+
+gboolean sweep_pulse_find(const struct sweep_samples *samples, int rank, struct sweep_pulse *ret) {
+    struct span best[2] = {{0, -1, 0}, {0, -1, 0}};
+    int found = 0;
+    for (int k = 0; k < samples->n;) {
+        struct span span = span_from(samples, k);
+        float height = samples->value[span.top];
+        if (found == 0 || height > samples->value[best[0].top]) {
+            best[1] = best[0];
+            best[0] = span;
+        } else if (found == 1 || height > samples->value[best[1].top]) {
+            best[1] = span;
+        }
+        found++;
+        k = span.last + 1;
+    }
+    if (rank < 0 || rank > 1 || found <= rank)
+        return FALSE;
+    measure(samples, &best[rank], ret);
+    return TRUE;
+}

@@ -1,0 +1,24 @@
+/*
+ * Pulses in what one pixel saw over time: private to sweep.h. Any thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+/* A pixel's samples above its background, in order of time; others were not above it. */
+struct sweep_samples {
+    const int *frame;
+    const float *value; /* DN above background */
+    int n, count;       /* count: frames there were */
+    float full;         /* values from here on are saturated */
+    float margin;       /* values up to here are left out */
+};
+
+struct sweep_pulse {
+    double time, width; /* frames; time < 0: it was at its brightest in the first or last frame */
+    double height;      /* DN, its brightest sample */
+};
+
+/* The brightest pulse (rank 0) or the next (1): another one is told apart where it becomes less
+ * than VALLEY (sweep_pulse.c) of the fainter in between. FALSE if there are not as many. */
+gboolean sweep_pulse_find(const struct sweep_samples *samples, int rank, struct sweep_pulse *ret);
