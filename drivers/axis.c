@@ -3,11 +3,12 @@
 #include <math.h>
 
 /*
- * The deadline of a movement is its predicted time · 1.5 + 2 s. Homing is predicted as ten times a
+ * The deadline of a movement is its predicted time · 1.5 + 4 s, enough for a driver to
+ * hear again from a device that was not heard for a while. Homing is predicted as ten times a
  * move over the whole way (limits, or a full turn), since it goes slowly; a stop as v/a.
  */
 #define DEADLINE_FACTOR  1.5
-#define DEADLINE_EXTRA_S 2.0
+#define DEADLINE_EXTRA_S 4.0
 #define HOMING_FACTOR    10.0
 
 /* Less than any drive resolves; more than sums of angles are off by. */

@@ -223,6 +223,41 @@ static void stall(void) {
     end(&bench);
 }
 
+/* How it gets on is not known for a while, which ends nothing. */
+static void unheard_for_a_while(void) {
+    struct virtual_modbus_faults lapses[] = {
+        {.silent = 4}, {.damaged = 4}, {.late = 3, .late_ms = 90}};
+    struct bench bench;
+    begin(&bench, TRUE);
+    open_axis(&bench, "retries = 0\n");
+    home(&bench);
+    for (gsize i = 0; i < G_N_ELEMENTS(lapses); i++) {
+        start(&bench, i % 2 ? -80 : 80);
+        conformance_pass(bench.clock, 0.04); /* the command has been answered */
+        fail_with(&bench, lapses[i]);
+        expect(&bench, AXIS_ARRIVED);
+        g_assert_true(axis_is_homed(bench.axis));
+    }
+    end(&bench);
+}
+
+static void unheard_for_long(void) {
+    struct bench bench;
+    begin(&bench, TRUE);
+    open_axis(&bench, "retries = 1\nlost_ms = 400\n");
+    home(&bench);
+    start(&bench, 80);
+    conformance_pass(bench.clock, 0.04);
+    gint64 from = g_get_monotonic_time();
+    fail_with(&bench, (struct virtual_modbus_faults){.silent = -1});
+    expect_error(&bench, DEVICE_ERROR_TIMEOUT, "no answer within 60 ms (2 tries); check its power");
+    g_assert_cmpint(bench.at_us - from, >, 380000);
+    fail_with(&bench, (struct virtual_modbus_faults){0});
+    conformance_pass(bench.clock, 0.5);
+    recovers(&bench);
+    end(&bench);
+}
+
 static void drive_fault(void) {
     struct bench bench;
     begin(&bench, FALSE);
@@ -456,6 +491,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/modbus/one-connection", one_connection);
     g_test_add_func("/modbus/close-is-safe", close_is_safe);
     g_test_add_func("/modbus/stall", stall);
+    g_test_add_func("/modbus/unheard-for-a-while", unheard_for_a_while);
+    g_test_add_func("/modbus/unheard-for-long", unheard_for_long);
     g_test_add_func("/modbus/drive-fault", drive_fault);
     g_test_add_func("/modbus/restart", restart);
     g_test_add_func("/modbus/long-loss", long_loss);

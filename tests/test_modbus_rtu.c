@@ -199,6 +199,29 @@ static void order(void) {
     end(&opened);
 }
 
+static void note_failed(const struct modbus_job *job, const GError *error, gpointer data) {
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    g_string_append(data, "failed ");
+}
+
+/* A request that is not answered holds up the line for longer than what waits behind it may take.
+ */
+static void waiting_does_not_count(void) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    struct virtual_modbus_faults silent = {.silent = 4};
+    struct opened opened;
+    begin(&opened, 3);
+    virtual_modbus_fail(opened.device, &silent);
+    struct modbus_job job = {0};
+    modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
+    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 1500, note_failed, text);
+    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 300, note, text);
+    while (text->len < 9)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpstr(text->str, ==, "failed 0 ");
+    end(&opened);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     VirtualModbus *served = rig_device(TRUE);
@@ -209,6 +232,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/modbus/rtu/very-late-is-disbelieved", very_late_is_disbelieved);
     g_test_add_func("/modbus/rtu/damaged-is-repeated", damaged_is_repeated);
     g_test_add_func("/modbus/rtu/order", order);
+    g_test_add_func("/modbus/rtu/waiting-does-not-count", waiting_does_not_count);
     int result = g_test_run();
     virtual_modbus_free(served);
     return result;

@@ -28,7 +28,7 @@ struct modbus_axis {
     int moving_bit, homed_bit, fault_bit, limit_bit;
     gboolean verify;
     char **setup, **start, **home, **stop, **clear, **watchdog;
-    double poll_ms, watchdog_ms, start_ms, stall_ms;
+    double poll_ms, watchdog_ms, start_ms, stall_ms, lost_ms;
 
     ModbusBus *bus;
     enum phase phase;
@@ -36,7 +36,8 @@ struct modbus_axis {
     int n_commands; /* under way */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
-    gint64 still_us, progress_us, fed_us; /* last begun or seen moving; last got on; watchdog */
+    gint64 still_us, progress_us; /* last begun or seen moving; last got on */
+    gint64 heard_us, fed_us;      /* last answer; watchdog */
 };
 
 #define FIELD(name) G_STRUCT_OFFSET(struct modbus_axis, name)
@@ -121,6 +122,8 @@ static const struct option options[] = {
      "How long after a command it may still stand, and rest on the way while homing"},
     {"stall_ms", OPTION_DOUBLE, "ms", 10, 60000, "1000", NULL, FIELD(stall_ms),
      "How long it may say that it moves while its position stays the same"},
+    {"lost_ms", OPTION_DOUBLE, "ms", 1, 60000, "3000", NULL, FIELD(lost_ms),
+     "How long it may move without an answer to how it gets on before that is a fault"},
     {NULL},
 };
 
@@ -265,7 +268,7 @@ static void command(Axis *axis, enum phase phase, const struct modbus_job *job) 
     priv->phase = phase;
     priv->n_commands++;
     priv->left_home = priv->was_still = FALSE;
-    priv->still_us = priv->progress_us = clock_now_us(axis->device.clock);
+    priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
     modbus_bus_start(priv->bus, &priv->link, job, FALSE, DEADLINE_MS, on_commanded, axis);
 }
 
@@ -285,7 +288,7 @@ static void on_commanded(const struct modbus_job *job, const GError *error, gpoi
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
     priv->n_commands--;
-    priv->still_us = priv->progress_us = clock_now_us(axis->device.clock);
+    priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
     if (priv->n_commands == 0)
         poll_now(axis);
     if (error && priv->phase != STANDING)
@@ -396,6 +399,7 @@ static void evaluate(Axis *axis, const struct modbus_job *job) {
         check_standing(axis, job, before);
 }
 
+/* The drive goes on whether it is seen or not: an answer that is late ends nothing. */
 static void on_polled(const struct modbus_job *job, const GError *error, gpointer data) {
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
@@ -403,10 +407,13 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
     if (priv->n_commands > 0) /* seen before they were carried out; the last one polls again */
         return;
     poll_later(axis);
-    if (!error)
-        evaluate(axis, job);
-    else if (priv->phase != STANDING)
-        report_fault(axis, g_error_copy(error));
+    if (error) {
+        if (priv->phase != STANDING && is_past(axis, priv->heard_us, priv->lost_ms))
+            report_fault(axis, g_error_copy(error));
+        return;
+    }
+    priv->heard_us = clock_now_us(axis->device.clock);
+    evaluate(axis, job);
 }
 
 static gboolean home(Axis *axis, GError **error) {

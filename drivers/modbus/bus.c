@@ -1,15 +1,15 @@
 #include "bus.h"
 #include "line.h"
 
-/* Beyond a job's own deadline: what the recovery of a line may take that is under way. */
+/* Beyond a job's own time: what the recovery of a line may take that is under way. */
 #define EXTRA_WAIT_US (6 * G_USEC_PER_SEC)
 
 struct task {
     gint ref_count;
     struct modbus_job job;
     int unit;
-    gint64 deadline_us;
-    gint cancelled; /* atomic */
+    gint64 limit_us; /* from when the line is free for it */
+    gint cancelled;  /* atomic */
     GError *error;
     ModbusFunc func; /* main loop's thread alone; NULL once cancelled */
     gpointer data;
@@ -53,10 +53,11 @@ static struct task *task_ref(struct task *task) {
 
 static void carry_out(ModbusBus *bus, struct task *task) {
     GError *error = NULL;
+    gint64 deadline_us = g_get_monotonic_time() + task->limit_us;
     if (g_atomic_int_get(&task->cancelled))
         return;
     for (int i = 0; i < task->job.n && !error; i++)
-        modbus_line_do(bus->line, task->unit, &task->job.requests[i], task->deadline_us, &error);
+        modbus_line_do(bus->line, task->unit, &task->job.requests[i], deadline_us, &error);
     task->error = error;
 }
 
@@ -228,7 +229,7 @@ static struct task *task_new(const struct modbus_link *link, const struct modbus
     task->ref_count = 1;
     task->job = *job;
     task->unit = link->unit;
-    task->deadline_us = g_get_monotonic_time() + (gint64)(deadline_ms * 1000);
+    task->limit_us = (gint64)(deadline_ms * 1000);
     return task;
 }
 
@@ -251,12 +252,13 @@ void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const stru
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error) {
     struct task *task = task_ref(task_new(link, job, deadline_ms));
+    gint64 until_us = g_get_monotonic_time() + task->limit_us + EXTRA_WAIT_US;
     gboolean in_time = TRUE;
     task->waited = TRUE;
     enqueue(bus, task, FALSE);
     g_mutex_lock(&bus->mutex);
     while (!task->done && in_time)
-        in_time = g_cond_wait_until(&bus->finished, &bus->mutex, task->deadline_us + EXTRA_WAIT_US);
+        in_time = g_cond_wait_until(&bus->finished, &bus->mutex, until_us);
     gboolean done = task->done;
     g_mutex_unlock(&bus->mutex);
     if (!done) {

@@ -122,8 +122,9 @@ void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */
 struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind kind, int address,
                                       int n);
 
-/* Carries out a copy of the job before deadline_ms are over. Jobs keep their order, but a poll
- * waits until there is nothing else to do. */
+/* Carries out a copy of the job, for at most deadline_ms from when its turn has come: how long the
+ * answers of others are waited for does not count. Jobs keep their order, but a poll waits until
+ * there is nothing else to do. */
 void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
                       gboolean poll, double deadline_ms, ModbusFunc func, gpointer data);
 
