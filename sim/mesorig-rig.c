@@ -1,11 +1,12 @@
 /* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
 #include "virtual/rig.h"
+#include "virtual/testbed.h"
 
 #include <glib-unix.h>
 #include <glib/gstdio.h>
 #include <locale.h>
 
-static char *virtual_path, *out_path;
+static char *virtual_path, *out_path, **usb;
 static gboolean json;
 static double loss;
 
@@ -14,6 +15,8 @@ static const GOptionEntry entries[] = {
      "Stand for the devices of this simulated rig", "RIG"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &out_path,
      "Write the rig file for the real drivers here; default: to standard output", "FILE"},
+    {"usb", 0, 0, G_OPTION_ARG_STRING_ARRAY, &usb,
+     "This device is on USB: a Tic, a relay board, a V4L2 camera; all: every one", "NAME"},
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
      "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
@@ -33,7 +36,8 @@ static void say_json(const VirtualRig *rig) {
     for (gsize i = 0; i < n; i++)
         g_print("%s{\"section\":\"%s\",\"driver\":\"%s\",\"where\":\"%s\"}", i ? "," : "",
                 devices[i].section, devices[i].driver, devices[i].where);
-    g_print("]}\n");
+    g_autofree char *environment = virtual_rig_environment(rig);
+    g_print("],\"environment\":\"%s\"}\n", environment ? environment : "");
 }
 
 static void say(const VirtualRig *rig) {
@@ -41,11 +45,12 @@ static void say(const VirtualRig *rig) {
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
     for (gsize i = 0; i < n; i++)
         g_print("%-20s %-14s %s\n", devices[i].section, devices[i].driver, devices[i].where);
+    g_autofree char *environment = virtual_rig_environment(rig);
     g_print("\n%s is the rig file. In another terminal:\n"
-            "  mesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
+            "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
             "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
             "Ctrl-C ends the devices.\n",
-            out_path, out_path, out_path);
+            out_path, environment ? environment : "", environment ? " " : "", out_path, out_path);
 }
 
 static gboolean write_file(const VirtualRig *rig, GError **error) {
@@ -69,7 +74,7 @@ static gboolean on_signal(gpointer data) {
 
 static int run(void) {
     g_autoptr(GError) error = NULL;
-    g_autoptr(VirtualRig) rig = virtual_rig_new(virtual_path, &error);
+    g_autoptr(VirtualRig) rig = virtual_rig_new(virtual_path, (const char *const *)usb, &error);
     if (!rig || !write_file(rig, &error))
         return fail(error);
     fflush(stdout);
@@ -86,22 +91,27 @@ static int run(void) {
 
 int main(int argc, char **argv) {
     setlocale(LC_ALL, "");
+    g_auto(GStrv) again = g_strdupv(argv);
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) options = g_option_context_new(NULL);
     g_option_context_set_summary(
         options,
         "A rig of virtual devices on this machine that speak the real protocols: GigE Vision\n"
         "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see\n"
-        "and change the world of a simulated rig.");
+        "and change the world of a simulated rig. With --usb: Pololu Tics, USB relay boards\n"
+        "and V4L2 cameras.");
     g_option_context_add_main_entries(options, entries, NULL);
     if (!g_option_context_parse(options, &argc, &argv, &error)) {
         g_printerr("mesorig-rig: %s\n", error->message);
         return 2;
     }
     if (!virtual_path || argc > 1 || !(loss >= 0 && loss <= 1) || (json && !out_path)) {
-        g_printerr("usage: mesorig-rig --virtual RIG [-o FILE] [--loss PART] [--json]\n"
-                   "--json needs -o; PART is between 0 and 1\n");
+        g_printerr(
+            "usage: mesorig-rig --virtual RIG [-o FILE] [--usb NAME…] [--loss PART] [--json]\n"
+            "--json needs -o; PART is between 0 and 1\n");
         return 2;
     }
+    if (usb)
+        testbed_enter(again);
     return run();
 }

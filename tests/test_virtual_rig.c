@@ -166,7 +166,7 @@ static void camera_lost_and_found(void) {
     struct virtual_gige_faults faults = {.cut = 2};
     struct mishap mishap = {0};
     GError *error = NULL;
-    mishap.rig = virtual_rig_new(SMALL "rig.conf", &error);
+    mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, &error);
     g_assert_no_error(error);
     virtual_rig_fail_cameras(mishap.rig, &faults);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
@@ -205,18 +205,22 @@ static void camera_lost_and_found(void) {
 static void refused(void) {
     static const struct {
         const char *text, *said;
+        const char *usb;
     } cases[] = {
         {"[rig]\nid = x\n", "no device of it has a world"},
         {"[axis a]\ndriver = tic-axis\n", "only simulated devices have a virtual one"},
         {"[camera c]\ndriver = sim-camera\nworld = " SMALL "world.conf\n", "no such camera"},
         {"[axis a]\ndriver = sim-axis\nworld = /nowhere.conf\n", "/nowhere.conf"},
         {"[axis a]\ndriver = sim-axis\n", "no device of it has a world"},
+        {"[axis a]\ndriver = sim-axis\n", "it has no device \"b\"", "b"},
+        {"[axis a]\ndriver = sim-axis\n", "libumockdev-preload0", "a"},
     };
     g_autofree char *path = in_top("bad.conf");
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        const char *const usb[] = {cases[i].usb, NULL};
         g_autoptr(GError) error = NULL;
         g_assert_true(g_file_set_contents(path, cases[i].text, -1, NULL));
-        g_assert_null(virtual_rig_new(path, &error));
+        g_assert_null(virtual_rig_new(path, usb, &error));
         if (!strstr(error->message, cases[i].said))
             g_error("said \"%s\", not \"%s\"", error->message, cases[i].said);
     }

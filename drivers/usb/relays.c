@@ -16,7 +16,7 @@
 #define STATE_BYTE  7
 #define SERIAL_SIZE 5
 #define FEATURE     0x0300 /* report type feature, no report number */
-#define ANSWER_MS   300
+#define ANSWER_MS   800    /* USB 2.0, 9.2.6: a device may take 500 for its data */
 #define MAX_RELAYS  8
 
 enum report_request { GET_REPORT = 0x01, SET_REPORT = 0x09 };

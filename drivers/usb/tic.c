@@ -55,7 +55,7 @@ enum flag {
 #define ACCEL_UNITS  100.0
 #define MAX_SPEED    500000000.0
 #define MIN_ACCEL    100.0
-#define ANSWER_MS    300
+#define ANSWER_MS    800 /* USB 2.0, 9.2.6: a device may take 500 for its data */
 #define STANDING_MS  100 /* between looks at an axis that stands */
 #define MAX_STEPS    2147483647.0
 

@@ -1,11 +1,8 @@
-#include "rig.h"
+#include "rig_private.h"
 
 #include "drivers/aravis/camera.h"
 #include "drivers/modbus/devices.h"
-#include "modbus.h"
 #include "sim/devices.h"
-#include "sim/world_private.h"
-#include "world_link.h"
 
 #include <math.h>
 #include <string.h>
@@ -15,45 +12,7 @@
 #define LAMP_UNIT     1
 
 /* Of a line: a busy desk computer is slower than a drive. */
-#define PATIENCE    "timeout_ms = 300\nlate_ms = 300\n"
-#define MAX_COILS   VIRTUAL_MODBUS_BITS
-#define MAX_DEVICES 64
-
-struct drive {
-    VirtualModbus *device;
-    struct world_part part;
-    gboolean wraps;
-    double home_deg, error_deg;
-    int error_seed;
-};
-
-struct board { /* of relays and inputs */
-    VirtualModbus *device;
-    struct world_part parts[MAX_COILS]; /* by coil */
-    gboolean on[MAX_COILS];
-    int n_coils, n_inputs;
-};
-
-struct eye {
-    VirtualRig *rig;
-    const char *name; /* of its section */
-    int camera;
-    VirtualGige *device;
-};
-
-struct VirtualRig {
-    Config *config;
-    World *world;
-    GString *text;
-    GArray *devices; /* of struct virtual_rig_device */
-    struct drive drives[MAX_DEVICES];
-    struct board boards[MAX_DEVICES];
-    struct eye eyes[WORLD_MAX_CAMERAS];
-    int n_drives, n_boards, n_eyes;
-    struct board *power; /* lasers and interlocks share one */
-    GMutex coupling;
-    guint timer;
-};
+#define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
 static const struct option *find_option(const struct option *table, const char *name) {
     for (; table->name; table++)
@@ -63,31 +22,31 @@ static const struct option *find_option(const struct option *table, const char *
 }
 
 /* As written, or the option's default; NULL if it has none. */
-static const char *value_of(const struct config_section *section, const struct driver_info *driver,
-                            const char *key) {
+const char *rig_value(const struct config_section *section, const struct driver_info *driver,
+                      const char *key) {
     const struct option *option = find_option(driver->options, key);
     const char *value = config_value(section, key, NULL);
     return value ? value : option ? option->fallback : NULL;
 }
 
-static double number_of(const struct config_section *section, const struct driver_info *driver,
-                        const char *key) {
-    const char *value = value_of(section, driver, key);
+double rig_number(const struct config_section *section, const struct driver_info *driver,
+                  const char *key) {
+    const char *value = rig_value(section, driver, key);
     return value ? g_ascii_strtod(value, NULL) : 0;
 }
 
-static const char *part_of(const struct config_section *section) {
+const char *rig_part(const struct config_section *section) {
     const char *part = config_value(section, "part", NULL);
     return part && *part ? part : section->name;
 }
 
-static void set_error(GError **error, const struct config_section *section, const char *what) {
+void rig_set_error(GError **error, const struct config_section *section, const char *what) {
     config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "%s", what);
 }
 
 /* The section with what the simulated driver alone takes left out. */
-static void copy_section(VirtualRig *rig, const struct config_section *section,
-                         const struct driver_info *from, const struct driver_info *to) {
+void rig_copy_section(VirtualRig *rig, const struct config_section *section,
+                      const struct driver_info *from, const struct driver_info *to) {
     g_string_append_printf(rig->text, "\n[%s]\n", section->group);
     for (const char *const *key = config_keys(section); *key; key++) {
         gboolean was = from && find_option(from->options, *key);
@@ -103,8 +62,8 @@ static void copy_section(VirtualRig *rig, const struct config_section *section,
         g_string_append_printf(rig->text, "driver = %s\n", to->name);
 }
 
-static void list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
-                        char *where) {
+void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
+                     char *where) {
     struct virtual_rig_device device = {g_strdup(section->group), g_strdup(driver), where};
     g_array_append_val(rig->devices, device);
 }
@@ -119,7 +78,7 @@ static gboolean find_world(VirtualRig *rig, const struct config_section *section
     if (!world)
         return FALSE;
     if (rig->world && world != rig->world) {
-        set_error(error, section, "all devices of a virtual rig must be of one world");
+        rig_set_error(error, section, "all devices of a virtual rig must be of one world");
         return FALSE;
     }
     if (!rig->world)
@@ -127,7 +86,7 @@ static gboolean find_world(VirtualRig *rig, const struct config_section *section
     return TRUE;
 }
 
-static World *world_of(VirtualRig *rig, const struct config_section *section, GError **error) {
+World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error) {
     if (!config_value(section, "world", NULL)) {
         config_set_error(error, CONFIG_ERROR_MISSING, section, "world", "must be given");
         return NULL;
@@ -136,43 +95,57 @@ static World *world_of(VirtualRig *rig, const struct config_section *section, GE
 }
 
 /* An axis moves the turntable, the arc, or the sweep of the laser it is named after. */
+char *rig_axis_part(const struct config_section *section) {
+    const char *part = rig_part(section);
+    gboolean sweep = !g_str_equal(part, "turntable") && !g_str_equal(part, "arc");
+    return g_strconcat(sweep ? "sweep " : "", part, NULL);
+}
+
 static gboolean find_axis_part(VirtualRig *rig, const struct config_section *section,
                                struct drive *drive, GError **error) {
-    const char *part = part_of(section);
-    gboolean sweep = !g_str_equal(part, "turntable") && !g_str_equal(part, "arc");
-    g_autofree char *name = g_strconcat(sweep ? "sweep " : "", part, NULL);
+    g_autofree char *name = rig_axis_part(section);
     return !config_value(section, "world", NULL) ||
            world_part_find(rig->world, name, &drive->part, error);
 }
 
-static gboolean find_part(VirtualRig *rig, const char *kind, const char *part,
-                          struct world_part *ret, GError **error) {
+gboolean rig_find_part(VirtualRig *rig, const char *kind, const char *part, struct world_part *ret,
+                       GError **error) {
     g_autofree char *name = g_strconcat(kind, part, NULL);
     return world_part_find(rig->world, name, ret, error);
+}
+
+gboolean rig_wraps(const struct config_section *section) {
+    return g_strcmp0(config_value(section, "wraps", NULL), "yes") == 0;
+}
+
+void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
+                     const struct driver_info *to) {
+    static const char *const needed[] = {"speed_deg_s", "accel_deg_s2"};
+    const struct driver_info *sim = &sim_axis_driver.info;
+    rig_copy_section(rig, section, sim, to);
+    for (gsize i = 0; i < G_N_ELEMENTS(needed); i++)
+        if (!config_value(section, needed[i], NULL))
+            g_string_append_printf(rig->text, "%s = %s\n", needed[i],
+                                   rig_value(section, sim, needed[i]));
 }
 
 static gboolean add_axis(VirtualRig *rig, const struct config_section *section, GError **error) {
     const struct driver_info *sim = &sim_axis_driver.info;
     struct drive *drive = &rig->drives[rig->n_drives];
-    double speed = number_of(section, sim, "speed_deg_s");
-    double accel = number_of(section, sim, "accel_deg_s2");
+    double speed = rig_number(section, sim, "speed_deg_s");
+    double accel = rig_number(section, sim, "accel_deg_s2");
     struct virtual_modbus_options options = {TRUE, 1, speed * STEPS_PER_DEG, accel * STEPS_PER_DEG};
     if (!find_world(rig, section, error) || !find_axis_part(rig, section, drive, error))
         return FALSE;
-    drive->wraps = g_strcmp0(config_value(section, "wraps", NULL), "yes") == 0;
-    drive->home_deg = number_of(section, sim, "home_deg");
-    drive->error_deg = number_of(section, sim, "position_error_deg");
-    drive->error_seed = (int)number_of(section, sim, "error_seed");
+    drive->wraps = rig_wraps(section);
+    drive->home_deg = rig_number(section, sim, "home_deg");
+    drive->error_deg = rig_number(section, sim, "position_error_deg");
+    drive->error_seed = (int)rig_number(section, sim, "error_seed");
     drive->device = virtual_modbus_new(&options, error);
     if (!drive->device)
         return FALSE;
     rig->n_drives++;
-    copy_section(rig, section, sim, &modbus_axis_driver.info);
-    const char *const needed[] = {"speed_deg_s", "accel_deg_s2"};
-    for (gsize i = 0; i < G_N_ELEMENTS(needed); i++)
-        if (!config_value(section, needed[i], NULL))
-            g_string_append_printf(rig->text, "%s = %s\n", needed[i],
-                                   value_of(section, sim, needed[i]));
+    rig_copy_motion(rig, section, &modbus_axis_driver.info);
     g_string_append_printf(rig->text,
                            "bus = %s\nunit = 1\n" PATIENCE
                            "steps_per_deg = %d\ntarget_register = 0\n"
@@ -181,8 +154,8 @@ static gboolean add_axis(VirtualRig *rig, const struct config_section *section, 
                            "stop = 2=3\nclear = 2=4\nwatchdog = 5=1\npoll_ms = 5\n",
                            virtual_modbus_bus(drive->device), STEPS_PER_DEG,
                            VIRTUAL_MODBUS_STATUS + 1, VIRTUAL_MODBUS_STATUS);
-    list_device(rig, section, modbus_axis_driver.info.name,
-                g_strdup_printf("%s unit 1", virtual_modbus_bus(drive->device)));
+    rig_list_device(rig, section, modbus_axis_driver.info.name,
+                    g_strdup_printf("%s unit 1", virtual_modbus_bus(drive->device)));
     return TRUE;
 }
 
@@ -201,27 +174,34 @@ static void add_link(VirtualRig *rig, const struct config_section *section, cons
     const char *bus = virtual_modbus_bus(board->device);
     g_string_append_printf(rig->text, "bus = %s\nunit = %d\n" PATIENCE "%s = %d\n", bus, LAMP_UNIT,
                            key, number);
-    list_device(rig, section, driver,
-                g_strdup_printf("%s unit %d, %s %d", bus, LAMP_UNIT, key, number));
+    rig_list_device(rig, section, driver,
+                    g_strdup_printf("%s unit %d, %s %d", bus, LAMP_UNIT, key, number));
+}
+
+char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n) {
+    const char *listed = config_value(section, "lamps", NULL);
+    char **names = listed ? g_strsplit(listed, ";", -1) : g_new0(char *, rig->world->n_lamps + 1);
+    for (int i = 0; !listed && i < rig->world->n_lamps; i++)
+        names[i] = g_strdup(rig->world->lamp_names[i]);
+    *ret_n = (int)g_strv_length(names);
+    return names;
 }
 
 static gboolean add_lamps(VirtualRig *rig, const struct config_section *section, GError **error) {
-    World *world = world_of(rig, section, error);
+    World *world = rig_world(rig, section, error);
     struct board *board = world ? new_board(rig, error) : NULL;
-    const char *listed = config_value(section, "lamps", NULL);
+    int n = 0;
     if (!board)
         return FALSE;
-    g_auto(GStrv) names = listed ? g_strsplit(listed, ";", -1) : NULL;
-    int n = names ? (int)g_strv_length(names) : world->n_lamps;
+    g_auto(GStrv) names = rig_lamps(rig, section, &n);
     if (n > MAX_COILS) {
-        set_error(error, section, "a virtual relay board has no more than 16 coils");
+        rig_set_error(error, section, "a virtual relay board has no more than 16 coils");
         return FALSE;
     }
     for (int i = 0; i < n; i++, board->n_coils++)
-        if (!find_part(rig, "lamp ", names ? g_strstrip(names[i]) : world->lamp_names[i],
-                       &board->parts[i], error))
+        if (!rig_find_part(rig, "lamp ", g_strstrip(names[i]), &board->parts[i], error))
             return FALSE;
-    copy_section(rig, section, &sim_lamps_driver.info, &modbus_relays_driver.info);
+    rig_copy_section(rig, section, &sim_lamps_driver.info, &modbus_relays_driver.info);
     g_string_append_printf(rig->text, "n = %d\nwarm_up_s = %g\n", n, world_lamp_warm_up_s(world));
     add_link(rig, section, modbus_relays_driver.info.name, board, "first_coil", 0);
     return TRUE;
@@ -234,19 +214,19 @@ static struct board *power_board(VirtualRig *rig, GError **error) {
 }
 
 static gboolean add_laser(VirtualRig *rig, const struct config_section *section, GError **error) {
-    World *world = world_of(rig, section, error);
+    World *world = rig_world(rig, section, error);
     struct board *board = world ? power_board(rig, error) : NULL;
     if (!board)
         return FALSE;
     if (board->n_coils == MAX_COILS) {
-        set_error(error, section, "a virtual rig has no more than 16 lasers");
+        rig_set_error(error, section, "a virtual rig has no more than 16 lasers");
         return FALSE;
     }
-    if (!find_part(rig, "laser ", part_of(section), &board->parts[board->n_coils], error))
+    if (!rig_find_part(rig, "laser ", rig_part(section), &board->parts[board->n_coils], error))
         return FALSE;
-    copy_section(rig, section, &sim_laser_driver.info, &modbus_laser_driver.info);
+    rig_copy_section(rig, section, &sim_laser_driver.info, &modbus_laser_driver.info);
     g_string_append_printf(rig->text, "warm_up_s = %g\n",
-                           number_of(section, &sim_laser_driver.info, "warm_up_ms") / 1000);
+                           rig_number(section, &sim_laser_driver.info, "warm_up_ms") / 1000);
     add_link(rig, section, modbus_laser_driver.info.name, board, "coil", board->n_coils++);
     return TRUE;
 }
@@ -257,7 +237,7 @@ static gboolean add_interlock(VirtualRig *rig, const struct config_section *sect
     if (!board)
         return FALSE;
     virtual_modbus_set_input(board->device, board->n_inputs, TRUE);
-    copy_section(rig, section, &sim_interlock_driver.info, &modbus_inputs_driver.info);
+    rig_copy_section(rig, section, &sim_interlock_driver.info, &modbus_inputs_driver.info);
     g_string_append(rig->text, "lost_ms = 3000\n");
     add_link(rig, section, modbus_inputs_driver.info.name, board, "input", board->n_inputs++);
     return TRUE;
@@ -320,23 +300,23 @@ static char *format_of(const struct world_sensor *sensor) {
 static void write_camera(VirtualRig *rig, const struct config_section *section,
                          const struct world_sensor *sensor, const char *address) {
     g_autofree char *format = format_of(sensor);
-    copy_section(rig, section, &sim_camera_driver.info, &aravis_camera_driver.info);
+    rig_copy_section(rig, section, &sim_camera_driver.info, &aravis_camera_driver.info);
     g_string_append_printf(rig->text,
                            "device = %s\npixel_format = %s\nbits = %d\nblack_level_dn = %g\n",
                            address, format, sensor->bits, sensor->black_level);
-    list_device(rig, section, aravis_camera_driver.info.name, g_strdup(address));
+    rig_list_device(rig, section, aravis_camera_driver.info.name, g_strdup(address));
 }
 
 static gboolean add_camera(VirtualRig *rig, const struct config_section *section, GError **error) {
-    World *world = world_of(rig, section, error);
+    World *world = rig_world(rig, section, error);
     struct world_sensor sensor;
     if (!world)
         return FALSE;
     struct eye *eye = &rig->eyes[rig->n_eyes];
     *eye = (struct eye){
-        .rig = rig, .name = section->name, .camera = world_find_camera(world, part_of(section))};
+        .rig = rig, .name = section->name, .camera = world_find_camera(world, rig_part(section))};
     if (eye->camera < 0) {
-        set_error(error, section, "its world has no such camera");
+        rig_set_error(error, section, "its world has no such camera");
         return FALSE;
     }
     world_sensor(world, eye->camera, &sensor);
@@ -356,24 +336,27 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
     return TRUE;
 }
 
+typedef gboolean (*AddFunc)(VirtualRig *rig, const struct config_section *section, GError **error);
+
 static gboolean add_section(VirtualRig *rig, const struct config_section *section, GError **error) {
     static const struct {
         const char *driver;
-        gboolean (*add)(VirtualRig *rig, const struct config_section *section, GError **error);
-    } kinds[] = {{"sim-axis", add_axis},
-                 {"sim-lamps", add_lamps},
-                 {"sim-camera", add_camera},
-                 {"sim-laser", add_laser},
-                 {"sim-interlock", add_interlock}};
+        AddFunc add, add_usb;
+    } kinds[] = {{"sim-axis", add_axis, rig_add_tic},
+                 {"sim-lamps", add_lamps, rig_add_usb_lamps},
+                 {"sim-camera", add_camera, rig_add_video},
+                 {"sim-laser", add_laser, rig_add_usb_laser},
+                 {"sim-interlock", add_interlock, add_interlock}};
     const char *driver = config_value(section, "driver", NULL);
     if (!driver) {
-        copy_section(rig, section, NULL, NULL);
+        rig_copy_section(rig, section, NULL, NULL);
         return TRUE;
     }
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (g_str_equal(kinds[i].driver, driver))
-            return kinds[i].add(rig, section, error);
-    set_error(error, section, "only simulated devices have a virtual one to stand for them");
+            return (rig_is_usb(rig, section) ? kinds[i].add_usb : kinds[i].add)(rig, section,
+                                                                                error);
+    rig_set_error(error, section, "only simulated devices have a virtual one to stand for them");
     return FALSE;
 }
 
@@ -388,7 +371,7 @@ static gboolean fill(VirtualRig *rig, GError **error) {
     gsize n;
     const struct config_section *sections = config_sections(rig->config, &n);
     if (n > MAX_DEVICES) {
-        set_error(error, &sections[0], "a virtual rig has no more than 64 sections");
+        rig_set_error(error, &sections[0], "a virtual rig has no more than 64 sections");
         return FALSE;
     }
     for (gsize i = 0; i < n; i++)
@@ -401,9 +384,10 @@ static gboolean fill(VirtualRig *rig, GError **error) {
     return FALSE;
 }
 
-VirtualRig *virtual_rig_new(const char *path, GError **error) {
+VirtualRig *virtual_rig_new(const char *path, const char *const *usb, GError **error) {
     g_autoptr(VirtualRig) rig = g_new0(VirtualRig, 1);
     g_mutex_init(&rig->coupling);
+    rig->usb = g_strdupv((char **)usb);
     rig->devices = g_array_new(FALSE, FALSE, sizeof(struct virtual_rig_device));
     g_array_set_clear_func(rig->devices, clear_device);
     rig->text = g_string_new(NULL);
@@ -412,7 +396,7 @@ VirtualRig *virtual_rig_new(const char *path, GError **error) {
         return NULL;
     g_string_append_printf(rig->text, "# The rig of %s, as virtual devices on this machine.\n",
                            path);
-    if (!fill(rig, error))
+    if (!rig_check_usb(rig, error) || !fill(rig, error))
         return NULL;
     rig->timer = g_timeout_add(COUPLE_MS, on_timer, rig);
     return g_steal_pointer(&rig);
@@ -425,6 +409,7 @@ void virtual_rig_free(VirtualRig *rig) {
         g_source_remove(rig->timer);
     for (int i = 0; i < rig->n_eyes; i++)
         virtual_gige_free(rig->eyes[i].device);
+    rig_free_usb(rig);
     for (int i = 0; i < MAX_DEVICES; i++) {
         virtual_modbus_free(rig->drives[i].device);
         world_part_clear(&rig->drives[i].part);
@@ -434,6 +419,7 @@ void virtual_rig_free(VirtualRig *rig) {
     }
     world_unref(rig->world);
     config_free(rig->config);
+    g_strfreev(rig->usb);
     g_string_free(rig->text, TRUE);
     g_array_unref(rig->devices);
     g_mutex_clear(&rig->coupling);
@@ -472,4 +458,18 @@ void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum) {
         ret_sum->lost += state.lost;
         ret_sum->resent += state.resent;
     }
+}
+
+void virtual_rig_state(VirtualRig *rig, struct virtual_rig_state *ret) {
+    *ret = (struct virtual_rig_state){0};
+    for (int i = 0; i < rig->n_drives + rig->n_boards; i++) {
+        VirtualModbus *device =
+            i < rig->n_drives ? rig->drives[i].device : rig->boards[i - rig->n_drives].device;
+        struct virtual_modbus_state state;
+        virtual_modbus_state(device, &state);
+        ret->n_moving += state.moving;
+        for (int k = 0; k < MAX_COILS; k++)
+            ret->n_lit += state.coils[k];
+    }
+    rig_add_usb_state(rig, ret);
 }

@@ -1,9 +1,10 @@
 /*
  * A whole rig of virtual devices that speak the real protocols, on loopback: for every device of a
  * simulated rig one that a real driver opens. Axes are Modbus RTU drives on pseudo-terminals,
- * lamps, lasers and interlocks are Modbus TCP relay boards and inputs, cameras are GigE Vision. All
- * act on, or look at, the world of that rig, so that a lamp switched by a relay is seen by the
- * cameras.
+ * lamps, lasers and interlocks are Modbus TCP relay boards and inputs, cameras are GigE Vision; or
+ * else axes are Pololu Tics, lamps and lasers hang on HID relay boards, and cameras are V4L2's, all
+ * on a USB that umockdev pretends. All act on, or look at, the world of that rig, so that a lamp
+ * switched by a relay is seen by the cameras.
  *
  * Devices run in threads of their own; what moves and shines is carried over to the world by the
  * main loop, which must run, and before every picture.
@@ -22,13 +23,19 @@ struct virtual_rig_device {
     char *where;   /* "127.77.4.9", "/dev/pts/5 unit 1" */
 };
 
-/* path: a rig file whose drivers are all simulated. Errors name what is wrong with it. */
-VirtualRig *virtual_rig_new(const char *path, GError **error);
+/* path: a rig file whose drivers are all simulated. usb: the names of those of its devices that are
+ * to be on USB, "all" for every one; NULL for none. Where there are any, the process must have
+ * begun by testbed_enter(). Errors name what is wrong with the file. */
+VirtualRig *virtual_rig_new(const char *path, const char *const *usb, GError **error);
 void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
 
 /* The rig file for the real drivers: geometry, speeds and names as in the other. Owned by rig. */
 const char *virtual_rig_text(const VirtualRig *rig);
+
+/* What must be in the environment of a program that is to see its USB devices, as "NAME=value";
+ * NULL where there are none; g_free(). */
+char *virtual_rig_environment(const VirtualRig *rig);
 
 /* As many as n. Owned by rig. */
 const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
@@ -41,3 +48,9 @@ void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
 /* How its cameras have fared, one after another: missed, lost, resent, pictures are sums. */
 void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum);
+
+/* What shines, and what moves, now. */
+struct virtual_rig_state {
+    int n_lit, n_moving;
+};
+void virtual_rig_state(VirtualRig *rig, struct virtual_rig_state *ret);

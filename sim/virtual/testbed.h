@@ -12,6 +12,14 @@
 /* Starts the program again with what must be preloaded, unless it is. For main(), first. */
 void testbed_enter(char **argv);
 
+/* Whether it was preloaded indeed. */
+gboolean testbed_is_entered(void);
+
 /* One a device, given back by testbed_unref(). */
 UMockdevTestbed *testbed_ref(void);
 void testbed_unref(void);
+
+/* As g_signal_connect(), for what is called in umockdev's threads. testbed_disconnect() ends all
+ * that have this data, and returns when the last call under way has. */
+void testbed_connect(UMockdevIoctlBase *handler, const char *signal, GCallback func, gpointer data);
+void testbed_disconnect(UMockdevIoctlBase *handler, gpointer data);

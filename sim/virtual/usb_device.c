@@ -33,6 +33,7 @@ struct VirtualUsb {
 };
 
 struct flight {
+    UMockdevIoctlClient *client; /* whose memory it is in: only it may reap; not a reference */
     UMockdevIoctlData *urb;
     gint64 due_us; /* G_MAXINT64: never */
     int status, length;
@@ -87,6 +88,7 @@ static void submit(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlDa
         struct flight *flight = g_new0(struct flight, 1);
         gboolean silent = usb->fault == VIRTUAL_USB_SILENT;
         int n = silent ? 0 : answer(usb, buffer->data, buffer->data + SETUP_SIZE);
+        flight->client = client;
         flight->urb = umockdev_ioctl_data_ref(data);
         flight->due_us = silent ? G_MAXINT64 : g_get_monotonic_time() + LATENCY_US;
         flight->status = MIN(n, 0);
@@ -104,7 +106,7 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
     gulong address = *(gulong *)arg->data;
     for (GList *l = usb->flying.head; l; l = l->next) {
         struct flight *flight = l->data;
-        if (flight->urb->client_addr == address) {
+        if (flight->client == client && flight->urb->client_addr == address) {
             flight->due_us = 0;
             flight->status = -ENOENT;
             umockdev_ioctl_client_complete(client, 0, 0);
@@ -114,9 +116,11 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
     umockdev_ioctl_client_complete(client, -1, EINVAL);
 }
 
-static struct flight *pop_due(VirtualUsb *usb) {
+static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client) {
     for (GList *l = usb->flying.head; l; l = l->next) {
         struct flight *flight = l->data;
+        if (flight->client != client)
+            continue;
         if (!usb->sysfs)
             flight->status = -ESHUTDOWN;
         if (!usb->sysfs || flight->due_us <= g_get_monotonic_time()) {
@@ -128,7 +132,7 @@ static struct flight *pop_due(VirtualUsb *usb) {
 }
 
 static void reap(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
-    struct flight *flight = pop_due(usb);
+    struct flight *flight = pop_due(usb, client);
     if (!flight) {
         int code = usb->sysfs ? EAGAIN : ENODEV;
         g_mutex_unlock(&usb->mutex);
@@ -151,6 +155,20 @@ static void get_capabilities(UMockdevIoctlClient *client, UMockdevIoctlData *arg
     *(guint32 *)data->data = USBDEVFS_CAP_REAP_AFTER_DISCONNECT;
     umockdev_ioctl_client_complete(client, 0, 0);
     umockdev_ioctl_data_unref(data);
+}
+
+static void on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer data) {
+    VirtualUsb *usb = data;
+    g_mutex_lock(&usb->mutex);
+    for (GList *l = usb->flying.head, *next; l; l = next) {
+        struct flight *flight = l->data;
+        next = l->next;
+        if (flight->client != client)
+            continue;
+        g_queue_delete_link(&usb->flying, l);
+        flight_free(flight);
+    }
+    g_mutex_unlock(&usb->mutex);
 }
 
 static gboolean on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer data) {
@@ -266,7 +284,8 @@ VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpo
     usb->port = port;
     g_mutex_init(&usb->mutex);
     usb->handler = umockdev_ioctl_base_new();
-    g_signal_connect(usb->handler, "handle-ioctl", G_CALLBACK(on_ioctl), usb);
+    testbed_connect(usb->handler, "handle-ioctl", G_CALLBACK(on_ioctl), usb);
+    testbed_connect(usb->handler, "client-vanished", G_CALLBACK(on_vanished), usb);
     virtual_usb_plug(usb);
     return usb;
 }
@@ -280,6 +299,7 @@ void virtual_usb_free(VirtualUsb *usb) {
         umockdev_testbed_remove_device(testbed, "/sys/devices/usb1");
     }
     testbed_unref();
+    testbed_disconnect(usb->handler, usb);
     g_clear_object(&usb->handler);
     g_queue_clear_full(&usb->flying, (GDestroyNotify)flight_free);
     g_mutex_clear(&usb->mutex);

@@ -15,6 +15,7 @@ enum control_state { HOLDING, TO_POSITION, AT_VELOCITY, HOMING_TOWARDS, HOMING_A
 struct VirtualTic {
     VirtualUsb *usb;
     struct virtual_usb_class class;
+    char *serial;
     double travel;
     int mode, timeout_ms;
     gboolean blocked, cut;
@@ -230,7 +231,8 @@ static int control(gpointer model, const guint8 *setup, guint8 *data) {
 
 VirtualTic *virtual_tic_new(const char *serial, int port, double travel, double at) {
     VirtualTic *tic = g_new0(VirtualTic, 1);
-    tic->class = (struct virtual_usb_class){0x1ffb, 0x00b5,        "Tic T834", serial,
+    tic->serial = g_strdup(serial);
+    tic->class = (struct virtual_usb_class){0x1ffb, 0x00b5,        "Tic T834", tic->serial,
                                             config, sizeof config, control};
     tic->travel = travel;
     tic->timeout_ms = 1000;
@@ -248,6 +250,7 @@ void virtual_tic_free(VirtualTic *tic) {
         return;
     virtual_usb_free(tic->usb);
     world_part_clear(&tic->part);
+    g_free(tic->serial);
     g_free(tic);
 }
 

@@ -404,8 +404,8 @@ VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config) {
     add_controls(camera);
     camera->testbed = testbed_ref();
     camera->handler = umockdev_ioctl_base_new();
-    g_signal_connect(camera->handler, "handle-ioctl", G_CALLBACK(on_ioctl), camera);
-    g_signal_connect(camera->handler, "client-vanished", G_CALLBACK(on_vanished), camera);
+    testbed_connect(camera->handler, "handle-ioctl", G_CALLBACK(on_ioctl), camera);
+    testbed_connect(camera->handler, "client-vanished", G_CALLBACK(on_vanished), camera);
     virtual_v4l2_plug(camera, config->number);
     return camera;
 }
@@ -435,6 +435,7 @@ void virtual_v4l2_free(VirtualV4l2 *camera) {
     if (!camera)
         return;
     virtual_v4l2_unplug(camera);
+    testbed_disconnect(camera->handler, camera);
     g_clear_object(&camera->handler);
     testbed_unref();
     world_unref(camera->world);

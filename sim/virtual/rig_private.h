@@ -1,0 +1,93 @@
+/* What the parts of a virtual rig share: rig.c has GigE Vision and Modbus, rig_usb.c USB and V4L2.
+ */
+#pragma once
+
+#include "modbus.h"
+#include "rig.h"
+#include "sim/world_private.h"
+#include "usb_relays.h"
+#include "usb_tic.h"
+#include "v4l2.h"
+#include "world_link.h"
+
+#include "drivers/device.h"
+
+#define MAX_COILS   VIRTUAL_MODBUS_BITS
+#define MAX_DEVICES 64
+#define MAX_USB     9 /* Tics and relay boards: the ports of the virtual bus */
+
+struct drive {
+    VirtualModbus *device;
+    struct world_part part;
+    gboolean wraps;
+    double home_deg, error_deg;
+    int error_seed;
+};
+
+struct board { /* of relays and inputs */
+    VirtualModbus *device;
+    struct world_part parts[MAX_COILS]; /* by coil */
+    gboolean on[MAX_COILS];
+    int n_coils, n_inputs;
+};
+
+struct eye {
+    VirtualRig *rig;
+    const char *name; /* of its section */
+    int camera;
+    VirtualGige *device;
+};
+
+struct VirtualRig {
+    Config *config;
+    char **usb; /* which are on USB */
+    World *world;
+    GString *text;
+    GArray *devices; /* of struct virtual_rig_device */
+    struct drive drives[MAX_DEVICES];
+    struct board boards[MAX_DEVICES];
+    struct eye eyes[WORLD_MAX_CAMERAS];
+    VirtualTic *tics[MAX_USB];
+    VirtualRelays *relays[MAX_USB], *switches; /* switches: of all lasers; one of relays */
+    VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
+    int n_drives, n_boards, n_eyes, n_tics, n_relays, n_switched, n_videos;
+    struct board *power; /* lasers and interlocks share one */
+    GMutex coupling;
+    guint timer;
+};
+
+/* As written, or the option's default; NULL if it has none. */
+const char *rig_value(const struct config_section *section, const struct driver_info *driver,
+                      const char *key);
+double rig_number(const struct config_section *section, const struct driver_info *driver,
+                  const char *key); /* or 0 */
+const char *rig_part(const struct config_section *section);
+gboolean rig_wraps(const struct config_section *section);
+void rig_set_error(GError **error, const struct config_section *section, const char *what);
+
+/* The world that a section names, which must be that of the others. Owned by rig. */
+World *rig_world(VirtualRig *rig, const struct config_section *section, GError **error);
+gboolean rig_find_part(VirtualRig *rig, const char *kind, const char *part, struct world_part *ret,
+                       GError **error);
+/* Of the lamps that a bank switches, in their order; g_strfreev(). */
+char **rig_lamps(VirtualRig *rig, const struct config_section *section, int *ret_n);
+char *rig_axis_part(const struct config_section *section); /* by world_part_find(); g_free() */
+
+/* Writes the section with what the simulated driver alone takes left out. */
+void rig_copy_section(VirtualRig *rig, const struct config_section *section,
+                      const struct driver_info *from, const struct driver_info *to);
+void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
+                     const struct driver_info *to); /* the same for an axis */
+
+/* Takes where. */
+void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
+                     char *where);
+
+gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section);
+gboolean rig_check_usb(const VirtualRig *rig, GError **error);
+gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error);
+gboolean rig_add_usb_lamps(VirtualRig *rig, const struct config_section *section, GError **error);
+gboolean rig_add_usb_laser(VirtualRig *rig, const struct config_section *section, GError **error);
+gboolean rig_add_video(VirtualRig *rig, const struct config_section *section, GError **error);
+void rig_add_usb_state(const VirtualRig *rig, struct virtual_rig_state *to);
+void rig_free_usb(VirtualRig *rig);

@@ -1,0 +1,217 @@
+#include "rig_private.h"
+
+#include "drivers/usb/relays.h"
+#include "drivers/usb/tic.h"
+#include "drivers/v4l2/v4l2.h"
+#include "sim/devices.h"
+#include "testbed.h"
+
+#include <math.h>
+
+#define MAX_STEPS_PER_DEG 1000
+#define MAX_STEPS_S       40000 /* a Tic's most are 50000 */
+#define MAX_RELAYS        8
+#define SWITCH_DEG        1 /* beyond the axis's own limits */
+
+/* All cameras hang on one SuperSpeed hub, which eight of 1024 × 768 pixels fit on. */
+#define HUB_MBIT_S 5000
+#define FRAME_RATE 25
+
+gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section) {
+    return rig->usb && (g_strv_contains((const char *const *)rig->usb, "all") ||
+                        g_strv_contains((const char *const *)rig->usb, section->name));
+}
+
+static gboolean has_section(const VirtualRig *rig, const char *name) {
+    gsize n;
+    const struct config_section *sections = config_sections(rig->config, &n);
+    for (gsize i = 0; i < n; i++)
+        if (g_strcmp0(sections[i].name, name) == 0 && config_value(&sections[i], "driver", NULL))
+            return TRUE;
+    return g_str_equal(name, "all");
+}
+
+gboolean rig_check_usb(const VirtualRig *rig, GError **error) {
+    for (char **name = rig->usb; name && *name; name++)
+        if (!has_section(rig, *name)) {
+            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: it has no device \"%s\"",
+                        config_path(rig->config), *name);
+            return FALSE;
+        }
+    if (!rig->usb || !*rig->usb || testbed_is_entered())
+        return TRUE;
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "virtual USB devices need umockdev's libumockdev-preload.so.0; install "
+                "libumockdev-preload0");
+    return FALSE;
+}
+
+char *virtual_rig_environment(const VirtualRig *rig) {
+    if (rig->n_tics + rig->n_relays + rig->n_videos == 0)
+        return NULL;
+    return g_strdup_printf("LD_PRELOAD=libumockdev-preload.so.0 UMOCKDEV_DIR=%s",
+                           g_getenv("UMOCKDEV_DIR"));
+}
+
+/* The next port of the bus that Tics and boards are on; 0 if there is none. */
+static int next_port(const VirtualRig *rig, const struct config_section *section, GError **error) {
+    int port = 1 + rig->n_tics + rig->n_relays;
+    if (port <= MAX_USB)
+        return port;
+    rig_set_error(error, section, "a virtual USB has no more than 9 ports for Tics and boards");
+    return 0;
+}
+
+/* Where it homes: an axis with an end, at a switch there; one that turns on, where it stands. */
+static gboolean find_switch(const struct config_section *section, double *ret_deg, GError **error) {
+    const struct driver_info *sim = &sim_axis_driver.info;
+    double min_deg = rig_number(section, sim, "min_deg");
+    gboolean given = config_value(section, "home_deg", NULL) != NULL;
+    *ret_deg = given ? rig_number(section, sim, "home_deg") : min_deg - SWITCH_DEG;
+    if (rig_number(section, sim, "position_error_deg") != 0) {
+        rig_set_error(error, section, "a virtual Tic makes no errors of position");
+        return FALSE;
+    }
+    if (rig_wraps(section) || *ret_deg < min_deg)
+        return TRUE;
+    rig_set_error(error, section, "a Tic's switch is at an end: home_deg must be below min_deg");
+    return FALSE;
+}
+
+static void write_tic(VirtualRig *rig, const struct config_section *section, const char *serial,
+                      double steps_per_deg, double switch_deg) {
+    gboolean wraps = rig_wraps(section);
+    rig_copy_motion(rig, section, &tic_axis_driver.info);
+    if (!wraps && !config_value(section, "home_deg", NULL))
+        g_string_append_printf(rig->text, "home_deg = %g\n", switch_deg);
+    g_string_append_printf(rig->text,
+                           "serial = %s\nsteps_per_deg = %g\nhoming = %s\npoll_ms = 10\n", serial,
+                           steps_per_deg, wraps ? "here" : "reverse");
+    rig_list_device(rig, section, tic_axis_driver.info.name,
+                    g_strdup_printf("USB, serial %s", serial));
+}
+
+gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error) {
+    const struct driver_info *sim = &sim_axis_driver.info;
+    double speed = rig_number(section, sim, "speed_deg_s"), switch_deg;
+    double steps_per_deg = floor(MIN(MAX_STEPS_PER_DEG, MAX_STEPS_S / speed));
+    int port = next_port(rig, section, error);
+    if (port == 0 || !find_switch(section, &switch_deg, error))
+        return FALSE;
+    gboolean wraps = rig_wraps(section), moves = config_value(section, "world", NULL) != NULL;
+    double way_deg = rig_number(section, sim, "max_deg") + SWITCH_DEG - switch_deg;
+    double zero = wraps ? 0 : round(-switch_deg * steps_per_deg);
+    g_autofree char *serial = g_strdup_printf("0030000%d", rig->n_tics);
+    g_autofree char *part = rig_axis_part(section);
+    if (moves && !rig_world(rig, section, error))
+        return FALSE;
+    VirtualTic *tic = virtual_tic_new(serial, port, wraps ? 0 : way_deg * steps_per_deg,
+                                      CLAMP(zero, 0, way_deg * steps_per_deg));
+    rig->tics[rig->n_tics++] = tic;
+    write_tic(rig, section, serial, steps_per_deg, switch_deg);
+    return !moves || virtual_tic_link(tic, rig->world, part, steps_per_deg, zero, error);
+}
+
+static VirtualRelays *add_board(VirtualRig *rig, const struct config_section *section, int n,
+                                const char *serial, GError **error) {
+    static const char *const names[] = {"USBRelay1", "USBRelay2", "USBRelay4", "USBRelay8"};
+    const char *name = names[n <= 1 ? 0 : n <= 2 ? 1 : n <= 4 ? 2 : 3];
+    int port = next_port(rig, section, error);
+    if (port == 0)
+        return NULL;
+    return rig->relays[rig->n_relays++] = virtual_relays_new(name, serial, port, FALSE);
+}
+
+static gboolean power(VirtualRig *rig, VirtualRelays *board, int relay, const char *kind,
+                      const char *part, GError **error) {
+    g_autofree char *name = g_strconcat(kind, part, NULL);
+    return virtual_relays_link(board, relay, rig->world, name, error);
+}
+
+gboolean rig_add_usb_lamps(VirtualRig *rig, const struct config_section *section, GError **error) {
+    World *world = rig_world(rig, section, error);
+    g_autofree char *serial = g_strdup_printf("LAMP%d", rig->n_relays);
+    int n = 0;
+    if (!world)
+        return FALSE;
+    g_auto(GStrv) names = rig_lamps(rig, section, &n);
+    if (n > MAX_RELAYS) {
+        rig_set_error(error, section, "a USB relay board has no more than 8 relays");
+        return FALSE;
+    }
+    VirtualRelays *board = add_board(rig, section, n, serial, error);
+    for (int i = 0; board && i < n; i++)
+        if (!power(rig, board, i, "lamp ", g_strstrip(names[i]), error))
+            return FALSE;
+    if (!board)
+        return FALSE;
+    rig_copy_section(rig, section, &sim_lamps_driver.info, &usb_relays_driver.info);
+    g_string_append_printf(rig->text, "serial = %s\nwarm_up_ms = %g\n", serial,
+                           world_lamp_warm_up_s(world) * 1000);
+    rig_list_device(rig, section, usb_relays_driver.info.name,
+                    g_strdup_printf("USB, serial %s", serial));
+    return TRUE;
+}
+
+gboolean rig_add_usb_laser(VirtualRig *rig, const struct config_section *section, GError **error) {
+    if (!rig_world(rig, section, error))
+        return FALSE;
+    if (!rig->switches)
+        rig->switches = add_board(rig, section, MAX_RELAYS, "LASER", error);
+    if (!rig->switches)
+        return FALSE;
+    if (rig->n_switched == MAX_RELAYS) {
+        rig_set_error(error, section, "a USB relay board has no more than 8 relays");
+        return FALSE;
+    }
+    if (!power(rig, rig->switches, rig->n_switched, "laser ", rig_part(section), error))
+        return FALSE;
+    int relay = ++rig->n_switched; /* counted from 1 */
+    rig_copy_section(rig, section, &sim_laser_driver.info, &usb_relay_laser_driver.info);
+    if (!config_value(section, "warm_up_ms", NULL))
+        g_string_append_printf(rig->text, "warm_up_ms = %g\n",
+                               rig_number(section, &sim_laser_driver.info, "warm_up_ms"));
+    g_string_append_printf(rig->text, "serial = LASER\nrelay = %d\n", relay);
+    rig_list_device(rig, section, usb_relay_laser_driver.info.name,
+                    g_strdup_printf("USB, serial LASER, relay %d", relay));
+    return TRUE;
+}
+
+gboolean rig_add_video(VirtualRig *rig, const struct config_section *section, GError **error) {
+    World *world = rig_world(rig, section, error);
+    g_autofree char *port = g_strdup_printf("2-1.%d", rig->n_videos + 1);
+    struct virtual_v4l2_config config = {.number = rig->n_videos,
+                                         .port = port,
+                                         .speed_mbit_s = HUB_MBIT_S,
+                                         .stamp = VIRTUAL_V4L2_FIRST_DATA};
+    struct world_sensor sensor;
+    VirtualV4l2 *video =
+        world ? virtual_v4l2_new_world(&config, world, rig_part(section), error) : NULL;
+    if (!video)
+        return FALSE;
+    rig->videos[rig->n_videos++] = video;
+    world_sensor(world, world_find_camera(world, rig_part(section)), &sensor);
+    rig_copy_section(rig, section, &sim_camera_driver.info, &v4l2_camera_driver.info);
+    g_string_append_printf(rig->text, "bus = usb-virtual-%s\nframe_rate = %d\nblack_level = %g\n",
+                           port, FRAME_RATE, sensor.black_level);
+    rig_list_device(rig, section, v4l2_camera_driver.info.name,
+                    g_strdup_printf("usb-virtual-%s", port));
+    return TRUE;
+}
+
+void rig_add_usb_state(const VirtualRig *rig, struct virtual_rig_state *to) {
+    for (int i = 0; i < rig->n_tics; i++)
+        to->n_moving += virtual_tic_speed(rig->tics[i]) != 0;
+    for (int i = 0; i < rig->n_relays; i++)
+        for (guint left = virtual_relays_state(rig->relays[i]); left; left &= left - 1)
+            to->n_lit++;
+}
+
+void rig_free_usb(VirtualRig *rig) {
+    for (int i = 0; i < rig->n_tics; i++)
+        virtual_tic_free(rig->tics[i]);
+    for (int i = 0; i < rig->n_relays; i++)
+        virtual_relays_free(rig->relays[i]);
+    for (int i = 0; i < rig->n_videos; i++)
+        virtual_v4l2_free(rig->videos[i]);
+}
