@@ -94,6 +94,7 @@ static void late_is_asked_again(void) {
 /* Without a retry the request fails; its answer must not pass for that to the next one. */
 static void late_is_not_the_next(void) {
     static const int delays_ms[] = {45, 60, 80, 110, 130};
+    int n_late = 0;
     for (gsize i = 0; i < G_N_ELEMENTS(delays_ms); i++) {
         struct virtual_modbus_faults late = {.late = 1, .late_ms = delays_ms[i]};
         struct opened opened;
@@ -101,13 +102,19 @@ static void late_is_not_the_next(void) {
         guint16 value;
         begin(&opened, 0);
         virtual_modbus_fail(opened.device, &late);
-        g_assert_false(read_plain(&opened, 0, &value, &error));
-        g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+        /* A busy machine may wake this too late to see that it was late. */
+        if (read_plain(&opened, 0, &value, &error)) {
+            g_assert_cmpuint(value, ==, 111);
+        } else {
+            n_late++;
+            g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+        }
         g_clear_error(&error);
         expect_plain(&opened, 1, 222);
         expect_plain(&opened, 0, 111);
         end(&opened);
     }
+    g_assert_cmpint(n_late, >, 0);
 }
 
 static void change_plain(gpointer data) {
