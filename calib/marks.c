@@ -13,7 +13,10 @@
 #define UNEVEN     0.1 /* standard deviation within a mark that is half in shadow */
 /* What a pixel at the edge is uncertain by: its share of white is not linear in its value, since
  * real pixels do not collect evenly over their area. */
-#define EDGE_SHARE   0.12
+#define EDGE_SHARE 0.12
+/* The surround's unevenness in the window pulls the centroid by (WINDOW³ − 1) · 2/3 radii times its
+ * first moment, were it the same there as in the ring; it may well be more. */
+#define PULL         2.0
 #define FARTHEST     1.0 /* radii from where it is expected */
 #define LEAST_OUTPUT 0.2 /* of a lamp; else it is in shadow, or something else */
 #define MOST_OUTPUT  5
@@ -37,6 +40,7 @@ struct measuring {
     int node_x0, node_y0, node_columns, node_rows, step;
     double colour[3];
     double level[3], ground[3];
+    double lean[2]; /* first moment of the surround: the mean of share of white times direction */
 };
 
 static int colour_at(const char *cfa, int x, int y) {
@@ -79,9 +83,10 @@ static void set_nodes(struct measuring *m) {
 
 struct pixel {
     int colour;
-    double from;  /* the middle, in radii */
-    double reach; /* as far as its corners */
-    double value; /* of what is expected */
+    double from;     /* the middle, in radii */
+    double along[2]; /* from there, unit; rig frame */
+    double reach;    /* as far as its corners */
+    double value;    /* of what is expected */
 };
 
 /* FALSE: expected to be dark, or not looked at. */
@@ -96,7 +101,10 @@ static gboolean look_at(const struct measuring *m, int x, int y, struct pixel *r
     double y_mm = w[0] * a->y_mm + w[1] * a[1].y_mm + w[2] * b->y_mm + w[3] * b[1].y_mm;
     double white = w[0] * a->white + w[1] * a[1].white + w[2] * b->white + w[3] * b[1].white;
     ret->colour = colour_at(m->cfa, x, y);
-    ret->from = hypot(x_mm - m->middle.x, y_mm - m->middle.y) / m->mark->radius_mm;
+    double from_mm = hypot(x_mm - m->middle.x, y_mm - m->middle.y);
+    ret->from = from_mm / m->mark->radius_mm;
+    ret->along[0] = from_mm > 0 ? (x_mm - m->middle.x) / from_mm : 0;
+    ret->along[1] = from_mm > 0 ? (y_mm - m->middle.y) / from_mm : 0;
     double side = hypot(a[1].x_mm - a->x_mm, a[1].y_mm - a->y_mm) +
                   hypot(b->x_mm - a->x_mm, b->y_mm - a->y_mm);
     ret->reach = ret->from + side / (2 * m->step * m->mark->radius_mm);
@@ -176,6 +184,38 @@ static double variance_of(const struct mean *mean) {
     return mean->n > 1 ? MAX(mean->squares - mean->n * middle * middle, 0) / (mean->n - 1) : 0;
 }
 
+static double share_of_white(const struct measuring *m, const struct pixel *pixel) {
+    double ground = m->ground[pixel->colour];
+    return (pixel->value - ground) / (m->level[pixel->colour] - ground);
+}
+
+/* What is bright on one side of a mark pulls its centroid there. */
+static void measure_lean(struct measuring *m) {
+    struct pixel pixel;
+    double n = 0;
+    m->lean[0] = m->lean[1] = 0;
+    for (int y = m->y0; y <= m->y1; y++)
+        for (int x = m->x0; x <= m->x1; x++) {
+            if (!look_at(m, x, y, &pixel) || pixel.from <= WINDOW || pixel.from >= RING)
+                continue;
+            double share = share_of_white(m, &pixel);
+            m->lean[0] += share * pixel.along[0];
+            m->lean[1] += share * pixel.along[1];
+            n++;
+        }
+    for (int i = 0; i < 2 && n > 0; i++)
+        m->lean[i] /= n;
+}
+
+/* How far off in the picture, squared. */
+static double pull_variance(const struct measuring *m) {
+    double r = PULL * m->mark->radius_mm, x0, y0, x1, y1;
+    struct vec3 pulled = vec3_add(m->middle, vec3(r * m->lean[0], r * m->lean[1], 0));
+    if (!rig_project(m->camera, m->middle, &x0, &y0) || !rig_project(m->camera, pulled, &x1, &y1))
+        return (double)INFINITY;
+    return (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
+}
+
 /* The white and the surround, of each colour, and the noise of both in units of their difference.
  */
 static gboolean measure_levels(struct measuring *m, struct mean whole[3], double noise[2]) {
@@ -211,11 +251,6 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     noise[0] /= MAX(n, 1);
     noise[1] /= MAX(n, 1);
     return n >= FEW_PIXELS;
-}
-
-static double share_of_white(const struct measuring *m, const struct pixel *pixel) {
-    double ground = m->ground[pixel->colour];
-    return (pixel->value - ground) / (m->level[pixel->colour] - ground);
 }
 
 /* The centroid of what is white. */
@@ -299,7 +334,9 @@ static gboolean follow(struct measuring *m, struct mark_seen *seen) {
             vec3_length(vec3_sub(m->middle, start)) > FARTHEST * m->mark->radius_mm)
             return FALSE;
     }
-    seen->error_px = sqrt(centroid_variance(m, noise, area, seen->x_px, seen->y_px));
+    measure_lean(m);
+    seen->error_px =
+        sqrt(centroid_variance(m, noise, area, seen->x_px, seen->y_px) + pull_variance(m));
     set_output(whole, seen);
     return isfinite(seen->error_px) && seen->output > LEAST_OUTPUT && seen->output < MOST_OUTPUT;
 }

@@ -21,7 +21,7 @@ struct mark_seen {
     int camera, mark;
     double turntable_rad;
     double x_px, y_px; /* its middle in the picture: centroid of its area */
-    double error_px;   /* standard error of each, by noise and by pixels */
+    double error_px;   /* standard error of each, by noise, pixels, and an uneven surround */
     double expected_x_px, expected_y_px;
     double output, output_error; /* of the lamp, of what the rig says it gives; the error is
                                     infinite where the mark is too small in the picture to tell */

@@ -252,6 +252,17 @@ gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **e
     return TRUE;
 }
 
+gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
+                                GError **error) {
+    struct layout layout;
+
+    if (!layout_parse(&layout, text, path, error))
+        return FALSE;
+    *ret = layout.geometry;
+    layout_clear(&layout);
+    return TRUE;
+}
+
 static gboolean is_first_sweep(const struct devices *devices, int laser) {
     for (int i = 0; i < laser; i++)
         if (devices->sweeps[i] == devices->sweeps[laser])

@@ -70,6 +70,9 @@ struct devices *devices_open(const char *rig_path, GError **error);
 
 /* The geometry alone, checked in the same way, without opening a device. */
 gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
+/* Of a rig file's text, as sessions keep it; path is for errors. */
+gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
+                                GError **error);
 
 /* Lamps and lasers off, axes stopped, everything closed. NULL is ignored. */
 void devices_close(struct devices *devices);

@@ -510,14 +510,22 @@ static gboolean each_section(struct layout *layout, SectionFunc func, GError **e
     return TRUE;
 }
 
-gboolean layout_read(struct layout *layout, const char *path, GError **error) {
+static gboolean take_config(struct layout *layout, Config *config, GError **error) {
     memset(layout, 0, sizeof *layout);
-    layout->config = config_load(path, error);
+    layout->config = config;
     if (layout->config && each_section(layout, take_section, error) && read_rig(layout, error) &&
         each_section(layout, take_place, error) && check_whole(layout, error))
         return TRUE;
     layout_clear(layout);
     return FALSE;
+}
+
+gboolean layout_read(struct layout *layout, const char *path, GError **error) {
+    return take_config(layout, config_load(path, error), error);
+}
+
+gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error) {
+    return take_config(layout, config_parse(text, path, error), error);
 }
 
 void layout_clear(struct layout *layout) {

@@ -22,6 +22,7 @@ struct layout {
 
 /* Reads and checks everything that can be checked without a device; also drivers' own options. */
 gboolean layout_read(struct layout *layout, const char *path, GError **error);
+gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error);
 void layout_clear(struct layout *layout);
 
 /* The keys that the rig reads in a section of a class beside the driver's, NULL-terminated; free

@@ -1,5 +1,7 @@
 #include "mesorig_process.h"
 
+#include "calib/calibration.h"
+#include "devices.h"
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
 #include "processing/session.h"
@@ -30,6 +32,7 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
 
 struct process {
     const char *directory;
+    char *calibration; /* text; NULL: the session's own */
     gboolean follow;
     struct pipeline_result result;
 };
@@ -49,6 +52,7 @@ static gboolean run_pipeline(PipelineFunc progress, gpointer progress_data,
     const struct pipeline_options options = {
         .follow = process->follow,
         .n_eigenmaps = 4,
+        .calibration = process->calibration,
         .progress = progress,
         .data = progress_data,
         .cancellable = cancellable,
@@ -56,27 +60,60 @@ static gboolean run_pipeline(PipelineFunc progress, gpointer progress_data,
     return pipeline_run(process->directory, &options, &process->result, error);
 }
 
-int process_run(const char *directory, gboolean follow) {
+static int run_process(struct process *process) {
     g_autoptr(GError) error = NULL;
-    struct process process = {.directory = directory, .follow = follow};
     double seconds = 0;
-    if (!work_run(run_pipeline, &process, &seconds, &error))
+    if (!work_run(run_pipeline, process, &seconds, &error))
         return cli_fail(error);
-    tell_result(&process.result, seconds);
+    tell_result(&process->result, seconds);
     return CLI_DONE;
 }
 
+int process_run(const char *directory, gboolean follow) {
+    struct process process = {.directory = directory, .follow = follow};
+    return run_process(&process);
+}
+
+/* The geometry and light of the rig file that the session was captured with. */
+static char *nominal_text(const char *directory, GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    g_autofree char *conf = session ? session_text(session, "rig.conf", error) : NULL;
+    g_autofree char *path = session ? session_file(session, "session.db (rig.conf)") : NULL;
+    struct rig rig;
+    return conf && devices_parse_geometry(conf, path, &rig, error) ? rig_to_text(&rig) : NULL;
+}
+
+static char *read_text(const char *path, GError **error) {
+    g_autoptr(Calibration) calibration = calibration_read(path, error);
+    return calibration ? calibration_to_text(calibration) : NULL;
+}
+
 static gboolean follow_option;
+static char *calibration_option;
 static const GOptionEntry entries[] = {
     {"follow", 'f', 0, G_OPTION_ARG_NONE, &follow_option, "Wait for frames until the capture ends",
      NULL},
+    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
+     "Process with this calibration, not the one it was captured with; “nominal”: with none",
+     "FILE"},
     {NULL},
 };
 
 static int run(const struct command *command, int argc, char **argv) {
     if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
         return CLI_USAGE;
-    return process_run(argv[1], follow_option);
+    struct process process = {.directory = argv[1], .follow = follow_option};
+    if (calibration_option) {
+        g_autoptr(GError) error = NULL;
+        process.calibration = g_str_equal(calibration_option, "nominal")
+                                  ? nominal_text(argv[1], &error)
+                                  : read_text(calibration_option, &error);
+        if (!process.calibration)
+            return cli_fail(error);
+    }
+    const int code = run_process(&process);
+    g_free(process.calibration);
+    return code;
 }
 
 const struct command cli_process = {"process", "DIR", "Make BTF, MDF and eigen-maps of a session.",

@@ -112,12 +112,33 @@ static gboolean check_grid(const struct session_grid *grid, const char *path, GE
     return FALSE;
 }
 
-static gboolean load(struct catalogue *catalogue, Session *session, GError **error) {
-    g_autofree char *path = session_file(session, "session.db (calibration.conf)");
-    catalogue->directory = session_path(session);
+static gboolean load_calibration(struct catalogue *catalogue, Session *session, const char *path,
+                                 const char *instead, GError **error) {
     catalogue->calibration = session_text(session, "calibration.conf", error);
     if (!catalogue->calibration ||
-        !(catalogue->known = calibration_from_text(catalogue->calibration, path, error)) ||
+        !(catalogue->known = calibration_from_text(catalogue->calibration, path, error)))
+        return FALSE;
+    if (!instead)
+        return TRUE;
+    struct calibration *other =
+        calibration_from_text(instead, "the calibration to process with", error);
+    if (!other || !calibration_check_rig(other, "the calibration to process with",
+                                         &catalogue->known->rig, error)) {
+        calibration_free(other);
+        return FALSE;
+    }
+    calibration_free(catalogue->known);
+    g_free(catalogue->calibration);
+    catalogue->known = other;
+    catalogue->calibration = g_strdup(instead);
+    return TRUE;
+}
+
+static gboolean load(struct catalogue *catalogue, Session *session, const char *calibration,
+                     GError **error) {
+    g_autofree char *path = session_file(session, "session.db (calibration.conf)");
+    catalogue->directory = session_path(session);
+    if (!load_calibration(catalogue, session, path, calibration, error) ||
         !session_grid(session, &catalogue->grid, error) ||
         !check_grid(&catalogue->grid, catalogue->directory, error))
         return FALSE;
@@ -133,9 +154,9 @@ static gboolean load(struct catalogue *catalogue, Session *session, GError **err
            catalogue_refresh(catalogue, session, error);
 }
 
-struct catalogue *catalogue_load(Session *session, GError **error) {
+struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error) {
     struct catalogue *catalogue = g_new0(struct catalogue, 1);
-    if (!load(catalogue, session, error))
+    if (!load(catalogue, session, calibration, error))
         g_clear_pointer(&catalogue, catalogue_free);
     return catalogue;
 }
@@ -196,14 +217,15 @@ static GChecksum *view_checksum(const struct catalogue *catalogue, const char *k
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
                       const struct input *input, GChecksum *sum) {
+    const struct radiometry_lamp *lamp = &catalogue->known->lamp_radiometry[shot->device];
     struct btf_light light = {.index = direction->index,
                               .theta_deg = direction->theta_deg,
                               .phi_deg = direction->phi_deg,
                               .arc = &catalogue->rig.arc,
                               .lamp = &catalogue->rig.lamps[shot->device],
-                              .radiometry = &catalogue->known->lamp_radiometry[shot->device],
+                              .radiometry = lamp,
                               .arc_rad = radians(shot->arc_deg),
-                              .output = outputs_of(catalogue->outputs, shot->id),
+                              .output = lamp->known ? outputs_of(catalogue->outputs, shot->id) : 1,
                               .input = *input};
     g_array_append_val(btf->lights, light);
     input_hash(sum, "%d %.17g %.17g %d %.17g %.17g %s", light.index, light.theta_deg, light.phi_deg,

@@ -22,7 +22,8 @@ struct catalogue {
     const char *directory;
 };
 
-struct catalogue *catalogue_load(Session *session, GError **error);
+/* calibration: as in struct pipeline_options. */
+struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error);
 void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
 
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);

@@ -405,7 +405,7 @@ static gboolean make_folders(struct run *run, GError **error) {
 }
 
 static gboolean begin(struct run *run, GError **error) {
-    run->catalogue = catalogue_load(run->session, error);
+    run->catalogue = catalogue_load(run->session, run->options->calibration, error);
     if (!run->catalogue)
         return FALSE;
     run->n_views = (int)run->catalogue->views->len;

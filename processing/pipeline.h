@@ -30,8 +30,12 @@ struct pipeline_progress {
 typedef void (*PipelineFunc)(const struct pipeline_progress *progress, gpointer data);
 
 struct pipeline_options {
-    gboolean follow;       /* wait for what is missing until the capture has ended */
-    int n_eigenmaps;       /* seed 004 §5: 4 */
+    gboolean follow; /* wait for what is missing until the capture has ended */
+    int n_eigenmaps; /* seed 004 §5: 4 */
+    /* calibration_to_text() of another one than that which the session was begun with, but of the
+     * same rig; NULL: the session's. Where it knows nothing of the lamps' light, what marks said of
+     * it during the capture is not used. */
+    const char *calibration;
     int n_threads;         /* 0: one a processor */
     PipelineFunc progress; /* may be NULL; called from the calling thread */
     gpointer data;

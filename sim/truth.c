@@ -71,6 +71,16 @@ void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3
         give(at.aim, ret_aim);
 }
 
+double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
+                   int colour) {
+    struct optics_lamp at = world_lamp_at(world, lamp, world_light_pose(world, arc_deg, 0));
+    struct v3 p = v3(point_mm[0], point_mm[1], point_mm[2]);
+    double level = v3_norm(v3_minus(at.position_mm, p)).z, xy[2];
+    truth_project(world, camera, point_mm, xy);
+    return optics_response(&world->cameras[camera], xy[0], xy[1], (enum cfa_colour)colour) *
+           optics_lamp_irradiance(&at, p) * MAX(level, 0) / G_PI;
+}
+
 void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
                        struct truth_sheet *ret) {
     struct optics_laser at = world_laser_at(world, laser, world_light_pose(world, arc_deg, 0));
