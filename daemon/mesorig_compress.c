@@ -27,8 +27,10 @@ struct compress {
     int clusters, components; /* 0: not asked for */
     double target;            /* 0: none */
     enum lpca_quantise quantise;
-    int grid;    /* 0: measured directions */
-    gint64 size; /* 0: any */
+    enum lpca_colours colours;
+    int grid;      /* 0: measured directions */
+    gint64 size;   /* 0: any */
+    gint64 memory; /* 0: any */
     gboolean mips;
     const char *output; /* NULL: products/lpca.exr */
     /* found */
@@ -147,10 +149,17 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
                             ? MIN(LPCA_MAX_COMPONENTS, 3 * btf->n_views * btf->n_lights)
                             : MIN(COMPONENTS, 3 * btf->n_views * btf->n_lights),
         .target = compress->target,
+        .colours = compress->colours,
         .progress = progress,
         .data = progress_data,
         .cancellable = cancellable,
     };
+    if (compress->memory > 0) {
+        const gint64 values =
+            btf->values ? btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights)
+                        : 0;
+        options.memory = MAX(1, compress->memory - values);
+    }
     struct lpca *lpca = compute(compress, btf, &options, error);
     if (!lpca)
         return FALSE;
@@ -304,8 +313,9 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     struct compress *compress = data;
     if (compress->output && !check_output(compress->output, error))
         return FALSE;
-    struct btf_matrix *btf =
-        btf_matrix_read(compress->path, progress, progress_data, cancellable, error);
+    /* What is left of the limit is for the work. */
+    struct btf_matrix *btf = btf_matrix_read_within(compress->memory / 2, compress->path, progress,
+                                                    progress_data, cancellable, error);
     if (!btf)
         return FALSE;
     g_autofree char *name = g_strdup_printf("%s.exr", method_name(compress));
@@ -399,11 +409,12 @@ static void tell(const struct compress *compress, double seconds) {
             (double)compress->raw_bytes / (double)compress->bytes, file);
     if (compress->holes > 0)
         g_print("%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
-                " values of the BTF are holes and were taken as 0\n",
+                " values of the BTF are holes and were filled from what is around them\n",
                 compress->holes, compress->raw_bytes / 6);
 }
 
-static char *method_option, *error_option, *size_option, *quantise_option, *output_option;
+static char *method_option, *error_option, *size_option, *quantise_option, *output_option,
+    *colours_option, *memory_option;
 static int clusters_option, components_option, grid_option;
 static gboolean mips_option;
 static const GOptionEntry entries[] = {
@@ -428,9 +439,13 @@ static const GOptionEntry entries[] = {
     {"grid", 'g', 0, G_OPTION_ARG_INT, &grid_option,
      "Eigen-BRDFs on a grid of directions with so many samples each way: 4 … 24, 12 is good", "N"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
-     "Numbers in the file; half if not "
-     "given",
-     "float|half|8bit"},
+     "Numbers in the file; half if not given; 8bit is of eigen-BRDFs alone",
+     "float|half|8bit|8bit-weights"},
+    {"colours", 0, 0, G_OPTION_ARG_STRING, &colours_option,
+     "What is compressed: colours as they are, or the logarithm of luminance and chroma",
+     "rgb|log"},
+    {"memory", 0, 0, G_OPTION_ARG_STRING, &memory_option,
+     "Take no more than this: a BTF that is larger stays in a temporary file", "512MB"},
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option,
      "Write this file, not products/lpca.exr of the session", "FILE"},
     {NULL},
@@ -462,16 +477,6 @@ static gboolean parse_size(const char *text, gint64 *ret) {
     return FALSE;
 }
 
-static gboolean parse_quantise(const char *text, enum lpca_quantise *ret) {
-    static const char *const names[] = {"float", "half", "8bit", NULL};
-    for (int i = 0; names[i]; i++)
-        if (g_strcmp0(text, names[i]) == 0) {
-            *ret = (enum lpca_quantise)i;
-            return TRUE;
-        }
-    return FALSE;
-}
-
 static int run(const struct command *command, int argc, char **argv) {
     struct compress compress = {.quantise = LPCA_HALF};
     g_autoptr(GError) error = NULL;
@@ -495,17 +500,27 @@ static int run(const struct command *command, int argc, char **argv) {
         return cli_usage(command, "--error is a number like 2%% or 0.02");
     if (size_option && !parse_size(size_option, &compress.size))
         return cli_usage(command, "--size is a number like 20MB or 500kB");
+    if (memory_option && !parse_size(memory_option, &compress.memory))
+        return cli_usage(command, "--memory is a number like 512MB or 2GB");
+    if (colours_option && strcmp(colours_option, "rgb") != 0 && strcmp(colours_option, "log") != 0)
+        return cli_usage(command, "--colours is rgb or log");
+    compress.colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB;
     if (compress.size > 0 && clusters_option > 0)
         return cli_usage(command, "--size chooses the clusters: leave out -k");
     if (grid_option != 0 && (grid_option < RESAMPLE_MIN_GRID || grid_option > RESAMPLE_MAX_GRID))
         return cli_usage(command, "--grid is 4 to 24");
     if ((compress.lobes || compress.eigenmaps) &&
-        (compress.size > 0 || grid_option > 0 || mips_option))
-        return cli_usage(command, "--size, --grid and --mips are for local PCAs");
+        (compress.size > 0 || grid_option > 0 || mips_option || memory_option || colours_option))
+        return cli_usage(command,
+                         "--size, --grid, --mips, --memory and --colours are for local PCAs");
+    if (compress.colours == LPCA_LOG && grid_option > 0)
+        return cli_usage(command, "--grid is of colours as they are: leave out --colours=log");
+    if (compress.memory > 0 && mips_option)
+        return cli_usage(command, "--mips takes the whole BTF into memory: leave out --memory");
     compress.grid = grid_option;
     compress.mips = mips_option;
-    if (quantise_option && !parse_quantise(quantise_option, &compress.quantise))
-        return cli_usage(command, "--quantise is float, half or 8bit");
+    if (quantise_option && !lpca_quantise_parse(quantise_option, &compress.quantise))
+        return cli_usage(command, "--quantise is float, half, 8bit or 8bit-weights");
     if (compress.eigenmaps && (clusters_option > 0 || quantise_option || !output_option))
         return cli_usage(command, "eigen-maps are half floats without clusters, and need -o FILE");
     compress.path = argv[1];

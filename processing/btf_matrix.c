@@ -2,8 +2,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "btf_matrix.h"
 #include "exr.h"
-#include "lpca.h"
 
 #define COLOURS 3
 
@@ -17,6 +17,35 @@ static Session *open_session(const char *path, GError **error) {
         return session_open(session, SESSION_READ, error);
     }
     return session_open(absolute, SESSION_READ, error);
+}
+
+void btf_matrix_free(struct btf_matrix *btf) {
+    if (!btf)
+        return;
+    g_free(btf->name);
+    g_free(btf->directory);
+    g_free(btf->view_theta_deg);
+    g_free(btf->view_phi_deg);
+    g_free(btf->light_theta_deg);
+    g_free(btf->light_phi_deg);
+    g_free(btf->values);
+    btf_scratch_free(btf->scratch);
+    g_free(btf);
+}
+
+gint64 btf_matrix_bytes(int width, int height, int n_views, int n_lights) {
+    return (gint64)width * height * n_views * n_lights * COLOURS * (gint64)sizeof(float);
+}
+
+const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
+                             float *buffer, gsize *ret_stride, GError **error) {
+    const gsize row = (gsize)btf->n_lights * COLOURS;
+    if (btf->values) {
+        *ret_stride = row * (gsize)btf->n_views;
+        return btf->values + (gsize)first * *ret_stride + (gsize)view * row;
+    }
+    *ret_stride = row;
+    return btf_scratch_read(btf->scratch, view, first, n, buffer, error) ? buffer : NULL;
 }
 
 static int by_name(gconstpointer a, gconstpointer b) {
@@ -60,9 +89,9 @@ static gboolean direction(const struct exr_part *part, const char *of, const cha
            view_error(path, error, "a direction is missing or not a number");
 }
 
-/* Memory for all views, once the first says how many lights there are. */
-static gboolean begin(struct btf_matrix *btf, const struct exr_file *first, const char *path,
-                      GError **error) {
+/* Memory or a file for all views, once the first says how many lights there are. */
+static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
+                      const char *path, GError **error) {
     btf->n_lights = (int)first->parts->len;
     if (btf->n_lights < 1)
         return view_error(path, error, "there are no lights in it");
@@ -72,14 +101,20 @@ static gboolean begin(struct btf_matrix *btf, const struct exr_file *first, cons
         if (!direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
                        &btf->light_theta_deg[i], &btf->light_phi_deg[i], error))
             return FALSE;
-    const gsize row = (gsize)btf->n_views * (gsize)btf->n_lights * COLOURS;
-    const gsize texels = (gsize)btf->width * (gsize)btf->height;
-    btf->values = g_try_new0(float, texels *row);
+    const gint64 bytes = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
+    if (memory > 0 && bytes > memory) {
+        g_autofree char *folder = g_build_filename(btf->directory, "products", NULL);
+        btf->scratch = btf_scratch_new(folder, (gsize)btf->n_lights * COLOURS, btf->n_views,
+                                       btf->width * btf->height, error);
+        return btf->scratch != NULL;
+    }
+    btf->values = g_try_new0(float, (gsize)bytes / sizeof(float));
     if (!btf->values)
         g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                    "a BTF of %d × %d texels, %d views and %d lights needs %.1f GiB of memory",
+                    "a BTF of %d × %d texels, %d views and %d lights needs %.1f GiB of memory; "
+                    "“mesorig compress --memory” takes less",
                     btf->width, btf->height, btf->n_views, btf->n_lights,
-                    (double)(texels * row) * sizeof(float) / (1 << 30));
+                    (double)bytes / (1 << 30));
     return btf->values != NULL;
 }
 
@@ -97,37 +132,71 @@ static gboolean check_light(const struct btf_matrix *btf, const struct exr_part 
     return TRUE;
 }
 
+/* Those that were set to 0 when the picture was made become what they are. */
+static void mark_holes(const struct exr_part *part, float *const planes[COLOURS]) {
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    int holes = 0;
+    if (!exr_get_int(part, "mesorig.holes", &holes, NULL) || holes <= 0)
+        return;
+    for (gsize i = 0; i < n; i++)
+        if (planes[0][i] == 0 && planes[1][i] == 0 && planes[2][i] == 0)
+            planes[0][i] = NAN;
+}
+
+/* A picture of holes alone is black: one of thousands should not cost the others. */
+static int fill_holes(const struct exr_part *part, float *const planes[COLOURS]) {
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    mark_holes(part, planes);
+    const int filled = btf_fill_holes(planes, COLOURS, part->width, part->height);
+    for (int c = 0; filled < 0 && c < COLOURS; c++)
+        memset(planes[c], 0, sizeof(float) * n);
+    return filled < 0 ? (int)n : filled;
+}
+
+static gboolean check_values(const struct exr_part *part, int light, float *const planes[COLOURS],
+                             const char *path, gint64 *holes, GError **error) {
+    const int pixels = part->width * part->height;
+    *holes += fill_holes(part, planes);
+    for (int c = 0; c < COLOURS; c++)
+        for (int i = 0; i < pixels; i++)
+            if (!isfinite(planes[c][i])) {
+                g_autofree char *what = g_strdup_printf("under light %d texel (%d, %d) is infinite",
+                                                        light, i % part->width, i / part->width);
+                return view_error(path, error, what);
+            }
+    return TRUE;
+}
+
 static gboolean add_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                          const char *path, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
-    const gsize n = (gsize)btf->n_lights * COLOURS, row = n * (gsize)btf->n_views;
-    g_autofree const float **planes = g_new0(const float *, n);
+    const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
+    g_autofree float **planes = g_new0(float *, n);
     if ((int)file->parts->len != btf->n_lights)
         return view_error(path, error, "its lights are not as many as those of the first view");
     for (int light = 0; light < btf->n_lights; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
-        int holes = 0;
         if (!check_light(btf, part, light, path, error))
             return FALSE;
         for (int c = 0; c < COLOURS; c++)
             planes[light * COLOURS + c] = exr_part_plane(part, channels[c]);
-        if (exr_get_int(part, "mesorig.holes", &holes, NULL))
-            btf->holes += MAX(holes, 0);
+        if (!check_values(part, light, planes + (gsize)(light * COLOURS), path, &btf->holes, error))
+            return FALSE;
     }
-    for (gsize texel = 0; texel < (gsize)btf->width * (gsize)btf->height; texel++) {
-        float *to = btf->values + texel * row + (gsize)view * n;
-        for (int i = 0; i < btf->n_lights * COLOURS; i++) {
-            to[i] = planes[i] ? planes[i][texel] : NAN;
-            if (!isfinite(to[i]))
-                return view_error(path, error, "a value is not a number");
-        }
-    }
-    return direction(g_ptr_array_index(file->parts, 0), "view", path, &btf->view_theta_deg[view],
+    g_autofree float *buffer = btf->scratch ? g_new(float, texels *n) : NULL;
+    float *first = btf->scratch ? buffer : btf->values + (gsize)view * n;
+    const gsize stride = btf->scratch ? n : n * (gsize)btf->n_views;
+    for (gsize texel = 0; texel < texels; texel++)
+        for (gsize i = 0; i < n; i++)
+            first[texel * stride + i] = planes[i] ? planes[i][texel] : 0;
+    return (!btf->scratch || btf_scratch_write(btf->scratch, view, buffer, error)) &&
+           direction(g_ptr_array_index(file->parts, 0), "view", path, &btf->view_theta_deg[view],
                      &btf->view_phi_deg[view], error);
 }
 
-static gboolean read_views(struct btf_matrix *btf, const GPtrArray *paths, PipelineFunc progress,
-                           gpointer data, GCancellable *cancellable, GError **error) {
+static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
+                           PipelineFunc progress, gpointer data, GCancellable *cancellable,
+                           GError **error) {
     const gint64 begun = g_get_monotonic_time();
     gboolean ok = TRUE;
     for (int view = 0; ok && view < btf->n_views; view++) {
@@ -135,7 +204,7 @@ static gboolean read_views(struct btf_matrix *btf, const GPtrArray *paths, Pipel
         if (g_cancellable_set_error_if_cancelled(cancellable, error))
             return FALSE;
         struct exr_file *file = exr_read(path, error);
-        ok = file && (view > 0 || begin(btf, file, path, error)) &&
+        ok = file && (view > 0 || begin(btf, memory, file, path, error)) &&
              add_view(btf, file, view, path, error);
         exr_file_free(file);
         const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
@@ -149,6 +218,12 @@ static gboolean read_views(struct btf_matrix *btf, const GPtrArray *paths, Pipel
 
 struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpointer data,
                                    GCancellable *cancellable, GError **error) {
+    return btf_matrix_read_within(0, path, progress, data, cancellable, error);
+}
+
+struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, PipelineFunc progress,
+                                          gpointer data, GCancellable *cancellable,
+                                          GError **error) {
     struct session_grid grid;
     g_autoptr(Session) session = open_session(path, error);
     if (!session || !session_grid(session, &grid, error))
@@ -166,7 +241,7 @@ struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpoi
     btf->n_views = (int)paths->len;
     btf->view_theta_deg = g_new0(float, btf->n_views);
     btf->view_phi_deg = g_new0(float, btf->n_views);
-    if (!read_views(btf, paths, progress, data, cancellable, error))
+    if (!read_views(btf, memory, paths, progress, data, cancellable, error))
         g_clear_pointer(&btf, btf_matrix_free);
     return btf;
 }

@@ -39,14 +39,13 @@ static inline guint16 half_of(float value) {
     return (guint16)(sign | half);
 }
 
+/* Without branches, so that many are done at once: the exponent is moved by a multiplication, which
+ * is exact and makes subnormal halves normal. */
 static inline float float_of_half(guint16 half) {
-    guint32 sign = (guint32)(half & 0x8000) << 16, rest = half & 0x7fff;
+    guint32 sign = (guint32)(half & 0x8000) << 16, rest = (guint32)(half & 0x7fff) << 13;
+    guint32 bits = bits_of(float_of(rest) * 0x1p112f);
 
-    if (rest >= 0x7c00)
-        return float_of(sign | FLOAT_INF | (rest & 0x3ff) << 13);
-    if (rest >= 0x400)
-        return float_of(sign | ((rest << 13) + ((127 - 15) << 23)));
-    return float_of(sign | bits_of((float)rest * 0x1p-24f));
+    return float_of(sign | (rest >= 0x0f800000 ? FLOAT_INF | rest : bits));
 }
 
 void exr_half_from_floats(guint16 *to, const float *from, gsize n) {

@@ -15,42 +15,39 @@
  *   part "means"            channels B G R, width n_lights, height n_clusters · n_views
  *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l: E_{i,k}(v, l) / S_{i,k}
  *   part "views", "lights"  channels "phi_deg", "theta_deg", width n, height 1, float
+ *   part "weight_scales"    channel "S", width n_clusters, height c, float; 8bit-weights alone
  * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
- * float, half, 8bit), mesorig.error (double, see lpca_error()), texel_mm, reference_mm (double),
- * and mesorig.grid (int) where there is an n_grid, see below.
+ * float, half, 8bit, 8bit-weights), mesorig.error (double, see lpca_error()), texel_mm,
+ * reference_mm (double), mesorig.grid (int) where there is an n_grid, and mesorig.colours (string)
+ * = "log" where they are that, see below.
  *
  * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
  * each with a scale of its own; means stay halves, since no small weight makes their steps smaller.
- * EXR has no 8-bit channels: the integers lie in halves, without loss. Else all scales are 1.
+ * With 8bit-weights so are the weights of each component of each cluster. EXR has no 8-bit
+ * channels: the integers lie in halves, without loss. Else all scales are 1.
+ *
+ * Decorrelated colours (LPCA_LOG): in place of R, G, B the sums are of ln(Y + ε), (R − Y)/(Y + ε),
+ * (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET: what is dark
+ * then counts as much as what is bright.
  */
 #pragma once
 
-#include "pipeline.h"
+#include "btf_matrix.h"
+#include "lpca_team.h"
 
 #define LPCA_MAX_CLUSTERS   1024
 #define LPCA_MAX_COMPONENTS 32
 
-/* A BTF in memory: one row a texel, row 0 first, of n_views × n_lights × 3 (R, G, B). */
-struct btf_matrix {
-    char *name;
-    int width, height; /* texels */
-    double texel_mm, reference_mm;
-    int n_views, n_lights;
-    float *view_theta_deg, *view_phi_deg;   /* n_views */
-    float *light_theta_deg, *light_phi_deg; /* n_lights */
-    float *values;                          /* height · width rows */
-    gint64 holes;    /* pixels of the rectified pictures that no good frame pixel shows: 0 */
-    char *directory; /* of the session */
-};
+enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS };
+#define LPCA_QUANTISE_KINDS 4
+const char *lpca_quantise_name(enum lpca_quantise quantise);
+gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret);
 
-void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
-
-/* Of a session directory, or of its products/btf. Views that are not there are left out; a view
- * whose lights or texels are other than those of the first is refused. Stage "read". */
-struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpointer data,
-                                   GCancellable *cancellable, GError **error);
-
-enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT };
+enum lpca_colours { LPCA_RGB, LPCA_LOG };
+#define LPCA_LOG_OFFSET 0.01F
+/* n colours of three, in place. */
+void lpca_to_log(float *values, gsize n);
+void lpca_from_log(float *values, gsize n);
 
 struct lpca {
     char *name;
@@ -64,8 +61,10 @@ struct lpca {
     int *clusters;                          /* height × width: k(x) */
     float *weights;                         /* height × width × n_components */
     float *brdfs;  /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
-    float *scales; /* n_clusters × (n_components + 1): steps of brdfs if LPCA_8BIT, else 1 */
+    float *scales; /* n_clusters × (n_components + 1): steps of brdfs if 8 bit, else 1 */
+    float *weight_scales; /* n_clusters × n_components: likewise of weights */
     enum lpca_quantise quantise;
+    enum lpca_colours colours;
     double error; /* as lpca_error() found it; 0 if it was not asked */
 };
 
@@ -76,14 +75,21 @@ struct lpca_options {
     PipelineFunc progress; /* may be NULL; called from the calling thread */
     gpointer data;
     GCancellable *cancellable; /* may be NULL */
+    enum lpca_colours colours;
+    gint64 memory;                /* 0, or bytes that must do beside the BTF's values */
+    const struct lpca_team *team; /* NULL: this process is alone */
 };
 
 void lpca_free(struct lpca *lpca); /* NULL is ignored */
 
-/* Of a whole matrix of finite values; LPCA_FLOAT. Clusters that nothing needs are left out: a
- * constant material has one. Bytes do not depend on the number of threads. Stages "reduce",
- * "cluster", "polish". With a target the clustering is made for 1, 2, 4, … components until it is
- * reached; if it cannot be, the error says how near it came. */
+/* Of a whole matrix of finite values, in memory or in a file; LPCA_FLOAT. Clusters that nothing
+ * needs are left out: a constant material has one. Bytes do not depend on the number of threads.
+ * Stages "reduce", "cluster", "polish", "weights", "check". With a target the clustering is made
+ * for 1, 2, 4, … components until it is reached; if it cannot be, the error says how near it came.
+ *
+ * With a team every rank calls this, btf->values being the rows of its part of the texels alone
+ * (LPCA_TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;
+ * other numbers do as their sums are rounded. */
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);
 
@@ -93,7 +99,10 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
 /* Rounds what is in memory to what a file of that kind gives back. Once, from LPCA_FLOAT. */
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
 
-/* ‖X − X̂‖_F / ‖X‖_F of what is in memory, also kept in lpca->error; 0 for a black BTF. */
+/* Bytes it takes beside the BTF's values. */
+gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options);
+
+/* ‖X − X̂‖_F / ‖X‖_F of R, G, B, also kept in lpca->error; 0 for a black BTF. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
 
 /* Bytes of index, weights and BRDFs as a renderer holds them. */

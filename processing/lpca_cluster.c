@@ -40,22 +40,63 @@ static int draw(GRand *random, const double *shares, int n, double all) {
     return last;
 }
 
+/* Ranks do blocks from *ret_first to before *ret_end, and then tell each other. */
+static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *ret_end) {
+    const struct lpca_team *team = reduced->options->team;
+    const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
+    lpca_team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
+}
+
+/* An array of a value of size bytes a row, which ranks have filled in their blocks. */
+static void share_rows(const struct lpca_reduced *reduced, void *values, gsize size) {
+    const struct lpca_team *team = reduced->options->team;
+    const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
+    if (!team)
+        return;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        lpca_team_part(team, i, blocks, 1, &first, &end);
+        starts[i + 1] = (gsize)MIN(end * BLOCK, reduced->n) * size;
+    }
+    team->share(team, values, starts);
+}
+
+struct seeding {
+    const struct lpca_reduced *reduced;
+    const float *seed;
+    gboolean first;
+    int from;        /* block */
+    double *nearest; /* n */
+};
+
+static void seed_block(int block, gpointer data) {
+    const struct seeding *seeding = data;
+    const int r = seeding->reduced->r, from = (seeding->from + block) * BLOCK;
+    for (int i = from; i < MIN(from + BLOCK, seeding->reduced->n); i++) {
+        const float *row = seeding->reduced->rows + (gsize)i * (gsize)r;
+        const double d = distance(row, seeding->seed, r);
+        seeding->nearest[i] = seeding->first ? d : MIN(seeding->nearest[i], d);
+    }
+}
+
 /* k-means++: as many seeds as there are rows that differ, at most. */
 static void seed_means(struct lpca_reduced *reduced) {
     g_autofree double *nearest = g_new(double, reduced->n);
     GRand *random = g_rand_new_with_seed(SEED);
-    const int r = reduced->r;
+    const gsize r = (gsize)reduced->r;
     double first = 0;
-    int seeds = 0, next = g_rand_int_range(random, 0, reduced->n);
+    int seeds = 0, next = g_rand_int_range(random, 0, reduced->n), from, end;
+    blocks_of(reduced, &from, &end);
     while (seeds < reduced->k) {
-        const float *mean = reduced->rows + (gsize)next * (gsize)r;
+        float *mean = reduced->means + (gsize)seeds * r;
+        struct seeding seeding = {reduced, mean, seeds == 0, from, nearest};
         double all = 0;
-        memcpy(reduced->means + (gsize)seeds * (gsize)r, mean, sizeof(float) * (gsize)r);
-        for (int i = 0; i < reduced->n; i++) {
-            double d = distance(reduced->rows + (gsize)i * (gsize)r, mean, r);
-            nearest[i] = seeds == 0 ? d : MIN(nearest[i], d);
+        memcpy(mean, reduced->rows + (gsize)next * r, sizeof(float) * r);
+        lpca_parallel(reduced->options->n_threads, end - from, seed_block, &seeding);
+        share_rows(reduced, nearest, sizeof *nearest);
+        for (int i = 0; i < reduced->n; i++)
             all += nearest[i];
-        }
         if (seeds++ == 0)
             first = all;
         if (all <= 1e-12 * first)
@@ -74,6 +115,7 @@ struct assignment {
     float *offsets; /* k × (c + 1): products of a cluster's mean with its factors */
     float *errors;  /* n: of the best cluster */
     int *labels;
+    int from; /* block */
 };
 
 static void assign_row(const struct assignment *to, int row, const float *products) {
@@ -99,7 +141,7 @@ static void assign_row(const struct assignment *to, int row, const float *produc
 static void assign_block(int block, gpointer data) {
     const struct assignment *to = data;
     const int r = to->reduced->r, columns = to->reduced->k * (to->c + 1);
-    const int from = block * BLOCK, n = MIN(BLOCK, to->reduced->n - from);
+    const int from = (to->from + block) * BLOCK, n = MIN(BLOCK, to->reduced->n - from);
     g_autofree float *products = g_new(float, (gsize)n *(gsize)columns);
     cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, columns, r, 1,
                 to->reduced->rows + (gsize)from * (gsize)r, r, to->factors, r, 0, products,
@@ -128,10 +170,14 @@ static double assign(struct lpca_reduced *reduced, int c, float *errors) {
     const gsize factors = (gsize)reduced->k * (gsize)(c + 1);
     struct assignment to = {reduced, c, NULL, NULL, errors, reduced->labels};
     double sum = 0;
+    int end;
+    blocks_of(reduced, &to.from, &end);
     to.factors = g_new(float, factors *(gsize)reduced->r);
     to.offsets = g_new(float, factors);
     prepare(&to);
-    lpca_parallel(reduced->n_threads, (reduced->n + BLOCK - 1) / BLOCK, assign_block, &to);
+    lpca_parallel(reduced->options->n_threads, end - to.from, assign_block, &to);
+    share_rows(reduced, errors, sizeof *errors);
+    share_rows(reduced, reduced->labels, sizeof *reduced->labels);
     for (int i = 0; i < reduced->n; i++)
         sum += errors[i];
     g_free(to.factors);
@@ -207,11 +253,13 @@ enum axes { NO_AXES, EXACT_AXES, BETTER_AXES };
 struct update {
     struct lpca_reduced *reduced;
     enum axes axes;
+    int from; /* cluster */
 };
 
-static void update_cluster(int k, gpointer data) {
+static void update_cluster(int block, gpointer data) {
     const struct update *update = data;
     struct lpca_reduced *reduced = update->reduced;
+    const int k = update->from + block;
     const int n = (int)((GArray *)g_ptr_array_index(reduced->members, k))->len;
     const int r = reduced->r, c = reduced->c;
     if (n == 0)
@@ -234,9 +282,30 @@ static void update_cluster(int k, gpointer data) {
     }
 }
 
+/* An array of size floats a cluster, likewise. */
+static void share_clusters(const struct lpca_reduced *reduced, float *values, gsize size) {
+    const struct lpca_team *team = reduced->options->team;
+    if (!team)
+        return;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        lpca_team_part(team, i, reduced->k, 1, &first, &end);
+        starts[i + 1] = (gsize)end * size * sizeof(float);
+    }
+    team->share(team, values, starts);
+}
+
 static void update(struct lpca_reduced *reduced, enum axes axes) {
+    const struct lpca_team *team = reduced->options->team;
+    const gsize r = (gsize)reduced->r;
     struct update all = {reduced, axes};
-    lpca_parallel(reduced->n_threads, reduced->k, update_cluster, &all);
+    int end;
+    lpca_team_part(team, team ? team->rank : 0, reduced->k, 1, &all.from, &end);
+    lpca_parallel(reduced->options->n_threads, end - all.from, update_cluster, &all);
+    share_clusters(reduced, reduced->means, r);
+    if (axes != NO_AXES)
+        share_clusters(reduced, reduced->bases, (gsize)reduced->c * r);
 }
 
 static void drop_empty(struct lpca_reduced *reduced) {
@@ -263,9 +332,9 @@ static gboolean tell(const struct lpca_reduced *reduced, int done, gint64 begun,
     const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
     const struct pipeline_progress progress = {"cluster", done, total,
                                                done > 0 ? spent / done * (total - done) : -1};
-    if (reduced->progress)
-        reduced->progress(&progress, reduced->data);
-    return !g_cancellable_set_error_if_cancelled(reduced->cancellable, error);
+    if (reduced->options->progress)
+        reduced->options->progress(&progress, reduced->options->data);
+    return !g_cancellable_set_error_if_cancelled(reduced->options->cancellable, error);
 }
 
 static gboolean iterate(struct lpca_reduced *reduced, GError **error) {

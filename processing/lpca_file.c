@@ -6,7 +6,6 @@
 
 #define COLOURS 3
 
-static const char *const kinds[] = {"float", "half", "8bit"};
 static const char *const colours[] = {"R", "G", "B"};
 
 static struct exr_part *directions_part(const char *name, const float *theta_deg,
@@ -26,13 +25,26 @@ static struct exr_part *clusters_part(const struct lpca *lpca) {
         part->planes[0][i] = (float)lpca->clusters[i];
     exr_set_string(part, "mesorig.kind", "lpca");
     exr_set_string(part, "mesorig.name", lpca->name ? lpca->name : "");
-    exr_set_string(part, "mesorig.quantise", kinds[lpca->quantise]);
+    exr_set_string(part, "mesorig.quantise", lpca_quantise_name(lpca->quantise));
     exr_set_double(part, "mesorig.error", lpca->error);
     if (lpca->n_grid > 0)
         exr_set_int(part, "mesorig.grid", lpca->n_grid);
+    if (lpca->colours == LPCA_LOG)
+        exr_set_string(part, "mesorig.colours", "log");
     exr_set_double(part, "texel_mm", lpca->texel_mm);
     exr_set_double(part, "reference_mm", lpca->reference_mm);
     return part;
+}
+
+static float weight_scale(const struct lpca *lpca, int texel, int component) {
+    return lpca->weight_scales[lpca->clusters[texel] * lpca->n_components + component];
+}
+
+static float stored_weight(const struct lpca *lpca, int texel, int component) {
+    const float weight = lpca->weights[(gsize)texel * (gsize)lpca->n_components + (gsize)component];
+    return lpca->quantise == LPCA_8BIT_WEIGHTS
+               ? roundf(weight / weight_scale(lpca, texel, component))
+               : weight;
 }
 
 static struct exr_part *weights_part(const struct lpca *lpca) {
@@ -45,16 +57,17 @@ static struct exr_part *weights_part(const struct lpca *lpca) {
                      lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
     for (int texel = 0; texel < lpca->width * lpca->height; texel++)
         for (int i = 0; i < c; i++)
-            part->planes[i][texel] = lpca->weights[(gsize)texel * (gsize)c + (gsize)i];
+            part->planes[i][texel] = stored_weight(lpca, texel, i);
     return part;
 }
 
-static struct exr_part *scales_part(const struct lpca *lpca) {
+/* n of each cluster. */
+static struct exr_part *scales_part(const char *name, const struct lpca *lpca, const float *scales,
+                                    int n) {
     static const char *const channels[] = {"S", NULL};
-    const int tables = lpca->n_components + 1;
-    struct exr_part *part = exr_part_new("scales", lpca->n_clusters, tables, channels, EXR_FLOAT);
-    for (int i = 0; i < lpca->n_clusters * tables; i++)
-        part->planes[0][i % tables * lpca->n_clusters + i / tables] = lpca->scales[i];
+    struct exr_part *part = exr_part_new(name, lpca->n_clusters, n, channels, EXR_FLOAT);
+    for (int i = 0; i < lpca->n_clusters * n; i++)
+        part->planes[0][i % n * lpca->n_clusters + i / n] = scales[i];
     return part;
 }
 
@@ -79,7 +92,7 @@ static struct exr_part *table_part(const struct lpca *lpca, int component) {
         const float *rgb = lpca->brdfs + table * size * COLOURS, scale = lpca->scales[table];
         for (gsize i = 0; i < size * COLOURS; i++)
             part->planes[COLOURS - 1 - i % COLOURS][(gsize)k * size + i / COLOURS] =
-                lpca->quantise == LPCA_8BIT && component > 0 ? roundf(rgb[i] / scale) : rgb[i];
+                lpca->quantise >= LPCA_8BIT && component > 0 ? roundf(rgb[i] / scale) : rgb[i];
     }
     return part;
 }
@@ -88,7 +101,10 @@ struct exr_file *lpca_to_exr(const struct lpca *lpca) {
     struct exr_file *file = exr_file_new();
     exr_file_add(file, clusters_part(lpca));
     exr_file_add(file, weights_part(lpca));
-    exr_file_add(file, scales_part(lpca));
+    exr_file_add(file, scales_part("scales", lpca, lpca->scales, lpca->n_components + 1));
+    if (lpca->quantise == LPCA_8BIT_WEIGHTS)
+        exr_file_add(file,
+                     scales_part("weight_scales", lpca, lpca->weight_scales, lpca->n_components));
     for (int i = 0; i <= lpca->n_components; i++)
         exr_file_add(file, table_part(lpca, i));
     exr_file_add(file,
@@ -102,7 +118,7 @@ gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
     struct exr_file *file = lpca_to_exr(lpca);
     /* PIZ rounds nothing, and ZIP is smaller for the integers of 8 bits. */
     gboolean ok =
-        exr_write(path, file, lpca->quantise == LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
+        exr_write(path, file, lpca->quantise >= LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
     exr_file_free(file);
     return ok;
 }
@@ -139,13 +155,11 @@ static gboolean read_directions(const struct exr_file *file, const char *name, f
     return TRUE;
 }
 
-static gboolean read_kind(struct lpca *lpca, const char *quantise) {
-    for (guint i = 0; i < G_N_ELEMENTS(kinds); i++)
-        if (strcmp(kinds[i], quantise) == 0) {
-            lpca->quantise = (enum lpca_quantise)i;
-            return TRUE;
-        }
-    return FALSE;
+static gboolean read_colours(struct lpca *lpca, const struct exr_part *part) {
+    const char *name = "rgb";
+    exr_get_string(part, "mesorig.colours", &name, NULL);
+    lpca->colours = strcmp(name, "log") == 0 ? LPCA_LOG : LPCA_RGB;
+    return lpca->colours == LPCA_LOG || strcmp(name, "rgb") == 0;
 }
 
 static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const char *path,
@@ -163,8 +177,11 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
     lpca->name = g_strdup(name);
     lpca->width = part->width;
     lpca->height = part->height;
-    if (!read_kind(lpca, quantise))
-        return format_error(path, error, "mesorig.quantise is not float, half or 8bit");
+    if (!lpca_quantise_parse(quantise, &lpca->quantise))
+        return format_error(path, error,
+                            "mesorig.quantise is not float, half, 8bit or 8bit-weights");
+    if (!read_colours(lpca, part))
+        return format_error(path, error, "mesorig.colours is not rgb or log");
     if (!(lpca->texel_mm > 0) || !isfinite(lpca->texel_mm) || !isfinite(lpca->reference_mm))
         return format_error(path, error, "texel_mm or reference_mm makes no sense");
     if (!read_directions(file, "views", &lpca->view_theta_deg, &lpca->view_phi_deg,
@@ -185,10 +202,33 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
     return TRUE;
 }
 
+/* Back from how scales_part() has them. */
+static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n) {
+    const float *scales = plane(file, name, "S", clusters, n);
+    float *ret = scales ? g_new0(float, (gsize)clusters *(gsize)n) : NULL;
+    for (int i = 0; ret && i < clusters * n; i++)
+        ret[i] = scales[i % n * clusters + i / n];
+    return ret;
+}
+
+static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *file) {
+    const int c = lpca->n_components, n = lpca->n_clusters * c;
+    if (lpca->quantise == LPCA_8BIT_WEIGHTS) {
+        lpca->weight_scales = read_scales(file, "weight_scales", lpca->n_clusters, c);
+        return lpca->weight_scales != NULL;
+    }
+    lpca->weight_scales = g_new(float, n);
+    for (int i = 0; i < n; i++)
+        lpca->weight_scales[i] = 1;
+    return TRUE;
+}
+
 static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, const char *path,
                             GError **error) {
     const int c = lpca->n_components, n = lpca->width * lpca->height;
     const float *clusters = plane(file, "clusters", "K", lpca->width, lpca->height);
+    if (!read_weight_scales(lpca, file))
+        return format_error(path, error, "weight_scales are missing or damaged");
     lpca->clusters = g_new(int, n);
     lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
     for (int i = 0; clusters && i < n; i++) {
@@ -203,7 +243,8 @@ static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, cons
         if (!clusters || !weights || !lpca->weights)
             return format_error(path, error, "clusters or weights are missing or damaged");
         for (int texel = 0; texel < n; texel++)
-            lpca->weights[(gsize)texel * (gsize)c + (gsize)i] = weights[texel];
+            lpca->weights[(gsize)texel * (gsize)c + (gsize)i] =
+                weights[texel] * weight_scale(lpca, texel, i);
     }
     return TRUE;
 }
@@ -231,15 +272,12 @@ static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int c
 static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, const char *path,
                             GError **error) {
     const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
-    const float *scales = plane(file, "scales", "S", lpca->n_clusters, tables);
+    lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
     const struct exr_part *means = exr_file_part(file, "means");
     /* Checked before memory is asked for: the sizes come from parts of a few values. */
-    if (!scales || !means || means->width != lpca->n_lights ||
+    if (!lpca->scales || !means || means->width != lpca->n_lights ||
         means->height != (gint64)lpca->n_clusters * lpca->n_views)
         return format_error(path, error, "scales or means are missing or damaged");
-    lpca->scales = g_new0(float, n);
-    for (int i = 0; i < n; i++)
-        lpca->scales[i] = scales[i % tables * lpca->n_clusters + i / tables];
     lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
     if (!lpca->brdfs)
         return format_error(path, error, "it is larger than memory");

@@ -69,7 +69,7 @@ gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, 
         exr_file_free(one);
     }
     const gboolean ok =
-        exr_write(path, file, levels[0]->quantise == LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
+        exr_write(path, file, levels[0]->quantise >= LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
     exr_file_free(file);
     return ok;
 }

@@ -237,6 +237,8 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
     ret->clusters = g_memdup2(lpca->clusters, sizeof(int) * texels);
     ret->weights = g_memdup2(lpca->weights, sizeof(float) * texels * (gsize)lpca->n_components);
     ret->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
+    ret->weight_scales = g_memdup2(lpca->weight_scales, sizeof(float) * (gsize)lpca->n_clusters *
+                                                            (gsize)lpca->n_components);
     ret->brdfs = g_try_new(float, tables *(gsize)ret->n_views *(gsize)ret->n_lights *COLOURS);
     ret->error = 0;
     return ret;
@@ -257,7 +259,8 @@ static void resample_table(const struct lpca *from, const struct lpca *to, gsize
 }
 
 struct lpca *resample_lpca(const struct lpca *lpca, int n_grid, GError **error) {
-    g_return_val_if_fail(lpca->quantise == LPCA_FLOAT && lpca->n_grid == 0, NULL);
+    g_return_val_if_fail(
+        lpca->quantise == LPCA_FLOAT && lpca->n_grid == 0 && lpca->colours == LPCA_RGB, NULL);
     g_autofree float *views = resample_operator(lpca->view_theta_deg, lpca->view_phi_deg,
                                                 lpca->n_views, n_grid, FALSE, error);
     g_autofree float *lights = views ? resample_operator(lpca->light_theta_deg, lpca->light_phi_deg,
@@ -316,25 +319,37 @@ static void interpolate(const struct comparison *to, const float *grid, int view
         }
 }
 
+/* What a view shows of a texel, whose samples are on the grid. */
+static void compare_view(const struct comparison *to, const float *grid, const float *truth,
+                         int view, double *sums) {
+    for (int light = 0; light < to->btf->n_lights; light++, truth += COLOURS) {
+        float value[COLOURS];
+        interpolate(to, grid, view, light, value);
+        for (int c = 0; c < COLOURS; c++) {
+            const double rest = (double)truth[c] - value[c];
+            sums[0] += rest * rest;
+            sums[1] += (double)truth[c] * truth[c];
+        }
+    }
+}
+
 static void compare_block(int block, gpointer data) {
     const struct comparison *to = data;
     const struct btf_matrix *btf = to->btf;
     const int end = MIN((block + 1) * BLOCK, btf->width * btf->height);
-    const gsize n = (gsize)btf->n_views * (gsize)btf->n_lights;
+    double *sums = to->sums + (gsize)(2 * block);
     g_autofree float *grid =
         g_new(float, (gsize)to->lpca->n_views *(gsize)to->lpca->n_lights *COLOURS);
+    g_autofree float *buffer = g_new(float, btf->n_lights *COLOURS);
     for (int texel = block * BLOCK; texel < end; texel++) {
         lpca_reconstruct(to->lpca, texel, grid);
-        for (gsize i = 0; i < n; i++) {
-            const float *truth = btf->values + ((gsize)texel * n + i) * COLOURS;
-            float value[COLOURS];
-            interpolate(to, grid, (int)(i / (gsize)btf->n_lights), (int)(i % (gsize)btf->n_lights),
-                        value);
-            for (int c = 0; c < COLOURS; c++) {
-                const double rest = (double)truth[c] - value[c];
-                to->sums[2 * block] += rest * rest;
-                to->sums[2 * block + 1] += (double)truth[c] * truth[c];
-            }
+        for (int view = 0; view < btf->n_views; view++) {
+            gsize stride;
+            const float *truth = btf_matrix_rows(btf, view, texel, 1, buffer, &stride, NULL);
+            if (truth)
+                compare_view(to, grid, truth, view, sums);
+            else
+                sums[0] = NAN;
         }
     }
 }

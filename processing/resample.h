@@ -36,8 +36,8 @@ float *resample_operator(const float *theta_deg, const float *phi_deg, int n, in
                          gboolean lights, GError **error);
 
 /* A local PCA whose views and lights are the samples of such a grid (lpca->n_grid says so), with
- * the clusters and weights it had; LPCA_FLOAT, from one that is. Eigen-BRDFs are no longer exactly
- * orthonormal. Its error is 0: resample_error() knows it. */
+ * the clusters and weights it had; LPCA_FLOAT and LPCA_RGB, from one that is. Eigen-BRDFs are no
+ * longer exactly orthonormal. Its error is 0: resample_error() knows it. */
 struct lpca *resample_lpca(const struct lpca *lpca, int n_grid, GError **error);
 
 /* ‖X − X̂‖_F / ‖X‖_F of a resampled one at the directions of btf, which need not be those that it

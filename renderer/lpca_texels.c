@@ -25,6 +25,12 @@ static gboolean check_one(const struct lpca *lpca, GError **error) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
         return FALSE;
     }
+    if (lpca->colours != LPCA_RGB) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "the material is in logarithms of luminance, which are not drawn; compress it "
+                    "without --colours=log");
+        return FALSE;
+    }
     for (gsize k = 0; k < texels; k++)
         if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,

@@ -349,6 +349,16 @@ static void test_compress(const char *folder, const char *session) {
     runs(1, &output, "compress", session, "--size", "10B", "-o", other, NULL);
     runs(0, &output, "compress", session, "--mips", "-k", "2", "-c", "1", "-o", other, NULL);
     assert_has(output.out, "2 clusters of 1 component, 4 mip levels");
+    runs(0, &output, "compress", session, "--memory", "60MB", "--colours", "log", "-k", "1", "-c",
+         "1", "-q", "8bit-weights", "-o", other, NULL);
+    assert_has(output.out, "1 cluster of 1 component");
+    runs(1, &output, "compress", session, "--memory", "1kB", "-k", "1", "-c", "1", "-o", other,
+         NULL);
+    assert_has(output.err, "of memory, not");
+    runs(2, &output, "compress", session, "--memory", "little", NULL);
+    runs(2, &output, "compress", session, "--colours", "xyz", NULL);
+    runs(2, &output, "compress", session, "--colours", "log", "--grid", "8", NULL);
+    runs(2, &output, "compress", session, "--memory", "60MB", "--mips", NULL);
     runs(2, &output, "compress", session, "--size", "large", NULL);
     runs(2, &output, "compress", session, "--size", "20kB", "-k", "2", NULL);
     runs(2, &output, "compress", session, "--grid", "1000", NULL);

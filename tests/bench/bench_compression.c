@@ -2,6 +2,7 @@
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
 #include "compression_fields.h"
+#include "compression_rate.h"
 #include "compression_resample.h"
 #include "processing/lpca.h"
 
@@ -17,8 +18,8 @@
 
 static int texels = 64, views = 30, lights = 30, clusters = 32, components = 8;
 static char *session, *dump;
-static gboolean json, fields, resample;
-static int fits = 20000;
+static gboolean json, fields, resample, rate;
+static int fits = 20000, every = 3;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
     {"texels", 't', 0, G_OPTION_ARG_INT, &texels, "Texels of a side, else (64)", "N"},
@@ -33,6 +34,11 @@ static const GOptionEntry entries[] = {
      "Grids of directions instead: of sessions named as arguments, each followed by the same "
      "material from directions between",
      NULL},
+    {"rate", 0, 0, G_OPTION_ARG_NONE, &rate,
+     "Error against size instead, beside local PCA as published: of sessions named as arguments, "
+     "each followed by the same without noise",
+     NULL},
+    {"every", 0, 0, G_OPTION_ARG_INT, &every, "--rate takes every N-th view (3)", "N"},
     {"fits", 0, 0, G_OPTION_ARG_INT, &fits, "Problems of each given to solvers (20000)", "N"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
     {NULL},
@@ -140,6 +146,8 @@ int main(int argc, char **argv) {
     }
     if (fields)
         return bench_fields(argv + 1, fits, json);
+    if (rate)
+        return bench_rate(argv + 1, every, json);
     if (resample)
         return bench_resample(argv + 1, clusters, components, json);
     struct btf_matrix *btf =

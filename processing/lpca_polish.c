@@ -1,0 +1,354 @@
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "lpca_private.h"
+
+#define COLOURS 3
+
+/* The run's texels of a block, cluster by cluster: those of cluster k are texels[starts[k]] … */
+struct groups {
+    int n;
+    int texels[LPCA_BLOCK];
+    int *starts; /* clusters + 1 */
+};
+
+struct polish {
+    struct lpca_run *run;
+    const struct lpca_reduced *reduced; /* NULL when its work is done */
+    struct lpca *lpca;
+    float *products; /* of the run's texels × c: with the axes in few dimensions */
+    double *sums;    /* error: two a block */
+};
+
+static void group(const struct polish *polish, int block, struct groups *ret) {
+    const int from = polish->run->first + block * LPCA_BLOCK, k = polish->lpca->n_clusters;
+    const int *labels = polish->lpca->clusters + from;
+    *ret = (struct groups){.n = MIN(LPCA_BLOCK, polish->run->end - from)};
+    ret->starts = g_new0(int, k + 2);
+    for (int i = 0; i < ret->n; i++)
+        ret->starts[labels[i] + 2]++;
+    for (int i = 0; i < k; i++)
+        ret->starts[i + 2] += ret->starts[i + 1];
+    for (int i = 0; i < ret->n; i++)
+        ret->texels[ret->starts[labels[i] + 1]++] = from + i;
+}
+
+static int blocks(const struct lpca_run *run) {
+    return (run->end - run->first + LPCA_BLOCK - 1) / LPCA_BLOCK;
+}
+
+/* What the block's texels show to a view, in the order of the groups, less what of each cluster
+ * lies stride floats behind that of the one before (0: the same of all). */
+static void gather(const struct polish *polish, const struct groups *groups, int view,
+                   const float *less, gsize stride, float *buffer, float *ret) {
+    struct lpca_run *run = polish->run;
+    const gsize columns = (gsize)run->columns;
+    int from = groups->texels[0];
+    gsize row_stride;
+    for (int i = 1; i < groups->n; i++)
+        from = MIN(from, groups->texels[i]);
+    const float *rows = lpca_run_rows(run, view, from, groups->n, buffer, &row_stride);
+    for (int i = 0; i < groups->n; i++) {
+        const float *row = rows + (gsize)(groups->texels[i] - from) * row_stride;
+        const float *minus = less + (gsize)view * columns +
+                             (gsize)polish->lpca->clusters[groups->texels[i]] * stride;
+        for (gsize j = 0; j < columns; j++)
+            ret[(gsize)i * columns + j] = row[j] - minus[j];
+    }
+}
+
+/* Products of the texels' rows with their cluster's axes in few dimensions. */
+static void reduced_block(int block, gpointer data) {
+    const struct polish *polish = data;
+    const struct lpca_reduced *reduced = polish->reduced;
+    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
+    const int from = polish->run->first + block * LPCA_BLOCK;
+    g_autofree float *row = g_new(float, r);
+    for (int x = from; x < MIN(from + LPCA_BLOCK, polish->run->end); x++) {
+        const gsize k = (gsize)polish->lpca->clusters[x];
+        for (gsize j = 0; j < r; j++)
+            row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
+        cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
+                    reduced->bases + k * c * r, reduced->r, row, 1, 0,
+                    polish->products + (gsize)(x - polish->run->first) * c, 1);
+    }
+}
+
+/* Sums of a view's columns over the rows of each cluster: as they are, and times the products.
+ * Those have no mean, so that rows need not be less their cluster's. */
+static void sum_view(int view, gpointer data) {
+    const struct polish *polish = data;
+    struct lpca_run *run = polish->run;
+    struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components;
+    const gsize columns = (gsize)run->columns, at = (gsize)view * columns;
+    g_autofree float *buffer = g_new(float, LPCA_BLOCK *columns);
+    g_autofree float *rows = g_new(float, LPCA_BLOCK *columns);
+    g_autofree float *factors = g_new(float, LPCA_BLOCK *(gsize)c);
+    g_autofree double *sums = g_new0(double, (gsize)lpca->n_clusters *columns);
+    for (int block = 0; block < blocks(run); block++) {
+        struct groups groups;
+        group(polish, block, &groups);
+        gather(polish, &groups, view, run->mean, 0, buffer, rows);
+        for (int i = 0; i < groups.n; i++)
+            memcpy(factors + (gsize)(i * c),
+                   polish->products + (gsize)(groups.texels[i] - run->first) * (gsize)c,
+                   sizeof(float) * (gsize)c);
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const int first = groups.starts[k], n = groups.starts[k + 1] - first;
+            for (int i = first; i < first + n; i++)
+                for (gsize j = 0; j < columns; j++)
+                    sums[(gsize)k * columns + j] += rows[(gsize)i * columns + j];
+            if (n > 0)
+                cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, c, run->columns, n, 1,
+                            factors + (gsize)(first * c), c, rows + (gsize)first * columns,
+                            run->columns, 1, lpca_brdf(lpca, k, 1) + at, run->d);
+        }
+        g_free(groups.starts);
+    }
+    for (int k = 0; k < lpca->n_clusters; k++)
+        for (gsize j = 0; j < columns; j++)
+            lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
+}
+
+static void finish_cluster(int k, gpointer data) {
+    const struct polish *polish = data;
+    const GArray *members = g_ptr_array_index(polish->reduced->members, k);
+    float *mean = lpca_brdf(polish->lpca, k, 0);
+    for (int j = 0; j < polish->run->d; j++)
+        mean[j] = polish->run->mean[j] + mean[j] / (float)members->len;
+    lpca_orthonormalise(lpca_brdf(polish->lpca, k, 1), polish->lpca->n_components, polish->run->d,
+                        TRUE);
+}
+
+/* Products of the rows less their cluster's mean with its eigen-BRDFs. */
+static void weigh_block(int block, gpointer data) {
+    const struct polish *polish = data;
+    struct lpca_run *run = polish->run;
+    struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components;
+    const gsize columns = (gsize)run->columns;
+    const gsize stride = (gsize)(c + 1) * (gsize)run->d;
+    struct groups groups;
+    group(polish, block, &groups);
+    g_autofree float *buffer = g_new(float, (gsize)groups.n *columns);
+    g_autofree float *rows = g_new(float, (gsize)groups.n *columns);
+    g_autofree float *weights = g_new0(float, groups.n *c);
+    for (int view = 0; view < run->btf->n_views; view++) {
+        gather(polish, &groups, view, lpca->brdfs, stride, buffer, rows);
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const int first = groups.starts[k], n = groups.starts[k + 1] - first;
+            if (n > 0)
+                cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, c, run->columns, 1,
+                            rows + (gsize)first * columns, run->columns,
+                            lpca_brdf(lpca, k, 1) + (gsize)view * columns, run->d, 1,
+                            weights + (gsize)(first * c), c);
+        }
+    }
+    for (int i = 0; i < groups.n; i++)
+        memcpy(lpca->weights + (gsize)groups.texels[i] * (gsize)c, weights + (gsize)(i * c),
+               sizeof(float) * (gsize)c);
+    g_free(groups.starts);
+}
+
+/* Σ w wᵀ of each cluster. */
+static double *covariances(const struct polish *polish) {
+    const struct lpca *lpca = polish->lpca;
+    const gsize c = (gsize)lpca->n_components, n = (gsize)lpca->n_clusters * c * c;
+    const struct lpca_team *team = polish->run->options->team;
+    double *ret = g_new0(double, n);
+    for (int x = polish->run->first; x < polish->run->end; x++) {
+        double *to = ret + (gsize)lpca->clusters[x] * c * c;
+        const float *w = lpca->weights + (gsize)x * c;
+        for (gsize i = 0; i < c; i++)
+            for (gsize j = 0; j < c; j++)
+                to[i * c + j] += (double)w[i] * w[j];
+    }
+    if (team)
+        team->sum_doubles(team, ret, n);
+    return ret;
+}
+
+struct turning {
+    const struct polish *polish;
+    double *covariances; /* become the rows of the turn */
+};
+
+/* Turned so that the components are uncorrelated and descend; 0 where weights are. */
+static void turn_axes(int k, gpointer data) {
+    const struct turning *turning = data;
+    struct lpca *lpca = turning->polish->lpca;
+    const int c = lpca->n_components, d = turning->polish->run->d;
+    double *turn = turning->covariances + (gsize)(k * c * c);
+    float *axes = lpca_brdf(lpca, k, 1);
+    g_autofree double *vectors = g_memdup2(turn, sizeof(double) * (gsize)(c * c));
+    g_autofree double *values = g_new0(double, c);
+    g_autofree float *rows = g_new0(float, c *c);
+    g_autofree float *old = g_memdup2(axes, sizeof(float) * (gsize)c * (gsize)d);
+    if (LAPACKE_dsyev(LAPACK_COL_MAJOR, 'V', 'U', c, vectors, c, values) != 0)
+        for (int i = 0; i < c * c; i++)
+            vectors[i] = i % (c + 1) == c - 1 ? 1 : 0;
+    for (int i = 0; i < c; i++)
+        for (int j = 0; j < c; j++) {
+            const gboolean used = values[c - 1 - i] > 1e-12 * values[c - 1];
+            turn[i * c + j] = used ? vectors[(c - 1 - i) * c + j] : 0;
+            rows[i * c + j] = (float)turn[i * c + j];
+        }
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, d, c, 1, rows, c, old, d, 0, axes, d);
+}
+
+static void turn_weights(int block, gpointer data) {
+    const struct turning *turning = data;
+    const struct lpca_run *run = turning->polish->run;
+    struct lpca *lpca = turning->polish->lpca;
+    const gsize c = (gsize)lpca->n_components;
+    const int from = run->first + block * LPCA_BLOCK;
+    double old[LPCA_MAX_COMPONENTS];
+    for (int x = from; x < MIN(from + LPCA_BLOCK, run->end); x++) {
+        const double *turn = turning->covariances + (gsize)lpca->clusters[x] * c * c;
+        float *w = lpca->weights + (gsize)x * c;
+        for (gsize i = 0; i < c; i++)
+            old[i] = w[i];
+        for (gsize i = 0; i < c; i++) {
+            double sum = 0;
+            for (gsize j = 0; j < c; j++)
+                sum += turn[i * c + j] * old[j];
+            w[i] = (float)sum;
+        }
+    }
+}
+
+static void turn(const struct polish *polish) {
+    const struct lpca_options *options = polish->run->options;
+    struct turning turning = {polish, covariances(polish)};
+    lpca_parallel(options->n_threads, polish->lpca->n_clusters, turn_axes, &turning);
+    lpca_parallel(options->n_threads, blocks(polish->run), turn_weights, &turning);
+    g_free(turning.covariances);
+}
+
+/* All ranks get the weights of all. */
+static void share_weights(const struct polish *polish) {
+    const struct lpca_run *run = polish->run;
+    const struct lpca_team *team = run->options->team;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        lpca_team_part(team, i, run->n, LPCA_TEAM_ROWS, &first, &end);
+        starts[i + 1] = (gsize)end * (gsize)polish->lpca->n_components * sizeof(float);
+    }
+    team->share(team, polish->lpca->weights, starts);
+}
+
+static gboolean sum_views(struct polish *polish, GError **error) {
+    struct lpca_run *run = polish->run;
+    const struct lpca *lpca = polish->lpca;
+    const struct lpca_team *team = run->options->team;
+    if (!lpca_run_blocks(run, "polish", run->btf->n_views, sum_view, polish, error))
+        return FALSE;
+    if (team)
+        team->sum_floats(team, lpca->brdfs,
+                         (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1) * (gsize)run->d);
+    lpca_parallel(run->options->n_threads, lpca->n_clusters, finish_cluster, polish);
+    return TRUE;
+}
+
+struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
+    struct polish polish = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
+    polish.lpca->colours = run->options->colours;
+    memcpy(polish.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
+    polish.products = g_new(float, (gsize)(run->end - run->first) * (gsize)reduced->c + 1);
+    lpca_parallel(run->options->n_threads, blocks(run), reduced_block, &polish);
+    if (sum_views(&polish, error) &&
+        lpca_run_blocks(run, "weights", blocks(run), weigh_block, &polish, error)) {
+        turn(&polish);
+        if (run->options->team)
+            share_weights(&polish);
+    } else {
+        g_clear_pointer(&polish.lpca, lpca_free);
+    }
+    g_free(polish.products);
+    return polish.lpca;
+}
+
+/* Of rows in R, G, B: what the sum is off by, and what there is. */
+static void add_squares(const float *is, const float *should, gsize n, double *sums) {
+    for (gsize i = 0; i < n; i++) {
+        const double rest = (double)is[i] - should[i];
+        sums[0] += rest * rest;
+        sums[1] += (double)should[i] * should[i];
+    }
+}
+
+static void compare_block(int block, gpointer data) {
+    const struct polish *polish = data;
+    struct lpca_run *run = polish->run;
+    const struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components;
+    const gsize columns = (gsize)run->columns;
+    struct groups groups;
+    group(polish, block, &groups);
+    g_autofree float *buffer = g_new(float, (gsize)groups.n *columns);
+    g_autofree float *sum = g_new0(float, (gsize)groups.n *columns);
+    g_autofree float *weights = g_new0(float, groups.n *c);
+    for (int i = 0; i < groups.n; i++)
+        memcpy(weights + (gsize)(i * c), lpca->weights + (gsize)groups.texels[i] * (gsize)c,
+               sizeof(float) * (gsize)c);
+    for (int view = 0; view < run->btf->n_views; view++) {
+        const gsize at = (gsize)view * columns;
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const int first = groups.starts[k], n = groups.starts[k + 1] - first;
+            for (int i = first; i < first + n; i++)
+                memcpy(sum + (gsize)i * columns, lpca_brdf(lpca, k, 0) + at,
+                       sizeof(float) * columns);
+            if (n > 0)
+                cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, n, run->columns, c, 1,
+                            weights + (gsize)(first * c), c, lpca_brdf(lpca, k, 1) + at, run->d, 1,
+                            sum + (gsize)first * columns, run->columns);
+        }
+        if (lpca->colours == LPCA_LOG)
+            lpca_from_log(sum, (gsize)groups.n * columns / COLOURS);
+        gsize stride;
+        const int from = run->first + block * LPCA_BLOCK;
+        const float *rows = lpca_run_rows(run, view, from, groups.n, buffer, &stride);
+        for (int i = 0; i < groups.n; i++)
+            add_squares(sum + (gsize)i * columns, rows + (gsize)(groups.texels[i] - from) * stride,
+                        columns, polish->sums + (gsize)(2 * block));
+    }
+    g_free(groups.starts);
+}
+
+gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error) {
+    const struct lpca_options *options = run->options;
+    struct lpca_options plain = *options; /* they are compared as R, G, B */
+    struct polish polish = {run, NULL, lpca};
+    double sums[2] = {0};
+    polish.sums = g_new0(double, 2 * blocks(run) + 1);
+    plain.colours = LPCA_RGB;
+    run->options = &plain;
+    const gboolean ok = lpca_run_blocks(run, "check", blocks(run), compare_block, &polish, error);
+    run->options = options;
+    for (int i = 0; i < 2 * blocks(run); i++)
+        sums[i % 2] += polish.sums[i];
+    if (options->team)
+        options->team->sum_doubles(options->team, sums, 2);
+    lpca->error = sums[1] > 0 ? sqrt(sums[0] / sums[1]) : 0;
+    g_free(polish.sums);
+    return ok;
+}
+
+double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads) {
+    const struct lpca_options options = {.n_threads = n_threads};
+    struct lpca_run run = {.btf = btf, .options = &options, .n = btf->width * btf->height};
+    run.d = lpca_dimensions(btf->n_views, btf->n_lights);
+    run.columns = run.d / btf->n_views;
+    run.end = run.n;
+    g_mutex_init(&run.lock);
+    g_autoptr(GError) error = NULL;
+    if (!lpca_run_error(&run, lpca, &error))
+        lpca->error = NAN;
+    g_mutex_clear(&run.lock);
+    g_clear_error(&run.failed);
+    return lpca->error;
+}
