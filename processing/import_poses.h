@@ -1,0 +1,49 @@
+/*
+ * A folder of pictures with a table that says from where each was taken and how it was lit, and a
+ * calibration file, made into a session as a capture would have left it; “mesorig process” makes
+ * BTF and MDF of it.
+ *
+ * The table (import_table.h) has a row a picture:
+ *   file            beside the table, or in a folder below; JPEG, PNG, TIFF or EXR
+ *   camera          a camera of the calibration
+ *   lamp, or laser  one of the calibration's: a picture for the BTF, or one of a sweep
+ *   turntable_deg   0 if it says nothing
+ *   arc_deg         0 likewise: of the arc that lamps and lasers stand on
+ *   exposure_ms     1 likewise
+ *   sweep_deg       of sweeps, how far the laser has turned; evenly spaced
+ *
+ * A picture's white (1) is 4095 DN, which the calibration's responses are for. Grey pictures are of
+ * a grey camera, or mosaics if a colour filter is named. Each pixel of a colour picture becomes
+ * four of a mosaic, and the camera in the session has twice as many each way.
+ *
+ * Every light must be there for every view of the BTF. In a sweep one picture in ten may be
+ * missing, never two in a row: pixels whose peak would lie beside it are not seen. Pixels that are
+ * no numbers are holes. Any thread.
+ */
+#pragma once
+
+#include "import.h"
+
+enum import_edge {
+    IMPORT_LINE,    /* a bright line passes over the sample */
+    IMPORT_DARKENS, /* a shadow comes: its edge is the sheet that the calibration calls a laser */
+    IMPORT_LIGHTENS,
+};
+
+struct import_poses {
+    const char *table, *calibration; /* paths */
+    const char *cfa;                 /* of grey pictures: "mono", "rggb" … */
+    struct session_grid grid;
+    enum import_edge edge;
+    double threshold_dn; /* for a peak to count */
+};
+
+struct import_poses_result {
+    int n_views, n_lights, n_lasers, n_shots, n_frames;
+    int n_missing;      /* pictures of sweeps */
+    gint64 not_numbers; /* pixels */
+};
+
+gboolean import_poses(const char *path, const struct import_poses *poses,
+                      const struct import_progress *progress, struct import_poses_result *ret,
+                      GError **error);

@@ -1,0 +1,138 @@
+#include "import_table.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "import_private.h"
+
+struct ImportTable {
+    char *path;
+    GPtrArray *names; /* of char * */
+    GPtrArray *rows;  /* of GPtrArray of char * */
+    GArray *lines;    /* of int */
+};
+
+void import_table_free(ImportTable *table) {
+    if (!table)
+        return;
+    g_free(table->path);
+    g_clear_pointer(&table->names, g_ptr_array_unref);
+    g_ptr_array_unref(table->rows);
+    g_array_unref(table->lines);
+    g_free(table);
+}
+
+/* One line's fields, trimmed. NULL: a quote that is not closed. */
+static GPtrArray *split(const char *text) {
+    g_autoptr(GPtrArray) fields = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GString) field = g_string_new(NULL);
+    gboolean quoted = FALSE;
+    for (const char *at = text;; at++) {
+        if (*at == '"' && quoted && at[1] == '"')
+            g_string_append_c(field, *at++);
+        else if (*at == '"')
+            quoted = !quoted;
+        else if (*at && (quoted || !strchr(",;", *at)))
+            g_string_append_c(field, *at);
+        else if (!*at && quoted)
+            return NULL;
+        else {
+            g_ptr_array_add(fields, g_strdup(g_strstrip(field->str)));
+            g_string_truncate(field, 0);
+            if (!*at)
+                return g_steal_pointer(&fields);
+        }
+    }
+}
+
+static gboolean take_head(ImportTable *table, GPtrArray *fields, int line, GError **error) {
+    for (guint i = 0; i < fields->len; i++)
+        for (guint k = 0; k < i; k++)
+            if (strcmp(fields->pdata[i], fields->pdata[k]) == 0)
+                return import_fail(table->path, line, error, "there are two columns “%s”",
+                                   (char *)fields->pdata[i]);
+    table->names = g_ptr_array_ref(fields);
+    return TRUE;
+}
+
+static gboolean take_line(ImportTable *table, char *text, int line, GError **error) {
+    if (!*g_strstrip(text) || *text == '#')
+        return TRUE;
+    g_autoptr(GPtrArray) fields = split(text);
+    if (!fields)
+        return import_fail(table->path, line, error, "a quote is not closed");
+    if (!table->names)
+        return take_head(table, fields, line, error);
+    if (fields->len != table->names->len)
+        return import_fail(table->path, line, error, "it has %u fields, the head %u", fields->len,
+                           table->names->len);
+    g_ptr_array_add(table->rows, g_steal_pointer(&fields));
+    g_array_append_val(table->lines, line);
+    return TRUE;
+}
+
+ImportTable *import_table_read(const char *path, GError **error) {
+    g_autoptr(GError) found = NULL;
+    g_autofree char *text = NULL;
+    g_autoptr(ImportTable) table = g_new0(ImportTable, 1);
+    gsize length = 0;
+    table->path = g_strdup(path);
+    table->rows = g_ptr_array_new_with_free_func((GDestroyNotify)g_ptr_array_unref);
+    table->lines = g_array_new(FALSE, FALSE, sizeof(int));
+    if (!g_file_get_contents(path, &text, &length, &found)) {
+        import_report(path, 0, error, "%s", found->message);
+        return NULL;
+    }
+    if (strlen(text) != length || !g_utf8_validate(text, -1, NULL)) {
+        import_report(path, 0, error, "it is no table, which is text in UTF-8");
+        return NULL;
+    }
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    for (int i = 0; lines[i]; i++)
+        if (!take_line(table, lines[i], i + 1, error))
+            return NULL;
+    if (table->rows->len == 0) {
+        import_report(path, 0, error, "there are no rows in it");
+        return NULL;
+    }
+    return g_steal_pointer(&table);
+}
+
+const char *import_table_path(const ImportTable *table) {
+    return table->path;
+}
+
+int import_table_rows(const ImportTable *table) {
+    return (int)table->rows->len;
+}
+
+int import_table_line(const ImportTable *table, int row) {
+    return g_array_index(table->lines, int, row);
+}
+
+int import_table_column(const ImportTable *table, const char *name) {
+    for (guint i = 0; i < table->names->len; i++)
+        if (strcmp(table->names->pdata[i], name) == 0)
+            return (int)i;
+    return -1;
+}
+
+const char *import_table_text(const ImportTable *table, int row, int column) {
+    const GPtrArray *fields = table->rows->pdata[row];
+    return column < 0 ? "" : fields->pdata[column];
+}
+
+gboolean import_table_number(const ImportTable *table, int row, int column, double otherwise,
+                             double *ret, GError **error) {
+    const char *text = import_table_text(table, row, column);
+    char *end;
+    *ret = otherwise;
+    if (!*text)
+        return TRUE;
+    *ret = g_ascii_strtod(text, &end);
+    return (end != text && !*end && isfinite(*ret)) ||
+           import_fail(table->path, import_table_line(table, row), error,
+                       "“%s” in column %s is no "
+                       "number",
+                       text, (char *)table->names->pdata[column]);
+}
