@@ -4,7 +4,9 @@
 #include <math.h>
 #include <string.h>
 
-/* Parameters of the model: I = a + gx·x + gy·y + b·erf(l1/√2σ)·erf(l2/√2σ). */
+/* Parameters of the model: I = (1 + gx·x + gy·y)·(a + b·erf(l1/√2σ)·erf(l2/√2σ)). The light's
+ * gradient is that of black and white alike: were it added to both, contrast that grows across the
+ * corner would draw it aside by some thousandths of a pixel. */
 enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR, N };
 
 #define MAX_PIXELS     1600
@@ -42,13 +44,15 @@ static gboolean invert(const double m[2][2], double ret[2][2]) {
     return TRUE;
 }
 
-/* A pixel that shows nothing but the four squares that meet. dx, dy: from the corner, mm. */
+/* A pixel that shows nothing but the four squares that meet, and is no nearer to another corner:
+ * corners that share pixels would share errors. dx, dy: from the corner, mm. */
 static gboolean is_clear(const struct board *board, double sign, double dx, double dy,
                          const double guard_mm[2]) {
     const double margin = (board->square_mm - board->marker_mm) / 2;
     const double reach = REACH * board->square_mm;
-    if (fabs(dx) > MAX(reach, board->square_mm - 3 * guard_mm[0]) || fabs(dx) > reach * 1.6 ||
-        fabs(dy) > MAX(reach, board->square_mm - 3 * guard_mm[1]) || fabs(dy) > reach * 1.6)
+    const double half = board->square_mm / 2;
+    if (fabs(dx) > MAX(reach, MIN(half, board->square_mm - 3 * guard_mm[0])) ||
+        fabs(dy) > MAX(reach, MIN(half, board->square_mm - 3 * guard_mm[1])))
         return FALSE;
     if (board->marker_mm == 0 || dx * dy * sign < 0)
         return TRUE;
@@ -124,17 +128,18 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
     const double u1 = (e->c1 * x + e->s1 * y) * e->k, u2 = (e->c2 * x + e->s2 * y) * e->k;
     const double e1 = erf(u1), e2 = erf(u2);
     const double d1 = M_2_SQRTPI * exp(-u1 * u1), d2 = M_2_SQRTPI * exp(-u2 * u2);
-    const double bk = e->b * e->k;
-    d[AT_X] = -bk * (d1 * e->c1 * e2 + e1 * d2 * e->c2) - p[GRADIENT_X];
-    d[AT_Y] = -bk * (d1 * e->s1 * e2 + e1 * d2 * e->s2) - p[GRADIENT_Y];
+    const double light = 1 + p[GRADIENT_X] * x + p[GRADIENT_Y] * y;
+    const double bk = light * e->b * e->k, print = p[LEVEL] + e->b * e1 * e2;
+    d[AT_X] = -bk * (d1 * e->c1 * e2 + e1 * d2 * e->c2) - p[GRADIENT_X] * print;
+    d[AT_Y] = -bk * (d1 * e->s1 * e2 + e1 * d2 * e->s2) - p[GRADIENT_Y] * print;
     d[TURN_1] = bk * d1 * (e->c1 * y - e->s1 * x) * e2;
     d[TURN_2] = bk * e1 * d2 * (e->c2 * y - e->s2 * x);
-    d[LEVEL] = 1;
-    d[GRADIENT_X] = x;
-    d[GRADIENT_Y] = y;
-    d[CONTRAST] = pixels->sign * e1 * e2;
-    d[BLUR] = -e->b * (d1 * u1 * e2 + e1 * d2 * u2) / p[BLUR];
-    return p[LEVEL] + p[GRADIENT_X] * x + p[GRADIENT_Y] * y + e->b * e1 * e2 - pixels->value[i];
+    d[LEVEL] = light;
+    d[GRADIENT_X] = x * print;
+    d[GRADIENT_Y] = y * print;
+    d[CONTRAST] = light * pixels->sign * e1 * e2;
+    d[BLUR] = -light * e->b * (d1 * u1 * e2 + e1 * d2 * u2) / p[BLUR];
+    return light * print - pixels->value[i];
 }
 
 /* Sum of squares, and the normal equations h·step = g. */

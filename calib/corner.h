@@ -3,7 +3,7 @@
  * and pixels, are fitted to the pixels around it. What is printed elsewhere (markers, the next
  * corners) is left out by the board's own geometry, so that boards may be seen at 75° from their
  * normal, where a square is a few pixels high. The model is point-symmetric about the corner:
- * straight edges, an even blur and a gradient of light do not shift it.
+ * straight edges and an even blur do not shift it, and a gradient of light is part of it.
  *
  * Pure functions; any thread.
  */

@@ -1,6 +1,11 @@
 /*
- * Robust least squares: Levenberg and Marquardt's method (MINPACK) with observations that do not
- * fit left out, and what the rest says about how well each parameter is known.
+ * Robust least squares: Levenberg and Marquardt's method with observations that do not fit left
+ * out, what is known of parameters beforehand, and what all of it says about how well each is
+ * known.
+ *
+ * An observation depends on a few parameters only (one lamp, one angle), and parameters none of
+ * which share an observation are differentiated at once (Curtis, Powell and Reid 1974): hundreds
+ * of them cost as much as a dozen.
  *
  * Pure; any thread.
  */
@@ -19,22 +24,29 @@ struct fit {
     int dimension; /* residuals an observation, 1 or 2: in or out together */
     FitFunc residuals;
     gconstpointer data;
-    double reject; /* observations this many times the usual residual are left out, but not */
-    int n_sure;    /* the last ones: what is known beforehand */
+    double reject; /* observations this many times the usual residual are left out */
+    /* Which parameters each observation depends on: n_depends of them an observation, −1 where
+     * there are fewer. A parameter has the same place with all of its observations. NULL: all
+     * depend on all. */
+    const int *depends;
+    int n_depends;
+    /* What parameters are known to be beforehand, and how well, standard deviations; 0: nothing.
+     * NULL: nothing of any. Not scaled by what the observations turn out to be worth. */
+    const double *known, *known_sigma;
 };
 
 struct fit_result {
-    double *covariance; /* n_parameters², scaled by sigma²; a row of an undetermined one is 0 */
+    double *covariance; /* n_parameters²; a row of an undetermined one is 0 */
     double *residuals;  /* at the end, n_observations × dimension */
     guint8 *rejected;   /* n_observations */
     int n_used;         /* observations */
     int degrees_of_freedom;
-    double sigma;     /* root of χ² a degree of freedom, of those used */
+    double sigma;     /* root of χ² a degree of freedom, of those used; errors count it in */
     int undetermined; /* the first parameter that the observations do not tell; −1: none */
 };
 
-/* Improves the parameters, which must start near enough. FALSE: there are not more residuals than
- * parameters, or a residual at the start is not finite; ret is not to be cleared then. */
+/* Improves the parameters, which must start near enough. FALSE: there is not more to go by than
+ * there are parameters, or a residual at the start is not finite; ret is not to be cleared then. */
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret);
 void fit_result_clear(struct fit_result *result);
 

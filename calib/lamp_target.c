@@ -3,6 +3,11 @@
 #include <math.h>
 #include <string.h>
 
+/* Standard deviations of sizes, if the target does not tell: posts are cut and set by hand, balls
+ * are made for bearings. */
+#define POST_MM 0.02
+#define BALL_MM 0.005
+
 struct reader {
     GKeyFile *file;
     const char *path;
@@ -57,6 +62,10 @@ static gboolean read_target(const struct reader *r, struct lamp_target *target, 
     if (g_strcmp0(kind, "poles") != 0 && g_strcmp0(kind, "balls") != 0)
         return refuse(r, error, "kind", "must be poles or balls");
     target->kind = g_str_equal(kind, "balls") ? LAMP_BALLS : LAMP_POLES;
+    target->tolerance_mm = target->kind == LAMP_BALLS ? BALL_MM : POST_MM;
+    if (g_key_file_has_key(r->file, "target", "tolerance_mm", NULL) &&
+        !read_list(r, "tolerance_mm", 0, &target->tolerance_mm, 1, &n, error))
+        return FALSE;
     if (!read_list(r, "plane_mm", 0, &target->plane_mm, 1, &n, error) ||
         !read_marks(r, target, error))
         return FALSE;
@@ -69,8 +78,8 @@ static gboolean read_target(const struct reader *r, struct lamp_target *target, 
 }
 
 static gboolean known_keys(const struct reader *r, GError **error) {
-    static const char *const known[] = {"kind",      "plane_mm",  "plate_mm",
-                                        "radius_mm", "places_mm", NULL};
+    static const char *const known[] = {"kind",      "plane_mm",     "plate_mm", "radius_mm",
+                                        "places_mm", "tolerance_mm", NULL};
     g_auto(GStrv) keys = g_key_file_get_keys(r->file, "target", NULL, NULL);
     for (char **key = keys; key && *key; key++)
         if (!g_strv_contains(known, *key))

@@ -1,5 +1,6 @@
 #include "lamps.h"
 
+#include "drive.h"
 #include "fit.h"
 
 #include <math.h>
@@ -13,6 +14,9 @@ G_DEFINE_QUARK(lamps_error, lamps_error)
 #define MOST_LAMP_MM    10.0              /* standard error beyond which a lamp is not known */
 #define HIGHLIGHT_STEPS 50
 
+/* What a sight depends on, each at its place: arc, lamp, mark and its size, camera, drives. */
+enum { ON_ARC, ON_LAMP = 4, ON_MARK = 7, ON_SIZE = 9, ON_CAMERA, ON_TURN = 12, ON_SWING, ON };
+
 struct problem {
     const struct rig *rig; /* nominal */
     const struct lamp_target *target;
@@ -22,8 +26,10 @@ struct problem {
     int lamp_at[RIG_MAX_LAMPS]; /* first parameter; −1: not seen */
     int mark_at[LAMP_MAX_MARKS];
     int camera_at[RIG_MAX_CAMERAS];
-    int n_cameras; /* seen */
-    double *aside; /* of each sight: what its x and y change by, a pixel across and down */
+    int size_at[LAMP_MAX_MARKS];
+    struct drive turntable, arc;
+    int *turn, *swing; /* of each sight: which angles of the drives; −1: none */
+    double *aside;     /* of each sight: what its x and y change by, a pixel across and down */
     int n_parameters;
 };
 
@@ -88,19 +94,30 @@ static void target_of(const struct problem *problem, const double *x, struct lam
         if (problem->mark_at[i] >= 0) {
             ret->marks[i].x_mm = x[problem->mark_at[i]];
             ret->marks[i].y_mm = x[problem->mark_at[i] + 1];
+            ret->marks[i].size_mm = problem->target->marks[i].size_mm +
+                                    (problem->size_at[i] >= 0 ? x[problem->size_at[i]] : 0);
         }
 }
 
+/* By what the drive was off when a sight was taken. */
+static double slip(const struct drive *drive, const int *which, int sight, const double *x) {
+    return which[sight] >= 0 ? x[drive->at + which[sight]] : 0;
+}
+
+/* turntable_rad: as it truly stood. Where a shadow ends is told in the sample frame of the angle
+ * that was commanded. */
 static gboolean predict(const struct problem *problem, const struct lamp_target *target,
-                        const struct lamp_sight *sight, struct vec3 lamp_mm, double ret[2]) {
+                        const struct lamp_sight *sight, double turntable_rad, struct vec3 lamp_mm,
+                        double ret[2]) {
     if (target->kind == LAMP_BALLS)
         return lamp_highlight_px(&problem->rig->cameras[sight->camera],
-                                 lamp_mark_mm(target, sight->mark, sight->turntable_rad),
+                                 lamp_mark_mm(target, sight->mark, turntable_rad),
                                  target->marks[sight->mark].size_mm, lamp_mm, &ret[0], &ret[1]);
-    struct vec3 end, lamp = rig_turn(lamp_mm, -sight->turntable_rad);
+    struct vec3 end, lamp = rig_turn(lamp_mm, -turntable_rad);
     if (!lamp_shadow_mm(target, sight->mark, lamp_mark_mm(target, sight->mark, 0), lamp, &end,
                         NULL))
         return FALSE;
+    end = rig_turn(end, turntable_rad - sight->turntable_rad);
     ret[0] = end.x;
     ret[1] = end.y;
     return TRUE;
@@ -117,19 +134,21 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
             lamps[i] = lamp_of(problem, x, i);
     for (int i = 0; i < problem->n; i++) {
         const struct lamp_sight *s = &problem->sights[i];
-        struct vec3 lamp = s->lamp < 0 ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
-                                       : rig_lamp_position_mm(&arc, &lamps[s->lamp], s->arc_rad);
+        struct vec3 lamp =
+            s->lamp < 0
+                ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
+                : rig_lamp_position_mm(&arc, &lamps[s->lamp],
+                                       s->arc_rad + slip(&problem->arc, problem->swing, i, x));
         const double *d = x + problem->camera_at[s->camera], *aside = problem->aside + 4 * i;
         double at[2] = {0, 0};
-        gboolean seen = predict(problem, &target, s, lamp, at);
+        gboolean seen =
+            predict(problem, &target, s,
+                    s->turntable_rad + slip(&problem->turntable, problem->turn, i, x), lamp, at);
         at[0] += aside[0] * d[0] + aside[1] * d[1];
         at[1] += aside[2] * d[0] + aside[3] * d[1];
         ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
         ret[2 * i + 1] = seen ? (at[1] - s->y) / s->sigma : FIT_LOST;
     }
-    for (int c = 0, i = 2 * problem->n; c < problem->rig->n_cameras; c++)
-        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
-            ret[i++] = x[problem->camera_at[c] + k] / LAMPS_CAMERA_PX;
 }
 
 /* What a sight on the plate moves by where its camera looks aside by a pixel. */
@@ -188,6 +207,54 @@ static gboolean few(const char *what, const char *name, int n, GError **error) {
     return FALSE;
 }
 
+/* Which angles the drives stood at. A post itself tells nothing of the arc. */
+static void find_angles(struct problem *problem) {
+    drive_init(&problem->turntable, problem->n);
+    drive_init(&problem->arc, problem->n);
+    problem->turn = g_new(int, problem->n);
+    problem->swing = g_new(int, problem->n);
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        problem->turn[i] = drive_angle(&problem->turntable, s->turntable_rad);
+        problem->swing[i] = s->lamp < 0 ? -1 : drive_angle(&problem->arc, s->arc_rad);
+    }
+}
+
+static int *new_depends(const struct problem *problem) {
+    int *depends = g_new(int, (gsize)problem->n *ON);
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        int *of = depends + (gsize)i * ON;
+        for (int k = 0; k < 4; k++)
+            of[ON_ARC + k] = problem->fit_arc && s->lamp >= 0 ? k : -1;
+        for (int k = 0; k < 3; k++)
+            of[ON_LAMP + k] = s->lamp >= 0 ? problem->lamp_at[s->lamp] + k : -1;
+        for (int k = 0; k < 2; k++) {
+            of[ON_MARK + k] = problem->mark_at[s->mark] + k;
+            of[ON_CAMERA + k] = problem->camera_at[s->camera] + k;
+        }
+        of[ON_SIZE] = problem->size_at[s->mark];
+        of[ON_TURN] = problem->turntable.at + problem->turn[i];
+        of[ON_SWING] = s->lamp >= 0 ? problem->arc.at + problem->swing[i] : -1;
+    }
+    return depends;
+}
+
+static double *new_sigmas(const struct problem *problem) {
+    double *sigma = g_new0(double, problem->n_parameters);
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
+        for (int k = 0; problem->camera_at[i] >= 0 && k < 2; k++)
+            sigma[problem->camera_at[i] + k] = LAMPS_CAMERA_PX;
+    for (int i = 0; i < LAMP_MAX_MARKS; i++)
+        if (problem->size_at[i] >= 0)
+            sigma[problem->size_at[i]] = problem->target->tolerance_mm;
+    for (int i = 0; i < problem->turntable.n; i++)
+        sigma[problem->turntable.at + i] = problem->turntable.sigma_rad;
+    for (int i = 0; i < problem->arc.n; i++)
+        sigma[problem->arc.at + i] = problem->arc.sigma_rad;
+    return sigma;
+}
+
 /* Which parameters there are. */
 static gboolean lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
@@ -215,12 +282,16 @@ static gboolean lay_out(struct problem *problem, GError **error) {
     for (int i = 0; i < LAMP_MAX_MARKS; i++) {
         problem->mark_at[i] = marks[i] ? problem->n_parameters : -1;
         problem->n_parameters += marks[i] ? 2 : 0;
+        problem->size_at[i] =
+            marks[i] && problem->target->tolerance_mm > 0 ? problem->n_parameters++ : -1;
     }
     for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
         problem->camera_at[i] = cameras[i] ? problem->n_parameters : -1;
         problem->n_parameters += cameras[i] ? 2 : 0;
-        problem->n_cameras += cameras[i];
     }
+    problem->turntable.at = problem->n_parameters;
+    problem->arc.at = problem->turntable.at + problem->turntable.n;
+    problem->n_parameters = problem->arc.at + problem->arc.n;
     return TRUE;
 }
 
@@ -287,12 +358,47 @@ static void keep_aim(const struct rig_lamp *nominal, struct rig_lamp *lamp) {
                                    vec3_scale(k, vec3_dot(k, v) * (1 - c))));
 }
 
+/* Of a lamp's place with the arc at 0: what is not known of the arc's axis moves it, too. */
+static void place_covariance(const struct problem *problem, const double *x,
+                             const struct fit_result *fit, int lamp, double ret[3][3]) {
+    const int n = problem->n_parameters, at = problem->lamp_at[lamp];
+    int of[7], count = 0;
+    struct vec3 by[7];
+    g_autofree double *moved = g_memdup2(x, sizeof(double) * (gsize)n);
+    for (int k = 0; problem->fit_arc && k < 4; k++)
+        of[count++] = k;
+    for (int k = 0; k < 3; k++)
+        of[count++] = at + k;
+    for (int i = 0; i < count; i++) {
+        const double step = of[i] < 2 && problem->fit_arc ? 1e-5 : 1e-2;
+        struct vec3 place[2];
+        for (int side = 0; side < 2; side++) {
+            moved[of[i]] = x[of[i]] + (side ? step : -step);
+            const struct rig_arc arc = arc_of(problem, moved);
+            const struct rig_lamp found = lamp_of(problem, moved, lamp);
+            place[side] = rig_lamp_position_mm(&arc, &found, 0);
+        }
+        moved[of[i]] = x[of[i]];
+        by[i] = vec3_scale(vec3_sub(place[1], place[0]), 0.5 / step);
+    }
+    memset(ret, 0, sizeof(double) * 9);
+    for (int i = 0; i < count; i++)
+        for (int j = 0; j < count; j++) {
+            const double c = covariance_at(problem, fit, of[i], of[j]);
+            const double a[3] = {by[i].x, by[i].y, by[i].z}, b[3] = {by[j].x, by[j].y, by[j].z};
+            for (int k = 0; k < 9; k++)
+                ret[k / 3][k % 3] += c * a[k / 3] * b[k % 3];
+        }
+}
+
 static void take(const struct problem *problem, const double *x, struct fit_result *fit,
                  struct lamps_result *ret) {
     ret->rig = *problem->rig;
     ret->rig.arc = arc_of(problem, x);
     ret->arc_known = problem->fit_arc;
     target_of(problem, x, &ret->target);
+    for (int i = 0; i < ret->target.n; i++) /* or another round would believe them twice */
+        ret->target.marks[i].size_mm = problem->target->marks[i].size_mm;
     for (int k = 0; problem->fit_arc && k < 2; k++) {
         ret->tilt_error_rad[k] = sqrt(covariance_at(problem, fit, k, k));
         ret->centre_error_mm[k] = sqrt(covariance_at(problem, fit, k + 2, k + 2));
@@ -303,9 +409,7 @@ static void take(const struct problem *problem, const double *x, struct fit_resu
         if (at < 0)
             continue;
         ret->rig.lamps[i].position_mm = lamp_of(problem, x, i).position_mm;
-        for (int j = 0; j < 9; j++)
-            ret->covariance_mm2[i][j / 3][j % 3] =
-                covariance_at(problem, fit, at + j / 3, at + j % 3);
+        place_covariance(problem, x, fit, i, ret->covariance_mm2[i]);
     }
     set_zero(problem, fit, ret);
     double sum = 0;
@@ -324,6 +428,8 @@ static void take(const struct problem *problem, const double *x, struct fit_resu
             keep_aim(&problem->rig->lamps[i], &ret->rig.lamps[i]);
     ret->rms = sqrt(sum / MAX(2 * ret->n_used, 1));
     ret->sigma = fit->sigma;
+    ret->turntable_rad = problem->turntable.sigma_rad;
+    ret->drive_rad = problem->arc.sigma_rad;
     ret->degrees_of_freedom = fit->degrees_of_freedom;
     ret->rejected = g_steal_pointer(&fit->rejected);
 }
@@ -349,31 +455,70 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
     return TRUE;
 }
 
+/* Over and over, with what it has told about the drives. */
+static gboolean adjust(struct problem *problem, double *x, struct fit_result *ret) {
+    const int n = problem->n_parameters;
+    g_autofree int *depends = new_depends(problem);
+    g_autofree double *none = g_new0(double, n);
+    for (int round = 0;; round++) {
+        g_autofree double *sigma = new_sigmas(problem);
+        const struct fit fit = {.n_parameters = n,
+                                .n_observations = problem->n,
+                                .dimension = 2,
+                                .residuals = residuals,
+                                .data = problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON,
+                                .known = none,
+                                .known_sigma = sigma};
+        if (!fit_solve(&fit, x, ret))
+            return FALSE;
+        if (round == DRIVE_ROUNDS)
+            return TRUE;
+        drive_learn(&problem->turntable, x, ret->covariance, n);
+        drive_learn(&problem->arc, x, ret->covariance, n);
+        fit_result_clear(ret);
+    }
+}
+
+static void problem_clear(struct problem *problem) {
+    drive_clear(&problem->turntable);
+    drive_clear(&problem->arc);
+    g_free(problem->turn);
+    g_free(problem->swing);
+    g_free(problem->aside);
+}
+
+static gboolean fit_all(struct problem *problem, struct lamps_result *ret, GError **error) {
+    struct fit_result fitted;
+    if (!lay_out(problem, error))
+        return FALSE;
+    g_autofree double *x = g_new0(double, problem->n_parameters);
+    start(problem, x);
+    problem->aside = new_aside(problem);
+    if (!adjust(problem, x, &fitted)) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                    "%d sights are too few for %d unknowns; take more pictures", problem->n,
+                    problem->n_parameters);
+        return FALSE;
+    }
+    take(problem, x, &fitted, ret);
+    gboolean ok = check_result(problem, &fitted, ret, error);
+    fit_result_clear(&fitted);
+    if (!ok)
+        lamps_result_clear(ret);
+    return ok;
+}
+
 gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
                    const struct lamp_sight *sights, int n, struct lamps_result *ret,
                    GError **error) {
     struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
-    struct fit_result fitted;
     memset(ret, 0, sizeof *ret);
-    if (!lay_out(&problem, error))
-        return FALSE;
-    g_autofree double *x = g_new0(double, problem.n_parameters);
-    start(&problem, x);
-    g_autofree double *aside = problem.aside = new_aside(&problem);
-    const struct fit fit = {
-        problem.n_parameters, n + problem.n_cameras, 2, residuals, &problem, REJECT,
-        problem.n_cameras};
-    if (!fit_solve(&fit, x, &fitted)) {
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                    "%d sights are too few for %d unknowns; take more pictures", n,
-                    problem.n_parameters);
-        return FALSE;
-    }
-    take(&problem, x, &fitted, ret);
-    gboolean ok = check_result(&problem, &fitted, ret, error);
-    fit_result_clear(&fitted);
-    if (!ok)
-        lamps_result_clear(ret);
+    find_angles(&problem);
+    const gboolean ok = fit_all(&problem, ret, error);
+    problem_clear(&problem);
     return ok;
 }
 

@@ -12,6 +12,10 @@
  * of arc and turntable, are adjusted together: the lamps' positions, the lean and place of the
  * arc's axis, and where on the plate each post or ball stands. Cameras must have been calibrated.
  *
+ * Drives do not stand quite where they were sent, and sights at one angle of theirs share that
+ * error: by what the turntable and the arc were off at each angle is adjusted too, and from all of
+ * them how far each is off as a rule. The same goes for the marks' sizes within their tolerance.
+ *
  * A camera that looks aside by some hundredths of a pixel would move all it sees; how far each does
  * is adjusted too, from 0 as far as LAMPS_CAMERA_PX allows.
  *
@@ -52,6 +56,7 @@ struct lamp_target {
     double plate_mm[2]; /* the plate's size along x and y; centred */
     struct lamp_mark marks[LAMP_MAX_MARKS];
     int n;
+    double tolerance_mm; /* of the marks' sizes, standard deviation */
 };
 
 /* A key file; see etc/demo/poles.conf. */
@@ -75,9 +80,10 @@ struct lamps_result {
     double zero_error_rad;
     gboolean arc_known; /* whether the axis could be told; else it is as it was */
     double tilt_error_rad[2], centre_error_mm[2];
-    struct lamp_target target; /* with the marks where they stand */
-    double rms;                /* of the sights used: mm on the plate, or px */
-    double sigma;              /* how much larger errors are than the sights' sigma */
+    struct lamp_target target;       /* with the marks where they stand */
+    double rms;                      /* of the sights used: mm on the plate, or px */
+    double sigma;                    /* how much larger errors are than the sights' sigma */
+    double turntable_rad, drive_rad; /* what turntable and arc were off by, as a rule */
     int n_used, degrees_of_freedom;
     guint8 *rejected; /* a sight; owned */
 };

@@ -1,5 +1,6 @@
 #include "laser.h"
 
+#include "drive.h"
 #include "fit.h"
 
 #include <math.h>
@@ -15,6 +16,10 @@ G_DEFINE_QUARK(laser_error, laser_error)
 
 #define ARC 4 /* parameters of the arc, the first ones */
 
+/* What a point depends on, each at its place: the arc, its laser, the camera, where the arc stood.
+ */
+enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 6, ON_SWING = ON_CAMERA + 2, ON };
+
 enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, PER_LASER };
 
 struct problem {
@@ -24,7 +29,8 @@ struct problem {
     struct laser_arc known;
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
-    int n_cameras;
+    struct drive swing;
+    int *swing_of; /* of each point: which of the arc's angles */
     int n_parameters;
 };
 
@@ -61,10 +67,10 @@ static struct rig_arc arc_of(const struct problem *problem, const double *x) {
     return arc;
 }
 
-/* d: how far the camera looks aside, px. */
-static double distance_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+/* arc_rad: as it truly stood. d: how far the camera looks aside, px. */
+static double distance_mm(const struct rig_arc *arc, double arc_rad, const struct rig_laser *laser,
                           const struct laser_point *point, const double d[2]) {
-    struct rig_plane sheet = rig_laser_sheet(arc, laser, point->arc_rad, point->sweep_rad);
+    struct rig_plane sheet = rig_laser_sheet(arc, laser, arc_rad, point->sweep_rad);
     const float *a = point->aside;
     struct vec3 p = point->point_mm;
     p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
@@ -81,16 +87,11 @@ static void residuals(const double *x, double *ret, gconstpointer data) {
             lasers[i] = laser_of(problem, x, i);
     for (int i = 0; i < problem->n; i++) {
         const struct laser_point *point = &problem->points[i];
-        ret[i] =
-            distance_mm(&arc, &lasers[point->laser], point, x + problem->camera_at[point->camera]) /
-            point->sigma_mm;
+        const double arc_rad = point->arc_rad + x[problem->swing.at + problem->swing_of[i]];
+        ret[i] = distance_mm(&arc, arc_rad, &lasers[point->laser], point,
+                             x + problem->camera_at[point->camera]) /
+                 point->sigma_mm;
     }
-    int n = problem->n; /* what is known of arc and cameras counts as observed */
-    for (int k = 0; k < ARC; k++)
-        ret[n++] = x[k] / (k < 2 ? problem->known.tilt_rad : problem->known.centre_mm);
-    for (int c = 0; c < problem->rig->n_cameras; c++)
-        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
-            ret[n++] = x[problem->camera_at[c] + k] / LASER_CAMERA_PX;
 }
 
 struct levels { /* of a laser's points */
@@ -157,12 +158,41 @@ static gboolean lay_out(struct problem *problem, const char *const *sweep_names,
     for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
         problem->camera_at[i] = cameras[i] ? problem->n_parameters : -1;
         problem->n_parameters += cameras[i] ? 2 : 0;
-        problem->n_cameras += cameras[i];
     }
+    problem->swing.at = problem->n_parameters;
+    problem->n_parameters += problem->swing.n;
     if (!any)
         g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
                     "no laser's line is seen in any sweep");
     return any;
+}
+
+static int *new_depends(const struct problem *problem) {
+    int *depends = g_new(int, (gsize)problem->n *ON);
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        int *of = depends + (gsize)i * ON;
+        for (int k = 0; k < ARC; k++)
+            of[ON_ARC + k] = k;
+        for (int k = 0; k < PER_LASER; k++)
+            of[ON_LASER + k] = problem->at[p->laser] + k;
+        for (int k = 0; k < 2; k++)
+            of[ON_CAMERA + k] = problem->camera_at[p->camera] + k;
+        of[ON_SWING] = problem->swing.at + problem->swing_of[i];
+    }
+    return depends;
+}
+
+static double *new_sigmas(const struct problem *problem) {
+    double *sigma = g_new0(double, problem->n_parameters);
+    for (int k = 0; k < ARC; k++)
+        sigma[k] = k < 2 ? problem->known.tilt_rad : problem->known.centre_mm;
+    for (int c = 0; c < problem->rig->n_cameras; c++)
+        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
+            sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
+    for (int i = 0; i < problem->swing.n; i++)
+        sigma[problem->swing.at + i] = problem->swing.sigma_rad;
+    return sigma;
 }
 
 /* Two straight lines through a step's points, one on each height, against the model's sheet. */
@@ -288,27 +318,51 @@ static gboolean check_told(const struct problem *problem, const struct fit_resul
     return FALSE;
 }
 
+/* Over and over, with what it has told about the arc's drive. */
+static gboolean adjust(struct problem *problem, struct laser_result *ret, GError **error) {
+    const int n = problem->n_parameters;
+    struct fit_result fitted;
+    g_autofree double *x = g_new0(double, n), *none = g_new0(double, n);
+    g_autofree int *depends = new_depends(problem);
+    for (int round = 0;; round++) {
+        g_autofree double *sigma = new_sigmas(problem);
+        const struct fit fit = {.n_parameters = n,
+                                .n_observations = problem->n,
+                                .dimension = 1,
+                                .residuals = residuals,
+                                .data = problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON,
+                                .known = none,
+                                .known_sigma = sigma};
+        if (!fit_solve(&fit, x, &fitted)) {
+            g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                        "the sweeps' points are too few or not finite");
+            return FALSE;
+        }
+        const gboolean last = round == DRIVE_ROUNDS, ok = check_told(problem, &fitted, error);
+        drive_learn(&problem->swing, x, fitted.covariance, n);
+        if (ok && last)
+            take(problem, &fit, &fitted, x, ret);
+        fit_result_clear(&fitted);
+        if (!ok || last)
+            return ok;
+    }
+}
+
 gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
                    const struct laser_arc *arc, const char *const *sweep_names,
                    struct laser_result *ret, GError **error) {
     struct problem problem = {.rig = rig, .points = points, .n = n, .known = *arc};
-    struct fit_result fitted;
     memset(ret, 0, sizeof *ret);
-    if (!lay_out(&problem, sweep_names, error))
-        return FALSE;
-    g_autofree double *x = g_new0(double, problem.n_parameters);
-    int n_known = ARC + 2 * problem.n_cameras;
-    const struct fit fit = {
-        problem.n_parameters, n + n_known, 1, residuals, &problem, REJECT, n_known};
-    if (!fit_solve(&fit, x, &fitted)) {
-        g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
-                    "the sweeps' points are too few or not finite");
-        return FALSE;
-    }
-    gboolean ok = check_told(&problem, &fitted, error);
-    if (ok)
-        take(&problem, &fit, &fitted, x, ret);
-    fit_result_clear(&fitted);
+    drive_init(&problem.swing, n);
+    problem.swing_of = g_new(int, n + 1);
+    for (int i = 0; i < n; i++)
+        problem.swing_of[i] = drive_angle(&problem.swing, points[i].arc_rad);
+    const gboolean ok = lay_out(&problem, sweep_names, error) && adjust(&problem, ret, error);
+    drive_clear(&problem.swing);
+    g_free(problem.swing_of);
     return ok;
 }
 

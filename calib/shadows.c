@@ -62,7 +62,7 @@ void shadow_view_free(ShadowView *view) {
     if (!view)
         return;
     g_array_unref(view->shots);
-    g_free(view->lit);
+    g_free(view->pattern);
     g_free(view);
 }
 
@@ -136,32 +136,40 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
     return TRUE;
 }
 
-/* At each pixel the mean of those pictures in which it is lit; from three pictures on. Where all of
- * them but one are dark shadows lie upon each other: nothing is known, and taken to be plain. */
+/* At each pixel what those pictures show in which it is lit; from three pictures on. */
 void shadow_find_pattern(ShadowView *view) {
     gsize n = (gsize)view->map->width * (gsize)view->map->height;
-    if (view->lit || view->shots->len < 3)
+    if (view->pattern || view->shots->len < 3)
         return;
-    view->lit = g_new(float, n);
+    view->pattern = g_new0(struct pattern, n);
     for (gsize i = 0; i < n; i++) {
-        float most = 0, sum = 0;
-        int count = 0;
+        struct pattern *to = &view->pattern[i];
+        float most = 0;
         for (guint k = 0; k < view->shots->len; k++)
             most = fmaxf(most, g_array_index(view->shots, struct shot, k).values[i]);
+        to->least = most > (float)PATTERN ? (float)LIT * most : G_MAXFLOAT;
         for (guint k = 0; k < view->shots->len; k++) {
             float value = g_array_index(view->shots, struct shot, k).values[i];
-            if (value >= (float)LIT * most) {
-                sum += value;
-                count++;
+            if (value >= to->least) {
+                to->sum += value;
+                to->n++;
             }
         }
-        view->lit[i] = count >= 2 && most > (float)PATTERN ? sum / (float)count : 1;
     }
 }
 
+/* By the other pictures: by its own, too, the rims of its shadows would be part of the pattern, and
+ * shadows smaller. Where all but one are dark shadows lie upon each other: nothing is known, and
+ * taken to be plain. */
 double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel) {
-    double value = (double)shot->values[pixel];
-    return view->lit ? value / (double)view->lit[pixel] : value;
+    const double value = (double)shot->values[pixel];
+    if (!view->pattern)
+        return value;
+    const struct pattern *of = &view->pattern[pixel];
+    const gboolean own = value >= (double)of->least;
+    const int others = of->n - own;
+    return of->n >= 2 && others > 0 ? value * others / ((double)of->sum - (own ? value : 0))
+                                    : value;
 }
 
 static gboolean set_slope(struct window *w, int column, int row) {
@@ -254,6 +262,8 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     }
     struct vec3 at = rig_turn(vec3(f.p[0], f.p[1], 0), -w->view->turntable_rad);
     double floor_mm = FLOOR_PX * w->long_mm;
+    /* However often it is looked at, a post's edge lies in the same way over the same pixels. */
+    double again = w->body ? sqrt(BODY_SHOTS) : 1;
     struct lamp_sight sight = {
         .picture = w->shot->index,
         .lamp = w->body ? -1 : w->shot->lamp,
@@ -263,7 +273,7 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
         .arc_rad = w->shot->arc_rad,
         .x = at.x,
         .y = at.y,
-        .sigma = sqrt((f.variance[0] + f.variance[1]) / 2 + floor_mm * floor_mm),
+        .sigma = again * sqrt((f.variance[0] + f.variance[1]) / 2 + floor_mm * floor_mm),
     };
     g_array_append_val(sights, sight);
 }

@@ -10,14 +10,20 @@ struct shot {
     float *values; /* relative to the lit plate; NaN: not on the plate */
 };
 
+struct pattern { /* of a pixel */
+    float sum;   /* of the values in those pictures in which it is lit, */
+    int n;       /* which are so many, and */
+    float least; /* at least so bright */
+};
+
 struct ShadowView {
     const struct rig *rig;
     const struct plate_map *map;
     struct lamp_target target; /* for plate and plane */
     int camera;
     double turntable_rad;
-    GArray *shots; /* struct shot */
-    float *lit;    /* the plate's own pattern; NULL until it is needed */
+    GArray *shots;           /* struct shot */
+    struct pattern *pattern; /* the plate's own; NULL until it is needed */
 };
 
 /* The plate's own pattern is found when it is first needed, of all pictures there are by then. */

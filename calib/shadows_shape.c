@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#define PART_BLUR_PX 0.2 /* of a quarter of a pixel, and the lens; standard deviation */
+#define PART_BLUR_PX 0.16 /* of a quarter of a pixel, and some of the lens; standard deviation */
 #define STEPS        25
 
 double shadow_outside_mm(const struct streak *s, double x, double y) {

@@ -1,8 +1,10 @@
+#include "spread.h"
 #include "world_private.h"
 
 #include <string.h>
 
-#define RAD(deg) ((deg) * (G_PI / 180))
+#define RAD(deg)     ((deg) * (G_PI / 180))
+#define MOST_SAMPLES 64 /* of a pixel */
 
 enum cached {
     CACHED_VIEW = 1,
@@ -71,6 +73,7 @@ struct view_job {
     const World *world;
     int camera;
     double turntable_deg;
+    const struct spread *spread;
 };
 
 struct tracer { /* of one picture row */
@@ -118,16 +121,6 @@ static void add_pixel(const struct view_job *job, const struct tracer *row, int 
         add_point(points, &table, colour, pixel);
 }
 
-/* Where in a pixel's cell of its samples one lies, and how far the lens throws it: another place in
- * every picture and of every sample, or pictures would share errors that real ones do not. */
-static void spread(const struct optics_camera *camera, struct sample_random *random, double cell,
-                   double *x, double *y) {
-    double r = camera->blur_px * sqrt(-2 * log(1 - sample_uniform(random)));
-    double angle = 2 * G_PI * sample_uniform(random);
-    *x += cell * (sample_uniform(random) - 0.5) + r * cos(angle);
-    *y += cell * (sample_uniform(random) - 0.5) + r * sin(angle);
-}
-
 static void trace_row(const struct view_job *job, const struct tracer *row, int y) {
     const struct optics_camera *camera = &job->world->cameras[job->camera];
     int aa = job->world->supersample, k = 0;
@@ -137,21 +130,30 @@ static void trace_row(const struct view_job *job, const struct tracer *row, int 
     struct sample_random random = {sample_hash(bits(whole_turn(job->turntable_deg)) + sample +
                                                (guint64)job->camera * 8191 +
                                                (guint64)y * 0x9e3779b97f4a7c15u)};
-    for (int x = 0; x < camera->width; x++)
-        for (int j = 0; j < aa; j++)
-            for (int i = 0; i < aa; i++) {
-                double at_x = x + (i + 0.5) / aa - 0.5, at_y = y + (j + 0.5) / aa - 0.5;
-                if (camera->blur_px > 0)
-                    spread(camera, &random, 1.0 / aa, &at_x, &at_y);
-                row->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg, at_x, at_y);
-            }
+    double at[2 * MOST_SAMPLES];
+    for (int i = 0; i < aa * aa; i++) {
+        const int row_of = i / aa;
+        at[2 * i] = (i % aa + 0.5) / aa - 0.5;
+        at[2 * i + 1] = (row_of + 0.5) / aa - 0.5;
+    }
+    for (int x = 0; x < camera->width; x++) {
+        if (camera->blur_px > 0)
+            spread_pixel(job->spread, &random, aa, at);
+        for (int i = 0; i < aa * aa; i++)
+            row->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg, x + at[2 * i],
+                                       y + at[2 * i + 1]);
+    }
     struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
     scene_trace(&job->world->scene, eye, NULL, row->rays, k, row->surfaces, row->hit);
 }
 
 static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
-    const struct view_job *job = data;
+    struct view_job own = *(const struct view_job *)data, *job = &own;
     const struct optics_camera *camera = &job->world->cameras[job->camera];
+    struct spread spread;
+    if (camera->blur_px > 0)
+        spread_init(&spread, camera->blur_px);
+    job->spread = &spread;
     gsize n = (gsize)camera->width * (gsize)(job->world->supersample * job->world->supersample);
     g_autofree struct v3 *rays = g_new(struct v3, n);
     g_autofree struct surface *surfaces = g_new(struct surface, n);
@@ -177,7 +179,7 @@ static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize
 }
 
 struct cache_entry *world_view(World *world, int camera, double turntable_deg) {
-    struct view_job job = {world, camera, turntable_deg};
+    struct view_job job = {world, camera, turntable_deg, NULL};
     struct cache_key key = {{CACHED_VIEW, (guint64)camera, bits(whole_turn(turntable_deg)), 0}};
     return cache_get(world->cache, &key, make_view, &job);
 }

@@ -98,7 +98,7 @@ static const struct option camera_table[] = {
     {"falloff", OPTION_DOUBLE, NULL, 0, 8, "0", NULL, AT(optics.falloff),
      "exponent of the cosine of the angle to the axis, 4 for a simple lens"},
     {"blur_px", OPTION_DOUBLE, "px", 0, 10, "0", NULL, AT(optics.blur_px),
-     "standard deviation of the lens's blur; samples are then spread at random"},
+     "standard deviation of the lens's blur; samples are then spread over what it blurs"},
     {"k1", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k1), "radial distortion, r³"},
     {"k2", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k2), "radial distortion, r⁵"},
     {"p1", OPTION_DOUBLE, NULL, -0.1, 0.1, "0", NULL, AT(optics.p1), "tangential distortion"},

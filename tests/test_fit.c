@@ -38,7 +38,7 @@ static void line_with_outliers(void) {
         struct fit_result result;
         double p[2] = {0, 0}, sx = 0, sxx = 0, n = 0, sy = 0, sxy = 0;
         make(&line, rand);
-        const struct fit fit = {2, N, 1, residuals, &line, 4.5, 0};
+        const struct fit fit = {2, N, 1, residuals, &line, 4.5};
         g_assert_true(fit_solve(&fit, p, &result));
         for (int i = 0; i < N; i++) {
             g_assert_true(result.rejected[i] || i % 10 != 0);
@@ -76,7 +76,7 @@ static void undetermined(void) {
     struct fit_result result;
     double p[3] = {0, 0, 0};
     make(&line, rand);
-    const struct fit fit = {3, N, 1, twice_the_same, &line, 4.5, 0};
+    const struct fit fit = {3, N, 1, twice_the_same, &line, 4.5};
     g_assert_true(fit_solve(&fit, p, &result));
     g_assert_cmpint(result.undetermined, >=, 0);
     g_assert_cmpint(result.undetermined, <=, 1);
@@ -87,8 +87,8 @@ static void refused(void) {
     struct line line = {{0}, {0}};
     struct fit_result result;
     double p[2] = {0, 0};
-    const struct fit few = {2, 2, 1, residuals, &line, 4.5, 0};
-    const struct fit fit = {2, N, 1, residuals, &line, 4.5, 0};
+    const struct fit few = {2, 2, 1, residuals, &line, 4.5};
+    const struct fit fit = {2, N, 1, residuals, &line, 4.5};
     g_assert_false(fit_solve(&few, p, &result));
     line.y[7] = NAN;
     g_assert_false(fit_solve(&fit, p, &result));

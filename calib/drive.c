@@ -1,0 +1,30 @@
+#include "drive.h"
+
+#include <math.h>
+
+#define USUAL_RAD (0.01 * G_PI / 180) /* before anything is known */
+#define LEAST_RAD (0.001 * G_PI / 180)
+
+void drive_init(struct drive *drive, int most) {
+    *drive = (struct drive){g_new(double, most + 1), 0, 0, USUAL_RAD};
+}
+
+void drive_clear(struct drive *drive) {
+    g_clear_pointer(&drive->angles_rad, g_free);
+}
+
+int drive_angle(struct drive *drive, double angle_rad) {
+    for (int i = 0; i < drive->n; i++)
+        if (drive->angles_rad[i] == angle_rad)
+            return i;
+    drive->angles_rad[drive->n] = angle_rad;
+    return drive->n++;
+}
+
+void drive_learn(struct drive *drive, const double *x, const double *covariance, int n) {
+    double sum = 0;
+    for (int i = drive->at; i < drive->at + drive->n; i++)
+        sum += x[i] * x[i] + covariance[i * (n + 1)];
+    if (drive->n > 0)
+        drive->sigma_rad = MAX(sqrt(sum / drive->n), LEAST_RAD);
+}
