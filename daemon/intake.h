@@ -10,8 +10,9 @@
  * dark level at the longest exposure), mesorig.saturated (int, pixels) SHOT_LAMP: one part
  * "radiance", channel "Y", half, the mosaic as it lies on the sensor; mesorig.unit = "DN/ms" (see
  * radiance.h), mesorig.lamp (string) SHOT_DARK: a part "dark_500_us" an exposure, channel "Y",
- * float; mesorig.unit = "DN" SHOT_SWEEP: one part "sweep", channels "intensity", "peak", "width",
- * float, as in processing/sweep.h; mesorig.unit = "DN", mesorig.laser (string), sweep.from_deg,
+ * float; mesorig.unit = "DN" SHOT_SWEEP: one part "sweep", channels "intensity", "peak",
+ * "second_intensity", "second_peak", "width", float, as in processing/sweep.h; mesorig.unit = "DN",
+ * mesorig.laser (string), sweep.from_deg,
  * sweep.to_deg (double), sweep.steps (int): frame k is taken at from + (to − from)·k/(steps − 1).
  * With keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr, part "frame",
  * channel "Y", raw DN, float, or half up to 11 bits. When it was taken is said by the session

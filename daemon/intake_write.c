@@ -7,7 +7,8 @@
 #include "processing/exr.h"
 
 static const char *const mono_channels[] = {"Y", NULL};
-static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
+static const char *const sweep_channels[] = {"intensity",   "peak",  "second_intensity",
+                                             "second_peak", "width", NULL};
 
 #define HALF_BITS 11 /* integers that a half holds exactly */
 
@@ -106,6 +107,8 @@ gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
     exr_set_double(part, "sweep.from_deg", shot->sweep_from_deg);
     exr_set_double(part, "sweep.to_deg", shot->sweep_to_deg);
     exr_set_int(part, "sweep.steps", shot->sweep_steps);
+    sweep_finish_second(sweep, file->conf->laser_threshold_dn, exr_part_plane(part, "second_peak"),
+                        exr_part_plane(part, "width"), exr_part_plane(part, "second_intensity"));
     sweep_finish(sweep, file->conf->laser_threshold_dn, exr_part_plane(part, "peak"),
                  exr_part_plane(part, "width"), exr_part_plane(part, "intensity"));
     struct exr_file *exr = exr_file_new();

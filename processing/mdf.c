@@ -3,16 +3,18 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "mdf_merge.h"
 #include "rectify.h"
 
-#define LEAST_ANGLE     0.03 /* sine between ray and sheet: below it depth is noise */
-#define ABOVE_MM        0.5  /* how far above the reference plane a point may seem to lie */
-#define BELOW_MM        1.0  /* and below the deepest structure */
-#define LEAST_AGREEMENT 0.1  /* mm: results of two lasers this close are never outliers */
-#define SEEN_SHARE      0.6f /* of the pixels around a texel */
-#define LIVE_SHARE      0.25 /* of what the best phase of the colour filter sees */
-#define FAINT           0.5  /* of the brightest line at a texel: it counts half */
-#define MANY_SWEEPS     4    /* with as many, one alone is not believed */
+#define LEAST_ANGLE 0.03 /* sine between ray and sheet: below it depth is noise */
+#define ABOVE_MM    0.5  /* how far above the reference plane a point may seem to lie */
+#define BELOW_MM    1.0  /* and below the deepest structure */
+#define SEEN_SHARE  0.6f /* of the pixels around a texel */
+#define LIVE_SHARE  0.25 /* of what the best phase of the colour filter sees */
+#define FAINT       0.5  /* of the brightest line at a texel: it counts half */
+#define CONFIRM     2    /* texels next to it that show the same */
+#define CLOSE       0.2f /* of what else counts as agreement: it shows the same, smoothly */
+#define MANY_SWEEPS 4    /* with as many, one alone is not believed */
 
 struct MdfView {
     struct rig_camera camera;
@@ -23,8 +25,9 @@ struct MdfView {
     float *ray;         /* of each pixel: unit vector in the rig frame, three values */
     float *onset_mm;    /* of each pixel: along its ray from the centre to the reference plane */
     float *x_px, *y_px; /* of each texel's centre; x < 0: outside of the picture */
-    float *pixel_mm;    /* of each pixel, for one sweep: distance from the reference plane, −1 */
-    float *texel_mm[MDF_MAX_SWEEPS], *texel_dn[MDF_MAX_SWEEPS]; /* distance, how bright */
+    float *pixel_mm[2]; /* of each pixel, for one sweep: distance from the reference plane by the
+                           brightest pulse and by the next; −1 */
+    struct mdf_candidate *seen[MDF_MAX_SWEEPS]; /* two a texel, mm < 0: none */
     double weight[MDF_MAX_SWEEPS];
 };
 
@@ -65,7 +68,8 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
     view->n_texels = grid->width * grid->height;
     view->ray = g_new(float, n_pixels * 3);
     view->onset_mm = g_new(float, n_pixels);
-    view->pixel_mm = g_new(float, n_pixels);
+    for (int rank = 0; rank < 2; rank++)
+        view->pixel_mm[rank] = g_new(float, n_pixels);
     view->x_px = g_new(float, view->n_texels);
     view->y_px = g_new(float, view->n_texels);
     double slant = view->centre_mm.z / vec3_length(view->centre_mm);
@@ -78,13 +82,12 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
 void mdf_view_free(MdfView *view) {
     if (!view)
         return;
-    for (int i = 0; i < view->n_sweeps; i++) {
-        g_free(view->texel_mm[i]);
-        g_free(view->texel_dn[i]);
-    }
+    for (int i = 0; i < view->n_sweeps; i++)
+        g_free(view->seen[i]);
     g_free(view->ray);
     g_free(view->onset_mm);
-    g_free(view->pixel_mm);
+    for (int rank = 0; rank < 2; rank++)
+        g_free(view->pixel_mm[rank]);
     g_free(view->x_px);
     g_free(view->y_px);
     g_free(view);
@@ -103,8 +106,8 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
-static float intersect(const MdfView *view, const struct mdf_sweep *sweep, gsize pixel) {
-    float peak = sweep->peak[pixel];
+static float intersect(const MdfView *view, const struct mdf_sweep *sweep, float peak,
+                       gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
     const float *r = view->ray + 3 * pixel;
@@ -136,7 +139,7 @@ static struct phases find_phases(const MdfView *view) {
     int seen[4] = {0}, most = 0, width = view->camera.width;
     for (int y = 0; y < view->camera.height; y++)
         for (int x = 0; x < width; x++)
-            seen[phase_of(x, y)] += view->pixel_mm[(gsize)y * (gsize)width + (gsize)x] >= 0;
+            seen[phase_of(x, y)] += view->pixel_mm[0][(gsize)y * (gsize)width + (gsize)x] >= 0;
     for (int k = 0; k < 4; k++)
         most = MAX(most, seen[k]);
     for (int k = 0; k < 4; k++) {
@@ -146,14 +149,27 @@ static struct phases find_phases(const MdfView *view) {
     return phases;
 }
 
+/* What a pixel next to a point has seen, by its brightest pulse and the next; mm < 0: nothing. */
 struct near {
-    float mm, dn, share; /* share of a bilinear mean */
+    float mm[2], dn[2];
+    float share; /* of a bilinear mean */
+    gboolean taken[2];
 };
 
-/* The pixels around a point that could have seen the laser; mm is −1 for those that have not. */
-static int find_near(const MdfView *view, const struct phases *phases, const float *intensity,
-                     float x, float y, struct near *ret) {
-    int n = 0, r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
+struct nears {
+    struct near near[16];
+    int n;
+    float all, seen; /* shares: of those that could have seen the laser, of those that have */
+};
+
+static float brightness(const float *dn, gsize pixel) {
+    return dn && isfinite(dn[pixel]) ? MAX(dn[pixel], 0) : 0;
+}
+
+static void find_near(const MdfView *view, const struct phases *phases,
+                      const struct mdf_sweep *sweep, float x, float y, struct nears *ret) {
+    int r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
+    *ret = (struct nears){.n = 0};
     for (int v = j - r + 1; v <= j + r; v++)
         for (int u = i - r + 1; u <= i + r; u++) {
             float share = (1 - fabsf(x - u) / r) * (1 - fabsf(y - v) / r);
@@ -161,153 +177,176 @@ static int find_near(const MdfView *view, const struct phases *phases, const flo
                 !phases->live[phase_of(u, v)] || share <= 0)
                 continue;
             gsize pixel = (gsize)v * (gsize)view->camera.width + (gsize)u;
-            float dn = isfinite(intensity[pixel]) ? MAX(intensity[pixel], 0) : 0;
-            ret[n++] = (struct near){view->pixel_mm[pixel], dn, share};
+            struct near *near = &ret->near[ret->n++];
+            near->mm[0] = view->pixel_mm[0][pixel];
+            near->mm[1] = sweep->second_peak ? view->pixel_mm[1][pixel] : -1;
+            near->dn[0] = brightness(sweep->intensity, pixel);
+            near->dn[1] = brightness(sweep->second_intensity, pixel);
+            near->share = share;
+            ret->all += share;
+            ret->seen += near->mm[0] >= 0 ? share : 0;
         }
-    return n;
 }
 
-/* How much of the neighbourhood agrees with one of its pixels; and the mean of what does. */
-static float find_support(const MdfView *view, const struct near *near, int n, int of,
-                          struct near *ret) {
-    *ret = (struct near){0};
-    for (int k = 0; k < n; k++)
-        if (near[k].mm >= 0 && fabsf(near[k].mm - near[of].mm) <= view->agreement_mm) {
-            ret->mm += near[k].share * near[k].mm;
-            ret->dn += near[k].share * near[k].dn;
-            ret->share += near[k].share;
+/* Which of a pixel's distances is next to one; −1: neither is near, or still to be had. */
+static int next_to(const MdfView *view, const struct near *near, float mm) {
+    int next = -1;
+    float least = view->agreement_mm;
+    for (int rank = 0; rank < 2; rank++) {
+        float off = fabsf(near->mm[rank] - mm);
+        if (near->mm[rank] >= 0 && !near->taken[rank] && off <= least) {
+            next = rank;
+            least = off;
         }
-    ret->mm /= ret->share;
-    ret->dn /= ret->share;
-    return ret->share;
+    }
+    return next;
+}
+
+/* A surface that part of the neighbourhood is on. */
+struct side {
+    float mm, dn, share;
+};
+
+/* How much of the neighbourhood agrees with a distance; and the mean of what does. */
+static struct side find_support(const MdfView *view, const struct nears *all, float mm) {
+    struct side side = {0};
+    for (int k = 0; k < all->n; k++) {
+        const struct near *near = &all->near[k];
+        int rank = next_to(view, near, mm);
+        if (rank < 0)
+            continue;
+        side.mm += near->share * near->mm[rank];
+        side.dn += near->share * near->dn[rank];
+        side.share += near->share;
+    }
+    side.mm /= side.share;
+    side.dn /= side.share;
+    return side;
+}
+
+/* The side that more of the neighbourhood is on; of two alike, that of the brightest pulses. It is
+ * taken away then. */
+static struct side take_side(const MdfView *view, struct nears *all) {
+    struct side best = {.mm = -1};
+    float centre = -1;
+    for (int rank = 0; rank < 2; rank++)
+        for (int k = 0; k < all->n; k++) {
+            const struct near *near = &all->near[k];
+            if (near->mm[rank] < 0 || near->taken[rank])
+                continue;
+            struct side side = find_support(view, all, near->mm[rank]);
+            if (side.share > best.share * 1.001f) {
+                best = side;
+                centre = near->mm[rank];
+            }
+        }
+    for (int k = 0; k < all->n && centre >= 0; k++) {
+        int rank = next_to(view, &all->near[k], centre);
+        if (rank >= 0)
+            all->near[k].taken[rank] = TRUE;
+    }
+    return best;
 }
 
 /* Pixels on both sides of a depth edge show two surfaces: the texel is on that of which more is
  * around it, and the mean is taken of that side alone. Where too few have seen the laser, the texel
- * may show what they do not. */
-static struct near resample(const MdfView *view, const struct near *near, int n) {
-    struct near best = {.mm = -1}, side;
-    float all = 0, seen = 0;
-    for (int k = 0; k < n; k++) {
-        all += near[k].share;
-        if (near[k].mm < 0)
-            continue;
-        seen += near[k].share;
-        if (find_support(view, near, n, k, &side) > best.share)
-            best = side;
+ * may show what they do not. The other side, and what second pulses say, is a candidate as well:
+ * what other lasers saw decides. */
+static void resample(const MdfView *view, struct nears *all, struct mdf_candidate ret[2]) {
+    ret[0] = ret[1] = (struct mdf_candidate){.mm = -1};
+    if (all->seen < SEEN_SHARE * all->all || all->n == 0)
+        return;
+    struct side first = take_side(view, all), second = take_side(view, all);
+    ret[0] = (struct mdf_candidate){.mm = first.mm, .dn = first.dn};
+    if (second.share >= SEEN_SHARE * all->all)
+        ret[1] = (struct mdf_candidate){.mm = second.mm, .dn = second.dn};
+}
+
+static void intersect_all(MdfView *view, const struct mdf_sweep *sweep) {
+    gsize n_pixels = (gsize)view->camera.width * (gsize)view->camera.height;
+    for (gsize i = 0; i < n_pixels; i++) {
+        view->pixel_mm[0][i] = intersect(view, sweep, sweep->peak[i], i);
+        if (sweep->second_peak)
+            view->pixel_mm[1][i] = intersect(view, sweep, sweep->second_peak[i], i);
     }
-    return seen < SEEN_SHARE * all ? (struct near){.mm = -1} : best;
 }
 
 int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
-    gsize n_pixels = (gsize)view->camera.width * (gsize)view->camera.height;
-    for (gsize i = 0; i < n_pixels; i++)
-        view->pixel_mm[i] = intersect(view, sweep, i);
+    intersect_all(view, sweep);
     struct phases phases = find_phases(view);
-    float *texel_mm = view->texel_mm[view->n_sweeps] = g_new(float, view->n_texels);
-    float *texel_dn = view->texel_dn[view->n_sweeps] = g_new0(float, view->n_texels);
-    view->weight[view->n_sweeps++] =
-        mdf_weight(sweep->arc, sweep->laser, sweep->arc_rad, view->centre_mm);
+    struct mdf_candidate *texels = g_new(struct mdf_candidate, 2 * view->n_texels);
     int seen = 0;
     for (int i = 0; i < view->n_texels; i++) {
-        struct near near[16], texel = {.mm = -1};
-        if (view->x_px[i] >= 0) {
-            int n = find_near(view, &phases, sweep->intensity, view->x_px[i], view->y_px[i], near);
-            texel = resample(view, near, n);
-        }
-        texel_mm[i] = texel.mm;
-        texel_dn[i] = texel.dn;
-        seen += texel.mm >= 0;
+        struct nears near = {.n = 0};
+        if (view->x_px[i] >= 0)
+            find_near(view, &phases, sweep, view->x_px[i], view->y_px[i], &near);
+        resample(view, &near, texels + 2 * i);
+        seen += texels[2 * i].mm >= 0;
     }
+    view->weight[view->n_sweeps] =
+        mdf_weight(sweep->arc, sweep->laser, sweep->arc_rad, view->centre_mm);
+    view->seen[view->n_sweeps++] = texels;
     return seen;
-}
-
-struct sample {
-    double mm, weight;
-};
-
-static int by_mm(const void *a, const void *b) {
-    double x = ((const struct sample *)a)->mm, y = ((const struct sample *)b)->mm;
-    return (x > y) - (x < y);
-}
-
-/* Sorts; of two that share the middle, their mean. */
-static double weighted_median(struct sample *samples, int n) {
-    qsort(samples, (gsize)n, sizeof *samples, by_mm);
-    double total = 0, sum = 0;
-    for (int i = 0; i < n; i++)
-        total += samples[i].weight;
-    for (int i = 0; i < n; i++) {
-        sum += samples[i].weight;
-        if (sum > 0.5 * total * (1 + 1e-12))
-            return samples[i].mm;
-        if (sum >= 0.5 * total * (1 - 1e-12) && i + 1 < n)
-            return 0.5 * (samples[i].mm + samples[i + 1].mm);
-    }
-    return samples[n - 1].mm;
-}
-
-static double spread_of(const struct sample *samples, int n, double median) {
-    struct sample deviation[MDF_MAX_SWEEPS];
-    for (int i = 0; i < n; i++)
-        deviation[i] = (struct sample){fabs(samples[i].mm - median), samples[i].weight};
-    return 1.4826 * weighted_median(deviation, n);
-}
-
-/* Interreflections and mixed pixels make outliers; what agrees with the median is averaged (seed
- * 004 §3.2, Merging). */
-static void merge_texel(struct sample *samples, int n, int least, float *ret_mm, float *ret_n,
-                        float *ret_error) {
-    *ret_mm = *ret_error = -1;
-    *ret_n = 0;
-    if (n == 0)
-        return;
-    double median = weighted_median(samples, n);
-    double limit = MAX(3 * spread_of(samples, n, median), LEAST_AGREEMENT);
-    double weights = 0, squares = 0, sum = 0, scatter = 0;
-    int kept = 0;
-    for (int i = 0; i < n; i++)
-        if (fabs(samples[i].mm - median) <= limit) {
-            samples[kept++] = samples[i];
-            weights += samples[kept - 1].weight;
-            squares += samples[kept - 1].weight * samples[kept - 1].weight;
-            sum += samples[kept - 1].weight * samples[kept - 1].mm;
-        }
-    if (kept < least || !(weights > 0))
-        return;
-    double mean = sum / weights, effective = weights * weights / squares;
-    for (int i = 0; i < kept; i++)
-        scatter += samples[i].weight * pow(samples[i].mm - mean, 2);
-    *ret_mm = (float)mean;
-    *ret_n = (float)kept;
-    if (kept > 1)
-        *ret_error = (float)sqrt(scatter / weights / MAX(effective - 1, 1e-6));
 }
 
 /* What each laser position says of a texel. A line that is much fainter than others there grazes
  * the surface, or is not the laser's but its light thrown back by what stands around. */
-static int collect(const MdfView *view, int texel, struct sample *ret) {
+static int collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
     for (int s = 0; s < view->n_sweeps; s++)
-        if (view->texel_mm[s][texel] >= 0)
-            most = MAX(most, view->texel_dn[s][texel]);
-    for (int s = 0; s < view->n_sweeps; s++) {
-        if (view->texel_mm[s][texel] < 0 || !(view->weight[s] > 0))
-            continue;
-        double bright = most > 0 ? view->texel_dn[s][texel] / most : 1;
-        double trust = bright * bright / (bright * bright + FAINT * FAINT);
-        ret[n++] = (struct sample){view->texel_mm[s][texel], view->weight[s] * trust};
+        for (int rank = 0; rank < 2; rank++) {
+            ret[n] = view->seen[s][2 * texel + rank];
+            if (ret[n].mm < 0 || !(view->weight[s] > 0))
+                continue;
+            most = MAX(most, ret[n].dn);
+            ret[n++].sweep = s;
+        }
+    for (int i = 0; i < n; i++) {
+        double bright = most > 0 ? ret[i].dn / most : 1;
+        ret[i].weight =
+            view->weight[ret[i].sweep] * bright * bright / (bright * bright + FAINT * FAINT);
     }
     return n;
 }
 
+/* Where too few lasers agree, what they say is believed if it continues the surface next to it. */
+static struct mdf_merged confirm(const MdfView *view, int texel, const float *distance) {
+    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
+    int n = collect(view, texel, candidates), kept = 0, width = view->grid.width;
+    for (int i = 0; i < n; i++) {
+        int agree = 0;
+        for (int k = 0; k < 9; k++) {
+            int column = texel % width + k % 3 - 1, row = texel / width + k / 3 - 1;
+            if (column < 0 || row < 0 || column >= width || row >= view->grid.height)
+                continue;
+            float near = distance[row * width + column];
+            agree += near >= 0 && fabsf(near - candidates[i].mm) <= CLOSE * view->agreement_mm;
+        }
+        if (agree >= CONFIRM)
+            candidates[kept++] = candidates[i];
+    }
+    return mdf_merge(candidates, kept, 1);
+}
+
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
-    struct sample samples[MDF_MAX_SWEEPS];
+    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
+    g_autofree float *sure = g_new(float, view->n_texels);
     for (int i = 0; i < view->n_texels; i++) {
-        int n = collect(view, i, samples);
-        merge_texel(samples, n, least, ret_distance + i, ret_n + i, ret_error + i);
+        int n = collect(view, i, candidates);
+        struct mdf_merged merged = mdf_merge(candidates, n, least);
+        sure[i] = ret_distance[i] = merged.mm;
+        ret_n[i] = (float)merged.n;
+        ret_error[i] = merged.error_mm;
+    }
+    for (int i = 0; i < view->n_texels; i++) {
+        if (sure[i] >= 0)
+            continue;
+        struct mdf_merged merged = confirm(view, i, sure);
+        ret_distance[i] = merged.mm;
+        ret_n[i] = (float)merged.n;
+        ret_error[i] = merged.error_mm;
     }
 }

@@ -14,7 +14,7 @@
 #define MDF_MAX_SWEEPS 128
 
 /* Counts up whenever the same sweeps give other numbers: what older ones made is made again. */
-#define MDF_METHOD 3
+#define MDF_METHOD 4
 
 typedef struct MdfView MdfView;
 
@@ -30,15 +30,16 @@ struct mdf_sweep {
     double arc_rad;
     double from_rad, step_rad;
     const float *peak, *width, *intensity;
-    const struct rig_arc *arc; /* NULL: an ideal one */
+    const struct rig_arc *arc;                   /* NULL: an ideal one */
+    const float *second_peak, *second_intensity; /* of sweep_finish_second(); both may be NULL */
 };
 
 /* At most MDF_MAX_SWEEPS. Returns how many texels it saw. */
 int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep);
 
-/* Of each texel, row by row: the distance in mm (−1: not seen; of four sweeps or more by one alone
- * counts as that), the number of laser positions it is the mean of, and its standard error in mm
- * (−1 where there is one only). */
+/* Of each texel, row by row: the distance in mm (−1: not seen; of four sweeps or more by one alone,
+ * unless it continues the surface around, counts as that), the number of laser positions it is the
+ * mean of, and its standard error in mm (−1 where there is one only). */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
 /* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart on

@@ -64,7 +64,9 @@ static gboolean add_sweep(MdfView *view, const struct mdf_input *input, GError *
                                       (input->to_rad - input->from_rad) / (input->steps - 1),
                                   .peak = exr_part_plane(part, "peak"),
                                   .width = exr_part_plane(part, "width"),
-                                  .intensity = exr_part_plane(part, "intensity")};
+                                  .intensity = exr_part_plane(part, "intensity"),
+                                  .second_peak = exr_part_plane(part, "second_peak"),
+                                  .second_intensity = exr_part_plane(part, "second_intensity")};
         mdf_view_add(view, &sweep);
     }
     exr_part_free(part);

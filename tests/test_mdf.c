@@ -216,6 +216,68 @@ static void test_faint(void) {
         g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
 }
 
+/* A ghost of each laser is brighter than its line, at a place of its own: second pulses, which
+ * agree, are believed. */
+static void test_ghosts(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    g_autofree struct world *ghost = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int i = 0; i < 9; i++) {
+        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
+        struct rig_laser rig = laser_to_rig(&laser, "laser");
+        double arc = (70 + 30 * i) * DEGREE;
+        ghost->surface.height = 0.2 + 0.45 * i;
+        sweep(world, &laser, arc, 0, NULL);
+        sweep(ghost, &laser, arc, 0, NULL);
+        for (int k = 0; k < SIDE * SIDE; k++)
+            world->intensity[k] = 700;
+        struct mdf_sweep seen = {.laser = &rig,
+                                 .arc_rad = arc,
+                                 .from_rad = FROM_DEG * DEGREE,
+                                 .step_rad = STEP_DEG * DEGREE,
+                                 .peak = ghost->peak,
+                                 .width = ghost->width,
+                                 .intensity = ghost->intensity,
+                                 .second_peak = world->peak,
+                                 .second_intensity = world->intensity};
+        mdf_view_add(view, &seen);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++) {
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+        g_assert_cmpfloat(n[i], >=, 6);
+    }
+}
+
+/* Seen by one laser alone, but the surface around goes on there: believed, and said to be one. */
+static void test_continued(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int k = 0; k < 5; k++) {
+        struct line_laser laser = {45 * DEGREE, 480};
+        double arc = (75 + 50 * k) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int i = 0; i < SIDE * SIDE && k > 0; i++)
+            if (i % SIDE >= SIDE / 2 && i % SIDE < SIDE / 2 + 4)
+                world->peak[i] = -1;
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    int alone = 0;
+    for (int i = 0; i < N_TEXELS; i++) {
+        if (n[i] == 0)
+            continue;
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+        alone += n[i] == 1;
+        g_assert_true(n[i] > 1 || s[i] == -1);
+    }
+    g_assert_cmpint(alone, >, 0);
+}
+
 static void test_unseen(void) {
     g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
     struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
@@ -316,6 +378,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf/step", test_step);
     g_test_add_func("/mdf/outliers", test_outliers);
     g_test_add_func("/mdf/faint", test_faint);
+    g_test_add_func("/mdf/ghosts", test_ghosts);
+    g_test_add_func("/mdf/continued", test_continued);
     g_test_add_func("/mdf/unseen", test_unseen);
     g_test_add_func("/mdf/one-phase", test_one_phase);
     g_test_add_func("/mdf/alone", test_alone);

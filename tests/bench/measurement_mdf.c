@@ -41,7 +41,7 @@ static void find_range(const struct rig *rig, const struct session_grid *grid,
 }
 
 struct planes {
-    float *peak, *width, *intensity;
+    float *peak, *width, *intensity, *second_peak, *second_intensity;
 };
 
 static void take_sweep(World *world, int camera, double turntable_deg,
@@ -62,6 +62,8 @@ static void take_sweep(World *world, int camera, double turntable_deg,
                      key * 512 + (guint64)position->arc_deg + 7, pixels);
         sweep_add(sweep, pixels);
     }
+    sweep_finish_second(sweep, THRESHOLD_DN, planes->second_peak, planes->width,
+                        planes->second_intensity);
     sweep_finish(sweep, THRESHOLD_DN, planes->peak, planes->width, planes->intensity);
 }
 
@@ -102,7 +104,8 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     gsize n_pixels = (gsize)rig.cameras[view].width * (gsize)rig.cameras[view].height;
     g_autofree float *peak = g_new(float, n_pixels), *width = g_new(float, n_pixels);
     g_autofree float *intensity = g_new(float, n_pixels);
-    struct planes planes = {peak, width, intensity};
+    g_autofree float *second_peak = g_new(float, n_pixels), *second = g_new(float, n_pixels);
+    struct planes planes = {peak, width, intensity, second_peak, second};
     double arcs[POSITIONS];
     int lasers[POSITIONS];
     for (int i = 0; i < POSITIONS; i++) {
@@ -117,7 +120,9 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
                                   .step_rad = (to - from) / (steps - 1),
                                   .peak = peak,
                                   .width = width,
-                                  .intensity = intensity};
+                                  .intensity = intensity,
+                                  .second_peak = second_peak,
+                                  .second_intensity = second};
         mdf_view_add(mdf, &sweep);
         arcs[i] = position.arc_deg;
         lasers[i] = position.laser;
