@@ -85,7 +85,7 @@ static int get_parm(VirtualV4l2 *camera, void *argument) {
 static int set_parm(VirtualV4l2 *camera, void *argument) {
     const struct v4l2_streamparm *parm = argument;
     struct v4l2_fract interval = parm->parm.capture.timeperframe;
-    if (camera->thread)
+    if (camera->streaming)
         return EBUSY;
     if (interval.numerator > 0 && interval.denominator > 0)
         camera->frame_rate = CLAMP((double)interval.denominator / interval.numerator, 1, MAX_RATE);
@@ -145,8 +145,8 @@ static gsize buffer_room(const VirtualV4l2 *camera) {
 
 static int request_buffers(VirtualV4l2 *camera, void *argument) {
     struct v4l2_requestbuffers *request = argument;
-    if (request->memory != V4L2_MEMORY_MMAP || camera->thread)
-        return camera->thread ? EBUSY : EINVAL;
+    if (request->memory != V4L2_MEMORY_MMAP || camera->streaming)
+        return camera->streaming ? EBUSY : EINVAL;
     request->count = MIN(request->count, MAX_BUFFERS);
     memset(camera->buffers, 0, sizeof camera->buffers);
     camera->n_buffers = (int)request->count;
@@ -190,8 +190,8 @@ static int dequeue_buffer(VirtualV4l2 *camera, void *argument) {
         camera->fault = VIRTUAL_V4L2_WELL;
         return EIO;
     }
-    if (!camera->thread || !done)
-        return camera->thread ? EAGAIN : EINVAL;
+    if (!camera->streaming || !done)
+        return camera->streaming ? EAGAIN : EINVAL;
     buffer->index = (guint32)(done - camera->buffers);
     buffer->flags = done->flags;
     buffer->sequence = done->sequence;
@@ -208,7 +208,7 @@ static int stream_on(VirtualV4l2 *camera, void *argument) {
         return ENOSPC;
     if (camera->n_buffers == 0 || virtual_pixels_stride(camera->fourcc, 1) == 0)
         return EINVAL;
-    if (!camera->thread)
+    if (!camera->streaming)
         virtual_stream_start(camera);
     return 0;
 }
@@ -436,6 +436,9 @@ void virtual_v4l2_free(VirtualV4l2 *camera) {
         return;
     virtual_v4l2_unplug(camera);
     testbed_disconnect(camera->handler, camera);
+    g_mutex_lock(&camera->mutex);
+    virtual_stream_wait(camera);
+    g_mutex_unlock(&camera->mutex);
     g_clear_object(&camera->handler);
     testbed_unref();
     world_unref(camera->world);

@@ -48,8 +48,9 @@ struct VirtualV4l2 {
     enum virtual_v4l2_fault fault;
     int n_exposed;
 
-    GThread *thread; /* while it streams */
-    gboolean stopping;
+    gboolean streaming;
+    guint stream;       /* changes when one begins or ends */
+    int n_threads;      /* of streams: one that is over may still make its last picture */
     gint64 first_us;    /* frames begin there and every interval after */
     gint64 changed_us;  /* when exposure or gain was last set */
     gint64 exposure_us; /* of frames that begin, which follow the controls late */
@@ -57,9 +58,11 @@ struct VirtualV4l2 {
     guint16 *pixels; /* the latest picture */
 };
 
-/* In the thread of the ioctls, with the camera locked. */
+/* In the thread of all cameras' and USB devices' ioctls, which must not wait; with the camera
+ * locked. */
 void virtual_stream_start(VirtualV4l2 *camera);
-void virtual_stream_stop(VirtualV4l2 *camera); /* unlocks while it waits for the thread */
+void virtual_stream_stop(VirtualV4l2 *camera);
+void virtual_stream_wait(VirtualV4l2 *camera); /* until no thread uses it any more; unlocks */
 
 gint32 virtual_control_value(const VirtualV4l2 *camera, guint32 id, gint32 otherwise);
 

@@ -11,6 +11,7 @@
 
 /* A frame on its way. */
 struct shot {
+    guint stream;
     guint64 number;
     gint64 start_us, exposure_us, first_data_us, end_us;
     double gain_db;
@@ -22,11 +23,11 @@ static gint64 interval_us(const VirtualV4l2 *camera) {
     return (gint64)(1e6 / camera->frame_rate);
 }
 
-/* Locked; FALSE when the stream is to end. */
-static gboolean sleep_until(VirtualV4l2 *camera, gint64 time_us) {
-    while (!camera->stopping && g_get_monotonic_time() < time_us)
+/* Locked; FALSE when the stream is over. */
+static gboolean sleep_until(VirtualV4l2 *camera, guint stream, gint64 time_us) {
+    while (camera->stream == stream && g_get_monotonic_time() < time_us)
         g_cond_wait_until(&camera->woken, &camera->mutex, time_us);
-    return !camera->stopping;
+    return camera->stream == stream;
 }
 
 /* As many sensors, it takes a new setting with the frame after the next. By itself it would expose
@@ -120,10 +121,10 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
         expose(camera, shot, pixels);
     virtual_pixels_pack(&camera->config, shot->fourcc, pixels, data);
     g_mutex_lock(&camera->mutex);
-    memcpy(camera->pixels, pixels, n * sizeof *pixels);
     camera->n_exposed++;
-    if (!sleep_until(camera, shot->end_us))
+    if (!sleep_until(camera, shot->stream, shot->end_us))
         return FALSE;
+    memcpy(camera->pixels, pixels, n * sizeof *pixels);
     struct virtual_buffer *buffer = oldest(camera, BUFFER_QUEUED);
     if (buffer)
         deliver(camera, shot, buffer, data);
@@ -131,11 +132,12 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
 }
 
 /* Locked. The first frame that can still begin. */
-static gboolean take_one(VirtualV4l2 *camera) {
+static gboolean take_one(VirtualV4l2 *camera, guint stream) {
     gint64 interval = interval_us(camera), now = g_get_monotonic_time();
-    struct shot shot = {.number = (guint64)((now - camera->first_us) / interval) + 1};
+    struct shot shot = {.stream = stream,
+                        .number = (guint64)((now - camera->first_us) / interval) + 1};
     shot.start_us = camera->first_us + (gint64)shot.number * interval;
-    if (!sleep_until(camera, shot.start_us))
+    if (!sleep_until(camera, stream, shot.start_us))
         return FALSE;
     follow_controls(camera, shot.start_us);
     shot.exposure_us = camera->exposure_us;
@@ -145,36 +147,47 @@ static gboolean take_one(VirtualV4l2 *camera) {
     gint64 exposed_us = shot.start_us + shot.exposure_us;
     shot.first_data_us = exposed_us + (gint64)(FIRST_DATA_PART * (double)interval);
     shot.end_us = exposed_us + (gint64)(LAST_DATA_PART * (double)interval);
-    if (!sleep_until(camera, exposed_us))
+    if (!sleep_until(camera, stream, exposed_us))
         return FALSE;
     if (!oldest(camera, BUFFER_QUEUED) || shot.fault == VIRTUAL_V4L2_SILENT)
         return TRUE;
     return make_picture(camera, &shot);
 }
 
+struct run {
+    VirtualV4l2 *camera;
+    guint stream;
+};
+
 static gpointer run(gpointer data) {
-    VirtualV4l2 *camera = data;
+    g_autofree struct run *run = data;
+    VirtualV4l2 *camera = run->camera;
     g_mutex_lock(&camera->mutex);
-    while (take_one(camera))
+    while (camera->stream == run->stream && take_one(camera, run->stream))
         ;
+    camera->n_threads--;
+    g_cond_broadcast(&camera->woken);
     g_mutex_unlock(&camera->mutex);
     return NULL;
 }
 
 void virtual_stream_start(VirtualV4l2 *camera) {
-    camera->stopping = FALSE;
+    struct run *new = g_new(struct run, 1);
+    *new = (struct run){camera, ++camera->stream};
+    camera->streaming = TRUE;
     camera->first_us = g_get_monotonic_time();
     camera->exposure_us = 0;
-    camera->thread = g_thread_new("virtual camera", run, camera);
+    camera->n_threads++;
+    g_thread_unref(g_thread_new("virtual camera", run, new));
 }
 
 void virtual_stream_stop(VirtualV4l2 *camera) {
-    GThread *thread = g_steal_pointer(&camera->thread);
-    camera->stopping = TRUE;
+    camera->streaming = FALSE;
+    camera->stream++;
     g_cond_broadcast(&camera->woken);
-    if (!thread)
-        return;
-    g_mutex_unlock(&camera->mutex);
-    g_thread_join(thread);
-    g_mutex_lock(&camera->mutex);
+}
+
+void virtual_stream_wait(VirtualV4l2 *camera) {
+    while (camera->n_threads > 0)
+        g_cond_wait(&camera->woken, &camera->mutex);
 }
