@@ -191,6 +191,25 @@ static gboolean check_format(const Camera *camera, const struct rig_camera *said
     return FALSE;
 }
 
+static gboolean finish_camera(struct devices *devices, const struct layout *layout, int i,
+                              GError **error) {
+    Camera *camera = devices->cameras[i];
+
+    if (!camera_open_finish(camera, error)) {
+        add_place(layout->cameras[i], error);
+        return FALSE;
+    }
+    if (!check_format(camera, &layout->geometry.cameras[i], layout->cameras[i], error))
+        return FALSE;
+    devices->timing.trigger_us[i] = camera->format.trigger_us;
+    devices->timing.readout_us[i] = camera->format.readout_us;
+    devices->timing.min_exposure_us[i] = camera->format.min_exposure_us;
+    devices->timing.max_exposure_us[i] = camera->format.max_exposure_us;
+    devices->timing.bits[i] = camera->format.bits;
+    return TRUE;
+}
+
+/* All are set off before any is waited for, so that many take no longer than the slowest. */
 static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
     g_autofree const char **keys = layout_keys("camera");
 
@@ -198,20 +217,16 @@ static gboolean open_cameras(struct devices *devices, const struct layout *layou
         const struct camera_driver *driver = drivers_camera(layout->cameras[i], error);
         if (!driver)
             return FALSE;
-        Camera *camera = camera_open(driver, layout->cameras[i], keys, devices->clock, error);
-        if (!camera) {
+        devices->cameras[i] =
+            camera_open_begin(driver, layout->cameras[i], keys, devices->clock, error);
+        if (!devices->cameras[i]) {
             add_place(layout->cameras[i], error);
             return FALSE;
         }
-        devices->cameras[i] = camera;
-        if (!check_format(camera, &layout->geometry.cameras[i], layout->cameras[i], error))
-            return FALSE;
-        devices->timing.trigger_us[i] = camera->format.trigger_us;
-        devices->timing.readout_us[i] = camera->format.readout_us;
-        devices->timing.min_exposure_us[i] = camera->format.min_exposure_us;
-        devices->timing.max_exposure_us[i] = camera->format.max_exposure_us;
-        devices->timing.bits[i] = camera->format.bits;
     }
+    for (int i = 0; i < layout->geometry.n_cameras; i++)
+        if (!finish_camera(devices, layout, i, error))
+            return FALSE;
     return TRUE;
 }
 

@@ -51,8 +51,8 @@ static gboolean check_format(const Camera *camera, GError **error) {
     return FALSE;
 }
 
-Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
-                    const char *const *also, Clock *clock, GError **error) {
+Camera *camera_open_begin(const struct camera_driver *driver, const struct config_section *section,
+                          const char *const *also, Clock *clock, GError **error) {
     Camera *camera = g_new0(Camera, 1);
     camera->driver = driver;
     camera->state = g_new0(struct camera_state, 1);
@@ -61,11 +61,21 @@ Camera *camera_open(const struct camera_driver *driver, const struct config_sect
         camera_free(camera);
         return NULL;
     }
-    if (!check_format(camera, error)) {
-        camera_close(camera);
-        return NULL;
-    }
     return camera;
+}
+
+gboolean camera_open_finish(Camera *camera, GError **error) {
+    return (!camera->driver->opened || camera->driver->opened(camera, error)) &&
+           check_format(camera, error);
+}
+
+Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
+                    const char *const *also, Clock *clock, GError **error) {
+    Camera *camera = camera_open_begin(driver, section, also, clock, error);
+    if (!camera || camera_open_finish(camera, error))
+        return camera;
+    camera_close(camera);
+    return NULL;
 }
 
 void camera_close(Camera *camera) {

@@ -41,6 +41,9 @@ struct camera_settings {
 struct camera_driver {
     struct driver_info info;
     gboolean (*open)(Camera *camera, GError **error); /* fills camera->format */
+    /* May be NULL. Where a camera takes long to open, open() only sets that off, in a thread, and
+     * opened() waits until it is done and fills camera->format: so several are opened at once. */
+    gboolean (*opened)(Camera *camera, GError **error);
     void (*close)(Camera *camera);
     /* Takes effect for the next trigger; called only while no trigger waits. */
     gboolean (*configure)(Camera *camera, const struct camera_settings *settings, GError **error);
@@ -58,6 +61,13 @@ struct Camera {
     struct camera_state *state;
 };
 
+/* In two steps: what was set off may be finished, or closed, and nothing else; the other cameras
+ * can be set off meanwhile. A camera that cannot be finished is still to be closed. */
+Camera *camera_open_begin(const struct camera_driver *driver, const struct config_section *section,
+                          const char *const *also, Clock *clock, GError **error);
+gboolean camera_open_finish(Camera *camera, GError **error);
+
+/* Both. */
 Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
                     const char *const *also, Clock *clock, GError **error);
 void camera_close(Camera *camera); /* disarms; NULL is ignored */

@@ -326,6 +326,71 @@ static void refused_options(void) {
     eye_end(&eye);
 }
 
+static Camera *set_off(VirtualGige *device, int i, Clock *clock) {
+    g_autofree char *text = g_strdup_printf("[camera eye%d]\ndriver = aravis\ndevice = %s\n", i,
+                                            virtual_gige_address(device));
+    g_autoptr(Config) config = config_parse(text, "./rig.conf", NULL);
+    GError *error = NULL;
+    Camera *camera = camera_open_begin(&aravis_camera_driver, config_find(config, "camera", NULL),
+                                       NULL, clock, &error);
+    g_assert_no_error(error);
+    return camera;
+}
+
+/* Slow cameras are opened in about the time of one. */
+static void opened_at_once(void) {
+    struct virtual_gige_faults slow = {.answer_us = 10000};
+    VirtualGige *devices[8];
+    Camera *cameras[8];
+    Clock *clock = clock_new_real();
+    gint64 took_us[2];
+    for (int i = 0; i < 8; i++) {
+        g_autofree char *serial = g_strdup_printf("SLOW%d", i);
+        devices[i] = eye_device(serial, 64, 48, CFA_MONO);
+        virtual_gige_fail(devices[i], &slow);
+    }
+    for (int k = 0; k < 2; k++) {
+        int n = k == 0 ? 1 : 8;
+        gint64 begun = g_get_monotonic_time();
+        for (int i = 0; i < n; i++)
+            cameras[i] = set_off(devices[i], i, clock);
+        for (int i = 0; i < n; i++) {
+            GError *error = NULL;
+            camera_open_finish(cameras[i], &error);
+            g_assert_no_error(error);
+            g_assert_cmpint(cameras[i]->format.width, ==, 64);
+        }
+        took_us[k] = g_get_monotonic_time() - begun;
+        for (int i = 0; i < n; i++)
+            camera_close(cameras[i]);
+    }
+    g_test_message("one: %.0f ms, eight: %.0f ms", (double)took_us[0] / 1e3,
+                   (double)took_us[1] / 1e3);
+    g_assert_cmpint(took_us[0], >, 200000);
+    g_assert_cmpint(took_us[1], <, 4 * took_us[0]);
+    for (int i = 0; i < 8; i++)
+        virtual_gige_free(devices[i]);
+    clock_unref(clock);
+}
+
+/* Closed while it is still being opened. */
+static void closed_before_opened(void) {
+    VirtualGige *device = eye_device("SLOW", 64, 48, CFA_MONO);
+    struct virtual_gige_faults slow = {.answer_us = 10000}, none = {0};
+    struct eye eye = {.device = device};
+    Clock *clock = clock_new_real();
+    GError *error = NULL;
+    virtual_gige_fail(device, &slow);
+    camera_close(set_off(device, 0, clock));
+    virtual_gige_fail(device, &none);
+    eye_open(&eye, "", &error);
+    g_assert_no_error(error);
+    g_assert_true(eye_ready(&eye, 1000, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+    eye_end(&eye);
+    clock_unref(clock);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_autoptr(VirtualGige) camera = eye_device("CONFORMANCE", 640, 480, CFA_RGGB);
@@ -347,6 +412,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/gige/packet-socket", packet_socket);
     g_test_add_func("/gige/hardware-trigger", hardware_trigger);
     g_test_add_func("/gige/eight-at-once", eight_at_once);
+    g_test_add_func("/gige/opened-at-once", opened_at_once);
+    g_test_add_func("/gige/closed-before-opened", closed_before_opened);
     g_test_add_func("/gige/scan", scan);
     g_test_add_func("/gige/by-serial", by_serial);
     g_test_add_func("/gige/refused-options", refused_options);

@@ -235,13 +235,17 @@ static gboolean check_options(const Camera *camera, GError **error) {
 
 static gboolean open_camera(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    const struct aravis_options *given = &priv->options;
-    g_autoptr(GError) why = NULL;
     if (!check_options(camera, error))
         return FALSE;
-    priv->worker =
-        aravis_worker_new(camera->device.name, given, &hooks, camera, &priv->limits, &why);
-    if (!priv->worker) {
+    priv->worker = aravis_worker_new(camera->device.name, &priv->options, &hooks, camera);
+    return TRUE;
+}
+
+static gboolean opened(Camera *camera, GError **error) {
+    struct aravis_camera *priv = camera->device.priv;
+    const struct aravis_options *given = &priv->options;
+    g_autoptr(GError) why = NULL;
+    if (!aravis_worker_await(priv->worker, &priv->limits, &why)) {
         set_named(camera, why, error);
         return FALSE;
     }
@@ -270,6 +274,7 @@ const struct camera_driver aravis_camera_driver = {
     .info = {"camera", "aravis", "A GigE Vision or USB3 Vision camera", options,
              sizeof(struct aravis_camera)},
     .open = open_camera,
+    .opened = opened,
     .close = close_camera,
     .configure = configure,
     .arm = arm,

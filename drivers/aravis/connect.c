@@ -16,6 +16,9 @@
 
 static GMutex list_lock;
 
+/* Aravis 0.8 reads the cameras' XML with a parser whose state is static. */
+static GMutex parser_lock;
+
 void aravis_list_lock(void) {
     g_mutex_lock(&list_lock);
 }
@@ -75,7 +78,9 @@ static ArvDevice *open_gige(const char *ip, GError **error) {
                     "another program controls it; end that program");
         return NULL;
     }
+    g_mutex_lock(&parser_lock);
     ArvDevice *device = arv_gv_device_new(ours, theirs, &why);
+    g_mutex_unlock(&parser_lock);
     if (!device) {
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "%s: %s", ip,
                     why ? why->message : "it cannot be opened");
@@ -120,7 +125,9 @@ static char *look_up(const char *id, gboolean *ret_gige, GError **error) {
 
 static ArvDevice *open_other(const char *id, GError **error) {
     g_autoptr(GError) why = NULL;
+    g_mutex_lock(&parser_lock);
     ArvDevice *device = arv_open_device(id, &why);
+    g_mutex_unlock(&parser_lock);
     if (!device)
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "%s",
                     why ? why->message : "it cannot be opened");

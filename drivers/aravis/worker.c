@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of who ended without a word: 3 s */
-#define OPEN_LIMIT_S   20
+#define OPEN_LIMIT_S   15  /* all cameras together: half of what the service's watchdog waits */
 #define CLOSE_LIMIT_S  1
 #define LOOK_EVERY_US  G_USEC_PER_SEC
 #define CHECK_EVERY_US (G_USEC_PER_SEC / 2)
@@ -42,6 +42,7 @@ struct AravisWorker {
     gpointer data;
     gboolean closed;
     guint generation;
+    gint64 begun_us;
 
     GMutex mutex; /* of what follows */
     GCond cond;
@@ -391,30 +392,33 @@ static gboolean wait_for(AravisWorker *worker, const gboolean *what, double seco
 }
 
 AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
-                                const struct aravis_hooks *hooks, gpointer data,
-                                struct aravis_limits *ret, GError **error) {
+                                const struct aravis_hooks *hooks, gpointer data) {
     AravisWorker *worker = g_new0(AravisWorker, 1);
     worker->ref_count = 2;
     worker->hooks = *hooks;
     worker->data = data;
+    worker->begun_us = g_get_monotonic_time();
     worker->jobs = g_async_queue_new_full(g_free);
     g_mutex_init(&worker->mutex);
     g_cond_init(&worker->cond);
     copy_options(options, &worker->options);
     g_thread_unref(g_thread_new(name, work, worker));
-    if (!wait_for(worker, &worker->opened, OPEN_LIMIT_S)) {
+    return worker;
+}
+
+gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error) {
+    double since_s = (double)(g_get_monotonic_time() - worker->begun_us) * 1e-6;
+    if (!wait_for(worker, &worker->opened, OPEN_LIMIT_S - since_s)) {
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
                     "it could not be opened in %d s; check its power and cable", OPEN_LIMIT_S);
-        aravis_worker_free(worker);
-        return NULL;
+        return FALSE;
     }
     if (worker->open_error) {
         g_propagate_error(error, g_error_copy(worker->open_error));
-        aravis_worker_free(worker);
-        return NULL;
+        return FALSE;
     }
     *ret = worker->limits;
-    return worker;
+    return TRUE;
 }
 
 void aravis_worker_free(AravisWorker *worker) {

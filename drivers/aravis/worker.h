@@ -24,10 +24,12 @@ struct aravis_hooks {
     void (*lost)(const GError *error, gpointer data);
 };
 
-/* Waits until the camera is open. The options are copied. */
+/* Sets off the opening of the camera. The options are copied. */
 AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
-                                const struct aravis_hooks *hooks, gpointer data,
-                                struct aravis_limits *ret, GError **error);
+                                const struct aravis_hooks *hooks, gpointer data);
+
+/* Waits until it is open: before anything else but aravis_worker_free(). */
+gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error);
 
 /* No hook is called any more. Waits until the camera is let go of, but not for one that does not
  * answer. NULL is ignored. */

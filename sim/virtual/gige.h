@@ -62,6 +62,7 @@ struct virtual_gige_faults {
     gint64 slow_us;      /* from the trigger to the exposure */
     gboolean announces;  /* the first packet of a picture leaves when it is triggered, too */
     int mtu;             /* larger packets do not get through; 0: all do */
+    gint64 answer_us;    /* every answer on its control channel is so late */
     double rounding_us;  /* exposures are multiples of this; 0: of 1 µs */
 };
 void virtual_gige_fail(VirtualGige *camera, const struct virtual_gige_faults *faults);

@@ -251,6 +251,8 @@ void gige_serve(VirtualGige *camera, int from_socket) {
     gige_put16(reply + 2, command + 1);
     gige_put16(reply + 4, (guint)(status ? 0 : size));
     memcpy(reply + 6, request + 6, 2);
+    if (camera->faults.answer_us > 0)
+        g_usleep((gulong)camera->faults.answer_us);
     sendto(camera->control, reply, 8 + (status ? 0 : size), 0, (struct sockaddr *)&from, from_size);
 }
 
