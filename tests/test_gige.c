@@ -140,7 +140,7 @@ static void stamps_of_the_end(void) {
     struct eye eye;
     struct virtual_gige_state state;
     struct virtual_gige_faults faults = {.stamps_end = TRUE};
-    struct camera_settings settings = {.exposure_us = 20000};
+    struct camera_settings settings = {.exposure_us = 200000};
     eye_begin(&eye, "stamp = end");
     virtual_gige_fail(eye.device, &faults);
     g_assert_true(camera_configure(eye.camera, &settings, NULL));
