@@ -289,3 +289,25 @@ void gpu_target_clear(struct gpu_target *target) {
     glDeleteTextures(1, &target->depth);
     *target = (struct gpu_target){0};
 }
+
+void gpu_turn_over(void *picture, gsize stride, int height) {
+    g_autofree guint8 *row = g_malloc(stride);
+    for (int j = 0; j < height / 2; j++) {
+        guint8 *a = (guint8 *)picture + j * stride;
+        guint8 *b = (guint8 *)picture + (height - 1 - j) * stride;
+        memcpy(row, a, stride);
+        memcpy(a, b, stride);
+        memcpy(b, row, stride);
+    }
+}
+
+guint8 *gpu_target_read(const struct gpu_target *target, GError **error) {
+    g_autofree guint8 *rgb = g_malloc(3 * (gsize)target->width * target->height);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    glPixelStorei(GL_PACK_ALIGNMENT, 1);
+    glReadPixels(0, 0, target->width, target->height, GL_RGB, GL_UNSIGNED_BYTE, rgb);
+    if (!gpu_check("reading the picture", error))
+        return NULL;
+    gpu_turn_over(rgb, 3 * (gsize)target->width, target->height);
+    return g_steal_pointer(&rgb);
+}

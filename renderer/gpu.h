@@ -51,3 +51,9 @@ struct gpu_target {
 gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
                            gboolean depth, GError **error);
 void gpu_target_clear(struct gpu_target *target);
+
+/* What was drawn: width × height × 3 bytes, top row first; g_free(). */
+guint8 *gpu_target_read(const struct gpu_target *target, GError **error);
+
+/* Bottom row first to top row first, or back; stride: bytes a row. */
+void gpu_turn_over(void *picture, gsize stride, int height);

@@ -12,13 +12,13 @@ G_DEFINE_QUARK(reference_error, reference_error)
 
 struct file {
     char *path;
-    float theta_deg, phi_deg;
 };
 
 struct Reference {
-    GArray *files;                   /* of struct file, one a view */
-    GPtrArray *names;                /* of the parts, one a light */
-    GArray *light_theta, *light_phi; /* of float, degrees */
+    GArray *files;                 /* of struct file, one a view */
+    GPtrArray *names;              /* of the parts, one a light */
+    GArray *view_theta, *view_phi; /* of float, degrees */
+    GArray *light_theta, *light_phi;
     int width, height;
 };
 
@@ -60,6 +60,8 @@ void reference_free(Reference *r) {
         return;
     g_array_unref(r->files);
     g_ptr_array_unref(r->names);
+    g_array_unref(r->view_theta);
+    g_array_unref(r->view_phi);
     g_array_unref(r->light_theta);
     g_array_unref(r->light_phi);
     g_free(r);
@@ -118,16 +120,19 @@ static gboolean take_file(Reference *r, const char *path, GError **error) {
     struct exr_file *headers = exr_read_headers(path, error);
     if (headers == NULL)
         return FALSE;
-    struct file file = {g_strdup(path), 0.0f, 0.0f};
+    struct file file = {g_strdup(path)};
+    float theta = 0.0f, phi = 0.0f;
     g_autoptr(GError) why = NULL;
     gboolean good = (r->files->len > 0 || take_lights(r, headers, &why)) && r->names->len > 0;
     for (guint k = 0; good && k < r->names->len; k++) {
         const struct exr_part *part = exr_file_part(headers, r->names->pdata[k]);
         good = part != NULL && part->width == r->width && part->height == r->height &&
-               read_direction(part, "view", &file.theta_deg, &file.phi_deg, &why);
+               read_direction(part, "view", &theta, &phi, &why);
     }
     exr_file_free(headers);
     g_array_append_val(r->files, file);
+    g_array_append_val(r->view_theta, theta);
+    g_array_append_val(r->view_phi, phi);
     if (!good)
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
                     "%s: %s; delete it and process again", path,
@@ -143,6 +148,8 @@ Reference *reference_open(const char *btf, GError **error) {
     r->files = g_array_new(FALSE, FALSE, sizeof(struct file));
     g_array_set_clear_func(r->files, file_clear);
     r->names = g_ptr_array_new_with_free_func(g_free);
+    r->view_theta = g_array_new(FALSE, FALSE, sizeof(float));
+    r->view_phi = g_array_new(FALSE, FALSE, sizeof(float));
     r->light_theta = g_array_new(FALSE, FALSE, sizeof(float));
     r->light_phi = g_array_new(FALSE, FALSE, sizeof(float));
     for (guint k = 0; k < paths->len; k++)
@@ -152,13 +159,8 @@ Reference *reference_open(const char *btf, GError **error) {
 }
 
 static Directions *view_directions(const Reference *r, GError **error) {
-    g_autofree float *theta = g_new(float, r->files->len);
-    g_autofree float *phi = g_new(float, r->files->len);
-    for (guint k = 0; k < r->files->len; k++) {
-        theta[k] = g_array_index(r->files, struct file, k).theta_deg;
-        phi[k] = g_array_index(r->files, struct file, k).phi_deg;
-    }
-    return directions_new(theta, phi, r->files->len, error);
+    const struct reference_info info = reference_info(r);
+    return directions_new(info.view_theta_deg, info.view_phi_deg, info.n_views, error);
 }
 
 static Directions *light_directions(const Reference *r, GError **error) {
@@ -270,29 +272,54 @@ static void mix_layers(struct layers *l) {
     }
 }
 
-static gboolean load_view(const Reference *r, const char *path, struct layers *l, GError **error) {
+/* Lights × texels × stride floats, of which R G B are set. */
+static gboolean read_file(const Reference *r, const char *path, int stride, float *ret,
+                          GError **error) {
+    static const char *const channels[] = {"R", "G", "B"};
+    const gsize texels = (gsize)r->width * r->height;
     struct exr_file *file = exr_read(path, error);
     if (file == NULL)
         return FALSE;
     gboolean good = TRUE;
     for (guint light = 0; good && light < r->names->len; light++) {
         const struct exr_part *part = exr_file_part(file, r->names->pdata[light]);
-        static const char *const channels[] = {"R", "G", "B"};
         good = part != NULL && part->width == r->width && part->height == r->height;
         for (int c = 0; good && c < 3; c++) {
             const float *plane = exr_part_plane(part, channels[c]);
             good = plane != NULL;
-            for (gsize k = 0; good && k < l->size / 4; k++)
-                l->texels[l->size * light + 4 * k + c] = isfinite(plane[k]) ? plane[k] : 0.0f;
+            for (gsize k = 0; good && k < texels; k++)
+                ret[stride * (texels * light + k) + c] = isfinite(plane[k]) ? plane[k] : 0.0f;
         }
     }
     exr_file_free(file);
-    if (good)
-        mix_layers(l);
-    else
+    if (!good)
         g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
                     "%s: a light or a colour is missing; delete it and process again", path);
     return good;
+}
+
+static gboolean load_view(const Reference *r, const char *path, struct layers *l, GError **error) {
+    if (!read_file(r, path, 4, l->texels, error))
+        return FALSE;
+    mix_layers(l);
+    return TRUE;
+}
+
+gboolean reference_read_view(const Reference *r, int view, float *ret, GError **error) {
+    return read_file(r, g_array_index(r->files, struct file, view).path, 3, ret, error);
+}
+
+struct reference_info reference_info(const Reference *r) {
+    return (struct reference_info){
+        .width = r->width,
+        .height = r->height,
+        .n_views = (int)r->files->len,
+        .n_lights = (int)r->names->len,
+        .view_theta_deg = (const float *)(const void *)r->view_theta->data,
+        .view_phi_deg = (const float *)(const void *)r->view_phi->data,
+        .light_theta_deg = (const float *)(const void *)r->light_theta->data,
+        .light_phi_deg = (const float *)(const void *)r->light_phi->data,
+    };
 }
 
 /* One view after the other into all samples. */

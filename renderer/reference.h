@@ -26,6 +26,16 @@ Reference *reference_open(const char *btf, GError **error);
 void reference_free(Reference *reference); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Reference, reference_free)
 
+struct reference_info {
+    int width, height, n_views, n_lights;
+    const float *view_theta_deg, *view_phi_deg;   /* n_views; owned by the reference, as the next */
+    const float *light_theta_deg, *light_phi_deg; /* n_lights */
+};
+struct reference_info reference_info(const Reference *reference);
+
+/* n_lights × height × width × 3 (R, G, B). */
+gboolean reference_read_view(const Reference *reference, int view, float *ret, GError **error);
+
 /* As view_render() and view_render_linear(); the view gives mesh, background and tone. ret_error,
  * if not NULL: ‖view − reference‖ / ‖reference‖ over the samples that show the mesh. */
 guint8 *reference_render(Reference *reference, View *view, const struct view_settings *settings,

@@ -32,6 +32,7 @@ struct View {
     gpointer material;                     /* of the method */
     guint surface_program, relief_program; /* of the method */
     Relief *relief;
+    guint flat_program; /* of the method, once it is wanted; or 0 */
     guint plain_program, geometry_program, background_program, resolve_program;
     guint array, vertices, shapes, indices, empty_array;
     guint n_indices, n_casting, serial;
@@ -131,9 +132,9 @@ void view_free(View *view) {
     if (view->method != NULL)
         view->method->free(view->material);
     relief_free(view->relief);
-    const guint programs[] = {view->surface_program,    view->relief_program,
-                              view->plain_program,      view->geometry_program,
-                              view->background_program, view->resolve_program};
+    const guint programs[] = {
+        view->flat_program,     view->surface_program,    view->relief_program, view->plain_program,
+        view->geometry_program, view->background_program, view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
         glDeleteProgram(programs[k]);
     glDeleteVertexArrays(1, &view->array);
@@ -171,6 +172,8 @@ static gboolean make_surface(View *view, const struct method *method, GError **e
     }
     glDeleteProgram(view->surface_program);
     glDeleteProgram(view->relief_program);
+    glDeleteProgram(view->flat_program);
+    view->flat_program = 0;
     view->surface_program = surface;
     view->relief_program = relief;
     return TRUE;
@@ -409,27 +412,6 @@ gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer,
     return gpu_check("drawing", error);
 }
 
-static void turn_over(void *picture, gsize stride, int height) {
-    g_autofree guint8 *row = g_malloc(stride);
-    for (int j = 0; j < height / 2; j++) {
-        guint8 *a = (guint8 *)picture + j * stride;
-        guint8 *b = (guint8 *)picture + (height - 1 - j) * stride;
-        memcpy(row, a, stride);
-        memcpy(a, b, stride);
-        memcpy(b, row, stride);
-    }
-}
-
-static guint8 *read_picture(View *view, int width, int height, GError **error) {
-    g_autofree guint8 *rgb = g_malloc(3 * (gsize)width * height);
-    glPixelStorei(GL_PACK_ALIGNMENT, 1);
-    glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, rgb);
-    if (!gpu_check("reading the picture", error))
-        return NULL;
-    turn_over(rgb, 3 * (gsize)width, height);
-    return g_steal_pointer(&rgb);
-}
-
 static float *read_floats(const struct gpu_target *target, GError **error) {
     g_autofree float *rgba = g_new(float, 4 * (gsize)target->width * target->height);
     glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
@@ -437,7 +419,7 @@ static float *read_floats(const struct gpu_target *target, GError **error) {
     glReadPixels(0, 0, target->width, target->height, GL_RGBA, GL_FLOAT, rgba);
     if (!gpu_check("reading the picture", error))
         return NULL;
-    turn_over(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
+    gpu_turn_over(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
     return g_steal_pointer(&rgba);
 }
 
@@ -446,7 +428,7 @@ guint8 *view_render(View *view, const struct view_settings *s, int width, int he
     if (!gpu_target_resize(&view->picture, width, height, GL_RGBA8, FALSE, error) ||
         !view_draw(view, s, view->picture.framebuffer, width, height, error))
         return NULL;
-    return read_picture(view, width, height, error);
+    return gpu_target_read(&view->picture, error);
 }
 
 float *view_render_linear(View *view, const struct view_settings *s, int width, int height,
@@ -472,6 +454,36 @@ float *view_render_geometry(View *view, const struct view_settings *s, enum view
     return read_floats(&view->geometry, error);
 }
 
+static guint flat_program(View *view, GError **error) {
+    const char *names[METHOD_SHADERS + 4] = {"screen.vert", "flat.glsl"};
+    int n = 2;
+    for (int k = 0; view->method->shaders[k] != NULL && k < METHOD_SHADERS; k++)
+        names[n++] = view->method->shaders[k];
+    names[n] = "flat.frag";
+    if (view->flat_program == 0)
+        view->flat_program = gpu_program(names, error);
+    return view->flat_program;
+}
+
+float *view_render_flat(View *view, const struct view_settings *s, const float to_view[3],
+                        const float to_light[3], int width, int height, GError **error) {
+    const guint program = flat_program(view, error);
+    if (program == 0 || !gpu_target_resize(&view->geometry, width, height, GL_RGBA32F, TRUE, error))
+        return NULL;
+    begin(&view->geometry);
+    glDisable(GL_BLEND);
+    glDisable(GL_DEPTH_TEST);
+    glUseProgram(program);
+    view->method->bind(view->material, program, &s->style);
+    glUniform3fv(glGetUniformLocation(program, "to_view"), 1, to_view);
+    glUniform3fv(glGetUniformLocation(program, "to_light"), 1, to_light);
+    glUniform1f(glGetUniformLocation(program, "ambient"), 0.0f);
+    glBindVertexArray(view->empty_array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindVertexArray(0);
+    return read_floats(&view->geometry, error);
+}
+
 guint8 *view_resolve(View *view, const struct view_settings *s, const float *linear, int width,
                      int height, GError **error) {
     int w = width * s->samples, h = height * s->samples;
@@ -480,13 +492,13 @@ guint8 *view_resolve(View *view, const struct view_settings *s, const float *lin
         !gpu_target_resize(&view->picture, width, height, GL_RGBA8, FALSE, error))
         return NULL;
     g_autofree float *rows = g_memdup2(linear, 4 * sizeof(float) * (gsize)w * h);
-    turn_over(rows, 4 * sizeof(float) * (gsize)w, h);
+    gpu_turn_over(rows, 4 * sizeof(float) * (gsize)w, h);
     glActiveTexture(GL_TEXTURE0);
     glBindTexture(GL_TEXTURE_2D, view->scene.colour);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, w, h, GL_RGBA, GL_FLOAT, rows);
     resolve(view, s, s->samples, view->picture.framebuffer, width, height);
-    return read_picture(view, width, height, error);
+    return gpu_target_read(&view->picture, error);
 }
 
 void view_finish(void) {

@@ -82,6 +82,11 @@ enum view_geometry {
 float *view_render_geometry(View *view, const struct view_settings *settings,
                             enum view_geometry which, int width, int height, GError **error);
 
+/* One tile seen flat, a texel of it wherever a pixel is, all from the same directions in its frame:
+ * width × height × 4 floats, top row first, linear reflectance under the lamp alone. */
+float *view_render_flat(View *view, const struct view_settings *settings, const float to_view[3],
+                        const float to_light[3], int width, int height, GError **error);
+
 /* The other half of view_render(): a linear picture of samples × samples a pixel, exposed and toned
  * to width × height × 3 bytes. */
 guint8 *view_resolve(View *view, const struct view_settings *settings, const float *linear,

@@ -1,209 +1,64 @@
-#include "window.h"
+#include "window_private.h"
 
-#include "gpu.h"
 #include "picture.h"
+#include "snapshot.h"
 
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
-#include <glib/gstdio.h>
 #include <math.h>
 
-static const char help[] = "drag left       orbit\n"
-                           "drag right      move the light\n"
-                           "wheel           zoom\n"
-                           "1 2 3 4 5       plane, torus, sphere, cylinder, torus knot\n"
-                           "0               the shape it was started with\n"
-                           "+ −             exposure\n"
-                           "[ ]             fewer, more tiles\n"
-                           "P               plain texture, to compare\n"
-                           "O               outlines of the structure (silhouettes)\n"
-                           "H               shadows that the shape casts\n"
-                           "R               as it was at the start\n"
-                           "S               screenshot\n"
-                           "F1              this help\n"
-                           "Esc, Q          close\n";
-
-struct window {
-    GLFWwindow *glfw;
-    const struct window_options *options;
-    View *view;
-    struct view_settings settings;
-    const char *shape;
-    double tiles_u, tiles_v;
-    double x, y;    /* of the mouse */
-    gboolean stale; /* must be drawn again */
-    GError *error;  /* of a callback; ends the loop */
-    gint64 file_time, mdf_time, looked_us;
-    int n_screenshots;
-};
+#define DEMO "fabric-ashikhmin" /* shown at once, while the material is opened */
 
 static void set_title(struct window *w) {
-    g_autofree char *name = g_path_get_basename(w->options->material);
+    g_autofree char *name = g_path_get_basename(w->material);
     g_autofree char *title = g_strdup_printf("%s on %s – light %.0f°, %.0f° – %+.1f EV – F1: help",
                                              name, w->shape, w->settings.light_theta_deg,
                                              w->settings.light_phi_deg, w->settings.exposure_ev);
     glfwSetWindowTitle(w->glfw, title);
 }
 
-/* tiles: of which tiles_u and tiles_v are taken; NULL: as the shape has it. */
-static void set_shape(struct window *w, const char *shape, const struct view_settings *tiles) {
-    g_autoptr(GError) error = NULL;
-    struct scene_options scene = {.up = w->options->up, .floor = w->options->floor};
-    if (tiles != NULL) {
-        scene.tiles_u = tiles->tiles_u;
-        scene.tiles_v = tiles->tiles_v;
-    }
-    struct mesh *mesh = scene_make(shape, &scene, &error);
-    if (mesh != NULL && view_set_mesh(w->view, mesh, &error)) {
-        w->shape = shape;
-        w->tiles_u = mesh->tiles_u;
-        w->tiles_v = mesh->tiles_v;
-        w->settings.tiles_u = w->settings.tiles_v = 0.0;
-        w->settings.camera_distance = w->options->settings.camera_distance;
-        w->stale = TRUE;
-    } else if (w->error == NULL) {
-        w->error = g_steal_pointer(&error);
-    }
-    mesh_free(mesh);
+/* The picture and the panel over it, into the window's back buffer. */
+static void paint(struct window *w) {
+    const int width = w->scene.width, height = w->scene.height;
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, w->scene.framebuffer);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
+    glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+    glBindFramebuffer(GL_FRAMEBUFFER, 0);
+    glViewport(0, 0, width, height);
+    ui_begin(w->ui);
+    window_panel(w);
+    ui_end(w->ui);
 }
 
-static void scale_tiles(struct window *w, double factor) {
-    double u = w->settings.tiles_u > 0.0 ? w->settings.tiles_u : w->tiles_u;
-    double v = w->settings.tiles_v > 0.0 ? w->settings.tiles_v : w->tiles_v;
-    w->settings.tiles_u = CLAMP(u * factor, 0.01, 500.0);
-    w->settings.tiles_v = CLAMP(v * factor, 0.01, 500.0);
+static guint8 *read_window(struct window *w, int width, int height, GError **error) {
+    const struct gpu_target window = {.width = width, .height = height};
+    paint(w);
+    return gpu_target_read(&window, error);
 }
 
-static gboolean save(struct window *w, const char *path, GError **error) {
+gboolean window_save(struct window *w, const char *path, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
     struct view_settings settings = w->settings;
     settings.samples = MAX(settings.samples, 3);
-    g_autofree guint8 *rgb = view_render(w->view, &settings, width, height, error);
-    const char *texts[] = {"Software", "mesorig-view " MESORIG_VERSION,
-                           "Material", w->options->material,
-                           "Shape",    w->shape,
-                           NULL};
-    return rgb != NULL && picture_write_png(path, rgb, width, height, texts, error);
-}
-
-static gint64 time_of(const char *path) {
-    GStatBuf info;
-    return g_stat(path, &info) == 0
-               ? info.st_mtim.tv_sec * G_USEC_PER_SEC + info.st_mtim.tv_nsec / 1000
-               : -1;
-}
-
-/* Unless it is open already and has not changed since. */
-static gboolean open_mdf(struct window *w, GError **error) {
-    gint64 changed = time_of(w->options->mdf);
-    if (changed >= 0 && changed == w->mdf_time)
-        return TRUE;
-    if (!view_open_mdf(w->view, w->options->mdf, error))
-        return FALSE;
-    w->mdf_time = changed;
-    return TRUE;
-}
-
-static void screenshot(struct window *w) {
-    g_autoptr(GDateTime) now = g_date_time_new_now_local();
-    g_autofree char *time = g_date_time_format(now, "%Y-%m-%d-%H%M%S");
-    g_autofree char *path = g_strdup_printf("mesorig-%s-%d.png", time, ++w->n_screenshots);
-    g_autoptr(GError) error = NULL;
-    if (save(w, path, &error))
-        g_print("%s\n", path);
-    else
-        g_printerr("mesorig-view: %s\n", error->message);
-}
-
-static void toggle_silhouettes(struct window *w) {
-    g_autoptr(GError) error = NULL;
-    if (!w->settings.silhouettes && !open_mdf(w, &error))
-        g_printerr("mesorig-view: %s\n", error->message);
-    else
-        w->settings.silhouettes = !w->settings.silhouettes;
-}
-
-static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods) {
-    static const char *const names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot"};
-    struct window *w = glfwGetWindowUserPointer(glfw);
-    if (action == GLFW_RELEASE)
-        return;
-    w->stale = TRUE;
-    if (key >= GLFW_KEY_1 && key <= GLFW_KEY_5)
-        set_shape(w, names[key - GLFW_KEY_1], NULL);
-    else if (key == GLFW_KEY_0)
-        set_shape(w, w->options->shape, &w->options->settings);
-    else if (key == GLFW_KEY_P)
-        w->settings.plain = !w->settings.plain;
-    else if (key == GLFW_KEY_O)
-        toggle_silhouettes(w);
-    else if (key == GLFW_KEY_H)
-        w->settings.shadows = !w->settings.shadows;
-    else if (key == GLFW_KEY_R)
-        w->settings = w->options->settings;
-    else if (key == GLFW_KEY_S)
-        screenshot(w);
-    else if (key == GLFW_KEY_F1)
-        g_print("%s", help);
-    else if (key == GLFW_KEY_ESCAPE || key == GLFW_KEY_Q)
-        glfwSetWindowShouldClose(glfw, GLFW_TRUE);
-}
-
-/* By character, for + and [ are elsewhere on each keyboard. */
-static void on_character(GLFWwindow *glfw, unsigned character) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
-    double ev = character == '+' || character == '=' ? 0.25 : character == '-' ? -0.25 : 0.0;
-    w->settings.exposure_ev = CLAMP(w->settings.exposure_ev + ev, -20.0, 20.0);
-    if (character == '[' || character == ']')
-        scale_tiles(w, character == ']' ? 1.25 : 0.8);
-    w->stale = TRUE;
-}
-
-static void on_move(GLFWwindow *glfw, double x, double y) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
-    struct view_settings *s = &w->settings;
-    double dx = x - w->x, dy = y - w->y;
-    w->x = x;
-    w->y = y;
-    if (glfwGetMouseButton(glfw, GLFW_MOUSE_BUTTON_LEFT) == GLFW_PRESS) {
-        s->camera_azimuth_deg = fmod(s->camera_azimuth_deg - 0.4 * dx, 360.0);
-        s->camera_elevation_deg = CLAMP(s->camera_elevation_deg + 0.4 * dy, -90.0, 90.0);
-    } else if (glfwGetMouseButton(glfw, GLFW_MOUSE_BUTTON_RIGHT) == GLFW_PRESS) {
-        s->light_phi_deg = fmod(s->light_phi_deg + 0.4 * dx, 360.0);
-        s->light_theta_deg = CLAMP(s->light_theta_deg + 0.4 * dy, 0.0, 180.0);
-    } else {
-        return;
-    }
-    w->stale = TRUE;
-}
-
-static void on_wheel(GLFWwindow *glfw, double x, double y) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
-    struct view_settings *s = &w->settings;
-    if (s->camera_distance > 0.0) /* else nothing is drawn yet */
-        s->camera_distance = CLAMP(s->camera_distance * pow(0.9, y), 0.05, 50.0);
-    w->stale = TRUE;
-}
-
-static void on_stale(GLFWwindow *glfw) {
-    struct window *w = glfwGetWindowUserPointer(glfw);
-    w->stale = TRUE;
+    g_autofree guint8 *rgb = w->options->with_panel
+                                 ? read_window(w, width, height, error)
+                                 : compose_render(w->compose, w->view, w->second, &w->how,
+                                                  &settings, width, height, error);
+    const struct snapshot snapshot = {
+        .material = w->material,
+        .shape = w->shape,
+        .first = w->method,
+        .second = w->how.mode != COMPOSE_ONE ? w->second_method : NULL,
+        .how = &w->how,
+        .settings = &w->settings,
+    };
+    return rgb != NULL && snapshot_write(path, &snapshot, rgb, width, height, error);
 }
 
 static void on_glfw_error(int code, const char *text) {
     g_debug("GLFW %d: %s", code, text);
-}
-
-static void set_callbacks(GLFWwindow *glfw, struct window *w) {
-    glfwSetWindowUserPointer(glfw, w);
-    glfwSetKeyCallback(glfw, on_key);
-    glfwSetCharCallback(glfw, on_character);
-    glfwSetCursorPosCallback(glfw, on_move);
-    glfwSetScrollCallback(glfw, on_wheel);
-    glfwSetWindowRefreshCallback(glfw, on_stale);
-    glfwGetCursorPos(glfw, &w->x, &w->y);
 }
 
 /* GLFW, like EGL's display, stays initialised as long as the process lives. */
@@ -240,91 +95,124 @@ static GLFWwindow *open_window(const struct window_options *options, GError **er
     return glfw;
 }
 
-/* Processing replaces the file as a whole, so what is there can be read at once. */
-static void follow_material(struct window *w) {
-    gint64 now = g_get_monotonic_time();
-    if (now - w->looked_us < G_USEC_PER_SEC)
-        return;
-    w->looked_us = now;
-    g_autoptr(GError) error = NULL;
-    if (w->mdf_time > 0 && time_of(w->options->mdf) != w->mdf_time) {
-        if (!open_mdf(w, &error))
-            g_printerr("mesorig-view: %s\n", error->message);
-        g_clear_error(&error);
-        w->stale = TRUE;
-    }
-    gint64 changed = time_of(w->options->material);
-    if (changed == w->file_time || changed < 0)
-        return;
-    w->file_time = changed;
-    if (!view_open(w->view, w->options->method, w->options->material, &error))
-        g_printerr("mesorig-view: %s\n", error->message);
-    w->stale = TRUE;
+/* The fullest bin is as high as the picture of them; the square root shows the others. */
+static void count_levels(struct window *w, const guint8 *rgb) {
+    const gsize n = 3 * (gsize)w->scene.width * w->scene.height;
+    guint counts[3 * WINDOW_BINS] = {0}, most = 1;
+    for (gsize k = 0; k < n; k++)
+        counts[k % 3 * WINDOW_BINS + rgb[k] * WINDOW_BINS / 256]++;
+    for (gsize k = 0; k < G_N_ELEMENTS(counts); k++)
+        most = MAX(most, counts[k]);
+    for (gsize k = 0; k < G_N_ELEMENTS(counts); k++)
+        w->histogram[k] = sqrtf((float)counts[k] / (float)most);
 }
 
+static gboolean draw_scene(struct window *w, int width, int height, struct window_result *ret,
+                           GError **error) {
+    const gint64 start = g_get_monotonic_time();
+    /* Once a shape, so that it keeps its size while the user turns it. */
+    view_fit(w->view, &w->settings, (double)width / height);
+    if (!gpu_target_resize(&w->scene, width, height, GL_RGBA8, FALSE, error) ||
+        !compose_draw(w->compose, w->view, w->second, &w->how, &w->settings, w->scene.framebuffer,
+                      width, height, error))
+        return FALSE;
+    view_finish();
+    w->frame_ms = (double)(g_get_monotonic_time() - start) * 1e-3;
+    ret->seconds += w->frame_ms * 1e-3;
+    ret->n_frames++;
+    g_autofree guint8 *rgb = w->panel ? gpu_target_read(&w->scene, error) : NULL;
+    if (rgb != NULL)
+        count_levels(w, rgb);
+    w->stale = FALSE;
+    return rgb != NULL || !w->panel;
+}
+
+/* The panel is drawn anew at every event, the picture behind it when it has changed. */
 static gboolean draw_frame(struct window *w, struct window_result *ret, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
     if (width < 1 || height < 1)
         return TRUE;
-    /* Once a shape, so that it keeps its size while the user turns it. */
-    view_fit(w->view, &w->settings, (double)width / height);
-    gint64 start = g_get_monotonic_time();
-    if (!view_draw(w->view, &w->settings, 0, width, height, error))
+    if ((w->stale || w->options->close_after > 0 || w->scene.width != width ||
+         w->scene.height != height) &&
+        !draw_scene(w, width, height, ret, error))
         return FALSE;
-    view_finish();
-    ret->seconds += (g_get_monotonic_time() - start) * 1e-6;
-    ret->n_frames++;
+    paint(w);
     glfwSwapBuffers(w->glfw);
     set_title(w);
-    return TRUE;
+    return gpu_check("the window", error);
 }
 
 static gboolean loop(struct window *w, struct window_result *ret, GError **error) {
     int close_after = w->options->close_after;
     while (!glfwWindowShouldClose(w->glfw) && (close_after == 0 || ret->n_frames < close_after)) {
-        if (close_after > 0)
+        if (close_after > 0 || w->stale)
             glfwPollEvents();
         else
             glfwWaitEventsTimeout(0.25);
-        follow_material(w);
-        if (w->error != NULL) {
-            g_propagate_error(error, g_steal_pointer(&w->error));
-            return FALSE;
-        }
-        if (!w->stale && close_after == 0)
-            continue;
-        w->stale = FALSE;
+        window_follow(w);
         if (!draw_frame(w, ret, error))
             return FALSE;
     }
-    return w->options->screenshot == NULL || save(w, w->options->screenshot, error);
+    return w->options->screenshot == NULL || window_save(w, w->options->screenshot, error);
+}
+
+/* A picture of something comes before what takes seconds to read. */
+static gboolean draw_demo(struct window *w, struct window_result *ret, GError **error) {
+    const gboolean panel = w->panel;
+    w->method = method_find(DEMO);
+    w->material = g_strdup(DEMO);
+    if (!view_open(w->view, w->method, NULL, error))
+        return FALSE;
+    w->panel = FALSE;
+    const gboolean good = draw_frame(w, ret, error);
+    w->panel = panel;
+    w->stale = TRUE;
+    ret->first_seconds = (double)(g_get_monotonic_time() - w->options->started_us) / G_USEC_PER_SEC;
+    ret->n_frames = 0;
+    ret->seconds = 0.0;
+    return good;
 }
 
 static gboolean run(struct window *w, struct window_result *ret, GError **error) {
-    w->file_time = time_of(w->options->material);
     w->view = view_new(NULL, error);
-    if (w->view == NULL || !view_open(w->view, w->options->method, w->options->material, error) ||
-        (w->settings.silhouettes && !open_mdf(w, error)))
+    w->compose = w->view != NULL ? compose_new(error) : NULL;
+    if (w->compose == NULL)
         return FALSE;
     ret->renderer = g_strdup(gpu_renderer());
-    set_shape(w, w->options->shape, &w->options->settings);
-    return loop(w, ret, error);
+    window_set_shape(w, w->options->shape, &w->options->settings);
+    if (w->mesh == NULL) {
+        g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE, "%s", w->message);
+        return FALSE;
+    }
+    const gboolean silhouettes = w->settings.silhouettes;
+    w->settings.silhouettes = FALSE;
+    if (!draw_demo(w, ret, error))
+        return FALSE;
+    w->settings.silhouettes = silhouettes;
+    w->how = w->options->compose;
+    return window_open_first(w, error) && loop(w, ret, error);
 }
 
 gboolean window_run(const struct window_options *options, struct window_result *ret,
                     GError **error) {
-    struct window w = {.options = options, .settings = options->settings, .stale = TRUE};
+    struct window w = {.options = options,
+                       .settings = options->settings,
+                       .how = {.mode = COMPOSE_ONE},
+                       .panel = TRUE,
+                       .stale = TRUE};
     gboolean good = FALSE;
     *ret = (struct window_result){0};
-    w.shape = options->shape;
     w.glfw = open_window(options, error);
-    if (w.glfw != NULL) {
-        set_callbacks(w.glfw, &w);
-        good = run(&w, ret, error);
-        view_free(w.view);
-        glfwDestroyWindow(w.glfw);
-    }
-    g_clear_error(&w.error);
+    if (w.glfw == NULL)
+        return FALSE;
+    window_listen(&w);
+    w.ui = ui_new(w.glfw);
+    good = run(&w, ret, error);
+    window_clear_sources(&w);
+    compose_free(w.compose);
+    gpu_target_clear(&w.scene);
+    ui_free(w.ui);
+    glfwDestroyWindow(w.glfw);
     return good;
 }

@@ -375,6 +375,9 @@ static void test_program_usage(struct fixture *f, gconstpointer data) {
     check_usage(2, (const char *[]){PROGRAM, "--method", "lpca", NULL}, "mesorig compress");
     check_usage(2, (const char *[]){PROGRAM, "a", "--method", "lpca", "--plain", NULL}, "--plain");
     check_usage(2, (const char *[]){PROGRAM, "--rotation", "left", NULL}, "approximate");
+    check_usage(2, (const char *[]){PROGRAM, "a", "--split", "halves", NULL}, "--split halves");
+    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--measured", NULL}, "a session");
+    check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--live", NULL}, "eigenmaps");
     check_usage(2, (const char *[]){PROGRAM, "--bogus", NULL}, "--bogus");
     check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--size", "0x9", NULL}, "--size 0x9");
     check_usage(2, (const char *[]){PROGRAM, "a", "-o", "b", "--tiles", "3x", NULL}, "--tiles 3x");

@@ -1,0 +1,25 @@
+/* Two pictures of one scene in one: side by side, or what one differs from the other by. */
+#pragma once
+
+#include "view.h"
+
+enum compose_mode { COMPOSE_ONE, COMPOSE_SPLIT, COMPOSE_DIFFERENCE, COMPOSE_MODES };
+
+struct compose {
+    enum compose_mode mode;
+    double at;   /* split: where, 0 (left) … 1 */
+    double gain; /* difference: so many times what the second is brighter, around middle grey */
+};
+
+typedef struct Compose Compose; /* belongs to the thread of the GL context */
+
+Compose *compose_new(GError **error);
+void compose_free(Compose *compose); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Compose, compose_free)
+
+/* As view_draw() and view_render(); with COMPOSE_ONE second may be NULL. */
+gboolean compose_draw(Compose *compose, View *first, View *second, const struct compose *how,
+                      const struct view_settings *settings, guint framebuffer, int width,
+                      int height, GError **error);
+guint8 *compose_render(Compose *compose, View *first, View *second, const struct compose *how,
+                       const struct view_settings *settings, int width, int height, GError **error);

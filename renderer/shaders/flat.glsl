@@ -1,0 +1,7 @@
+// One tile of a material, seen flat; see view_render_flat().
+in vec2 at;
+
+uniform vec3 to_view, to_light;
+uniform float ambient;
+
+out vec4 colour;

@@ -1,0 +1,59 @@
+#include "snapshot.h"
+
+#include "picture.h"
+
+/* As people name it, "weave.session/products/eigenmaps.exr": where it lay on this machine is
+ * nobody's business who is sent the picture. */
+static char *shown_name(const char *path) {
+    g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
+    g_autofree char *folder_name = g_path_get_basename(folder);
+    g_autofree char *session = g_path_get_dirname(folder);
+    g_autofree char *session_name = g_path_get_basename(session);
+    if (!g_str_equal(folder_name, "products"))
+        return g_steal_pointer(&name);
+    return g_build_filename(session_name, folder_name, name, NULL);
+}
+
+static char *source_of(const struct snapshot *snapshot) {
+    static const char *const joined[COMPOSE_MODES] = {"", ", and on the right ",
+                                                      ", and how much brighter is "};
+    const gboolean two = snapshot->second != NULL;
+    return g_strconcat(snapshot->reference ? "the whole BTF" : snapshot->first->title,
+                       two ? joined[snapshot->how->mode] : NULL,
+                       two ? snapshot->second->title : NULL, NULL);
+}
+
+static const char *relief_of(const struct view_settings *s) {
+    return s->silhouettes && s->shadows ? "silhouettes, shadows"
+           : s->silhouettes             ? "silhouettes"
+           : s->shadows                 ? "shadows"
+                                        : "none";
+}
+
+gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
+                        int width, int height, GError **error) {
+    static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
+    const struct view_settings *s = snapshot->settings;
+    g_autofree char *light =
+        g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg);
+    g_autofree char *camera = g_strdup_printf(
+        "azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
+        s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance, s->camera_fov_deg);
+    g_autofree char *tiles = g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v);
+    g_autofree char *exposure =
+        g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient);
+    g_autofree char *name = shown_name(snapshot->material);
+    g_autofree char *source = source_of(snapshot);
+    const char *texts[] = {"Software", "mesorig-view " MESORIG_VERSION,
+                           "Material", name,
+                           "Shape",    snapshot->shape,
+                           "Tiles",    tiles,
+                           "Light",    light,
+                           "Camera",   camera,
+                           "Exposure", exposure,
+                           "Relief",   relief_of(s),
+                           "Rotation", rotations[s->style.rotation],
+                           "Source",   source,
+                           NULL};
+    return picture_write_png(path, rgb, width, height, texts, error);
+}

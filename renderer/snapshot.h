@@ -1,0 +1,16 @@
+/* A picture as a PNG file with all that it takes to make it again inside, as text. */
+#pragma once
+
+#include "compose.h"
+
+struct snapshot {
+    const char *material; /* path; only its last parts are shown */
+    const char *shape;
+    const struct method *first, *second; /* second: NULL, or what the first is compared with */
+    const struct compose *how;
+    gboolean reference;                   /* from the whole BTF instead */
+    const struct view_settings *settings; /* tiles as they are, not 0 */
+};
+
+gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
+                        int width, int height, GError **error);

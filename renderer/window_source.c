@@ -1,0 +1,251 @@
+#include "window_private.h"
+
+#include <epoxy/gl.h>
+#include <glib/gstdio.h>
+#include <string.h>
+
+#define DEMO "fabric-ashikhmin"
+
+void window_say(struct window *w, const char *message) {
+    if (message != NULL)
+        g_printerr("mesorig-view: %s\n", message);
+    g_free(w->message);
+    w->message = g_strdup(message);
+}
+
+static gint64 time_of(const char *path) {
+    GStatBuf info;
+    return path != NULL && g_stat(path, &info) == 0
+               ? info.st_mtim.tv_sec * G_USEC_PER_SEC + info.st_mtim.tv_nsec / 1000
+               : -1;
+}
+
+static const char *argument_of(const struct window *w, const struct method *method) {
+    return w->options->argument != NULL && method->product != NULL ? w->options->argument
+                                                                   : method->name;
+}
+
+/* Unless it is open already and has not changed since. */
+static gboolean open_mdf(struct window *w, GError **error) {
+    gint64 changed = time_of(w->options->mdf);
+    if (changed >= 0 && changed == w->mdf_time)
+        return TRUE;
+    if (!view_open_mdf(w->view, w->options->mdf, error) ||
+        (w->second != NULL && !view_open_mdf(w->second, w->options->mdf, error)))
+        return FALSE;
+    w->mdf_time = changed;
+    return TRUE;
+}
+
+static gboolean open_method(struct window *w, const struct method *method, GError **error) {
+    g_autofree char *path = method_path(method, argument_of(w, method));
+    if (!view_open(w->view, method, path, error))
+        return FALSE;
+    w->method = method;
+    w->file_time = time_of(path);
+    g_free(w->material);
+    w->material = g_steal_pointer(&path);
+    w->stale = TRUE;
+    return TRUE;
+}
+
+void window_set_method(struct window *w, const struct method *method) {
+    g_autoptr(GError) error = NULL;
+    const gboolean good = open_method(w, method, &error);
+    window_say(w, good ? NULL : error->message);
+}
+
+static gboolean open_second(struct window *w, const struct method *method, GError **error) {
+    g_autofree char *path = method_path(method, argument_of(w, method));
+    if (w->second == NULL) {
+        if ((w->second = view_new(NULL, error)) == NULL ||
+            !view_set_mesh(w->second, w->mesh, error))
+            return FALSE;
+        w->mdf_time = 0;
+    }
+    if (!view_open(w->second, method, path, error) ||
+        (w->settings.silhouettes && !open_mdf(w, error)))
+        return FALSE;
+    w->second_method = method;
+    g_free(w->second_material);
+    w->second_material = g_steal_pointer(&path);
+    return TRUE;
+}
+
+void window_set_second(struct window *w, const struct method *method, enum compose_mode mode) {
+    g_autoptr(GError) error = NULL;
+    const gboolean good =
+        mode == COMPOSE_ONE || method == w->second_method || open_second(w, method, &error);
+    w->how.mode = good ? mode : COMPOSE_ONE;
+    w->stale = TRUE;
+    window_say(w, good ? NULL : error->message);
+}
+
+static gboolean put_mesh(struct window *w, struct mesh *mesh, GError **error) {
+    return view_set_mesh(w->view, mesh, error) &&
+           (w->second == NULL || view_set_mesh(w->second, mesh, error));
+}
+
+void window_set_shape(struct window *w, const char *shape, const struct view_settings *tiles) {
+    g_autoptr(GError) error = NULL;
+    struct scene_options scene = {.up = w->options->up, .floor = w->options->floor};
+    if (tiles != NULL) {
+        scene.tiles_u = tiles->tiles_u;
+        scene.tiles_v = tiles->tiles_v;
+    }
+    struct mesh *mesh = scene_make(shape, &scene, &error);
+    if (mesh == NULL || !put_mesh(w, mesh, &error)) {
+        window_say(w, error->message);
+        mesh_free(mesh);
+        return;
+    }
+    mesh_free(w->mesh);
+    w->mesh = mesh;
+    w->shape = shape;
+    w->settings.tiles_u = mesh->tiles_u;
+    w->settings.tiles_v = mesh->tiles_v;
+    w->settings.camera_distance = w->options->settings.camera_distance;
+    w->stale = TRUE;
+    window_say(w, NULL);
+}
+
+void window_scale_tiles(struct window *w, double factor) {
+    w->settings.tiles_u = CLAMP(w->settings.tiles_u * factor, 0.01, 500.0);
+    w->settings.tiles_v = CLAMP(w->settings.tiles_v * factor, 0.01, 500.0);
+    w->stale = TRUE;
+}
+
+void window_toggle_silhouettes(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    const gboolean good = w->settings.silhouettes || open_mdf(w, &error);
+    if (good)
+        w->settings.silhouettes = !w->settings.silhouettes;
+    window_say(w, good ? NULL : error->message);
+    w->stale = TRUE;
+}
+
+static guint texture_of(const struct measured *m) {
+    guint texture = gpu_texture(GL_RGBA8, m->width, m->height, 0);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, m->width, m->height, GL_RGB, GL_UNSIGNED_BYTE, m->rgb);
+    return texture;
+}
+
+void window_compare_measured(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *btf =
+        w->session != NULL ? g_build_filename(w->session, "products", "btf", NULL) : NULL;
+    g_autoptr(Reference) reference = btf != NULL ? reference_open(btf, &error) : NULL;
+    struct measured found = {0};
+    if (reference != NULL &&
+        measured_compare(reference, w->view, &w->settings, 3 * 64, &found, &error)) {
+        measured_clear(&w->measured);
+        glDeleteTextures(1, &w->measured_texture);
+        w->measured = found;
+        w->measured_texture = texture_of(&found);
+        return;
+    }
+    w->show_measured = FALSE;
+    window_say(w, error != NULL ? error->message
+                                : "only a session has measured frames to compare with");
+}
+
+/* Processing replaces the file as a whole, so what is there can be read at once. */
+static void follow_material(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    if (w->mdf_time > 0 && time_of(w->options->mdf) != w->mdf_time) {
+        if (!open_mdf(w, &error))
+            window_say(w, error->message);
+        g_clear_error(&error);
+        w->stale = TRUE;
+    }
+    const gint64 changed = time_of(w->material);
+    if (changed != w->file_time && changed >= 0)
+        window_set_method(w, w->method);
+}
+
+static void show_live(struct window *w, struct eigenmaps *maps) {
+    g_autoptr(GError) error = NULL;
+    const gboolean good = view_set_material(w->view, maps, &error);
+    if (good) {
+        w->method = methods[0];
+        g_free(w->material);
+        w->material = method_path(w->method, w->session);
+        w->file_time = time_of(w->material);
+        w->stale = TRUE;
+    }
+    window_say(w, good ? NULL : error->message);
+}
+
+/* Until there are eigen-maps of the whole. */
+static void follow_live(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    int n_views = 0;
+    struct eigenmaps *maps = live_poll(w->live, &n_views, &error);
+    if (error != NULL)
+        window_say(w, error->message);
+    if (maps == NULL)
+        return;
+    w->n_live = n_views;
+    show_live(w, maps);
+    eigenmaps_free(maps);
+    g_autofree char *product = method_path(methods[0], w->session);
+    if (time_of(product) >= 0)
+        g_clear_pointer(&w->live, live_free);
+}
+
+static void look_at_views(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    GArray *views = live_views(w->session, &error);
+    if (views == NULL) {
+        window_say(w, error->message);
+        return;
+    }
+    g_clear_pointer(&w->planned, g_array_unref);
+    w->planned = views;
+}
+
+void window_follow(struct window *w) {
+    const gint64 now = g_get_monotonic_time();
+    if (now - w->looked_us < G_USEC_PER_SEC)
+        return;
+    w->looked_us = now;
+    follow_material(w);
+    if (w->live != NULL)
+        follow_live(w);
+    if (w->session != NULL && (w->planned == NULL || w->live != NULL))
+        look_at_views(w);
+}
+
+/* A session without the product that is asked for is one that is still being captured. */
+gboolean window_open_first(struct window *w, GError **error) {
+    const struct window_options *o = w->options;
+    g_autofree char *path = method_path(o->method, argument_of(w, o->method));
+    if (o->argument != NULL && g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
+        g_autofree char *database = g_build_filename(o->argument, "session.db", NULL);
+        w->session = g_file_test(database, G_FILE_TEST_EXISTS) ? g_strdup(o->argument) : NULL;
+    }
+    if (w->session != NULL && o->method == methods[0] && time_of(path) < 0)
+        w->live = live_new(w->session);
+    else if (!open_method(w, o->method, error))
+        return FALSE;
+    if (w->settings.silhouettes && !open_mdf(w, error))
+        return FALSE;
+    if (o->second != NULL && !open_second(w, o->second, error))
+        return FALSE;
+    return TRUE;
+}
+
+void window_clear_sources(struct window *w) {
+    live_free(w->live);
+    g_clear_pointer(&w->planned, g_array_unref);
+    measured_clear(&w->measured);
+    glDeleteTextures(1, &w->measured_texture);
+    view_free(w->view);
+    view_free(w->second);
+    mesh_free(w->mesh);
+    g_free(w->session);
+    g_free(w->material);
+    g_free(w->second_material);
+    g_free(w->message);
+}
