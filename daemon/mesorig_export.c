@@ -1,7 +1,7 @@
 /* export: what a session has become, for other programs. */
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
-#include "processing/export.h"
+#include "processing/export_surface.h"
 #include "processing/lpca.h"
 #include "report.h"
 
@@ -10,13 +10,18 @@
 #define COMPONENTS 24
 
 static char *output, *format;
-static int components;
+static int components, least_views;
+static gboolean layered;
 
 static const GOptionEntry entries[] = {
     {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "The file to write", "FILE"},
     {"format", 'f', 0, G_OPTION_ARG_STRING, &format, "btf: how the values are stored (bdi)",
      "bdi|fmf|dfmf"},
     {"components", 'c', 0, G_OPTION_ARG_INT, &components, "fmf, dfmf: how many (24)", "N"},
+    {"views", 0, 0, G_OPTION_ARG_INT, &least_views, "points: that saw each of them, at least (2)",
+     "N"},
+    {"layered", 0, 0, G_OPTION_ARG_NONE, &layered,
+     "height, normals: the upper layer of what is no height field", NULL},
     {NULL},
 };
 
@@ -24,6 +29,8 @@ struct job {
     const char *session;
     enum bonn_kind kind;
     struct export_bonn_result btf;
+    struct export_surface_options options;
+    struct export_surface_result surface;
 };
 
 static gboolean work_btf(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
@@ -70,6 +77,51 @@ static int export_btf(const struct command *command, struct job *job) {
     return CLI_DONE;
 }
 
+static gboolean work_surface(PipelineFunc progress, gpointer progress_data,
+                             GCancellable *cancellable, gpointer data, GError **error) {
+    struct job *job = data;
+    const struct export_progress to = {progress, progress_data, cancellable};
+    return export_surface(job->session, output, &job->options, &to, &job->surface, error);
+}
+
+static void tell_surface(const struct job *job, double seconds) {
+    const struct export_surface_result *result = &job->surface;
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output));
+        g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
+        g_variant_builder_add(&builder, "{sv}", "seen", g_variant_new_int64(result->seen));
+        g_variant_builder_add(&builder, "{sv}", "points", g_variant_new_int64(result->points));
+        g_variant_builder_add(&builder, "{sv}", "holes", g_variant_new_int32(result->holes));
+        g_variant_builder_add(&builder, "{sv}", "stacked", g_variant_new_int32(result->stacked));
+        g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
+        cli_print_json(g_variant_builder_end(&builder));
+        return;
+    }
+    if (job->options.what == EXPORT_POINTS)
+        g_print("%s: %" G_GINT64_FORMAT " points of the %" G_GINT64_FORMAT " that %d views saw\n",
+                output, result->points, result->seen, result->n_views);
+    else
+        g_print("%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with structure "
+                "below structure\n",
+                output, result->points, result->texels, result->n_views, result->holes,
+                result->stacked);
+}
+
+static int export_shape(const struct command *command, struct job *job, enum export_surface what) {
+    g_autoptr(GError) error = NULL;
+    double seconds = 0;
+    if (least_views < 0 || least_views > 255)
+        return cli_usage(command, "--views is 1 to 255");
+    job->options = (struct export_surface_options){
+        .what = what, .least_views = least_views, .layered = layered};
+    if (!work_run(work_surface, job, &seconds, &error))
+        return cli_fail(error);
+    tell_surface(job, seconds);
+    return CLI_DONE;
+}
+
 static int run(const struct command *command, int argc, char **argv) {
     struct job job = {.kind = BONN_BDI};
     if (!cli_parse(command, entries, FALSE, &argc, &argv, 2, 2))
@@ -79,9 +131,17 @@ static int run(const struct command *command, int argc, char **argv) {
     job.session = argv[2];
     if (strcmp(argv[1], "btf") == 0)
         return export_btf(command, &job);
-    return cli_usage(command, "“%s” is not btf", argv[1]);
+    if (strcmp(argv[1], "points") == 0)
+        return export_shape(command, &job, EXPORT_POINTS);
+    if (strcmp(argv[1], "height") == 0)
+        return export_shape(command, &job, EXPORT_HEIGHT);
+    if (strcmp(argv[1], "normals") == 0)
+        return export_shape(command, &job, EXPORT_NORMALS);
+    return cli_usage(command, "“%s” is none of btf, points, height, normals", argv[1]);
 }
 
 const struct command cli_export = {
     "export", "KIND DIR -o FILE",
-    "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's).", run};
+    "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), points (of "
+    "the structure, with normals: PLY), height, normals (maps: EXR).",
+    run};

@@ -5,6 +5,7 @@
  * peers/, and what they need in packages.txt.
  */
 #include "speed_live.h"
+#include "speed_memory.h"
 #include "speed_rectify.h"
 #include "speed_sweep.h"
 
@@ -13,7 +14,7 @@
 static gboolean json, no_sweep, no_rectify;
 static double live_s, store_s;
 static char *folder;
-static int queue_mib = 256;
+static int queue_mib = 256, memory_views;
 
 static const GOptionEntry entries[] = {
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
@@ -22,6 +23,8 @@ static const GOptionEntry entries[] = {
     {"live", 0, 0, G_OPTION_ARG_DOUBLE, &live_s, "Analyse eight cameras for so long", "SECONDS"},
     {"store", 0, 0, G_OPTION_ARG_DOUBLE, &store_s, "Store their frames for so long", "SECONDS"},
     {"queue", 0, 0, G_OPTION_ARG_INT, &queue_mib, "Frames that may wait (256)", "MIB"},
+    {"memory", 0, 0, G_OPTION_ARG_INT, &memory_views,
+     "Process so many views of 256² texels and 96 lights, and say what memory it took", "VIEWS"},
     {"folder", 0, 0, G_OPTION_ARG_FILENAME, &folder, "Where to store", "DIR"},
     {NULL},
 };
@@ -67,6 +70,15 @@ static void print_live(const char *name, double seconds, gboolean store) {
            name, l.seconds, l.mb_s, l.frames, l.dropped, l.cores, l.late_ms, l.results, l.failed);
 }
 
+static void print_memory(void) {
+    const struct speed_memory m = speed_memory(memory_views, folder ? folder : g_get_tmp_dir());
+    printf(json ? "\"memory\": {\"texels\": %d, \"views\": %d, \"lights\": %d, \"peak_mib\": %.0f, "
+                  "\"seconds\": %.1f, \"ok\": %s}, "
+                : "processing %d² texels, %d views, %d lights: at most %.0f MiB, %.1f s%s\n",
+           m.texels, m.views, m.lights, m.peak_mib, m.seconds,
+           m.ok ? (json ? "true" : "") : (json ? "false" : ", failed"));
+}
+
 int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);
@@ -76,6 +88,8 @@ int main(int argc, char **argv) {
         return 2;
     }
     printf(json ? "{" : "");
+    if (memory_views > 0) /* first: a child begins with what its parent has */
+        print_memory();
     if (!no_sweep)
         print_sweep();
     if (!no_rectify)

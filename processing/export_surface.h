@@ -1,0 +1,39 @@
+/*
+ * The structure that an MDF has measured, for programs that know points and maps: all views' texels
+ * as points of the sample frame in mm (z from the turntable's top), with normals towards who saw
+ * them, put together. Any thread.
+ */
+#pragma once
+
+#include "export.h"
+
+enum export_surface { EXPORT_POINTS, EXPORT_HEIGHT, EXPORT_NORMALS };
+
+struct export_surface_options {
+    enum export_surface what;
+    int least_views;  /* a point that fewer saw is left out; 0: 2, or 1 where there is one view */
+    gboolean layered; /* a map even if the structure is no height field */
+};
+
+struct export_surface_result {
+    gint64 seen, points; /* by all views; written (maps: texels with a value) */
+    int n_views, texels, holes;
+    int stacked; /* texels with structure below structure */
+};
+
+/* From products/mdf.exr. EXPORT_POINTS: a binary PLY, of each point x, y, z, nx, ny, nz (float),
+ * its spread in mm (float, over the views) and views (uchar); points of all views in a cube of a
+ * texel's width are one, their mean weighted by the MDF's standard errors and by how much they face
+ * the camera.
+ *
+ * EXPORT_HEIGHT: an EXR, a part "height" on the session's texels: "Z" the median height in mm, "N"
+ * of how many points, 0: a hole, −1: there is more below, and Z is of the upper; "S" their spread
+ * in mm. EXPORT_NORMALS: a part "normals", "X", "Y", "Z", all 0 where there is none. Attributes of
+ * both: mesorig.kind, texel_mm, reference_mm, holes, stacked.
+ *
+ * Where more than a twentieth of the texels has structure below structure it is no height field,
+ * and maps are refused unless asked for. */
+gboolean export_surface(const char *session, const char *file,
+                        const struct export_surface_options *options,
+                        const struct export_progress *progress, struct export_surface_result *ret,
+                        GError **error);

@@ -1,0 +1,22 @@
+/* The points that an MDF's views saw, with normals: what export_surface.h is made of. */
+#pragma once
+
+#include "calib/vec.h"
+#include "export_surface.h"
+
+struct surface_point {
+    struct vec3 at_mm, normal; /* unit, towards the camera */
+    float weight;
+    int view; /* 0 … n_views − 1 */
+};
+
+struct surface {
+    struct session_grid grid;
+    int n_views;
+    double texel_mm;
+    GArray *points; /* of struct surface_point */
+};
+
+gboolean surface_read(const char *session, const struct export_progress *progress,
+                      struct surface *ret, GError **error);
+void surface_clear(struct surface *surface);
