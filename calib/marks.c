@@ -14,9 +14,9 @@
 /* What a pixel at the edge is uncertain by: its share of white is not linear in its value, since
  * real pixels do not collect evenly over their area. */
 #define EDGE_SHARE 0.12
-/* The surround's unevenness in the window pulls the centroid by (WINDOW³ − 1) · 2/3 radii times its
- * first moment, were it the same there as in the ring; it may well be more. */
-#define PULL         2.0
+/* The surround's unevenness in the window pulls the centroid by so many radii times its first
+ * moment, if it is there as it is in the ring. */
+#define PULL         ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
 #define FARTHEST     1.0 /* radii from where it is expected */
 #define LEAST_OUTPUT 0.2 /* of a lamp; else it is in shadow, or something else */
 #define MOST_OUTPUT  5

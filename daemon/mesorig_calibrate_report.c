@@ -1,5 +1,6 @@
 /* calibrate report: a calibration file as a page to look at. */
 #include "mesorig_calibrate.h"
+#include "mesorig_calibrate_tables.h"
 
 #include <string.h>
 
@@ -16,7 +17,8 @@ static const char head[] =
     "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration</title>"
     "<style>body{font:15px/1.4 system-ui,sans-serif;max-width:64em;margin:2em auto;padding:0 1em;"
     "color:#222}table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:"
-    "right;border-bottom:1px solid #ddd}td:first-child,th:first-child{text-align:left}figure{"
+    "right;border-bottom:1px solid #ddd}td{white-space:nowrap}td.text{white-space:normal}"
+    "td:first-child,th:first-child,td.text{text-align:left}figure{"
     "display:inline-block;margin:0 1em 1em 0}figcaption{font-size:13px;color:#555}svg{background:"
     "#fafafa;border:1px solid #ccc}.none{color:#777}</style></head><body>\n";
 
@@ -46,7 +48,8 @@ static void add_part(GString *to, const struct calibration *calibration,
     g_autofree char *method = escaped(part->method);
     g_autofree char *unit = escaped(part->residual_unit);
     add(to,
-        "<tr><td>%s</td><td>%s</td><td>%s</td><td>%d</td><td>%u</td><td>%.3g %s</td><td>%d</td>"
+        "<tr><td>%s</td><td>%s</td><td class=\"text\">%s</td><td>%d</td><td>%u</td><td>%.3g "
+        "%s</td><td>%d</td>"
         "</tr>\n",
         calibration_part_name(kind), part->date, method, part->pictures, part->rejected->len,
         part->residual_rms, unit, part->degrees_of_freedom);
@@ -67,8 +70,8 @@ static double sigma(const struct calibration_camera *camera, int parameter) {
 static void add_cameras(GString *to, const struct calibration *calibration) {
     const struct rig *rig = &calibration->rig;
     add(to,
-        "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>elevation, azimuth "
-        "(°)</th><th>focal length (px)</th><th>centre (px)</th><th>k1</th><th>corners</th>"
+        "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>from the zenith, "
+        "azimuth (°)</th><th>focal length (px)</th><th>centre (px)</th><th>k1</th><th>corners</th>"
         "<th>RMS (px)</th></tr>\n");
     for (int i = 0; i < rig->n_cameras; i++) {
         const struct rig_camera *c = &rig->cameras[i];
@@ -90,30 +93,55 @@ static void add_cameras(GString *to, const struct calibration *calibration) {
 
 /* The rig from the side (x, z) and from above (x, y); everything with the arc at 0. */
 struct plan {
-    double scale;
+    double scale, left_mm, top_mm; /* of the page's corner */
     gboolean above;
 };
 
 static void add_mark(GString *to, const struct plan *plan, struct vec3 at, const char *colour,
                      const char *name, gboolean left) {
-    const double x = PLOT * 0.4 + at.x * plan->scale;
-    const double y = PLOT * (plan->above ? 0.5 : 0.9) - (plan->above ? at.y : at.z) * plan->scale;
+    const double x = (at.x - plan->left_mm) * plan->scale;
+    const double y = (plan->top_mm - (plan->above ? at.y : at.z)) * plan->scale;
+    add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/>\n", x, y, colour);
+    if (plan->above)
+        return; /* what stands above one another would be written over one another */
     g_autofree char *text = escaped(name);
-    add(to,
-        "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/><text x=\"%.1f\" y=\"%.1f\" "
-        "font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
-        x, y, colour, left ? x - 6 : x + 6, y + 3, left ? "end" : "start", text);
+    add(to, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
+        left ? x - 6 : x + 6, y + 3, left ? "end" : "start", text);
 }
 
-static void add_plan(GString *to, const struct rig *rig, double reach_mm, gboolean above) {
-    const struct plan plan = {PLOT * 0.5 / reach_mm, above};
+static void stretch(double range[2], double value) {
+    range[0] = MIN(range[0], value);
+    range[1] = MAX(range[1], value);
+}
+
+/* So that everything fits, with a turntable of 150 mm and names beside. */
+static void fit_plan(struct plan *plan, const struct rig *rig) {
+    double x[2] = {-150, 150}, y[2] = {plan->above ? -150 : -20, plan->above ? 150 : 20};
+    for (int i = 0; i < rig->n_cameras + rig->n_lamps + rig->n_lasers; i++) {
+        const int lamp = i - rig->n_cameras, laser = lamp - rig->n_lamps;
+        const struct vec3 at = lamp < 0    ? rig_camera_centre_mm(&rig->cameras[i])
+                               : laser < 0 ? rig->lamps[lamp].position_mm
+                                           : rig->lasers[laser].position_mm;
+        stretch(x, at.x);
+        stretch(y, plan->above ? at.y : at.z);
+    }
+    const double across = MAX(x[1] - x[0], y[1] - y[0]);
+    plan->scale = (PLOT - 80) / MAX(across, 1.0);
+    plan->left_mm = (x[0] + x[1]) / 2 - PLOT / plan->scale / 2;
+    plan->top_mm = (y[0] + y[1]) / 2 + PLOT / plan->scale / 2;
+}
+
+static void add_plan(GString *to, const struct rig *rig, gboolean above) {
+    struct plan plan = {.above = above};
+    fit_plan(&plan, rig);
+    const double x = -plan.left_mm * plan.scale, y = plan.top_mm * plan.scale;
     add(to, "<figure><svg width=\"%d\" height=\"%d\">\n", PLOT, PLOT);
     if (above)
-        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#ddd\"/>\n", PLOT * 0.4,
-            PLOT * 0.5, 150 * plan.scale);
+        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#ddd\"/>\n", x, y,
+            150 * plan.scale);
     else
         add(to, "<path d=\"M%.1f %.1fh%.1f\" stroke=\"#999\" stroke-width=\"3\"/>\n",
-            PLOT * 0.4 - 150 * plan.scale, PLOT * 0.9, 300 * plan.scale);
+            x - 150 * plan.scale, y, 300 * plan.scale);
     for (int i = 0; i < rig->n_cameras; i++)
         add_mark(to, &plan, rig_camera_centre_mm(&rig->cameras[i]), "#1764ab", rig->cameras[i].name,
                  FALSE);
@@ -123,19 +151,14 @@ static void add_plan(GString *to, const struct rig *rig, double reach_mm, gboole
         add_mark(to, &plan, rig->lasers[i].position_mm, "#c0222b", rig->lasers[i].name, TRUE);
     add(to, "</svg><figcaption>%s; %.0f mm across</figcaption></figure>\n",
         above ? "from above: x to the right, y up" : "from the side: x to the right, z up",
-        2 * reach_mm);
+        PLOT / plan.scale);
 }
 
 static void add_positions(GString *to, const struct rig *rig) {
-    double reach = 1;
-    for (int i = 0; i < rig->n_cameras; i++)
-        reach = MAX(reach, vec3_length(rig_camera_centre_mm(&rig->cameras[i])));
-    for (int i = 0; i < rig->n_lamps; i++)
-        reach = MAX(reach, vec3_length(rig->lamps[i].position_mm));
     add(to, "<h2>Positions</h2>\n<p>Cameras blue, lamps yellow, lasers red; lamps and lasers with "
             "the arc at 0°.</p>\n");
-    add_plan(to, rig, reach, FALSE);
-    add_plan(to, rig, reach, TRUE);
+    add_plan(to, rig, FALSE);
+    add_plan(to, rig, TRUE);
 }
 
 static double *list(GKeyFile *file, const char *group, const char *key, gsize *ret_n) {
@@ -213,13 +236,13 @@ static void add_rejected(GString *to, const struct calibration *calibration) {
         const GPtrArray *rejected = calibration->parts[i].rejected;
         if (rejected->len == 0)
             continue;
-        add(to, "<h2>Rejected pictures: %s</h2>\n<ul>\n",
-            calibration_part_name((enum calibration_kind)i));
+        add(to, "<h2>Rejected: %s</h2>\n<details><summary>%u of them</summary>\n<ul>\n",
+            calibration_part_name((enum calibration_kind)i), rejected->len);
         for (guint k = 0; k < rejected->len; k++) {
             g_autofree char *text = escaped(rejected->pdata[k]);
             add(to, "<li>%s</li>\n", text);
         }
-        add(to, "</ul>\n");
+        add(to, "</ul></details>\n");
     }
 }
 
@@ -229,6 +252,9 @@ static char *page(const struct calibration *calibration) {
     add(to, "<h1>Calibration of rig %s</h1>\n", id);
     add_parts(to, calibration);
     add_cameras(to, calibration);
+    calibrate_table_lamps(to, calibration);
+    calibrate_table_lasers(to, calibration);
+    calibrate_table_light(to, calibration);
     add_positions(to, &calibration->rig);
     add_residuals(to, calibration);
     add_turntable(to, calibration);

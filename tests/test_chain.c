@@ -106,6 +106,18 @@ static void run(const char *const *argv) {
 
 #define RUN(...) run((const char *const[]){__VA_ARGS__, NULL})
 
+/* Of all parts. */
+static void check_page(const char *path) {
+    static const char *const headings[] = {"Cameras", "Lamps and arc", "Laser sheets", "Light"};
+    g_autofree char *page = NULL;
+    g_assert_true(g_file_get_contents(path, &page, NULL, NULL));
+    for (gsize i = 0; i < G_N_ELEMENTS(headings); i++) {
+        g_autofree char *heading = g_strdup_printf("<h2>%s</h2>", headings[i]);
+        g_assert_nonnull(strstr(page, heading));
+    }
+    g_assert_null(strstr(page, "nan"));
+}
+
 static void test_calibrate(void) {
     g_autofree char *script = in_folder("calibrate"), *path = in_folder("rig.calibration"),
                     *targets = in_folder("targets"), *world_path = in_folder("world.conf"),
@@ -113,6 +125,7 @@ static void test_calibrate(void) {
     g_autoptr(GError) error = NULL;
     RUN("/bin/sh", script, BUILD_DIR, path, targets);
     RUN(MESORIG, "calibrate", "report", path, "-o", page);
+    check_page(page);
     g_autoptr(Calibration) found = calibration_read(path, &error);
     g_assert_no_error(error);
     for (int i = 0; i < CALIBRATION_PARTS; i++)

@@ -6,10 +6,14 @@
 static const double places_mm[][2] = {{32, 0}, {0, 32}, {-32, 0}, {0, -32}};
 #define N_MARKS ((int)G_N_ELEMENTS(places_mm))
 
-/* A black sample with four marks beside it; the turntable may be off by a slip. */
+#define DARK   "width_mm=50\nheight_mm=50\nbase_mm=2\nalbedo=0.3\n"
+#define BRIGHT "width_mm=57\nheight_mm=57\nbase_mm=3.9\nalbedo=0.4\n"
+static const char *sample = DARK;
+
+/* A sample with four marks beside it; the turntable may be off by a slip. */
 static World *marked_world(int seed, const char *cam1_keys, double drift_pct) {
-    g_autoptr(GString) objects =
-        g_string_new("[sample]\nkind=flat\nwidth_mm=50\nheight_mm=50\nbase_mm=2\nalbedo=0.3\n");
+    g_autoptr(GString) objects = g_string_new("[sample]\nkind=flat\n");
+    g_string_append(objects, sample);
     for (int i = 0; i < N_MARKS; i++)
         g_string_append_printf(objects,
                                "[mark m%d]\nx_mm=%g\ny_mm=%g\nz_mm=4\nradius_mm=3\nalbedo=0.9\n", i,
@@ -131,6 +135,29 @@ static void nothing_moved(void) {
     }
 }
 
+/* A bright sample that reaches nearly to the marks pulls them to one side: then less is said of
+ * where they are. */
+static void bright_beside(void) {
+    double squares = 0, normalised = 0;
+    int n = 0;
+    sample = BRIGHT;
+    for (int seed = 1; seed <= 5; seed++) {
+        g_autoptr(World) world = marked_world(seed, NULL, 0);
+        g_autoptr(GArray) seen = look(world, seed, 0);
+        for (guint i = 0; i < seen->len; i++, n++) {
+            const struct mark_seen *s = at(seen, i);
+            double dx = s->x_px - s->expected_x_px, dy = s->y_px - s->expected_y_px;
+            squares += (dx * dx + dy * dy) / 2;
+            normalised += (dx * dx + dy * dy) / (2 * s->error_px * s->error_px);
+        }
+    }
+    sample = DARK;
+    g_test_message("%d marks: rms %.3f px, chi-square %.2f", n, sqrt(squares / n), normalised / n);
+    g_assert_cmpint(n, >=, 150);
+    g_assert_cmpfloat(sqrt(squares / n), >, 0.1);
+    g_assert_cmpfloat(normalised / n, <, 1);
+}
+
 static void camera_nudged(void) {
     static const char *const nudges[] = {"turn_deg=0.1;0;0", "turn_deg=0;-0.1;0",
                                          "turn_deg=0;0;0.1"};
@@ -192,6 +219,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/marks/found", found);
     g_test_add_func("/marks/nothing-moved", nothing_moved);
+    g_test_add_func("/marks/bright-beside", bright_beside);
     g_test_add_func("/marks/camera-nudged", camera_nudged);
     g_test_add_func("/marks/turntable-slipped", turntable_slipped);
     g_test_add_func("/marks/nothing-seen", nothing_seen);
