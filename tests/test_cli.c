@@ -387,6 +387,27 @@ static void test_compress(const char *folder, const char *session) {
     clear(&output);
 }
 
+/* What a BTF and an MDF say of themselves; the figures are compared in test_energy. */
+static void test_check(const char *folder, const char *session) {
+    g_autofree char *plot = g_build_filename(folder, "energy.svg", NULL);
+    struct output output = {0};
+    runs(0, &output, "check", session, "--plot", plot, NULL);
+    assert_has(output.out, "of a light's energy come back");
+    assert_has(output.out, "is confirmed by others");
+    g_assert_true(g_file_test(plot, G_FILE_TEST_EXISTS));
+    runs(0, &output, "check", "--json", session, NULL);
+    assert_json_lines(output.out);
+    assert_has(output.out, "\"largest_albedo\"");
+    assert_has(output.out, "\"mdf_confirmed\"");
+    runs(1, &output, "check", session, "--texel", "1000000", NULL);
+    assert_has(output.err, "there is no texel");
+    runs(1, &output, "check", session, "--plot", "plot.jpg", NULL);
+    runs(1, &output, "check", folder, NULL);
+    assert_has(output.err, "mesorig process");
+    runs(2, &output, "check", NULL);
+    clear(&output);
+}
+
 static void test_capture(void) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
@@ -407,6 +428,7 @@ static void test_capture(void) {
     runs(0, &output, "process", "--json", session, NULL);
     assert_json_lines(output.out);
     test_compress(folder, session);
+    test_check(folder, session);
 
     /* A stale control file, as a killed daemon leaves it. */
     g_autofree char *stale = write_file(session, "control", "unix:path=/no/such/socket\n");

@@ -11,10 +11,12 @@
 #include "measurement_mdf.h"
 #include "measurement_peaks.h"
 #include "measurement_speed.h"
+#include "processing/mdf_views.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define PAIRS     (RIG_VIEWS * RIG_VIEWS)
 #define STEEP_DEG 60 /* beyond it another limit holds */
@@ -164,15 +166,59 @@ static void print_view(int view, struct bench_mdf *m) {
            part(m->outliers + m->edge_outliers, m->edges + m->measured));
 }
 
+/* What the views say of each other's outliers, those at edges included. */
+struct agreement {
+    gint64 measured, outliers, refuted, refuted_outliers;
+};
+
+static void compare_views(const struct bench_setup *setup, const struct bench_mdf *all,
+                          struct agreement *ret) {
+    struct mdf_plane plane = {setup->texels, setup->texels, setup->texel_mm,
+                              bench_grid(setup).reference_mm};
+    struct mdf_eye eyes[RIG_VIEWS];
+    int n = setup->texels * setup->texels;
+    g_autofree guint16 *confirmed = g_new(guint16, n), *denied = g_new(guint16, n);
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        memcpy(eyes[v].centre_mm, all[v].centre_mm, sizeof eyes[v].centre_mm);
+        eyes[v].distance = all[v].distance;
+    }
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        mdf_views_compare(eyes, RIG_VIEWS, v, &plane, confirmed, denied);
+        for (int i = 0; i < n; i++) {
+            if (all[v].distance[i] < 0 || all[v].truth[i] < 0)
+                continue;
+            gboolean out = fabsf(all[v].distance[i] - all[v].truth[i]) > (float)setup->texel_mm;
+            gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
+            ret->measured++;
+            ret->outliers += out;
+            ret->refuted += refuted;
+            ret->refuted_outliers += refuted && out;
+        }
+    }
+}
+
 static void print_mdf(const struct bench_setup *setup) {
+    struct bench_mdf all[RIG_VIEWS] = {0};
+    struct agreement a = {0};
     printf(json ? "\"mdf\": [" : "");
     for (int view = 0; view < RIG_VIEWS; view++) {
-        struct bench_mdf m = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
-        bench_mdf(setup, view, steps, &m);
-        print_view(view, &m);
-        g_array_unref(m.errors);
+        all[view].errors = g_array_new(FALSE, FALSE, sizeof(float));
+        bench_mdf(setup, view, steps, &all[view]);
+        print_view(view, &all[view]);
     }
-    printf(json ? "]%s" : "%s", json && !no_btf ? ", " : "");
+    compare_views(setup, all, &a);
+    gint64 kept = a.measured - a.refuted, left = a.outliers - a.refuted_outliers;
+    printf(json ? "], \"mdf_outliers\": %.5f, \"mdf_refuted\": %.5f, "
+                  "\"mdf_outliers_unrefuted\": %.5f%s"
+                : "  MDF, all views and edges: %.4f outliers; %.4f refuted by other views, without "
+                  "them %.4f%s\n",
+           part(a.outliers, a.measured), part(a.refuted, a.measured), part(left, kept),
+           json && !no_btf ? ", " : "");
+    for (int view = 0; view < RIG_VIEWS; view++) {
+        g_array_unref(all[view].errors);
+        g_free(all[view].distance);
+        g_free(all[view].truth);
+    }
 }
 
 /* 96 steps over 50 mm give σ = 0.7 frames; finer steps, slanted surfaces and wide lines give more.

@@ -5,6 +5,7 @@
 #include "processing/sweep.h"
 
 #include <math.h>
+#include <string.h>
 
 #define RAD(deg)     ((deg) * (G_PI / 180))
 #define EXPOSURE_US  4000
@@ -135,4 +136,8 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     truth_mdf(world, view, turntable_deg, &truth_grid, truth, edge);
     truth_laser_seen(world, view, turntable_deg, &truth_grid, arcs, lasers, POSITIONS, seen);
     compare(setup, distance, truth, edge, seen, ret);
+    struct vec3 centre = rig_turn(rig_camera_centre_mm(&rig.cameras[view]), -RAD(turntable_deg));
+    memcpy(ret->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof ret->centre_mm);
+    ret->distance = g_steal_pointer(&distance);
+    ret->truth = g_steal_pointer(&truth);
 }

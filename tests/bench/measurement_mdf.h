@@ -9,6 +9,8 @@ struct bench_mdf {
     gint64 edges, edge_outliers;
     double squares, edge_squares, sum; /* of errors in texels, without edges and at them */
     GArray *errors;                    /* float: absolute, in texels, without edges */
+    float *distance, *truth;           /* of each texel, mm; g_free() */
+    double centre_mm[3];               /* of the camera, sample frame */
 };
 
 /* Of one view, added to ret. */

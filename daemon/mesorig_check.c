@@ -1,0 +1,151 @@
+/* check: whether what was measured can be: energy, reciprocity, views that agree on the surface. */
+#include "mesorig_check.h"
+#include "mesorig_cli.h"
+#include "mesorig_work.h"
+#include "processing/mdf_views.h"
+
+struct check {
+    const char *path, *plot;
+    int texel;
+    /* found */
+    struct btf_matrix *btf;
+    struct energy *energy;
+    gboolean has_mdf;
+    struct mdf_views_sums mdf;
+};
+
+static gboolean check_btf(struct check *check, PipelineFunc progress, gpointer data,
+                          GCancellable *cancellable, GError **error) {
+    check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, progress, data,
+                                        cancellable, error);
+    if (!check->btf)
+        return FALSE;
+    check->energy = energy_compute(check->btf, check->texel, error);
+    return check->energy &&
+           (!check->plot || plot_energy(check->plot, check->btf, check->energy, error));
+}
+
+static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                     gpointer data, GError **error) {
+    struct check *check = data;
+    g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
+    g_autofree char *mdf = g_build_filename(check->path, "products", "mdf.exr", NULL);
+    gboolean has_btf = g_file_test(btf, G_FILE_TEST_IS_DIR);
+    check->has_mdf = g_file_test(mdf, G_FILE_TEST_IS_REGULAR);
+    if (!has_btf && !check->has_mdf) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+                    "%s: there is neither products/btf nor products/mdf.exr; `mesorig process %s` "
+                    "makes them",
+                    check->path, check->path);
+        return FALSE;
+    }
+    if (has_btf && !check_btf(check, progress, progress_data, cancellable, error))
+        return FALSE;
+    return !check->has_mdf || mdf_views_check(mdf, &check->mdf, error);
+}
+
+static void add_double(GVariantBuilder *to, const char *name, double value) {
+    g_variant_builder_add(to, "{sv}", name, g_variant_new_double(value));
+}
+
+static void add_int(GVariantBuilder *to, const char *name, gint64 value) {
+    g_variant_builder_add(to, "{sv}", name, g_variant_new_int64(value));
+}
+
+static void add_series(GVariantBuilder *to, const char *name, const double *values, int n) {
+    g_variant_builder_add(
+        to, "{sv}", name,
+        g_variant_new_fixed_array(G_VARIANT_TYPE_DOUBLE, values, (gsize)n, sizeof *values));
+}
+
+static void tell_json(const struct check *check) {
+    const struct energy *e = check->energy;
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    if (e) {
+        add_series(&builder, "e_r", e->e_r, e->n_views);
+        add_series(&builder, "e_i", e->e_i, e->n_lights);
+        add_int(&builder, "texel", e->texel);
+        add_series(&builder, "texel_e_r", e->texel_e_r, e->n_views);
+        add_series(&builder, "texel_e_i", e->texel_e_i, e->n_lights);
+        add_series(&builder, "albedo", e->albedo, e->n_lights);
+        add_double(&builder, "largest_albedo", e->largest_albedo);
+        add_int(&builder, "reciprocal_pairs", e->pairs);
+        add_double(&builder, "asymmetry", e->asymmetry);
+        add_double(&builder, "texel_asymmetry", e->texel_asymmetry);
+    }
+    if (check->has_mdf) {
+        add_int(&builder, "mdf_views", check->mdf.n_views);
+        add_int(&builder, "mdf_texels", check->mdf.texels);
+        add_int(&builder, "mdf_seen", check->mdf.seen);
+        add_int(&builder, "mdf_confirmed", check->mdf.confirmed);
+        add_int(&builder, "mdf_refuted", check->mdf.refuted);
+        add_int(&builder, "mdf_unknown", check->mdf.unknown);
+        add_double(&builder, "mdf_denied_share", check->mdf.denied_share);
+    }
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static double percent(gint64 n, gint64 of) {
+    return of > 0 ? 100 * (double)n / (double)of : 0;
+}
+
+static void tell_energy(const struct check *check) {
+    const struct energy *e = check->energy;
+    double least = G_MAXDOUBLE;
+    for (int l = 0; l < e->n_lights; l++)
+        least = MIN(least, e->albedo[l]);
+    g_print("energy       %.3f … %.3f of a light's energy come back%s (views to %.0f°)\n", least,
+            e->largest_albedo, e->largest_albedo > 1 ? ": more than there is" : "", e->covered_deg);
+    if (e->pairs == 0)
+        g_print("reciprocity  no light stood where a view was, and the other way round\n");
+    else
+        g_print("reciprocity  %.2f %% RMS between B(v, l) / cos l and B(l, v) / cos v, of the mean "
+                "over texels, %d pairs; %.2f %% texel by texel\n",
+                100 * e->asymmetry, e->pairs, 100 * e->texel_asymmetry);
+}
+
+static void tell(const struct check *check) {
+    const struct mdf_views_sums *mdf = &check->mdf;
+    if (cli_json) {
+        tell_json(check);
+        return;
+    }
+    if (check->energy)
+        tell_energy(check);
+    if (check->has_mdf)
+        g_print("surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
+                "%.2f %% hidden from all of them; %.2f %% of their answers deny it\n",
+                percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
+                percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
+    if (check->plot && check->energy)
+        g_print("plot         %s\n", check->plot);
+}
+
+static char *plot_option;
+static int texel_option = -1;
+static const GOptionEntry entries[] = {
+    {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
+     "Draw the energy of each view and light into this .svg or .png", "FILE"},
+    {"texel", 't', 0, G_OPTION_ARG_INT, &texel_option,
+     "The texel that is drawn, counted row by row (the middle)", "N"},
+    {NULL},
+};
+
+static int run(const struct command *command, int argc, char **argv) {
+    g_autoptr(GError) error = NULL;
+    double seconds = 0;
+    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    struct check check = {.path = argv[1], .plot = plot_option, .texel = texel_option};
+    gboolean ok = work_run(work, &check, &seconds, &error);
+    if (ok)
+        tell(&check);
+    btf_matrix_free(check.btf);
+    energy_free(check.energy);
+    return ok ? CLI_DONE : cli_fail(error);
+}
+
+const struct command cli_check = {
+    "check", "DIR", "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
+    run};

@@ -1,0 +1,157 @@
+#include "mdf_views.h"
+
+#include <math.h>
+
+#include "exr.h"
+#include "pipeline.h"
+
+#define TOLERANCE 0.33 /* of a texel */
+#define MOST      24   /* views that each is compared with: evenly chosen where there are more */
+
+enum answer { ANSWER_NONE, ANSWER_CONFIRMED, ANSWER_DENIED };
+
+struct point {
+    double x, y, z;
+};
+
+/* Where texel i of a view shows the surface. */
+static struct point point_of(const struct mdf_eye *eye, const struct mdf_plane *plane, int i) {
+    int column = i % plane->width, row = i / plane->width;
+    double x = (column + 0.5 - 0.5 * plane->width) * plane->texel_mm;
+    double y = (0.5 * plane->height - row - 0.5) * plane->texel_mm;
+    const double *c = eye->centre_mm;
+    double dx = x - c[0], dy = y - c[1], dz = plane->reference_mm - c[2];
+    double along = eye->distance[i] / sqrt(dx * dx + dy * dy + dz * dz);
+    return (struct point){x + along * dx, y + along * dy, plane->reference_mm + along * dz};
+}
+
+/* Where the ray from an eye to a point comes through the reference plane, in texels from the centre
+ * of the first one, and how far behind that the point lies. FALSE if past the texels. */
+static gboolean look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct point p,
+                        double *ret_column, double *ret_row, double *ret_mm) {
+    const double *c = eye->centre_mm;
+    double t = (plane->reference_mm - c[2]) / (p.z - c[2]);
+    double x = c[0] + t * (p.x - c[0]), y = c[1] + t * (p.y - c[1]);
+    *ret_column = x / plane->texel_mm + 0.5 * plane->width - 0.5;
+    *ret_row = 0.5 * plane->height - y / plane->texel_mm - 0.5;
+    double length = sqrt((p.x - c[0]) * (p.x - c[0]) + (p.y - c[1]) * (p.y - c[1]) +
+                         (p.z - c[2]) * (p.z - c[2]));
+    *ret_mm = length * (1 - t);
+    return *ret_column >= 0 && *ret_row >= 0 && *ret_column <= plane->width - 1 &&
+           *ret_row <= plane->height - 1;
+}
+
+static enum answer ask(const struct mdf_eye *other, const struct mdf_plane *plane, struct point p) {
+    double column, row, mm, low = INFINITY, high = -INFINITY;
+    if (!look_up(other, plane, p, &column, &row, &mm))
+        return ANSWER_NONE;
+    for (int k = 0; k < 4; k++) {
+        int i = MIN((int)column + (k & 1), plane->width - 1);
+        int j = MIN((int)row + (k >> 1), plane->height - 1);
+        double there = other->distance[j * plane->width + i];
+        if (!(there >= 0))
+            return ANSWER_NONE;
+        low = MIN(low, there);
+        high = MAX(high, there);
+    }
+    double tolerance = TOLERANCE * plane->texel_mm;
+    if (mm < low - tolerance)
+        return ANSWER_DENIED;
+    return mm <= high + tolerance ? ANSWER_CONFIRMED : ANSWER_NONE;
+}
+
+void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
+                       guint16 *ret_confirmed, guint16 *ret_denied) {
+    int asked = MIN(n - 1, MOST);
+    for (int i = 0; i < plane->width * plane->height; i++) {
+        ret_confirmed[i] = ret_denied[i] = 0;
+        if (!(views[view].distance[i] >= 0))
+            continue;
+        struct point p = point_of(&views[view], plane, i);
+        for (int k = 0; k < asked; k++) {
+            int other = (view + 1 + (int)((gint64)k * (n - 1) / asked)) % n;
+            enum answer answer = ask(&views[other], plane, p);
+            ret_confirmed[i] += answer == ANSWER_CONFIRMED;
+            ret_denied[i] += answer == ANSWER_DENIED;
+        }
+    }
+}
+
+gboolean mdf_views_refuted(guint16 confirmed, guint16 denied) {
+    return denied > confirmed;
+}
+
+static gboolean eye_of(const char *path, const struct exr_part *part, const struct mdf_plane *plane,
+                       struct mdf_eye *ret, GError **error) {
+    ret->distance = exr_part_plane(part, "D");
+    if (!exr_get_v3d(part, "view.centre_mm", ret->centre_mm, error)) {
+        g_prefix_error(error, "%s: part %s: ", path, part->name);
+        return FALSE;
+    }
+    if (ret->distance && part->width == plane->width && part->height == plane->height &&
+        ret->centre_mm[2] > plane->reference_mm)
+        return TRUE;
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "%s: part %s is no view of this MDF: it has no channel D, other texels, or its "
+                "camera is below the reference plane",
+                path, part->name);
+    return FALSE;
+}
+
+static gboolean plane_of(const char *path, const struct exr_file *file, struct mdf_plane *ret,
+                         GError **error) {
+    if (file->parts->len == 0) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: no views", path);
+        return FALSE;
+    }
+    const struct exr_part *first = g_ptr_array_index(file->parts, 0);
+    ret->width = first->width;
+    ret->height = first->height;
+    if (exr_get_double(first, "texel_mm", &ret->texel_mm, error) &&
+        exr_get_double(first, "reference_mm", &ret->reference_mm, error) && ret->texel_mm > 0)
+        return TRUE;
+    if (error && !*error)
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: texel_mm is not positive",
+                    path);
+    else
+        g_prefix_error(error, "%s: ", path);
+    return FALSE;
+}
+
+static void add_view(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
+                     struct mdf_views_sums *to, gint64 *said) {
+    int n_texels = plane->width * plane->height;
+    g_autofree guint16 *confirmed = g_new(guint16, n_texels), *denied = g_new(guint16, n_texels);
+    mdf_views_compare(views, n, view, plane, confirmed, denied);
+    for (int i = 0; i < n_texels; i++) {
+        gboolean seen = views[view].distance[i] >= 0;
+        gboolean refuted = mdf_views_refuted(confirmed[i], denied[i]);
+        to->seen += seen;
+        to->refuted += refuted;
+        to->confirmed += !refuted && confirmed[i] > 0;
+        to->unknown += seen && confirmed[i] == 0 && denied[i] == 0;
+        to->denied_share += denied[i];
+        *said += confirmed[i] + denied[i];
+    }
+    to->texels += n_texels;
+}
+
+gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **error) {
+    *ret = (struct mdf_views_sums){0};
+    struct exr_file *file = exr_read(path, error);
+    if (!file)
+        return FALSE;
+    struct mdf_plane plane = {0};
+    int n = (int)file->parts->len;
+    g_autofree struct mdf_eye *views = g_new0(struct mdf_eye, n + 1);
+    gboolean ok = plane_of(path, file, &plane, error);
+    for (int i = 0; ok && i < n; i++)
+        ok = eye_of(path, g_ptr_array_index(file->parts, i), &plane, &views[i], error);
+    gint64 said = 0;
+    for (int i = 0; ok && i < n; i++)
+        add_view(views, n, i, &plane, ret, &said);
+    ret->n_views = n;
+    ret->denied_share /= (double)MAX(said, 1);
+    exr_file_free(file);
+    return ok;
+}
