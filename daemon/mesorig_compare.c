@@ -3,6 +3,7 @@
 #include "mesorig_curve.h"
 #include "mesorig_plot.h"
 #include "mesorig_work.h"
+#include "processing/compare_pictures.h"
 #include "report.h"
 
 #include <math.h>
@@ -173,6 +174,33 @@ static void tell_curve(const struct compare *compare) {
         g_print("plot %s\n", compare->curve);
 }
 
+/* Renderings of two materials. */
+static int run_pictures(const char *a, const char *b) {
+    g_autoptr(GError) error = NULL;
+    struct picture_comparison found;
+    if (!compare_pictures(a, b, &found, &error))
+        return cli_fail(error);
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "a", g_variant_new_string(a));
+        g_variant_builder_add(&builder, "{sv}", "b", g_variant_new_string(b));
+        add_double(&builder, "delta_e", found.delta_e);
+        add_double(&builder, "delta_e_covered", found.delta_e_covered);
+        add_double(&builder, "delta_e_p95", found.p95);
+        add_double(&builder, "delta_e_largest", found.largest);
+        add_double(&builder, "covered", found.covered);
+        cli_print_json(g_variant_builder_end(&builder));
+        return CLI_DONE;
+    }
+    g_print(
+        "ΔE         %.3f on average (CIEDE2000), %.3f where something is drawn (%.1f %% of %d × "
+        "%d pixels)\n",
+        found.delta_e, found.delta_e_covered, 100 * found.covered, found.width, found.height);
+    g_print("           there 95 %% below %.3f, %.3f at most\n", found.p95, found.largest);
+    return CLI_DONE;
+}
+
 static char *plot_option, *curve_option;
 static const GOptionEntry entries[] = {
     {"plot", 'p', 0, G_OPTION_ARG_FILENAME, &plot_option,
@@ -189,6 +217,11 @@ static int run(const struct command *command, int argc, char **argv) {
         return CLI_USAGE;
     if (curve_option ? argc != 2 || plot_option : argc != 3)
         return cli_usage(command, "two materials are compared; --curve is of one session");
+    if (!curve_option && compare_is_picture(argv[1]) && compare_is_picture(argv[2])) {
+        if (plot_option)
+            return cli_usage(command, "--plot is of materials, not of pictures");
+        return run_pictures(argv[1], argv[2]);
+    }
     struct compare compare = {argv[1], argv[2], plot_option, curve_option};
     const gboolean ok =
         work_run(curve_option ? work_curve : work_compare, &compare, &seconds, &error);

@@ -282,8 +282,10 @@ static gboolean make_eigenmaps(struct compress *compress, const struct btf_matri
 static gboolean make_lobes(struct compress *compress, const struct btf_matrix *btf,
                            PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                            GError **error) {
+    g_autofree char *unfinished = g_strconcat(compress->written, ".unfinished", NULL);
     const struct lobes_options options = {.model = compress->model,
                                           .n_lobes = compress->components,
+                                          .unfinished = unfinished,
                                           .progress = progress,
                                           .data = progress_data,
                                           .cancellable = cancellable};
@@ -304,6 +306,8 @@ static gboolean make_lobes(struct compress *compress, const struct btf_matrix *b
     }
     ok = ok && lobes_write(compress->written, lobes, error) &&
          (compress->output || register_product(btf->directory, compress, error));
+    if (ok)
+        g_unlink(unfinished);
     lobes_free(lobes);
     return ok;
 }
@@ -425,7 +429,7 @@ static const GOptionEntry entries[] = {
     {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters_option,
      "Clusters of texels: 1 … 1024, 32 if not given", "K"},
     {"components", 'c', 0, G_OPTION_ARG_INT, &components_option,
-     "Eigen-BRDFs of a cluster: 1 … 32, 8 if not given; eigen-maps: 4; with --error at most; lobes "
+     "Eigen-BRDFs of a cluster: 1 … 64, 8 if not given; eigen-maps: 4; with --error at most; lobes "
      "of "
      "fields and lafortune: 1 … 3, 2 if not given",
      "C"},

@@ -2,8 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "btf_matrix.h"
-#include "exr.h"
+#include "btf_private.h"
 
 #define COLOURS 3
 
@@ -89,9 +88,8 @@ static gboolean direction(const struct exr_part *part, const char *of, const cha
            view_error(path, error, "a direction is missing or not a number");
 }
 
-/* Memory or a file for all views, once the first says how many lights there are. */
-static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
-                      const char *path, GError **error) {
+gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
+                         GError **error) {
     btf->n_lights = (int)first->parts->len;
     if (btf->n_lights < 1)
         return view_error(path, error, "there are no lights in it");
@@ -101,6 +99,14 @@ static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_fi
         if (!direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
                        &btf->light_theta_deg[i], &btf->light_phi_deg[i], error))
             return FALSE;
+    return TRUE;
+}
+
+/* Memory or a file for all views, once the first says how many lights there are. */
+static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_file *first,
+                      const char *path, GError **error) {
+    if (!btf_take_lights(btf, first, path, error))
+        return FALSE;
     const gint64 bytes = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
     if (memory > 0 && bytes > memory) {
         g_autofree char *folder = g_build_filename(btf->directory, "products", NULL);
@@ -167,8 +173,8 @@ static gboolean check_values(const struct exr_part *part, int light, float *cons
     return TRUE;
 }
 
-static gboolean add_view(struct btf_matrix *btf, const struct exr_file *file, int view,
-                         const char *path, GError **error) {
+gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
+                       const char *path, float *first, gsize stride, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
     const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
     g_autofree float **planes = g_new0(float *, n);
@@ -183,15 +189,22 @@ static gboolean add_view(struct btf_matrix *btf, const struct exr_file *file, in
         if (!check_values(part, light, planes + (gsize)(light * COLOURS), path, &btf->holes, error))
             return FALSE;
     }
-    g_autofree float *buffer = btf->scratch ? g_new(float, texels *n) : NULL;
-    float *first = btf->scratch ? buffer : btf->values + (gsize)view * n;
-    const gsize stride = btf->scratch ? n : n * (gsize)btf->n_views;
     for (gsize texel = 0; texel < texels; texel++)
         for (gsize i = 0; i < n; i++)
             first[texel * stride + i] = planes[i] ? planes[i][texel] : 0;
-    return (!btf->scratch || btf_scratch_write(btf->scratch, view, buffer, error)) &&
-           direction(g_ptr_array_index(file->parts, 0), "view", path, &btf->view_theta_deg[view],
+    return direction(g_ptr_array_index(file->parts, 0), "view", path, &btf->view_theta_deg[view],
                      &btf->view_phi_deg[view], error);
+}
+
+static gboolean add_view(struct btf_matrix *btf, const struct exr_file *file, int view,
+                         const char *path, GError **error) {
+    const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
+    if (btf->values)
+        return btf_take_view(btf, file, view, path, btf->values + (gsize)view * n,
+                             n * (gsize)btf->n_views, error);
+    g_autofree float *buffer = g_new(float, texels *n);
+    return btf_take_view(btf, file, view, path, buffer, n, error) &&
+           btf_scratch_write(btf->scratch, view, buffer, error);
 }
 
 static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
@@ -216,20 +229,11 @@ static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArra
     return ok;
 }
 
-struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpointer data,
-                                   GCancellable *cancellable, GError **error) {
-    return btf_matrix_read_within(0, path, progress, data, cancellable, error);
-}
-
-struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, PipelineFunc progress,
-                                          gpointer data, GCancellable *cancellable,
-                                          GError **error) {
+struct btf_matrix *btf_open(const char *path, GPtrArray **ret_paths, GError **error) {
     struct session_grid grid;
     g_autoptr(Session) session = open_session(path, error);
-    if (!session || !session_grid(session, &grid, error))
-        return NULL;
-    g_autoptr(GPtrArray) paths = list_views(session, error);
-    if (!paths)
+    if (!session || !session_grid(session, &grid, error) ||
+        !(*ret_paths = list_views(session, error)))
         return NULL;
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     btf->name = g_strdup(session_name(session));
@@ -238,10 +242,23 @@ struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, Pipel
     btf->height = grid.height;
     btf->texel_mm = grid.width_mm / grid.width;
     btf->reference_mm = grid.reference_mm;
-    btf->n_views = (int)paths->len;
+    btf->n_views = (int)(*ret_paths)->len;
     btf->view_theta_deg = g_new0(float, btf->n_views);
     btf->view_phi_deg = g_new0(float, btf->n_views);
-    if (!read_views(btf, memory, paths, progress, data, cancellable, error))
+    return btf;
+}
+
+struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpointer data,
+                                   GCancellable *cancellable, GError **error) {
+    return btf_matrix_read_within(0, path, progress, data, cancellable, error);
+}
+
+struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, PipelineFunc progress,
+                                          gpointer data, GCancellable *cancellable,
+                                          GError **error) {
+    g_autoptr(GPtrArray) paths = NULL;
+    struct btf_matrix *btf = btf_open(path, &paths, error);
+    if (btf && !read_views(btf, memory, paths, progress, data, cancellable, error))
         g_clear_pointer(&btf, btf_matrix_free);
     return btf;
 }

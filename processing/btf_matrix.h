@@ -6,6 +6,7 @@
  */
 #pragma once
 
+#include "lpca_team.h"
 #include "pipeline.h"
 
 struct btf_scratch;
@@ -37,6 +38,12 @@ struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpoi
  * are. It takes 2 bytes a value and is gone with the matrix. */
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, PipelineFunc progress,
                                           gpointer data, GCancellable *cancellable, GError **error);
+
+/* For a team (lpca_team.h) in which all call this: values hold the rows of a rank's own texels
+ * alone. Each view is read by one rank, which deals its texels out. An error of one is an error of
+ * all. */
+struct btf_matrix *btf_matrix_read_shared(const struct lpca_team *team, const char *path,
+                                          PipelineFunc progress, gpointer data, GError **error);
 
 /* What n texels from first on show to a view: n rows of n_lights × 3 floats, each *ret_stride
  * behind the one before. They lie in memory, or else in buffer (n × n_lights × 3). NULL if the file

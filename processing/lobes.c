@@ -8,6 +8,7 @@
 
 #define COLOURS    3
 #define POLYNOMIAL 6
+#define SAVE_US    (20 * G_USEC_PER_SEC)
 #define BLOCK      16 /* texels fitted by a thread at a time */
 
 static const char *const names[LOBES_MODELS] = {"fields", "ptm", "lafortune", "ward", "ashikhmin"};
@@ -60,7 +61,10 @@ struct run {
     struct lobes_fit fit;
     struct lobes_start *start;
     float *views, *lights;
-    float *polynomial; /* POLYNOMIAL × n_lights: pseudo-inverse */
+    float *polynomial;   /* POLYNOMIAL × n_lights: pseudo-inverse */
+    int n_blocks, *done; /* of each block of texels whether it is */
+    char *inputs;        /* NULL: nothing is kept */
+    gint64 saved_us;
 };
 
 static float *directions(const float *theta_deg, const float *phi_deg, int n) {
@@ -237,8 +241,7 @@ static void colour_facet(const struct run *run, int texel, float *values) {
     }
 }
 
-static void fit_block(int block, gpointer data) {
-    const struct run *run = data;
+static void fit_texels(const struct run *run, int block) {
     struct lobes *lobes = run->lobes;
     const int texels = lobes->width * lobes->height, first = block * BLOCK;
     const int slices = lobes->n_slices, rows_here = MIN(BLOCK, texels - first) * slices;
@@ -263,6 +266,14 @@ static void fit_block(int block, gpointer data) {
     if (lobes->model == LOBES_WARD || lobes->model == LOBES_ASHIKHMIN)
         for (int texel = first; texel < first + rows_here; texel++)
             colour_facet(run, texel, lobes->values + (gsize)texel * (gsize)lobes->n_values);
+}
+
+static void fit_block(int block, gpointer data) {
+    const struct run *run = data;
+    if (g_atomic_int_get(&run->done[block]))
+        return;
+    fit_texels(run, block);
+    g_atomic_int_set(&run->done[block], 1);
 }
 
 static void to_halves(struct lobes *lobes) {
@@ -341,15 +352,49 @@ static gboolean check(const struct btf_matrix *btf, const struct lobes_options *
     return TRUE;
 }
 
+static void save(struct run *run) {
+    if (run->inputs)
+        lobes_unfinished_write(run->options->unfinished, run->lobes, run->inputs, run->done,
+                               run->n_blocks, NULL);
+    run->saved_us = g_get_monotonic_time();
+}
+
+/* Work that cannot be kept is no reason to stop it. */
+static void tell_and_save(const struct pipeline_progress *progress, gpointer data) {
+    struct run *run = data;
+    if (run->options->progress)
+        run->options->progress(progress, run->options->data);
+    if (g_get_monotonic_time() - run->saved_us > SAVE_US)
+        save(run);
+}
+
+static gboolean fit_blocks(struct run *run, GError **error) {
+    struct lobes_options options = *run->options;
+    options.progress = tell_and_save;
+    options.data = run;
+    run->n_blocks = (run->lobes->width * run->lobes->height + BLOCK - 1) / BLOCK;
+    run->done = g_new0(int, run->n_blocks);
+    run->saved_us = g_get_monotonic_time();
+    if (options.unfinished) {
+        run->inputs = lobes_inputs(run->btf, run->lobes);
+        lobes_unfinished_read(options.unfinished, run->lobes, run->inputs, run->done,
+                              run->n_blocks);
+    }
+    const gboolean ok = lobes_parallel(&options, "fit", run->n_blocks, fit_block, run, error);
+    if (!ok)
+        save(run);
+    g_free(run->done);
+    g_free(run->inputs);
+    return ok;
+}
+
 static gboolean fit_all(struct run *run, GError **error) {
-    const int texels = run->lobes->width * run->lobes->height;
     run->fit = (struct lobes_fit){
         run->lobes->model,  run->lobes->n_lobes, run->lobes->n_slices > 1 ? 1 : run->btf->n_views,
         run->btf->n_lights, run->views,          run->lights};
     run->start = lobes_start_new(&run->fit);
     run->polynomial = pseudo_inverse(run->lights, run->btf->n_lights);
-    const gboolean ok =
-        lobes_parallel(run->options, "fit", (texels + BLOCK - 1) / BLOCK, fit_block, run, error);
+    const gboolean ok = fit_blocks(run, error);
     if (ok) {
         run->lobes->exact_error = lobes_error(run->lobes, run->btf, run->options->n_threads);
         to_halves(run->lobes);

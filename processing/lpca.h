@@ -36,7 +36,7 @@
 #include "lpca_team.h"
 
 #define LPCA_MAX_CLUSTERS   1024
-#define LPCA_MAX_COMPONENTS 32
+#define LPCA_MAX_COMPONENTS 64
 
 enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS };
 #define LPCA_QUANTISE_KINDS 4
@@ -104,6 +104,9 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
 
 /* ‖X − X̂‖_F / ‖X‖_F of R, G, B, also kept in lpca->error; 0 for a black BTF. */
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
+/* The same for options' team, with progress. */
+gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
+                           const struct lpca_options *options, GError **error);
 
 /* Bytes of index, weights and BRDFs as a renderer holds them. */
 gint64 lpca_bytes(const struct lpca *lpca);

@@ -364,7 +364,7 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
     else if (options->n_clusters < 1 || options->n_clusters > MIN(texels, LPCA_MAX_CLUSTERS))
         what = "there can be 1 to 1024 clusters, and no more than texels";
     else if (options->n_components < 1 || options->n_components > MIN(values, LPCA_MAX_COMPONENTS))
-        what = "there can be 1 to 32 components, and no more than values of a texel";
+        what = "there can be 1 to 64 components, and no more than values of a texel";
     else if (!isfinite(options->target) || options->target < 0)
         what = "the error to reach must be a number above 0";
     if (what)

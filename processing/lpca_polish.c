@@ -338,17 +338,24 @@ gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error)
     return ok;
 }
 
-double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads) {
-    const struct lpca_options options = {.n_threads = n_threads};
-    struct lpca_run run = {.btf = btf, .options = &options, .n = btf->width * btf->height};
+gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
+                           const struct lpca_options *options, GError **error) {
+    struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
     run.d = lpca_dimensions(btf->n_views, btf->n_lights);
     run.columns = run.d / btf->n_views;
-    run.end = run.n;
+    lpca_team_part(options->team, options->team ? options->team->rank : 0, run.n, LPCA_TEAM_ROWS,
+                   &run.first, &run.end);
     g_mutex_init(&run.lock);
-    g_autoptr(GError) error = NULL;
-    if (!lpca_run_error(&run, lpca, &error))
-        lpca->error = NAN;
+    const gboolean ok = lpca_run_error(&run, lpca, error);
     g_mutex_clear(&run.lock);
     g_clear_error(&run.failed);
+    return ok;
+}
+
+double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads) {
+    const struct lpca_options options = {.n_threads = n_threads};
+    g_autoptr(GError) error = NULL;
+    if (!lpca_error_shared(lpca, btf, &options, &error))
+        lpca->error = NAN;
     return lpca->error;
 }

@@ -14,6 +14,9 @@ struct lpca_team {
     void (*sum_doubles)(const struct lpca_team *team, double *values, gsize n);
     /* Rank i has filled bytes starts[i] … starts[i + 1] − 1 of all; then all have everything. */
     void (*share)(const struct lpca_team *team, void *all, const gsize *starts);
+    /* The root alone has all; rank i gets values starts[i] … starts[i + 1] − 1 of it. */
+    void (*deal)(const struct lpca_team *team, int root, const float *all, const gsize *starts,
+                 float *ret_mine);
 };
 
 /* Which of n things, in multiples of a step, are a rank's: from *ret_first to before *ret_end. */

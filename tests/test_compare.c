@@ -1,9 +1,11 @@
 #include "processing/compare.h"
+#include "processing/compare_pictures.h"
 
 #include "processing/exr.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
+#include <png.h>
 #include <string.h>
 
 /* Published with the formula (Sharma, Wu & Dalal 2005, Table 1). */
@@ -211,6 +213,59 @@ static void test_refused(void) {
     g_rmdir(folder);
 }
 
+/* 4 × 2 pixels of sRGB; those of a column are grey. */
+static void write_png(const char *path, int width, const guint8 *columns) {
+    png_image image = {.version = PNG_IMAGE_VERSION,
+                       .width = (png_uint_32)width,
+                       .height = 2,
+                       .format = PNG_FORMAT_RGB};
+    g_autofree guint8 *pixels = g_new(guint8, (gsize)(width * 2) * 3);
+    for (int i = 0; i < width * 2; i++)
+        memset(pixels + (gsize)i * 3, columns[i % width], 3);
+    g_assert_true(png_image_write_to_file(&image, path, 0, pixels, 0, NULL));
+}
+
+static double lightness(guint8 srgb) {
+    const double v = srgb / 255.0,
+                 linear = v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+    return 116 * cbrt(linear) - 16;
+}
+
+/* Of greys the formula has nothing but lightness. */
+static double grey_delta_e(guint8 a, guint8 b) {
+    const double mean = (lightness(a) + lightness(b)) / 2, away = (mean - 50) * (mean - 50);
+    return fabs(lightness(a) - lightness(b)) / (1 + 0.015 * away / sqrt(20 + away));
+}
+
+static void test_pictures(void) {
+    static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
+    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    g_autofree char *a = g_build_filename(folder, "a.png", NULL);
+    g_autofree char *b = g_build_filename(folder, "b.png", NULL);
+    g_autoptr(GError) error = NULL;
+    struct picture_comparison found;
+    write_png(a, 4, one);
+    write_png(b, 4, other);
+    g_assert_true(compare_pictures(a, b, &found, &error));
+    g_assert_no_error(error);
+    const double first = grey_delta_e(100, 104), last = grey_delta_e(200, 190);
+    g_assert_cmpint(found.width, ==, 4);
+    g_assert_cmpfloat_with_epsilon(found.delta_e, (first + last) / 4, 0.01);
+    g_assert_cmpfloat_with_epsilon(found.delta_e_covered, (first + last) / 3, 0.01);
+    g_assert_cmpfloat_with_epsilon(found.covered, 0.75, 1e-9);
+    g_assert_cmpfloat_with_epsilon(found.largest, MAX(first, last), 0.01);
+    write_png(b, 3, other);
+    g_assert_false(compare_pictures(a, b, &found, &error));
+    g_assert_nonnull(strstr(error->message, "3 × 2: render them alike"));
+    g_clear_error(&error);
+    g_assert_true(g_file_set_contents(b, "\x89PNG", -1, NULL));
+    g_assert_false(compare_pictures(a, b, &found, &error));
+    g_assert_nonnull(strstr(error->message, "b.png"));
+    g_unlink(a);
+    g_unlink(b);
+    g_rmdir(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/compare/delta-e", test_delta_e);
@@ -218,5 +273,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/compare/sums", test_sums);
     g_test_add_func("/compare/kinds", test_kinds);
     g_test_add_func("/compare/refused", test_refused);
+    g_test_add_func("/compare/pictures", test_pictures);
     return g_test_run();
 }

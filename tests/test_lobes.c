@@ -382,6 +382,63 @@ static void test_holes(void) {
     }
 }
 
+static void cancel_soon(const struct pipeline_progress *progress, gpointer cancellable) {
+    if (progress->done > 0)
+        g_cancellable_cancel(cancellable);
+}
+
+static struct lobes *compute_unfinished(const struct btf_matrix *btf, const char *path,
+                                        GCancellable *cancellable) {
+    const struct lobes_options options = {.model = LOBES_PTM,
+                                          .n_threads = 1,
+                                          .progress = cancellable ? cancel_soon : NULL,
+                                          .data = cancellable,
+                                          .cancellable = cancellable,
+                                          .unfinished = path};
+    return lobes_compute(btf, &options, NULL);
+}
+
+/* Cut off, it goes on with what it had, and ends with the same. */
+static void test_unfinished(void) {
+    g_autofree char *dir = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(dir, "unfinished.exr", NULL);
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    struct btf_matrix *btf = new_btf(64, 64, 1, RINGS);
+    fill(btf, LOBES_FIELDS, 0.1);
+    const gsize n = (gsize)(64 * 64 * btf->n_views * 9);
+    struct lobes *whole = compute_unfinished(btf, NULL, NULL);
+    g_assert_null(compute_unfinished(btf, path, cancellable));
+    struct exr_file *kept = exr_read(path, NULL);
+    g_assert_nonnull(kept);
+    const float *blocks = exr_part_plane(exr_file_part(kept, "blocks"), "V");
+    g_assert_cmpfloat(blocks[0], ==, 1);
+    struct lobes *rest = compute_unfinished(btf, path, NULL);
+    g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
+    g_assert_cmpfloat(rest->error, ==, whole->error);
+    lobes_free(rest);
+    /* What was done is not done again: it shows when it is changed. */
+    exr_part_plane(exr_file_part(kept, "values"), "V")[0] = 7;
+    g_assert_true(exr_write(path, kept, EXR_NONE, FALSE, NULL));
+    rest = compute_unfinished(btf, path, NULL);
+    g_assert_cmpfloat(rest->values[0], ==, 7);
+    lobes_free(rest);
+    /* Of something else, or damaged, it counts as nothing. */
+    btf->values[0] += 0.5F;
+    rest = compute_unfinished(btf, path, NULL);
+    g_assert_cmpfloat(rest->values[0], !=, 7);
+    lobes_free(rest);
+    g_assert_true(g_file_set_contents(path, "cut off", -1, NULL));
+    btf->values[0] -= 0.5F;
+    rest = compute_unfinished(btf, path, NULL);
+    g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
+    lobes_free(rest);
+    lobes_free(whole);
+    exr_file_free(kept);
+    btf_matrix_free(btf);
+    g_unlink(path);
+    g_rmdir(dir);
+}
+
 static void test_refused(void) {
     static const struct lobes_options bad[] = {
         {(enum lobes_model)5}, {LOBES_FIELDS, -1}, {LOBES_FIELDS, 4}, {LOBES_LAFORTUNE, G_MAXINT}};
@@ -517,6 +574,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/lobes/threads", test_threads);
     g_test_add_func("/lobes/edges", test_edges);
     g_test_add_func("/lobes/holes", test_holes);
+    g_test_add_func("/lobes/unfinished", test_unfinished);
     g_test_add_func("/lobes/refused", test_refused);
     g_test_add_func("/lobes/file", test_file);
     g_test_add_func("/lobes/hostile", test_hostile);

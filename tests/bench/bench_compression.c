@@ -1,6 +1,7 @@
 /* Local PCA of a synthetic BTF, or of one in a file of floats, against the peak of sgemm: how long,
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
+#include "compression_disk.h"
 #include "compression_fields.h"
 #include "compression_rate.h"
 #include "compression_resample.h"
@@ -18,7 +19,7 @@
 
 static int texels = 64, views = 30, lights = 30, clusters = 32, components = 8;
 static char *session, *dump;
-static gboolean json, fields, resample, rate;
+static gboolean json, fields, resample, rate, disk;
 static int fits = 20000, every = 3;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
@@ -38,6 +39,8 @@ static const GOptionEntry entries[] = {
      "Error against size instead, beside local PCA as published: of sessions named as arguments, "
      "each followed by the same without noise",
      NULL},
+    {"disk", 0, 0, G_OPTION_ARG_NONE, &disk,
+     "From a file of halves instead, against reading it and two products", NULL},
     {"every", 0, 0, G_OPTION_ARG_INT, &every, "--rate takes every N-th view (3)", "N"},
     {"fits", 0, 0, G_OPTION_ARG_INT, &fits, "Problems of each given to solvers (20000)", "N"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
@@ -79,9 +82,9 @@ static float shade(int texel, int view, int light, int colour) {
     return (float)(albedo * nl + 0.5 * pow(MAX(0, nh), 40) * (nl > 0));
 }
 
-static struct btf_matrix *synthetic(void) {
+/* Sizes alone. */
+static struct btf_matrix *empty(void) {
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    gsize i = 0;
     *btf = (struct btf_matrix){.name = g_strdup("weave"),
                                .width = texels,
                                .height = texels,
@@ -92,6 +95,12 @@ static struct btf_matrix *synthetic(void) {
                                .view_phi_deg = g_new0(float, views),
                                .light_theta_deg = g_new0(float, lights),
                                .light_phi_deg = g_new0(float, lights)};
+    return btf;
+}
+
+static struct btf_matrix *synthetic(void) {
+    struct btf_matrix *btf = empty();
+    gsize i = 0;
     btf->values = g_new(float, (gsize)texels *(gsize)texels *(gsize)views *(gsize)lights * 3);
     for (int texel = 0; texel < texels * texels; texel++)
         for (int view = 0; view < views; view++)
@@ -150,6 +159,12 @@ int main(int argc, char **argv) {
         return bench_rate(argv + 1, every, json);
     if (resample)
         return bench_resample(argv + 1, clusters, components, json);
+    if (disk) {
+        struct btf_matrix *like = empty();
+        const int ret = bench_disk(like, shade, clusters, components, json);
+        btf_matrix_free(like);
+        return ret;
+    }
     struct btf_matrix *btf =
         session ? btf_matrix_read(session, NULL, NULL, NULL, &error) : synthetic();
     int rc = 1;

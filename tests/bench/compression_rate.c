@@ -10,6 +10,7 @@
 #define ITERATIONS  10
 #define POWER_STEPS 3
 #define SEED        11
+#define EQUAL       1e-3 /* errors that differ by less, relative, are the same */
 
 /* One way to store it. */
 struct point {
@@ -220,7 +221,7 @@ static void clear(GArray *points) {
 static double bytes_at(const GArray *points, double error) {
     const struct point *list = &g_array_index(points, struct point, 0);
     for (guint i = 0; i < points->len; i++) {
-        if (list[i].error > error)
+        if (list[i].error > error * (1 + EQUAL))
             continue;
         if (i == 0)
             return list[0].bytes;
@@ -301,14 +302,14 @@ static void print_gain(const GArray *published, const GArray *ours, double raw, 
 
 static gboolean measure(const char *name, const struct btf_matrix *noisy,
                         const struct btf_matrix *quiet, gboolean json, GError **error) {
-    static const int clusters[] = {1, 4, 16};
+    static const int clusters[] = {1, 2, 4, 16};
     GArray *published = g_array_new(FALSE, FALSE, sizeof(struct point));
     GArray *ours = g_array_new(FALSE, FALSE, sizeof(struct point));
     const double raw =
         (double)btf_matrix_bytes(noisy->width, noisy->height, noisy->n_views, noisy->n_lights) / 2;
     gboolean ok = TRUE;
     for (guint i = 0; ok && i < G_N_ELEMENTS(clusters); i++)
-        for (int c = 1; ok && c <= 32 && c * clusters[i] <= 128; c *= 2) {
+        for (int c = 1; ok && c <= LPCA_MAX_COMPONENTS && c * clusters[i] <= 128; c *= 2) {
             add_published(published, noisy, quiet, clusters[i], c);
             ok = add_ours(ours, noisy, quiet, clusters[i], c, error);
         }

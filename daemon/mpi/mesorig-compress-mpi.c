@@ -1,0 +1,134 @@
+/* Local PCA of a BTF by several processes, each with some of its texels in memory: docs/slurm.md.
+ */
+#include "daemon/json.h"
+#include "processing/lpca.h"
+#include "team.h"
+
+#include <mpi.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+static int clusters = 32, components = 8, threads;
+static char *quantise_option, *colours_option, *output;
+static gboolean json;
+static const GOptionEntry entries[] = {
+    {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters, "Clusters of texels: 1 … 1024 (32)", "K"},
+    {"components", 'c', 0, G_OPTION_ARG_INT, &components, "Eigen-BRDFs of a cluster: 1 … 64 (8)",
+     "C"},
+    {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option, "Numbers in the file (half)",
+     "float|half|8bit|8bit-weights"},
+    {"colours", 0, 0, G_OPTION_ARG_STRING, &colours_option,
+     "What is compressed: colours as they are, or the logarithm of luminance and chroma",
+     "rgb|log"},
+    {"threads", 't', 0, G_OPTION_ARG_INT, &threads, "Of each process; 0: one a processor (0)", "N"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Write this file", "FILE"},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
+    {NULL},
+};
+
+/* The first rank speaks for all, a line a stage and a tenth of it. */
+static void tell(const struct pipeline_progress *progress, gpointer data) {
+    static char *stage;
+    static int told = -1;
+    const struct lpca_team *team = data;
+    const int tenth = progress->total > 0 ? 10 * progress->done / progress->total : 10;
+    if (team->rank != 0 || json || (g_strcmp0(stage, progress->stage) == 0 && tenth == told))
+        return;
+    g_free(stage);
+    stage = g_strdup(progress->stage);
+    told = tenth;
+    fprintf(stderr, "%-8s %3d %%", progress->stage, 10 * tenth);
+    if (progress->left_s >= 0)
+        fprintf(stderr, ", %.0f s left", progress->left_s);
+    fputc('\n', stderr);
+}
+
+static void report(const struct lpca *lpca, const struct lpca_team *team, double exact,
+                   double seconds) {
+    GVariantBuilder builder;
+    if (!json) {
+        g_autofree char *size = g_format_size((guint64)lpca_bytes(lpca));
+        printf("%s: %d clusters of %d components, error %.2f %% (%.2f %% before rounding), %s; %d "
+               "processes, %.1f s\n",
+               output, lpca->n_clusters, lpca->n_components, 100 * lpca->error, 100 * exact, size,
+               team->n_ranks, seconds);
+        return;
+    }
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output));
+    g_variant_builder_add(&builder, "{sv}", "processes", g_variant_new_int32(team->n_ranks));
+    g_variant_builder_add(&builder, "{sv}", "clusters", g_variant_new_int32(lpca->n_clusters));
+    g_variant_builder_add(&builder, "{sv}", "components", g_variant_new_int32(lpca->n_components));
+    g_variant_builder_add(&builder, "{sv}", "bytes", g_variant_new_int64(lpca_bytes(lpca)));
+    g_variant_builder_add(&builder, "{sv}", "exact_error", g_variant_new_double(exact));
+    g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_double(lpca->error));
+    g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
+    g_autoptr(GVariant) value = g_variant_ref_sink(g_variant_builder_end(&builder));
+    g_autofree char *text = json_text(value);
+    printf("%s\n", text);
+}
+
+static gboolean compress(const char *path, const struct lpca_team *team,
+                         enum lpca_quantise quantise, GError **error) {
+    const double begun = MPI_Wtime();
+    struct lpca_options options = {
+        .n_clusters = clusters,
+        .n_components = components,
+        .n_threads = threads,
+        .progress = tell,
+        .data = (gpointer)team,
+        .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
+        .team = team,
+    };
+    struct btf_matrix *btf = btf_matrix_read_shared(team, path, tell, (gpointer)team, error);
+    struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
+    gboolean ok = lpca != NULL;
+    if (ok) {
+        const double exact = lpca->error;
+        lpca_quantise(lpca, quantise);
+        ok = lpca_error_shared(lpca, btf, &options, error) &&
+             (team->rank != 0 || lpca_write(output, lpca, error));
+        if (ok && team->rank == 0)
+            report(lpca, team, exact, MPI_Wtime() - begun);
+    }
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+    return ok;
+}
+
+/* 2: not understood. */
+static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
+    g_autoptr(GOptionContext) context =
+        g_option_context_new("SESSION -o FILE — compress a BTF by several processes");
+    g_autoptr(GError) error = NULL;
+    g_option_context_add_main_entries(context, entries, NULL);
+    const char *what = NULL;
+    if (!g_option_context_parse(context, argc, argv, &error))
+        what = error->message;
+    else if (*argc != 2 || !output)
+        what = "one session and -o FILE are needed";
+    else if (quantise_option && !lpca_quantise_parse(quantise_option, ret_quantise))
+        what = "--quantise is float, half, 8bit or 8bit-weights";
+    else if (colours_option && !g_str_equal(colours_option, "rgb") &&
+             !g_str_equal(colours_option, "log"))
+        what = "--colours is rgb or log";
+    if (what)
+        fprintf(stderr, "mesorig-compress-mpi: %s\n", what);
+    return what ? 2 : 0;
+}
+
+int main(int argc, char **argv) {
+    enum lpca_quantise quantise = LPCA_HALF;
+    g_autoptr(GError) error = NULL;
+    int level;
+    MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &level);
+    const struct lpca_team team = mpi_team();
+    const int rc = parse(&argc, &argv, &quantise);
+    if (rc == 0 && !compress(argv[1], &team, quantise, &error)) {
+        fprintf(stderr, "mesorig-compress-mpi: %s\n", error->message);
+        /* One may have failed where the others wait for it. */
+        MPI_Abort(MPI_COMM_WORLD, 1);
+    }
+    MPI_Finalize();
+    return rc;
+}

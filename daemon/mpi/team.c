@@ -1,0 +1,50 @@
+#include "team.h"
+
+#include <mpi.h>
+#include <string.h>
+
+#define PIECE ((gsize)1 << 26) /* elements a call: MPI counts in int */
+
+static void sum(void *values, gsize n, gsize size, MPI_Datatype type) {
+    for (gsize i = 0; i < n; i += PIECE)
+        MPI_Allreduce(MPI_IN_PLACE, (guint8 *)values + i * size, (int)MIN(PIECE, n - i), type,
+                      MPI_SUM, MPI_COMM_WORLD);
+}
+
+static void sum_floats(const struct lpca_team *team, float *values, gsize n) {
+    sum(values, n, sizeof *values, MPI_FLOAT);
+}
+
+static void sum_doubles(const struct lpca_team *team, double *values, gsize n) {
+    sum(values, n, sizeof *values, MPI_DOUBLE);
+}
+
+static void share(const struct lpca_team *team, void *all, const gsize *starts) {
+    for (int rank = 0; rank < team->n_ranks; rank++)
+        for (gsize i = starts[rank]; i < starts[rank + 1]; i += PIECE)
+            MPI_Bcast((guint8 *)all + i, (int)MIN(PIECE, starts[rank + 1] - i), MPI_BYTE, rank,
+                      MPI_COMM_WORLD);
+}
+
+static void deal(const struct lpca_team *team, int root, const float *all, const gsize *starts,
+                 float *ret_mine) {
+    for (int rank = 0; rank < team->n_ranks; rank++)
+        for (gsize i = starts[rank]; i < starts[rank + 1]; i += PIECE) {
+            const int n = (int)MIN(PIECE, starts[rank + 1] - i);
+            float *to = ret_mine + (i - starts[rank]);
+            if (team->rank == root && rank == root)
+                memcpy(to, all + i, sizeof(float) * (gsize)n);
+            else if (team->rank == root)
+                MPI_Send(all + i, n, MPI_FLOAT, rank, 0, MPI_COMM_WORLD);
+            else if (team->rank == rank)
+                MPI_Recv(to, n, MPI_FLOAT, root, 0, MPI_COMM_WORLD, MPI_STATUS_IGNORE);
+        }
+}
+
+struct lpca_team mpi_team(void) {
+    struct lpca_team team = {
+        .sum_floats = sum_floats, .sum_doubles = sum_doubles, .share = share, .deal = deal};
+    MPI_Comm_rank(MPI_COMM_WORLD, &team.rank);
+    MPI_Comm_size(MPI_COMM_WORLD, &team.n_ranks);
+    return team;
+}

@@ -1,0 +1,16 @@
+/* What btf_matrix.c and btf_shared.c share. */
+#pragma once
+
+#include "btf_matrix.h"
+#include "exr.h"
+
+/* Everything but lights and values, and the files of its views. */
+struct btf_matrix *btf_open(const char *path, GPtrArray **ret_paths, GError **error);
+
+/* Of a view's headers. */
+gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
+                         GError **error);
+
+/* A view's directions, holes and values: those of a texel lie stride behind those of the last. */
+gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
+                       const char *path, float *first, gsize stride, GError **error);

@@ -1,0 +1,71 @@
+#include "compare_pictures.h"
+
+#include <stdlib.h>
+
+#include "compare.h"
+#include "import_private.h"
+
+#define COLOURS 3
+
+static double pixel_delta_e(const float *a, const float *b) {
+    double lab[2][COLOURS];
+    compare_lab(a, lab[0]);
+    compare_lab(b, lab[1]);
+    return compare_delta_e(lab[0], lab[1]);
+}
+
+static int by_size(gconstpointer a, gconstpointer b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static gboolean same(const float *p, const float *q) {
+    return p[0] == q[0] && p[1] == q[1] && p[2] == q[2];
+}
+
+static void summarise(const float *a, const float *b, struct picture_comparison *ret) {
+    const gsize n = (gsize)ret->width * (gsize)ret->height;
+    g_autofree double *covered = g_new(double, n);
+    double all = 0, sum = 0;
+    gsize found = 0;
+    for (gsize i = 0; i < n; i++) {
+        const float *p = a + i * COLOURS, *q = b + i * COLOURS;
+        const double delta_e = pixel_delta_e(p, q);
+        all += delta_e;
+        if (same(p, a) && same(q, b))
+            continue;
+        sum += delta_e;
+        covered[found++] = delta_e;
+    }
+    qsort(covered, found, sizeof *covered, by_size);
+    ret->delta_e = all / (double)n;
+    ret->delta_e_covered = found > 0 ? sum / (double)found : 0;
+    ret->p95 = found > 0 ? covered[(gsize)(0.95 * (double)(found - 1))] : 0;
+    ret->largest = found > 0 ? covered[found - 1] : 0;
+    ret->covered = (double)found / (double)n;
+}
+
+gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
+                          GError **error) {
+    struct import_picture *first = import_picture_read(a, error);
+    struct import_picture *second = first ? import_picture_read(b, error) : NULL;
+    gboolean ok = second != NULL;
+    if (ok && (first->width != second->width || first->height != second->height)) {
+        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_DATA,
+                    "%s has %d × %d pixels, %s %d × %d: render them alike", a, first->width,
+                    first->height, b, second->width, second->height);
+        ok = FALSE;
+    }
+    if (ok) {
+        ret->width = first->width;
+        ret->height = first->height;
+        summarise(first->rgb, second->rgb, ret);
+    }
+    import_picture_free(first);
+    import_picture_free(second);
+    return ok;
+}
+
+gboolean compare_is_picture(const char *path) {
+    return import_is_picture(path) && !g_str_has_suffix(path, ".exr");
+}

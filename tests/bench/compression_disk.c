@@ -1,0 +1,118 @@
+#include "compression_disk.h"
+
+#include "processing/lpca_private.h"
+
+#include <cblas.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define REDUCED 128 /* as in lpca_compute.c */
+#define BLOCK   1024
+#define TILE    64 /* texels of a side that are worked out; others repeat them */
+
+/* Resident memory of this process at most so far, in MiB. */
+static double peak_mib(void) {
+    g_autofree char *text = NULL;
+    g_file_get_contents("/proc/self/status", &text, NULL, NULL);
+    const char *line = text ? strstr(text, "VmHWM:") : NULL;
+    return line ? g_ascii_strtod(line + strlen("VmHWM:"), NULL) / 1024 : -1;
+}
+
+static double seconds_since(gint64 start) {
+    return (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
+}
+
+/* View by view, so that no more than one is in memory. */
+static gboolean fill(struct btf_matrix *btf, float (*value)(int, int, int, int), GError **error) {
+    const int texels = btf->width * btf->height;
+    const gsize row = (gsize)btf->n_lights * 3;
+    g_autofree float *view = g_new(float, (gsize)texels *row);
+    btf->scratch = btf_scratch_new(g_get_tmp_dir(), row, btf->n_views, texels, error);
+    for (int v = 0; btf->scratch && v < btf->n_views; v++) {
+        for (int x = 0; x < texels; x++) {
+            const int i = x % btf->width, j = x / btf->width;
+            const int like = j % TILE * btf->width + i % TILE;
+            const float bright = 1 - 0.02F * (float)((i / TILE * 5 + j / TILE * 3) % 8);
+            for (gsize k = 0; k < row; k++)
+                view[(gsize)x * row + k] = like == x ? value(x, v, (int)(k / 3), (int)(k % 3))
+                                                     : bright * view[(gsize)like * row + k];
+        }
+        if (!btf_scratch_write(btf->scratch, v, view, error))
+            return FALSE;
+    }
+    return btf->scratch != NULL;
+}
+
+/* Everything a local PCA cannot do without: all is read once, projected, and weighted. */
+struct needed {
+    const struct btf_matrix *btf;
+    int components;
+    float *factors; /* (REDUCED + components) × columns of a view */
+};
+
+static void needed_block(int block, gpointer data) {
+    const struct needed *needed = data;
+    const struct btf_matrix *btf = needed->btf;
+    const int columns = btf->n_lights * 3, from = block * BLOCK;
+    const int n = MIN(BLOCK, btf->width * btf->height - from),
+              outputs = REDUCED + needed->components;
+    g_autofree float *buffer = g_new(float, (gsize)n *(gsize)columns);
+    g_autofree float *products = g_new0(float, (gsize)n *(gsize)outputs);
+    for (int view = 0; view < btf->n_views; view++) {
+        gsize stride;
+        const float *rows = btf_matrix_rows(btf, view, from, n, buffer, &stride, NULL);
+        if (!rows)
+            return;
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, REDUCED, columns, 1, rows,
+                    (int)stride, needed->factors, columns, 1, products, outputs);
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, needed->components, columns, 1,
+                    rows, (int)stride, needed->factors + (gsize)REDUCED * (gsize)columns, columns,
+                    1, products + REDUCED, outputs);
+    }
+}
+
+static double needed_seconds(const struct btf_matrix *btf, int components) {
+    struct needed needed = {btf, components, NULL};
+    const gsize n = (gsize)(REDUCED + components) * (gsize)btf->n_lights * 3;
+    needed.factors = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        needed.factors[i] = (float)(i % 17) - 8;
+    const gint64 start = g_get_monotonic_time();
+    lpca_parallel(0, (btf->width * btf->height + BLOCK - 1) / BLOCK, needed_block, &needed);
+    g_free(needed.factors);
+    return seconds_since(start);
+}
+
+static void report(const struct btf_matrix *btf, const struct lpca *lpca, double seconds,
+                   double needed, double peak, gboolean json) {
+    printf(json ? "{\"rows\": %d, \"columns\": %d, \"file_gb\": %.2f, \"seconds\": %.2f, "
+                  "\"needed_seconds\": %.2f, \"ratio\": %.2f, \"peak_mib\": %.0f, "
+                  "\"error\": %.5f}\n"
+                : "%d × %d, %.2f GB in a file: %.2f s; reading it and two products %.2f s: %.2f "
+                  "times that; %.0f MiB resident at most; error %.5f\n",
+           btf->width * btf->height, btf->n_views * btf->n_lights * 3,
+           (double)btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights) / 2e9,
+           seconds, needed, seconds / needed, peak, lpca->error);
+}
+
+int bench_disk(struct btf_matrix *like, float (*value)(int, int, int, int), int clusters,
+               int components, gboolean json) {
+    g_autoptr(GError) error = NULL;
+    const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
+    struct lpca *lpca = NULL;
+    if (fill(like, value, &error)) {
+        const double before = needed_seconds(like, components);
+        const gint64 start = g_get_monotonic_time();
+        lpca = lpca_compute(like, &options, &error);
+        const double seconds = seconds_since(start), peak = peak_mib();
+        /* Once more, since the machine may have become busier or less so. */
+        if (lpca)
+            report(like, lpca, seconds, (before + needed_seconds(like, components)) / 2, peak,
+                   json);
+    }
+    lpca_free(lpca);
+    if (error)
+        fprintf(stderr, "%s\n", error->message);
+    return error ? 1 : 0;
+}

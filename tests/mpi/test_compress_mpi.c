@@ -1,0 +1,124 @@
+/* The same material by one, two and four processes. */
+#include "processing/import.h"
+#include "processing/lpca.h"
+
+#include "../session_fixture.h"
+
+#define SIDE   40 /* 1600 texels: seven blocks of LPCA_TEAM_ROWS */
+#define VIEWS  3
+#define LIGHTS 4
+
+static const struct import_progress quietly = {NULL, NULL, NULL};
+
+static float value(int view, int light, int texel, int colour) {
+    const double x = texel % SIDE, y = texel / SIDE; /* NOLINT(bugprone-integer-division) */
+    const double tilt = sin(0.4 * x + view) * cos(0.3 * y - light);
+    return (float)(0.3 + 0.1 * sin(0.05 * x * y + colour) + 0.1 * tilt +
+                   0.8 * exp(-9 * (tilt - 0.6) * (tilt - 0.6)));
+}
+
+static void write_picture(const char *dir, int view, int light) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    g_autofree char *path =
+        g_strdup_printf("%s/tv%03d_pv%03d_tl%03d_pl%03d.exr", dir, 20 * view, view ? 90 * view : 0,
+                        15 * light, light ? 80 * light : 0);
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("rgb", SIDE, SIDE, channels, EXR_HALF);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        for (int c = 0; c < 3; c++)
+            part->planes[2 - c][i] = value(view, light, i, c);
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
+    exr_file_free(file);
+}
+
+static char *make_session(void) {
+    g_autofree char *dir = g_build_filename(folder, "pictures", NULL);
+    g_autoptr(GError) error = NULL;
+    const struct import_wish wish = {0};
+    struct import_result result;
+    char *path = fresh("bumps");
+    g_assert_cmpint(g_mkdir_with_parents(dir, 0700), ==, 0);
+    for (int view = 0; view < VIEWS; view++)
+        for (int light = 0; light < LIGHTS; light++)
+            write_picture(dir, view, light);
+    g_assert_true(import_pictures(path, dir, &wish, &quietly, &result, &error));
+    g_assert_no_error(error);
+    return path;
+}
+
+/* Returns the exit code. */
+static int run(int ranks, const char *session, const char *output, char **ret_errors) {
+    g_autofree char *n = g_strdup_printf("%d", ranks);
+    const char *const argv[] = {MPIEXEC,      "--oversubscribe",
+                                "-n",         n,
+                                COMPRESS_MPI, session,
+                                "-k",         "5",
+                                "-c",         "4",
+                                "-t",         "1",
+                                "-q",         "float",
+                                "-o",         output,
+                                NULL};
+    g_autoptr(GError) error = NULL;
+    int status = 0;
+    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_STDOUT_TO_DEV_NULL, NULL, NULL, NULL,
+                 ret_errors, &status, &error);
+    g_assert_no_error(error);
+    g_assert_true(WIFEXITED(status));
+    return WEXITSTATUS(status);
+}
+
+static void test_ranks(void) {
+    g_autofree char *session = make_session();
+    g_autofree char *output = g_build_filename(folder, "lpca.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = btf_matrix_read(session, NULL, NULL, NULL, &error);
+    g_assert_no_error(error);
+    const struct lpca_options options = {5, 4};
+    struct lpca *alone = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(alone->error, >, 0.001);
+    for (int ranks = 1; ranks <= 4; ranks *= 2) {
+        g_autofree char *errors = NULL;
+        g_assert_cmpint(run(ranks, session, output, &errors), ==, 0);
+        struct lpca *lpca = lpca_read(output, &error);
+        g_assert_no_error(error);
+        g_assert_cmpint(lpca->n_clusters, ==, alone->n_clusters);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            g_assert_cmpint(lpca->clusters[i], ==, alone->clusters[i]);
+        g_assert_cmpfloat_with_epsilon(lpca->error, alone->error, 1e-6);
+        g_assert_cmpfloat_with_epsilon(lpca_error(lpca, btf, 0), alone->error, 1e-6);
+        lpca_free(lpca);
+        g_unlink(output);
+    }
+    lpca_free(alone);
+    btf_matrix_free(btf);
+}
+
+/* What one process cannot read ends all of them. */
+static void test_damaged(void) {
+    g_autofree char *session = make_session();
+    g_autofree char *output = g_build_filename(folder, "none.exr", NULL);
+    g_autofree char *view = g_build_filename(session, "products", "btf", "view_0001.exr", NULL);
+    g_autofree char *errors = NULL, *missing = NULL;
+    g_assert_true(g_file_set_contents(view, "cut off", -1, NULL));
+    g_assert_cmpint(run(2, session, output, &errors), !=, 0);
+    g_assert_nonnull(strstr(errors, "view_0001.exr"));
+    g_assert_false(g_file_test(output, G_FILE_TEST_EXISTS));
+    g_assert_cmpint(run(2, "/no/such.session", output, &missing), !=, 0);
+    g_assert_nonnull(strstr(missing, "/no/such.session"));
+}
+
+int main(int argc, char **argv) {
+    g_setenv("OMPI_ALLOW_RUN_AS_ROOT", "1", TRUE);
+    g_setenv("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1", TRUE);
+    /* Ranks that wait on a machine with fewer processors should let the others work. */
+    g_setenv("OMPI_MCA_mpi_yield_when_idle", "1", TRUE);
+    g_setenv("OMP_NUM_THREADS", "1", TRUE);
+    /* Open MPI frees little when it ends. */
+    g_setenv("ASAN_OPTIONS", "detect_leaks=0", TRUE);
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/compress-mpi/ranks", test_ranks);
+    g_test_add_func("/compress-mpi/damaged", test_damaged);
+    return session_fixture_run();
+}
