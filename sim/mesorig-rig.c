@@ -44,7 +44,7 @@ static void say(const VirtualRig *rig) {
     gsize n;
     const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
     for (gsize i = 0; i < n; i++)
-        g_print("%-20s %-14s %s\n", devices[i].section, devices[i].driver, devices[i].where);
+        g_print("%-20s %-15s %s\n", devices[i].section, devices[i].driver, devices[i].where);
     g_autofree char *environment = virtual_rig_environment(rig);
     g_print("\n%s is the rig file. In another terminal:\n"
             "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"

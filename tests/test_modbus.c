@@ -482,7 +482,7 @@ static void presets(void) {
         options_clear(info->options, priv);
         n++;
     }
-    g_assert_cmpint(n, ==, 3);
+    g_assert_cmpint(n, ==, 4);
 }
 
 int main(int argc, char **argv) {

@@ -135,8 +135,20 @@ struct mishap { /* a session, and what happens to a camera in it */
     VirtualRig *rig;
     GSubprocess *capture;
     char *out;
+    int n_late;
     gboolean over;
 };
+
+#define MAX_LATE 6
+
+/* A line of every drive and relay board answers late, once, damaged, once, and once not at all. */
+static gboolean answer_late(gpointer data) {
+    static const struct virtual_modbus_faults kinds[] = {
+        {.late = 1, .late_ms = 450}, {.damaged = 1}, {.silent = 1}};
+    struct mishap *mishap = data;
+    virtual_rig_fail_lines(mishap->rig, &kinds[mishap->n_late % G_N_ELEMENTS(kinds)]);
+    return ++mishap->n_late < MAX_LATE ? G_SOURCE_CONTINUE : G_SOURCE_REMOVE;
+}
 
 static gboolean lose_power(gpointer data) {
     struct mishap *mishap = data;
@@ -157,9 +169,9 @@ static void assert_has(const char *text, const char *words) {
         g_error("no \"%s\" in: %s", words, text);
 }
 
-/* Two pictures of each camera come incomplete, then one camera is without power for a while: the
- * session goes on by itself and says what happened. */
-static void camera_lost_and_found(void) {
+/* Two pictures of each camera come incomplete, all lines answer late again and again, and one
+ * camera is without power for a while: the session goes on by itself and says what happened. */
+static void mishaps(void) {
     g_autofree char *path = in_top("virtual.conf"), *conf = in_top("short.conf");
     g_autofree char *session = in_top("mishap.session"), *socket = in_top("mishap-bus");
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
@@ -185,6 +197,7 @@ static void camera_lost_and_found(void) {
                "capture", "--address", address, path, conf, "-o", session, NULL);
     g_subprocess_communicate_utf8_async(mishap.capture, NULL, NULL, on_over, &mishap);
     g_timeout_add(5000, lose_power, &mishap);
+    g_timeout_add(1300, answer_late, &mishap);
     for (gint64 until = g_get_monotonic_time() + 90 * G_USEC_PER_SEC; !mishap.over;) {
         g_main_context_iteration(NULL, TRUE); /* the rig's own timer wakes it */
         g_assert_cmpint(g_get_monotonic_time(), <, until);
@@ -196,6 +209,7 @@ static void camera_lost_and_found(void) {
     assert_has(mishap.out, "cam30: picture taken again: ");
     runs(BIN("mesorig"), "process", session, NULL);
     g_assert_cmpfloat(value("mishap.session", "retakes"), >=, 5);
+    g_assert_cmpint(mishap.n_late, ==, MAX_LATE);
     ends(daemon);
     virtual_rig_free(mishap.rig);
     g_object_unref(mishap.capture);
@@ -230,7 +244,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     top = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
     g_test_add_func("/virtual-rig/refused", refused);
-    g_test_add_func("/virtual-rig/camera-lost-and-found", camera_lost_and_found);
+    g_test_add_func("/virtual-rig/mishaps", mishaps);
     g_test_add_func("/virtual-rig/through-real-protocols", through_real_protocols);
     int failed = g_test_run();
     const char *const remove[] = {"/bin/rm", "-rf", top, NULL};

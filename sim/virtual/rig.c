@@ -440,6 +440,13 @@ void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults 
         virtual_gige_fail(rig->eyes[i].device, faults);
 }
 
+void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults) {
+    for (int i = 0; i < rig->n_drives; i++)
+        virtual_modbus_fail(rig->drives[i].device, faults);
+    for (int i = 0; i < rig->n_boards; i++)
+        virtual_modbus_fail(rig->boards[i].device, faults);
+}
+
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms) {
     for (int i = 0; i < rig->n_eyes; i++)
         if (g_str_equal(rig->eyes[i].name, name))

@@ -12,6 +12,7 @@
 #pragma once
 
 #include "sim/virtual/gige.h"
+#include "sim/virtual/modbus.h"
 
 #include "drivers/config.h"
 
@@ -42,6 +43,9 @@ const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsiz
 
 /* What all its cameras suffer from now on. */
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults *faults);
+
+/* What all its Modbus devices suffer from now on. */
+void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
 /* A camera loses power for so long. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);

@@ -2,7 +2,6 @@
  */
 #pragma once
 
-#include "modbus.h"
 #include "rig.h"
 #include "sim/world_private.h"
 #include "usb_relays.h"
