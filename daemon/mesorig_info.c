@@ -311,6 +311,35 @@ static void print_eigenmaps(const struct exr_file *file) {
             weights->width, lights->width, map->width, map->height);
 }
 
+static void print_lpca(const struct exr_file *file) {
+    const struct exr_part *clusters = exr_file_part(file, "clusters");
+    const struct exr_part *scales = exr_file_part(file, "scales");
+    const struct exr_part *views = exr_file_part(file, "views");
+    const struct exr_part *lights = exr_file_part(file, "lights");
+    const char *quantise = "", *colours = "rgb";
+    double error = 0;
+    int grid = 0, levels = 1;
+    if (strcmp(kind_of(file), "lpca") != 0 || !clusters || !scales || !views || !lights)
+        return;
+    exr_get_string(clusters, "mesorig.quantise", &quantise, NULL);
+    exr_get_string(clusters, "mesorig.colours", &colours, NULL);
+    exr_get_double(clusters, "mesorig.error", &error, NULL);
+    exr_get_int(clusters, "mesorig.grid", &grid, NULL);
+    for (;; levels++) {
+        g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
+        if (!exr_file_part(file, name))
+            break;
+    }
+    g_print("local PCA: %d × %d texels, clusters × components %d × %d in %s, ", clusters->width,
+            clusters->height, scales->width, scales->height - 1, quantise);
+    if (grid > 0)
+        g_print("on a grid of %d", grid);
+    else
+        g_print("of %d views × %d lights", views->width, lights->width);
+    g_print("%s, mip levels: %d; error %.2f %%\n\n",
+            strcmp(colours, "log") == 0 ? ", in log-luminance" : "", levels, 100 * error);
+}
+
 static void print_lobes(const struct exr_file *file) {
     const struct exr_part *views = exr_file_part(file, "views");
     const struct exr_part *lights = exr_file_part(file, "lights");
@@ -341,6 +370,7 @@ static int info_exr(const char *path) {
         print_exr_json(path, file);
     } else {
         print_eigenmaps(file);
+        print_lpca(file);
         print_lobes(file);
         for (guint i = 0; i < MIN(file->parts->len, SHOWN_PARTS); i++)
             print_part(file->parts->pdata[i]);

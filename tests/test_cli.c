@@ -313,6 +313,8 @@ static void test_compress(const char *folder, const char *session) {
     runs(0, &output, "compress", session, "-k", "3", "-c", "2", NULL);
     assert_has(output.out, "3 clusters of 2 components");
     g_assert_true(g_file_test(made, G_FILE_TEST_EXISTS));
+    runs(0, &output, "info", made, NULL);
+    assert_has(output.out, "clusters × components 3 × 2 in half, of ");
     runs(0, &output, "compress", "--json", btf, "-k", "2", "-e", "50%", "-q", "8bit", "-o", other,
          NULL);
     assert_json_lines(output.out);
