@@ -6,8 +6,9 @@
 #include "intake_write.h"
 #include "radiance.h"
 
-#define MAX_DARKS  (PLAN_MAX_BRACKET + 1)
-#define FULL_BYTES ((gsize)256 << 20)
+#define MAX_DARKS (PLAN_MAX_BRACKET + 1)
+/* Eight cameras' sweeps of 1024 x 768 end at once, and are written in a second or two. */
+#define FULL_BYTES ((gsize)512 << 20)
 /* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
 #define BATCH 8
 /* A pixel this far above dark is lit; that many make a laser line. */

@@ -30,7 +30,7 @@ struct intake_setup {
     struct devices *devices;
     const struct session_conf *conf;
     const char *directory; /* of the session */
-    gsize full_bytes;      /* of frames in the workers' queues at which it is full; 0: 256 MiB */
+    gsize full_bytes;      /* of frames in the workers' queues at which it is full; 0: 512 MiB */
     const struct calibration *calibration; /* of the marks; NULL: none is looked for */
 };
 

@@ -14,7 +14,7 @@
 static gboolean json, no_sweep, no_rectify;
 static double live_s, store_s;
 static char *folder;
-static int queue_mib = 256, memory_views;
+static int queue_mib, memory_views;
 
 static const GOptionEntry entries[] = {
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
@@ -22,7 +22,7 @@ static const GOptionEntry entries[] = {
     {"no-rectify", 0, 0, G_OPTION_ARG_NONE, &no_rectify, "Leave rectification out", NULL},
     {"live", 0, 0, G_OPTION_ARG_DOUBLE, &live_s, "Analyse eight cameras for so long", "SECONDS"},
     {"store", 0, 0, G_OPTION_ARG_DOUBLE, &store_s, "Store their frames for so long", "SECONDS"},
-    {"queue", 0, 0, G_OPTION_ARG_INT, &queue_mib, "Frames that may wait (256)", "MIB"},
+    {"queue", 0, 0, G_OPTION_ARG_INT, &queue_mib, "Frames that may wait (as in the daemon)", "MIB"},
     {"memory", 0, 0, G_OPTION_ARG_INT, &memory_views,
      "Process so many views of 256² texels and 96 lights, and say what memory it took", "VIEWS"},
     {"folder", 0, 0, G_OPTION_ARG_FILENAME, &folder, "Where to store", "DIR"},

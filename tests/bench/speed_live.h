@@ -14,5 +14,5 @@ struct speed_live {
 };
 
 /* store: every frame is kept on disk, too, below folder, and removed afterwards. queue_mib: of
- * frames that may wait for a worker. */
+ * frames that may wait for a worker; 0: as in the daemon. */
 struct speed_live speed_live(double seconds, gboolean store, const char *folder, int queue_mib);
