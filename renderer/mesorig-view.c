@@ -1,4 +1,5 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
+#include "environment.h"
 #include "gpu.h"
 #include "live.h"
 #include "measured.h"
@@ -295,6 +296,10 @@ static int run(struct view_options *o) {
     if (o->shape == NULL)
         o->shape = g_strdup("torus");
     o->mdf_path = mdf_path(o, material);
+    if (o->environment != NULL && !environment_light(o->environment, &o->settings, &error)) {
+        g_printerr("mesorig-view: %s\n", error->message);
+        return 1;
+    }
     gboolean good = o->render != NULL ? render(o, material, &done, &error) : show(o, &done, &error);
     if (!good)
         g_printerr("mesorig-view: %s\n", error->message);

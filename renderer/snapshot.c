@@ -42,6 +42,7 @@ gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const
     g_autofree char *tiles = g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v);
     g_autofree char *exposure =
         g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient);
+    g_autofree char *lamps = g_strdup_printf("first %.10g, and %d more", s->lamp, s->n_lamps);
     g_autofree char *name = shown_name(snapshot->material);
     g_autofree char *source = source_of(snapshot);
     const char *texts[] = {"Software", "mesorig-view " MESORIG_VERSION,
@@ -49,6 +50,7 @@ gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const
                            "Shape",    snapshot->shape,
                            "Tiles",    tiles,
                            "Light",    light,
+                           "Lamps",    lamps,
                            "Camera",   camera,
                            "Exposure", exposure,
                            "Relief",   relief_of(s),

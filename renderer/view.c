@@ -22,6 +22,7 @@ const struct view_settings view_settings_default = {
     .light_phi_deg = 200.0,
     .exposure_ev = 0.7,
     .ambient = 0.05,
+    .lamp = 1.0,
     .samples = 1,
     .visibility = {.layers = VISIBILITY_MAX_LAYERS},
     .shadow_size = 1024,
@@ -61,6 +62,8 @@ gboolean view_settings_check(const struct view_settings *s, GError **error) {
         {"tiles", s->tiles_v, 0.0, 1000.0},
         {"exposure", s->exposure_ev, -20.0, 20.0},
         {"ambient", s->ambient, 0.0, 100.0},
+        {"lamp", s->lamp, 0.0, 100.0},
+        {"lamps", s->n_lamps, 0.0, VIEW_MAX_LAMPS},
         {"supersampling", s->samples, 1.0, 8.0},
         {"layers", s->visibility.layers, 1.0, VISIBILITY_MAX_LAYERS},
         {"shadow map", s->shadow_size, 16.0, 16384.0},
@@ -151,10 +154,11 @@ void view_free(View *view) {
 
 /* What the method has, and the rest; relief: with what relief_bind() sets. */
 static guint method_program(const struct method *method, gboolean relief, GError **error) {
-    const char *names[12] = {"mesh.vert", "frame.glsl"};
+    const char *names[METHOD_SHADERS + 8] = {"mesh.vert", "frame.glsl"};
     int n = 2;
     for (int k = 0; method->shaders[k] != NULL && k < METHOD_SHADERS; k++)
         names[n++] = method->shaders[k];
+    names[n++] = "lamps.glsl";
     if (relief) {
         names[n++] = "visible.glsl";
         names[n++] = "shadow.glsl";
@@ -320,6 +324,20 @@ static void draw_background(View *view, const struct sight *sight) {
     glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
+static void set_lamps(guint program, const struct view_settings *s) {
+    float towards[VIEW_MAX_LAMPS][3], colours[VIEW_MAX_LAMPS][3];
+    for (int k = 0; k < s->n_lamps; k++) {
+        camera_direction(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
+        memcpy(colours[k], s->lamps[k].rgb, sizeof colours[k]);
+    }
+    glUniform1f(glGetUniformLocation(program, "lamp"), (float)s->lamp);
+    glUniform1i(glGetUniformLocation(program, "n_lamps"), s->n_lamps);
+    if (s->n_lamps == 0)
+        return;
+    glUniform3fv(glGetUniformLocation(program, "lamp_towards"), s->n_lamps, towards[0]);
+    glUniform3fv(glGetUniformLocation(program, "lamp_colours"), s->n_lamps, colours[0]);
+}
+
 static void draw_mesh(View *view, guint program, const struct view_settings *s,
                       const struct sight *sight) {
     glUseProgram(program);
@@ -329,7 +347,8 @@ static void draw_mesh(View *view, guint program, const struct view_settings *s,
     glUniform2fv(glGetUniformLocation(program, "tiles"), 1, sight->tiles);
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
     glUniform3fv(glGetUniformLocation(program, "light"), 1, sight->light);
-    glUniform1f(glGetUniformLocation(program, "ambient"), s->ambient);
+    glUniform1f(glGetUniformLocation(program, "ambient_light"), s->ambient);
+    set_lamps(program, s);
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_LESS);
     glDepthMask(GL_TRUE);

@@ -7,6 +7,14 @@
 #include "scene.h"
 #include "visibility.h"
 
+/* Far away, and casts no shadow: its light, like that of the first, is 1 where a white diffuser
+ * that it lights from its normal is. */
+#define VIEW_MAX_LAMPS 64
+struct view_lamp {
+    double theta_deg, phi_deg;
+    float rgb[3];
+};
+
 /* World coordinates are the mesh's: z up. Azimuths are from +x, counter-clockwise seen from above.
  */
 struct view_settings {
@@ -15,10 +23,13 @@ struct view_settings {
     double camera_pan[2];   /* of what it looks at: to the right and up, in radii of the mesh */
     double camera_fov_deg;  /* of the picture's shorter side */
     double light_theta_deg, light_phi_deg; /* a light far away */
-    double tiles_u, tiles_v;               /* 0: as the mesh has it */
-    double exposure_ev; /* 0: a white diffuser lit from its normal is 0.8 of full scale */
-    double ambient;     /* radiance of an even sky, relative to the light's irradiance / π */
-    int samples;        /* supersampling each way */
+    double lamp;                           /* how bright it is */
+    int n_lamps;                           /* further ones */
+    struct view_lamp lamps[VIEW_MAX_LAMPS];
+    double tiles_u, tiles_v; /* 0: as the mesh has it */
+    double exposure_ev;      /* 0: a white diffuser lit from its normal is 0.8 of full scale */
+    double ambient;          /* radiance of an even sky, relative to the light's irradiance / π */
+    int samples;             /* supersampling each way */
     struct method_style style;
     /* These three take view_set_mdf(). Silhouettes: where a ray misses the structure, what is
      * behind is seen (seed 004 §4.1). Shadows: those that the mesh casts, with silhouettes of the

@@ -1,5 +1,6 @@
 #include "view_options.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -38,6 +39,37 @@ static gboolean parse_rotation(const char *option, const char *value, gpointer d
     return bad(error, option, value, "exact, approximate or none");
 }
 
+/* Of which all but the angles may be missing. */
+static gboolean parse_lamp(const char *option, const char *value, gpointer data, GError **error) {
+    struct view_options *o = data;
+    struct view_settings *s = &o->settings;
+    double numbers[5] = {0, 0, 1, 1, 1};
+    g_auto(GStrv) parts = g_strsplit(value, ",", -1);
+    const guint n = g_strv_length(parts);
+    gboolean good = (n == 2 || n == 5) && s->n_lamps < VIEW_MAX_LAMPS;
+    for (guint k = 0; good && k < n; k++) {
+        char *end;
+        numbers[k] = g_ascii_strtod(parts[k], &end);
+        good = end != parts[k] && *end == '\0' && fabs(numbers[k]) <= (k < 2 ? 1e6 : 1e3) &&
+               (k == 1 || numbers[k] >= 0.0);
+    }
+    if (!good)
+        return bad(error, option, value, "THETA,PHI or THETA,PHI,R,G,B, 64 times at most,");
+    s->lamps[s->n_lamps++] = (struct view_lamp){
+        numbers[0], numbers[1], {(float)numbers[2], (float)numbers[3], (float)numbers[4]}};
+    return TRUE;
+}
+
+static gboolean check_environment(const struct view_options *o, GError **error) {
+    const struct view_settings *s = &o->settings;
+    if (o->reference && (o->environment != NULL || s->n_lamps > 0)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--reference knows one lamp, not --lamp or --environment");
+        return FALSE;
+    }
+    return TRUE;
+}
+
 GOptionEntry *view_options_entries(struct view_options *o) {
     struct view_settings *s = &o->settings;
     const GOptionEntry all[] = {
@@ -60,6 +92,12 @@ GOptionEntry *view_options_entries(struct view_options *o) {
          "Light's angle from straight above, 0 … 180, default 50", "DEG"},
         {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg,
          "Light's azimuth from +x, default 200: from the left", "DEG"},
+        {"lamp", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_lamp,
+         "A further lamp, which casts no shadow; may be given again", "THETA,PHI[,R,G,B]"},
+        {"environment", 0, 0, G_OPTION_ARG_FILENAME, &o->environment,
+         "Light from a picture of all directions (EXR, zenith in its first row) instead of the "
+         "lamp",
+         "FILE.exr"},
         {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg,
          "Camera's azimuth from +x, default -90: in front", "DEG"},
         {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
@@ -135,6 +173,7 @@ void view_options_clear(struct view_options *o) {
     g_free(o->size);
     g_free(o->tiles);
     g_free(o->up);
+    g_free(o->environment);
     g_free(o->split);
     g_free(o->difference);
     g_free(o->screenshot);
@@ -252,7 +291,7 @@ gboolean view_options_check(struct view_options *o, GError **error) {
         return FALSE;
     }
     o->upward = g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
-    if (!check_second(o, error) || !check_sources(o, error))
+    if (!check_second(o, error) || !check_sources(o, error) || !check_environment(o, error))
         return FALSE;
     if (o->reference && (o->render == NULL || o->settings.plain || !given)) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,

@@ -9,6 +9,7 @@ struct view_options {
     char *method_name;
     char *mdf, *mdf_path;
     char *render, *shape, *size, *tiles, *up, *screenshot;
+    char *environment;
     char *split, *difference; /* names of a second method */
     const struct method *second;
     struct compose compose;

@@ -350,8 +350,10 @@ static void check_levels(View *view, struct lpca *const *levels, double tiles) {
         view_render_geometry(view, &settings, VIEW_GEOMETRY_TEXEL, SIZE, SIZE, &error);
     const float *middle = texels + 4 * (SIZE / 2 * SIZE + SIZE / 2), *next = middle + 4;
     const float *below = middle + 4 * SIZE;
-    const double across = hypot((next[0] - middle[0]) * W, (next[1] - middle[1]) * H);
-    const double down = hypot((below[0] - middle[0]) * W, (below[1] - middle[1]) * H);
+    const double across =
+        hypot((double)(next[0] - middle[0]) * W, (double)(next[1] - middle[1]) * H);
+    const double down =
+        hypot((double)(below[0] - middle[0]) * W, (double)(below[1] - middle[1]) * H);
     b.level = CLAMP(log2(fmax(across, down)), 0, 2);
     g_test_message("%g tiles: level %.3f", tiles, b.level);
     compare_picture(of_levels, &b, view, &settings);

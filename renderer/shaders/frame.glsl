@@ -5,9 +5,11 @@ in vec2 texel;
 
 uniform vec3 eye;   // in world coordinates
 uniform vec3 light; // unit, towards the light
-uniform float ambient;
+uniform float ambient_light;
 
 out vec4 colour;
+
+float ambient; // what counts of it now
 
 // The rows are t, b and n: local = frame * world. b, not n × t, is where the texture's +y points.
 mat3 local_frame() {

@@ -2,6 +2,6 @@ void main() {
     vec3 v = normalize(eye - world);
     mat3 frame = local_frame();
     float lit = lamp_at(world - way_to_structure() * v);
-    vec3 shown = btf(texel, frame * v, frame * light, lit);
+    vec3 shown = shade(frame, frame * v, lit);
     colour = vec4(gl_FrontFacing ? shown : vec3(0.02), 1.0);
 }
