@@ -186,17 +186,17 @@ static int run_pictures(const char *a, const char *b) {
         g_variant_builder_add(&builder, "{sv}", "a", g_variant_new_string(a));
         g_variant_builder_add(&builder, "{sv}", "b", g_variant_new_string(b));
         add_double(&builder, "delta_e", found.delta_e);
-        add_double(&builder, "delta_e_covered", found.delta_e_covered);
+        add_double(&builder, "delta_e_different", found.delta_e_different);
         add_double(&builder, "delta_e_p95", found.p95);
         add_double(&builder, "delta_e_largest", found.largest);
-        add_double(&builder, "covered", found.covered);
+        add_double(&builder, "different", found.different);
         cli_print_json(g_variant_builder_end(&builder));
         return CLI_DONE;
     }
-    g_print(
-        "ΔE         %.3f on average (CIEDE2000), %.3f where something is drawn (%.1f %% of %d × "
-        "%d pixels)\n",
-        found.delta_e, found.delta_e_covered, 100 * found.covered, found.width, found.height);
+    g_print("ΔE         %.3f on average (CIEDE2000), %.3f where they differ (%.1f %% of %d × "
+            "%d pixels)\n",
+            found.delta_e, found.delta_e_different, 100 * found.different, found.width,
+            found.height);
     g_print("           there 95 %% below %.3f, %.3f at most\n", found.p95, found.largest);
     return CLI_DONE;
 }

@@ -25,24 +25,24 @@ static gboolean same(const float *p, const float *q) {
 
 static void summarise(const float *a, const float *b, struct picture_comparison *ret) {
     const gsize n = (gsize)ret->width * (gsize)ret->height;
-    g_autofree double *covered = g_new(double, n);
+    g_autofree double *different = g_new(double, n);
     double all = 0, sum = 0;
     gsize found = 0;
     for (gsize i = 0; i < n; i++) {
         const float *p = a + i * COLOURS, *q = b + i * COLOURS;
         const double delta_e = pixel_delta_e(p, q);
         all += delta_e;
-        if (same(p, a) && same(q, b))
+        if (same(p, q))
             continue;
         sum += delta_e;
-        covered[found++] = delta_e;
+        different[found++] = delta_e;
     }
-    qsort(covered, found, sizeof *covered, by_size);
+    qsort(different, found, sizeof *different, by_size);
     ret->delta_e = all / (double)n;
-    ret->delta_e_covered = found > 0 ? sum / (double)found : 0;
-    ret->p95 = found > 0 ? covered[(gsize)(0.95 * (double)(found - 1))] : 0;
-    ret->largest = found > 0 ? covered[found - 1] : 0;
-    ret->covered = (double)found / (double)n;
+    ret->delta_e_different = found > 0 ? sum / (double)found : 0;
+    ret->p95 = found > 0 ? different[(gsize)(0.95 * (double)(found - 1))] : 0;
+    ret->largest = found > 0 ? different[found - 1] : 0;
+    ret->different = (double)found / (double)n;
 }
 
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,

@@ -8,11 +8,10 @@
 
 struct picture_comparison {
     int width, height;
-    double delta_e;         /* mean CIEDE2000 of all pixels */
-    double delta_e_covered; /* of those alone that differ from the first picture's corner, where
-                               nothing is drawn; 0 if none does */
-    double p95, largest;    /* of those */
-    double covered;         /* their share */
+    double delta_e;           /* mean CIEDE2000 of all pixels */
+    double delta_e_different; /* of those alone that are not the same; 0 if all are */
+    double p95, largest;      /* of those */
+    double different;         /* their share */
 };
 
 /* Whether a file's name is that of a PNG, TIFF or JPEG. */

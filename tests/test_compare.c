@@ -251,8 +251,8 @@ static void test_pictures(void) {
     const double first = grey_delta_e(100, 104), last = grey_delta_e(200, 190);
     g_assert_cmpint(found.width, ==, 4);
     g_assert_cmpfloat_with_epsilon(found.delta_e, (first + last) / 4, 0.01);
-    g_assert_cmpfloat_with_epsilon(found.delta_e_covered, (first + last) / 3, 0.01);
-    g_assert_cmpfloat_with_epsilon(found.covered, 0.75, 1e-9);
+    g_assert_cmpfloat_with_epsilon(found.delta_e_different, (first + last) / 2, 0.01);
+    g_assert_cmpfloat_with_epsilon(found.different, 0.5, 1e-9);
     g_assert_cmpfloat_with_epsilon(found.largest, MAX(first, last), 0.01);
     write_png(b, 3, other);
     g_assert_false(compare_pictures(a, b, &found, &error));
