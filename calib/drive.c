@@ -3,7 +3,7 @@
 #include <math.h>
 
 #define USUAL_RAD (0.01 * G_PI / 180) /* before anything is known */
-#define LEAST_RAD (0.001 * G_PI / 180)
+#define WORTH     4 /* angles' worth of what is usual: a few angles tell little, and too little */
 
 void drive_init(struct drive *drive, int most) {
     *drive = (struct drive){g_new(double, most + 1), 0, 0, USUAL_RAD};
@@ -22,9 +22,8 @@ int drive_angle(struct drive *drive, double angle_rad) {
 }
 
 void drive_learn(struct drive *drive, const double *x, const double *covariance, int n) {
-    double sum = 0;
+    double sum = WORTH * USUAL_RAD * USUAL_RAD;
     for (int i = drive->at; i < drive->at + drive->n; i++)
         sum += x[i] * x[i] + covariance[i * (n + 1)];
-    if (drive->n > 0)
-        drive->sigma_rad = MAX(sqrt(sum / drive->n), LEAST_RAD);
+    drive->sigma_rad = sqrt(sum / (drive->n + WORTH));
 }

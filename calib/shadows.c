@@ -10,8 +10,7 @@
 #define LEAST_PIXELS 30
 #define MOST_HIDDEN  0.35 /* of the pixels around the shadow's end */
 #define BODY_LAMP    0.7  /* cosine of a lamp's angle from the zenith */
-#define BODY_SHOTS   4    /* of a view, in which the posts themselves are looked at */
-#define FLOOR_PX     0.03 /* what the shape is not good for, added to each sight's error */
+#define FLOOR_PX     0.01 /* what the shape is not good for, added to each sight's error */
 
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target) {
     struct plate_map *map = g_new(struct plate_map, 1);
@@ -241,7 +240,7 @@ static void reject(const struct window *w, GPtrArray *rejected, const char *why)
 
 static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     gboolean near = w->near;
-    struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1}};
+    struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
     if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS) {
         reject(w, rejected,
                "hides the end of its shadow from the camera, or another one lies over it");
@@ -262,8 +261,6 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     }
     struct vec3 at = rig_turn(vec3(f.p[0], f.p[1], 0), -w->view->turntable_rad);
     double floor_mm = FLOOR_PX * w->long_mm;
-    /* However often it is looked at, a post's edge lies in the same way over the same pixels. */
-    double again = w->body ? sqrt(BODY_SHOTS) : 1;
     struct lamp_sight sight = {
         .picture = w->shot->index,
         .lamp = w->body ? -1 : w->shot->lamp,
@@ -273,7 +270,7 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
         .arc_rad = w->shot->arc_rad,
         .x = at.x,
         .y = at.y,
-        .sigma = again * sqrt((f.variance[0] + f.variance[1]) / 2 + floor_mm * floor_mm),
+        .sigma = sqrt((f.variance[0] + f.variance[1]) / 2 + floor_mm * floor_mm),
     };
     g_array_append_val(sights, sight);
 }
@@ -322,16 +319,45 @@ static void measure_shot(const ShadowView *view, const struct shot *shot, const 
     }
 }
 
+static int by_size(gconstpointer a, gconstpointer b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* How well a few pixels fit says little about how well the next ones would: half of what a sight is
+ * thought to be worth is what the view's others are. */
+static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
+    g_autoptr(GArray) sorted = g_array_new(FALSE, FALSE, sizeof(double));
+    for (guint i = first; i < sights->len; i++) {
+        const struct lamp_sight *s = &g_array_index(sights, struct lamp_sight, i);
+        if ((s->lamp < 0) == bodies)
+            g_array_append_val(sorted, s->sigma);
+    }
+    if (sorted->len == 0)
+        return;
+    g_array_sort(sorted, by_size);
+    const double usual = g_array_index(sorted, double, sorted->len / 2);
+    for (guint i = first; i < sights->len; i++) {
+        struct lamp_sight *s = &g_array_index(sights, struct lamp_sight, i);
+        if ((s->lamp < 0) == bodies)
+            s->sigma = sqrt((s->sigma * s->sigma + usual * usual) / 2);
+    }
+}
+
 void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
                          gboolean near, GArray *sights, GPtrArray *rejected) {
     shadow_find_pattern(view);
-    int bodies = 0;
+    gboolean seen = FALSE;
+    const guint first = sights->len;
     for (guint i = 0; i < view->shots->len; i++) {
         const struct shot *shot = &g_array_index(view->shots, struct shot, i);
-        /* From low lamps a post's side is bright and the plate is not. */
+        /* From low lamps a post's side is bright and the plate is not. However often it is looked
+         * at, its edge lies in the same way over the same pixels: once is all it tells. */
         struct vec3 lamp = vec3_unit(rig->lamps[shot->lamp].position_mm);
-        gboolean body = lamp.z > BODY_LAMP && bodies < BODY_SHOTS;
-        bodies += body;
+        gboolean body = lamp.z > BODY_LAMP && !seen;
+        seen |= body;
         measure_shot(view, shot, rig, target, near, body, sights, rejected);
     }
+    share_sigmas(sights, first, FALSE);
+    share_sigmas(sights, first, TRUE);
 }

@@ -64,12 +64,13 @@ struct window { /* around the end of one shadow */
     gboolean near; /* the foot is where it is said to be; else it is off as the end is */
 };
 
+#define SHADOW_SHAPE 5
 struct shape_fit {
-    double p[4]; /* end x, y; lit and dark level */
+    double p[SHADOW_SHAPE]; /* end x, y; lit and dark level; variance of the lens's blur, px² */
     double rms;
     double variance[2];
 };
 
-/* Fits the end of the window's streak, and the levels, to its pixels; starts at fit->p. blur_mm: on
- * top of the pixels' own, to reach further. FALSE: it does not converge. */
+/* Fits the end of the window's streak, the levels and the blur to its pixels; starts at fit->p.
+ * blur_mm: on top of the pixels' own, to reach further. FALSE: it does not converge. */
 gboolean shadow_fit_shape(const struct window *window, double blur_mm, struct shape_fit *fit);

@@ -4,7 +4,7 @@
 
 /* What lamps are calibrated with: thin posts on a light plate, glossy balls on a dark one. */
 
-#define POST_SIDES  64
+#define POST_SIDES  128
 #define BALL_AROUND 160
 #define BALL_ALONG  80
 

@@ -5,7 +5,7 @@
 
 /* Rays start this far off the surface, mm: far above float rounding, far below what a pixel sees.
  */
-#define LIFT 1e-3f
+#define LIFT 3e-4f
 
 static inline float dot(const float a[3], const float b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

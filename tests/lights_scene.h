@@ -11,13 +11,25 @@
 #include "sim/truth.h"
 #include "world_fixture.h"
 
-#define SCENE_CAMERAS  3
-#define SCENE_LAMPS    5
-#define SCENE_LASERS   5
+#ifndef SCENE_CAMERAS
+#define SCENE_CAMERAS 3
+#define SCENE_LAMPS   5
+#define SCENE_LASERS  5
+#endif
 #define SCENE_RAD(deg) ((deg) * (G_PI / 180))
 
-static const double scene_camera_deg[SCENE_CAMERAS] = {15, 45, 70};
-static const double scene_lamp_deg[SCENE_LAMPS] = {15, 30, 45, 60, 75};
+/* From the zenith, evenly. */
+static inline double scene_camera_deg(int i) {
+    return 15 + 55.0 * i / (SCENE_CAMERAS - 1);
+}
+
+static inline double scene_lamp_deg(int i) {
+    return 15 + 60.0 * i / (SCENE_LAMPS - 1);
+}
+
+static inline double scene_laser_deg(int i) {
+    return 15 + 60.0 * i / (SCENE_LASERS - 1);
+}
 
 struct scene_options {
     guint32 seed;
@@ -28,6 +40,7 @@ struct scene_options {
     int n_marks;
     double shift_mm, turn_deg; /* how carelessly it is laid, at most */
     double bend;               /* of what is meant to be ideal: 1 as usual, 0 none */
+    double blur_px;            /* of the lens */
     double camera_px;          /* what calibrated cameras are off by, standard deviation */
 };
 
@@ -61,12 +74,13 @@ static inline void scene_devices(struct scene *scene, GString *text) {
     for (int i = 0; i < SCENE_CAMERAS; i++)
         g_string_append_printf(text,
                                "[camera c%d]\ntheta_deg=%g\nwidth=%d\nheight=%d\nfocal_px=%.9g\n"
-                               "k1=%g\np1=0.001\nvignetting=0.1\n",
-                               i, scene_camera_deg[i], o->pixels, o->pixels, focal, scene_k1(i));
+                               "k1=%g\np1=0.001\nvignetting=0.1\nblur_px=%g\n",
+                               i, scene_camera_deg(i), o->pixels, o->pixels, focal, scene_k1(i),
+                               o->blur_px);
     for (int i = 0; i < SCENE_LAMPS; i++)
-        g_string_append_printf(text, "[lamp l%d]\ntheta_deg=%g\n", i, scene_lamp_deg[i]);
+        g_string_append_printf(text, "[lamp l%d]\ntheta_deg=%g\n", i, scene_lamp_deg(i));
     for (int i = 0; i < SCENE_LASERS; i++)
-        g_string_append_printf(text, "[laser s%d]\ntheta_deg=%g\n", i, scene_lamp_deg[i]);
+        g_string_append_printf(text, "[laser s%d]\ntheta_deg=%g\n", i, scene_laser_deg(i));
 }
 
 static inline double scene_deviate(struct scene *scene) {
@@ -91,16 +105,19 @@ static inline void scene_rig(struct scene *scene) {
         c->k1 = scene_k1(i);
         c->p1 = 0.001;
         g_snprintf(c->name, RIG_NAME, "c%d", i);
-        rig_camera_look_at(c, vec3_scale(rig_direction(SCENE_RAD(scene_camera_deg[i]), 0), 650),
+        rig_camera_look_at(c, vec3_scale(rig_direction(SCENE_RAD(scene_camera_deg(i)), 0), 650),
                            vec3(0, 0, 0));
     }
+    const struct vec3 across = vec3(0, 1, 0);
     for (int i = 0; i < SCENE_LAMPS; i++) {
-        struct vec3 out = rig_direction(SCENE_RAD(scene_lamp_deg[i]), 0);
-        struct vec3 down = vec3_scale(out, -1), across = vec3(0, 1, 0);
-        rig->lamps[i] = (struct rig_lamp){"", vec3_scale(out, 500), down, 2, 40};
-        rig->lasers[i] = (struct rig_laser){"", vec3_scale(out, 480), across,
-                                            vec3_unit(vec3_cross(across, down)), 0};
+        struct vec3 out = rig_direction(SCENE_RAD(scene_lamp_deg(i)), 0);
+        rig->lamps[i] = (struct rig_lamp){"", vec3_scale(out, 500), vec3_scale(out, -1), 2, 40};
         g_snprintf(rig->lamps[i].name, RIG_NAME, "l%d", i);
+    }
+    for (int i = 0; i < SCENE_LASERS; i++) {
+        struct vec3 out = rig_direction(SCENE_RAD(scene_laser_deg(i)), 0);
+        rig->lasers[i] = (struct rig_laser){"", vec3_scale(out, 480), across,
+                                            vec3_unit(vec3_cross(across, vec3_scale(out, -1))), 0};
         g_snprintf(rig->lasers[i].name, RIG_NAME, "s%d", i);
     }
 }
@@ -263,8 +280,10 @@ static inline struct scene *scene_of(enum lamp_target_kind kind, guint32 seed, i
                                         .shift_mm = 2,
                                         .turn_deg = 2,
                                         .bend = 1,
+                                        .blur_px = 0.4,
                                         .camera_px = camera_px};
     struct scene_options balls = poles;
+    balls.blur_px = 0; /* a few samples a pixel would make noise of highlights, spread at random */
     balls.sample = SCENE_BALLS_SAMPLE;
     balls.marks = scene_balls;
     balls.n_marks = G_N_ELEMENTS(scene_balls);
