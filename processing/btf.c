@@ -19,6 +19,13 @@ void btf_view_free(struct btf_view *view) {
     g_free(view);
 }
 
+/* A point of the rig in the sample frame of this view. */
+static void set_point(struct exr_part *part, const struct btf_view *view, const char *name,
+                      struct vec3 rig_mm) {
+    struct vec3 p = rig_turn(rig_mm, -view->turntable_rad);
+    exr_set_v3d(part, name, p.x, p.y, p.z);
+}
+
 static struct exr_part *light_part(const struct btf_view *view, const struct btf_light *light) {
     g_autofree char *name = g_strdup_printf("light_%04d", light->index);
     struct exr_part *part =
@@ -27,6 +34,9 @@ static struct exr_part *light_part(const struct btf_view *view, const struct btf
     exr_set_double(part, "view.phi_deg", view->phi_deg);
     exr_set_double(part, "light.theta_deg", light->theta_deg);
     exr_set_double(part, "light.phi_deg", light->phi_deg);
+    set_point(part, view, "view.centre_mm", rig_camera_centre_mm(view->camera));
+    set_point(part, view, "light.position_mm",
+              rig_lamp_position_mm(light->arc, light->lamp, light->arc_rad));
     exr_set_string(part, "mesorig.inputs", view->inputs);
     return part;
 }
@@ -55,6 +65,7 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
 /* The mosaics of a view, as they are on disk. */
 struct mosaics {
     guint16 **half; /* of each light */
+    int *saturated; /* pixels of each light's frame; −1: not told */
     double *sum;    /* of all of them: the guide */
     gsize n_pixels;
     char *cfa;
@@ -64,6 +75,7 @@ static void clear_mosaics(struct mosaics *mosaics, guint n) {
     for (guint i = 0; i < n; i++)
         g_free(mosaics->half[i]);
     g_free(mosaics->half);
+    g_free(mosaics->saturated);
     g_free(mosaics->sum);
     g_free(mosaics->cfa);
 }
@@ -100,6 +112,8 @@ static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics
     gboolean ok = frame && check_frame(input, frame, &to->cfa, error);
     if (ok) {
         const float *mosaic = exr_part_plane(frame, "Y");
+        to->saturated[i] = -1;
+        exr_get_int(frame, "mesorig.saturated", &to->saturated[i], NULL);
         to->half[i] = g_new(guint16, to->n_pixels);
         exr_half_from_floats(to->half[i], mosaic, to->n_pixels);
         for (gsize k = 0; k < to->n_pixels; k++)
@@ -137,6 +151,8 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
     }
     struct exr_part *part = light_part(view, light);
     exr_set_int(part, "mesorig.holes", holes);
+    if (mosaics->saturated[i] >= 0)
+        exr_set_int(part, "mesorig.saturated", mosaics->saturated[i]);
     to_reflectance(view, light, rgb, part);
     return part;
 }
@@ -155,8 +171,10 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     g_autoptr(Rectify) rectify = NULL;
     struct exr_file *file = exr_file_new();
     gsize n_pixels = (gsize)view->camera->width * (gsize)view->camera->height;
-    struct mosaics mosaics = {g_new0(guint16 *, view->lights->len), g_new0(double, n_pixels),
-                              n_pixels, NULL};
+    struct mosaics mosaics = {.half = g_new0(guint16 *, view->lights->len),
+                              .saturated = g_new0(int, view->lights->len),
+                              .sum = g_new0(double, n_pixels),
+                              .n_pixels = n_pixels};
     gboolean ok = load_mosaics(view, &mosaics, cancellable, error) &&
                   (rectify = new_rectify(view, &mosaics, error)) != NULL;
     for (guint i = 0; ok && i < view->lights->len; i++) {

@@ -8,7 +8,7 @@
 #include "rectify.h"
 
 /* Counts up whenever the same frames give other numbers: what older ones made is made again. */
-#define BTF_METHOD 4
+#define BTF_METHOD 5
 
 struct btf_light {
     int index; /* of the light */

@@ -4,12 +4,14 @@
  *   products/btf/view_0000.exr   one a view, a part "light_0000" a light: B G R half, reflectance
  *                                (see below) on the texel grid; attributes of every part:
  *                                view.theta_deg view.phi_deg light.theta_deg light.phi_deg (double)
- *   products/mdf.exr             a part "view_0000" a view: channels "D" (mm, −1: not seen),
- *                                "N" (number of laser positions that saw it), "S" (standard error,
- *                                mm; −1: fewer than two), float; attributes view.theta_deg
- *                                view.phi_deg, view.centre_mm (v3d: the camera, sample frame)
- *                                reference_mm texel_mm
- *   products/eigenmaps.exr       see eigenmaps.h
+ *                                (nominal); view.centre_mm light.position_mm (v3d: camera and lamp
+ *                                as calibrated, sample frame: a texel's exact directions are those
+ *                                towards them); mesorig.saturated (int: pixels of the frame that
+ * even the shortest exposure saturated; their values are too low) products/mdf.exr             a
+ * part "view_0000" a view: channels "D" (mm, −1: not seen), "N" (number of laser positions that saw
+ * it), "S" (standard error, mm; −1: fewer than two), float; attributes view.theta_deg view.phi_deg,
+ * view.centre_mm (v3d: the camera, sample frame) reference_mm texel_mm products/eigenmaps.exr see
+ * eigenmaps.h
  *
  * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0
  * is at +y), in the reference plane. A BTF value is the reflected radiance relative to that of a

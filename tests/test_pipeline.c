@@ -249,6 +249,15 @@ static double lamp_cosine(const struct session_shot *shot, int turn, int texel) 
     return way[2] / sqrt(dot3(way, way));
 }
 
+static void check_place(const struct exr_part *part, const char *name, double mm, double theta_deg,
+                        double phi_deg) {
+    double p[3], theta = theta_deg * DEGREE, phi = phi_deg * DEGREE;
+    g_assert_true(exr_get_v3d(part, name, p, NULL));
+    g_assert_cmpfloat_with_epsilon(p[0], mm * sin(theta) * cos(phi), 1e-6);
+    g_assert_cmpfloat_with_epsilon(p[1], mm * sin(theta) * sin(phi), 1e-6);
+    g_assert_cmpfloat_with_epsilon(p[2], mm * cos(theta), 1e-6);
+}
+
 static void check_btf(const struct fixture *fixture) {
     static const char *const channels[] = {"R", "G", "B"};
     for (int view = 0; view < N_VIEWS; view++)
@@ -274,6 +283,8 @@ static void check_btf(const struct fixture *fixture) {
             g_assert_cmpfloat(theta_deg, ==, view % N_CAMERAS ? 50 : 20);
             g_assert_cmpfloat(phi_deg, ==, 40 + 70 * light);
             g_assert_cmpint(holes, ==, 0);
+            check_place(part, "view.centre_mm", 650, theta_deg, -turn_deg(turn));
+            check_place(part, "light.position_mm", lamp.distance_mm, 35, phi_deg);
             exr_part_free(part);
         }
 }
