@@ -73,12 +73,12 @@ static void write_files(void) {
     write_part("rig.conf");
     write_part("world.conf");
     copy("calibrate");
-    copy("balls.conf");
+    copy("poles.conf");
     write_session("board.conf", "width_mm=72\nheight_mm=72\ntexels=8\nreference_mm=3\ndepth_mm=3",
                   "30:9; 60:9", "30:1", NULL, "exposures_us=8000");
     write_session("lights.conf",
                   "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm=20\ndepth_mm=20", "30:4; 60:4",
-                  "30:2; 60:2", NULL, "exposures_us=150;1200");
+                  "30:2; 60:2", NULL, "exposures_us=2000;8000");
     write_session("plate.conf",
                   "width_mm=60\nheight_mm=60\ntexels=8\nreference_mm = 1\ndepth_mm = 1",
                   "30:1; 60:1", NULL, "30:3; 60:3",
