@@ -1,6 +1,7 @@
 #include "pipeline.h"
 
 #include <errno.h>
+#include <malloc.h>
 #include <math.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -367,6 +368,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     }
     if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
         return TRUE;
+    malloc_trim(0); /* what the views' threads have given back stays with them else */
     g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
     struct columns columns = {run, views, 0, lights, n_lights, 0};
     for (int view = 0; view < run->n_views; view++)
