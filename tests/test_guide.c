@@ -1,7 +1,6 @@
 /* docs/driver.md shows the shortest driver: each piece of it is in that file, word for word, but
  * for the one that is for a test, and the file is as long as the guide says. */
 #include <glib.h>
-#include <stdlib.h>
 #include <string.h>
 
 static char *load(const char *path) {
@@ -39,9 +38,8 @@ static void test_pieces(void) {
 static void test_length(void) {
     g_autofree char *guide = load(SOURCE_DIR "/docs/driver.md");
     g_autofree char *source = load(SOURCE_DIR "/drivers/modbus/inputs.c");
-    const char *says = strstr(guide, "in 98 lines");
-    g_assert_nonnull(says);
-    g_assert_cmpint(count_lines(source), ==, atoi(says + strlen("in ")));
+    g_autofree char *says = g_strdup_printf("in %d lines", count_lines(source));
+    g_assert_nonnull(strstr(guide, says));
 }
 
 int main(int argc, char **argv) {
