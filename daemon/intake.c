@@ -266,6 +266,18 @@ static GArray *look_at_marks(const struct lane *lane, const struct job *job, con
     return marks;
 }
 
+/* Of a sensor that is known not to be straight; what may as well be the calibration's noise is left
+ * alone. */
+static double bend_of(const struct lane *lane, const Frame *frame) {
+    const struct calibration *calibration = lane->intake->setup.calibration;
+    if (!calibration || !calibration->noise[lane->camera].known)
+        return 0;
+    const struct transfer *t = &calibration->noise[lane->camera].transfer;
+    if (fabs(t->curvature) <= 3 * t->curvature_error)
+        return 0;
+    return t->curvature / ((1 << frame->bits) - 1 - t->black_dn);
+}
+
 static void finish_lamp(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const float *darks[PLAN_MAX_BRACKET];
@@ -280,7 +292,7 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     g_autofree float *merged = g_new(float, (gsize)job->frame->width * job->frame->height);
     struct radiance_stats stats;
     radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
-                   merged, &stats);
+                   bend_of(lane, job->frame), merged, &stats);
     file.saturated = stats.saturated;
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
     result.marks = look_at_marks(lane, job, merged);

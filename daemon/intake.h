@@ -31,7 +31,8 @@ struct intake_setup {
     const struct session_conf *conf;
     const char *directory; /* of the session */
     gsize full_bytes;      /* of frames in the workers' queues at which it is full; 0: 512 MiB */
-    const struct calibration *calibration; /* of the marks; NULL: none is looked for */
+    /* Of the marks, and of how straight the sensors are; NULL: none is looked for, and they are. */
+    const struct calibration *calibration;
 };
 
 /* One camera's part of a shot is on disk, or could not be written. */

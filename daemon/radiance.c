@@ -23,8 +23,16 @@ static double mean_above(const Frame *frame, const float *dark) {
     return n > 0 ? sum / n : 0;
 }
 
+/* Undoes the bend; where it turns back there is nothing to be found any more but the turn. */
+static inline float straight(float above_dark, float bend) {
+    if (bend == 0)
+        return above_dark;
+    const float root = 1 - 4 * bend * above_dark;
+    return 2 * above_dark / (1 + sqrtf(MAX(root, 0)));
+}
+
 static gint64 merge_pixels(const Frame *const *frames, const float *const *dark, int n,
-                           const float *ms, float scale, float *ret) {
+                           const float *ms, float scale, float bend, float *ret) {
     gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;
     int limit = radiance_saturation(frames[0]->bits);
     gint64 saturated = 0;
@@ -32,12 +40,12 @@ static gint64 merge_pixels(const Frame *const *frames, const float *const *dark,
         float sum = 0, time = 0;
         for (int i = 0; i < n; i++) {
             gboolean good = frames[i]->pixels[p] < limit;
-            sum += good ? frames[i]->pixels[p] - dark[i][p] : 0;
+            sum += good ? straight(frames[i]->pixels[p] - dark[i][p], bend) : 0;
             time += good ? ms[i] : 0;
         }
         if (time <= 0) {
             saturated++;
-            sum = frames[0]->pixels[p] - dark[0][p];
+            sum = straight(frames[0]->pixels[p] - dark[0][p], bend);
             time = ms[0];
         }
         ret[p] = sum / time * scale;
@@ -46,12 +54,12 @@ static gint64 merge_pixels(const Frame *const *frames, const float *const *dark,
 }
 
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
-                    float *ret, struct radiance_stats *ret_stats) {
+                    double bend_per_dn, float *ret, struct radiance_stats *ret_stats) {
     g_autofree float *ms = g_new0(float, n);
     for (int i = 0; i < n; i++)
         ms[i] = frames[i]->exposure_us * 1e-3f;
     float scale = (float)pow(10, -gain_db / 20);
-    ret_stats->saturated = merge_pixels(frames, dark, n, ms, scale, ret);
+    ret_stats->saturated = merge_pixels(frames, dark, n, ms, scale, (float)bend_per_dn, ret);
     ret_stats->signal_dn = mean_above(frames[n - 1], dark[n - 1]);
 }
 

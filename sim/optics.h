@@ -49,6 +49,7 @@ struct optics_camera {
     double response;   /* DN·s⁻¹ per W·sr⁻¹·m⁻² on the axis at 0 dB */
     double colour[3];  /* of the response behind each filter, relative */
     double black_level, full_well_e, read_noise_e;
+    double curvature; /* of its response: linear·(1 − curvature·linear/(full scale − black)) */
 };
 
 /* Stands at a point and looks at the origin; right is e_φ of that point. */

@@ -39,13 +39,14 @@ static inline float normal(guint32 bits) {
 }
 
 struct sensor { /* electrons, DN an electron, DN */
-    float electrons_per_rate, read_variance, full_well, dn_per_e, black, max;
+    float electrons_per_rate, read_variance, full_well, dn_per_e, bend, black, max;
 };
 
 static inline guint16 read_pixel(const struct sensor *s, float rate, float deviate, float noise) {
     float e = rate * s->electrons_per_rate;
     float seen = e + sqrtf(e + s->read_variance) * deviate * noise;
-    float dn = s->black + MIN(seen, s->full_well) * s->dn_per_e + 0.5f;
+    float linear = MIN(seen, s->full_well) * s->dn_per_e;
+    float dn = s->black + linear * (1 - s->bend * linear) + 0.5f;
     return (guint16)CLAMP(dn, 0, s->max);
 }
 
@@ -63,6 +64,7 @@ void optics_sense(const struct optics_camera *camera, const float *rate, double 
         .read_variance = (float)(camera->read_noise_e * camera->read_noise_e),
         .full_well = (float)camera->full_well_e,
         .dn_per_e = (float)(pow(10, gain_db / 20) / e_per_dn),
+        .bend = (float)(camera->curvature / (max - camera->black_level)),
         .black = (float)camera->black_level,
         .max = (float)max,
     };

@@ -89,6 +89,8 @@ static const struct option camera_table[] = {
      "electrons that fill a pixel; at 0 dB the ADC's last value"},
     {"read_noise_e", OPTION_DOUBLE, "e", 0, 1000, "4", NULL, AT(optics.read_noise_e),
      "standard deviation of a pixel in the dark"},
+    {"curvature", OPTION_DOUBLE, NULL, -0.2, 0.2, "0", NULL, AT(optics.curvature),
+     "what a full pixel shows less than a straight line would, as a part of it"},
     {"response", OPTION_DOUBLE, "DN/s per W/sr/m2", 0, 1e9, "6000", NULL, AT(optics.response),
      "on the axis at 0 dB"},
     {"colour", OPTION_DOUBLES, NULL, 0, 10, "1;1;1", NULL, AT(colour),

@@ -66,16 +66,16 @@ static void test_merge(void) {
     for (int k = 0; k < 3; k++)
         frames[k] = shot_frame(us[k]);
     struct radiance_stats stats;
-    radiance_merge(frames, darks, 3, 0, merged, &stats);
+    radiance_merge(frames, darks, 3, 0, 0, merged, &stats);
     check_merged(merged, 0.5, 1);
     gint64 saturated = 0;
     for (int i = 0; i < PIXELS; i++)
         saturated += dark_truth(i) + truth(i) * 0.5 >= 0.98 * 4095;
     g_assert_cmpint(saturated, >, 0);
     g_assert_cmpint(stats.saturated, ==, saturated);
-    radiance_merge(frames, darks, 3, 20, merged, &stats);
+    radiance_merge(frames, darks, 3, 20, 0, merged, &stats);
     check_merged(merged, 0.5, 10);
-    radiance_merge(&frames[1], darks, 1, 0, merged, &stats);
+    radiance_merge(&frames[1], darks, 1, 0, 0, merged, &stats);
     check_merged(merged, 2, 1);
     for (int k = 0; k < 3; k++)
         frame_unref((Frame *)frames[k]);
@@ -89,10 +89,26 @@ static void test_merge_precision(void) {
     const Frame *frames[] = {brief, lengthy};
     const float *darks[] = {dark, dark};
     struct radiance_stats stats;
-    radiance_merge(frames, darks, 2, 0, merged, &stats);
+    radiance_merge(frames, darks, 2, 0, 0, merged, &stats);
     g_assert_cmpfloat_with_epsilon(merged[0], 0.3, 0.3 / 100 + 1e-6);
     g_assert_cmpint(stats.saturated, ==, 0);
     g_assert_cmpfloat_with_epsilon(stats.signal_dn, 30, 1e-9);
+}
+
+/* What a sensor that bends by a tenth at full scale shows, bent back, is what there was. */
+static void test_bend(void) {
+    const double bends[] = {0.1 / 4095, -0.1 / 4095};
+    float dark[PIXELS] = {0}, merged[PIXELS];
+    const float *darks[] = {dark};
+    for (gsize b = 0; b < G_N_ELEMENTS(bends); b++) {
+        for (double linear = 1; linear < 3600; linear *= 1.7) {
+            g_autoptr(Frame) frame = flat_frame(linear * (1 - bends[b] * linear), 1000);
+            const Frame *frames[] = {frame};
+            struct radiance_stats stats;
+            radiance_merge(frames, darks, 1, 0, bends[b], merged, &stats);
+            g_assert_cmpfloat_with_epsilon(merged[0], linear, 0.75); /* rounding, steeper */
+        }
+    }
 }
 
 static void test_saturation(void) {
@@ -485,6 +501,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/radiance/merge", test_merge);
     g_test_add_func("/radiance/precision", test_merge_precision);
+    g_test_add_func("/radiance/bend", test_bend);
     g_test_add_func("/radiance/saturation", test_saturation);
     g_test_add_func("/radiance/mean", test_mean);
     g_test_add_func("/thumbnail", test_thumbnail);
