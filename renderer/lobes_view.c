@@ -243,7 +243,7 @@ static const char *const ashikhmin[] = {"directions.glsl", "lobes.glsl",  "ashik
 
 #define MODEL(model, text)                                                                         \
     {                                                                                              \
-        .name = #model, .title = text, .product = #model ".exr",                                   \
+        .name = #model, .title = (text), .product = #model ".exr",                                 \
         .made_by = "mesorig compress --model " #model, .shaders = (model), .open = open_##model,   \
         .free = free_view, .bind = bind_all,                                                       \
     }
