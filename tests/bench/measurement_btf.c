@@ -76,8 +76,8 @@ static float *take_mosaic(World *world, int camera, int lamp, double arc, const 
     gsize n = (gsize)frames[0]->width * (gsize)frames[0]->height;
     float *mosaic = g_new(float, n);
     struct radiance_stats stats;
-    radiance_merge((const Frame *const *)frames, (const float *const *)darks->level, N_EXPOSURES, 0, 0,
-                   mosaic, &stats);
+    radiance_merge((const Frame *const *)frames, (const float *const *)darks->level, N_EXPOSURES, 0,
+                   0, mosaic, &stats);
     *ret_saturated = (int)stats.saturated;
     g_autofree guint16 *half = g_new(guint16, n);
     exr_half_from_floats(half, mosaic, n);
