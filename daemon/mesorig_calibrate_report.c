@@ -20,7 +20,8 @@ static const char head[] =
     "right;border-bottom:1px solid #ddd}td{white-space:nowrap}td.text{white-space:normal}"
     "td:first-child,th:first-child,td.text{text-align:left}figure{"
     "display:inline-block;margin:0 1em 1em 0}figcaption{font-size:13px;color:#555}svg{background:"
-    "#fafafa;border:1px solid #ccc}.none{color:#777}</style></head><body>\n";
+    "#fafafa;border:1px solid #ccc}.none{color:#777}@media print{body{font-size:10px;margin:0}"
+    "td,th{padding:.2em .4em}}</style></head><body>\n";
 
 static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
@@ -231,6 +232,69 @@ static void add_turntable(GString *to, const struct calibration *calibration) {
         most);
 }
 
+struct drift {
+    gsize n;
+    double *taken_s, *lamp, *output;
+    double last_s, most;
+};
+
+static gboolean drift_read(const struct calibration *calibration, struct drift *ret) {
+    gsize n[3];
+    ret->taken_s = list(calibration->extra, "lamp drift", "taken_s", &n[0]);
+    ret->lamp = list(calibration->extra, "lamp drift", "lamp", &n[1]);
+    ret->output = list(calibration->extra, "lamp drift", "output", &n[2]);
+    ret->n = MIN(MIN(n[0], n[1]), n[2]);
+    ret->last_s = 1;
+    ret->most = 1e-4;
+    for (gsize i = 0; i < ret->n; i++) {
+        ret->last_s = MAX(ret->last_s, ret->taken_s[i]);
+        ret->most = MAX(ret->most, fabs(ret->output[i] - 1));
+    }
+    return ret->n > 0;
+}
+
+static void drift_clear(struct drift *drift) {
+    g_free(drift->taken_s);
+    g_free(drift->lamp);
+    g_free(drift->output);
+}
+
+/* Lamps' colours go around the wheel. */
+static void add_drift_of(GString *to, const struct drift *drift, int lamp, int n_lamps) {
+    for (gsize i = 0; i < drift->n; i++) {
+        if (drift->lamp[i] != lamp)
+            continue;
+        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\" fill=\"hsl(%d,65%%,45%%)\"/>\n",
+            8 + drift->taken_s[i] / drift->last_s * (2 * PLOT - 16),
+            80 - 72 * (drift->output[i] - 1) / drift->most, 360 * lamp / MAX(n_lamps, 1));
+    }
+}
+
+static void add_drift(GString *to, const struct calibration *calibration) {
+    const struct rig *rig = &calibration->rig;
+    struct drift drift;
+    if (!drift_read(calibration, &drift)) {
+        drift_clear(&drift);
+        return;
+    }
+    add(to,
+        "<h2>Drift of the lamps</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 "
+        "80h%d\" stroke=\"#999\"/>\n",
+        2 * PLOT, 2 * PLOT);
+    for (int l = 0; l < rig->n_lamps; l++)
+        add_drift_of(to, &drift, l, rig->n_lamps);
+    add(to,
+        "</svg><figcaption>what each lamp gave of its mean while the tile was taken, over %.1f "
+        "minutes; the full height is ± %.2f %%:",
+        drift.last_s / 60, 100 * drift.most);
+    for (int l = 0; l < rig->n_lamps; l++) {
+        g_autofree char *name = escaped(rig->lamps[l].name);
+        add(to, " <span style=\"color:hsl(%d,65%%,45%%)\">%s</span>", 360 * l / rig->n_lamps, name);
+    }
+    add(to, "</figcaption></figure>\n");
+    drift_clear(&drift);
+}
+
 static void add_rejected(GString *to, const struct calibration *calibration) {
     for (int i = 0; i < CALIBRATION_PARTS; i++) {
         const GPtrArray *rejected = calibration->parts[i].rejected;
@@ -258,6 +322,7 @@ static char *page(const struct calibration *calibration) {
     add_positions(to, &calibration->rig);
     add_residuals(to, calibration);
     add_turntable(to, calibration);
+    add_drift(to, calibration);
     add_rejected(to, calibration);
     add(to, "</body></html>\n");
     return g_string_free(to, FALSE);

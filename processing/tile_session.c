@@ -14,6 +14,7 @@ struct frames {
     GArray *camera;     /* of int */
     GArray *shot;       /* of int: into the next */
     GArray *tile_shots; /* of struct tile_shot */
+    GArray *taken_s;    /* of double: when each of them was taken */
     GPtrArray *checksums;
 };
 
@@ -28,6 +29,7 @@ static void frames_clear(struct frames *frames) {
     g_array_unref(frames->camera);
     g_array_unref(frames->shot);
     g_array_unref(frames->tile_shots);
+    g_array_unref(frames->taken_s);
     g_ptr_array_unref(frames->checksums);
 }
 
@@ -43,6 +45,7 @@ static void add_frame(struct frames *frames, Session *session, const struct sess
         struct tile_shot taken = {shot->device, shot->arc_deg * G_PI / 180,
                                   shot->turntable_deg * G_PI / 180};
         g_array_append_val(frames->tile_shots, taken);
+        g_array_append_val(frames->taken_s, row->captured_s);
     }
     int at = (int)frames->tile_shots->len - 1;
     g_array_append_val(frames->inputs, input);
@@ -57,6 +60,7 @@ static gboolean find_frames(Session *session, const struct rig *rig, struct fram
                            .camera = g_array_new(FALSE, FALSE, sizeof(int)),
                            .shot = g_array_new(FALSE, FALSE, sizeof(int)),
                            .tile_shots = g_array_new(FALSE, FALSE, sizeof(struct tile_shot)),
+                           .taken_s = g_array_new(FALSE, FALSE, sizeof(double)),
                            .checksums = g_ptr_array_new()};
     g_array_set_clear_func(ret->inputs, clear_input);
     ret->shots = session_shots(session, error);
@@ -239,6 +243,24 @@ static gboolean set_tile(struct run *run, GError **error) {
     return TRUE;
 }
 
+/* What each lamp gave when, of its mean; for whoever looks at the calibration. */
+static void keep_drift(struct run *run) {
+    static const char *const keys[] = {"taken_s", "lamp", "output", "output_error"};
+    for (guint k = 0; k < G_N_ELEMENTS(keys); k++) {
+        g_autoptr(GString) list = g_string_new(NULL);
+        for (guint s = 0; s < run->frames.tile_shots->len; s++) {
+            const double values[] = {
+                g_array_index(run->frames.taken_s, double, s),
+                g_array_index(run->frames.tile_shots, struct tile_shot, s).lamp, run->fit.output[s],
+                run->fit.output_error[s]};
+            char text[G_ASCII_DTOSTR_BUF_SIZE];
+            g_string_append_printf(list, "%s;",
+                                   g_ascii_formatd(text, sizeof text, "%.7g", values[k]));
+        }
+        g_key_file_set_value(run->calibration->extra, "lamp drift", keys[k], list->str);
+    }
+}
+
 static void set_part(struct run *run) {
     g_autofree char *sum = calibration_checksum((const char *const *)run->frames.checksums->pdata,
                                                 (int)run->frames.checksums->len);
@@ -262,6 +284,7 @@ static gboolean run_all(struct run *run, GError **error) {
     calibrate_marks(run);
     if (!check_stopped(run, error))
         return FALSE;
+    keep_drift(run);
     set_part(run);
     return TRUE;
 }

@@ -108,7 +108,8 @@ static void run(const char *const *argv) {
 
 /* Of all parts. */
 static void check_page(const char *path) {
-    static const char *const headings[] = {"Cameras", "Lamps and arc", "Laser sheets", "Light"};
+    static const char *const headings[] = {"Drift of the lamps", "Cameras", "Lamps and arc",
+                                           "Laser sheets", "Light"};
     g_autofree char *page = NULL;
     g_assert_true(g_file_get_contents(path, &page, NULL, NULL));
     for (gsize i = 0; i < G_N_ELEMENTS(headings); i++) {

@@ -67,9 +67,10 @@ static void exact(void) {
             p.sweep_rad += 0.02;
         g_array_append_val(points, p);
     }
-    g_assert_true(laser_fit(&rig, (struct laser_point *)(gpointer)points->data, (int)points->len,
-                            &unknown, names, &found, &error));
+    const gboolean fitted = laser_fit(&rig, (struct laser_point *)(gpointer)points->data,
+                                      (int)points->len, &unknown, names, &found, &error);
     g_assert_no_error(error);
+    g_assert_true(fitted);
     g_assert_false(found.seen[1]);
     for (guint i = 0; i < points->len; i++) {
         const struct laser_point *p = &g_array_index(points, struct laser_point, i);
