@@ -13,7 +13,9 @@
 #define STEPS        60
 #define DIFFERENCE   1.5e-8 /* root of what a double leaves out */
 #define MOST_DAMPING 1e8
-#define LEAST_SIGMA  1e-9
+/* Residuals are in units of what they should be; so much smaller, they are rounding, and what is
+ * only known beforehand would count as nothing beside them. */
+#define LEAST_SIGMA 1e-3
 
 struct work {
     const struct fit *fit;
