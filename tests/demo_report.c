@@ -465,10 +465,16 @@ static void close_report(struct report *report) {
     g_string_free(report->json, TRUE);
 }
 
+/* As it is: GLib would write ? for ° where the locale has no such sign. */
+static void put_err(const char *text) {
+    fputs(text, stderr);
+}
+
 int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new("SESSION WORLD.conf REPORT.json");
     setlocale(LC_ALL, "");
+    g_set_printerr_handler(put_err);
     g_option_context_add_main_entries(context, entries, NULL);
     if (!g_option_context_parse(context, &argc, &argv, &error) || argc != 4) {
         fprintf(stderr, "demo_report: %s\n", error ? error->message : "three arguments are needed");
