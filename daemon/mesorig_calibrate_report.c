@@ -13,6 +13,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
+/* Of the page, whose numbers have decimal points: the programs set no locale for numbers. */
 static const char head[] =
     "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration</title>"
     "<style>body{font:15px/1.4 system-ui,sans-serif;max-width:64em;margin:2em auto;padding:0 1em;"
@@ -23,16 +24,6 @@ static const char head[] =
     "#fafafa;border:1px solid #ccc}.none{color:#777}@media print{body{font-size:10px;margin:0}"
     "td,th{padding:.2em .4em}}</style></head><body>\n";
 
-static void add(GString *to, const char *format, ...) G_GNUC_PRINTF(2, 3);
-
-/* The numbers have decimal points: the programs set no locale for numbers. */
-static void add(GString *to, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    g_string_append_vprintf(to, format, arguments);
-    va_end(arguments);
-}
-
 static char *escaped(const char *text) {
     return g_markup_escape_text(text, -1);
 }
@@ -41,14 +32,16 @@ static void add_part(GString *to, const struct calibration *calibration,
                      enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
     if (!part->done) {
-        add(to,
+        g_string_append_printf(
+            to,
             "<tr class=\"none\"><td>%s</td><td colspan=\"6\">not calibrated: nominal</td></tr>\n",
             calibration_part_name(kind));
         return;
     }
     g_autofree char *method = escaped(part->method);
     g_autofree char *unit = escaped(part->residual_unit);
-    add(to,
+    g_string_append_printf(
+        to,
         "<tr><td>%s</td><td>%s</td><td class=\"text\">%s</td><td>%d</td><td>%u</td><td>%.3g "
         "%s</td><td>%d</td>"
         "</tr>\n",
@@ -57,11 +50,12 @@ static void add_part(GString *to, const struct calibration *calibration,
 }
 
 static void add_parts(GString *to, const struct calibration *calibration) {
-    add(to, "<table><tr><th>part</th><th>date</th><th>method</th><th>pictures</th><th>rejected</th>"
+    g_string_append_printf(
+        to, "<table><tr><th>part</th><th>date</th><th>method</th><th>pictures</th><th>rejected</th>"
             "<th>residual RMS</th><th>degrees of freedom</th></tr>\n");
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         add_part(to, calibration, (enum calibration_kind)i);
-    add(to, "</table>\n");
+    g_string_append_printf(to, "</table>\n");
 }
 
 static double sigma(const struct calibration_camera *camera, int parameter) {
@@ -70,7 +64,8 @@ static double sigma(const struct calibration_camera *camera, int parameter) {
 
 static void add_cameras(GString *to, const struct calibration *calibration) {
     const struct rig *rig = &calibration->rig;
-    add(to,
+    g_string_append_printf(
+        to,
         "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>from the zenith, "
         "azimuth (°)</th><th>focal length (px)</th><th>centre (px)</th><th>k1</th><th>corners</th>"
         "<th>RMS (px)</th></tr>\n");
@@ -82,14 +77,15 @@ static void add_cameras(GString *to, const struct calibration *calibration) {
         double theta, phi;
         rig_angles(at, &theta, &phi);
         phi = phi > G_PI ? phi - 2 * G_PI : phi;
-        add(to,
+        g_string_append_printf(
+            to,
             "<tr><td>%s</td><td>%.2f, %.2f, %.2f</td><td>%.3f, %.3f</td><td>%.2f ± %.2f</td><td>"
             "%.1f ± %.1f, %.1f ± %.1f</td><td>%.4f ± %.4f</td><td>%d</td><td>%.3f</td></tr>\n",
             name, at.x, at.y, at.z, DEG(theta), DEG(phi), c->fx_px, sigma(e, CALIBRATION_FX),
             c->cx_px, sigma(e, CALIBRATION_CX), c->cy_px, sigma(e, CALIBRATION_CY), c->k1,
             sigma(e, CALIBRATION_K1), e->points, e->residual_rms_px);
     }
-    add(to, "</table>\n");
+    g_string_append_printf(to, "</table>\n");
 }
 
 /* The rig from the side (x, z) and from above (x, y); everything with the arc at 0. */
@@ -102,11 +98,13 @@ static void add_mark(GString *to, const struct plan *plan, struct vec3 at, const
                      const char *name, gboolean left) {
     const double x = (at.x - plan->left_mm) * plan->scale;
     const double y = (plan->top_mm - (plan->above ? at.y : at.z)) * plan->scale;
-    add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/>\n", x, y, colour);
+    g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/>\n", x, y,
+                           colour);
     if (plan->above)
         return; /* what stands above one another would be written over one another */
     g_autofree char *text = escaped(name);
-    add(to, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
+    g_string_append_printf(
+        to, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
         left ? x - 6 : x + 6, y + 3, left ? "end" : "start", text);
 }
 
@@ -136,13 +134,14 @@ static void add_plan(GString *to, const struct rig *rig, gboolean above) {
     struct plan plan = {.above = above};
     fit_plan(&plan, rig);
     const double x = -plan.left_mm * plan.scale, y = plan.top_mm * plan.scale;
-    add(to, "<figure><svg width=\"%d\" height=\"%d\">\n", PLOT, PLOT);
+    g_string_append_printf(to, "<figure><svg width=\"%d\" height=\"%d\">\n", PLOT, PLOT);
     if (above)
-        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#ddd\"/>\n", x, y,
-            150 * plan.scale);
+        g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#ddd\"/>\n",
+                               x, y, 150 * plan.scale);
     else
-        add(to, "<path d=\"M%.1f %.1fh%.1f\" stroke=\"#999\" stroke-width=\"3\"/>\n",
-            x - 150 * plan.scale, y, 300 * plan.scale);
+        g_string_append_printf(to,
+                               "<path d=\"M%.1f %.1fh%.1f\" stroke=\"#999\" stroke-width=\"3\"/>\n",
+                               x - 150 * plan.scale, y, 300 * plan.scale);
     for (int i = 0; i < rig->n_cameras; i++)
         add_mark(to, &plan, rig_camera_centre_mm(&rig->cameras[i]), "#1764ab", rig->cameras[i].name,
                  FALSE);
@@ -150,13 +149,15 @@ static void add_plan(GString *to, const struct rig *rig, gboolean above) {
         add_mark(to, &plan, rig->lamps[i].position_mm, "#e2a100", rig->lamps[i].name, FALSE);
     for (int i = 0; i < rig->n_lasers; i++)
         add_mark(to, &plan, rig->lasers[i].position_mm, "#c0222b", rig->lasers[i].name, TRUE);
-    add(to, "</svg><figcaption>%s; %.0f mm across</figcaption></figure>\n",
-        above ? "from above: x to the right, y up" : "from the side: x to the right, z up",
-        PLOT / plan.scale);
+    g_string_append_printf(to, "</svg><figcaption>%s; %.0f mm across</figcaption></figure>\n",
+                           above ? "from above: x to the right, y up"
+                                 : "from the side: x to the right, z up",
+                           PLOT / plan.scale);
 }
 
 static void add_positions(GString *to, const struct rig *rig) {
-    add(to, "<h2>Positions</h2>\n<p>Cameras blue, lamps yellow, lasers red; lamps and lasers with "
+    g_string_append_printf(
+        to, "<h2>Positions</h2>\n<p>Cameras blue, lamps yellow, lasers red; lamps and lasers with "
             "the arc at 0°.</p>\n");
     add_plan(to, rig, FALSE);
     add_plan(to, rig, TRUE);
@@ -188,11 +189,14 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
     const double arrow = e->residual_rms_px > 0 ? 8 / e->residual_rms_px : 1;
     if (all == 0)
         return;
-    add(to, "<figure><svg width=\"%d\" height=\"%.0f\"><path stroke=\"#1764ab\" fill=\"none\" d=\"",
+    g_string_append_printf(
+        to, "<figure><svg width=\"%d\" height=\"%.0f\"><path stroke=\"#1764ab\" fill=\"none\" d=\"",
         PLOT, c->height * scale);
     for (gsize i = 0; i < all; i++)
-        add(to, "M%.1f %.1fl%.1f %.1f", x[i] * scale, y[i] * scale, dx[i] * arrow, dy[i] * arrow);
-    add(to,
+        g_string_append_printf(to, "M%.1f %.1fl%.1f %.1f", x[i] * scale, y[i] * scale,
+                               dx[i] * arrow, dy[i] * arrow);
+    g_string_append_printf(
+        to,
         "\"/></svg><figcaption>%s: %.3f px RMS, drawn %.0f times as long</figcaption></figure>\n",
         name, e->residual_rms_px, arrow / scale);
 }
@@ -200,7 +204,8 @@ static void add_vectors(GString *to, const struct calibration *calibration, int 
 static void add_residuals(GString *to, const struct calibration *calibration) {
     if (!calibration->parts[CALIBRATION_CAMERAS].done)
         return;
-    add(to,
+    g_string_append_printf(
+        to,
         "<h2>Residuals</h2>\n<p>From where corners were seen to where they should have been. A "
         "pattern that all share is what the model of the lens leaves over; noise has none.</p>\n");
     for (int i = 0; i < calibration->rig.n_cameras; i++)
@@ -217,16 +222,18 @@ static void add_turntable(GString *to, const struct calibration *calibration) {
         most = MAX(most, fabs(error[i]));
     if (n == 0)
         return;
-    add(to,
+    g_string_append_printf(
+        to,
         "<h2>Turntable</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 80h%d\" "
         "stroke=\"#999\"/>\n",
         2 * PLOT, 2 * PLOT);
     for (gsize i = 0; i < n; i++) {
         const double turn = at[i] - 360 * floor(at[i] / 360);
-        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"#1764ab\"/>\n",
-            8 + turn / 360 * (2 * PLOT - 16), 80 - 72 * error[i] / most);
+        g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"#1764ab\"/>\n",
+                               8 + turn / 360 * (2 * PLOT - 16), 80 - 72 * error[i] / most);
     }
-    add(to,
+    g_string_append_printf(
+        to,
         "</svg><figcaption>how much further it was than commanded, over a turn; the full height "
         "is ± %.4f°</figcaption></figure>\n",
         most);
@@ -264,7 +271,8 @@ static void add_drift_of(GString *to, const struct drift *drift, int lamp, int n
     for (gsize i = 0; i < drift->n; i++) {
         if (drift->lamp[i] != lamp)
             continue;
-        add(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\" fill=\"hsl(%d,65%%,45%%)\"/>\n",
+        g_string_append_printf(
+            to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\" fill=\"hsl(%d,65%%,45%%)\"/>\n",
             8 + drift->taken_s[i] / drift->last_s * (2 * PLOT - 16),
             80 - 72 * (drift->output[i] - 1) / drift->most, 360 * lamp / MAX(n_lamps, 1));
     }
@@ -277,21 +285,24 @@ static void add_drift(GString *to, const struct calibration *calibration) {
         drift_clear(&drift);
         return;
     }
-    add(to,
+    g_string_append_printf(
+        to,
         "<h2>Drift of the lamps</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 "
         "80h%d\" stroke=\"#999\"/>\n",
         2 * PLOT, 2 * PLOT);
     for (int l = 0; l < rig->n_lamps; l++)
         add_drift_of(to, &drift, l, rig->n_lamps);
-    add(to,
+    g_string_append_printf(
+        to,
         "</svg><figcaption>what each lamp gave of its mean while the tile was taken, over %.1f "
         "minutes; the full height is ± %.2f %%:",
         drift.last_s / 60, 100 * drift.most);
     for (int l = 0; l < rig->n_lamps; l++) {
         g_autofree char *name = escaped(rig->lamps[l].name);
-        add(to, " <span style=\"color:hsl(%d,65%%,45%%)\">%s</span>", 360 * l / rig->n_lamps, name);
+        g_string_append_printf(to, " <span style=\"color:hsl(%d,65%%,45%%)\">%s</span>",
+                               360 * l / rig->n_lamps, name);
     }
-    add(to, "</figcaption></figure>\n");
+    g_string_append_printf(to, "</figcaption></figure>\n");
     drift_clear(&drift);
 }
 
@@ -300,20 +311,21 @@ static void add_rejected(GString *to, const struct calibration *calibration) {
         const GPtrArray *rejected = calibration->parts[i].rejected;
         if (rejected->len == 0)
             continue;
-        add(to, "<h2>Rejected: %s</h2>\n<details><summary>%u of them</summary>\n<ul>\n",
+        g_string_append_printf(
+            to, "<h2>Rejected: %s</h2>\n<details><summary>%u of them</summary>\n<ul>\n",
             calibration_part_name((enum calibration_kind)i), rejected->len);
         for (guint k = 0; k < rejected->len; k++) {
             g_autofree char *text = escaped(rejected->pdata[k]);
-            add(to, "<li>%s</li>\n", text);
+            g_string_append_printf(to, "<li>%s</li>\n", text);
         }
-        add(to, "</ul></details>\n");
+        g_string_append_printf(to, "</ul></details>\n");
     }
 }
 
 static char *page(const struct calibration *calibration) {
     GString *to = g_string_new(head);
     g_autofree char *id = escaped(calibration->rig.id);
-    add(to, "<h1>Calibration of rig %s</h1>\n", id);
+    g_string_append_printf(to, "<h1>Calibration of rig %s</h1>\n", id);
     add_parts(to, calibration);
     add_cameras(to, calibration);
     calibrate_table_lamps(to, calibration);
@@ -324,7 +336,7 @@ static char *page(const struct calibration *calibration) {
     add_turntable(to, calibration);
     add_drift(to, calibration);
     add_rejected(to, calibration);
-    add(to, "</body></html>\n");
+    g_string_append_printf(to, "</body></html>\n");
     return g_string_free(to, FALSE);
 }
 

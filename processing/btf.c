@@ -240,3 +240,15 @@ gboolean btf_read_view(const char *path, const int *lights, int n_lights,
     exr_file_free(file);
     return ok;
 }
+
+gboolean btf_direction(const struct exr_part *part, const char *of, float *ret_theta_deg,
+                       float *ret_phi_deg) {
+    g_autofree char *theta_name = g_strconcat(of, ".theta_deg", NULL);
+    g_autofree char *phi_name = g_strconcat(of, ".phi_deg", NULL);
+    double theta = NAN, phi = NAN;
+    exr_get_double(part, theta_name, &theta, NULL);
+    exr_get_double(part, phi_name, &phi, NULL);
+    *ret_theta_deg = (float)theta;
+    *ret_phi_deg = (float)phi;
+    return isfinite(theta) && isfinite(phi);
+}

@@ -45,3 +45,8 @@ gboolean btf_is_made(const struct btf_view *view, const char *path);
 /* Reads a view back: n_lights × height × width × 3, R G B. */
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        const struct session_grid *grid, float *ret_rgb, GError **error);
+
+/* The direction that a part of the file says of its "view" or "light"; FALSE if one of its angles
+ * is missing or not finite. */
+gboolean btf_direction(const struct exr_part *part, const char *of, float *ret_theta_deg,
+                       float *ret_phi_deg);

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "btf.h"
 #include "btf_private.h"
 
 #define COLOURS 3
@@ -77,14 +78,7 @@ static gboolean view_error(const char *path, GError **error, const char *what) {
 
 static gboolean direction(const struct exr_part *part, const char *of, const char *path,
                           float *ret_theta_deg, float *ret_phi_deg, GError **error) {
-    g_autofree char *theta_name = g_strconcat(of, ".theta_deg", NULL);
-    g_autofree char *phi_name = g_strconcat(of, ".phi_deg", NULL);
-    double theta = NAN, phi = NAN;
-    exr_get_double(part, theta_name, &theta, NULL);
-    exr_get_double(part, phi_name, &phi, NULL);
-    *ret_theta_deg = (float)theta;
-    *ret_phi_deg = (float)phi;
-    return (isfinite(theta) && isfinite(phi)) ||
+    return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
            view_error(path, error, "a direction is missing or not a number");
 }
 

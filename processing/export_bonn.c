@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "btf.h"
 #include "exr.h"
 #include "lpca.h"
 
@@ -48,14 +49,8 @@ static gboolean find_views(struct source *source, GError **error) {
 
 static gboolean direction(const struct exr_part *part, const char *of, const char *path,
                           float *ret_theta_deg, float *ret_phi_deg, GError **error) {
-    g_autofree char *theta_name = g_strconcat(of, ".theta_deg", NULL);
-    g_autofree char *phi_name = g_strconcat(of, ".phi_deg", NULL);
-    double theta = NAN, phi = NAN;
-    exr_get_double(part, theta_name, &theta, NULL);
-    exr_get_double(part, phi_name, &phi, NULL);
-    *ret_theta_deg = (float)theta;
-    *ret_phi_deg = (float)phi;
-    return (isfinite(theta) && isfinite(phi)) || fail(path, error, "a direction is no number");
+    return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
+           fail(path, error, "a direction is no number");
 }
 
 /* Lights are those of the first view. */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "processing/exr.h"
+#include "remove_tree.h"
 
 static char *top; /* everything is made in here */
 static int n_made;
@@ -44,7 +45,7 @@ void run_free(struct run *run) {
     capture_free(run->capture);
     devices_close(run->devices);
     session_conf_clear(&run->conf);
-    small_rig_remove(run->directory);
+    remove_tree(run->directory);
     g_free(run->directory);
     g_free(run->session);
     g_string_free(run->told, TRUE);
@@ -240,7 +241,7 @@ void run_check_whole(const char *path) {
 int run_tests(void) {
     top = g_dir_make_tmp("mesorig-capture-XXXXXX", NULL);
     int result = g_test_run();
-    small_rig_remove(top);
+    remove_tree(top);
     g_clear_pointer(&top, g_free);
     return result;
 }

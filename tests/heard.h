@@ -4,12 +4,7 @@
  */
 #pragma once
 
-#include "conformance.h"
-#include "sim/devices.h"
-#include "sim/world.h"
-
-#define RIG   SOURCE_DIR "/tests/small/rig.conf"
-#define WORLD SOURCE_DIR "/tests/small/world.conf"
+#include "simulated.h"
 
 struct heard {
     int n;

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 
 #include "processing/session.h"
+#include "remove_tree.h"
 
 #define MESORIG BUILD_DIR "/bin/mesorig"
 
@@ -29,7 +30,7 @@ struct operation *operator_new(const struct change *rig_changes) {
 }
 
 void operator_free(struct operation *run) {
-    small_rig_remove(run->directory);
+    remove_tree(run->directory);
     g_free(run->directory);
     g_free(run->rig);
     g_free(run->conf);
@@ -152,7 +153,7 @@ int operator_tests(void) {
     g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
     g_setenv("XDG_RUNTIME_DIR", top, TRUE);
     const int result = g_test_run();
-    small_rig_remove(top);
+    remove_tree(top);
     g_clear_pointer(&top, g_free);
     return result;
 }

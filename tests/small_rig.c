@@ -40,8 +40,3 @@ void small_rig_write(const char *directory, const char *name, const struct chang
     g_file_set_contents(to, text, -1, &error);
     g_assert_no_error(error);
 }
-
-void small_rig_remove(const char *tree) {
-    const char *const argv[] = {"/bin/rm", "-rf", tree, NULL};
-    g_spawn_sync(NULL, (char **)argv, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
-}

@@ -17,5 +17,3 @@ char *small_rig_changed(const char *text, const struct change *change);
 /* Writes rig.conf, world.conf or session.conf with those changes (NULL: none) whose section it has.
  * Devices have faults: keys that begin with fault_ are only put into rig.conf. */
 void small_rig_write(const char *directory, const char *name, const struct change *changes);
-
-void small_rig_remove(const char *tree);

@@ -4,10 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-static const char turntable[] =
-    "[axis turntable]\nworld = world.conf\nwraps = yes\nspeed_deg_s = 60\n"
-    "accel_deg_s2 = 120\nbacklash_deg = 0.05\nsettle_ms = 150\n";
-
 static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
     hear(data, (int)event, error);
 }
@@ -59,7 +55,7 @@ static void test_predicted_time(void) {
     static const double targets[] = {30, 350, 170, 169.9, 169.95, 0, 180, 0, 0.001, -725.5};
     g_autoptr(Clock) clock = clock_new_virtual();
     struct heard heard = {.clock = clock};
-    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable, &heard);
+    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, &heard);
     home(axis, &heard);
     for (gsize i = 0; i < G_N_ELEMENTS(targets); i++) {
         double from = axis_position_deg(axis);
@@ -220,7 +216,7 @@ static void test_settling(void) {
     g_autoptr(Clock) clock = clock_new_virtual();
     g_autoptr(World) world = world_get(WORLD, NULL);
     struct heard heard = {.clock = clock};
-    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable, &heard);
+    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, &heard);
     home(axis, &heard);
     double predicted = axis_move_time_s(&axis->motion, 0, 40);
     g_assert_true(axis_move(axis, 40, NULL));

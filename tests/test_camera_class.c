@@ -4,13 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-static const struct conformance camera = {
-    .name = "sim-camera",
-    .path = RIG,
-    .section = "[camera cam30]\nworld = world.conf\n",
-    .exposure_us = 20000,
-};
-
 static void on_camera(Camera *from, enum camera_event event, Frame *frame, const GError *error,
                       gpointer data) {
     struct heard *heard = data;

@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 
 #include "long_session.h"
+#include "remove_tree.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
@@ -153,11 +154,6 @@ static char *write_file(const char *folder, const char *name, const char *text) 
     g_file_set_contents(path, text, -1, &error);
     g_assert_no_error(error);
     return path;
-}
-
-static void remove_tree(const char *path) {
-    const char *const argv[] = {"/bin/rm", "-rf", path, NULL};
-    g_spawn_sync(NULL, (char **)argv, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
 }
 
 static void test_json(void) {

@@ -1,32 +1,10 @@
 /* The conformance suite over every simulated driver. */
-#include "conformance.h"
-#include "sim/devices.h"
-#include "sim/world.h"
+#include "simulated.h"
 
-#define RIG   SOURCE_DIR "/tests/small/rig.conf"
-#define WORLD SOURCE_DIR "/tests/small/world.conf"
-
-static const struct conformance turntable = {
-    .name = "sim-turntable",
-    .path = RIG,
-    .section = "[axis turntable]\nworld = world.conf\nwraps = yes\nspeed_deg_s = 60\n"
-               "accel_deg_s2 = 120\nbacklash_deg = 0.05\nsettle_ms = 150\n",
-};
 static const struct conformance slide = {
     .name = "sim-slide",
     .section = "[axis slide]\nmin_deg = -15\nmax_deg = 15\nspeed_deg_s = 30\naccel_deg_s2 = 400\n"
                "backlash_deg = 0.2\nlatency_ms = 35\n",
-};
-static const struct conformance bank = {
-    .name = "sim-lamps",
-    .path = RIG,
-    .section = "[lamps bank]\nworld = world.conf\n",
-};
-static const struct conformance camera = {
-    .name = "sim-camera",
-    .path = RIG,
-    .section = "[camera cam30]\nworld = world.conf\n",
-    .exposure_us = 20000,
 };
 static const struct conformance quick_camera = {
     .name = "sim-camera-real-time",
@@ -34,15 +12,6 @@ static const struct conformance quick_camera = {
     .section = "[camera cam30]\nworld = world.conf\nreadout_ms = 5\n",
     .real_clock = TRUE,
     .exposure_us = 2000,
-};
-static const struct conformance laser = {
-    .name = "sim-laser",
-    .path = RIG,
-    .section = "[laser laser30]\nworld = world.conf\n",
-};
-static const struct conformance door = {
-    .name = "sim-interlock",
-    .section = "[interlock door]\n",
 };
 
 static void test_wrong_parts(void) {

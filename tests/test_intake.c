@@ -6,6 +6,7 @@
 #include "daemon/radiance.h"
 #include "daemon/thumbnail.h"
 #include "processing/exr.h"
+#include "remove_tree.h"
 
 #define SIDE   8
 #define PIXELS (SIDE * SIDE)
@@ -229,18 +230,6 @@ static struct bench *bench_new(void) {
     }
     start_intake(bench);
     return bench;
-}
-
-static void remove_tree(const char *path) {
-    GDir *dir = g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *child = g_build_filename(path, name, NULL);
-        remove_tree(child);
-    }
-    if (dir)
-        g_dir_close(dir);
-    g_remove(path);
 }
 
 static void bench_free(struct bench *bench) {

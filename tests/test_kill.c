@@ -13,6 +13,7 @@
 #include <sys/wait.h>
 
 #include "processing/session.h"
+#include "remove_tree.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
@@ -95,13 +96,6 @@ static char *checksum(const char *session, const char *product) {
 static void process(const char *session, const char *mark) {
     const char *const argv[] = {MESORIG, "process", session, NULL};
     run_whole(argv, mark);
-}
-
-static void remove_tree(const char *path) {
-    const char *const argv[] = {"/bin/rm", "-rf", path, NULL};
-    g_autoptr(GError) error = NULL;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, NULL, NULL, NULL, &error);
-    g_assert_no_error(error);
 }
 
 static int files_in(const char *session, const char *folder) {

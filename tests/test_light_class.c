@@ -4,21 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-static const struct conformance bank = {
-    .name = "sim-lamps",
-    .path = RIG,
-    .section = "[lamps bank]\nworld = world.conf\n",
-};
-static const struct conformance laser = {
-    .name = "sim-laser",
-    .path = RIG,
-    .section = "[laser laser30]\nworld = world.conf\n",
-};
-static const struct conformance door = {
-    .name = "sim-interlock",
-    .section = "[interlock door]\n",
-};
-
 static void on_lamp(LampBank *from, int index, gboolean on, gint64 at_us, const GError *error,
                     gpointer data) {
     hear(data, index, error);

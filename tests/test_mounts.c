@@ -3,6 +3,7 @@
  * at each place. */
 #include "daemon/capture.h"
 #include "processing/exr.h"
+#include "remove_tree.h"
 
 #include <glib/gstdio.h>
 #include <locale.h>
@@ -15,11 +16,6 @@
 #define MESORIG BUILD_DIR "/bin/mesorig"
 
 static char *top;
-
-static void remove_tree(const char *path) {
-    const char *const argv[] = {"/bin/rm", "-rf", path, NULL};
-    g_spawn_sync(NULL, (char **)argv, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
-}
 
 static char *read_text(const char *path) {
     char *text = NULL;

@@ -5,6 +5,7 @@
 #include "processing/exr.h"
 #include "processing/exr_half.h"
 #include "processing/session.h"
+#include "tests/remove_tree.h"
 
 #include <fcntl.h>
 #include <glib/gstdio.h>
@@ -226,21 +227,6 @@ static double syncs_per_s(void) {
     close(fd);
     g_unlink(path);
     return SHOTS / seconds;
-}
-
-static void remove_tree(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    const char *name;
-
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *file = g_build_filename(path, name, NULL);
-
-        if (g_file_test(file, G_FILE_TEST_IS_DIR))
-            remove_tree(file);
-        else
-            g_unlink(file);
-    }
-    g_rmdir(path);
 }
 
 static void print_text(const struct result *r) {

@@ -4,6 +4,7 @@
 #include "speed_live.h"
 
 #include "daemon/intake.h"
+#include "tests/remove_tree.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -144,19 +145,6 @@ static struct live *live_new(double seconds, gboolean store, const char *folder,
     const struct intake_hooks hooks = {on_result, on_room, live};
     live->intake = intake_new(&setup, &hooks);
     return live;
-}
-
-static void remove_tree(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *inside = g_build_filename(path, name, NULL);
-        if (g_file_test(inside, G_FILE_TEST_IS_DIR))
-            remove_tree(inside);
-        else
-            g_unlink(inside);
-    }
-    g_rmdir(path);
 }
 
 static void live_free(struct live *live) {

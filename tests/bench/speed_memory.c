@@ -5,6 +5,7 @@
 #include "measurement_rig.h"
 #include "processing/exr.h"
 #include "processing/pipeline.h"
+#include "tests/remove_tree.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -134,19 +135,6 @@ static struct speed_memory process(const char *path, int views) {
                                  .views = views,
                                  .lights = LIGHTS,
                                  .ok = ended && status == 0};
-}
-
-static void remove_tree(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *inside = g_build_filename(path, name, NULL);
-        if (g_file_test(inside, G_FILE_TEST_IS_DIR))
-            remove_tree(inside);
-        else
-            g_unlink(inside);
-    }
-    g_rmdir(path);
 }
 
 struct speed_memory speed_memory(int views, const char *folder) {
