@@ -77,6 +77,14 @@ static void check_seen(const Capture *capture, const GArray *seen, struct marks_
                 (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
 }
 
+/* One light may make marks look displaced, by what it makes of a sample close to them; what has
+ * really moved has moved under the next light too. */
+static void tell_suspicion(Capture *capture, const char *what) {
+    g_autofree char *text = g_strdup_printf(
+        "something may have moved since the rig was calibrated: %s; the next shot will tell", what);
+    capture_tell(capture, "warning", "marks", text);
+}
+
 char *capture_marks_check(Capture *capture, const struct flight *flight) {
     const struct rig *rig = &capture->calibration->rig;
     if (flight->shot->kind != SHOT_LAMP || !flight->marks)
@@ -93,17 +101,21 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
         before = 0;
     else
         check_seen(capture, window, &check);
-    capture->moved = moved(rig, &check) & ~accepted(capture);
-    if (capture->moved == 0)
+    guint32 suspected = capture->suspected;
+    capture->suspected = moved(rig, &check) & ~accepted(capture);
+    if (capture->suspected == 0)
         return NULL;
-    capture_marks_forget(capture);
     g_autofree char *what = marks_describe(rig, &check);
-    g_autofree char *also =
-        before > 0 ? g_strdup_printf(" It may have been so in the last %u shots.", before + 1)
-                   : g_strdup("");
-    return g_strdup_printf("Something has moved since the rig was calibrated: %s.%s Put it back or "
-                           "calibrate again; if you go on, it is taken as it is.",
-                           what, also);
+    capture->moved = capture->suspected & suspected;
+    if (capture->moved == 0) {
+        tell_suspicion(capture, what);
+        return NULL;
+    }
+    capture_marks_forget(capture);
+    return g_strdup_printf("Something has moved since the rig was calibrated: %s. It may have been "
+                           "so in the last %u shots. Put it back or calibrate again; if you go on, "
+                           "it is taken as it is.",
+                           what, MAX(before, 1) + 1);
 }
 
 static void unref_array(gpointer array) {
@@ -113,6 +125,7 @@ static void unref_array(gpointer array) {
 void capture_marks_forget(Capture *capture) {
     if (capture->marks)
         g_queue_free_full(g_steal_pointer(&capture->marks), unref_array);
+    capture->suspected = 0;
 }
 
 void capture_marks_accept(Capture *capture) {

@@ -8,8 +8,8 @@
 #include "calib/marks.h"
 #include "capture_private.h"
 
-/* Of a shot whose cameras are all back. Keeps the lamp's output. Returns NULL, or what has moved,
- * g_free(): then the shot must not be committed. */
+/* Of a shot whose cameras are all back. Keeps the lamp's output. Returns NULL, or what has moved in
+ * this shot and the one before, g_free(): then the shot must not be committed. */
 char *capture_marks_check(Capture *capture, const struct flight *flight);
 
 /* What was seen before is not looked at any more. */

@@ -62,6 +62,7 @@ struct Capture {
     struct teller retake_tellers[RIG_MAX_CAMERAS], saturated_tellers[RIG_MAX_CAMERAS];
     struct view views[RIG_MAX_CAMERAS];
     guint32 moved;       /* of what the session was paused for: capture_marks.c */
+    guint32 suspected;   /* of what the shot before seemed to show */
     GQueue *marks;       /* of GArray of struct mark_seen: of the last shots */
     gboolean marks_told; /* how they looked at the beginning */
     guint changed_source;

@@ -331,19 +331,31 @@ static void test_tic_no_switch(void) {
     end(&rig);
 }
 
-/* As if the daemon hung or died: the Tic's own timeout stops the motor. */
+/* As if the daemon hung or died: the Tic's own timeout stops the motor. When it wakes, it goes on.
+ */
 static void test_tic_daemon_hangs(void) {
     struct rig rig;
     begin(&rig, "");
-    virtual_tic_set_mode(rig.tic, 0, 250);
+    axis_close(rig.axis);
+    virtual_tic_set_mode(rig.tic, 0, 400);
+    rig.axis = open_tic(rig.clock, "", NULL);
+    axis_listen(rig.axis, on_axis, &rig.heard);
     home(&rig);
     conformance_pass(rig.clock, 0.6); /* fed while it stands */
     g_assert_false(virtual_tic_has_timed_out(rig.tic));
     start_and_pass(&rig, 38);
-    g_usleep(450000);
+    g_usleep(700000);
     g_assert_true(virtual_tic_has_timed_out(rig.tic));
     assert_stands(&rig);
     g_assert_cmpfloat(virtual_tic_steps(rig.tic), <, 37 * STEPS_PER_DEG);
+    expect(&rig, AXIS_ARRIVED);
+    g_assert_true(axis_is_homed(rig.axis));
+    g_assert_cmpfloat_with_epsilon(axis_position_deg(rig.axis), 38, 1e-9);
+    g_usleep(700000); /* while it stands, too */
+    conformance_pass(rig.clock, 0.3);
+    g_assert_false(virtual_tic_has_timed_out(rig.tic));
+    start(&rig, 5);
+    expect(&rig, AXIS_ARRIVED);
     end(&rig);
 }
 

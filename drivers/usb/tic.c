@@ -77,7 +77,9 @@ struct tic {
     gboolean asked;         /* a look is under way */
     gboolean was_well;      /* has been seen without errors since it was started */
     int n_started, n_asked; /* a look that was asked for before the last start proves nothing */
-    gint64 start_us;
+    gint64 start_us, asked_us;
+    gint64 fed_us, hunger_us; /* when its command timeout was surely reset; how long it was not */
+    int timeout_ms;           /* its command timeout */
     guint timer;
     double target_deg;
     gint32 target_steps;
@@ -140,6 +142,9 @@ static const char *const error_texts[] = {
     "a safe start violation: something else halted it",
     "its ERR line is held high by another device",
 };
+
+/* What a command timeout leaves: it ends when it is reset, the safe start it brought stays. */
+enum { COMMAND_TIMEOUT_ERROR = 1 << 6, SAFE_START_ERROR = 1 << 7 };
 
 static gint32 get_i32(const guint8 *data) {
     return (gint32)((guint32)data[0] | (guint32)data[1] << 8 | (guint32)data[2] << 16 |
@@ -218,12 +223,41 @@ static gboolean ran_into_limit(const struct tic *tic, const struct status *statu
            status->flags & (up ? FORWARD_LIMIT_ACTIVE : REVERSE_LIMIT_ACTIVE);
 }
 
+/* Whether it stopped because this program, not the Tic, was held up for a while. It braked and
+ * knows where it is, so nothing is lost. */
+static gboolean was_starved(const struct tic *tic, const struct status *status) {
+    return tic->was_well && (status->errors & SAFE_START_ERROR) &&
+           !(status->errors & ~(COMMAND_TIMEOUT_ERROR | SAFE_START_ERROR)) &&
+           !(status->flags & POSITION_UNCERTAIN) && tic->phase != HOMING &&
+           tic->hunger_us > tic->timeout_ms * (gint64)1000;
+}
+
+static void go_on(Axis *axis) {
+    struct tic *tic = axis->device.priv;
+    gboolean to_target = tic->phase == MOVING || tic->on_target;
+    GError *error = NULL;
+    g_message("axis %s: not asked for %.1f s, its command timeout stopped it; it goes on",
+              axis->device.name, (double)tic->hunger_us * 1e-6);
+    if (!send(axis, EXIT_SAFE_START, 0, &error) ||
+        !send(axis, to_target ? SET_TARGET_POSITION : SET_TARGET_VELOCITY,
+              to_target ? tic->target_steps : 0, &error)) {
+        fault(axis, error);
+        return;
+    }
+    tic->was_well = FALSE;
+    tic->hunger_us = 0;
+    tic->n_started++;
+    tic->start_us = now_us(axis);
+}
+
 /* Whether something is wrong that ends the movement; has told so then. */
 static gboolean is_broken(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     gboolean late = now_us(axis) > tic->start_us + GRACE_US;
-    if (!status->errors && status->state == STATE_NORMAL)
+    if (!status->errors && status->state == STATE_NORMAL) {
         tic->was_well = TRUE;
+        tic->hunger_us = 0;
+    }
     if (ran_into_limit(tic, status)) {
         broke_down(axis, DEVICE_ERROR_STALLED,
                    "ran into a limit switch; check min_deg, max_deg and steps_per_deg");
@@ -275,6 +309,8 @@ static void look(Axis *axis, const struct status *status) {
         return;
     if (tic->phase == STOPPING && status->velocity == 0)
         ended(axis, AXIS_STOPPED);
+    else if (tic->phase != STOPPING && was_starved(tic, status))
+        go_on(axis);
     else if (tic->phase == STOPPING || is_broken(axis, status))
         return;
     else if (tic->phase == HOMING)
@@ -315,6 +351,8 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
                           "axis %s: answered %d bytes of %d; check its firmware, then home it",
                           axis->device.name, (int)n, VARIABLES_SIZE));
     } else {
+        tic->hunger_us = MAX(tic->hunger_us, now_us(axis) - tic->fed_us);
+        tic->fed_us = tic->asked_us;
         wake(axis);
         look(axis, &status);
     }
@@ -331,6 +369,7 @@ static void on_timer(gpointer data) {
     if (tic->asked)
         return;
     tic->asked = TRUE;
+    tic->asked_us = now_us(axis);
     tic->n_asked = tic->n_started;
     if (!send(axis, RESET_COMMAND_TIMEOUT, 0, &error) ||
         !usb_control(tic->usb, &get_status, ANSWER_MS, on_status, axis, &error)) {
@@ -360,7 +399,8 @@ static void started(Axis *axis, enum phase phase) {
     tic->on_target = FALSE;
     tic->was_well = FALSE;
     tic->n_started++;
-    tic->start_us = now_us(axis);
+    tic->start_us = tic->fed_us = now_us(axis);
+    tic->hunger_us = 0;
     wake(axis);
 }
 
@@ -462,7 +502,7 @@ static gboolean check_settings(Axis *axis, GError **error) {
     if (!get_setting(axis, CONTROL_MODE, 1, &mode, error) ||
         !get_setting(axis, COMMAND_TIMEOUT, 2, timeout, error))
         return FALSE;
-    int timeout_ms = timeout[0] | timeout[1] << 8;
+    int timeout_ms = tic->timeout_ms = timeout[0] | timeout[1] << 8;
     if (mode != 0) {
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
                     "axis %s: its control mode is %d; set it to Serial/I2C/USB with ticgui",
