@@ -112,7 +112,12 @@ static Session *create_session(struct devices *devices, const struct session_con
         .calibration = text,
         .rig_path = devices->path,
     };
-    return session_create(directory, conf->name, &texts, &plan->session, error);
+    Session *session = session_create(directory, conf->name, &texts, &plan->session, error);
+    g_autofree char *reference = laser_reference_to_text(&conf->reference);
+    if (session && conf->reference.radius_mm > 0 &&
+        !session_set_value(session, LASER_REFERENCE_KEY, reference, error))
+        g_clear_pointer(&session, session_close);
+    return session;
 }
 
 static void keep_plan(Capture *capture, const struct plan *plan) {

@@ -82,6 +82,9 @@ static void tell_json(const struct check *check) {
         add_int(&builder, "mdf_refuted", check->mdf.refuted);
         add_int(&builder, "mdf_unknown", check->mdf.unknown);
         add_double(&builder, "mdf_denied_share", check->mdf.denied_share);
+        add_int(&builder, "line_sweeps", check->mdf.lines.sweeps);
+        add_int(&builder, "lines_found", check->mdf.lines.found);
+        add_int(&builder, "lines_disagree", check->mdf.lines.disagree);
     }
     cli_print_json(g_variant_builder_end(&builder));
 }
@@ -118,6 +121,10 @@ static void tell(const struct check *check) {
                 "%.2f %% hidden from all of them; %.2f %% of their answers deny it\n",
                 percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
                 percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
+    if (check->has_mdf && mdf->lines.found > 0)
+        g_print("laser lines  seen beside the sample in %d of %d sweeps; %d contradict the "
+                "calibration, by %+.4f° at most\n",
+                mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
     if (check->plot && check->energy)
         g_print("plot         %s\n", check->plot);
 }

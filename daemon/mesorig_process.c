@@ -7,6 +7,24 @@
 #include "processing/session.h"
 #include "report.h"
 
+static void tell_lines(const struct pipeline_result *result) {
+    if (result->line_sweeps == 0)
+        return;
+    if (result->lines_found == 0)
+        g_print("laser planes: by the calibration alone; no line was seen beside the sample "
+                "([sample] flat_radius_mm and flat_hole_mm say where one could be)\n");
+    else if (result->lines_disagree == 0)
+        g_print("laser planes: lines beside the sample in %d of %d sweeps agree with the "
+                "calibration, %.4f° RMS\n",
+                result->lines_found, result->line_sweeps, result->lines_rms_deg);
+    else
+        g_print("laser planes: in %d of %d sweeps with a line beside the sample it contradicts the "
+                "calibration, by %+.3f° in laser position %d; where they differ the line was "
+                "believed. Has a sweep slipped, or is the calibration old?\n",
+                result->lines_disagree, result->lines_found, result->lines_worst_deg,
+                result->line_worst_position);
+}
+
 static void tell_result(const struct pipeline_result *result, double seconds) {
     if (cli_json) {
         GVariantBuilder builder;
@@ -19,6 +37,16 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
                               g_variant_new_double(result->eigenmaps_error));
         g_variant_builder_add(&builder, "{sv}", "mdf_coverage",
                               g_variant_new_double(result->mdf_coverage));
+        g_variant_builder_add(&builder, "{sv}", "line_sweeps",
+                              g_variant_new_int32(result->line_sweeps));
+        g_variant_builder_add(&builder, "{sv}", "lines_found",
+                              g_variant_new_int32(result->lines_found));
+        g_variant_builder_add(&builder, "{sv}", "lines_disagree",
+                              g_variant_new_int32(result->lines_disagree));
+        g_variant_builder_add(&builder, "{sv}", "lines_rms_deg",
+                              g_variant_new_double(result->lines_rms_deg));
+        g_variant_builder_add(&builder, "{sv}", "lines_worst_deg",
+                              g_variant_new_double(result->lines_worst_deg));
         g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
         cli_print_json(g_variant_builder_end(&builder));
         return;
@@ -28,6 +56,7 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
             "eigen-maps with an error of %.2f %%\n",
             time, result->n_views, result->n_lights, result->n_mdf_views,
             100 * result->mdf_coverage, 100 * result->eigenmaps_error);
+    tell_lines(result);
 }
 
 struct process {

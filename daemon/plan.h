@@ -23,6 +23,7 @@
 #pragma once
 
 #include "devices.h"
+#include "processing/laser_lines.h"
 #include "processing/session.h"
 
 struct ring { /* directions of one elevation: φ = offset + k·360/count */
@@ -39,6 +40,7 @@ enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 struct session_conf {
     char *name;
     struct session_grid grid;
+    struct laser_reference reference; /* around the sample; radius_mm 0: none */
     struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];
     int n_views, n_lights, n_lasers;       /* rings */
     double exposures_us[PLAN_MAX_BRACKET]; /* of lamp shots, ascending; with

@@ -22,6 +22,8 @@ static const struct preset hemisphere_presets[] = {
 struct fields {
     char *name;
     double width_mm, height_mm, reference_mm, depth_mm;
+    double flat_mm, flat_error_mm, flat_radius_mm;
+    struct option_doubles flat_hole_mm;
     int texels, texels_x, texels_y;
     struct option_doubles exposures_us;
     double gain_db, laser_exposure_us, sweep_margin_mm, laser_threshold_dn, saturated_pct;
@@ -51,6 +53,15 @@ static const struct option sample_options[] = {
      .help = "Height of the reference plane, just above the structure, over the turntable's top"},
     {"depth_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = FIELD(depth_mm),
      .help = "Depth of the structure below the reference plane, at most"},
+    {"flat_radius_mm", OPTION_DOUBLE, "mm", 0, 2000, "0", .offset = FIELD(flat_radius_mm),
+     .help = "How far a flat, level face around the sample reaches, on which the laser's line "
+             "tells where its sheet truly is; 0: there is none"},
+    {"flat_hole_mm", OPTION_DOUBLES, "mm", 0, 2000, "", .offset = FIELD(flat_hole_mm),
+     .help = "Width and height of the box in its middle that the sample lies in"},
+    {"flat_mm", OPTION_DOUBLE, "mm", 0, 500, "0", .offset = FIELD(flat_mm),
+     .help = "Height of that face over the turntable's top"},
+    {"flat_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0.02", .offset = FIELD(flat_error_mm),
+     .help = "Standard error of flat_mm"},
     {NULL},
 };
 
@@ -296,6 +307,34 @@ static gboolean take_grid(struct session_conf *conf, const struct config_section
     return TRUE;
 }
 
+static gboolean take_reference(struct session_conf *conf, const struct config_section *section,
+                               const struct fields *f, GError **error) {
+    const struct option_doubles *hole = &f->flat_hole_mm;
+
+    if (f->flat_radius_mm == 0)
+        return TRUE;
+    if (hole->n != 2 || hole->values[0] < f->width_mm || hole->values[1] < f->height_mm) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_hole_mm",
+                         "must be two numbers, width; height, of a box that holds the sample, at "
+                         "least %g;%g",
+                         f->width_mm, f->height_mm);
+        return FALSE;
+    }
+    if (f->flat_radius_mm <= MIN(hole->values[0], hole->values[1]) / 2 ||
+        f->flat_mm > f->reference_mm) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_radius_mm",
+                         "nothing of the flat face is left: it must reach beyond the box of "
+                         "flat_hole_mm, and flat_mm may not be above reference_mm");
+        return FALSE;
+    }
+    conf->reference = (struct laser_reference){.plane_mm = f->flat_mm,
+                                               .plane_error_mm = f->flat_error_mm,
+                                               .hole_mm = {hole->values[0], hole->values[1]},
+                                               .top_mm = f->reference_mm,
+                                               .radius_mm = f->flat_radius_mm};
+    return TRUE;
+}
+
 static gboolean take_capture(struct session_conf *conf, const struct config_section *section,
                              const struct fields *f, GError **error) {
     int n = f->exposures_us.n;
@@ -346,8 +385,11 @@ static gboolean read_sample(struct session_conf *conf, const Config *config, GEr
     const struct config_section *section = need(config, "sample", error);
     struct fields f = {0};
 
-    return section && options_parse(sample_options, section, NULL, &f, error) &&
-           take_grid(conf, section, &f, error);
+    if (!section || !options_parse(sample_options, section, NULL, &f, error))
+        return FALSE;
+    gboolean ok = take_grid(conf, section, &f, error) && take_reference(conf, section, &f, error);
+    options_clear(sample_options, &f);
+    return ok;
 }
 
 static gboolean read_capture(struct session_conf *conf, const Config *config, GError **error) {

@@ -134,13 +134,27 @@ static gboolean load_calibration(struct catalogue *catalogue, Session *session, 
     return TRUE;
 }
 
+static gboolean load_reference(struct catalogue *catalogue, Session *session, GError **error) {
+    g_autofree char *text = session_value(session, LASER_REFERENCE_KEY);
+    if (text && !laser_reference_from_text(text, &catalogue->reference)) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s: its value %s, “%s”, is not five numbers: height, its error, x and y of "
+                    "the hole, radius",
+                    catalogue->directory, LASER_REFERENCE_KEY, text);
+        return FALSE;
+    }
+    catalogue->reference.top_mm = catalogue->grid.reference_mm;
+    return TRUE;
+}
+
 static gboolean load(struct catalogue *catalogue, Session *session, const char *calibration,
                      GError **error) {
     g_autofree char *path = session_file(session, "session.db (calibration.conf)");
     catalogue->directory = session_path(session);
     if (!load_calibration(catalogue, session, path, calibration, error) ||
         !session_grid(session, &catalogue->grid, error) ||
-        !check_grid(&catalogue->grid, catalogue->directory, error))
+        !check_grid(&catalogue->grid, catalogue->directory, error) ||
+        !load_reference(catalogue, session, error))
         return FALSE;
     catalogue->rig = catalogue->known->rig;
     catalogue->views = session_views(session, error);
@@ -272,6 +286,16 @@ void mdf_job_free(struct mdf_job *job) {
     g_free(job);
 }
 
+/* Nothing is known of a laser that was not calibrated: units are put up by hand. */
+#define UNKNOWN_RAD 0.02
+
+static struct laser_known known_of(const struct calibration *calibration, int laser) {
+    const struct calibration_laser *errors = &calibration->lasers[laser];
+    if (!errors->known)
+        return (struct laser_known){UNKNOWN_RAD, UNKNOWN_RAD};
+    return (struct laser_known){errors->normal_rad, errors->axis_rad};
+}
+
 static void add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
                       const struct session_shot *shot, const struct input *input, GChecksum *sum) {
     struct mdf_input sweep = {.arc = &catalogue->rig.arc,
@@ -280,6 +304,8 @@ static void add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
                               .from_rad = radians(shot->sweep_from_deg),
                               .to_rad = radians(shot->sweep_to_deg),
                               .steps = shot->sweep_steps,
+                              .position = shot->source,
+                              .known = known_of(catalogue->known, shot->device),
                               .input = *input};
     g_array_append_val(job->sweeps, sweep);
     input_hash(sum, "%d %d %.17g %.17g %.17g %d %s", shot->source, shot->device, shot->arc_deg,
@@ -293,8 +319,12 @@ enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
     job->view = view;
     job->camera = &catalogue->rig.cameras[view->device];
     job->turntable_rad = radians(view->turntable_deg);
+    job->rig = &catalogue->rig;
+    job->reference = &catalogue->reference;
     job->sweeps = g_array_new(FALSE, FALSE, sizeof(struct mdf_input));
     g_autoptr(GChecksum) sum = view_checksum(catalogue, "mdf", view);
+    g_autofree char *reference = laser_reference_to_text(&catalogue->reference);
+    input_hash(sum, "%s", reference);
     gboolean waiting = FALSE;
     for (guint i = 0; i < catalogue->lasers->len && job->sweeps->len < MDF_MAX_SWEEPS; i++) {
         const struct session_direction *direction = g_ptr_array_index(catalogue->lasers, i);

@@ -13,6 +13,7 @@ struct catalogue {
     struct calibration *known;
     struct rig rig; /* the calibration's */
     struct session_grid grid;
+    struct laser_reference reference;           /* radius_mm 0: none was described */
     char *calibration;                          /* its text */
     struct outputs *outputs;                    /* of the lamps */
     GPtrArray *views, *lights, *lasers, *shots; /* as the session gives them */
@@ -42,7 +43,8 @@ struct mdf_input {
     const struct rig_arc *arc;
     const struct rig_laser *laser;
     double arc_rad, from_rad, to_rad;
-    int steps;
+    int steps, position; /* position: index of the laser position */
+    struct laser_known known;
     struct input input;
 };
 
@@ -50,6 +52,8 @@ struct mdf_job {
     const struct session_direction *view;
     const struct rig_camera *camera;
     double turntable_rad;
+    const struct rig *rig;
+    const struct laser_reference *reference;
     GArray *sweeps; /* of struct mdf_input, in order of laser position */
     char *inputs;   /* hash of all of the above */
 };

@@ -112,8 +112,7 @@ static float intersect(const MdfView *view, const struct mdf_sweep *sweep, float
         return -1;
     const float *r = view->ray + 3 * pixel;
     struct vec3 ray = vec3(r[0], r[1], r[2]);
-    struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad,
-                                             sweep->from_rad + peak * sweep->step_rad);
+    struct rig_plane sheet = laser_lines_sheet(sweep->lines, sweep, peak);
     double sine = vec3_dot(sheet.normal, ray);
     if (!(fabs(sine) > LEAST_ANGLE) || !(ray.z < 0))
         return -1;

@@ -9,12 +9,13 @@
 #pragma once
 
 #include "calib/rig.h"
+#include "laser_lines.h"
 #include "session.h"
 
 #define MDF_MAX_SWEEPS 128
 
 /* Counts up whenever the same sweeps give other numbers: what older ones made is made again. */
-#define MDF_METHOD 4
+#define MDF_METHOD 5
 
 typedef struct MdfView MdfView;
 
@@ -32,6 +33,7 @@ struct mdf_sweep {
     const float *peak, *width, *intensity;
     const struct rig_arc *arc;                   /* NULL: an ideal one */
     const float *second_peak, *second_intensity; /* of sweep_finish_second(); both may be NULL */
+    const struct laser_lines *lines;             /* NULL: planes by the calibration alone */
 };
 
 /* At most MDF_MAX_SWEEPS. Returns how many texels it saw. */

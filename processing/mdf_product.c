@@ -22,6 +22,7 @@ static struct mdf_result *new_result(const struct session_direction *view, const
     result->theta_deg = view->theta_deg;
     result->phi_deg = view->phi_deg;
     result->inputs = g_strdup(inputs);
+    result->lines.worst_position = -1;
     for (int i = 0; i < N_PLANES; i++)
         result->planes[i] = g_new0(float, n_texels);
     return result;
@@ -49,7 +50,29 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
     return FALSE;
 }
 
-static gboolean add_sweep(MdfView *view, const struct mdf_input *input, GError **error) {
+void mdf_lines_add(struct mdf_lines *to, const struct mdf_lines *more) {
+    const gboolean graver = to->disagree == 0 && more->disagree > 0;
+    const gboolean alike = (to->disagree > 0) == (more->disagree > 0);
+    if (more->found > 0 &&
+        (to->found == 0 || graver || (alike && fabs(more->worst_deg) > fabs(to->worst_deg)))) {
+        to->worst_deg = more->worst_deg;
+        to->worst_position = more->worst_position;
+    }
+    to->sweeps += more->sweeps;
+    to->found += more->found;
+    to->disagree += more->disagree;
+    to->squares_deg2 += more->squares_deg2;
+}
+
+static void count_lines(struct mdf_lines *to, const struct laser_lines *lines, int position) {
+    const double deg = lines->offset_rad * 180 / G_PI;
+    const struct mdf_lines one = {1,   lines->turn_rad != NULL,        lines->disagrees, deg * deg,
+                                  deg, lines->turn_rad ? position : -1};
+    mdf_lines_add(to, &one);
+}
+
+static gboolean add_sweep(MdfView *view, const LaserRegion *region, const struct mdf_input *input,
+                          struct mdf_lines *count, GError **error) {
     static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
     struct exr_part *part = input_read(&input->input, sweep_channels, error);
     if (!part)
@@ -67,7 +90,12 @@ static gboolean add_sweep(MdfView *view, const struct mdf_input *input, GError *
                                   .intensity = exr_part_plane(part, "intensity"),
                                   .second_peak = exr_part_plane(part, "second_peak"),
                                   .second_intensity = exr_part_plane(part, "second_intensity")};
+        struct laser_lines lines;
+        laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
+        sweep.lines = &lines;
+        count_lines(count, &lines, input->position);
         mdf_view_add(view, &sweep);
+        laser_lines_clear(&lines);
     }
     exr_part_free(part);
     return ok;
@@ -76,15 +104,43 @@ static gboolean add_sweep(MdfView *view, const struct mdf_input *input, GError *
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error) {
     g_autoptr(MdfView) view = mdf_view_new(job->camera, job->turntable_rad, grid);
+    g_autoptr(LaserRegion) region =
+        laser_region_new(job->rig, job->camera, job->turntable_rad, job->reference);
+    struct mdf_lines lines = {.worst_position = -1};
     for (guint i = 0; i < job->sweeps->len; i++)
         if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
-            !add_sweep(view, &g_array_index(job->sweeps, struct mdf_input, i), error))
+            !add_sweep(view, region, &g_array_index(job->sweeps, struct mdf_input, i), &lines,
+                       error))
             return NULL;
     struct mdf_result *result = new_result(job->view, job->inputs, grid->width * grid->height);
     struct vec3 centre = rig_turn(rig_camera_centre_mm(job->camera), -job->turntable_rad);
     memcpy(result->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof result->centre_mm);
+    result->lines = lines;
     mdf_view_merge(view, result->planes[0], result->planes[1], result->planes[2]);
     return result;
+}
+
+static void set_lines(struct exr_part *part, const struct mdf_lines *lines) {
+    exr_set_int(part, "lines.sweeps", lines->sweeps);
+    exr_set_int(part, "lines.found", lines->found);
+    exr_set_int(part, "lines.disagree", lines->disagree);
+    exr_set_double(part, "lines.rms_deg", sqrt(lines->squares_deg2 / MAX(lines->found, 1)));
+    exr_set_double(part, "lines.worst_deg", lines->worst_deg);
+    exr_set_int(part, "lines.worst_position", lines->worst_position);
+}
+
+gboolean mdf_lines_read(const struct exr_part *part, struct mdf_lines *ret) {
+    double rms;
+    *ret = (struct mdf_lines){.worst_position = -1};
+    if (!exr_get_int(part, "lines.sweeps", &ret->sweeps, NULL) ||
+        !exr_get_int(part, "lines.found", &ret->found, NULL) ||
+        !exr_get_int(part, "lines.disagree", &ret->disagree, NULL) ||
+        !exr_get_double(part, "lines.rms_deg", &rms, NULL) ||
+        !exr_get_double(part, "lines.worst_deg", &ret->worst_deg, NULL) ||
+        !exr_get_int(part, "lines.worst_position", &ret->worst_position, NULL))
+        return FALSE;
+    ret->squares_deg2 = rms * rms * ret->found;
+    return TRUE;
 }
 
 static struct exr_part *result_part(const struct mdf_result *result,
@@ -101,6 +157,7 @@ static struct exr_part *result_part(const struct mdf_result *result,
     exr_set_double(part, "reference_mm", grid->reference_mm);
     exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
     exr_set_string(part, "mesorig.inputs", result->inputs);
+    set_lines(part, &result->lines);
     return part;
 }
 
@@ -122,12 +179,14 @@ static struct mdf_result *result_of(const struct exr_file *file, const struct ca
     const struct exr_part *part = exr_file_part(file, name);
     const char *inputs = NULL;
     double centre_mm[3];
-    if (!part || part->width != grid->width || part->height != grid->height ||
-        !exr_get_string(part, "mesorig.inputs", &inputs, NULL) ||
+    struct mdf_lines lines;
+    if (!part || !mdf_lines_read(part, &lines) || part->width != grid->width ||
+        part->height != grid->height || !exr_get_string(part, "mesorig.inputs", &inputs, NULL) ||
         !exr_get_v3d(part, "view.centre_mm", centre_mm, NULL))
         return NULL;
     struct mdf_result *result = new_result(view, inputs, grid->width * grid->height);
     memcpy(result->centre_mm, centre_mm, sizeof centre_mm);
+    result->lines = lines;
     for (int i = 0; i < N_PLANES; i++) {
         const float *plane = exr_part_plane(part, channels[i]);
         if (!plane) {

@@ -137,7 +137,7 @@ static void add_view(const struct mdf_eye *views, int n, int view, const struct 
 }
 
 gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **error) {
-    *ret = (struct mdf_views_sums){0};
+    *ret = (struct mdf_views_sums){.lines = {.worst_position = -1}};
     struct exr_file *file = exr_read(path, error);
     if (!file)
         return FALSE;
@@ -148,8 +148,12 @@ gboolean mdf_views_check(const char *path, struct mdf_views_sums *ret, GError **
     for (int i = 0; ok && i < n; i++)
         ok = eye_of(path, g_ptr_array_index(file->parts, i), &plane, &views[i], error);
     gint64 said = 0;
-    for (int i = 0; ok && i < n; i++)
+    for (int i = 0; ok && i < n; i++) {
+        struct mdf_lines lines;
         add_view(views, n, i, &plane, ret, &said);
+        if (mdf_lines_read(g_ptr_array_index(file->parts, i), &lines))
+            mdf_lines_add(&ret->lines, &lines);
+    }
     ret->n_views = n;
     ret->denied_share /= (double)MAX(said, 1);
     exr_file_free(file);

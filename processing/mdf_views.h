@@ -4,6 +4,8 @@
  */
 #pragma once
 
+#include "mdf_product.h"
+
 #include <gio/gio.h>
 
 struct mdf_eye {           /* a view */
@@ -31,6 +33,7 @@ struct mdf_views_sums {
     gint64 confirmed;    /* by one other view at least, and not refuted */
     gint64 refuted, unknown;
     double denied_share; /* of all that others said of a point */
+    struct mdf_lines lines;
 };
 
 /* Of a products/mdf.exr. */

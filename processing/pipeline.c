@@ -380,7 +380,21 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     return make_eigenmaps(&columns, &ret->eigenmaps_error, error);
 }
 
+static void sum_lines(const struct run *run, struct pipeline_result *ret) {
+    struct mdf_lines all = {.worst_position = -1};
+    for (int i = 0; i < run->n_views; i++)
+        if (run->mdf[i])
+            mdf_lines_add(&all, &run->mdf[i]->lines);
+    ret->line_sweeps = all.sweeps;
+    ret->lines_found = all.found;
+    ret->lines_disagree = all.disagree;
+    ret->line_worst_position = all.worst_position;
+    ret->lines_worst_deg = all.worst_deg;
+    ret->lines_rms_deg = sqrt(all.squares_deg2 / MAX(all.found, 1));
+}
+
 static gboolean finish(struct run *run, struct pipeline_result *ret, GError **error) {
+    sum_lines(run, ret);
     ret->n_mdf_views = count_made(run, STAGE_MDF);
     ret->mdf_coverage = mdf_coverage(run->mdf, run->n_views,
                                      run->catalogue->grid.width * run->catalogue->grid.height);

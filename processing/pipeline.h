@@ -10,7 +10,8 @@
  * even the shortest exposure saturated; their values are too low) products/mdf.exr             a
  * part "view_0000" a view: channels "D" (mm, −1: not seen), "N" (number of laser positions that saw
  * it), "S" (standard error, mm; −1: fewer than two), float; attributes view.theta_deg view.phi_deg,
- * view.centre_mm (v3d: the camera, sample frame) reference_mm texel_mm products/eigenmaps.exr see
+ * view.centre_mm (v3d: the camera, sample frame) reference_mm texel_mm, and lines.* (what the
+ * laser's line around the sample says of the calibration: mdf_product.h) products/eigenmaps.exr see
  * eigenmaps.h
  *
  * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0
@@ -49,6 +50,11 @@ struct pipeline_result {
     int n_mdf_views;
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
     double mdf_coverage;    /* of the texels of all views */
+    /* Laser lines on the flat face around the sample (laser_lines.h): of how many sweeps, seen in
+     * how many, in how many other than the calibration says; by how much RMS, and at worst, in
+     * sweeps of which laser position (−1: none was seen). */
+    int line_sweeps, lines_found, lines_disagree, line_worst_position;
+    double lines_rms_deg, lines_worst_deg;
 };
 
 #define PIPELINE_ERROR pipeline_error_quark()

@@ -5,8 +5,10 @@
 #include "processing/pipeline.h"
 
 #include "analytic.h"
+#include "calib/calibration.h"
 #include "processing/eigenmaps.h"
 #include "processing/exr.h"
+#include "processing/laser_lines.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -208,9 +210,21 @@ static void capture(struct fixture *fixture, int first, int last, Spoil spoil) {
         capture_shot(fixture, session, &fixture->shots[i], spoil);
 }
 
-static void set_state(const struct fixture *fixture, const char *state) {
+/* The first laser position's sheet was 0.2° further on than it was told. */
+static void slip(struct exr_part *part, const struct session_shot *shot) {
+    if (shot->kind != SHOT_SWEEP || shot->source != 0)
+        return;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        part->planes[1][i] -= (float)(0.2 / (to_deg - from_deg) * (N_STEPS - 1));
+}
+
+static void set_value(const struct fixture *fixture, const char *key, const char *value) {
     g_autoptr(Session) session = session_open(fixture->path, SESSION_CAPTURE, NULL);
-    g_assert_true(session_set_value(session, "state", state, NULL));
+    g_assert_true(session_set_value(session, key, value, NULL));
+}
+
+static void set_state(const struct fixture *fixture, const char *state) {
+    set_value(fixture, "state", state);
 }
 
 static struct pipeline_result process(const struct fixture *fixture, int n_threads,
@@ -364,6 +378,46 @@ static void test_whole(struct fixture *fixture, gconstpointer unused) {
     g_assert_cmpfloat(g_ascii_strtod(said, NULL), ==, result.eigenmaps_error);
     g_autofree char *coverage = session_value(session, "mdf_coverage");
     g_assert_cmpfloat(g_ascii_strtod(coverage, NULL), ==, 1);
+}
+
+/* It is told where a laser is said to be known. */
+static void check_against_calibration(const struct fixture *fixture) {
+    g_autoptr(GError) error = NULL;
+    const struct rig rig = make_rig();
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    calibration->lasers[0].known = TRUE;
+    calibration->lasers[0].normal_rad = calibration->lasers[0].axis_rad = 1e-4;
+    g_autofree char *text = calibration_to_text(calibration);
+    const struct pipeline_options options = {.n_eigenmaps = 2, .calibration = text};
+    struct pipeline_result result;
+    pipeline_run(fixture->path, &options, &result, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(result.lines_disagree, ==, N_VIEWS);
+    g_assert_cmpint(result.line_worst_position, ==, 0);
+    check_mdf(fixture);
+}
+
+/* What lies around the sample is as high as its surface: the lines there tell of the slip, again
+ * when nothing is made again, and the surface is where it is. Without it nobody can tell. */
+static void test_slipped(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, slip);
+    struct pipeline_result result = process(fixture, 1, FALSE);
+    g_assert_cmpint(result.line_sweeps, ==, N_VIEWS * N_LASERS);
+    g_assert_cmpint(result.lines_found, ==, 0);
+    g_assert_cmpint(result.line_worst_position, ==, -1);
+    set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28;30");
+    for (int i = 0; i < 2; i++) {
+        result = process(fixture, 1, FALSE);
+        g_assert_cmpint(result.lines_found, ==, N_VIEWS * N_LASERS);
+        g_assert_cmpint(result.line_worst_position, ==, 0);
+        g_assert_cmpfloat_with_epsilon(result.lines_worst_deg, 0.2, 0.002);
+        g_assert_cmpfloat_with_epsilon(result.lines_rms_deg, 0.2 / sqrt(N_LASERS), 0.002);
+    }
+    g_assert_cmpint(result.lines_disagree, ==, 0); /* with a calibration that knows nothing */
+    check_mdf(fixture);
+    check_against_calibration(fixture);
+    set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28");
+    process_fails(fixture, PIPELINE_ERROR_DATA, "2.2;0.01;28;28");
 }
 
 static void test_threads(struct fixture *fixture, gconstpointer unused) {
@@ -623,6 +677,7 @@ int main(int argc, char **argv) {
         {"/pipeline/follow", test_follow},     {"/pipeline/cancel", test_cancel},
         {"/pipeline/nan", test_nan},           {"/pipeline/damaged", test_damaged},
         {"/pipeline/mixed-up", test_mixed_up}, {"/pipeline/no-session", test_no_session},
+        {"/pipeline/slipped", test_slipped},
     };
     g_test_init(&argc, &argv, NULL);
     for (guint i = 0; i < G_N_ELEMENTS(tests); i++)
