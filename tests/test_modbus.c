@@ -258,6 +258,22 @@ static void unheard_for_long(void) {
     end(&bench);
 }
 
+/* This program did not run for longer than a drive may be unheard: it has hardly been asked. */
+static void held_up(void) {
+    struct bench bench;
+    begin(&bench, TRUE);
+    open_axis(&bench, "retries = 0\nlost_ms = 400\n");
+    home(&bench);
+    start(&bench, 80);
+    conformance_pass(bench.clock, 0.04);
+    fail_with(&bench, (struct virtual_modbus_faults){.silent = 2});
+    conformance_pass(bench.clock, 0.03); /* a poll is under way */
+    g_usleep(600000);
+    expect(&bench, AXIS_ARRIVED);
+    g_assert_true(axis_is_homed(bench.axis));
+    end(&bench);
+}
+
 static void drive_fault(void) {
     struct bench bench;
     begin(&bench, FALSE);
@@ -493,6 +509,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/modbus/stall", stall);
     g_test_add_func("/modbus/unheard-for-a-while", unheard_for_a_while);
     g_test_add_func("/modbus/unheard-for-long", unheard_for_long);
+    g_test_add_func("/modbus/held-up", held_up);
     g_test_add_func("/modbus/drive-fault", drive_fault);
     g_test_add_func("/modbus/restart", restart);
     g_test_add_func("/modbus/long-loss", long_loss);

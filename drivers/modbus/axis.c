@@ -4,10 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-#define DEADLINE_MS 1500
-#define IDLE_MS     200 /* how often a drive is looked at that stands */
-#define MAX_WRITES  6   /* of one list in the section */
-#define MAX_WORDS   8   /* of one write */
+#define DEADLINE_MS   1500
+#define IDLE_MS       200 /* how often a drive is looked at that stands */
+#define LEAST_UNHEARD 3   /* polls: this program may have been held up, rather than the drive */
+#define MAX_WRITES    6   /* of one list in the section */
+#define MAX_WORDS     8   /* of one write */
 
 enum phase { STANDING, MOVING, HOMING, STOPPING };
 enum bits { BITS_16, BITS_32 };
@@ -34,6 +35,7 @@ struct modbus_axis {
     enum phase phase;
     guint timer;
     int n_commands; /* under way */
+    int n_unheard;  /* polls in a row */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
     gint64 still_us, progress_us; /* last begun or seen moving; last got on */
@@ -267,6 +269,7 @@ static void command(Axis *axis, enum phase phase, const struct modbus_job *job) 
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = phase;
     priv->n_commands++;
+    priv->n_unheard = 0;
     priv->left_home = priv->was_still = FALSE;
     priv->still_us = priv->progress_us = priv->heard_us = clock_now_us(axis->device.clock);
     modbus_bus_start(priv->bus, &priv->link, job, FALSE, DEADLINE_MS, on_commanded, axis);
@@ -408,10 +411,13 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
         return;
     poll_later(axis);
     if (error) {
-        if (priv->phase != STANDING && is_past(axis, priv->heard_us, priv->lost_ms))
+        priv->n_unheard++;
+        if (priv->phase != STANDING && priv->n_unheard >= LEAST_UNHEARD &&
+            is_past(axis, priv->heard_us, priv->lost_ms))
             report_fault(axis, g_error_copy(error));
         return;
     }
+    priv->n_unheard = 0;
     priv->heard_us = clock_now_us(axis->device.clock);
     evaluate(axis, job);
 }

@@ -290,6 +290,10 @@ static gboolean give_up(const struct modbus_line *line, int unit,
                 modbus_strerror(why));
 }
 
+static gint64 try_us(const struct modbus_line *line) {
+    return (gint64)((line->link.late_ms + line->link.timeout_ms) * 1000);
+}
+
 static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request *request,
                        gint64 deadline_us, GError **error) {
     for (int tries = 1;; tries++) {
@@ -299,6 +303,9 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         if (why == 0)
             return TRUE;
         gboolean final = is_exception(why) && !is_busy(why);
+        /* All the time may be gone because this program was held up: one try proves nothing. */
+        if (tries == 1)
+            deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us(line));
         if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
             return give_up(line, unit, request, why, tries, error);
         if (is_busy(why))
