@@ -117,7 +117,7 @@ static void triangulate(Directions *d) {
     d->triangulation = triangulation_new(points, d->n);
 }
 
-Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error) {
+static Directions *sorted(const float *theta_deg, const float *phi_deg, int n, GError **error) {
     if (n < 1 || n > DIRECTIONS_MAX) {
         g_set_error(error, DIRECTIONS_ERROR, DIRECTIONS_ERROR_RANGE,
                     "%d directions: there must be 1 … %d", n, DIRECTIONS_MAX);
@@ -140,11 +140,24 @@ Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, 
             (struct entry){k, CLAMP((double)theta_deg[k], 0.0, 90.0), phi >= 360.0 ? 0.0 : phi};
     }
     qsort(d->entries, n, sizeof(struct entry), compare_theta);
-    if (find_rings(d))
-        find_pole(d);
-    else
-        triangulate(d);
     return g_steal_pointer(&d);
+}
+
+Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error) {
+    Directions *d = sorted(theta_deg, phi_deg, n, error);
+    if (d != NULL && find_rings(d))
+        find_pole(d);
+    else if (d != NULL)
+        triangulate(d);
+    return d;
+}
+
+Directions *directions_new_triangulated(const float *theta_deg, const float *phi_deg, int n,
+                                        GError **error) {
+    Directions *d = sorted(theta_deg, phi_deg, n, error);
+    if (d != NULL)
+        triangulate(d);
+    return d;
 }
 
 void directions_free(Directions *d) {

@@ -33,6 +33,9 @@ struct direction_weights {
 typedef struct Directions Directions; /* used by one thread at a time */
 
 Directions *directions_new(const float *theta_deg, const float *phi_deg, int n, GError **error);
+/* Triangulated even where they are rings: three of them stand for any direction, not four. */
+Directions *directions_new_triangulated(const float *theta_deg, const float *phi_deg, int n,
+                                        GError **error);
 void directions_free(Directions *directions); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Directions, directions_free)
 

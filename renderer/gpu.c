@@ -173,15 +173,16 @@ static guint link_program(guint vertex, guint fragment, const char *name, GError
     return 0;
 }
 
-static guint make_program(const char *version, const char *const *names, GError **error) {
-    const char *sources[12] = {version, find_shader(names[0])};
-    guint program = 0, vertex = compile(GL_VERTEX_SHADER, sources, 2, names[0], error);
+static guint make_program(const char *version, const char *constants, const char *const *names,
+                          GError **error) {
+    const char *sources[16] = {version, constants, find_shader(names[0])};
+    guint program = 0, vertex = compile(GL_VERTEX_SHADER, sources, 3, names[0], error);
     if (vertex == 0)
         return 0;
-    int n = 1;
+    int n = 2;
     const char *last = NULL;
-    for (; names[n] != NULL && n < (int)G_N_ELEMENTS(sources); n++)
-        sources[n] = find_shader(last = names[n]);
+    for (; names[n - 1] != NULL && n < (int)G_N_ELEMENTS(sources); n++)
+        sources[n] = find_shader(last = names[n - 1]);
     guint fragment = compile(GL_FRAGMENT_SHADER, sources, n, last, error);
     if (fragment != 0)
         program = link_program(vertex, fragment, last, error);
@@ -191,11 +192,15 @@ static guint make_program(const char *version, const char *const *names, GError 
 }
 
 guint gpu_program(const char *const *names, GError **error) {
-    return make_program("#version 330 core\n", names, error);
+    return make_program("#version 330 core\n", "", names, error);
+}
+
+guint gpu_program_with(const char *constants, const char *const *names, GError **error) {
+    return make_program("#version 330 core\n", constants, names, error);
 }
 
 guint gpu_program_43(const char *const *names, GError **error) {
-    return make_program("#version 430 core\n", names, error);
+    return make_program("#version 430 core\n", "", names, error);
 }
 
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {

@@ -35,7 +35,10 @@ gboolean gpu_check(const char *what, GError **error);
  * fragment shader. Returns 0 on error. */
 guint gpu_program(const char *const *names, GError **error);
 
-/* The same in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
+/* The same with lines “#define NAME value” before them. */
+guint gpu_program_with(const char *constants, const char *const *names, GError **error);
+
+/* As gpu_program() in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
 guint gpu_program_43(const char *const *names, GError **error);
 gboolean gpu_has_43(void);
 

@@ -4,17 +4,41 @@
 #include "lpca_texels.h"
 
 #include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
 
-#define LEAST 2
-#define MOST  16
+#define LEAST    2
+#define MOST     16
+#define TEXEL    16 /* bytes */
+#define MEAN_MAX 65408.0f
+
+#define STEPS 127
+#define WORDS 4 /* of a texel: the mean or nothing; red, green, blue of four components */
 
 struct LpcaGrid {
     struct lpca_texels texels;
-    struct lpca_stack stack; /* a row a view cell; columns are light cells and the sky, each with
-                                all components */
-    guint brdfs;
+    guint buffer, brdfs; /* texels of samples: cluster × view cell × (light cells, the sky) */
     int n;
 };
+
+static int pages_of(const struct lpca *lpca) {
+    return MAX(1, (lpca->n_components + 3) / 4);
+}
+
+static double texels_of(const struct lpca *lpca, int n) {
+    return (double)lpca->n_clusters * pages_of(lpca) * n * n * (n * n + 1.0);
+}
+
+/* As fine as LPCA_GRID_BYTES and the card allow. */
+static int fitting(const struct lpca *lpca) {
+    GLint most = 0;
+    int n = MOST;
+    glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
+    while (n > LEAST &&
+           (TEXEL * texels_of(lpca, n) > (double)LPCA_GRID_BYTES || texels_of(lpca, n) > most))
+        n--;
+    return n;
+}
 
 /* Some directions and how much of each. */
 struct share {
@@ -74,67 +98,119 @@ struct resampling {
     float *half;
 };
 
-static void resample(const struct resampling *r, const float *component, int i, float *block) {
+static void resample(const struct resampling *r, const float *component, float *ret) {
     const struct lpca *lpca = r->lpca;
-    const gsize n_columns = r->lights->len, n_components = lpca->n_components + 1;
+    const gsize n_columns = r->lights->len;
     for (int v = 0; v < lpca->n_views; v++)
         for (gsize cell = 0; cell < n_columns; cell++)
             mix(component + 3 * (gsize)lpca->n_lights * v, 3, r->lights->pdata[cell],
                 r->half + 3 * (n_columns * v + cell));
     for (gsize row = 0; row < r->views->len; row++)
-        for (gsize cell = 0; cell < n_columns; cell++)
-            mix(r->half + 3 * cell, 3 * n_columns, r->views->pdata[row],
-                block + 3 * ((row * n_columns + cell) * n_components + i));
+        for (gsize cell = 0; cell < n_columns; cell++, ret += 3)
+            mix(r->half + 3 * cell, 3 * n_columns, r->views->pdata[row], ret);
+}
+
+/* As GL_RGB9_E5: nine bits each and a common exponent. */
+static guint32 word_of_mean(const float rgb[3]) {
+    const float largest = CLAMP(fmaxf(rgb[0], fmaxf(rgb[1], rgb[2])), 0, MEAN_MAX);
+    int exponent;
+    (void)frexpf(largest, &exponent);
+    exponent = MAX(exponent, -15);
+    if (lrintf(ldexpf(largest, 9 - exponent)) > 511)
+        exponent++;
+    guint32 word = (guint32)(exponent + 15) << 27;
+    for (int c = 0; c < 3; c++)
+        word |= (guint32)lrintf(ldexpf(CLAMP(rgb[c], 0, MEAN_MAX), 9 - exponent)) << 9 * c;
+    return word;
+}
+
+/* To signed bytes (seed 000 §6.3). Returns what a step is. */
+static float put_component(const float *values, gsize n_samples, int i, int n_pages,
+                           guint32 *words) {
+    const int page = (i - 1) / 4, shift = 8 * ((i - 1) % 4);
+    float largest = 0;
+    for (gsize k = 0; k < 3 * n_samples; k++)
+        largest = fmaxf(largest, fabsf(values[k]));
+    for (gsize k = 0; largest > 0 && k < 3 * n_samples; k++) {
+        const guint8 step = (guint8)(gint8)lrintf(values[k] / largest * STEPS);
+        words[WORDS * (k / 3 * n_pages + page) + 1 + k % 3] |= (guint32)step << shift;
+    }
+    return largest / STEPS;
+}
+
+static void put_cluster(const struct resampling *r, int cluster, int n_pages, float *values,
+                        guint32 *words, float *ret_scales) {
+    const struct lpca *lpca = r->lpca;
+    const gsize size = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    const gsize n_samples = (gsize)r->views->len * r->lights->len;
+    memset(words, 0, sizeof(guint32) * WORDS * n_pages * n_samples);
+    for (int i = 0; i <= lpca->n_components; i++) {
+        const gsize table = (gsize)cluster * (lpca->n_components + 1) + i;
+        resample(r, lpca->brdfs + size * table, values);
+        ret_scales[table] = 1;
+        if (i > 0)
+            ret_scales[table] = put_component(values, n_samples, i, n_pages, words);
+        else
+            for (gsize k = 0; k < n_samples; k++)
+                words[WORDS * n_pages * k] = word_of_mean(values + 3 * k);
+    }
+    const gsize bytes = sizeof(guint32) * WORDS * n_pages * n_samples;
+    glBufferSubData(GL_TEXTURE_BUFFER, (GLintptr)(bytes * cluster), (GLsizeiptr)bytes, words);
 }
 
 static gboolean upload(LpcaGrid *grid, const struct lpca *lpca,
-                       const struct lpca_directions *directions, GError **error) {
-    const struct lpca_stack *stack = &grid->stack;
+                       const struct lpca_directions *directions, float *ret_scales,
+                       GError **error) {
+    const int n_pages = pages_of(lpca), cells = grid->n * grid->n;
+    const gsize n_samples = (gsize)cells * (cells + 1);
     g_autoptr(GPtrArray) views = cell_shares(directions->views, lpca->n_views, grid->n, FALSE);
     g_autoptr(GPtrArray) lights = cell_shares(directions->lights, lpca->n_lights, grid->n, TRUE);
-    g_autofree float *half = g_new(float, 3 * (gsize)lpca->n_views * (grid->n * grid->n + 1));
-    g_autofree float *block = g_new0(float, 3 * (gsize)stack->n_columns * stack->n_rows);
+    g_autofree float *half = g_new(float, 3 * (gsize)lpca->n_views * (cells + 1));
+    g_autofree float *values = g_new(float, 3 * n_samples);
+    g_autofree guint32 *words = g_new(guint32, WORDS * n_pages * n_samples);
     const struct resampling r = {lpca, views, lights, half};
-    const gsize size = 3 * (gsize)lpca->n_views * lpca->n_lights;
     g_ptr_array_add(lights, sky_shares(directions->sky, lpca->n_lights));
-    grid->brdfs = lpca_stack_texture(stack, error);
-    if (!grid->brdfs)
+    glGenBuffers(1, &grid->buffer);
+    glBindBuffer(GL_TEXTURE_BUFFER, grid->buffer);
+    glBufferData(GL_TEXTURE_BUFFER, (GLsizeiptr)(n_samples * lpca->n_clusters * n_pages * TEXEL),
+                 NULL, GL_STATIC_DRAW);
+    if (!gpu_check("the eigen-BRDFs' buffer", error))
         return FALSE;
-    for (int k = 0; k < lpca->n_clusters; k++) {
-        for (int i = 0; i <= lpca->n_components; i++)
-            resample(&r, lpca->brdfs + size * ((gsize)k * (lpca->n_components + 1) + i), i, block);
-        lpca_stack_put(stack, k, block);
-    }
-    return gpu_check("the eigen-BRDFs' texture", error);
+    for (int k = 0; k < lpca->n_clusters; k++)
+        put_cluster(&r, k, n_pages, values, words, ret_scales);
+    glGenTextures(1, &grid->brdfs);
+    glBindTexture(GL_TEXTURE_BUFFER, grid->brdfs);
+    glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32UI, grid->buffer);
+    return gpu_check("the eigen-BRDFs' buffer", error);
 }
 
-/* As fine as LPCA_GRID_BYTES allow; three halves are stored as four. */
-static int fitting(const struct lpca *lpca) {
-    int n = MOST;
-    while (n > LEAST && 8.0 * lpca->n_clusters * (lpca->n_components + 1) * n * n * (n * n + 1.0) >
-                            (double)LPCA_GRID_BYTES)
-        n--;
-    return n;
+static gboolean check(const LpcaGrid *grid, const struct lpca *lpca, GError **error) {
+    GLint most = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
+    if (grid->n < LEAST || grid->n > 1000) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "a grid of %d samples each way: %d … 1000",
+                    grid->n, LEAST);
+        return FALSE;
+    }
+    if (texels_of(lpca, grid->n) <= most)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "%d clusters of %d components on a grid of %d are more than %s takes (%d samples "
+                "in a buffer); compress with fewer components or clusters, or draw with lpca",
+                lpca->n_clusters, lpca->n_components, grid->n, gpu_renderer(), most);
+    return FALSE;
 }
 
 static gboolean make(LpcaGrid *grid, const struct lpca_pyramid *pyramid, int n_grid,
                      GError **error) {
     const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
+    g_autofree float *scales = g_new(float, (gsize)lpca->n_clusters *(lpca->n_components + 1));
     grid->n = n_grid ? n_grid : fitting(lpca);
-    if (grid->n < LEAST || grid->n > 1000) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "a grid of %d samples each way: 2 … 1000",
-                    grid->n);
+    if (!check(grid, lpca, error) || !lpca_directions_init(&directions, lpca, FALSE, error))
         return FALSE;
-    }
-    const int cells = grid->n * grid->n;
-    if (!lpca_stack_init(&grid->stack, lpca->n_clusters, (cells + 1) * (lpca->n_components + 1),
-                         cells, "compress with fewer components or clusters, or draw with lpca",
-                         error) ||
-        !lpca_directions_init(&directions, lpca, error))
-        return FALSE;
-    const gboolean ok = lpca_texels_init(&grid->texels, pyramid, NULL, error) &&
-                        upload(grid, lpca, &directions, error);
+    const gboolean ok = upload(grid, lpca, &directions, scales, error) &&
+                        lpca_texels_init(&grid->texels, pyramid, scales, error);
     lpca_directions_clear(&directions);
     return ok;
 }
@@ -152,18 +228,23 @@ void lpca_grid_free(LpcaGrid *grid) {
     if (grid == NULL)
         return;
     glDeleteTextures(1, &grid->brdfs);
+    glDeleteBuffers(1, &grid->buffer);
     lpca_texels_clear(&grid->texels);
     g_free(grid);
 }
 
+static char *constants(gconstpointer material, const struct method_style *style) {
+    const LpcaGrid *grid = material;
+    return lpca_texels_constants(&grid->texels, style);
+}
+
 static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaGrid *grid = material;
-    lpca_texels_bind(&grid->texels, program, style->nearest);
+    lpca_texels_bind(&grid->texels, program);
     glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, grid->brdfs);
+    glBindTexture(GL_TEXTURE_BUFFER, grid->brdfs);
     glUniform1i(glGetUniformLocation(program, "brdfs"), 0);
     glUniform1i(glGetUniformLocation(program, "n_grid"), grid->n);
-    glUniform1i(glGetUniformLocation(program, "clusters_a_layer"), grid->stack.clusters_a_layer);
 }
 
 static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
@@ -189,5 +270,6 @@ const struct method method_lpca_grid = {
     .shaders = shader_names,
     .open = open_file,
     .free = free_grid,
+    .constants = constants,
     .bind = bind_all,
 };

@@ -111,8 +111,8 @@ static gboolean fits(LpcaRevised *r, const struct lpca *grid, GError **error) {
 static gboolean make_volumes(LpcaRevised *r, const struct lpca *grid, GError **error) {
     const int width = r->n_columns * r->n, depth = r->n * r->n + 1;
     const int rows = (grid->n_clusters + r->n_columns - 1) / r->n_columns;
-    r->means = volume(GL_RGB16F, width, rows * r->n, depth);
-    r->brdfs = volume(GL_RGB8_SNORM, width, rows * MAX(1, grid->n_components) * r->n, depth);
+    r->means = volume(GL_RGBA16F, width, rows * r->n, depth);
+    r->brdfs = volume(GL_RGBA8_SNORM, width, rows * MAX(1, grid->n_components) * r->n, depth);
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
@@ -222,13 +222,18 @@ static void bind(guint program, const char *name, int unit, GLenum target, guint
 static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaRevised *revised = material;
     glEnable(GL_TEXTURE_CUBE_MAP_SEAMLESS);
-    lpca_texels_bind(&revised->texels, program, style->nearest);
+    lpca_texels_bind(&revised->texels, program);
     bind(program, "means", 3, GL_TEXTURE_3D, revised->means);
     bind(program, "brdfs", 4, GL_TEXTURE_3D, revised->brdfs);
     bind(program, "view_map", 5, GL_TEXTURE_CUBE_MAP, revised->view_map);
     bind(program, "light_map", 6, GL_TEXTURE_CUBE_MAP, revised->light_map);
     glUniform1i(glGetUniformLocation(program, "n_grid"), revised->n);
     glUniform1i(glGetUniformLocation(program, "n_columns"), revised->n_columns);
+}
+
+static char *constants(gconstpointer material, const struct method_style *style) {
+    const LpcaRevised *revised = material;
+    return lpca_texels_constants(&revised->texels, style);
 }
 
 static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
@@ -253,5 +258,6 @@ const struct method method_lpca_revised = {
     .shaders = shader_names,
     .open = open_file,
     .free = free_revised,
+    .constants = constants,
     .bind = bind_all,
 };

@@ -146,14 +146,17 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     return view;
 }
 
+/* Of each texel and of its three neighbours, so that four take one fetch. */
 static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
     const struct lpca *lpca = pyramid->levels[level];
-    const gsize n = (gsize)lpca->width * lpca->height;
-    g_autofree guint16 *clusters = g_new(guint16, n);
-    for (gsize k = 0; k < n; k++)
-        clusters[k] = (guint16)(pyramid->first[level] + lpca->clusters[k]);
-    glTexImage2D(GL_TEXTURE_2D, level, GL_R16UI, lpca->width, lpca->height, 0, GL_RED_INTEGER,
-                 GL_UNSIGNED_SHORT, clusters);
+    const int w = lpca->width, h = lpca->height;
+    g_autofree guint16 *clusters = g_new(guint16, 4 * (gsize)w * h);
+    for (gsize k = 0; k < 4 * (gsize)w * h; k++) {
+        const int i = (int)(k / 4 % w + k % 2) % w, j = (int)(k / 4 / w + k / 2 % 2) % h;
+        clusters[k] = (guint16)(pyramid->first[level] + lpca->clusters[j * w + i]);
+    }
+    glTexImage2D(GL_TEXTURE_2D, level, GL_RGBA16UI, w, h, 0, GL_RGBA_INTEGER, GL_UNSIGNED_SHORT,
+                 clusters);
 }
 
 static void upload_weights(const struct lpca_pyramid *pyramid, const float *scales, int level,
@@ -207,16 +210,18 @@ void lpca_texels_clear(struct lpca_texels *texels) {
     *texels = (struct lpca_texels){0};
 }
 
-void lpca_texels_bind(const struct lpca_texels *texels, guint program, gboolean nearest) {
+char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style) {
+    return g_strdup_printf("#define N_COMPONENTS %d\n#define N_LEVELS %d\n#define NEAREST %d\n",
+                           MAX(1, texels->n_components), texels->n_levels, style->nearest != 0);
+}
+
+void lpca_texels_bind(const struct lpca_texels *texels, guint program) {
     glActiveTexture(GL_TEXTURE1);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texels->weights);
     glActiveTexture(GL_TEXTURE2);
     glBindTexture(GL_TEXTURE_2D, texels->clusters);
     glUniform1i(glGetUniformLocation(program, "weights"), 1);
     glUniform1i(glGetUniformLocation(program, "clusters"), 2);
-    glUniform1i(glGetUniformLocation(program, "n_components"), texels->n_components);
-    glUniform1i(glGetUniformLocation(program, "n_levels"), texels->n_levels);
-    glUniform1i(glGetUniformLocation(program, "nearest"), nearest);
 }
 
 gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
@@ -239,7 +244,7 @@ gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns
 }
 
 guint lpca_stack_texture(const struct lpca_stack *stack, GError **error) {
-    guint texture = gpu_texture(GL_RGB16F, stack->n_columns,
+    guint texture = gpu_texture(GL_RGBA16F, stack->n_columns,
                                 stack->n_rows * stack->clusters_a_layer, stack->n_layers);
     if (gpu_check("the eigen-BRDFs' texture", error))
         return texture;
@@ -255,22 +260,24 @@ void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values) 
                     GL_FLOAT, values);
 }
 
-static Directions *directions_of(const char *what, const float *theta_deg, const float *phi_deg,
-                                 int n, GError **error) {
-    Directions *directions = directions_new(theta_deg, phi_deg, n, error);
+static Directions *directions_of(const char *what, gboolean triangulated, const float *theta_deg,
+                                 const float *phi_deg, int n, GError **error) {
+    Directions *directions = triangulated
+                                 ? directions_new_triangulated(theta_deg, phi_deg, n, error)
+                                 : directions_new(theta_deg, phi_deg, n, error);
     if (directions == NULL)
         g_prefix_error(error, "%s: ", what);
     return directions;
 }
 
 gboolean lpca_directions_init(struct lpca_directions *directions, const struct lpca *lpca,
-                              GError **error) {
+                              gboolean triangulated, GError **error) {
     *directions = (struct lpca_directions){0};
-    directions->views =
-        directions_of("views", lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, error);
+    directions->views = directions_of("views", triangulated, lpca->view_theta_deg,
+                                      lpca->view_phi_deg, lpca->n_views, error);
     if (directions->views)
-        directions->lights = directions_of("lights", lpca->light_theta_deg, lpca->light_phi_deg,
-                                           lpca->n_lights, error);
+        directions->lights = directions_of("lights", triangulated, lpca->light_theta_deg,
+                                           lpca->light_phi_deg, lpca->n_lights, error);
     if (!directions->lights) {
         lpca_directions_clear(directions);
         return FALSE;

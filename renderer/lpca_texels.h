@@ -3,6 +3,7 @@
 #pragma once
 
 #include "directions.h"
+#include "method.h"
 #include "processing/lpca.h"
 #include "processing/lpca_levels.h"
 
@@ -38,8 +39,11 @@ gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid 
                           const float *scales, GError **error);
 void lpca_texels_clear(struct lpca_texels *texels);
 
+/* Of lpca_texel.glsl; see method.h. */
+char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style);
+
 /* To units 1 and 2 of a program in use. */
-void lpca_texels_bind(const struct lpca_texels *texels, guint program, gboolean nearest);
+void lpca_texels_bind(const struct lpca_texels *texels, guint program);
 
 /* How n_clusters blocks of rows are stacked in the layers of an array texture. */
 struct lpca_stack {
@@ -50,7 +54,7 @@ struct lpca_stack {
 /* advice: what to do if the card cannot hold it. */
 gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
                          const char *advice, GError **error);
-/* Storage of RGB halves. */
+/* Storage of halves. */
 guint lpca_stack_texture(const struct lpca_stack *stack, GError **error);
 /* Clamps to what halves hold, in place. */
 void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values);
@@ -60,6 +64,7 @@ struct lpca_directions {
     float *sky; /* each light's share in an even sky */
 };
 
+/* triangulated: see directions_new_triangulated() */
 gboolean lpca_directions_init(struct lpca_directions *directions, const struct lpca *lpca,
-                              GError **error);
+                              gboolean triangulated, GError **error);
 void lpca_directions_clear(struct lpca_directions *directions);

@@ -1,6 +1,6 @@
 #include "lpca_view.h"
 
-#include "direction_table.h"
+#include "direction_cube.h"
 #include "gpu.h"
 #include "lpca_texels.h"
 
@@ -9,59 +9,44 @@
 
 struct LpcaView {
     struct lpca_texels texels;
-    struct lpca_stack stack; /* a row a view and one for the views' pole; columns are lights, the
-                                lights' pole and the sky, each with all components */
+    struct lpca_stack stack; /* a row a view; columns are lights and the sky, each with all
+                                components */
     guint brdfs;
     int ambient_column;
-    struct direction_table views, lights;
+    struct direction_cube views, lights;
 };
 
-static const float *values_of(const struct lpca *lpca, int cluster, int component, int view) {
-    const gsize row =
-        ((gsize)cluster * (lpca->n_components + 1) + component) * lpca->n_views + view;
-    return lpca->brdfs + row * lpca->n_lights * 3;
-}
-
-/* Adds share × one component of one view to a row: the lights as measured, their pole, the sky. */
-static void add_lights(const struct lpca *lpca, const float *values, const float *pole,
-                       const float *sky, float share, int component, float *row) {
+/* Adds one component of one view to a row: the lights as measured, the sky. */
+static void add_lights(const struct lpca *lpca, const float *values, const float *sky,
+                       int component, float *row) {
     const int n = lpca->n_lights, step = 3 * (lpca->n_components + 1);
     float *to = row + 3 * component;
     for (int l = 0; l < n; l++)
         for (int c = 0; c < 3; c++) {
-            const float value = share * values[3 * l + c];
-            to[(gsize)step * l + c] += value;
-            to[(gsize)step * n + c] += pole[l] * value;
-            to[(gsize)step * (n + 1) + c] += sky[l] * value;
+            to[(gsize)step * l + c] = values[3 * l + c];
+            to[(gsize)step * n + c] += sky[l] * values[3 * l + c];
         }
 }
 
 static void fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack, int cluster,
-                         const float *view_pole, const float *pole, const float *sky, float *ret) {
-    const gsize row = 3 * (gsize)stack->n_columns;
+                         const float *sky, float *ret) {
+    const gsize row = 3 * (gsize)stack->n_columns, size = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    const float *values = lpca->brdfs + size * (lpca->n_components + 1) * cluster;
     memset(ret, 0, sizeof(float) * row * stack->n_rows);
     for (int i = 0; i <= lpca->n_components; i++)
-        for (int v = 0; v < lpca->n_views; v++) {
-            const float *values = values_of(lpca, cluster, i, v);
-            add_lights(lpca, values, pole, sky, 1.0f, i, ret + row * v);
-            if (view_pole[v] > 0)
-                add_lights(lpca, values, pole, sky, view_pole[v], i, ret + row * lpca->n_views);
-        }
+        for (int v = 0; v < lpca->n_views; v++, values += 3 * (gsize)lpca->n_lights)
+            add_lights(lpca, values, sky, i, ret + row * v);
 }
 
-static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca,
-                             const struct lpca_directions *directions, GError **error) {
+static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const float *sky,
+                             GError **error) {
     const struct lpca_stack *stack = &view->stack;
-    g_autofree float *view_pole = g_new0(float, lpca->n_views);
-    g_autofree float *pole = g_new0(float, lpca->n_lights);
     g_autofree float *block = g_new(float, 3 * (gsize)stack->n_columns * stack->n_rows);
-    direction_table_pole_shares(directions->views, view_pole, lpca->n_views);
-    direction_table_pole_shares(directions->lights, pole, lpca->n_lights);
     view->brdfs = lpca_stack_texture(stack, error);
     if (!view->brdfs)
         return FALSE;
     for (int k = 0; k < lpca->n_clusters; k++) {
-        fill_cluster(lpca, stack, k, view_pole, pole, directions->sky, block);
+        fill_cluster(lpca, stack, k, sky, block);
         lpca_stack_put(stack, k, block);
     }
     return gpu_check("the eigen-BRDFs' texture", error);
@@ -71,15 +56,15 @@ static gboolean make(LpcaView *view, const struct lpca_pyramid *pyramid, GError 
     const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
     if (!lpca_stack_init(&view->stack, lpca->n_clusters,
-                         (lpca->n_lights + 2) * (lpca->n_components + 1), lpca->n_views + 1,
+                         (lpca->n_lights + 1) * (lpca->n_components + 1), lpca->n_views,
                          "compress with fewer components or clusters", error) ||
-        !lpca_directions_init(&directions, lpca, error))
+        !lpca_directions_init(&directions, lpca, TRUE, error))
         return FALSE;
-    view->ambient_column = lpca->n_lights + 1;
-    view->views = direction_table_new(directions.views, FALSE);
-    view->lights = direction_table_new(directions.lights, TRUE);
+    view->ambient_column = lpca->n_lights * (lpca->n_components + 1);
+    view->views = direction_cube_new(directions.views, FALSE);
+    view->lights = direction_cube_new(directions.lights, TRUE);
     const gboolean ok = lpca_texels_init(&view->texels, pyramid, NULL, error) &&
-                        upload_brdfs(view, lpca, &directions, error);
+                        upload_brdfs(view, lpca, directions.sky, error);
     lpca_directions_clear(&directions);
     return ok;
 }
@@ -98,8 +83,8 @@ void lpca_view_free(LpcaView *view) {
         return;
     glDeleteTextures(1, &view->brdfs);
     lpca_texels_clear(&view->texels);
-    direction_table_clear(&view->views);
-    direction_table_clear(&view->lights);
+    direction_cube_clear(&view->views);
+    direction_cube_clear(&view->lights);
     g_free(view);
 }
 
@@ -109,15 +94,20 @@ static void set_int(guint program, const char *name, int value) {
 
 static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaView *view = material;
-    lpca_texels_bind(&view->texels, program, style->nearest);
-    direction_table_bind(&view->views, program, "view", 3);
-    direction_table_bind(&view->lights, program, "light", 5);
+    lpca_texels_bind(&view->texels, program);
+    direction_cube_bind(&view->views, program, "view", 3);
+    direction_cube_bind(&view->lights, program, "light", 5);
     glActiveTexture(GL_TEXTURE0);
     glBindTexture(GL_TEXTURE_2D_ARRAY, view->brdfs);
     set_int(program, "brdfs", 0);
     set_int(program, "n_rows", view->stack.n_rows);
     set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
     set_int(program, "ambient_column", view->ambient_column);
+}
+
+static char *constants(gconstpointer material, const struct method_style *style) {
+    const LpcaView *view = material;
+    return lpca_texels_constants(&view->texels, style);
 }
 
 static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
@@ -132,7 +122,7 @@ static void free_view(gpointer material) {
     lpca_view_free(material);
 }
 
-static const char *const shader_names[] = {"directions.glsl", "lpca_texel.glsl", "lpca.glsl", NULL};
+static const char *const shader_names[] = {"lpca_texel.glsl", "lpca.glsl", NULL};
 
 const struct method method_lpca = {
     .name = "lpca",
@@ -142,5 +132,6 @@ const struct method method_lpca = {
     .shaders = shader_names,
     .open = open_file,
     .free = free_view,
+    .constants = constants,
     .bind = bind_all,
 };

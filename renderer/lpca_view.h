@@ -1,13 +1,13 @@
 /*
- * Local PCA on the graphics card, as seed 000 §4 draws it: the cluster and the weights of a texel
- * select and mix eigen-BRDFs, each looked up for every pair of the measured views and lights around
- * v and l,
+ * Local PCA on the graphics card as it was first drawn (seed 000 §5): the cluster and the weights
+ * of a texel select and mix eigen-BRDFs, each looked up for every pair of the three measured views
+ * and the three lights nearest to v and l (direction_cube.h),
  *
  *   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_{0,k(x)}(a, b) + Σ_i w_i(x) E_{i,k(x)}(a, b)).
  *
  * Eigen-BRDFs are halves in the layers of one array texture. The components of a pair lie side by
- * side: they are always wanted together. Texels are not mixed before they are evaluated, since
- * neighbours may belong to different clusters; between them the reflectances are bilinear.
+ * side: they are always wanted together. For c components and four texels of one cluster a pixel
+ * takes 4 fetches for directions, 1 + 4 ⌈c/4⌉ for texels and 9 (c + 1) of eigen-BRDFs.
  */
 #pragma once
 

@@ -38,6 +38,8 @@ struct method {
      * card. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
+    /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */
+    char *(*constants)(gconstpointer material, const struct method_style *style);
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
 };

@@ -4,6 +4,7 @@
 #include "eigenmaps_view.h"
 #include "gpu.h"
 #include "mesh_shape.h"
+#include "programs.h"
 #include "relief.h"
 
 #include <epoxy/gl.h>
@@ -30,10 +31,9 @@ const struct view_settings view_settings_default = {
 
 struct View {
     const struct method *method;
-    gpointer material;                     /* of the method */
-    guint surface_program, relief_program; /* of the method */
+    gpointer material;  /* of the method */
+    Programs *programs; /* of the method */
     Relief *relief;
-    guint flat_program; /* of the method, once it is wanted; or 0 */
     guint plain_program, geometry_program, background_program, resolve_program;
     guint array, vertices, shapes, indices, empty_array;
     guint n_indices, n_casting, serial;
@@ -134,10 +134,10 @@ void view_free(View *view) {
         return;
     if (view->method != NULL)
         view->method->free(view->material);
+    programs_free(view->programs);
     relief_free(view->relief);
-    const guint programs[] = {
-        view->flat_program,     view->surface_program,    view->relief_program, view->plain_program,
-        view->geometry_program, view->background_program, view->resolve_program};
+    const guint programs[] = {view->plain_program, view->geometry_program, view->background_program,
+                              view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
         glDeleteProgram(programs[k]);
     glDeleteVertexArrays(1, &view->array);
@@ -152,41 +152,15 @@ void view_free(View *view) {
     g_free(view);
 }
 
-/* What the method has, and the rest; relief: with what relief_bind() sets. */
-static guint method_program(const struct method *method, gboolean relief, GError **error) {
-    const char *names[METHOD_SHADERS + 8] = {"mesh.vert", "frame.glsl"};
-    int n = 2;
-    for (int k = 0; method->shaders[k] != NULL && k < METHOD_SHADERS; k++)
-        names[n++] = method->shaders[k];
-    names[n++] = "lamps.glsl";
-    if (relief) {
-        names[n++] = "visible.glsl";
-        names[n++] = "shadow.glsl";
-    }
-    names[n] = relief ? "surface_relief.frag" : "surface.frag";
-    return gpu_program(names, error);
-}
-
-static gboolean make_surface(View *view, const struct method *method, GError **error) {
-    guint surface = method_program(method, FALSE, error);
-    guint relief = surface != 0 ? method_program(method, TRUE, error) : 0;
-    if (relief == 0) {
-        glDeleteProgram(surface);
-        return FALSE;
-    }
-    glDeleteProgram(view->surface_program);
-    glDeleteProgram(view->relief_program);
-    glDeleteProgram(view->flat_program);
-    view->flat_program = 0;
-    view->surface_program = surface;
-    view->relief_program = relief;
-    return TRUE;
-}
-
 gboolean view_set_method(View *view, const struct method *method, gpointer material,
                          GError **error) {
-    if (view->method != method && !make_surface(view, method, error))
-        return FALSE;
+    if (view->method != method) {
+        g_autoptr(Programs) programs = programs_new(method);
+        if (!programs_get(programs, PROGRAM_SURFACE, material, &view_settings_default, error))
+            return FALSE;
+        programs_free(view->programs);
+        view->programs = g_steal_pointer(&programs);
+    }
     if (view->method != NULL)
         view->method->free(view->material);
     view->method = method;
@@ -317,11 +291,12 @@ static void draw_background(View *view, const struct sight *sight) {
     glUniform1f(glGetUniformLocation(program, "corner"), view->corner);
     glUniform1f(glGetUniformLocation(program, "radius"), view->radius);
     relief_bind(view->relief, program);
-    glDisable(GL_DEPTH_TEST);
-    glDisable(GL_BLEND);
-    glDisable(GL_CULL_FACE);
+    glDepthFunc(GL_LEQUAL); /* where nothing was drawn yet */
+    glDepthMask(GL_FALSE);
     glBindVertexArray(view->empty_array);
     glDrawArrays(GL_TRIANGLES, 0, 3);
+    glDepthMask(GL_TRUE);
+    glDepthFunc(GL_LESS);
 }
 
 static void set_lamps(guint program, const struct view_settings *s) {
@@ -349,6 +324,8 @@ static void draw_mesh(View *view, guint program, const struct view_settings *s,
     glUniform3fv(glGetUniformLocation(program, "light"), 1, sight->light);
     glUniform1f(glGetUniformLocation(program, "ambient_light"), s->ambient);
     set_lamps(program, s);
+    glDisable(GL_BLEND);
+    glDisable(GL_CULL_FACE);
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_LESS);
     glDepthMask(GL_TRUE);
@@ -391,14 +368,16 @@ static void begin(const struct gpu_target *target) {
 
 static gboolean draw_scene(View *view, const struct view_settings *s, int width, int height,
                            GError **error) {
+    const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
+    const guint program = s->plain ? view->plain_program
+                                   : programs_get(view->programs, kind, view->material, s, error);
     struct sight sight;
-    if (!gpu_target_resize(&view->scene, width, height, GL_RGBA16F, TRUE, error) ||
+    if (program == 0 || !gpu_target_resize(&view->scene, width, height, GL_RGBA16F, TRUE, error) ||
         !look(view, s, width, height, &sight, error))
         return FALSE;
-    guint surface = s->silhouettes || s->shadows ? view->relief_program : view->surface_program;
     begin(&view->scene);
+    draw_mesh(view, program, s, &sight);
     draw_background(view, &sight);
-    draw_mesh(view, s->plain ? view->plain_program : surface, s, &sight);
     return TRUE;
 }
 
@@ -473,20 +452,11 @@ float *view_render_geometry(View *view, const struct view_settings *s, enum view
     return read_floats(&view->geometry, error);
 }
 
-static guint flat_program(View *view, GError **error) {
-    const char *names[METHOD_SHADERS + 4] = {"screen.vert", "flat.glsl"};
-    int n = 2;
-    for (int k = 0; view->method->shaders[k] != NULL && k < METHOD_SHADERS; k++)
-        names[n++] = view->method->shaders[k];
-    names[n] = "flat.frag";
-    if (view->flat_program == 0)
-        view->flat_program = gpu_program(names, error);
-    return view->flat_program;
-}
-
 float *view_render_flat(View *view, const struct view_settings *s, const float to_view[3],
                         const float to_light[3], int width, int height, GError **error) {
-    const guint program = flat_program(view, error);
+    struct view_settings alone = *s;
+    alone.ambient = 0;
+    const guint program = programs_get(view->programs, PROGRAM_FLAT, view->material, &alone, error);
     if (program == 0 || !gpu_target_resize(&view->geometry, width, height, GL_RGBA32F, TRUE, error))
         return NULL;
     begin(&view->geometry);
@@ -496,7 +466,6 @@ float *view_render_flat(View *view, const struct view_settings *s, const float t
     view->method->bind(view->material, program, &s->style);
     glUniform3fv(glGetUniformLocation(program, "to_view"), 1, to_view);
     glUniform3fv(glGetUniformLocation(program, "to_light"), 1, to_light);
-    glUniform1f(glGetUniformLocation(program, "ambient"), 0.0f);
     glBindVertexArray(view->empty_array);
     glDrawArrays(GL_TRIANGLES, 0, 3);
     glBindVertexArray(0);

@@ -158,15 +158,15 @@ static struct vec3 vec_of(const float *p) {
     return (struct vec3){p[0], p[1], p[2]};
 }
 
-/* To the centre of a cell of a face of a cube of 512 cells; FALSE if that is not sure. */
-static gboolean snap(const float *d, float ret[3]) {
+/* To the centre of a cell of a face of a cube of so many cells; FALSE if that is not sure. */
+static gboolean snap(const float *d, double cells, float ret[3]) {
     const float most = fmaxf(fmaxf(fabsf(d[0]), fabsf(d[1])), fabsf(d[2]));
     float length = 0;
     for (int k = 0; k < 3; k++) {
-        const double cell = (d[k] / most + 1) * 256;
+        const double cell = (d[k] / most + 1) * cells / 2;
         if (fabs(cell - round(cell)) < 1e-3 && fabsf(d[k]) < most)
             return FALSE;
-        ret[k] = fabsf(d[k]) < most ? (float)((floor(cell) + 0.5) / 256 - 1) : d[k] / most;
+        ret[k] = fabsf(d[k]) < most ? (float)((floor(cell) + 0.5) * 2 / cells - 1) : d[k] / most;
         length += ret[k] * ret[k];
     }
     for (int k = 0; k < 3; k++)
@@ -176,17 +176,22 @@ static gboolean snap(const float *d, float ret[3]) {
 
 /* FALSE where rounding may pick other texels or directions. */
 static gboolean direction_shares(const struct scene *s, const float *v, const float *l,
-                                 struct direction_weights *g, struct direction_weights *h) {
-    float snapped[3];
-    if (!s->revised) {
-        directions_weights(s->views, (struct vec3){v[0], v[1], v[2]}, g);
-        directions_weights(s->lights, (struct vec3){l[0], l[1], l[2]}, h);
+                                 struct direction_weights *g, struct direction_weights *h,
+                                 double *ret_fade) {
+    float view[3], light[3];
+    *ret_fade = 1;
+    if (s->n_grid > 0)
+        return TRUE;
+    if (!snap(v, 256, view) || !snap(l, s->revised ? 512 : 256, light))
+        return FALSE;
+    if (s->revised) {
+        resample_weights(s->lpca->n_grid, v, g->index, g->weight);
+        resample_weights(s->lpca->n_grid, light, h->index, h->weight);
         return TRUE;
     }
-    if (!snap(l, snapped))
-        return FALSE;
-    resample_weights(s->lpca->n_grid, v, g->index, g->weight);
-    resample_weights(s->lpca->n_grid, snapped, h->index, h->weight);
+    directions_weights(s->views, vec_of(view), g);
+    directions_weights(s->lights, vec_of(light), h);
+    *ret_fade = directions_fade(s->lights, vec_of(light));
     return TRUE;
 }
 
@@ -200,9 +205,9 @@ static gboolean expected(const struct scene *s, const float *at, const float *v,
     if (v[2] < 0.1 || l[2] < 0.1 ||
         (s->nearest && (fabs(fx - 0.5) < 0.03 || fabs(fy - 0.5) < 0.03)))
         return FALSE;
-    if (!direction_shares(s, v, l, &g, &h))
+    double fade;
+    if (!direction_shares(s, v, l, &g, &h, &fade))
         return FALSE;
-    const double fade = s->revised ? 1 : directions_fade(s->lights, vec_of(l));
     const int i = (int)floor(x), j = (int)floor(y);
     for (int c = 0; c < 3; c++) {
         double corners[2][2];
@@ -246,10 +251,12 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_assert_no_error(error);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
+    Directions *(*const new)(const float *, const float *, int, GError **) =
+        n_grid == 0 ? directions_new_triangulated : directions_new;
     g_autoptr(Directions) views =
-        directions_new(lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
+        new (lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
     g_autoptr(Directions) lights =
-        directions_new(lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
+        new (lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
     g_autofree float *sky = g_new0(float, lpca->n_lights);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
@@ -336,9 +343,9 @@ static void check_levels(View *view, struct lpca *const *levels, double tiles) {
     struct mesh *mesh = scene_plane();
     struct view_settings settings;
     struct between b;
-    g_autoptr(Directions) views = directions_new(levels[0]->view_theta_deg, levels[0]->view_phi_deg,
-                                                 levels[0]->n_views, &error);
-    g_autoptr(Directions) lights = directions_new(
+    g_autoptr(Directions) views = directions_new_triangulated(
+        levels[0]->view_theta_deg, levels[0]->view_phi_deg, levels[0]->n_views, &error);
+    g_autoptr(Directions) lights = directions_new_triangulated(
         levels[0]->light_theta_deg, levels[0]->light_phi_deg, levels[0]->n_lights, &error);
     start_view(view, &settings, mesh);
     settings.ambient = 0;
@@ -387,6 +394,7 @@ static void test_grid(struct fixture *f, gconstpointer data) {
     check_case(5, 2, TRUE, 0, 5);
     check_case(3, 5, TRUE, 0.5, 4);
     check_case(2, 1, FALSE, 0, 3);
+    check_case(7, 9, FALSE, 0.2, 6);
 }
 
 static void refuse_lpca(struct lpca *lpca, const char *said) {

@@ -2,6 +2,7 @@
 in vec2 at;
 
 uniform vec3 to_view, to_light;
-uniform float ambient;
+
+const float ambient = 0.0;
 
 out vec4 colour;

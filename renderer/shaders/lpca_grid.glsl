@@ -1,63 +1,89 @@
 // Eigen-BRDFs over a grid of the hemisphere's square, for views and for lights; see lpca_grid.h.
-uniform sampler2DArray brdfs; // x: light cell · (n_components + 1) + component, y, layer: see row()
+uniform usamplerBuffer brdfs; // N_PAGES texels a sample
 uniform int n_grid;           // samples each way; the light cell n_grid² is an even sky
-uniform int clusters_a_layer;
 
-// The corners of the simplex around (v, l), and how much of each.
-ivec2 corners[5]; // view cell, light cell
+// The corners of the simplex around (v, l), counted within a cluster, and how much of each.
+int corners[5];
 float shares[5];
-float lit_share;
-// Of the triangle around v alone.
-int view_corners[3];
-float view_shares[3];
+// Of the triangle around v alone, under an even sky.
+int sky_corners[3];
+float sky_shares[3];
+
+// So that the larger of two rests comes first, with how far a step along its coordinate goes.
+void order(inout float a, inout float b, inout int step_a, inout int step_b) {
+    bool swap = a < b;
+    float less = min(a, b);
+    int other = swap ? step_a : step_b;
+    step_a = swap ? step_b : step_a;
+    step_b = other;
+    a = max(a, b);
+    b = less;
+}
 
 // Corners of the simplex in which a point of the unit cube lies: those of its coordinates are
 // stepped first that are largest.
 void prepare(vec3 v, vec3 l, float lit) {
     vec4 place = vec4(square(v), square(l)) * float(n_grid - 1);
     vec4 base = min(floor(place), float(n_grid - 2)), r = place - base;
-    vec4 rank = vec4(0.0);
-    rank.x = step(r.x, r.y) + step(r.x, r.z) + step(r.x, r.w);
-    rank.y = 1.0 - step(r.x, r.y) + step(r.y, r.z) + step(r.y, r.w);
-    rank.z = 2.0 - step(r.x, r.z) - step(r.y, r.z) + step(r.z, r.w);
-    rank.w = 3.0 - step(r.x, r.w) - step(r.y, r.w) - step(r.z, r.w);
-    float before = 1.0;
-    for (int k = 0; k < 5; k++) {
-        vec4 at = base + vec4(lessThan(rank, vec4(float(k))));
-        float next = dot(r, vec4(equal(rank, vec4(float(k)))));
-        corners[k] = ivec2(int(at.x) * n_grid + int(at.y), int(at.z) * n_grid + int(at.w));
-        shares[k] = before - next;
-        before = next;
-    }
-    lit_share = lit * step(0.0, l.z);
-    ivec2 cell = ivec2(base.xy);
+    ivec4 cell = ivec4(base), steps = ivec4(0, n_grid * n_grid + 1, n_grid, 1);
+    steps.x = steps.y * n_grid;
+    int first = (cell.x * n_grid + cell.y) * steps.y;
+#if AMBIENT
     bool steep = r.x >= r.y;
-    view_corners[0] = cell.x * n_grid + cell.y;
-    view_corners[1] = view_corners[0] + (steep ? n_grid : 1);
-    view_corners[2] = view_corners[0] + n_grid + 1;
-    view_shares[0] = 1.0 - max(r.x, r.y);
-    view_shares[2] = min(r.x, r.y);
-    view_shares[1] = 1.0 - view_shares[0] - view_shares[2];
+    sky_corners[0] = first + n_grid * n_grid;
+    sky_corners[1] = sky_corners[0] + (steep ? steps.x : steps.y);
+    sky_corners[2] = sky_corners[0] + steps.x + steps.y;
+    sky_shares[0] = ambient * (1.0 - max(r.x, r.y));
+    sky_shares[1] = ambient * abs(r.x - r.y);
+    sky_shares[2] = ambient * min(r.x, r.y);
+#endif
+    order(r.x, r.y, steps.x, steps.y);
+    order(r.z, r.w, steps.z, steps.w);
+    order(r.x, r.z, steps.x, steps.z);
+    order(r.y, r.w, steps.y, steps.w);
+    order(r.y, r.z, steps.y, steps.z);
+    corners[0] = first + cell.z * n_grid + cell.w;
+    for (int k = 0; k < 4; k++)
+        corners[k + 1] = corners[k] + steps[k];
+    lit *= step(0.0, l.z);
+    shares[0] = lit * (1.0 - r.x);
+    shares[1] = lit * (r.x - r.y);
+    shares[2] = lit * (r.y - r.z);
+    shares[3] = lit * (r.z - r.w);
+    shares[4] = lit * r.w;
 }
 
-vec3 one_corner(int cluster, vec4 w[MAX_PAGES], int view, int light_cell) {
-    ivec3 at = ivec3(light_cell * (n_components + 1),
-                     cluster % clusters_a_layer * n_grid * n_grid + view,
-                     cluster / clusters_a_layer);
-    vec3 sum = texelFetch(brdfs, at, 0).rgb;
-    for (int i = 0; i < n_components; i++)
-        sum += w[i >> 2][i & 3] * texelFetch(brdfs, at + ivec3(i + 1, 0, 0), 0).rgb;
+// Nine bits each and a common exponent.
+vec3 mean_of(uint word) {
+    vec3 steps = vec3(word & 511u, (word >> 9) & 511u, (word >> 18) & 511u);
+    return steps * uintBitsToFloat(((word >> 27) + 103u) << 23);
+}
+
+vec4 bytes_of(uint word) {
+    return vec4(ivec4(int(word << 24), int(word << 16), int(word << 8), int(word)) >> 24);
+}
+
+vec3 sample_at(int at, float share, vec4 w[N_PAGES]) {
+    uvec4 words = texelFetch(brdfs, at);
+    vec3 sum = share * mean_of(words.x);
+    sum += vec3(dot(w[0], bytes_of(words.y)), dot(w[0], bytes_of(words.z)),
+                dot(w[0], bytes_of(words.w)));
+    for (int page = 1; page < N_PAGES; page++) {
+        words = texelFetch(brdfs, at + page);
+        sum += vec3(dot(w[page], bytes_of(words.y)), dot(w[page], bytes_of(words.z)),
+                    dot(w[page], bytes_of(words.w)));
+    }
     return sum;
 }
 
-vec3 evaluate(int cluster, vec4 w[MAX_PAGES]) {
+vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]) {
+    int cells = n_grid * n_grid, first = cluster * cells * (cells + 1);
     vec3 sum = vec3(0.0);
-    if (lit_share > 0.0)
-        for (int k = 0; k < 5; k++)
-            sum += lit_share * shares[k] * one_corner(cluster, w, corners[k].x, corners[k].y);
-    if (ambient > 0.0)
-        for (int k = 0; k < 3; k++)
-            sum += ambient * view_shares[k] *
-                   one_corner(cluster, w, view_corners[k], n_grid * n_grid);
+    for (int k = 0; k < 5; k++)
+        sum += shares[k] * sample_at((first + corners[k]) * N_PAGES, share, w);
+#if AMBIENT
+    for (int k = 0; k < 3; k++)
+        sum += sky_shares[k] * sample_at((first + sky_corners[k]) * N_PAGES, share, w);
+#endif
     return sum;
 }

@@ -17,20 +17,23 @@ void prepare(vec3 v, vec3 l, float lit) {
     sky_z = 1.0 - 0.5 / float(n_grid * n_grid + 1);
 }
 
-vec3 one_table(sampler3D tables, ivec2 cell) {
-    vec2 at = (vec2(cell * n_grid) + place) / vec2(textureSize(tables, 0).xy);
+vec3 one_table(sampler3D tables, vec2 at) {
     vec3 sum = lit_share * mix(textureLod(tables, vec3(at, z.x), 0.0).rgb,
                                textureLod(tables, vec3(at, z.y), 0.0).rgb, z.z);
-    if (ambient > 0.0)
-        sum += ambient * textureLod(tables, vec3(at, sky_z), 0.0).rgb;
+#if AMBIENT
+    sum += ambient * textureLod(tables, vec3(at, sky_z), 0.0).rgb;
+#endif
     return sum;
 }
 
-vec3 evaluate(int cluster, vec4 w[MAX_PAGES]) {
+vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]) {
     ivec2 cell = ivec2(cluster % n_columns, cluster / n_columns);
-    vec3 sum = one_table(means, cell);
-    cell.y *= n_components;
-    for (int i = 0; i < n_components; i++)
-        sum += w[i >> 2][i & 3] * one_table(brdfs, cell + ivec2(0, i));
+    vec2 at = vec2(cell * n_grid) + place;
+    vec3 sum = share * one_table(means, at / vec2(textureSize(means, 0).xy));
+    at.y += float(cell.y * (N_COMPONENTS - 1) * n_grid);
+    for (int i = 0; i < N_COMPONENTS; i++) {
+        sum += w[i >> 2][i & 3] * one_table(brdfs, at / vec2(textureSize(brdfs, 0).xy));
+        at.y += float(n_grid);
+    }
     return sum;
 }

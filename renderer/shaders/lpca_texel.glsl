@@ -1,78 +1,78 @@
 // The texels of a local PCA: which cluster each belongs to, and its weights. What mixes a cluster's
-// eigen-BRDFs by them is the method's own.
-uniform sampler2DArray weights; // four components a layer
-uniform usampler2D clusters;    // of all mip levels, each with its own
-uniform int n_levels;
-uniform int n_components; // without the mean
-uniform bool nearest;
+// eigen-BRDFs by them is the method's own. N_COMPONENTS (without the mean), N_LEVELS and NEAREST are
+// constants; see lpca_texels.h.
+uniform sampler2DArray weights;  // four components a layer
+uniform usampler2D clusters;     // of a texel, and those right of it, below it and of both
 
-const int MAX_PAGES = 8; // 32 components
+const int N_PAGES = (N_COMPONENTS + 3) / 4;
 
-// E_0 + Σ w_i E_i of a cluster, for the directions that prepare() was given.
+// Of a cluster, for the directions that prepare() was given: share E_0 + Σ w_i E_i.
 void prepare(vec3 v, vec3 l, float lit);
-vec3 evaluate(int cluster, vec4 w[MAX_PAGES]);
+vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]);
 
-// Four texels of a tile, and how much of each.
-struct patch4 {
-    ivec2 texel[4];
-    float share[4];
-    int cluster[4];
-};
-
-// The remainder of a negative integer is undefined.
-ivec2 wrapped(ivec2 texel, ivec2 size) {
-    return texel - size * ivec2(floor((vec2(texel) + 0.5) / vec2(size)));
-}
-
-patch4 patch_at(vec2 x, int level) {
+vec3 one_texel(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
-    vec2 place = x * vec2(size) - 0.5, part = nearest ? step(0.5, fract(place)) : fract(place);
-    ivec2 corner = ivec2(floor(place));
-    patch4 p;
-    for (int k = 0; k < 4; k++) {
-        ivec2 step = ivec2(k & 1, k >> 1);
-        vec2 near = mix(1.0 - part, part, vec2(step));
-        p.texel[k] = wrapped(corner + step, size);
-        p.share[k] = near.x * near.y;
-        p.cluster[k] = int(texelFetch(clusters, p.texel[k], level).r);
-    }
-    return p;
+    ivec2 texel = min(ivec2(fract(x) * vec2(size)), size - 1);
+    vec4 w[N_PAGES];
+    for (int page = 0; page < N_PAGES; page++)
+        w[page] = texelFetch(weights, ivec3(texel, page), level);
+    return max(evaluate(int(texelFetch(clusters, texel, level).r), 1.0, w), vec3(0.0));
 }
 
-// Within one cluster reflectance is linear in the weights, so that mixing those is the same and four
-// times as quick.
+// Four texels of a tile. Within one cluster reflectance is linear in the weights: those of all
+// texels of a cluster are mixed, and the cluster evaluated once. Mostly there is but one.
 vec3 at_level(vec2 x, int level) {
-    patch4 p = patch_at(x, level);
-    vec4 w[MAX_PAGES];
-    int n_pages = (n_components + 3) / 4, first = p.cluster[0];
-    if (p.cluster[1] == first && p.cluster[2] == first && p.cluster[3] == first) {
-        for (int page = 0; page < n_pages; page++) {
-            w[page] = vec4(0.0);
-            for (int k = 0; k < 4; k++)
-                w[page] += p.share[k] * texelFetch(weights, ivec3(p.texel[k], page), level);
-        }
-        return max(evaluate(first, w), vec3(0.0));
+    ivec2 size = textureSize(clusters, level);
+    vec2 place = fract(x) * vec2(size) - 0.5, corner = floor(place), part = place - corner;
+    ivec2 a = ivec2(corner);
+    a += size * ivec2(lessThan(a, ivec2(0)));
+    ivec2 b = a + 1 - size * ivec2(equal(a, size - 1));
+    uvec4 cluster = texelFetch(clusters, a, level);
+    vec2 near = 1.0 - part;
+    vec4 share = vec4(near.x, part.x, near.x, part.x) * vec4(near.yy, part.yy);
+    vec4 w[N_PAGES], all[4 * N_PAGES];
+    for (int page = 0; page < N_PAGES; page++) {
+        all[4 * page] = texelFetch(weights, ivec3(a, page), level);
+        all[4 * page + 1] = texelFetch(weights, ivec3(b.x, a.y, page), level);
+        all[4 * page + 2] = texelFetch(weights, ivec3(a.x, b.y, page), level);
+        all[4 * page + 3] = texelFetch(weights, ivec3(b, page), level);
     }
     vec3 sum = vec3(0.0);
     for (int k = 0; k < 4; k++) {
-        if (p.share[k] <= 0.0)
-            continue;
-        for (int page = 0; page < n_pages; page++)
-            w[page] = texelFetch(weights, ivec3(p.texel[k], page), level);
-        sum += p.share[k] * evaluate(p.cluster[k], w);
+        uint one = share.x > 0.0   ? cluster.x
+                   : share.y > 0.0 ? cluster.y
+                   : share.z > 0.0 ? cluster.z
+                                   : cluster.w;
+        vec4 mine = share * vec4(equal(cluster, uvec4(one)));
+        share -= mine;
+        for (int page = 0; page < N_PAGES; page++)
+            w[page] = mine.x * all[4 * page] + mine.y * all[4 * page + 1] +
+                      mine.z * all[4 * page + 2] + mine.w * all[4 * page + 3];
+        sum += evaluate(int(one), dot(mine, vec4(1.0)), w);
+        if (dot(share, vec4(1.0)) <= 0.0)
+            break;
     }
     return max(sum, vec3(0.0));
 }
 
 // See method.h. Clusters cannot be filtered: between two levels both are evaluated.
 vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
-    vec2 size = vec2(textureSize(clusters, 0)), dx = dFdx(x) * size, dy = dFdy(x) * size;
     prepare(v, l, lit);
-    if (n_levels == 1 || nearest)
-        return at_level(x, 0);
-    float most = float(n_levels - 1);
+#if NEAREST
+    return one_texel(x, 0);
+#elif N_LEVELS == 1
+    return at_level(x, 0);
+#else
+    vec2 size = vec2(textureSize(clusters, 0)), dx = dFdx(x) * size, dy = dFdy(x) * size;
+    float most = float(N_LEVELS - 1);
     float level = clamp(0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), 0.0, most);
-    vec3 fine = at_level(x, int(level));
     float part = fract(level);
-    return part > 0.0 ? mix(fine, at_level(x, int(level) + 1), part) : fine;
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < 2; k++) {
+        sum += (k == 0 ? 1.0 - part : part) * at_level(x, int(level) + k);
+        if (part <= 0.0)
+            break;
+    }
+    return sum;
+#endif
 }

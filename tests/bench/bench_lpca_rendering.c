@@ -79,6 +79,9 @@ static struct lpca *make_lpca(int n_components) {
     p->clusters = g_new(int, TEXELS *TEXELS);
     p->weights = g_new(float, TEXELS *TEXELS *n_components);
     p->scales = g_new(float, CLUSTERS *(n_components + 1));
+    p->weight_scales = g_new(float, CLUSTERS *n_components);
+    for (int k = 0; k < CLUSTERS * n_components; k++)
+        p->weight_scales[k] = 1;
     p->brdfs = g_new(float, size *CLUSTERS *(n_components + 1));
     for (int k = 0; k < CLUSTERS * (n_components + 1); k++) {
         p->scales[k] = 1;
@@ -103,19 +106,11 @@ static float *picture(View *view, GError **error) {
     return view_render_linear(view, &s, 400, 300, error);
 }
 
-static gboolean time_all(View *view, int frames, double *ret_ms, GError **error) {
-    const struct view_settings s = without_sky();
-    return time_frames(view, &s, frames, ret_ms, error);
-}
+enum { PAIRS, REVISED, GRID, N_WAYS };
 
-struct timed { /* a way to draw; the difference is RMS, relative to the RMS of that by pairs */
-    double ms, difference;
-};
-
-struct result {
+struct result { /* differences are RMS, relative to the RMS of the picture by pairs */
     int n_components, n_grid;
-    double pairs_ms;
-    struct timed revised, grid;
+    double ms[N_WAYS], difference[N_WAYS];
 };
 
 static double difference(const float *a, const float *by_pairs) {
@@ -128,42 +123,53 @@ static double difference(const float *a, const float *by_pairs) {
     return sqrt(off / all);
 }
 
-static gboolean measure_one(View *view, const struct method *method, gpointer material, int frames,
-                            const float *by_pairs, struct timed *ret, GError **error) {
-    if (!material || !view_set_method(view, method, material, error) ||
-        !time_all(view, frames, &ret->ms, error))
-        return FALSE;
-    g_autofree float *drawn = picture(view, error);
-    ret->difference = drawn ? difference(drawn, by_pairs) : 0;
-    return drawn != NULL;
+static gboolean compare(View *const *views, struct result *r, GError **error) {
+    g_autofree float *by_pairs = picture(views[PAIRS], error);
+    for (int k = REVISED; by_pairs && k < N_WAYS; k++) {
+        g_autofree float *drawn = picture(views[k], error);
+        if (!drawn)
+            return FALSE;
+        r->difference[k] = difference(drawn, by_pairs);
+    }
+    return by_pairs != NULL;
 }
 
-static gboolean measure(struct lpca *lpca, View *view, int frames, struct result *r,
+static gboolean set(View *view, const struct method *method, gpointer material, GError **error) {
+    return material && view_set_method(view, method, material, error);
+}
+
+static gboolean measure(struct lpca *lpca, View *const *views, int frames, struct result *r,
                         GError **error) {
-    if (!view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, error), error) ||
-        !time_all(view, frames, &r->pairs_ms, error))
-        return FALSE;
-    g_autofree float *by_pairs = picture(view, error);
-    return by_pairs &&
-           measure_one(view, &method_lpca_revised, lpca_revised_new(&lpca, 1, r->n_grid, error),
-                       frames, by_pairs, &r->revised, error) &&
-           measure_one(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, r->n_grid, error), frames,
-                       by_pairs, &r->grid, error);
+    const struct view_settings s[N_WAYS] = {without_sky(), without_sky(), without_sky()};
+    return set(views[PAIRS], &method_lpca, lpca_view_new(&lpca, 1, error), error) &&
+           set(views[REVISED], &method_lpca_revised, lpca_revised_new(&lpca, 1, r->n_grid, error),
+               error) &&
+           set(views[GRID], &method_lpca_grid, lpca_grid_new(&lpca, 1, r->n_grid, error), error) &&
+           time_in_turns(views, s, N_WAYS, frames, r->ms, error) && compare(views, r, error);
 }
 
 static void tell(const struct result *r, gboolean json, gboolean first) {
-    const double revised = r->pairs_ms / r->revised.ms, grid = r->pairs_ms / r->grid.ms;
+    const double revised = r->ms[PAIRS] / r->ms[REVISED], grid = r->ms[PAIRS] / r->ms[GRID];
     if (json)
         g_print("%s{\"components\": %d, \"grid\": %d, \"pairs_ms\": %.2f, \"revised_ms\": %.2f, "
                 "\"revised_ratio\": %.3f, \"revised_rms_difference\": %.4f, \"grid_ms\": %.2f, "
                 "\"ratio\": %.3f, \"limit\": %.1f, \"rms_difference\": %.4f}",
-                first ? "" : ", ", r->n_components, r->n_grid, r->pairs_ms, r->revised.ms, revised,
-                r->revised.difference, r->grid.ms, grid, LIMIT, r->grid.difference);
+                first ? "" : ", ", r->n_components, r->n_grid, r->ms[PAIRS], r->ms[REVISED],
+                revised, r->difference[REVISED], r->ms[GRID], grid, LIMIT, r->difference[GRID]);
     else
         g_print("c = %d, grid of %2d: pairs %.1f ms; 3D texture %.1f ms, ratio %.2f, RMS "
                 "difference %.2f %%; simplices %.1f ms, ratio %.2f (limit %.1f), %.2f %%\n",
-                r->n_components, r->n_grid, r->pairs_ms, r->revised.ms, revised,
-                100 * r->revised.difference, r->grid.ms, grid, LIMIT, 100 * r->grid.difference);
+                r->n_components, r->n_grid, r->ms[PAIRS], r->ms[REVISED], revised,
+                100 * r->difference[REVISED], r->ms[GRID], grid, LIMIT, 100 * r->difference[GRID]);
+}
+
+static gboolean open_views(View *views[N_WAYS], GError **error) {
+    struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
+    gboolean good = TRUE;
+    for (int k = 0; good && k < N_WAYS; k++)
+        good = (views[k] = view_new(NULL, error)) && view_set_mesh(views[k], mesh, error);
+    mesh_free(mesh);
+    return good;
 }
 
 static gboolean bench(const char *file, int frames, gboolean json, GError **error) {
@@ -171,9 +177,8 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
         int n_components, n_grid;
     } cases[] = {{2, 12}, {4, 12}, {8, 8}, {8, 12}, {8, 16}};
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
-    g_autoptr(View) view = gpu ? view_new(NULL, error) : NULL;
-    struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
-    gboolean good = view && view_set_mesh(view, mesh, error);
+    View *views[N_WAYS] = {NULL};
+    gboolean good = gpu && open_views(views, error);
     g_print(json ? "{\"renderer\": \"%s\", \"cases\": [" : "%s, 800 × 600, torus\n",
             gpu ? gpu_renderer() : "");
     for (gsize k = 0; good && k < G_N_ELEMENTS(cases); k++) {
@@ -181,14 +186,15 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
         struct lpca *whole = file ? lpca_read(file, error) : make_lpca(r.n_components);
         struct lpca *lpca =
             whole ? lpca_truncated(whole, MIN(r.n_components, whole->n_components)) : NULL;
-        good = lpca && measure(lpca, view, frames, &r, error);
+        good = lpca && measure(lpca, views, frames, &r, error);
         if (good)
             tell(&r, json, k == 0);
         lpca_free(whole);
         lpca_free(lpca);
     }
     g_print(json ? "]}\n" : "");
-    mesh_free(mesh);
+    for (int k = 0; k < N_WAYS; k++)
+        view_free(views[k]);
     return good;
 }
 

@@ -112,7 +112,7 @@ static gboolean time_rotations(View *view, const struct method *method, int roun
         const int way = k % METHOD_ROTATIONS;
         double ms = 0;
         s.style.rotation = (enum method_rotation)way;
-        good = time_frames(view, &s, 3, &ms, error);
+        good = time_in_turns(&view, &s, 1, 3, &ms, error);
         ret_ms[way] = k < METHOD_ROTATIONS ? ms : fmin(ret_ms[way], ms);
     }
     return good;

@@ -4,6 +4,7 @@
  * which --write-material also saves, to look at. So is the MDF: silhouettes, and silhouettes with
  * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF alone.
  */
+#include "frame_time.h"
 #include "processing/eigenmaps.h"
 #include "renderer/gpu.h"
 #include "renderer/scene.h"
@@ -190,29 +191,23 @@ static struct mdf_table *make_mdf(const struct eigenmaps *maps) {
     return mdf;
 }
 
-static int compare_doubles(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 enum { BTF, PLAIN, SILHOUETTES, PEELED, SHADOWS, SHADOWS_ONLY, N_VARIANTS };
-static const char *const variant_names[N_VARIANTS] = {
-    "eigenmaps", "plain", "silhouettes", "peeled_silhouettes", "silhouettes_shadows", "shadows"};
+static const struct {
+    const char *name;
+    double limit; /* times the BTF alone, or 0 */
+} variants[N_VARIANTS] = {{"eigenmaps", 0},
+                          {"plain", 0},
+                          {"silhouettes", 1.5},
+                          {"peeled_silhouettes", 0},
+                          {"silhouettes_shadows", 2.2},
+                          {"shadows", 0}};
 
-struct timing {
-    int frames;
-    double *ms[N_VARIANTS];
-};
-
-static double median(const struct timing *t, int variant) {
-    return t->ms[variant][t->frames / 2];
-}
+static const char *const shapes[] = {"torus", "sphere", "cylinder", "torus-knot"};
 
 static struct view_settings settings_of(int variant) {
     struct view_settings s = view_settings_default;
     s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
     s.camera_elevation_deg = s.camera_fov_deg = 35.0;
-    s.light_phi_deg = 215.0;
     s.plain = variant == PLAIN;
     s.silhouettes = variant >= SILHOUETTES && variant <= SHADOWS;
     s.shadows = variant >= SHADOWS;
@@ -220,85 +215,69 @@ static struct view_settings settings_of(int variant) {
     return s;
 }
 
-static gboolean time_one(View *view, int variant, int frame, int width, int height,
-                         struct gpu_target *target, double *ret_ms, GError **error) {
-    struct view_settings s = settings_of(variant);
-    s.camera_azimuth_deg += 3.0 * frame;
-    s.light_phi_deg += 2.0 * frame;
-    gint64 start = g_get_monotonic_time();
-    if (!view_draw(view, &s, target->framebuffer, width, height, error))
-        return FALSE;
-    view_finish();
-    *ret_ms = (g_get_monotonic_time() - start) * 1e-3;
-    return TRUE;
+static void report_text(const char *shape, const struct mesh *mesh, const double *ms) {
+    g_print("%s of %u triangles: eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n", shape,
+            mesh->n_indices / 3, ms[BTF], ms[PLAIN], ms[BTF] / ms[PLAIN]);
+    for (int v = SILHOUETTES; v < N_VARIANTS; v++)
+        g_print("  %s %.2f ms, %.2f of eigen-maps alone%s\n", variants[v].name, ms[v],
+                ms[v] / ms[BTF],
+                variants[v].limit == 0                 ? ""
+                : ms[v] <= variants[v].limit * ms[BTF] ? ", as it should"
+                                                       : ": too slow");
 }
 
-/* In turns, so that whatever else the machine does falls on all; the first two are not counted. */
-static gboolean measure(View *view, int width, int height, struct timing *t, GError **error) {
-    struct gpu_target target = {0};
-    gboolean good = gpu_target_resize(&target, width, height, 0x8058 /* GL_RGBA8 */, FALSE, error);
-    for (int k = -2; good && k < t->frames; k++)
-        for (int v = 0; good && v < N_VARIANTS; v++)
-            good = time_one(view, v, k, width, height, &target, &t->ms[v][MAX(k, 0)], error);
-    gpu_target_clear(&target);
+static void report_json(const char *shape, const struct mesh *mesh, const double *ms) {
+    g_print("%s{\"shape\": \"%s\", \"triangles\": %u", shape == shapes[0] ? "" : ", ", shape,
+            mesh->n_indices / 3);
     for (int v = 0; v < N_VARIANTS; v++)
-        qsort(t->ms[v], t->frames, sizeof(double), compare_doubles);
+        g_print(", \"%s_ms\": %.2f", variants[v].name, ms[v]);
+    for (int v = SILHOUETTES; v < N_VARIANTS; v++) {
+        g_print(", \"%s_ratio\": %.3f", variants[v].name, ms[v] / ms[BTF]);
+        if (variants[v].limit > 0)
+            g_print(", \"%s_limit\": %.2f", variants[v].name, variants[v].limit);
+    }
+    g_print(", \"ratio\": %.3f}", ms[BTF] / ms[PLAIN]);
+}
+
+static gboolean measure(View *view, const char *shape, int frames, gboolean json, GError **error) {
+    View *views[N_VARIANTS];
+    struct view_settings settings[N_VARIANTS];
+    double ms[N_VARIANTS];
+    for (int v = 0; v < N_VARIANTS; v++) {
+        views[v] = view;
+        settings[v] = settings_of(v);
+    }
+    struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
+    const gboolean good = mesh != NULL && view_set_mesh(view, mesh, error) &&
+                          time_in_turns(views, settings, N_VARIANTS, frames, ms, error);
+    if (good && json)
+        report_json(shape, mesh, ms);
+    else if (good)
+        report_text(shape, mesh, ms);
+    mesh_free(mesh);
     return good;
 }
 
-static void report_text(const struct timing *t) {
-    g_print("eigen-maps %.2f ms, plain texture %.2f ms, ratio %.2f\n", median(t, BTF),
-            median(t, PLAIN), median(t, BTF) / median(t, PLAIN));
-    for (int v = SILHOUETTES; v < N_VARIANTS; v++)
-        g_print("%s %.2f ms, %.2f of eigen-maps alone\n", variant_names[v], median(t, v),
-                median(t, v) / median(t, BTF));
-}
-
-static void report_json(const struct timing *t) {
-    for (int v = 0; v < N_VARIANTS; v++)
-        g_print("\"%s_ms\": %.2f, ", variant_names[v], median(t, v));
-    for (int v = SILHOUETTES; v < N_VARIANTS; v++)
-        g_print("\"%s_ratio\": %.3f, ", variant_names[v], median(t, v) / median(t, BTF));
-    g_print("\"ratio\": %.3f}\n", median(t, BTF) / median(t, PLAIN));
-}
-
-static void report(const struct timing *t, const struct mesh *mesh, int width, int height,
-                   int texels, double residual, gboolean json) {
-    const char *format =
-        json ? "{\"renderer\": \"%s\", \"width\": %d, \"height\": %d, \"triangles\": %u, "
-               "\"texels\": %d, \"terms\": 4, \"lights\": %d, \"frames\": %d, "
-               "\"svd_error\": %.4f, "
-             : "%s, %d × %d, torus of %u triangles, %d² texels, 4 terms, %d lights, median of %d "
-               "frames\n(error of the eigen-maps %.4f)\n";
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wformat-nonliteral"
-    g_print(format, gpu_renderer(), width, height, mesh->n_indices / 3, texels, N_THETA * N_PHI,
-            t->frames, residual);
-#pragma GCC diagnostic pop
-    if (json)
-        report_json(t);
-    else
-        report_text(t);
-}
-
-static gboolean bench(const struct eigenmaps *maps, const struct mesh *mesh, int frames,
-                      double residual, gboolean json, GError **error) {
-    const int width = 800, height = 600;
+static gboolean bench(const struct eigenmaps *maps, int frames, double residual, gboolean json,
+                      GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(View) view = gpu != NULL ? view_new(maps, error) : NULL;
-    if (view == NULL || !view_set_mesh(view, mesh, error))
+    if (view == NULL)
         return FALSE;
     struct mdf_table *mdf = make_mdf(maps);
     gboolean good = view_set_mdf(view, mdf, error);
     mdf_table_free(mdf);
-    struct timing timing = {.frames = frames};
-    for (int v = 0; v < N_VARIANTS; v++)
-        timing.ms[v] = g_new0(double, frames);
-    good = good && measure(view, width, height, &timing, error);
-    if (good)
-        report(&timing, mesh, width, height, maps->width, residual, json);
-    for (int v = 0; v < N_VARIANTS; v++)
-        g_free(timing.ms[v]);
+    if (json)
+        g_print("{\"renderer\": \"%s\", \"width\": 800, \"height\": 600, \"texels\": %d, "
+                "\"terms\": 4, \"lights\": %d, \"frames\": %d, \"svd_error\": %.4f, \"scenes\": [",
+                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual);
+    else
+        g_print("%s, 800 × 600, %d² texels, 4 terms, %d lights, median of %d frames\n"
+                "(error of the eigen-maps %.4f)\n",
+                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual);
+    for (gsize k = 0; good && k < G_N_ELEMENTS(shapes); k++)
+        good = measure(view, shapes[k], frames, json, error);
+    g_print("%s", json ? "]}\n" : "");
     return good;
 }
 
@@ -322,14 +301,11 @@ int main(int argc, char **argv) {
         return 2;
     }
     double residual;
-    struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
     struct eigenmaps *maps = make_material(texels, &residual, &error);
-    gboolean good =
-        maps != NULL && (write != NULL ? eigenmaps_write(write, maps, &error)
-                                       : bench(maps, mesh, frames, residual, json, &error));
+    gboolean good = maps != NULL && (write != NULL ? eigenmaps_write(write, maps, &error)
+                                                   : bench(maps, frames, residual, json, &error));
     if (!good)
         g_printerr("bench_rendering: %s\n", error->message);
     eigenmaps_free(maps);
-    mesh_free(mesh);
     return good ? 0 : 1;
 }

@@ -1,0 +1,24 @@
+/*
+ * The programs of a method. What a picture does not need (more lamps than one, an even sky, the
+ * parts of a material of another size) is not compiled in: not all drivers skip it where it is only
+ * switched off. So there are several, each compiled when a picture first asks for it.
+ */
+#pragma once
+
+#include "view.h"
+
+enum program_kind {
+    PROGRAM_SURFACE, /* the mesh */
+    PROGRAM_RELIEF,  /* with what relief_bind() sets */
+    PROGRAM_FLAT,    /* one tile; see view_render_flat() */
+};
+
+typedef struct Programs Programs; /* belongs to the thread of the GL context */
+
+Programs *programs_new(const struct method *method);
+void programs_free(Programs *programs); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
+
+/* Returns 0 on error. Owned by programs. */
+guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
+                   const struct view_settings *settings, GError **error);
