@@ -6,7 +6,7 @@
 #include <glib/gstdio.h>
 #include <locale.h>
 
-static char *virtual_path, *out_path, **usb;
+static char *virtual_path, *out_path, **usb, **u3v;
 static gboolean json;
 static double loss;
 
@@ -17,6 +17,8 @@ static const GOptionEntry entries[] = {
      "Write the rig file for the real drivers here; default: to standard output", "FILE"},
     {"usb", 0, 0, G_OPTION_ARG_STRING_ARRAY, &usb,
      "This device is on USB: a Tic, a relay board, a V4L2 camera; all: every one", "NAME"},
+    {"u3v", 0, 0, G_OPTION_ARG_STRING_ARRAY, &u3v,
+     "This camera is a USB3 Vision camera; all: every one", "NAME"},
     {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
      "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
@@ -74,11 +76,12 @@ static gboolean on_signal(gpointer data) {
 
 static int run(void) {
     g_autoptr(GError) error = NULL;
-    g_autoptr(VirtualRig) rig = virtual_rig_new(virtual_path, (const char *const *)usb, &error);
+    g_autoptr(VirtualRig) rig =
+        virtual_rig_new(virtual_path, (const char *const *)usb, (const char *const *)u3v, &error);
     if (!rig || !write_file(rig, &error))
         return fail(error);
     fflush(stdout);
-    struct virtual_gige_faults faults = {.loss = loss};
+    struct virtual_camera_faults faults = {.loss = loss};
     virtual_rig_fail_cameras(rig, &faults);
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
     g_unix_signal_add(SIGINT, on_signal, loop);
@@ -99,7 +102,7 @@ int main(int argc, char **argv) {
         "A rig of virtual devices on this machine that speak the real protocols: GigE Vision\n"
         "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see\n"
         "and change the world of a simulated rig. With --usb: Pololu Tics, USB relay boards\n"
-        "and V4L2 cameras.");
+        "and V4L2 cameras; with --u3v: USB3 Vision cameras.");
     g_option_context_add_main_entries(options, entries, NULL);
     if (!g_option_context_parse(options, &argc, &argv, &error)) {
         g_printerr("mesorig-rig: %s\n", error->message);
@@ -107,11 +110,12 @@ int main(int argc, char **argv) {
     }
     if (!virtual_path || argc > 1 || !(loss >= 0 && loss <= 1) || (json && !out_path)) {
         g_printerr(
-            "usage: mesorig-rig --virtual RIG [-o FILE] [--usb NAME…] [--loss PART] [--json]\n"
+            "usage: mesorig-rig --virtual RIG [-o FILE] [--usb NAME…] [--u3v NAME…] [--loss PART]\n"
+            "       [--json]\n"
             "--json needs -o; PART is between 0 and 1\n");
         return 2;
     }
-    if (usb)
+    if (usb || u3v)
         testbed_enter(again);
     return run();
 }

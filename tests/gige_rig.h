@@ -7,6 +7,7 @@
 
 struct eye {
     VirtualGige *device;
+    const char *where; /* of one that is not GigE; else NULL */
     Clock *clock;
     Camera *camera;
     int n_ended, n_frames, n_exposed;
@@ -16,14 +17,14 @@ struct eye {
 };
 
 static inline VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa) {
-    struct virtual_gige_options options = {.serial = serial,
-                                           .width = width,
-                                           .height = height,
-                                           .bits = 12,
-                                           .cfa = cfa,
-                                           .black_level = 64};
+    struct virtual_camera_options options = {.serial = serial,
+                                             .width = width,
+                                             .height = height,
+                                             .bits = 12,
+                                             .cfa = cfa,
+                                             .black_level = 64};
     GError *error = NULL;
-    VirtualGige *device = virtual_gige_new(&options, &error);
+    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
     g_assert_no_error(error);
     return device;
 }
@@ -48,7 +49,7 @@ static inline void eye_on_event(Camera *camera, enum camera_event event, Frame *
 static inline gboolean eye_open(struct eye *eye, const char *keys, GError **error) {
     g_autofree char *text =
         g_strdup_printf("[camera eye]\ndriver = aravis\ndevice = %s\nreadout_ms = 10\n%s\n",
-                        virtual_gige_address(eye->device), keys);
+                        eye->where ? eye->where : virtual_gige_address(eye->device), keys);
     g_autoptr(Config) config = config_parse(text, "./rig.conf", NULL);
     eye->clock = clock_new_real();
     eye->camera = camera_open(&aravis_camera_driver, config_find(config, "camera", "eye"), NULL,

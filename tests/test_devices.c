@@ -2,12 +2,14 @@
 #include "conformance.h"
 
 #include "daemon/finder.h"
+#include "drivers/aravis/camera.h"
 #include "drivers/modbus/devices.h"
 #include "drivers/usb/relays.h"
 #include "drivers/usb/tic.h"
 #include "drivers/v4l2/v4l2.h"
 #include "sim/virtual/modbus.h"
 #include "sim/virtual/testbed.h"
+#include "sim/virtual/u3v.h"
 #include "sim/virtual/usb_relays.h"
 #include "sim/virtual/usb_tic.h"
 #include "sim/virtual/v4l2.h"
@@ -116,6 +118,28 @@ static void test_video(void) {
     g_assert_null(find(all, "usb", "2-2")); /* told once, as video */
 }
 
+static void test_usb3_vision(void) {
+    struct virtual_camera_options options = {
+        .serial = "TOP", .width = 320, .height = 240, .bits = 12, .cfa = CFA_GBRG};
+    g_autoptr(VirtualU3v) device = virtual_u3v_new(&options, 1);
+    g_autoptr(GPtrArray) all = scan(&(struct finder_modbus){0});
+    g_autoptr(Clock) clock = clock_new_real();
+    const struct config_section *section;
+    GError *error = NULL;
+    const struct found *found = NULL;
+    for (guint i = 0; i < all->len && !found; i++)
+        if (strcmp(((const struct found *)all->pdata[i])->bus, "usb3-vision") == 0)
+            found = all->pdata[i];
+    g_autoptr(Config) config = paste(found, NULL, NULL, &section);
+    g_assert_cmpstr(found->what, ==, "Mesorig VirtualCamera");
+    g_assert_cmpstr(found->serial, ==, "TOP");
+    g_assert_null(find(all, "usb", "1-1")); /* told once */
+    g_autoptr(Camera) camera = camera_open(&aravis_camera_driver, section, NULL, clock, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(camera->format.width, ==, 320);
+    g_assert_cmpint(camera->format.cfa, ==, CFA_GBRG);
+}
+
 static void test_modbus(void) {
     struct virtual_modbus_options options = {.unit = 7};
     GError *error = NULL;
@@ -185,10 +209,14 @@ static void test_command(void) {
 int main(int argc, char **argv) {
     testbed_enter(argv);
     g_test_init(&argc, &argv, NULL);
+    testbed_ref(); /* one for all: Aravis looks at the same USB as long as the process lives */
     g_test_add_func("/devices/usb", test_usb);
     g_test_add_func("/devices/video", test_video);
+    g_test_add_func("/devices/usb3-vision", test_usb3_vision);
     g_test_add_func("/devices/modbus", test_modbus);
     g_test_add_func("/devices/modbus-not-there", test_modbus_not_there);
     g_test_add_func("/devices/command", test_command);
-    return g_test_run();
+    int failed = g_test_run();
+    testbed_unref();
+    return failed;
 }

@@ -13,14 +13,14 @@ static guint16 value_at(int x, int y) {
     return (guint16)((x * 61 + y * 1117 + x * y) & 0xfff);
 }
 
-static void paint(const struct virtual_gige_exposure *exposure, gpointer data, guint16 *pixels) {
+static void paint(const struct virtual_exposure *exposure, gpointer data, guint16 *pixels) {
     for (int y = 0; y < HEIGHT; y++)
         for (int x = 0; x < WIDTH; x++)
             *pixels++ = value_at(x, y);
 }
 
 static VirtualGige *painter(enum cfa cfa) {
-    struct virtual_gige_options options = {.serial = "PAINTER",
+    struct virtual_camera_options options = {.serial = "PAINTER",
                                            .width = WIDTH,
                                            .height = HEIGHT,
                                            .bits = 12,
@@ -28,7 +28,7 @@ static VirtualGige *painter(enum cfa cfa) {
                                            .black_level = 64,
                                            .picture = paint};
     GError *error = NULL;
-    VirtualGige *device = virtual_gige_new(&options, &error);
+    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
     g_assert_no_error(error);
     return device;
 }
@@ -72,7 +72,7 @@ static void formats(gconstpointer data) {
 
 static void settings(void) {
     struct eye eye = {.device = painter(CFA_GRBG)};
-    struct virtual_gige_state state;
+    struct virtual_camera_state state;
     struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
     GError *error = NULL;
     eye_open(&eye,
@@ -105,9 +105,9 @@ static void settings(void) {
 /* As large as gets through, which is found out. */
 static void packet_size(void) {
     struct eye eye = {.device = painter(CFA_MONO)};
-    struct virtual_gige_state state;
+    struct virtual_camera_state state;
     for (int mtu = 0; mtu <= 1500; mtu += 1500) {
-        struct virtual_gige_faults faults = {.mtu = mtu};
+        struct virtual_camera_faults faults = {.mtu = mtu};
         virtual_gige_fail(eye.device, &faults);
         g_assert_true(eye_open(&eye, "", NULL));
         g_assert_true(eye_ready(&eye, 1000, NULL));
@@ -125,7 +125,7 @@ static void times(void) {
     struct eye eye;
     eye_begin(&eye, "");
     for (guint64 shot = 1; shot <= 10; shot++) {
-        struct virtual_gige_state state;
+        struct virtual_camera_state state;
         g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
         virtual_gige_state(eye.device, &state);
         gint64 off_us = eye.frame->exposure_start_us - state.triggered_us;
@@ -138,8 +138,8 @@ static void times(void) {
 /* Some cameras stamp the end of the exposure; told so, the driver knows when it began. */
 static void stamps_of_the_end(void) {
     struct eye eye;
-    struct virtual_gige_state state;
-    struct virtual_gige_faults faults = {.stamps_end = TRUE};
+    struct virtual_camera_state state;
+    struct virtual_camera_faults faults = {.stamps_end = TRUE};
     struct camera_settings settings = {.exposure_us = 200000};
     eye_begin(&eye, "stamp = end");
     virtual_gige_fail(eye.device, &faults);
@@ -238,7 +238,7 @@ static void hardware_trigger(void) {
  * is asked for again does not come. */
 static void eight_at_once(void) {
     struct eye eyes[8] = {0};
-    struct virtual_gige_faults faults = {.no_resend = TRUE};
+    struct virtual_camera_faults faults = {.no_resend = TRUE};
     GError *error = NULL;
     for (int i = 0; i < 8; i++) {
         g_autofree char *serial = g_strdup_printf("EIGHT%d", i);
@@ -339,7 +339,7 @@ static Camera *set_off(VirtualGige *device, int i, Clock *clock) {
 
 /* Slow cameras are opened in about the time of one. */
 static void opened_at_once(void) {
-    struct virtual_gige_faults slow = {.answer_us = 10000};
+    struct virtual_camera_faults slow = {.answer_us = 10000};
     VirtualGige *devices[8];
     Camera *cameras[8];
     Clock *clock = clock_new_real();
@@ -376,7 +376,7 @@ static void opened_at_once(void) {
 /* Closed while it is still being opened. */
 static void closed_before_opened(void) {
     VirtualGige *device = eye_device("SLOW", 64, 48, CFA_MONO);
-    struct virtual_gige_faults slow = {.answer_us = 10000}, none = {0};
+    struct virtual_camera_faults slow = {.answer_us = 10000}, none = {0};
     struct eye eye = {.device = device};
     Clock *clock = clock_new_real();
     GError *error = NULL;

@@ -9,8 +9,8 @@
 
 static void loss(void) {
     struct eye eye;
-    struct virtual_gige_state state;
-    struct virtual_gige_faults faults = {.loss = 0.01};
+    struct virtual_camera_state state;
+    struct virtual_camera_faults faults = {.loss = 0.01};
     eye_begin(&eye, "packet_size = 1500");
     virtual_gige_fail(eye.device, &faults);
     for (guint64 shot = 1; shot <= 40; shot++)
@@ -25,7 +25,7 @@ static void loss(void) {
 
 static void loss_without_resend(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.loss = 0.01, .no_resend = TRUE}, none = {0};
+    struct virtual_camera_faults faults = {.loss = 0.01, .no_resend = TRUE}, none = {0};
     int refused = 0;
     eye_begin(&eye, "packet_size = 1500\nretention_ms = 50");
     virtual_gige_fail(eye.device, &faults);
@@ -44,7 +44,7 @@ static void loss_without_resend(void) {
 
 static void cut(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.cut = 1};
+    struct virtual_camera_faults faults = {.cut = 1};
     eye_begin(&eye, "retention_ms = 50");
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     virtual_gige_fail(eye.device, &faults);
@@ -57,7 +57,7 @@ static void cut(void) {
 
 static void old_picture(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.old = 1};
+    struct virtual_camera_faults faults = {.old = 1};
     eye_begin(&eye, "");
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     virtual_gige_fail(eye.device, &faults);
@@ -70,7 +70,7 @@ static void old_picture(void) {
 /* One that comes too late for its own trigger is not taken for the next one's answer. */
 static void late_picture(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.late_us = 300000}, none = {0};
+    struct virtual_camera_faults faults = {.late_us = 300000}, none = {0};
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);
     eye_trigger(&eye, 1);
@@ -86,7 +86,7 @@ static void late_picture(void) {
 
 static void stamp_in_the_future(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.ahead_us = 500000}, none = {0};
+    struct virtual_camera_faults faults = {.ahead_us = 500000}, none = {0};
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_REFUSED);
@@ -98,7 +98,7 @@ static void stamp_in_the_future(void) {
 
 static void another_size(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.odd = 1};
+    struct virtual_camera_faults faults = {.odd = 1};
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FAULT);
@@ -110,7 +110,7 @@ static void another_size(void) {
 /* Told to be over too early: lamps may have been switched while it still exposed. */
 static void exposed_longer_than_said(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.announces = TRUE}, slow = {0};
+    struct virtual_camera_faults faults = {.announces = TRUE}, slow = {0};
     eye_begin(&eye, "trigger_ms = 5");
     virtual_gige_fail(eye.device, &faults);
     for (guint64 shot = 1; shot <= 3; shot++) /* announced, but as quick as it says */
@@ -127,7 +127,7 @@ static void exposed_longer_than_said(void) {
 
 static void no_picture(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.blind = 1};
+    struct virtual_camera_faults faults = {.blind = 1};
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FAULT);
@@ -160,7 +160,7 @@ static void control_stolen(void) {
 /* Off and on again: its registers are as they were delivered. */
 static void power_lost(void) {
     struct eye eye;
-    struct virtual_gige_state state;
+    struct virtual_camera_state state;
     eye_begin(&eye, "");
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     int n = eye.n_ended;
@@ -178,7 +178,7 @@ static void power_lost(void) {
 static void unplugged(void) {
     struct eye eye;
     GError *error = NULL;
-    struct virtual_gige_faults faults = {.unplugged = TRUE}, none = {0};
+    struct virtual_camera_faults faults = {.unplugged = TRUE}, none = {0};
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FAULT);
@@ -200,7 +200,7 @@ static void restarted_within_heartbeat(void) {
     static const guint8 take_control[] = {0x42, 1, 0, 0x82, 0, 8, 0, 1, 0, 0, 0x0a, 0, 0, 0, 0, 2};
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(3956)};
-    struct virtual_gige_state state;
+    struct virtual_camera_state state;
     GError *error = NULL;
     inet_pton(AF_INET, virtual_gige_address(eye.device), &to.sin_addr);
     int fd = socket(AF_INET, SOCK_DGRAM, 0);
@@ -232,7 +232,7 @@ static void in_use(void) {
 
 static void not_there(void) {
     struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
-    struct virtual_gige_faults faults = {.unplugged = TRUE};
+    struct virtual_camera_faults faults = {.unplugged = TRUE};
     GError *error = NULL;
     virtual_gige_fail(eye.device, &faults);
     g_assert_false(eye_open(&eye, "", &error));
@@ -244,7 +244,7 @@ static void not_there(void) {
 
 static void exposure_it_cannot_keep(void) {
     struct eye eye;
-    struct virtual_gige_faults faults = {.rounding_us = 700};
+    struct virtual_camera_faults faults = {.rounding_us = 700};
     struct camera_settings settings = {.exposure_us = 2000}, fits = {.exposure_us = 2100};
     eye_begin(&eye, "");
     virtual_gige_fail(eye.device, &faults);

@@ -1,6 +1,7 @@
 /* A session through USB and V4L2 alone: the small rig's axes are Tics, its lamps and lasers hang on
- * relay boards, its cameras are V4L2's, all over one world, and the programs capture it in real
- * time. Its frames and products are those of the simulated drivers, but for the noise. */
+ * relay boards, its cameras are V4L2's and one USB3 Vision's, all over one world, and the programs
+ * capture it in real time. Its frames and products are those of the simulated drivers, but for the
+ * noise. */
 #include "twin_sessions.h"
 
 #include "sim/virtual/rig.h"
@@ -40,8 +41,8 @@ static void capture_usb(const char *name) {
     g_autofree char *path = in_top("usb.conf"), *socket = in_top("bus"), *session = in_top(name);
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     GError *error = NULL;
-    g_autoptr(VirtualRig) rig =
-        virtual_rig_new(SMALL "rig.conf", (const char *[]){"all", NULL}, &error);
+    g_autoptr(VirtualRig) rig = virtual_rig_new(SMALL "rig.conf", (const char *[]){"all", NULL},
+                                                (const char *[]){"cam30", NULL}, &error);
     g_assert_no_error(error);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(rig), -1, NULL));
     g_autoptr(GSubprocess) daemon =

@@ -175,10 +175,10 @@ static void mishaps(void) {
     g_autofree char *path = in_top("virtual.conf"), *conf = in_top("short.conf");
     g_autofree char *session = in_top("mishap.session"), *socket = in_top("mishap-bus");
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
-    struct virtual_gige_faults faults = {.cut = 2};
+    struct virtual_camera_faults faults = {.cut = 2};
     struct mishap mishap = {0};
     GError *error = NULL;
-    mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, &error);
+    mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
     g_assert_no_error(error);
     virtual_rig_fail_cameras(mishap.rig, &faults);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
@@ -234,7 +234,7 @@ static void refused(void) {
         const char *const usb[] = {cases[i].usb, NULL};
         g_autoptr(GError) error = NULL;
         g_assert_true(g_file_set_contents(path, cases[i].text, -1, NULL));
-        g_assert_null(virtual_rig_new(path, usb, &error));
+        g_assert_null(virtual_rig_new(path, usb, NULL, &error));
         if (!strstr(error->message, cases[i].said))
             g_error("said \"%s\", not \"%s\"", error->message, cases[i].said);
     }

@@ -94,26 +94,48 @@ static ArvDevice *open_gige(const char *ip, GError **error) {
     return NULL;
 }
 
-static gboolean matches(guint i, const char *id) {
-    const char *names[] = {arv_get_device_id(i), arv_get_device_serial_nbr(i),
-                           arv_get_device_physical_id(i), arv_get_device_address(i)};
-    for (gsize k = 0; k < G_N_ELEMENTS(names); k++)
-        if (g_strcmp0(names[k], id) == 0)
+static gboolean is_any(const char *id, const char *const *names, gsize n) {
+    for (gsize i = 0; i < n; i++)
+        if (g_strcmp0(names[i], id) == 0)
             return TRUE;
     return FALSE;
 }
 
-/* Its address for GigE Vision, else what Aravis opens it by; NULL: not there. */
-static char *look_up(const char *id, gboolean *ret_gige, GError **error) {
+/* The buses alone: asking the network, too, takes a second. NULL: not there. */
+static char *look_up_usb(const char *id) {
+    ArvInterface *usb = arv_uv_interface_get_instance();
     char *found = NULL;
-    aravis_list_lock();
+    arv_interface_update_device_list(usb);
+    for (guint i = 0; i < arv_interface_get_n_devices(usb) && !found; i++) {
+        const char *names[] = {arv_interface_get_device_id(usb, i),
+                               arv_interface_get_device_serial_nbr(usb, i),
+                               arv_interface_get_device_physical_id(usb, i)};
+        if (is_any(id, names, G_N_ELEMENTS(names)))
+            found = g_strdup(names[0]);
+    }
+    return found;
+}
+
+static char *look_up_all(const char *id, gboolean *ret_gige) {
+    char *found = NULL;
     arv_update_device_list();
     for (guint i = 0; i < arv_get_n_devices() && !found; i++) {
-        if (!matches(i, id))
+        const char *names[] = {arv_get_device_id(i), arv_get_device_serial_nbr(i),
+                               arv_get_device_physical_id(i), arv_get_device_address(i)};
+        if (!is_any(id, names, G_N_ELEMENTS(names)))
             continue;
         *ret_gige = g_strcmp0(arv_get_device_protocol(i), "GigEVision") == 0;
         found = g_strdup(*ret_gige ? arv_get_device_address(i) : arv_get_device_id(i));
     }
+    return found;
+}
+
+/* Its address for GigE Vision, else what Aravis opens it by; NULL: not there. */
+static char *look_up(const char *id, gboolean *ret_gige, GError **error) {
+    aravis_list_lock();
+    char *found = look_up_usb(id);
+    if (!found)
+        found = look_up_all(id, ret_gige);
     aravis_list_unlock();
     if (!found)
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,

@@ -20,6 +20,9 @@
 
 #define PULSE_US 1000
 
+/* Longer than Aravis takes to tell that a camera was unplugged. */
+#define TELLING_US 10000
+
 /* How many packets may be asked for again, a packet of the picture. */
 #define REQUESTS 1.0
 
@@ -31,6 +34,7 @@ struct AravisDevice {
     struct aravis_limits limits;
     double ticks_per_us; /* GigE Vision; 0: none */
     gboolean sfnc_clock; /* TimestampLatch, in ns */
+    gint unplugged;      /* atomic: a USB camera has left the bus */
 };
 
 static enum device_error code_of(const GError *why) {
@@ -289,6 +293,11 @@ static void find_clock(AravisDevice *device) {
         device->sfnc_clock = has(device, "TimestampLatch") && has(device, "TimestampLatchValue");
 }
 
+static void on_unplugged(ArvDevice *arv, gpointer data) {
+    AravisDevice *device = data;
+    g_atomic_int_set(&device->unplugged, TRUE);
+}
+
 AravisDevice *aravis_device_open(const struct aravis_options *options, double control_s,
                                  ArvStreamCallback func, gpointer data, GError **error) {
     g_autoptr(AravisDevice) device = g_new0(AravisDevice, 1);
@@ -297,6 +306,8 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     device->device = aravis_connect(options->device, control_s, error);
     if (!device->device)
         return NULL;
+    if (ARV_IS_UV_DEVICE(device->device))
+        g_signal_connect(device->device, "control-lost", G_CALLBACK(on_unplugged), device);
     device->camera = arv_camera_new_with_device(device->device, &why);
     if (!check(why, options->device, error))
         return NULL;
@@ -313,6 +324,9 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
 void aravis_device_close(AravisDevice *device) {
     if (!device)
         return;
+    /* While it is told, one of Aravis's threads holds the device, and must not be the last to. */
+    if (g_atomic_int_get(&device->unplugged))
+        g_usleep(TELLING_US);
     g_clear_object(&device->stream);
     g_clear_object(&device->camera);
     g_clear_object(&device->device);
@@ -324,8 +338,13 @@ const struct aravis_limits *aravis_device_limits(const AravisDevice *device) {
 }
 
 gboolean aravis_device_has_control(AravisDevice *device) {
-    return !ARV_IS_GV_DEVICE(device->device) ||
-           arv_gv_device_is_controller(ARV_GV_DEVICE(device->device));
+    if (ARV_IS_GV_DEVICE(device->device))
+        return arv_gv_device_is_controller(ARV_GV_DEVICE(device->device));
+    return !g_atomic_int_get(&device->unplugged);
+}
+
+gboolean aravis_device_may_halt(const AravisDevice *device) {
+    return ARV_IS_UV_DEVICE(device->device);
 }
 
 gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GError **error) {

@@ -45,6 +45,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AravisDevice, aravis_device_close)
 const struct aravis_limits *aravis_device_limits(const AravisDevice *device);
 gboolean aravis_device_has_control(AravisDevice *device); /* as far as Aravis knows */
 
+/* TRUE: after a picture that did not come it has to be opened anew. The endpoint of a USB camera's
+ * stream may be halted, and Aravis clears that only then. */
+gboolean aravis_device_may_halt(const AravisDevice *device);
+
 /* Fails if the camera rounds the exposure by more than 0.5 % + 1 µs. */
 gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GError **error);
 gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **error);

@@ -58,6 +58,7 @@ struct AravisWorker {
     struct answer_state answer;
     struct job settings; /* the last CONFIGURE */
     gboolean exposure_set, gain_set;
+    gboolean halted; /* perhaps: a picture did not come */
     GError *settings_error;
     GError *lost_error;
 };
@@ -204,7 +205,7 @@ static gboolean open_device(AravisWorker *worker, double control_s, GError **err
     worker->limits = *aravis_device_limits(worker->device);
     worker->answer.limits = &worker->limits;
     worker->answer.stamp_is_end = worker->options.stamp == ARAVIS_STAMP_END;
-    worker->exposure_set = worker->gain_set = FALSE;
+    worker->exposure_set = worker->gain_set = worker->halted = FALSE;
     return TRUE;
 }
 
@@ -246,9 +247,20 @@ static void ask_clock(AravisWorker *worker) {
     worker->answer.asked_us = g_get_monotonic_time();
 }
 
+static void open_anew(AravisWorker *worker) {
+    GError *error = NULL;
+    close_device(worker);
+    if (open_device(worker, 0, &error))
+        apply_settings(worker);
+    else
+        lose(worker, error);
+}
+
 static void arm(AravisWorker *worker, const struct job *job) {
     GError *error = NULL;
     answer_begin(&worker->answer);
+    if (worker->device && worker->halted)
+        open_anew(worker);
     if (!worker->device)
         fail(worker, job->generation, g_error_copy(worker->lost_error));
     else if (aravis_device_start(worker->device, &error))
@@ -259,7 +271,9 @@ static void arm(AravisWorker *worker, const struct job *job) {
 
 static void disarm(AravisWorker *worker, const struct job *job) {
     g_autoptr(GError) error = NULL;
+    gboolean unanswered = worker->pending; /* set by this thread alone */
     set_pending(worker, FALSE, job->generation);
+    worker->halted |= unanswered && worker->device && aravis_device_may_halt(worker->device);
     if (worker->device && !aravis_device_stop(worker->device, &error) &&
         aravis_device_is_lost(error))
         lose(worker, g_steal_pointer(&error));

@@ -23,16 +23,37 @@ static void set_text(VirtualGige *camera, guint address, const char *text, gsize
     g_strlcpy((char *)camera->memory + address, text, size);
 }
 
-static void update_payload(VirtualGige *camera) {
-    gige_set_reg(camera, REG_PAYLOAD,
-                 (guint32)virtual_gige_payload(gige_reg(camera, REG_FORMAT), camera->options.cfa,
-                                               (int)gige_reg(camera, REG_WIDTH),
-                                               (int)gige_reg(camera, REG_HEIGHT)));
+static void add_transport(struct imager_xml *xml) {
+    g_autofree char *sizes = g_strdup_printf("<Min>576</Min><Max>%d</Max><Inc>4</Inc>", MAX_PACKET);
+    imager_xml_string(xml, "DeviceVendorName", GVBS_VENDOR, 32);
+    imager_xml_string(xml, "DeviceModelName", GVBS_MODEL, 32);
+    imager_xml_string(xml, "DeviceSerialNumber", GVBS_SERIAL, 16);
+    imager_xml_string(xml, "DeviceID", GVBS_SERIAL, 16);
+    g_string_append_printf(xml->text,
+                           "<Integer Name=\"GevSCPSPacketSize\"><pValue>PacketSizeReg</pValue>%s"
+                           "</Integer>\n<MaskedIntReg Name=\"PacketSizeReg\">"
+                           "<Address>0x%x</Address><Length>4</Length><AccessMode>RW</AccessMode>"
+                           "<pPort>Device</pPort><LSB>31</LSB><MSB>16</MSB><Sign>Unsigned</Sign>"
+                           "<Endianess>BigEndian</Endianess></MaskedIntReg>\n"
+                           "<MaskedIntReg Name=\"FireReg\">"
+                           "<Address>0x%x</Address><Length>4</Length><AccessMode>RW</AccessMode>"
+                           "<pPort>Device</pPort><Bit>0</Bit><Sign>Unsigned</Sign>"
+                           "<Endianess>BigEndian</Endianess></MaskedIntReg>\n",
+                           sizes, GVBS_PACKET_SIZE, GVBS_PACKET_SIZE);
+    imager_xml_command(xml, "GevSCPSFireTestPacket", "Fire", 1);
+    imager_xml_integer(xml, "GevSCPD", GVBS_PACKET_DELAY, 4, "RW",
+                       "<Min>0</Min><Max>1000000000</Max>");
 }
+
+static const char *const features[] = {"GevSCPSPacketSize", "GevSCPD", "GevSCPSFireTestPacket",
+                                       NULL};
+
+const struct imager_transport gige_transport = {"GEV", "BigEndian", features, add_transport};
 
 static void reset_bootstrap(VirtualGige *camera) {
     struct in_addr ip;
-    g_autofree char *url = g_strdup_printf("Local:camera.xml;%x;%zx", GENICAM_AT, camera->xml_size);
+    g_autofree char *url =
+        g_strdup_printf("Local:camera.xml;%x;%zx", GENICAM_AT, camera->imager.xml_size);
     inet_pton(AF_INET, camera->address, &ip);
     memset(camera->memory, 0, sizeof camera->memory);
     gige_set_reg(camera, GVBS_VERSION, 0x00010002);
@@ -44,7 +65,7 @@ static void reset_bootstrap(VirtualGige *camera) {
     set_text(camera, GVBS_VENDOR, "Mesorig", 32);
     set_text(camera, GVBS_MODEL, "VirtualCamera", 32);
     set_text(camera, GVBS_DEVICE_VERSION, MESORIG_VERSION, 32);
-    set_text(camera, GVBS_SERIAL, camera->options.serial, 16);
+    set_text(camera, GVBS_SERIAL, camera->imager.options.serial, 16);
     set_text(camera, GVBS_URL_0, url, 512);
     gige_set_reg(camera, GVBS_N_INTERFACES, 1);
     gige_set_reg(camera, GVBS_N_STREAMS, 1);
@@ -55,37 +76,9 @@ static void reset_bootstrap(VirtualGige *camera) {
 }
 
 void gige_reset(VirtualGige *camera) {
-    const struct virtual_gige_options *options = &camera->options;
     reset_bootstrap(camera);
-    gige_set_reg(camera, REG_SENSOR_WIDTH, (guint32)options->width);
-    gige_set_reg(camera, REG_SENSOR_HEIGHT, (guint32)options->height);
-    gige_set_reg(camera, REG_WIDTH, (guint32)options->width);
-    gige_set_reg(camera, REG_HEIGHT, (guint32)options->height);
-    gige_set_reg(camera, REG_FORMAT, virtual_gige_first_format(options->cfa));
-    gige_set_reg(camera, REG_EXPOSURE_US, 10000);
-    gige_set_reg(camera, REG_BLACK, (guint32)(options->black_level * 10));
-    gige_set_reg(camera, REG_AUTO_EXPOSURE, 1); /* as many cameras are delivered */
-    update_payload(camera);
-    camera->has_controller = camera->stolen = camera->triggered = FALSE;
-}
-
-static void fire(VirtualGige *camera) {
-    camera->state.triggers++;
-    if (camera->triggered || camera->exposing) {
-        camera->state.missed++;
-    } else if (camera->faults.blind > 0) {
-        camera->faults.blind--;
-    } else {
-        camera->triggered = TRUE;
-        camera->state.triggered_us = g_get_monotonic_time();
-        g_cond_broadcast(&camera->cond);
-    }
-}
-
-void gige_trigger(VirtualGige *camera, guint source) {
-    if (gige_reg(camera, REG_ACQUISITION) == 1 && gige_reg(camera, REG_TRIGGER_MODE) == 1 &&
-        gige_reg(camera, REG_TRIGGER_FROM) == source && !camera->faults.unplugged)
-        fire(camera);
+    imager_reset(&camera->imager);
+    camera->has_controller = camera->stolen = FALSE;
 }
 
 static void latch_time(VirtualGige *camera) {
@@ -94,51 +87,43 @@ static void latch_time(VirtualGige *camera) {
     gige_set_reg(camera, GVBS_STAMP_LOW, (guint32)ticks);
 }
 
-static guint32 round_exposure(const VirtualGige *camera, guint32 value) {
-    double step = MAX(camera->faults.rounding_us, 1);
-    guint32 rounded = (guint32)(step * (guint32)(value / step + 0.5));
-    return CLAMP(rounded, MIN_EXPOSURE_US, MAX_EXPOSURE_US);
-}
-
-void gige_stop(VirtualGige *camera) {
-    gige_set_reg(camera, REG_ACQUISITION, 0);
-    camera->triggered = FALSE;
-    g_cond_broadcast(&camera->cond);
-}
-
 static void set_control(VirtualGige *camera, guint32 value, const struct sockaddr_in *from) {
     camera->has_controller = (value & 3) != 0;
     camera->controller = *from;
     if (!camera->has_controller)
-        gige_stop(camera);
+        imager_stop(&camera->imager);
 }
 
 static gboolean write_register(VirtualGige *camera, guint32 address, guint32 value,
                                const struct sockaddr_in *from) {
-    if (address % 4 != 0 || address + 4 > REG_END)
+    if (address % 4 == 0 && imager_has_reg(address)) {
+        imager_write(&camera->imager, address, value);
+        return TRUE;
+    }
+    if (address % 4 != 0 || address >= GVBS_END)
         return FALSE;
-    gige_set_reg(camera, address,
-                 address == REG_EXPOSURE_US ? round_exposure(camera, value) : value);
+    gige_set_reg(camera, address, value);
     if (address == GVBS_CONTROL)
         set_control(camera, value, from);
     else if (address == GVBS_PACKET_SIZE)
         gige_send_test_packet(camera, value);
     else if (address == GVBS_STAMP_CONTROL && value & 2)
         latch_time(camera);
-    else if (address == REG_ACQUISITION && value == 0)
-        gige_stop(camera);
-    else if (address == REG_TRIGGER && value == 1)
-        gige_trigger(camera, 1);
-    update_payload(camera);
     return TRUE;
+}
+
+static guint8 reg_byte(const VirtualGige *camera, guint address) {
+    return (guint8)(imager_reg(&camera->imager, address & ~3u) >> 8 * (3 - address % 4));
 }
 
 static gboolean read_memory(const VirtualGige *camera, guint32 address, gsize n, guint8 *ret) {
     for (gsize i = 0; i < n; i++) {
-        gsize at = address + i;
+        guint64 at = (guint64)address + i;
         if (at >= GENICAM_AT)
-            ret[i] = at - GENICAM_AT < camera->xml_size ? (guint8)camera->xml[at - GENICAM_AT] : 0;
-        else if (at < REG_END)
+            ret[i] = imager_xml_byte(&camera->imager, at);
+        else if (imager_has_reg(at))
+            ret[i] = reg_byte(camera, (guint)at);
+        else if (at < GVBS_END)
             ret[i] = camera->memory[at];
         else
             return FALSE;
@@ -234,7 +219,7 @@ void gige_serve(VirtualGige *camera, int from_socket) {
     gssize n = recvfrom(from_socket, request, sizeof request, MSG_DONTWAIT,
                         (struct sockaddr *)&from, &from_size);
     if (n < 8 || request[0] != 0x42 || (gssize)gige_get16(request + 4) + 8 > n ||
-        camera->faults.unplugged)
+        camera->imager.faults.unplugged)
         return;
     enum command command = gige_get16(request + 2);
     gsize given = gige_get16(request + 4);
@@ -251,8 +236,8 @@ void gige_serve(VirtualGige *camera, int from_socket) {
     gige_put16(reply + 2, command + 1);
     gige_put16(reply + 4, (guint)(status ? 0 : size));
     memcpy(reply + 6, request + 6, 2);
-    if (camera->faults.answer_us > 0)
-        g_usleep((gulong)camera->faults.answer_us);
+    if (camera->imager.faults.answer_us > 0)
+        g_usleep((gulong)camera->imager.faults.answer_us);
     sendto(camera->control, reply, 8 + (status ? 0 : size), 0, (struct sockaddr *)&from, from_size);
 }
 
@@ -263,5 +248,5 @@ void gige_check_heartbeat(VirtualGige *camera) {
         return;
     camera->has_controller = FALSE;
     gige_set_reg(camera, GVBS_CONTROL, 0);
-    gige_stop(camera);
+    imager_stop(&camera->imager);
 }

@@ -5,6 +5,7 @@
 #include <sys/socket.h>
 
 #define LEADER_SIZE 36
+#define FIRST_ID    65530
 
 enum content { LEADER = 1, TRAILER = 2, PAYLOAD = 3 };
 
@@ -12,21 +13,36 @@ static void gige_send_packet(VirtualGige *camera, const guint8 *packet, gsize si
     struct sockaddr_in to = {.sin_family = AF_INET,
                              .sin_port = htons((guint16)gige_reg(camera, GVBS_STREAM_PORT))};
     memcpy(&to.sin_addr, camera->memory + GVBS_STREAM_IP, 4);
-    gboolean fits = camera->faults.mtu == 0 || size + 28 <= (gsize)camera->faults.mtu;
-    if (camera->stream < 0 || camera->faults.unplugged || to.sin_port == 0 || !fits)
+    gboolean fits = camera->imager.faults.mtu == 0 || size + 28 <= (gsize)camera->imager.faults.mtu;
+    if (camera->stream < 0 || camera->imager.faults.unplugged || to.sin_port == 0 || !fits)
         return;
     sendto(camera->stream, packet, size, 0, (struct sockaddr *)&to, sizeof to);
 }
 
-static guint gige_n_blocks(const struct gige_kept *kept) {
-    gsize data = kept->packet - GIGE_OVERHEAD;
+/* Bytes of a picture in a packet. */
+static gsize data_size(const VirtualGige *camera) {
+    gsize packet = gige_reg(camera, GVBS_PACKET_SIZE) & 0xffff;
+    return packet > GIGE_OVERHEAD && packet <= MAX_PACKET ? packet - GIGE_OVERHEAD : 0;
+}
+
+/* 16 bits, and 0 is left out; it is soon around. */
+static guint gige_id(const struct imager_picture *kept) {
+    return (guint)((kept->id + FIRST_ID - 1) % 65535) + 1;
+}
+
+/* 0: none can be sent. */
+static guint gige_n_blocks(const VirtualGige *camera, const struct imager_picture *kept) {
+    gsize data = data_size(camera);
+    if (data == 0)
+        return 0;
     return (guint)((kept->size + data - 1) / data) + 2;
 }
 
-static gsize make_leader(const struct gige_kept *kept, guint8 *to) {
+static gsize make_leader(const struct imager_picture *kept, guint8 *to) {
+    guint64 ticks = gige_ticks(kept->stamp_us);
     gige_put32(to, 1); /* an image */
-    gige_put32(to + 4, (guint32)(kept->ticks >> 32));
-    gige_put32(to + 8, (guint32)kept->ticks);
+    gige_put32(to + 4, (guint32)(ticks >> 32));
+    gige_put32(to + 8, (guint32)ticks);
     gige_put32(to + 12, kept->format);
     gige_put32(to + 16, kept->width);
     gige_put32(to + 20, kept->height);
@@ -36,50 +52,48 @@ static gsize make_leader(const struct gige_kept *kept, guint8 *to) {
     return LEADER_SIZE;
 }
 
-static gsize make_trailer(const struct gige_kept *kept, guint8 *to) {
+static gsize make_trailer(const struct imager_picture *kept, guint8 *to) {
     gige_put32(to, 1);
     gige_put32(to + 4, kept->height);
     return 8;
 }
 
-static gsize make_payload(const struct gige_kept *kept, guint block, guint8 *to) {
-    gsize data = kept->packet - GIGE_OVERHEAD, from = (block - 1) * data;
+static gsize make_payload(const VirtualGige *camera, const struct imager_picture *kept, guint block,
+                          guint8 *to) {
+    gsize data = data_size(camera), from = (block - 1) * data;
     gsize size = MIN(data, kept->size - from);
     memcpy(to, kept->data + from, size);
     return size;
 }
 
-static void gige_send_block(VirtualGige *camera, const struct gige_kept *kept, guint block) {
+static void gige_send_block(VirtualGige *camera, const struct imager_picture *kept, guint block) {
     guint8 packet[MAX_PACKET];
-    guint n = gige_n_blocks(kept);
+    guint n = gige_n_blocks(camera, kept);
     enum content content = block == 0 ? LEADER : block == n - 1 ? TRAILER : PAYLOAD;
     gige_put16(packet, 0);
-    gige_put16(packet + 2, kept->id);
+    gige_put16(packet + 2, gige_id(kept));
     gige_put32(packet + 4, (guint32)content << 24 | block);
     gsize size = content == LEADER    ? make_leader(kept, packet + 8)
                  : content == TRAILER ? make_trailer(kept, packet + 8)
-                                      : make_payload(kept, block, packet + 8);
-    camera->state.packets++;
-    if ((kept->cut && block > n / 2) || g_rand_double(camera->rand) < camera->faults.loss)
-        camera->state.lost++;
+                                      : make_payload(camera, kept, block, packet + 8);
+    camera->imager.state.packets++;
+    if ((kept->cut && block > n / 2) || g_rand_double(camera->rand) < camera->imager.faults.loss)
+        camera->imager.state.lost++;
     else
         gige_send_packet(camera, packet, size + 8);
 }
 
-void gige_send_leader(VirtualGige *camera, const struct gige_kept *kept) {
-    gige_send_block(camera, kept, 0);
-}
-
 void gige_send_again(VirtualGige *camera, const guint8 *request, gsize size) {
-    if (size < 12 || camera->faults.no_resend)
+    if (size < 12 || camera->imager.faults.no_resend)
         return;
     guint id = gige_get16(request + 2);
     guint32 first = gige_get32(request + 4) & 0xffffff, last = gige_get32(request + 8) & 0xffffff;
-    for (int i = 0; i < GIGE_N_KEPT; i++) {
-        const struct gige_kept *kept = &camera->kept[i];
-        if (!kept->data || kept->id != id || first > last || last >= gige_n_blocks(kept))
+    for (int i = 0; i < IMAGER_N_KEPT; i++) {
+        const struct imager_picture *kept = &camera->imager.kept[i];
+        if (!kept->data || gige_id(kept) != id || first > last ||
+            last >= gige_n_blocks(camera, kept))
             continue;
-        for (guint32 block = first; block <= last; block++, camera->state.resent++)
+        for (guint32 block = first; block <= last; block++, camera->imager.state.resent++)
             gige_send_block(camera, kept, block);
     }
 }
@@ -92,16 +106,22 @@ void gige_send_test_packet(VirtualGige *camera, guint32 value) {
     gige_set_reg(camera, GVBS_PACKET_SIZE, value & ~(1u << 31));
 }
 
-void gige_send_picture(VirtualGige *camera) {
-    const struct gige_kept *kept = &camera->kept[0];
-    guint n = gige_n_blocks(kept);
+static void send_picture(gpointer data) {
+    VirtualGige *camera = data;
+    const struct imager_picture *kept = &camera->imager.kept[0];
+    guint n = gige_n_blocks(camera, kept);
     guint32 delay_us = gige_reg(camera, GVBS_PACKET_DELAY) / (GIGE_TICKS_HZ / 1000000);
-    camera->state.pictures++;
-    for (guint block = 0; block < n && gige_reg(camera, REG_ACQUISITION) == 1; block++) {
+    for (guint block = 0; block < n && imager_reg(&camera->imager, REG_ACQUISITION) == 1; block++) {
         gige_send_block(camera, kept, block);
-        g_mutex_unlock(&camera->mutex);
+        g_mutex_unlock(&camera->imager.mutex);
         if (delay_us > 0)
             g_usleep(delay_us);
-        g_mutex_lock(&camera->mutex);
+        g_mutex_lock(&camera->imager.mutex);
     }
 }
+
+static void announce(const struct imager_picture *picture, gpointer data) {
+    gige_send_block(data, picture, 0);
+}
+
+const struct imager_bus gige_bus = {announce, send_picture};

@@ -11,6 +11,8 @@
 #define COUPLE_MS     1
 #define LAMP_UNIT     1
 
+#define FIRST_U3V_PORT (MAX_USB + 1) /* of the virtual bus */
+
 /* Of a line: a busy desk computer is slower than a drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
@@ -277,7 +279,7 @@ static gboolean on_timer(gpointer data) {
 }
 
 /* In the camera's thread, as the exposure is over. */
-static void take_picture(const struct virtual_gige_exposure *exposure, gpointer data,
+static void take_picture(const struct virtual_exposure *exposure, gpointer data,
                          guint16 *ret_pixels) {
     struct eye *eye = data;
     World *world = eye->rig->world;
@@ -298,13 +300,13 @@ static char *format_of(const struct world_sensor *sensor) {
 }
 
 static void write_camera(VirtualRig *rig, const struct config_section *section,
-                         const struct world_sensor *sensor, const char *address) {
+                         const struct world_sensor *sensor, const char *device) {
     g_autofree char *format = format_of(sensor);
     rig_copy_section(rig, section, &sim_camera_driver.info, &aravis_camera_driver.info);
     g_string_append_printf(rig->text,
                            "device = %s\npixel_format = %s\nbits = %d\nblack_level_dn = %g\n",
-                           address, format, sensor->bits, sensor->black_level);
-    rig_list_device(rig, section, aravis_camera_driver.info.name, g_strdup(address));
+                           device, format, sensor->bits, sensor->black_level);
+    rig_list_device(rig, section, aravis_camera_driver.info.name, g_strdup(device));
 }
 
 static gboolean add_camera(VirtualRig *rig, const struct config_section *section, GError **error) {
@@ -320,19 +322,21 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
         return FALSE;
     }
     world_sensor(world, eye->camera, &sensor);
-    struct virtual_gige_options options = {.serial = section->name,
-                                           .width = sensor.width,
-                                           .height = sensor.height,
-                                           .bits = sensor.bits,
-                                           .cfa = sensor.cfa,
-                                           .black_level = sensor.black_level,
-                                           .picture = take_picture,
-                                           .data = eye};
-    eye->device = virtual_gige_new(&options, error);
-    if (!eye->device)
+    struct virtual_camera_options options = {.serial = section->name,
+                                             .width = sensor.width,
+                                             .height = sensor.height,
+                                             .bits = sensor.bits,
+                                             .cfa = sensor.cfa,
+                                             .black_level = sensor.black_level,
+                                             .picture = take_picture,
+                                             .data = eye};
+    if (rig_is_u3v(rig, section))
+        eye->u3v = virtual_u3v_new(&options, FIRST_U3V_PORT + rig->n_u3v++);
+    else if (!(eye->gige = virtual_gige_new(&options, NULL, error)))
         return FALSE;
     rig->n_eyes++;
-    write_camera(rig, section, &sensor, virtual_gige_address(eye->device));
+    write_camera(rig, section, &sensor,
+                 eye->u3v ? virtual_u3v_serial(eye->u3v) : virtual_gige_address(eye->gige));
     return TRUE;
 }
 
@@ -384,10 +388,12 @@ static gboolean fill(VirtualRig *rig, GError **error) {
     return FALSE;
 }
 
-VirtualRig *virtual_rig_new(const char *path, const char *const *usb, GError **error) {
+VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char *const *u3v,
+                            GError **error) {
     g_autoptr(VirtualRig) rig = g_new0(VirtualRig, 1);
     g_mutex_init(&rig->coupling);
     rig->usb = g_strdupv((char **)usb);
+    rig->u3v = g_strdupv((char **)u3v);
     rig->devices = g_array_new(FALSE, FALSE, sizeof(struct virtual_rig_device));
     g_array_set_clear_func(rig->devices, clear_device);
     rig->text = g_string_new(NULL);
@@ -407,8 +413,10 @@ void virtual_rig_free(VirtualRig *rig) {
         return;
     if (rig->timer)
         g_source_remove(rig->timer);
-    for (int i = 0; i < rig->n_eyes; i++)
-        virtual_gige_free(rig->eyes[i].device);
+    for (int i = 0; i < rig->n_eyes; i++) {
+        virtual_gige_free(rig->eyes[i].gige);
+        virtual_u3v_free(rig->eyes[i].u3v);
+    }
     rig_free_usb(rig);
     for (int i = 0; i < MAX_DEVICES; i++) {
         virtual_modbus_free(rig->drives[i].device);
@@ -420,6 +428,7 @@ void virtual_rig_free(VirtualRig *rig) {
     world_unref(rig->world);
     config_free(rig->config);
     g_strfreev(rig->usb);
+    g_strfreev(rig->u3v);
     g_string_free(rig->text, TRUE);
     g_array_unref(rig->devices);
     g_mutex_clear(&rig->coupling);
@@ -435,9 +444,13 @@ const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsiz
     return (const struct virtual_rig_device *)rig->devices->data;
 }
 
-void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults *faults) {
-    for (int i = 0; i < rig->n_eyes; i++)
-        virtual_gige_fail(rig->eyes[i].device, faults);
+void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults) {
+    for (int i = 0; i < rig->n_eyes; i++) {
+        if (rig->eyes[i].gige)
+            virtual_gige_fail(rig->eyes[i].gige, faults);
+        else
+            virtual_u3v_fail(rig->eyes[i].u3v, faults);
+    }
 }
 
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults) {
@@ -449,15 +462,18 @@ void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults 
 
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms) {
     for (int i = 0; i < rig->n_eyes; i++)
-        if (g_str_equal(rig->eyes[i].name, name))
-            virtual_gige_restart(rig->eyes[i].device, down_ms);
+        if (g_str_equal(rig->eyes[i].name, name) && rig->eyes[i].gige)
+            virtual_gige_restart(rig->eyes[i].gige, down_ms);
 }
 
-void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum) {
-    *ret_sum = (struct virtual_gige_state){0};
+void virtual_rig_cameras(VirtualRig *rig, struct virtual_camera_state *ret_sum) {
+    *ret_sum = (struct virtual_camera_state){0};
     for (int i = 0; i < rig->n_eyes; i++) {
-        struct virtual_gige_state state;
-        virtual_gige_state(rig->eyes[i].device, &state);
+        struct virtual_camera_state state;
+        if (rig->eyes[i].gige)
+            virtual_gige_state(rig->eyes[i].gige, &state);
+        else
+            virtual_u3v_state(rig->eyes[i].u3v, &state);
         ret_sum->triggers += state.triggers;
         ret_sum->missed += state.missed;
         ret_sum->pictures += state.pictures;

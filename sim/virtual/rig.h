@@ -2,9 +2,9 @@
  * A whole rig of virtual devices that speak the real protocols, on loopback: for every device of a
  * simulated rig one that a real driver opens. Axes are Modbus RTU drives on pseudo-terminals,
  * lamps, lasers and interlocks are Modbus TCP relay boards and inputs, cameras are GigE Vision; or
- * else axes are Pololu Tics, lamps and lasers hang on HID relay boards, and cameras are V4L2's, all
- * on a USB that umockdev pretends. All act on, or look at, the world of that rig, so that a lamp
- * switched by a relay is seen by the cameras.
+ * else axes are Pololu Tics, lamps and lasers hang on HID relay boards, and cameras are V4L2's or
+ * USB3 Vision's, all on a USB that umockdev pretends. All act on, or look at, the world of that
+ * rig, so that a lamp switched by a relay is seen by the cameras.
  *
  * Devices run in threads of their own; what moves and shines is carried over to the world by the
  * main loop, which must run, and before every picture.
@@ -25,9 +25,11 @@ struct virtual_rig_device {
 };
 
 /* path: a rig file whose drivers are all simulated. usb: the names of those of its devices that are
- * to be on USB, "all" for every one; NULL for none. Where there are any, the process must have
- * begun by testbed_enter(). Errors name what is wrong with the file. */
-VirtualRig *virtual_rig_new(const char *path, const char *const *usb, GError **error);
+ * to be on USB, "all" for every one; NULL for none. u3v: the same of cameras that are to be USB3
+ * Vision's, which need not be in usb. Where there are any, the process must have begun by
+ * testbed_enter(). Errors name what is wrong with the file. */
+VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char *const *u3v,
+                            GError **error);
 void virtual_rig_free(VirtualRig *rig); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualRig, virtual_rig_free)
 
@@ -42,16 +44,16 @@ char *virtual_rig_environment(const VirtualRig *rig);
 const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
 
 /* What all its cameras suffer from now on. */
-void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_gige_faults *faults);
+void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults);
 
 /* What all its Modbus devices suffer from now on. */
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
-/* A camera loses power for so long. name: of its section. */
+/* A GigE Vision camera loses power for so long. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
 /* How its cameras have fared, one after another: missed, lost, resent, pictures are sums. */
-void virtual_rig_cameras(VirtualRig *rig, struct virtual_gige_state *ret_sum);
+void virtual_rig_cameras(VirtualRig *rig, struct virtual_camera_state *ret_sum);
 
 /* What shines, and what moves, now. */
 struct virtual_rig_state {

@@ -1,9 +1,10 @@
-/* What the parts of a virtual rig share: rig.c has GigE Vision and Modbus, rig_usb.c USB and V4L2.
- */
+/* What the parts of a virtual rig share: rig.c has cameras of GigE Vision and USB3 Vision and
+ * Modbus, rig_usb.c the rest of USB, and V4L2. */
 #pragma once
 
 #include "rig.h"
 #include "sim/world_private.h"
+#include "u3v.h"
 #include "usb_relays.h"
 #include "usb_tic.h"
 #include "v4l2.h"
@@ -30,16 +31,18 @@ struct board { /* of relays and inputs */
     int n_coils, n_inputs;
 };
 
-struct eye {
+struct eye { /* on the network or on USB */
     VirtualRig *rig;
     const char *name; /* of its section */
     int camera;
-    VirtualGige *device;
+    VirtualGige *gige;
+    VirtualU3v *u3v;
 };
 
 struct VirtualRig {
     Config *config;
     char **usb; /* which are on USB */
+    char **u3v; /* which cameras are USB3 Vision's */
     World *world;
     GString *text;
     GArray *devices; /* of struct virtual_rig_device */
@@ -49,7 +52,7 @@ struct VirtualRig {
     VirtualTic *tics[MAX_USB];
     VirtualRelays *relays[MAX_USB], *switches; /* switches: of all lasers; one of relays */
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
-    int n_drives, n_boards, n_eyes, n_tics, n_relays, n_switched, n_videos;
+    int n_drives, n_boards, n_eyes, n_tics, n_relays, n_switched, n_videos, n_u3v;
     struct board *power; /* lasers and interlocks share one */
     GMutex coupling;
     guint timer;
@@ -82,6 +85,7 @@ void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
 void rig_list_device(VirtualRig *rig, const struct config_section *section, const char *driver,
                      char *where);
 
+gboolean rig_is_u3v(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section);
 gboolean rig_check_usb(const VirtualRig *rig, GError **error);
 gboolean rig_add_tic(VirtualRig *rig, const struct config_section *section, GError **error);

@@ -17,9 +17,17 @@
 #define HUB_MBIT_S 5000
 #define FRAME_RATE 25
 
+static gboolean is_in(char *const *names, const struct config_section *section) {
+    return names && (g_strv_contains((const char *const *)names, "all") ||
+                     g_strv_contains((const char *const *)names, section->name));
+}
+
+gboolean rig_is_u3v(const VirtualRig *rig, const struct config_section *section) {
+    return g_str_equal(section->class_name, "camera") && is_in(rig->u3v, section);
+}
+
 gboolean rig_is_usb(const VirtualRig *rig, const struct config_section *section) {
-    return rig->usb && (g_strv_contains((const char *const *)rig->usb, "all") ||
-                        g_strv_contains((const char *const *)rig->usb, section->name));
+    return is_in(rig->usb, section) && !rig_is_u3v(rig, section);
 }
 
 static gboolean has_section(const VirtualRig *rig, const char *name) {
@@ -31,14 +39,21 @@ static gboolean has_section(const VirtualRig *rig, const char *name) {
     return g_str_equal(name, "all");
 }
 
-gboolean rig_check_usb(const VirtualRig *rig, GError **error) {
-    for (char **name = rig->usb; name && *name; name++)
-        if (!has_section(rig, *name)) {
+static gboolean check_names(const VirtualRig *rig, char *const *names, GError **error) {
+    for (; names && *names; names++)
+        if (!has_section(rig, *names)) {
             g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: it has no device \"%s\"",
-                        config_path(rig->config), *name);
+                        config_path(rig->config), *names);
             return FALSE;
         }
-    if (!rig->usb || !*rig->usb || testbed_is_entered())
+    return TRUE;
+}
+
+gboolean rig_check_usb(const VirtualRig *rig, GError **error) {
+    gboolean any = (rig->usb && *rig->usb) || (rig->u3v && *rig->u3v);
+    if (!check_names(rig, rig->usb, error) || !check_names(rig, rig->u3v, error))
+        return FALSE;
+    if (!any || testbed_is_entered())
         return TRUE;
     g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
                 "virtual USB devices need umockdev's libumockdev-preload.so.0; install "
@@ -47,7 +62,7 @@ gboolean rig_check_usb(const VirtualRig *rig, GError **error) {
 }
 
 char *virtual_rig_environment(const VirtualRig *rig) {
-    if (rig->n_tics + rig->n_relays + rig->n_videos == 0)
+    if (rig->n_tics + rig->n_relays + rig->n_videos + rig->n_u3v == 0)
         return NULL;
     return g_strdup_printf("LD_PRELOAD=libumockdev-preload.so.0 UMOCKDEV_DIR=%s",
                            g_getenv("UMOCKDEV_DIR"));

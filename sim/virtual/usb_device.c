@@ -9,7 +9,9 @@
 
 #define SETUP_SIZE     8
 #define GET_DESCRIPTOR 6
+#define SET_FEATURE    3
 #define STRING_TYPE    3
+#define TO_ENDPOINT    0x02 /* a standard request */
 
 /* A request takes about as long as on a full-speed bus. */
 #define LATENCY_US 200
@@ -17,7 +19,10 @@
 /* Between two askings in vain. The mocked node always seems ready, so that libusb asks on. */
 #define IDLE_US 300
 
-enum { NAME_INDEX = 2, SERIAL_INDEX = 3 };
+/* The same for what may take long, without keeping other devices from being asked. */
+#define PATIENT_MS 1
+
+enum { MANUFACTURER_INDEX = 1, NAME_INDEX, SERIAL_INDEX, FIRST_INDEX };
 
 struct VirtualUsb {
     const struct virtual_usb_class *class;
@@ -30,12 +35,16 @@ struct VirtualUsb {
     GQueue flying; /* of struct flight */
     enum virtual_usb_fault fault;
     int n_requests;
+    guint8 *room; /* for what a bulk transfer brings */
+    int room_size;
+    guint32 halted; /* a bit an endpoint's number, from bit 16 on for those that the host reads */
 };
 
 struct flight {
     UMockdevIoctlClient *client; /* whose memory it is in: only it may reap; not a reference */
     UMockdevIoctlData *urb;
-    gint64 due_us; /* G_MAXINT64: never */
+    gboolean waits; /* a bulk transfer that has no data yet */
+    gint64 due_us;  /* G_MAXINT64: never */
     int status, length;
 };
 
@@ -63,41 +72,145 @@ static int answer_string(const char *text, guint8 *data, int length) {
     return n;
 }
 
-static int answer(VirtualUsb *usb, const guint8 *setup, guint8 *data) {
+static int answer_languages(guint8 *data, int length) {
+    static const guint8 english[] = {4, STRING_TYPE, 0x09, 0x04};
+    memcpy(data, english, (gsize)MIN(length, 4));
+    return MIN(length, 4);
+}
+
+static const char *find_string(const struct virtual_usb_class *class, int index) {
+    const char *const *more = class->strings;
+    if (index <= SERIAL_INDEX)
+        return index == NAME_INDEX     ? class->name
+               : index == SERIAL_INDEX ? class->serial
+                                       : class->manufacturer;
+    for (int i = FIRST_INDEX; more && *more; i++, more++)
+        if (i == index)
+            return *more;
+    return NULL;
+}
+
+static guint32 endpoint_bit(guint8 endpoint) {
+    return 1u << ((endpoint & 0x0f) + (endpoint & 0x80 ? 16 : 0));
+}
+
+/* FALSE: it is the class's own. */
+static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *data, int *ret) {
     int length = setup[6] | setup[7] << 8;
-    if (setup[0] == 0x80 && setup[1] == GET_DESCRIPTOR && setup[3] == STRING_TYPE)
-        return setup[2] == NAME_INDEX     ? answer_string(usb->class->name, data, length)
-               : setup[2] == SERIAL_INDEX ? answer_string(usb->class->serial, data, length)
-                                          : -EPIPE;
+    if (setup[0] == TO_ENDPOINT && setup[1] == SET_FEATURE) {
+        usb->halted |= endpoint_bit(setup[4]);
+        *ret = 0;
+        return TRUE;
+    }
+    if (setup[0] != 0x80 || setup[1] != GET_DESCRIPTOR || setup[3] != STRING_TYPE)
+        return FALSE;
+    const char *text = find_string(usb->class, setup[2]);
+    *ret = setup[2] == 0 ? answer_languages(data, length)
+           : text        ? answer_string(text, data, length)
+                         : -EPIPE;
+    return TRUE;
+}
+
+static int answer(VirtualUsb *usb, const guint8 *setup, guint8 *data) {
+    int n;
+    if (answer_standard(usb, setup, data, &n))
+        return n;
     usb->n_requests++;
     if (usb->fault == VIRTUAL_USB_STALLS)
         return -EPIPE;
-    int n = usb->class->control(usb->model, setup, data);
+    n = usb->class->control(usb->model, setup, data);
     return usb->fault == VIRTUAL_USB_SHORT && n > 0 ? n / 2 : n;
+}
+
+static gboolean is_halted(const VirtualUsb *usb, guint8 endpoint) {
+    return usb->fault == VIRTUAL_USB_STALLS || usb->halted & endpoint_bit(endpoint);
+}
+
+static void submit_control(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *buffer) {
+    gboolean silent = usb->fault == VIRTUAL_USB_SILENT;
+    int n = silent ? 0 : answer(usb, buffer->data, buffer->data + SETUP_SIZE);
+    flight->due_us = silent ? G_MAXINT64 : g_get_monotonic_time() + LATENCY_US;
+    flight->status = MIN(n, 0);
+    flight->length = MAX(n, 0);
+}
+
+static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *buffer) {
+    const struct usbdevfs_urb *urb = urb_of(flight);
+    flight->due_us = G_MAXINT64;
+    if (usb->fault == VIRTUAL_USB_SILENT)
+        return;
+    usb->n_requests++;
+    int n = is_halted(usb, urb->endpoint)
+                ? -EPIPE
+                : usb->class->bulk_out(usb->model, urb->endpoint, buffer->data, urb->buffer_length);
+    flight->due_us = 0;
+    flight->status = MIN(n, 0);
+    flight->length = MAX(n, 0);
+}
+
+static void give(struct flight *flight, const guint8 *bytes, int n) {
+    UMockdevIoctlData *buffer = umockdev_ioctl_data_resolve(
+        flight->urb, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)n, NULL);
+    memcpy(buffer->data, bytes, (gsize)n);
+    flight->length = n;
+    umockdev_ioctl_data_unref(buffer);
+}
+
+/* Asks for the data of a bulk transfer that waits for it. */
+static void fill(VirtualUsb *usb, struct flight *flight) {
+    const struct usbdevfs_urb *urb = urb_of(flight);
+    int size = urb->buffer_length;
+    if (usb->fault == VIRTUAL_USB_SILENT)
+        return;
+    if (usb->room_size < size)
+        usb->room = g_realloc(usb->room, (gsize)(usb->room_size = size));
+    int n = is_halted(usb, urb->endpoint)
+                ? -EPIPE
+                : usb->class->bulk_in(usb->model, urb->endpoint, usb->room, size);
+    if (n == -EAGAIN)
+        return;
+    if (usb->fault == VIRTUAL_USB_SHORT && n > 1)
+        n /= 2;
+    flight->waits = FALSE;
+    flight->due_us = 0;
+    flight->status = MIN(n, 0);
+    if (n > 0)
+        give(flight, usb->room, n);
+}
+
+static gboolean is_known(const VirtualUsb *usb, const struct usbdevfs_urb *urb) {
+    return urb->type == USBDEVFS_URB_TYPE_CONTROL ||
+           (urb->type == USBDEVFS_URB_TYPE_BULK &&
+            (urb->endpoint & 0x80 ? usb->class->bulk_in != NULL : usb->class->bulk_out != NULL));
+}
+
+static void launch(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *urb_data) {
+    const struct usbdevfs_urb *urb = (const struct usbdevfs_urb *)urb_data->data;
+    struct flight *flight = g_new0(struct flight, 1);
+    flight->client = client;
+    flight->urb = umockdev_ioctl_data_ref(urb_data);
+    flight->waits = urb->type == USBDEVFS_URB_TYPE_BULK && urb->endpoint & 0x80;
+    flight->due_us = G_MAXINT64;
+    if (!flight->waits) {
+        UMockdevIoctlData *buffer =
+            umockdev_ioctl_data_resolve(urb_data, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer),
+                                        (gsize)urb->buffer_length, NULL);
+        (urb->type == USBDEVFS_URB_TYPE_CONTROL ? submit_control : send_out)(usb, flight, buffer);
+        umockdev_ioctl_data_unref(buffer);
+    }
+    g_queue_push_tail(&usb->flying, flight);
 }
 
 static void submit(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
     UMockdevIoctlData *data =
         umockdev_ioctl_data_resolve(arg, 0, sizeof(struct usbdevfs_urb), NULL);
-    struct usbdevfs_urb *urb = (struct usbdevfs_urb *)data->data;
-    UMockdevIoctlData *buffer = umockdev_ioctl_data_resolve(
-        data, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)urb->buffer_length, NULL);
-    if (!usb->sysfs || urb->type != USBDEVFS_URB_TYPE_CONTROL || !buffer) {
-        umockdev_ioctl_client_complete(client, -1, usb->sysfs ? EINVAL : ENODEV);
-    } else {
-        struct flight *flight = g_new0(struct flight, 1);
-        gboolean silent = usb->fault == VIRTUAL_USB_SILENT;
-        int n = silent ? 0 : answer(usb, buffer->data, buffer->data + SETUP_SIZE);
-        flight->client = client;
-        flight->urb = umockdev_ioctl_data_ref(data);
-        flight->due_us = silent ? G_MAXINT64 : g_get_monotonic_time() + LATENCY_US;
-        flight->status = MIN(n, 0);
-        flight->length = MAX(n, 0);
-        g_queue_push_tail(&usb->flying, flight);
+    const struct usbdevfs_urb *urb = (const struct usbdevfs_urb *)data->data;
+    if (usb->sysfs && is_known(usb, urb) && urb->buffer_length > 0) {
+        launch(usb, client, data);
         umockdev_ioctl_client_complete(client, 0, 0);
+    } else {
+        umockdev_ioctl_client_complete(client, -1, usb->sysfs ? EINVAL : ENODEV);
     }
-    if (buffer)
-        umockdev_ioctl_data_unref(buffer);
     umockdev_ioctl_data_unref(data);
 }
 
@@ -109,6 +222,7 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
         if (flight->client == client && flight->urb->client_addr == address) {
             flight->due_us = 0;
             flight->status = -ENOENT;
+            flight->waits = FALSE;
             umockdev_ioctl_client_complete(client, 0, 0);
             return;
         }
@@ -117,10 +231,15 @@ static void discard(VirtualUsb *usb, UMockdevIoctlClient *client, const UMockdev
 }
 
 static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client) {
+    guint32 asked = 0; /* endpoints: what was submitted first gets its data first */
     for (GList *l = usb->flying.head; l; l = l->next) {
         struct flight *flight = l->data;
         if (flight->client != client)
             continue;
+        if (usb->sysfs && flight->waits && !(asked & endpoint_bit(urb_of(flight)->endpoint))) {
+            asked |= endpoint_bit(urb_of(flight)->endpoint);
+            fill(usb, flight);
+        }
         if (!usb->sysfs)
             flight->status = -ESHUTDOWN;
         if (!usb->sysfs || flight->due_us <= g_get_monotonic_time()) {
@@ -131,14 +250,31 @@ static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client
     return NULL;
 }
 
-static void reap(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
-    struct flight *flight = pop_due(usb, client);
-    if (!flight) {
+static gboolean on_patient(gpointer data) {
+    umockdev_ioctl_client_complete(data, -1, EAGAIN);
+    return G_SOURCE_REMOVE;
+}
+
+/* A device of bulk transfers waits most of its time, and there may be eight of them. */
+static void try_later(VirtualUsb *usb, UMockdevIoctlClient *client) {
+    if (!usb->sysfs || !usb->class->bulk_in) {
         int code = usb->sysfs ? EAGAIN : ENODEV;
         g_mutex_unlock(&usb->mutex);
         g_usleep(IDLE_US);
         g_mutex_lock(&usb->mutex);
         umockdev_ioctl_client_complete(client, -1, code);
+        return;
+    }
+    GSource *source = g_timeout_source_new(PATIENT_MS);
+    g_source_set_callback(source, on_patient, g_object_ref(client), g_object_unref);
+    g_source_attach(source, g_main_context_get_thread_default());
+    g_source_unref(source);
+}
+
+static void reap(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
+    struct flight *flight = pop_due(usb, client);
+    if (!flight) {
+        try_later(usb, client);
         return;
     }
     urb_of(flight)->status = flight->status;
@@ -150,9 +286,18 @@ static void reap(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData
     flight_free(flight);
 }
 
+static void clear_halt(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
+    UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, sizeof(guint), NULL);
+    usb->halted &= ~endpoint_bit((guint8) * (guint *)data->data);
+    umockdev_ioctl_client_complete(client, 0, 0);
+    umockdev_ioctl_data_unref(data);
+}
+
+/* Transfers may have any size, as with xHCI's controllers. */
 static void get_capabilities(UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
     UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, sizeof(guint32), NULL);
-    *(guint32 *)data->data = USBDEVFS_CAP_REAP_AFTER_DISCONNECT;
+    *(guint32 *)data->data = USBDEVFS_CAP_REAP_AFTER_DISCONNECT | USBDEVFS_CAP_NO_PACKET_SIZE_LIM |
+                             USBDEVFS_CAP_BULK_SCATTER_GATHER;
     umockdev_ioctl_client_complete(client, 0, 0);
     umockdev_ioctl_data_unref(data);
 }
@@ -188,6 +333,8 @@ static gboolean on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client
         discard(usb, client, arg);
     else if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY)
         reap(usb, client, arg);
+    else if (request == USBDEVFS_CLEAR_HALT)
+        clear_halt(usb, client, arg);
     else if (request == USBDEVFS_IOCTL || request == USBDEVFS_GETDRIVER)
         umockdev_ioctl_client_complete(client, -1, ENODATA); /* there is no kernel driver */
     else
@@ -197,24 +344,18 @@ static gboolean on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client
 }
 
 static char *descriptors_hex(const struct virtual_usb_class *class) {
-    guint8 device[18] = {18,
-                         1,
-                         0,
-                         2,
-                         0,
-                         0,
-                         0,
-                         64,
-                         class->vendor & 0xff,
-                         class->vendor >> 8,
-                         class->product & 0xff,
-                         class->product >> 8,
-                         0,
-                         1,
-                         0,
-                         NAME_INDEX,
-                         SERIAL_INDEX,
-                         1};
+    gboolean super = class->speed_mbit_s >= 5000;
+    const guint8 *kind = class->device_class;
+    guint8 device[18] = {18, 1, 0, super ? 3 : 2, kind[0], kind[1], kind[2], super ? 9 : 64};
+    device[8] = class->vendor & 0xff;
+    device[9] = class->vendor >> 8;
+    device[10] = class->product & 0xff;
+    device[11] = class->product >> 8;
+    device[13] = 1;
+    device[14] = class->manufacturer ? MANUFACTURER_INDEX : 0;
+    device[15] = NAME_INDEX;
+    device[16] = SERIAL_INDEX;
+    device[17] = 1;
     GString *hex = g_string_new(NULL);
     for (gsize i = 0; i < sizeof device; i++)
         g_string_append_printf(hex, "%02X", device[i]);
@@ -232,16 +373,18 @@ void virtual_usb_plug(VirtualUsb *usb) {
     g_assert_no_error(error);
     g_autofree char *hex = descriptors_hex(usb->class);
     gboolean serial = *usb->class->serial != 0;
+    int speed = usb->class->speed_mbit_s > 0 ? usb->class->speed_mbit_s : 12;
     g_autofree char *text = g_strdup_printf(
         "P: /devices/usb1/1-%d\nN: bus/usb/001/%03d\n"
         "E: SUBSYSTEM=usb\nE: DRIVER=usb\nE: BUSNUM=001\nE: DEVNUM=%03d\n"
         "E: DEVNAME=/dev/bus/usb/001/%03d\nE: DEVTYPE=usb_device\n"
-        "A: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=%d\\n\nA: speed=12\\n\n"
+        "A: bConfigurationValue=1\\n\nA: busnum=1\\n\nA: devnum=%d\\n\nA: speed=%d\\n\n"
         "A: product=%s\\n\n%s%s%sH: descriptors=%s\n",
-        usb->port, usb->address, usb->address, usb->address, usb->address, usb->class->name,
+        usb->port, usb->address, usb->address, usb->address, usb->address, speed, usb->class->name,
         serial ? "A: serial=" : "", serial ? usb->class->serial : "", serial ? "\\n\n" : "", hex);
     virtual_usb_lock(usb);
     usb->sysfs = g_strdup_printf("/sys/devices/usb1/1-%d", usb->port);
+    usb->halted = 0;
     virtual_usb_unlock(usb);
     umockdev_testbed_add_from_string(testbed, text, &error);
     g_assert_no_error(error);
@@ -304,12 +447,19 @@ void virtual_usb_free(VirtualUsb *usb) {
     g_queue_clear_full(&usb->flying, (GDestroyNotify)flight_free);
     g_mutex_clear(&usb->mutex);
     g_free(usb->node);
+    g_free(usb->room);
     g_free(usb);
 }
 
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault) {
     virtual_usb_lock(usb);
     usb->fault = fault;
+    virtual_usb_unlock(usb);
+}
+
+void virtual_usb_halt(VirtualUsb *usb, guint8 endpoint) {
+    virtual_usb_lock(usb);
+    usb->halted |= endpoint_bit(endpoint);
     virtual_usb_unlock(usb);
 }
 

@@ -19,11 +19,22 @@ struct virtual_usb_class {
     /* A control request: setup has 8 bytes, data setup's length. Returns how many bytes of data are
      * the answer, or -EPIPE to stall. */
     int (*control)(gpointer model, const guint8 *setup, guint8 *data);
+
+    /* What follows may be left out. */
+    guint8 device_class[3]; /* class, subclass, protocol */
+    int speed_mbit_s;       /* 5000 for SuperSpeed; 0: 12, full speed */
+    const char *manufacturer;
+    const char *const *strings; /* further ones, numbered from 4 on, NULL-terminated */
+    /* A transfer to a bulk endpoint; -EPIPE to stall. */
+    int (*bulk_out)(gpointer model, guint8 endpoint, const guint8 *data, int n);
+    /* One from a bulk endpoint, of no more than size bytes: asked again and again while it answers
+     * -EAGAIN. */
+    int (*bulk_in)(gpointer model, guint8 endpoint, guint8 *data, int size);
 };
 
 enum virtual_usb_fault {
     VIRTUAL_USB_WELL,
-    VIRTUAL_USB_STALLS, /* every request of the class's own */
+    VIRTUAL_USB_STALLS, /* every request of the class's own, and every bulk transfer */
     VIRTUAL_USB_SILENT, /* never answers them */
     VIRTUAL_USB_SHORT,  /* answers half of what it should */
 };
@@ -39,6 +50,9 @@ void virtual_usb_plug(VirtualUsb *usb); /* with a new address, as on a real bus 
 /* What is under way is answered (or not) as before. */
 void virtual_usb_set_fault(VirtualUsb *usb, enum virtual_usb_fault fault);
 int virtual_usb_n_requests(VirtualUsb *usb); /* of the class's own, so far */
+
+/* This endpoint stalls until the host clears it. */
+void virtual_usb_halt(VirtualUsb *usb, guint8 endpoint);
 
 /* Around looking at, or changing, a model from the test. */
 void virtual_usb_lock(VirtualUsb *usb);

@@ -29,7 +29,7 @@ static const GOptionEntry entries[] = {
 
 static guint16 *painted; /* the same for all: making pictures is not what is measured */
 
-static void paint(const struct virtual_gige_exposure *exposure, gpointer data, guint16 *pixels) {
+static void paint(const struct virtual_exposure *exposure, gpointer data, guint16 *pixels) {
     memcpy(pixels, painted, WIDTH * HEIGHT * sizeof *pixels);
     pixels[0] = (guint16)(exposure->n & 0xfff);
     pixels[1] = (guint16)(exposure->n >> 12 & 0xfff);
@@ -37,14 +37,14 @@ static void paint(const struct virtual_gige_exposure *exposure, gpointer data, g
 
 static VirtualGige *make_device(int i) {
     g_autofree char *serial = g_strdup_printf("BENCH%d", i);
-    struct virtual_gige_options options = {.serial = serial,
-                                           .width = WIDTH,
-                                           .height = HEIGHT,
-                                           .bits = 8,
-                                           .cfa = CFA_RGGB,
-                                           .picture = paint};
+    struct virtual_camera_options options = {.serial = serial,
+                                             .width = WIDTH,
+                                             .height = HEIGHT,
+                                             .bits = 8,
+                                             .cfa = CFA_RGGB,
+                                             .picture = paint};
     GError *error = NULL;
-    VirtualGige *device = virtual_gige_new(&options, &error);
+    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
     if (!device)
         g_error("bench_gige: %s", error->message);
     return device;
@@ -132,7 +132,7 @@ static void run(struct seat *seats, struct tally *tally) {
 static void print(struct seat *seats, const struct tally *tally) {
     guint64 resent = 0, packets = 0;
     for (int i = 0; i < N_CAMERAS; i++) {
-        struct virtual_gige_state state;
+        struct virtual_camera_state state;
         virtual_gige_state(seats[i].eye.device, &state);
         resent += state.resent;
         packets += state.packets;

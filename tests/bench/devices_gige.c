@@ -83,15 +83,15 @@ static void connect_bare(struct bare *bare, const char *address) {
 }
 
 /* As quick as can be: making pictures is not what is measured. */
-static void paint(const struct virtual_gige_exposure *exposure, gpointer data, guint16 *pixels) {
+static void paint(const struct virtual_exposure *exposure, gpointer data, guint16 *pixels) {
     pixels[0] = (guint16)exposure->n;
 }
 
 static VirtualGige *make_device(const char *serial, int width, int height) {
-    struct virtual_gige_options options = {
+    struct virtual_camera_options options = {
         .serial = serial, .width = width, .height = height, .bits = 8, .picture = paint};
     GError *error = NULL;
-    VirtualGige *device = virtual_gige_new(&options, &error);
+    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
     if (!device)
         g_error("bench: %s", error->message);
     return device;

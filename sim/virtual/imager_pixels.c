@@ -1,4 +1,4 @@
-#include "gige_private.h"
+#include "imager_private.h"
 
 #include <string.h>
 
@@ -33,16 +33,16 @@ static const struct kind *find(guint32 format, enum cfa cfa) {
     return NULL;
 }
 
-gsize virtual_gige_payload(guint32 format, enum cfa cfa, int width, int height) {
+gsize imager_payload(guint32 format, enum cfa cfa, int width, int height) {
     const struct kind *kind = find(format, cfa);
     return kind ? ((gsize)width * (gsize)height * (format >> 16 & 0xff) + 7) / 8 : 0;
 }
 
-guint32 virtual_gige_first_format(enum cfa cfa) {
+guint32 imager_first_format(enum cfa cfa) {
     return kinds[0].codes[cfa];
 }
 
-void virtual_gige_append_formats(GString *xml, enum cfa cfa) {
+void imager_append_formats(GString *xml, enum cfa cfa) {
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         g_string_append_printf(xml, "<EnumEntry Name=\"%s%s\"><Value>%u</Value></EnumEntry>\n",
                                phases[cfa], kinds[i].name, kinds[i].codes[cfa]);
@@ -72,8 +72,8 @@ static void put_plain(guint8 *to, const guint16 *values, gsize n, gboolean words
     }
 }
 
-void virtual_gige_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
-                       guint8 *to) {
+void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
+                 guint8 *to) {
     const struct kind *kind = find(format, cfa);
     g_return_if_fail(kind);
     g_autofree guint16 *values = g_new(guint16, n);

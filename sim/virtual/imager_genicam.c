@@ -1,4 +1,4 @@
-#include "gige_private.h"
+#include "imager_private.h"
 
 #define NAMESPACE "http://www.genicam.org/GenApi/Version_1_1"
 
@@ -26,44 +26,52 @@ static const char *const features[] = {"DeviceVendorName",
                                        "ExposureAuto",
                                        "Gain",
                                        "BlackLevel",
-                                       "GevSCPSPacketSize",
-                                       "GevSCPD",
-                                       "GevSCPSFireTestPacket"};
+                                       NULL};
 
-static void add_register(GString *xml, const char *name, guint address, const char *access) {
-    g_string_append_printf(xml,
-                           "<IntReg Name=\"%sReg\"><Address>0x%x</Address><Length>4</Length>"
+void imager_xml_register(struct imager_xml *xml, const char *name, guint address, int length,
+                         const char *access) {
+    g_string_append_printf(xml->text,
+                           "<IntReg Name=\"%sReg\"><Address>0x%x</Address><Length>%d</Length>"
                            "<AccessMode>%s</AccessMode><pPort>Device</pPort>"
-                           "<Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></IntReg>\n",
-                           name, address, access);
+                           "<Sign>Unsigned</Sign><Endianess>%s</Endianess></IntReg>\n",
+                           name, address, length, access, xml->endianness);
 }
 
-/* limits: elements, as <Min> and <pMax>. */
-static void add_integer(GString *xml, const char *name, guint address, const char *access,
-                        const char *limits) {
-    g_string_append_printf(xml, "<Integer Name=\"%s\"><pValue>%sReg</pValue>%s</Integer>\n", name,
-                           name, limits);
-    add_register(xml, name, address, access);
+void imager_xml_integer(struct imager_xml *xml, const char *name, guint address, int length,
+                        const char *access, const char *limits) {
+    g_string_append_printf(xml->text, "<Integer Name=\"%s\"><pValue>%sReg</pValue>%s</Integer>\n",
+                           name, name, limits);
+    imager_xml_register(xml, name, address, length, access);
 }
 
-static void add_string(GString *xml, const char *name, guint address, int length) {
-    g_string_append_printf(xml,
+void imager_xml_string(struct imager_xml *xml, const char *name, guint address, int length) {
+    g_string_append_printf(xml->text,
                            "<StringReg Name=\"%s\"><Address>0x%x</Address><Length>%d</Length>"
                            "<AccessMode>RO</AccessMode><pPort>Device</pPort></StringReg>\n",
                            name, address, length);
 }
 
-static void add_command(GString *xml, const char *name, const char *reg, int value) {
-    g_string_append_printf(xml,
+void imager_xml_command(struct imager_xml *xml, const char *name, const char *reg, int value) {
+    g_string_append_printf(xml->text,
                            "<Command Name=\"%s\"><pValue>%sReg</pValue>"
                            "<CommandValue>%d</CommandValue></Command>\n",
                            name, reg, value);
 }
 
+static void add_register(struct imager_xml *xml, const char *name, guint address,
+                         const char *access) {
+    imager_xml_register(xml, name, address, 4, access);
+}
+
+static void add_integer(struct imager_xml *xml, const char *name, guint address, const char *access,
+                        const char *limits) {
+    imager_xml_integer(xml, name, address, 4, access, limits);
+}
+
 /* A register that counts parts of a unit. */
-static void add_float(GString *xml, const char *name, guint address, const char *unit, double parts,
-                      double max) {
-    g_string_append_printf(xml,
+static void add_float(struct imager_xml *xml, const char *name, guint address, const char *unit,
+                      double parts, double max) {
+    g_string_append_printf(xml->text,
                            "<Float Name=\"%s\"><pValue>%sConverter</pValue><Min>0</Min>"
                            "<Max>%g</Max><Unit>%s</Unit></Float>\n"
                            "<Converter Name=\"%sConverter\"><FormulaTo>FROM*%g</FormulaTo>"
@@ -73,27 +81,21 @@ static void add_float(GString *xml, const char *name, guint address, const char 
 }
 
 /* entries: names in the order of their values, NULL-terminated. */
-static void add_choice(GString *xml, const char *name, guint address, const char *const *entries) {
-    g_string_append_printf(xml, "<Enumeration Name=\"%s\">\n", name);
+static void add_choice(struct imager_xml *xml, const char *name, guint address,
+                       const char *const *entries) {
+    g_string_append_printf(xml->text, "<Enumeration Name=\"%s\">\n", name);
     for (int i = 0; entries[i]; i++)
-        g_string_append_printf(xml, "<EnumEntry Name=\"%s\"><Value>%d</Value></EnumEntry>\n",
+        g_string_append_printf(xml->text, "<EnumEntry Name=\"%s\"><Value>%d</Value></EnumEntry>\n",
                                entries[i], i);
     if (address == 0) {
-        g_string_append(xml, "<Value>0</Value></Enumeration>\n");
+        g_string_append(xml->text, "<Value>0</Value></Enumeration>\n");
         return;
     }
-    g_string_append_printf(xml, "<pValue>%sReg</pValue></Enumeration>\n", name);
+    g_string_append_printf(xml->text, "<pValue>%sReg</pValue></Enumeration>\n", name);
     add_register(xml, name, address, "RW");
 }
 
-static void add_device(GString *xml) {
-    add_string(xml, "DeviceVendorName", GVBS_VENDOR, 32);
-    add_string(xml, "DeviceModelName", GVBS_MODEL, 32);
-    add_string(xml, "DeviceSerialNumber", GVBS_SERIAL, 16);
-    add_string(xml, "DeviceID", GVBS_SERIAL, 16);
-}
-
-static void add_image(GString *xml, enum cfa cfa) {
+static void add_image(struct imager_xml *xml, enum cfa cfa) {
     add_integer(xml, "SensorWidth", REG_SENSOR_WIDTH, "RO", "");
     add_integer(xml, "SensorHeight", REG_SENSOR_HEIGHT, "RO", "");
     add_integer(xml, "Width", REG_WIDTH, "RW", "<Min>2</Min><pMax>SensorWidth</pMax><Inc>2</Inc>");
@@ -104,13 +106,13 @@ static void add_image(GString *xml, enum cfa cfa) {
     add_integer(xml, "OffsetY", REG_OFFSET_Y, "RW",
                 "<Min>0</Min><pMax>SensorHeight</pMax><Inc>2</Inc>");
     add_integer(xml, "PayloadSize", REG_PAYLOAD, "RO", "");
-    g_string_append(xml, "<Enumeration Name=\"PixelFormat\">\n");
-    virtual_gige_append_formats(xml, cfa);
-    g_string_append(xml, "<pValue>PixelFormatReg</pValue></Enumeration>\n");
+    g_string_append(xml->text, "<Enumeration Name=\"PixelFormat\">\n");
+    imager_append_formats(xml->text, cfa);
+    g_string_append(xml->text, "<pValue>PixelFormatReg</pValue></Enumeration>\n");
     add_register(xml, "PixelFormat", REG_FORMAT, "RW");
 }
 
-static void add_acquisition(GString *xml) {
+static void add_acquisition(struct imager_xml *xml) {
     static const char *const modes[] = {"Continuous", NULL}, *const selectors[] = {"FrameStart",
                                                                                    NULL};
     static const char *const off_on[] = {"Off", "On", NULL};
@@ -125,12 +127,12 @@ static void add_acquisition(GString *xml) {
     add_choice(xml, "TriggerSource", REG_TRIGGER_FROM, sources);
     add_choice(xml, "TriggerActivation", 0, edges);
     add_choice(xml, "ExposureAuto", REG_AUTO_EXPOSURE, automatic);
-    add_command(xml, "AcquisitionStart", "Acquisition", 1);
-    add_command(xml, "AcquisitionStop", "Acquisition", 0);
+    imager_xml_command(xml, "AcquisitionStart", "Acquisition", 1);
+    imager_xml_command(xml, "AcquisitionStop", "Acquisition", 0);
     add_register(xml, "Acquisition", REG_ACQUISITION, "WO");
-    add_command(xml, "TriggerSoftware", "Trigger", 1);
+    imager_xml_command(xml, "TriggerSoftware", "Trigger", 1);
     add_register(xml, "Trigger", REG_TRIGGER, "WO");
-    g_string_append_printf(xml,
+    g_string_append_printf(xml->text,
                            "<Float Name=\"ExposureTime\"><pValue>ExposureTimeReg</pValue>%s"
                            "<Unit>us</Unit></Float>\n",
                            exposures);
@@ -139,38 +141,29 @@ static void add_acquisition(GString *xml) {
     add_float(xml, "BlackLevel", REG_BLACK, "DN", 10, 4095);
 }
 
-static void add_transport(GString *xml) {
-    g_autofree char *sizes = g_strdup_printf("<Min>576</Min><Max>%d</Max><Inc>4</Inc>", MAX_PACKET);
-    g_string_append_printf(xml,
-                           "<Integer Name=\"GevSCPSPacketSize\"><pValue>PacketSizeReg</pValue>%s"
-                           "</Integer>\n<MaskedIntReg Name=\"PacketSizeReg\">"
-                           "<Address>0x%x</Address><Length>4</Length><AccessMode>RW</AccessMode>"
-                           "<pPort>Device</pPort><LSB>31</LSB><MSB>16</MSB><Sign>Unsigned</Sign>"
-                           "<Endianess>BigEndian</Endianess></MaskedIntReg>\n"
-                           "<MaskedIntReg Name=\"FireReg\">"
-                           "<Address>0x%x</Address><Length>4</Length><AccessMode>RW</AccessMode>"
-                           "<pPort>Device</pPort><Bit>0</Bit><Sign>Unsigned</Sign>"
-                           "<Endianess>BigEndian</Endianess></MaskedIntReg>\n",
-                           sizes, GVBS_PACKET_SIZE, GVBS_PACKET_SIZE);
-    add_command(xml, "GevSCPSFireTestPacket", "Fire", 1);
-    add_integer(xml, "GevSCPD", GVBS_PACKET_DELAY, "RW", "<Min>0</Min><Max>1000000000</Max>");
+static void list(GString *text, const char *const *names) {
+    for (; *names; names++)
+        g_string_append_printf(text, "<pFeature>%s</pFeature>\n", *names);
 }
 
-char *virtual_gige_genicam(enum cfa cfa) {
-    GString *xml = g_string_new("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
-    g_string_append(xml, "<RegisterDescription ModelName=\"VirtualCamera\" VendorName=\"Mesorig\" "
-                         "StandardNameSpace=\"GEV\" SchemaMajorVersion=\"1\" "
-                         "SchemaMinorVersion=\"1\" SchemaSubMinorVersion=\"0\" MajorVersion=\"1\" "
-                         "MinorVersion=\"0\" SubMinorVersion=\"0\" ToolTip=\"Virtual camera\" "
-                         "ProductGuid=\"0\" VersionGuid=\"0\" xmlns=\"" NAMESPACE "\">\n"
-                         "<Category Name=\"Root\">\n");
-    for (gsize i = 0; i < G_N_ELEMENTS(features); i++)
-        g_string_append_printf(xml, "<pFeature>%s</pFeature>\n", features[i]);
-    g_string_append(xml, "</Category>\n");
-    add_device(xml);
-    add_image(xml, cfa);
-    add_acquisition(xml);
-    add_transport(xml);
-    g_string_append(xml, "<Port Name=\"Device\"></Port>\n</RegisterDescription>\n");
-    return g_string_free(xml, FALSE);
+char *imager_genicam(enum cfa cfa, const struct imager_transport *transport) {
+    GString *text = g_string_new("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
+    struct imager_xml xml = {text, transport->endianness};
+    g_string_append_printf(
+        text,
+        "<RegisterDescription ModelName=\"VirtualCamera\" VendorName=\"Mesorig\" "
+        "StandardNameSpace=\"%s\" SchemaMajorVersion=\"1\" "
+        "SchemaMinorVersion=\"1\" SchemaSubMinorVersion=\"0\" MajorVersion=\"1\" "
+        "MinorVersion=\"0\" SubMinorVersion=\"0\" ToolTip=\"Virtual camera\" "
+        "ProductGuid=\"0\" VersionGuid=\"0\" xmlns=\"" NAMESPACE "\">\n"
+        "<Category Name=\"Root\">\n",
+        transport->space);
+    list(text, features);
+    list(text, transport->features);
+    g_string_append(text, "</Category>\n");
+    add_image(&xml, cfa);
+    add_acquisition(&xml);
+    transport->add(&xml);
+    g_string_append(text, "<Port Name=\"Device\"></Port>\n</RegisterDescription>\n");
+    return g_string_free(text, FALSE);
 }

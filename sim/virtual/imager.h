@@ -1,0 +1,65 @@
+/*
+ * What virtual GenICam cameras have in common, whatever bus they are on: how one is described,
+ * where its pictures come from, how it fails, and how it has fared.
+ */
+#pragma once
+
+#include "drivers/frame.h"
+
+struct virtual_exposure {
+    guint64 n;                    /* counts the pictures of this camera from 1 */
+    gint64 start_us, exposure_us; /* of g_get_monotonic_time() */
+    double gain_db;
+};
+
+/* Called in the camera's own thread when an exposure is over. pixels holds height × width values of
+ * the sensor's bits, at a black level of options.black_level. */
+typedef void (*VirtualPicture)(const struct virtual_exposure *exposure, gpointer data,
+                               guint16 *ret_pixels);
+
+struct virtual_camera_options {
+    const char *serial; /* up to 15 characters */
+    int width, height, bits;
+    enum cfa cfa;
+    double black_level;     /* what its BlackLevel says at first, in DN of the sensor */
+    VirtualPicture picture; /* NULL: a ramp that differs from picture to picture */
+    gpointer data;
+};
+
+/* How it fails from now on. Counts run down. */
+struct virtual_camera_faults {
+    int cut;             /* pictures that end in the middle, and cannot be asked for again */
+    int blind;           /* triggers that are acknowledged and make no picture */
+    int old;             /* pictures that are the one before, with its time stamp */
+    gint64 ahead_us;     /* time stamps of pictures are so much in the future */
+    gint64 late_us;      /* pictures leave so much later */
+    int odd;             /* pictures that say they are narrower than they are */
+    gboolean stamps_end; /* time stamps mark the end of the exposure, as some makers' do */
+    gint64 slow_us;      /* from the trigger to the exposure */
+    gboolean announces;  /* the first packet of a picture leaves when it is triggered, too */
+    gint64 answer_us;    /* every answer on its control channel is so late */
+    double rounding_us;  /* exposures are multiples of this; 0: of 1 µs */
+
+    /* GigE Vision alone. */
+    double loss;        /* part of the packets of pictures that is lost on the way */
+    gboolean no_resend; /* what is asked for again does not come */
+    gboolean unplugged; /* nothing comes through */
+    int mtu;            /* larger packets do not get through; 0: all do */
+
+    /* USB3 Vision alone. */
+    int headless; /* pictures without their leader */
+    int tailless; /* pictures without their trailer */
+    int stunted;  /* pictures whose trailer ends in its middle */
+    int hollow;   /* leaders and trailers with no picture between them */
+};
+
+struct virtual_camera_state {
+    gboolean controlled, acquiring, automatic; /* automatic: it sets its exposure itself */
+    int packet_size, pixel_format;             /* packet_size: GigE Vision alone */
+    gint64 exposure_us;
+    double gain_db, black_level;
+    gint64 triggered_us;           /* the last trigger that began an exposure */
+    guint64 triggers, missed;      /* missed: came while it still exposed */
+    guint64 pictures;              /* sent */
+    guint64 packets, lost, resent; /* GigE Vision alone */
+};

@@ -1,0 +1,131 @@
+/* The inside of virtual GenICam cameras that is the same on every bus: registers, trigger, exposure
+ * and pictures (imager.c), the GenICam file that describes them (imager_genicam.c), and pictures as
+ * bytes (imager_pixels.c). */
+#pragma once
+
+#include "imager.h"
+
+/* The camera's own registers, four bytes each. */
+#define REG_BEGIN         0x1100
+#define REG_WIDTH         0x1100
+#define REG_HEIGHT        0x1104
+#define REG_OFFSET_X      0x1108
+#define REG_OFFSET_Y      0x110c
+#define REG_FORMAT        0x1110
+#define REG_ACQUISITION   0x1114
+#define REG_EXPOSURE_US   0x1118
+#define REG_GAIN          0x111c /* 1/100 dB */
+#define REG_BLACK         0x1120 /* 1/10 DN */
+#define REG_TRIGGER_MODE  0x1124
+#define REG_TRIGGER_FROM  0x1128 /* 0 Line0, 1 Software */
+#define REG_TRIGGER       0x112c
+#define REG_SENSOR_WIDTH  0x1130
+#define REG_SENSOR_HEIGHT 0x1134
+#define REG_PAYLOAD       0x1138
+#define REG_AUTO_EXPOSURE 0x113c
+#define REG_END           0x1140
+
+#define GENICAM_AT 0x10000 /* where the file begins */
+
+#define MIN_EXPOSURE_US 10
+#define MAX_EXPOSURE_US 60000000
+#define MAX_GAIN        2400
+
+#define TRIGGER_LINE     0 /* of REG_TRIGGER_FROM */
+#define TRIGGER_SOFTWARE 1
+
+#define IMAGER_N_KEPT 2
+
+struct imager_picture {
+    guint64 id; /* counts from 1 */
+    gint64 stamp_us;
+    guint32 format, width, height, x, y;
+    guint8 *data;
+    gsize size;
+    gboolean cut;
+};
+
+/* How pictures leave, with the mutex locked. */
+struct imager_bus {
+    void (*announce)(const struct imager_picture *picture, gpointer data);
+    void (*send)(gpointer data); /* the last one kept; may unlock for a while */
+};
+
+struct imager {
+    struct virtual_camera_options options;
+    const struct imager_bus *bus;
+    gpointer data;
+    char *xml;
+    gsize xml_size;
+    GThread *thread;
+
+    GMutex mutex; /* guards what follows */
+    GCond cond;
+    guint32 regs[(REG_END - REG_BEGIN) / 4];
+    struct virtual_camera_faults faults;
+    struct virtual_camera_state state;
+    gboolean quit, triggered, exposing;
+    guint64 last_id;
+    struct imager_picture kept[IMAGER_N_KEPT]; /* the latest first */
+};
+
+/* Takes xml. Registers are as delivered; the thread is begun by imager_start(). */
+void imager_init(struct imager *imager, const struct virtual_camera_options *options, char *xml,
+                 const struct imager_bus *bus, gpointer data);
+void imager_start(struct imager *imager);
+void imager_quit(struct imager *imager); /* ends the thread, if it was begun */
+void imager_clear(struct imager *imager);
+
+void imager_fail(struct imager *imager, const struct virtual_camera_faults *faults);
+void imager_pulse(struct imager *imager); /* on its input line */
+
+/* All below with the mutex locked. */
+
+guint32 imager_reg(const struct imager *imager, guint address);
+void imager_set_reg(struct imager *imager, guint address, guint32 value);
+static inline gboolean imager_has_reg(guint64 address) {
+    return address >= REG_BEGIN && address < REG_END;
+}
+
+void imager_reset(struct imager *imager); /* registers as they were delivered */
+void imager_stop(struct imager *imager);
+void imager_write(struct imager *imager, guint address, guint32 value); /* with what it causes */
+void imager_get_state(struct imager *imager, struct virtual_camera_state *ret);
+
+/* Of the file, zeroes behind its end; of GENICAM_AT and on. */
+guint8 imager_xml_byte(const struct imager *imager, guint64 address);
+
+/* imager_genicam.c */
+
+struct imager_xml {
+    GString *text;
+    const char *endianness; /* as GenICam spells it */
+};
+
+struct imager_transport { /* what the file of a bus has of its own */
+    const char *space, *endianness, *const *features;
+    void (*add)(struct imager_xml *xml);
+};
+
+char *imager_genicam(enum cfa cfa, const struct imager_transport *transport); /* g_free() */
+
+void imager_xml_register(struct imager_xml *xml, const char *name, guint address, int length,
+                         const char *access);
+/* limits: elements, as <Min> and <pMax>. */
+void imager_xml_integer(struct imager_xml *xml, const char *name, guint address, int length,
+                        const char *access, const char *limits);
+void imager_xml_string(struct imager_xml *xml, const char *name, guint address, int length);
+void imager_xml_command(struct imager_xml *xml, const char *name, const char *reg, int value);
+
+/* imager_pixels.c */
+
+/* EnumEntry elements. */
+void imager_append_formats(GString *xml, enum cfa cfa);
+guint32 imager_first_format(enum cfa cfa); /* of 8 bits */
+
+/* Bytes of a picture; 0: no such format, or not of this colour filter array. */
+gsize imager_payload(guint32 format, enum cfa cfa, int width, int height);
+
+/* n values of bits as the format (of a known payload) has them on the wire. */
+void imager_pack(guint32 format, enum cfa cfa, const guint16 *pixels, gsize n, int bits,
+                 guint8 *to);

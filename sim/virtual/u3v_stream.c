@@ -1,0 +1,121 @@
+#include "u3v_private.h"
+
+#include <errno.h>
+#include <string.h>
+
+#define LEADER_PREFIX  0x4c563355 /* "U3VL" */
+#define TRAILER_PREFIX 0x54563355 /* "U3VT" */
+#define IMAGE          1
+
+static gboolean count_down(int *n) {
+    gboolean is = *n > 0;
+    *n -= is;
+    return is;
+}
+
+void u3v_drop(VirtualU3v *camera) {
+    g_free(camera->out.data);
+    memset(&camera->out, 0, sizeof camera->out);
+    camera->phase = U3V_IDLE;
+}
+
+/* One that is not fetched by now is lost. */
+static void send_picture(gpointer data) {
+    VirtualU3v *camera = data;
+    struct virtual_camera_faults *faults = &camera->imager.faults;
+    const struct imager_picture *picture = &camera->imager.kept[0];
+    gboolean led = camera->out.id == picture->id && camera->phase == U3V_IDLE;
+    u3v_drop(camera);
+    if (!(u3v_reg(camera, SIRM_CONTROL) & 1))
+        return;
+    camera->out = *picture;
+    camera->out.data = g_memdup2(picture->data, picture->size);
+    camera->sent = 0;
+    camera->tailless = count_down(&faults->tailless);
+    camera->stunted = count_down(&faults->stunted);
+    camera->hollow = count_down(&faults->hollow);
+    camera->phase = count_down(&faults->headless) || led ? U3V_PAYLOAD : U3V_LEADER;
+}
+
+/* Its leader; the rest comes when there is any. */
+static void announce(const struct imager_picture *picture, gpointer data) {
+    VirtualU3v *camera = data;
+    u3v_drop(camera);
+    camera->out = *picture;
+    camera->phase = U3V_LEADER;
+}
+
+const struct imager_bus u3v_bus = {announce, send_picture};
+
+static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
+    u3v_put(to, prefix, 4);
+    u3v_put(to + 6, (guint64)size, 2);
+    u3v_put(to + 8, id - 1, 8); /* they count from 0 */
+}
+
+static int make_leader(const struct imager_picture *picture, guint8 *to) {
+    memset(to, 0, LEADER_SIZE);
+    put_head(to, LEADER_PREFIX, LEADER_SIZE, picture->id);
+    u3v_put(to + 18, IMAGE, 2);
+    u3v_put(to + 20, (guint64)picture->stamp_us * 1000, 8);
+    u3v_put(to + 28, picture->format, 4);
+    u3v_put(to + 32, picture->width, 4);
+    u3v_put(to + 36, picture->height, 4);
+    u3v_put(to + 40, picture->x, 4);
+    u3v_put(to + 44, picture->y, 4);
+    return LEADER_SIZE;
+}
+
+static int make_trailer(const struct imager_picture *picture, gsize sent, guint8 *to) {
+    memset(to, 0, TRAILER_SIZE);
+    put_head(to, TRAILER_PREFIX, TRAILER_SIZE, picture->id);
+    u3v_put(to + 20, sent, 8);
+    u3v_put(to + 28, picture->height, 4);
+    return TRAILER_SIZE;
+}
+
+/* Of the transfer that comes next: as many of the one size as was said, then what is left. */
+static gsize payload_size(const VirtualU3v *camera) {
+    gsize size = u3v_reg(camera, SIRM_PAYLOAD), count = u3v_reg(camera, SIRM_PAYLOAD_COUNT);
+    gsize last = u3v_reg(camera, SIRM_TRANSFER1);
+    gsize end = camera->out.cut ? camera->out.size / 2 : camera->out.size;
+    if (camera->hollow || camera->sent >= end)
+        return 0;
+    return MIN(camera->sent < size * count ? size : last, end - camera->sent);
+}
+
+static int next_payload(VirtualU3v *camera, guint8 *data) {
+    gsize n = payload_size(camera);
+    memcpy(data, camera->out.data + camera->sent, n);
+    camera->sent += n;
+    return (int)n;
+}
+
+static int next_trailer(VirtualU3v *camera, guint8 *data) {
+    int n = make_trailer(&camera->out, camera->sent, data);
+    if (camera->stunted)
+        n = 3; /* not even its prefix */
+    u3v_drop(camera);
+    return n;
+}
+
+int u3v_stream(VirtualU3v *camera, guint8 *data, int size) {
+    if (camera->phase == U3V_PAYLOAD && payload_size(camera) == 0) {
+        camera->phase = U3V_TRAILER;
+        if (camera->tailless)
+            u3v_drop(camera);
+    }
+    if (camera->phase == U3V_IDLE)
+        return -EAGAIN;
+    gsize needed = camera->phase == U3V_LEADER    ? LEADER_SIZE
+                   : camera->phase == U3V_PAYLOAD ? payload_size(camera)
+                                                  : TRAILER_SIZE;
+    if (needed > (gsize)size)
+        return -EOVERFLOW;
+    if (camera->phase == U3V_PAYLOAD)
+        return next_payload(camera, data);
+    if (camera->phase == U3V_TRAILER)
+        return next_trailer(camera, data);
+    camera->phase = camera->out.data ? U3V_PAYLOAD : U3V_IDLE;
+    return make_leader(&camera->out, data);
+}
