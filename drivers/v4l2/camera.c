@@ -134,8 +134,9 @@ static Frame *make_frame(const Camera *camera, const struct v4l2_buffer *buffer)
     frame->bits = setup->format->bits;
     frame->black_level = camera->format.black_level;
     frame->incomplete = buffer->flags & V4L2_BUF_FLAG_ERROR || buffer->bytesused < setup->bytes;
-    video_format_unpack(setup->format, v4l2->stream.buffers[buffer->index].data, setup->stride,
-                        setup->width, setup->height, frame->pixels);
+    const guint8 *data = v4l2->stream.buffers[buffer->index].data + buffer->m.offset;
+    video_format_unpack(setup->format, data, setup->stride, setup->width, setup->height,
+                        frame->pixels);
     return frame;
 }
 

@@ -92,8 +92,11 @@ static gboolean open_path(struct video_node *node, const char *path) {
     node->card = text_of(capability.card, sizeof capability.card);
     node->driver = text_of(capability.driver, sizeof capability.driver);
     node->bus = text_of(capability.bus_info, sizeof capability.bus_info);
+    node->type = can & V4L2_CAP_VIDEO_CAPTURE          ? V4L2_BUF_TYPE_VIDEO_CAPTURE
+                 : can & V4L2_CAP_VIDEO_CAPTURE_MPLANE ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE
+                                                       : 0;
     errno = ENOTTY;
-    return can & V4L2_CAP_VIDEO_CAPTURE && can & V4L2_CAP_STREAMING;
+    return node->type && can & V4L2_CAP_STREAMING;
 }
 
 static int by_number(gconstpointer a, gconstpointer b) {
@@ -131,11 +134,9 @@ static gboolean open_named(struct video_node *node, const char *who, const char 
         return TRUE;
     int code = errno;
     if (code == ENOTTY)
-        g_set_error(
-            error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-            "%s: %s is no camera that streams video in one plane a picture; “mesorig devices” "
-            "lists those",
-            who, path);
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
+                    "%s: %s is no camera that streams video; “mesorig devices” lists those", who,
+                    path);
     else
         video_set_error(error, who, node, code, "could not be opened");
     video_node_close(node);
@@ -186,10 +187,77 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
     return FALSE;
 }
 
+static gboolean is_full_range(guint32 quantization, guint32 colorspace) {
+    return quantization == V4L2_QUANTIZATION_FULL_RANGE ||
+           (quantization == V4L2_QUANTIZATION_DEFAULT && colorspace == V4L2_COLORSPACE_JPEG);
+}
+
+static void read_pix(const struct v4l2_format *format, struct video_pix *ret) {
+    const struct v4l2_pix_format *pix = &format->fmt.pix;
+    const struct v4l2_pix_format_mplane *many = &format->fmt.pix_mp;
+    if (format->type == V4L2_BUF_TYPE_VIDEO_CAPTURE)
+        *ret = (struct video_pix){pix->width,
+                                  pix->height,
+                                  pix->pixelformat,
+                                  pix->field,
+                                  pix->bytesperline,
+                                  1,
+                                  pix->priv == V4L2_PIX_FMT_PRIV_MAGIC &&
+                                      is_full_range(pix->quantization, pix->colorspace)};
+    else
+        *ret = (struct video_pix){many->width,
+                                  many->height,
+                                  many->pixelformat,
+                                  many->field,
+                                  many->plane_fmt[0].bytesperline,
+                                  many->num_planes,
+                                  is_full_range(many->quantization, many->colorspace)};
+}
+
+int video_node_get_pix(const struct video_node *node, struct video_pix *ret) {
+    struct v4l2_format format = {.type = node->type};
+    if (video_ioctl(node, VIDIOC_G_FMT, &format) < 0)
+        return -1;
+    read_pix(&format, ret);
+    return 0;
+}
+
+/* All but width, height and format is the device's to say. */
+static void write_pix(const struct video_pix *wish, struct v4l2_format *format) {
+    if (format->type == V4L2_BUF_TYPE_VIDEO_CAPTURE) {
+        struct v4l2_pix_format *pix = &format->fmt.pix;
+        pix->width = wish->width;
+        pix->height = wish->height;
+        pix->pixelformat = wish->fourcc;
+        pix->field = V4L2_FIELD_NONE;
+        pix->bytesperline = pix->sizeimage = 0;
+    } else {
+        struct v4l2_pix_format_mplane *many = &format->fmt.pix_mp;
+        many->width = wish->width;
+        many->height = wish->height;
+        many->pixelformat = wish->fourcc;
+        many->field = V4L2_FIELD_NONE;
+        many->num_planes = 1;
+        memset(many->plane_fmt, 0, sizeof many->plane_fmt);
+    }
+}
+
+int video_node_set_pix(const struct video_node *node, const struct video_pix *wish,
+                       struct video_pix *ret) {
+    struct v4l2_format format = {.type = node->type};
+    if (video_ioctl(node, VIDIOC_G_FMT, &format) < 0)
+        return -1;
+    write_pix(wish, &format);
+    if (video_ioctl(node, VIDIOC_S_FMT, &format) < 0)
+        return -1;
+    read_pix(&format, ret);
+    return 0;
+}
+
 GArray *video_node_formats(const struct video_node *node) {
     GArray *formats = g_array_new(FALSE, FALSE, sizeof(guint32));
     for (guint32 i = 0; i < MAX_LISTED; i++) {
-        struct v4l2_fmtdesc desc = {.index = i, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+        struct v4l2_fmtdesc desc = {.index = i, .type = node->type};
         if (video_ioctl(node, VIDIOC_ENUM_FMT, &desc) < 0)
             break;
         g_array_append_val(formats, desc.pixelformat);

@@ -14,6 +14,15 @@ struct video_node {
     int fd;                    /* -1: not open */
     char *path;                /* "/dev/video0" */
     char *card, *driver, *bus; /* as it says: "HD Webcam", "uvcvideo", "usb-…-1.2" */
+    guint32 type; /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or its _MPLANE where it has only that */
+};
+
+/* A picture in memory, however the node's type describes it. */
+struct video_pix {
+    guint32 width, height, fourcc, field;
+    guint32 stride; /* of a row, bytes */
+    guint32 planes; /* of memory that one is spread over: 1 */
+    gboolean full_range;
 };
 
 /* The node that path or bus names (NULL or empty: any); fails if none fits, or more than one. */
@@ -26,6 +35,13 @@ GPtrArray *video_node_list(void);
 
 /* ioctl(2), again when interrupted; -1 with errno. */
 int video_ioctl(const struct video_node *node, unsigned long request, void *arg);
+
+/* What it is set to; -1 with errno. */
+int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
+
+/* Sets width, height and fourcc, and tells what came of it. */
+int video_node_set_pix(const struct video_node *node, const struct video_pix *wish,
+                       struct video_pix *ret);
 
 /* An error of errno; what: "could not start". */
 void video_set_error(GError **error, const char *who, const struct video_node *node, int code,

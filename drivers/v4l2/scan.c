@@ -25,12 +25,11 @@ static gboolean shares_bus(const GPtrArray *nodes, const struct video_node *node
 }
 
 static void add_size_and_rate(const struct video_node *node, GString *section) {
-    struct v4l2_format format = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
-    struct v4l2_streamparm parm = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+    struct video_pix pix;
+    struct v4l2_streamparm parm = {.type = node->type};
     const struct v4l2_fract *interval = &parm.parm.capture.timeperframe;
-    if (video_ioctl(node, VIDIOC_G_FMT, &format) == 0)
-        g_string_append_printf(section, "width = %u\nheight = %u\n", format.fmt.pix.width,
-                               format.fmt.pix.height);
+    if (video_node_get_pix(node, &pix) == 0)
+        g_string_append_printf(section, "width = %u\nheight = %u\n", pix.width, pix.height);
     if (video_ioctl(node, VIDIOC_G_PARM, &parm) == 0 && interval->numerator > 0) {
         char rate[G_ASCII_DTOSTR_BUF_SIZE];
         g_ascii_formatd(rate, sizeof rate, "%.6g",

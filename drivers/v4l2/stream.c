@@ -6,7 +6,20 @@
 #include <math.h>
 #include <sys/mman.h>
 
-#define CAPTURE V4L2_BUF_TYPE_VIDEO_CAPTURE
+/* A buffer as the node's type wants it asked for. */
+struct asked {
+    struct v4l2_buffer buffer;
+    struct v4l2_plane plane;
+};
+
+static void fill_asked(struct asked *asked, const struct video_node *node, guint32 index) {
+    *asked =
+        (struct asked){.buffer = {.index = index, .type = node->type, .memory = V4L2_MEMORY_MMAP}};
+    if (node->type != V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE)
+        return;
+    asked->buffer.m.planes = &asked->plane;
+    asked->buffer.length = 1;
+}
 
 static gboolean refuse(GError **error, const char *who, const struct video_node *node,
                        const char *format, ...) G_GNUC_PRINTF(4, 5);
@@ -63,39 +76,40 @@ static gboolean choose_format(const struct video_node *node, const char *who, co
 }
 
 static gboolean set_format(const struct video_node *node, const char *who,
-                           const struct video_wish *wish, struct v4l2_pix_format *ret,
-                           guint32 fourcc, GError **error) {
-    struct v4l2_format format = {.type = CAPTURE};
-    if (video_ioctl(node, VIDIOC_G_FMT, &format) == 0) {
-        format.fmt.pix.width = wish->width > 0 ? (guint32)wish->width : format.fmt.pix.width;
-        format.fmt.pix.height = wish->height > 0 ? (guint32)wish->height : format.fmt.pix.height;
-        format.fmt.pix.pixelformat = fourcc;
-        format.fmt.pix.field = V4L2_FIELD_NONE;
-        format.fmt.pix.bytesperline = format.fmt.pix.sizeimage = 0;
-        if (video_ioctl(node, VIDIOC_S_FMT, &format) == 0) {
-            *ret = format.fmt.pix;
+                           const struct video_wish *wish, struct video_pix *ret, guint32 fourcc,
+                           GError **error) {
+    struct video_pix pix;
+    if (video_node_get_pix(node, &pix) == 0) {
+        pix.width = wish->width > 0 ? (guint32)wish->width : pix.width;
+        pix.height = wish->height > 0 ? (guint32)wish->height : pix.height;
+        pix.fourcc = fourcc;
+        if (video_node_set_pix(node, &pix, ret) == 0)
             return TRUE;
-        }
     }
     video_set_error(error, who, node, errno, "could not be set to its format");
     return FALSE;
 }
 
 static gboolean check_format(const struct video_node *node, const char *who,
-                             const struct video_wish *wish, const struct v4l2_pix_format *pix,
+                             const struct video_wish *wish, const struct video_pix *pix,
                              const struct video_setup *setup, GError **error) {
     g_autofree char *name = video_fourcc_name(setup->format->fourcc);
     g_autofree char *sizes = video_node_sizes(node, setup->format->fourcc);
     gboolean wide = wish->width > 0 && (guint32)wish->width != pix->width;
     gboolean high = wish->height > 0 && (guint32)wish->height != pix->height;
     if (pix->width < 1 || pix->height < 1 || pix->width > 65536 || pix->height > 65536 ||
-        pix->pixelformat != setup->format->fourcc ||
-        pix->bytesperline < video_format_row_bytes(setup->format, (int)pix->width) ||
-        pix->bytesperline > 65536 * 16)
+        pix->fourcc != setup->format->fourcc ||
+        pix->stride < video_format_row_bytes(setup->format, (int)pix->width) ||
+        pix->stride > 65536 * 16)
         return refuse(error, who, node,
                       "answered a picture of %u × %u in rows of %u bytes to format %s, which makes "
                       "no sense",
-                      pix->width, pix->height, pix->bytesperline, name);
+                      pix->width, pix->height, pix->stride, name);
+    if (pix->planes != 1)
+        return refuse(error, who, node,
+                      "spreads a picture of format %s over %u planes of memory; only those of one "
+                      "are taken: choose another format",
+                      name, pix->planes);
     if (wide || high)
         return refuse(error, who, node,
                       "has no pictures of %d × %d in format %s, but of %s; set width and height",
@@ -108,7 +122,7 @@ static gboolean check_format(const struct video_node *node, const char *who,
 /* The interval of a device that does not know it is taken from the wish. */
 static gboolean set_rate(const struct video_node *node, const char *who, double frame_rate,
                          gint64 *ret_us, GError **error) {
-    struct v4l2_streamparm parm = {.type = CAPTURE};
+    struct v4l2_streamparm parm = {.type = node->type};
     struct v4l2_fract *interval = &parm.parm.capture.timeperframe;
     gboolean knows = video_ioctl(node, VIDIOC_G_PARM, &parm) == 0 &&
                      parm.parm.capture.capability & V4L2_CAP_TIMEPERFRAME;
@@ -134,7 +148,7 @@ static gboolean set_rate(const struct video_node *node, const char *who, double 
 
 gboolean video_setup_apply(const struct video_node *node, const char *who,
                            const struct video_wish *wish, struct video_setup *ret, GError **error) {
-    struct v4l2_pix_format pix;
+    struct video_pix pix;
     *ret = (struct video_setup){0};
     if (!choose_format(node, who, wish->format, &ret->format, error) ||
         !set_format(node, who, wish, &pix, ret->format->fourcc, error) ||
@@ -143,12 +157,9 @@ gboolean video_setup_apply(const struct video_node *node, const char *who,
         return FALSE;
     ret->width = (int)pix.width;
     ret->height = (int)pix.height;
-    ret->stride = pix.bytesperline;
+    ret->stride = pix.stride;
     ret->bytes = video_format_bytes(ret->format, ret->width, ret->height, ret->stride);
-    ret->full_range =
-        pix.priv == V4L2_PIX_FMT_PRIV_MAGIC &&
-        (pix.quantization == V4L2_QUANTIZATION_FULL_RANGE ||
-         (pix.quantization == V4L2_QUANTIZATION_DEFAULT && pix.colorspace == V4L2_COLORSPACE_JPEG));
+    ret->full_range = pix.full_range;
     return TRUE;
 }
 
@@ -158,25 +169,28 @@ double video_setup_mb_s(const struct video_setup *setup) {
 
 static gboolean map_buffer(struct video_stream *stream, const struct video_node *node,
                            const char *who, guint32 index, gsize bytes, GError **error) {
-    struct v4l2_buffer buffer = {.index = index, .type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
-    if (video_ioctl(node, VIDIOC_QUERYBUF, &buffer) < 0) {
+    struct asked asked;
+    fill_asked(&asked, node, index);
+    if (video_ioctl(node, VIDIOC_QUERYBUF, &asked.buffer) < 0) {
         video_set_error(error, who, node, errno, "did not tell of its buffers");
         return FALSE;
     }
-    if (buffer.length < bytes)
+    gboolean many = node->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
+    guint32 length = many ? asked.plane.length : asked.buffer.length;
+    guint32 offset = many ? asked.plane.m.mem_offset : asked.buffer.m.offset;
+    if (length < bytes)
         return refuse(error, who, node,
                       "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT,
-                      buffer.length, bytes);
-    guint8 *data =
-        mmap(NULL, buffer.length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, buffer.m.offset);
+                      length, bytes);
+    guint8 *data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, offset);
     if (data == MAP_FAILED) {
         video_set_error(error, who, node, errno, "did not let its buffers be mapped");
         return FALSE;
     }
     stream->buffers[index].data = data;
-    stream->buffers[index].size = buffer.length;
+    stream->buffers[index].size = length;
     stream->n = (int)index + 1;
-    if (video_ioctl(node, VIDIOC_QBUF, &buffer) == 0)
+    if (video_ioctl(node, VIDIOC_QBUF, &asked.buffer) == 0)
         return TRUE;
     video_set_error(error, who, node, errno, "did not take a buffer");
     return FALSE;
@@ -185,8 +199,8 @@ static gboolean map_buffer(struct video_stream *stream, const struct video_node 
 gboolean video_stream_start(struct video_stream *stream, const struct video_node *node,
                             const char *who, const struct video_setup *setup, GError **error) {
     struct v4l2_requestbuffers request = {
-        .count = VIDEO_BUFFERS, .type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
-    int type = CAPTURE;
+        .count = VIDEO_BUFFERS, .type = node->type, .memory = V4L2_MEMORY_MMAP};
+    int type = (int)node->type;
     *stream = (struct video_stream){0};
     if (video_ioctl(node, VIDIOC_REQBUFS, &request) < 0) {
         video_set_error(error, who, node, errno, "gave no buffers");
@@ -206,8 +220,8 @@ gboolean video_stream_start(struct video_stream *stream, const struct video_node
 }
 
 void video_stream_stop(struct video_stream *stream, const struct video_node *node) {
-    struct v4l2_requestbuffers none = {.type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
-    int type = CAPTURE;
+    struct v4l2_requestbuffers none = {.type = node->type, .memory = V4L2_MEMORY_MMAP};
+    int type = (int)node->type;
     if (node->fd >= 0)
         video_ioctl(node, VIDIOC_STREAMOFF, &type);
     for (int i = 0; i < stream->n; i++)
@@ -219,17 +233,26 @@ void video_stream_stop(struct video_stream *stream, const struct video_node *nod
 
 int video_stream_take(const struct video_stream *stream, const struct video_node *node,
                       struct v4l2_buffer *ret) {
-    *ret = (struct v4l2_buffer){.type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
-    if (video_ioctl(node, VIDIOC_DQBUF, ret) < 0)
+    struct asked asked;
+    fill_asked(&asked, node, 0);
+    if (video_ioctl(node, VIDIOC_DQBUF, &asked.buffer) < 0)
         return errno == EAGAIN ? 0 : -1;
-    if ((int)ret->index < stream->n)
+    *ret = asked.buffer;
+    ret->m.offset = 0;
+    guint32 begins = asked.plane.data_offset; /* 0 where there are no planes */
+    if (node->type == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE)
+        ret->bytesused = asked.plane.bytesused - MIN(asked.plane.bytesused, begins);
+    if ((int)ret->index < stream->n &&
+        begins + ret->bytesused <= stream->buffers[ret->index].size) {
+        ret->m.offset = begins;
         return 1;
+    }
     errno = EIO;
     return -1;
 }
 
 void video_stream_give_back(const struct video_node *node, const struct v4l2_buffer *buffer) {
-    struct v4l2_buffer again = {
-        .index = buffer->index, .type = CAPTURE, .memory = V4L2_MEMORY_MMAP};
-    video_ioctl(node, VIDIOC_QBUF, &again);
+    struct asked again;
+    fill_asked(&again, node, buffer->index);
+    video_ioctl(node, VIDIOC_QBUF, &again.buffer);
 }

@@ -45,7 +45,8 @@ gboolean video_stream_start(struct video_stream *stream, const struct video_node
 void video_stream_stop(struct video_stream *stream, const struct video_node *node);
 
 /* A filled buffer, if there is one: 1; 0: not yet; -1: errno. It is given back when its data has
- * been read. */
+ * been read. Whatever the node's type: bytesused is the picture's, m.offset where in the buffer it
+ * begins. */
 int video_stream_take(const struct video_stream *stream, const struct video_node *node,
                       struct v4l2_buffer *ret);
 void video_stream_give_back(const struct video_node *node, const struct v4l2_buffer *buffer);

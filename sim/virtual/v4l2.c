@@ -19,12 +19,17 @@ gint32 virtual_control_value(const VirtualV4l2 *camera, guint32 id, gint32 other
 
 /* Of the handlers below, each answers 0 or an errno; argument is the ioctl's struct. */
 
+static guint32 type_of(const VirtualV4l2 *camera) {
+    return camera->config.planes ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE : V4L2_BUF_TYPE_VIDEO_CAPTURE;
+}
+
 static int query_capability(VirtualV4l2 *camera, void *argument) {
     struct v4l2_capability *capability = argument;
-    *capability = (struct v4l2_capability){
-        .version = 0x060100,
-        .capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_DEVICE_CAPS,
-        .device_caps = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING};
+    guint32 kind = camera->config.planes ? V4L2_CAP_VIDEO_CAPTURE_MPLANE : V4L2_CAP_VIDEO_CAPTURE;
+    *capability =
+        (struct v4l2_capability){.version = 0x060100,
+                                 .capabilities = kind | V4L2_CAP_STREAMING | V4L2_CAP_DEVICE_CAPS,
+                                 .device_caps = kind | V4L2_CAP_STREAMING};
     gboolean uvc = camera->config.stamp == VIRTUAL_V4L2_FIRST_DATA;
     g_strlcpy((char *)capability->driver, uvc ? "uvcvideo" : "virtual", 16);
     g_snprintf((char *)capability->card, 32, "Virtual camera %s", camera->port);
@@ -34,7 +39,10 @@ static int query_capability(VirtualV4l2 *camera, void *argument) {
 
 static int enum_format(VirtualV4l2 *camera, void *argument) {
     struct v4l2_fmtdesc *desc = argument;
-    return virtual_pixels_offered(&camera->config, desc->index, &desc->pixelformat) ? 0 : EINVAL;
+    return desc->type == type_of(camera) &&
+                   virtual_pixels_offered(&camera->config, desc->index, &desc->pixelformat)
+               ? 0
+               : EINVAL;
 }
 
 static int enum_size(VirtualV4l2 *camera, void *argument) {
@@ -47,17 +55,40 @@ static int enum_size(VirtualV4l2 *camera, void *argument) {
     return 0;
 }
 
+static guint32 size_of(const VirtualV4l2 *camera) {
+    return (guint32)virtual_pixels_size(camera->fourcc, camera->config.width,
+                                        camera->config.height);
+}
+
+static void tell_planes(const VirtualV4l2 *camera, struct v4l2_pix_format_mplane *pix) {
+    *pix = (struct v4l2_pix_format_mplane){.width = (guint32)camera->config.width,
+                                           .height = (guint32)camera->config.height,
+                                           .pixelformat = camera->fourcc,
+                                           .field = V4L2_FIELD_NONE,
+                                           .colorspace = V4L2_COLORSPACE_SRGB,
+                                           .num_planes = (guint8)camera->config.planes};
+    for (int i = 0; i < camera->config.planes; i++)
+        pix->plane_fmt[i] = (struct v4l2_plane_pix_format){
+            .sizeimage = size_of(camera),
+            .bytesperline = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width)};
+}
+
 static int get_format(VirtualV4l2 *camera, void *argument) {
     struct v4l2_format *format = argument;
     struct v4l2_pix_format *pix = &format->fmt.pix;
+    if (format->type != type_of(camera))
+        return EINVAL;
+    if (camera->config.planes) {
+        tell_planes(camera, &format->fmt.pix_mp);
+        return 0;
+    }
     *pix = (struct v4l2_pix_format){
         .width = (guint32)camera->config.width,
         .height = (guint32)camera->config.height,
         .pixelformat = camera->fourcc,
         .field = V4L2_FIELD_NONE,
         .bytesperline = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width),
-        .sizeimage = (guint32)virtual_pixels_size(camera->fourcc, camera->config.width,
-                                                  camera->config.height),
+        .sizeimage = size_of(camera),
         .colorspace = V4L2_COLORSPACE_SRGB,
         .priv = V4L2_PIX_FMT_PRIV_MAGIC};
     return 0;
@@ -65,11 +96,12 @@ static int get_format(VirtualV4l2 *camera, void *argument) {
 
 static int set_format(VirtualV4l2 *camera, void *argument) {
     const struct v4l2_format *format = argument;
-    guint32 fourcc;
+    guint32 fourcc, wanted = camera->config.planes ? format->fmt.pix_mp.pixelformat
+                                                   : format->fmt.pix.pixelformat;
     if (camera->n_buffers)
         return EBUSY;
     for (guint32 i = 0; virtual_pixels_offered(&camera->config, i, &fourcc); i++)
-        if (fourcc == format->fmt.pix.pixelformat)
+        if (fourcc == wanted)
             camera->fourcc = fourcc;
     return get_format(camera, argument);
 }
@@ -139,13 +171,13 @@ static int set_control(VirtualV4l2 *camera, void *argument) {
 
 static gsize buffer_room(const VirtualV4l2 *camera) {
     gsize page = (gsize)sysconf(_SC_PAGESIZE);
-    gsize bytes = virtual_pixels_size(camera->fourcc, camera->config.width, camera->config.height);
-    return (bytes + page - 1) / page * page;
+    return (size_of(camera) + page - 1) / page * page;
 }
 
 static int request_buffers(VirtualV4l2 *camera, void *argument) {
     struct v4l2_requestbuffers *request = argument;
-    if (request->memory != V4L2_MEMORY_MMAP || camera->streaming)
+    if (request->memory != V4L2_MEMORY_MMAP || request->type != type_of(camera) ||
+        camera->streaming)
         return camera->streaming ? EBUSY : EINVAL;
     request->count = MIN(request->count, MAX_BUFFERS);
     memset(camera->buffers, 0, sizeof camera->buffers);
@@ -158,9 +190,14 @@ static int query_buffer(VirtualV4l2 *camera, void *argument) {
     struct v4l2_buffer *buffer = argument;
     if ((int)buffer->index >= camera->n_buffers)
         return EINVAL;
-    buffer->length =
-        (guint32)virtual_pixels_size(camera->fourcc, camera->config.width, camera->config.height);
-    buffer->m.offset = (guint32)(buffer_room(camera) * buffer->index);
+    guint32 offset = (guint32)(buffer_room(camera) * buffer->index);
+    if (camera->config.planes) {
+        buffer->m.planes->length = size_of(camera);
+        buffer->m.planes->m.mem_offset = offset;
+    } else {
+        buffer->length = size_of(camera);
+        buffer->m.offset = offset;
+    }
     return 0;
 }
 
@@ -195,7 +232,10 @@ static int dequeue_buffer(VirtualV4l2 *camera, void *argument) {
     buffer->index = (guint32)(done - camera->buffers);
     buffer->flags = done->flags;
     buffer->sequence = done->sequence;
-    buffer->bytesused = done->bytes;
+    if (camera->config.planes)
+        buffer->m.planes->bytesused = done->bytes;
+    else
+        buffer->bytesused = done->bytes;
     buffer->timestamp.tv_sec = done->stamp_us / G_USEC_PER_SEC;
     buffer->timestamp.tv_usec = done->stamp_us % G_USEC_PER_SEC;
     buffer->field = V4L2_FIELD_NONE;
@@ -243,12 +283,29 @@ static const struct {
     {VIDIOC_STREAMOFF, sizeof(int), stream_off},
 };
 
+/* A buffer of the multi-planar interface points to its planes, of which there is one. */
+static gboolean resolve_planes(const VirtualV4l2 *camera, gsize size, UMockdevIoctlData *data) {
+    const struct v4l2_buffer *buffer = (const struct v4l2_buffer *)data->data;
+    if (size != sizeof *buffer || !camera->config.planes)
+        return TRUE;
+    if (buffer->type != V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE || buffer->length < 1)
+        return FALSE;
+    UMockdevIoctlData *planes = umockdev_ioctl_data_resolve(
+        data, G_STRUCT_OFFSET(struct v4l2_buffer, m), sizeof(struct v4l2_plane), NULL);
+    gboolean there = planes != NULL;
+    g_clear_pointer(&planes, umockdev_ioctl_data_unref);
+    return there;
+}
+
 static int answer(VirtualV4l2 *camera, unsigned long request, UMockdevIoctlData *arg) {
     for (gsize i = 0; i < G_N_ELEMENTS(answers); i++) {
         if (answers[i].request != (request & 0xffffffffu))
             continue;
         UMockdevIoctlData *data = umockdev_ioctl_data_resolve(arg, 0, answers[i].size, NULL);
-        int code = data ? answers[i].answer(camera, data->data) : EFAULT;
+        int code = !data ? EFAULT
+                   : !resolve_planes(camera, answers[i].size, data)
+                       ? EINVAL
+                       : answers[i].answer(camera, data->data);
         g_clear_pointer(&data, umockdev_ioctl_data_unref);
         return code;
     }

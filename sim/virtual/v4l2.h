@@ -40,6 +40,8 @@ struct virtual_v4l2_config { /* zeroes: as said */
     enum virtual_v4l2_stamp stamp;
     guint lacks; /* controls */
     gboolean only_compressed;
+    int planes; /* of memory a picture is spread over, as the multi-planar interface has
+                   it; 0: the other interface */
     VirtualV4l2Expose expose; /* NULL: noise on a ramp that depends on the exposure */
     gpointer user;
 };
