@@ -13,15 +13,13 @@
 #define MEDIAN       0.954 /* of the difference of two normal deviates, its size */
 #define CROWDED      8     /* records a vector that are no cause to look for noise among them */
 
-/* Pixels side by side, of which all samples are kept if one is lit. Comparisons give −1 or 0. */
+/* Pixels side by side, of which all samples are kept if one is lit: a vector. Comparisons
+ * of vectors give −1 or 0. */
 #define LANES   16
 #define GROUP   4 /* vectors that are looked at together */
 #define NOTHING G_MAXUINT32
 typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
 typedef guint64 wide __attribute__((vector_size(2 * LANES)));
-
-/* The compiler makes one blend of it. */
-#define CHOOSE(condition, yes, no) (((lanes)(condition) & (yes)) | (~(lanes)(condition) & (no)))
 
 struct record {
     guint16 value[LANES];
@@ -77,40 +75,46 @@ gsize sweep_bytes(const Sweep *sweep) {
            sweep->n_records * sizeof(struct record);
 }
 
-/* Something in this vector is lit, or darker than ever. */
-static inline __attribute__((always_inline)) void absorb_vector(Sweep *sweep, gsize vector,
-                                                                lanes value) {
-    lanes *darkest = (lanes *)(sweep->darkest + vector * LANES);
-    lanes dark = CHOOSE(value < *darkest, value, *darkest);
-    wide lit = (wide)((value - dark) > sweep->margin);
-    *darkest = dark;
+/* Of a vector something may be lit: then it is kept. */
+static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsize vector,
+                                                              const guint16 *pixels) {
+    struct record *record = &sweep->records[sweep->n_records];
+    lanes value = *(const lanes *)pixels, most = (lanes){} + sweep->saturation;
+    lanes clipped = (lanes)(value > most);
+    value = (clipped & most) | (~clipped & value);
+    lanes dark = *(const lanes *)(sweep->darkest + vector * LANES);
+    wide lit = (wide)(value - dark > sweep->margin);
     if (!(lit[0] | lit[1] | lit[2] | lit[3]))
         return;
-    struct record *record = &sweep->records[sweep->n_records];
     memcpy(record->value, &value, sizeof value);
     record->previous = sweep->last[vector];
     record->frame = (guint32)sweep->count;
     sweep->last[vector] = (guint32)sweep->n_records++;
 }
 
+/* Some vectors together; n is known to the compiler. Writing all of the background back is cheaper
+ * than finding out whether any of it has changed: at first it does everywhere. */
+static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, const guint16 *pixels,
+                                                              gsize vector, int n) {
+    guint16 *restrict darkest = sweep->darkest + vector * LANES;
+    guint16 saturation = sweep->saturation, brightest = 0;
+    for (int i = 0; i < n * LANES; i++) {
+        guint16 value = MIN(pixels[i], saturation), dark = MIN(value, darkest[i]);
+        guint16 above = (guint16)(value - dark);
+        darkest[i] = dark;
+        brightest = MAX(brightest, above);
+    }
+    for (int k = 0; k < n && brightest > sweep->margin; k++)
+        keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES);
+}
+
 static inline __attribute__((always_inline)) void absorb(Sweep *sweep, const guint16 *pixels,
                                                          gsize first, gsize n) {
-    lanes most = (lanes){} + sweep->saturation, margin = (lanes){} + sweep->margin;
-    for (gsize v = 0; v < n; v += GROUP) {
-        lanes value[GROUP], any = {0};
-        int together = (int)MIN(GROUP, n - v);
-#pragma GCC unroll 4
-        for (int k = 0; k < together; k++) {
-            lanes now = *(const lanes *)(pixels + (v + (gsize)k) * LANES);
-            lanes dark = *(const lanes *)(sweep->darkest + (first + v + (gsize)k) * LANES);
-            value[k] = CHOOSE(now > most, most, now);
-            any |= (lanes)(value[k] - dark > margin) | (lanes)(value[k] < dark);
-        }
-        wide bits = (wide)any;
-        if (bits[0] | bits[1] | bits[2] | bits[3])
-            for (int k = 0; k < together; k++)
-                absorb_vector(sweep, first + v + (gsize)k, value[k]);
-    }
+    gsize v = 0;
+    for (; v + GROUP <= n; v += GROUP)
+        absorb_some(sweep, pixels + v * LANES, first + v, GROUP);
+    for (; v < n; v++)
+        absorb_some(sweep, pixels + v * LANES, first + v, 1);
 }
 
 /* The dispatch is by hand because the resolvers of target_clones run before the sanitizers' own
