@@ -5,9 +5,10 @@
 
 struct speed_sweep {
     double sweep_mpx_s, memcpy_mpx_s; /* one core */
-    double numpy_mpx_s;               /* 0: there is none */
-    double numpy_rms_frames;          /* between its peaks and ours */
-    double numpy_agree;               /* of the pixels: both or neither see a peak */
+    double peaks_mpx_s;               /* with the pulses' times found: sweep_finish () */
+    double maxima_mpx_s, samples_mpx_s, to_peaks_mpx_s; /* NumPy's, of its script; 0: none */
+    double numpy_rms_frames;                            /* between its peaks and ours */
+    double numpy_agree; /* of the pixels: both or neither see a peak */
 };
 struct speed_sweep speed_sweep(void);
 
