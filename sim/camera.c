@@ -2,6 +2,7 @@
 #include "world.h"
 
 #include <string.h>
+#include <time.h>
 
 enum stale_kind { STALE_OLD, STALE_RELABELLED };
 
@@ -24,6 +25,8 @@ struct sim_camera {
     guint timer;
     struct picture *picture; /* under way */
     Frame *last;             /* delivered truly: what a stale picture is made of */
+    int n_rendered;
+    gint64 rendering_us; /* of processors */
 };
 
 /* One exposure. Rendered in another thread, and ended by whichever comes last: its due time or its
@@ -37,6 +40,7 @@ struct picture {
     guint64 shot;
     gint64 start_us;
     Frame *frame;
+    gint64 rendering_us;
     gboolean started, rendered, due, holds;
     gboolean lost, stale;
     Clock *clock;
@@ -114,6 +118,8 @@ static void deliver(Camera *camera) {
     struct picture *picture = g_steal_pointer(&sim->picture);
     g_autoptr(Frame) stale = NULL;
     gboolean lost = picture->lost;
+    sim->n_rendered++;
+    sim->rendering_us += picture->rendering_us;
     if (picture->stale && sim->last)
         stale = relabel(sim->last, picture, sim->fault_stale_kind == STALE_RELABELLED);
     Frame *frame = frame_ref(stale ? stale : picture->frame);
@@ -138,10 +144,19 @@ static gboolean on_rendered(gpointer data) {
     return G_SOURCE_REMOVE;
 }
 
+/* The calling thread's. */
+static gint64 processor_us(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return now.tv_sec * G_USEC_PER_SEC + now.tv_nsec / 1000;
+}
+
 static void render(gpointer data, gpointer unused) {
     struct picture *picture = data;
+    const gint64 begun_us = processor_us();
     world_expose(picture->world, picture->index, &picture->state, picture->frame->exposure_us,
                  picture->gain_db, picture->shot, picture->frame->pixels);
+    picture->rendering_us = processor_us() - begun_us;
     /* Not g_main_context_invoke(): between two rounds of the main loop that would call it here. */
     g_idle_add_full(G_PRIORITY_DEFAULT, on_rendered, picture, NULL);
 }
@@ -297,6 +312,9 @@ static gboolean open_camera(Camera *camera, GError **error) {
 static void close_camera(Camera *camera) {
     struct sim_camera *sim = camera->device.priv;
     disarm(camera);
+    if (sim->n_rendered > 0)
+        g_info("%s: %d pictures took %.1f s of processor time to simulate", camera->device.name,
+               sim->n_rendered, (double)sim->rendering_us / G_USEC_PER_SEC);
     g_clear_pointer(&sim->last, frame_unref);
     g_clear_pointer(&sim->faults, g_rand_free);
     g_clear_pointer(&sim->world, world_unref);
