@@ -1,6 +1,7 @@
 #include "direction_cube.h"
 
 #include "cube_map.h"
+#include "gpu.h"
 
 #include <epoxy/gl.h>
 
@@ -38,6 +39,11 @@ void direction_cube_clear(struct direction_cube *cube) {
     const GLuint textures[] = {cube->indices, cube->weights};
     glDeleteTextures(G_N_ELEMENTS(textures), textures);
     *cube = (struct direction_cube){0};
+}
+
+gint64 direction_cube_bytes(const struct direction_cube *cube) {
+    return gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, cube->indices) +
+           gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, cube->weights);
 }
 
 static void bind(guint program, const char *name, const char *which, int unit, guint texture) {

@@ -16,6 +16,8 @@ struct direction_cube {
 struct direction_cube direction_cube_new(Directions *directions, gboolean fade);
 void direction_cube_clear(struct direction_cube *cube);
 
+gint64 direction_cube_bytes(const struct direction_cube *cube);
+
 /* To texture units unit and unit + 1 of a program in use, as NAME_indices and NAME_weights. */
 void direction_cube_bind(const struct direction_cube *cube, guint program, const char *name,
                          int unit);

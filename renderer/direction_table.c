@@ -39,6 +39,11 @@ void direction_table_clear(struct direction_table *table) {
     *table = (struct direction_table){0};
 }
 
+gint64 direction_table_bytes(const struct direction_table *table) {
+    return gpu_texture_bytes(GL_TEXTURE_2D, table->indices) +
+           gpu_texture_bytes(GL_TEXTURE_2D, table->weights);
+}
+
 static void bind(guint program, const char *name, const char *which, int unit, guint texture) {
     g_autofree char *uniform = g_strconcat(name, which, NULL);
     glActiveTexture(GL_TEXTURE0 + unit);

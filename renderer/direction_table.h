@@ -17,6 +17,8 @@ struct direction_table {
 struct direction_table direction_table_new(Directions *directions, gboolean fade);
 void direction_table_clear(struct direction_table *table);
 
+gint64 direction_table_bytes(const struct direction_table *table);
+
 /* To texture units unit and unit + 1 of a program in use, as NAME_indices and NAME_weights. */
 void direction_table_bind(const struct direction_table *table, guint program, const char *name,
                           int unit);

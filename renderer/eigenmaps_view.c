@@ -278,6 +278,13 @@ static void bind_all(gpointer material, guint program, const struct method_style
     glUniform1i(glGetUniformLocation(program, "n_layers"), view->n_layers);
 }
 
+static gint64 bytes(gconstpointer material) {
+    const EigenmapsView *view = material;
+    return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->maps) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->view_weights) +
+           direction_table_bytes(&view->lights);
+}
+
 static gpointer open_file(const char *path, GError **error) {
     struct eigenmaps *maps = eigenmaps_read(path, error);
     EigenmapsView *view = maps != NULL ? eigenmaps_view_new(maps, error) : NULL;
@@ -299,5 +306,6 @@ const struct method method_eigenmaps = {
     .shaders = shader_names,
     .open = open_file,
     .free = free_view,
+    .bytes = bytes,
     .bind = bind_all,
 };

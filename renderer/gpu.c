@@ -253,6 +253,41 @@ guint gpu_texture(int internal_format, int width, int height, int layers) {
     return texture;
 }
 
+static GLint of_level(guint target, int level, GLenum what) {
+    GLint value = 0;
+    glGetTexLevelParameteriv(target, level, what, &value);
+    return value;
+}
+
+static gint64 level_bytes(guint target, int level) {
+    static const GLenum sizes[] = {GL_TEXTURE_RED_SIZE,   GL_TEXTURE_GREEN_SIZE,
+                                   GL_TEXTURE_BLUE_SIZE,  GL_TEXTURE_ALPHA_SIZE,
+                                   GL_TEXTURE_DEPTH_SIZE, GL_TEXTURE_SHARED_SIZE};
+    gint64 bits = 0;
+    for (gsize k = 0; k < G_N_ELEMENTS(sizes); k++)
+        bits += of_level(target, level, sizes[k]);
+    return bits / 8 * of_level(target, level, GL_TEXTURE_WIDTH) *
+           of_level(target, level, GL_TEXTURE_HEIGHT) * of_level(target, level, GL_TEXTURE_DEPTH);
+}
+
+gint64 gpu_texture_bytes(guint target, guint texture) {
+    const gboolean cube = target == GL_TEXTURE_CUBE_MAP;
+    gint64 bytes = 0;
+    if (texture == 0)
+        return 0;
+    glBindTexture(target, texture);
+    if (cube)
+        target = GL_TEXTURE_CUBE_MAP_POSITIVE_X;
+    const int last = target == GL_TEXTURE_BUFFER
+                         ? 0
+                         : g_bit_nth_msf((gulong)MAX(of_level(target, 0, GL_TEXTURE_WIDTH),
+                                                     of_level(target, 0, GL_TEXTURE_HEIGHT)),
+                                         -1);
+    for (int level = 0; level <= last; level++)
+        bytes += level_bytes(target, level);
+    return cube ? 6 * bytes : bytes;
+}
+
 gboolean gpu_target_resize(struct gpu_target *target, int width, int height, int internal_format,
                            gboolean depth, GError **error) {
     if (target->framebuffer != 0 && target->width == width && target->height == height)

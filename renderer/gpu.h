@@ -45,6 +45,10 @@ gboolean gpu_has_43(void);
 /* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
 
+/* Bytes of all levels that a texture has, by its format as OpenGL tells it; 0 of none (0). target:
+ * a GL_TEXTURE_…. */
+gint64 gpu_texture_bytes(guint target, guint texture);
+
 /* A colour texture with or without a depth buffer to draw into. */
 struct gpu_target {
     guint framebuffer, colour, depth;

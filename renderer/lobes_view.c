@@ -182,6 +182,13 @@ static void bind(guint program, const char *name, int unit, GLenum target, guint
     glUniform1i(glGetUniformLocation(program, name), unit);
 }
 
+static gint64 bytes(gconstpointer material) {
+    const LobesView *view = material;
+    return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->values) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->ambients) +
+           gpu_texture_bytes(GL_TEXTURE_2D, view->pole) + direction_table_bytes(&view->views);
+}
+
 static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LobesView *view = material;
     bind(program, "values", 0, GL_TEXTURE_2D_ARRAY, view->values);
@@ -245,7 +252,7 @@ static const char *const ashikhmin[] = {"directions.glsl", "lobes.glsl",  "ashik
     {                                                                                              \
         .name = #model, .title = (text), .product = #model ".exr",                                 \
         .made_by = "mesorig compress --model " #model, .shaders = (model), .open = open_##model,   \
-        .free = free_view, .bind = bind_all,                                                       \
+        .free = free_view, .bytes = bytes, .bind = bind_all,                                       \
     }
 
 const struct method methods_lobes[LOBES_MODELS] = {

@@ -247,6 +247,11 @@ static void bind_all(gpointer material, guint program, const struct method_style
     glUniform1i(glGetUniformLocation(program, "n_grid"), grid->n);
 }
 
+static gint64 bytes(gconstpointer material) {
+    const LpcaGrid *grid = material;
+    return lpca_texels_bytes(&grid->texels) + gpu_texture_bytes(GL_TEXTURE_BUFFER, grid->brdfs);
+}
+
 static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_grid_new(levels, n, 0, error);
 }
@@ -271,5 +276,6 @@ const struct method method_lpca_grid = {
     .open = open_file,
     .free = free_grid,
     .constants = constants,
+    .bytes = bytes,
     .bind = bind_all,
 };

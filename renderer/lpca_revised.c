@@ -236,6 +236,14 @@ static char *constants(gconstpointer material, const struct method_style *style)
     return lpca_texels_constants(&revised->texels, style);
 }
 
+static gint64 bytes(gconstpointer material) {
+    const LpcaRevised *revised = material;
+    return lpca_texels_bytes(&revised->texels) + gpu_texture_bytes(GL_TEXTURE_3D, revised->means) +
+           gpu_texture_bytes(GL_TEXTURE_3D, revised->brdfs) +
+           gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->view_map) +
+           gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->light_map);
+}
+
 static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_revised_new(levels, n, 0, error);
 }
@@ -259,5 +267,6 @@ const struct method method_lpca_revised = {
     .open = open_file,
     .free = free_revised,
     .constants = constants,
+    .bytes = bytes,
     .bind = bind_all,
 };

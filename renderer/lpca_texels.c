@@ -215,6 +215,11 @@ char *lpca_texels_constants(const struct lpca_texels *texels, const struct metho
                            MAX(1, texels->n_components), texels->n_levels, style->nearest != 0);
 }
 
+gint64 lpca_texels_bytes(const struct lpca_texels *texels) {
+    return gpu_texture_bytes(GL_TEXTURE_2D, texels->clusters) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texels->weights);
+}
+
 void lpca_texels_bind(const struct lpca_texels *texels, guint program) {
     glActiveTexture(GL_TEXTURE1);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texels->weights);

@@ -42,6 +42,8 @@ void lpca_texels_clear(struct lpca_texels *texels);
 /* Of lpca_texel.glsl; see method.h. */
 char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style);
 
+gint64 lpca_texels_bytes(const struct lpca_texels *texels);
+
 /* To units 1 and 2 of a program in use. */
 void lpca_texels_bind(const struct lpca_texels *texels, guint program);
 

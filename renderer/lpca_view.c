@@ -110,6 +110,13 @@ static char *constants(gconstpointer material, const struct method_style *style)
     return lpca_texels_constants(&view->texels, style);
 }
 
+static gint64 bytes(gconstpointer material) {
+    const LpcaView *view = material;
+    return lpca_texels_bytes(&view->texels) + direction_cube_bytes(&view->views) +
+           direction_cube_bytes(&view->lights) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->brdfs);
+}
+
 static gpointer open_levels(struct lpca *const *levels, int n, GError **error) {
     return lpca_view_new(levels, n, error);
 }
@@ -133,5 +140,6 @@ const struct method method_lpca = {
     .open = open_file,
     .free = free_view,
     .constants = constants,
+    .bytes = bytes,
     .bind = bind_all,
 };

@@ -71,6 +71,12 @@ void mdf_texture_free(MdfTexture *texture) {
     g_free(texture);
 }
 
+gint64 mdf_texture_bytes(const MdfTexture *texture) {
+    return texture == NULL ? 0
+                           : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +
+                                 direction_table_bytes(&texture->views);
+}
+
 void mdf_texture_bind(const MdfTexture *texture, guint program) {
     glActiveTexture(GL_TEXTURE0 + MDF_TEXTURE_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);

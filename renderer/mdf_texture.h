@@ -12,5 +12,7 @@ MdfTexture *mdf_texture_new(const struct mdf_table *table, GError **error);
 void mdf_texture_free(MdfTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTexture, mdf_texture_free)
 
+gint64 mdf_texture_bytes(const MdfTexture *texture); /* 0 of NULL */
+
 /* Sets textures and uniforms of a program in use. */
 void mdf_texture_bind(const MdfTexture *texture, guint program);

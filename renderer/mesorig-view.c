@@ -22,6 +22,7 @@ struct rendered {
     double first_seconds; /* from the start to a window's first picture */
     int n_views;          /* of a live session */
     struct measured measured;
+    struct view_memory memory;
 };
 
 /* OUT.png becomes OUT_0000.png, … if there are more than one. */
@@ -169,6 +170,7 @@ static gboolean render_mesh(const struct view_options *o, const char *material,
     settings.tiles_u = mesh->tiles_u;
     settings.tiles_v = mesh->tiles_v;
     ret->renderer = g_strdup(gpu_renderer());
+    ret->memory = view_memory(view);
     g_autofree char *btf = btf_path(o);
     g_autoptr(Reference) reference = btf != NULL ? reference_open(btf, error) : NULL;
     if (btf != NULL && reference == NULL)
@@ -214,6 +216,7 @@ static gboolean show(const struct view_options *o, struct rendered *ret, GError 
     if (good && !o->json)
         g_print("first picture after %.2f s\n", result.first_seconds);
     ret->renderer = result.renderer;
+    ret->memory = result.memory;
     if (good && o->screenshot != NULL)
         g_ptr_array_add(ret->files, g_strdup(o->screenshot));
     return good;
@@ -266,6 +269,9 @@ static void report(const struct view_options *o, const char *material,
         append_json_string(json, done->files->pdata[k]);
     }
     g_string_append_c(json, ']');
+    g_string_append_printf(
+        json, ", \"gpu_bytes\": %" G_GINT64_FORMAT ", \"gpu_bytes_mdf\": %" G_GINT64_FORMAT,
+        done->memory.material, done->memory.mdf);
     if (o->render == NULL) {
         g_ascii_formatd(seconds, sizeof seconds, "%.3f", done->first_seconds);
         g_string_append_printf(json, ", \"first_picture_seconds\": %s", seconds);

@@ -40,6 +40,7 @@ struct method {
     void (*free)(gpointer material);
     /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
+    gint64 (*bytes)(gconstpointer material); /* that it takes on the card */
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
 };

@@ -129,6 +129,15 @@ static void free_material(gpointer data) {
     g_free(material);
 }
 
+static char *constants(gconstpointer data, const struct method_style *style) {
+    return g_strdup_printf("#define ROTATION %d\n", (int)style->rotation);
+}
+
+static gint64 bytes(gconstpointer data) {
+    const struct material *material = data;
+    return gpu_texture_bytes(GL_TEXTURE_2D, material->normals);
+}
+
 static void set_colour(guint program, const char *name, const float rgb[3]) {
     glUniform3fv(glGetUniformLocation(program, name), 1, rgb);
 }
@@ -149,7 +158,6 @@ static void bind_material(gpointer data, guint program, const struct method_styl
     set_colour(program, "weft_diffuse", weft_diffuse);
     glUniform2fv(glGetUniformLocation(program, "rough"), 1, material->facets.rough);
     glUniform3f(glGetUniformLocation(program, "weave"), YARNS, ACROSS, ALONG);
-    glUniform1i(glGetUniformLocation(program, "rotation"), (int)style->rotation);
 }
 
 static const char *const metal_ward[] = {"ward.glsl", "microfacet.glsl", "metal.glsl", NULL};
@@ -162,7 +170,7 @@ static const char *const fabric_ashikhmin[] = {"ashikhmin.glsl", "microfacet.gls
 #define SURFACE(ident, text, id)                                                                   \
     {                                                                                              \
         .name = (ident), .title = (text), .shaders = (id), .open = open_##id,                      \
-        .free = free_material, .bind = bind_material,                                              \
+        .free = free_material, .constants = constants, .bytes = bytes, .bind = bind_material,      \
     }
 
 const struct method methods_microfacet[MICROFACET_METHODS] = {

@@ -71,6 +71,10 @@ gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **er
     return TRUE;
 }
 
+gint64 relief_mdf_bytes(const Relief *relief) {
+    return mdf_texture_bytes(relief->mdf);
+}
+
 static gboolean make_map(Relief *relief, int size, GError **error) {
     GLint largest = 0;
     if (relief->map != 0 && relief->map_size == size)

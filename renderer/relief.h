@@ -16,6 +16,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 /* NULL: none, the mesh is smooth. */
 gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error);
 
+gint64 relief_mdf_bytes(const Relief *relief); /* that it takes on the card */
+
 struct relief_scene {
     guint array, n_indices;
     guint n_casting; /* of the indices, from the first: these cast shadows, all receive them */

@@ -240,6 +240,11 @@ gboolean view_open_mdf(View *view, const char *path, GError **error) {
     return good;
 }
 
+struct view_memory view_memory(const View *view) {
+    return (struct view_memory){view->method ? view->method->bytes(view->material) : 0,
+                                relief_mdf_bytes(view->relief)};
+}
+
 static void upload_shapes(const View *view, const struct mesh *mesh) {
     g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
     glBindBuffer(GL_ARRAY_BUFFER, view->shapes);

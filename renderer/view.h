@@ -63,6 +63,12 @@ gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* 
 gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error);
 gboolean view_open_mdf(View *view, const char *path, GError **error);
 
+/* Bytes that the material and its MDF take on the card, in textures with all their levels. */
+struct view_memory {
+    gint64 material, mdf;
+};
+struct view_memory view_memory(const View *view);
+
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
  * height); what draws does that by itself, but anew for every picture. */
 void view_fit(const View *view, struct view_settings *settings, double aspect);

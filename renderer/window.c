@@ -191,7 +191,9 @@ static gboolean run(struct window *w, struct window_result *ret, GError **error)
         return FALSE;
     w->settings.silhouettes = silhouettes;
     w->how = w->options->compose;
-    return window_open_first(w, error) && loop(w, ret, error);
+    const gboolean good = window_open_first(w, error) && loop(w, ret, error);
+    ret->memory = view_memory(w->view);
+    return good;
 }
 
 gboolean window_run(const struct window_options *options, struct window_result *ret,

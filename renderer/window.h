@@ -31,6 +31,7 @@ struct window_result {
     double seconds;       /* spent drawing them */
     double first_seconds; /* from the program's start to the first picture */
     char *renderer;       /* g_free() it */
+    struct view_memory memory;
 };
 
 gboolean window_run(const struct window_options *options, struct window_result *ret,

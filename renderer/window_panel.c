@@ -144,12 +144,17 @@ void window_panel(struct window *w) {
                                                          : g_strdup("no material");
     g_autofree char *time =
         g_strdup_printf("%s: %.1f ms a picture on %s", name, w->frame_ms, gpu_renderer());
+    const struct view_memory bytes = view_memory(w->view);
+    g_autofree char *memory =
+        g_strdup_printf("%.1f MB on the card, its MDF %.1f MB", (double)bytes.material * 1e-6,
+                        (double)bytes.mdf * 1e-6);
     if (w->help)
         draw_help();
     if (!w->panel)
         return;
     ui_panel_begin("Mesorig", 10.0F, 10.0F, WIDTH);
     ui_text(time);
+    ui_text(memory);
     if (w->live != NULL && w->n_live == 0)
         ui_note("Waiting for the first view; this is a demonstration.");
     if (w->message != NULL)

@@ -397,6 +397,28 @@ static void test_grid(struct fixture *f, gconstpointer data) {
     check_case(7, 9, FALSE, 0.2, 6);
 }
 
+/* Cube maps: six faces of 256² of 8 bytes; texels: clusters 8 bytes, weights 16 a page. */
+static void test_bytes(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct lpca *levels[2] = {make_level(0, 3, 5), make_level(1, 2, 5)};
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    const gint64 texels = (gint64)(W * H + W / 2 * (H / 2)) * (8 + 2 * 16),
+                 cubes = 4 * 6 * 65536 * 8;
+    const gint64 n = RINGS * A_RING;
+    view_set_method(view, &method_lpca, lpca_view_new(levels, 2, &error), &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(view_memory(view).material, ==, texels + cubes + 5 * n * (n + 1) * 6 * 8);
+    view_set_method(view, &method_lpca_grid, lpca_grid_new(levels, 2, 6, &error), &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(view_memory(view).material, ==, texels + 5 * 36 * 37 * 2 * 16);
+    g_assert_cmpint(view_memory(view).mdf, ==, 0);
+    lpca_free(levels[0]);
+    lpca_free(levels[1]);
+}
+
 static void refuse_lpca(struct lpca *lpca, const char *said) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GError) of_grid = NULL;
@@ -437,6 +459,7 @@ int main(int argc, char **argv) {
     g_test_add("/lpca-view/revised", struct fixture, NULL, set_up, test_revised, tear_down);
     g_test_add("/lpca-view/levels", struct fixture, NULL, set_up, test_levels, tear_down);
     g_test_add("/lpca-view/grid", struct fixture, NULL, set_up, test_grid, tear_down);
+    g_test_add("/lpca-view/bytes", struct fixture, NULL, set_up, test_bytes, tear_down);
     g_test_add("/lpca-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
     return g_test_run();
 }

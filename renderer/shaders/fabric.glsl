@@ -3,11 +3,10 @@
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
 uniform vec3 weave; // yarns a tile each way, slope across a yarn, along it
-uniform int rotation;
 
 vec3 yarn(bool warp, vec3 n, vec3 v, vec3 l) {
     return facet(warp ? diffuse : weft_diffuse, specular, warp ? rough.yx : rough, n, v, l,
-                 rotation);
+                 ROTATION);
 }
 
 // See method.h. Where yarns are smaller than a pixel their mean is left.

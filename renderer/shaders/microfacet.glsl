@@ -1,15 +1,17 @@
-// How microfacets follow a normal n that is not the surface's, z: the half vector seen from the
-// frame of the facets (seed 003); see enum method_rotation.
+// How microfacets follow a normal n that is not the surface's, z: the squares of x and y of the half
+// vector seen from the frame of the facets, and its z (seed 003); see enum method_rotation. What is
+// rotated exactly is still of length 1, so that y need not be worked out.
 vec3 facet_half(vec3 h, vec3 n, int how) {
     float z = dot(n, h);
     if (how == 2)
-        return vec3(h.xy, z);
-    if (how == 1)
-        return vec3(n.z * h.x - n.x * h.z,
-                    -n.x * n.y * h.x + (1.0 - n.y * n.y) * h.y - n.y * n.z * h.z, z);
-    float size = length(n.xz);
-    vec3 u = size > 1e-6 ? vec3(n.z, 0.0, -n.x) / size : vec3(1.0, 0.0, 0.0);
-    return vec3(dot(u, h), dot(cross(n, u), h), z);
+        return vec3(h.xy * h.xy, z);
+    float x = n.z * h.x - n.x * h.z;
+    if (how == 1) {
+        float y = -n.x * n.y * h.x + (1.0 - n.y * n.y) * h.y - n.y * n.z * h.z;
+        return vec3(x * x, y * y, z);
+    }
+    float size = dot(n.xz, n.xz), square_x = size > 1e-12 ? x * x / size : h.x * h.x;
+    return vec3(square_x, max(1.0 - z * z - square_x, 0.0), z);
 }
 
 // Diffuse and specular, in the frame whose x is the direction of U.

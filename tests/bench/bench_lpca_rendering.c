@@ -111,6 +111,7 @@ enum { PAIRS, REVISED, GRID, N_WAYS };
 struct result { /* differences are RMS, relative to the RMS of the picture by pairs */
     int n_components, n_grid;
     double ms[N_WAYS], difference[N_WAYS];
+    gint64 bytes[N_WAYS];
 };
 
 static double difference(const float *a, const float *by_pairs) {
@@ -125,6 +126,8 @@ static double difference(const float *a, const float *by_pairs) {
 
 static gboolean compare(View *const *views, struct result *r, GError **error) {
     g_autofree float *by_pairs = picture(views[PAIRS], error);
+    for (int k = 0; k < N_WAYS; k++)
+        r->bytes[k] = view_memory(views[k]).material;
     for (int k = REVISED; by_pairs && k < N_WAYS; k++) {
         g_autofree float *drawn = picture(views[k], error);
         if (!drawn)
@@ -148,19 +151,29 @@ static gboolean measure(struct lpca *lpca, View *const *views, int frames, struc
            time_in_turns(views, s, N_WAYS, frames, r->ms, error) && compare(views, r, error);
 }
 
-static void tell(const struct result *r, gboolean json, gboolean first) {
-    const double revised = r->ms[PAIRS] / r->ms[REVISED], grid = r->ms[PAIRS] / r->ms[GRID];
-    if (json)
-        g_print("%s{\"components\": %d, \"grid\": %d, \"pairs_ms\": %.2f, \"revised_ms\": %.2f, "
-                "\"revised_ratio\": %.3f, \"revised_rms_difference\": %.4f, \"grid_ms\": %.2f, "
-                "\"ratio\": %.3f, \"limit\": %.1f, \"rms_difference\": %.4f}",
-                first ? "" : ", ", r->n_components, r->n_grid, r->ms[PAIRS], r->ms[REVISED],
-                revised, r->difference[REVISED], r->ms[GRID], grid, LIMIT, r->difference[GRID]);
-    else
-        g_print("c = %d, grid of %2d: pairs %.1f ms; 3D texture %.1f ms, ratio %.2f, RMS "
-                "difference %.2f %%; simplices %.1f ms, ratio %.2f (limit %.1f), %.2f %%\n",
-                r->n_components, r->n_grid, r->ms[PAIRS], r->ms[REVISED], revised,
-                100 * r->difference[REVISED], r->ms[GRID], grid, LIMIT, 100 * r->difference[GRID]);
+static void tell_json(const struct result *r, gboolean first) {
+    static const char *const names[N_WAYS] = {"pairs", "revised", "grid"};
+    g_print("%s{\"components\": %d, \"grid\": %d, \"limit\": %.1f", first ? "" : ", ",
+            r->n_components, r->n_grid, LIMIT);
+    for (int k = 0; k < N_WAYS; k++)
+        g_print(", \"%s_ms\": %.2f, \"%s_gpu_bytes\": %" G_GINT64_FORMAT, names[k], r->ms[k],
+                names[k], r->bytes[k]);
+    for (int k = REVISED; k < N_WAYS; k++)
+        g_print(", \"%s_ratio\": %.3f, \"%s_rms_difference\": %.4f", names[k],
+                r->ms[PAIRS] / r->ms[k], names[k], r->difference[k]);
+    g_print("}");
+}
+
+static void tell_text(const struct result *r) {
+    static const char *const names[N_WAYS] = {"nine pairs", "3D texture", "packed simplices"};
+    g_print("c = %d, grid of %d\n", r->n_components, r->n_grid);
+    for (int k = 0; k < N_WAYS; k++) {
+        g_print("  %s: %.1f ms, %.1f MB", names[k], r->ms[k], (double)r->bytes[k] * 1e-6);
+        if (k > PAIRS)
+            g_print(", %.2f times as fast%s, RMS difference %.2f %%", r->ms[PAIRS] / r->ms[k],
+                    k == GRID ? " (limit 2)" : "", 100 * r->difference[k]);
+        g_print("\n");
+    }
 }
 
 static gboolean open_views(View *views[N_WAYS], GError **error) {
@@ -187,8 +200,10 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
         struct lpca *lpca =
             whole ? lpca_truncated(whole, MIN(r.n_components, whole->n_components)) : NULL;
         good = lpca && measure(lpca, views, frames, &r, error);
-        if (good)
-            tell(&r, json, k == 0);
+        if (good && json)
+            tell_json(&r, k == 0);
+        else if (good)
+            tell_text(&r);
         lpca_free(whole);
         lpca_free(lpca);
     }

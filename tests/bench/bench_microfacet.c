@@ -103,19 +103,18 @@ static void tell_tilts(const struct tilt *tilts, gboolean json) {
                 tilts[k].half_worst, tilts[k].ward_rms);
 }
 
-/* In turns, so that what else the machine does falls on all alike; ret_ms: the least of each. */
-static gboolean time_rotations(View *view, const struct method *method, int rounds,
+/* ret_ms: of each rotation. */
+static gboolean time_rotations(View *view, const struct method *method, int frames,
                                double ret_ms[METHOD_ROTATIONS], GError **error) {
-    struct view_settings s = view_settings_default;
-    gboolean good = view_open(view, method, NULL, error);
-    for (int k = 0; good && k < rounds * METHOD_ROTATIONS; k++) {
-        const int way = k % METHOD_ROTATIONS;
-        double ms = 0;
-        s.style.rotation = (enum method_rotation)way;
-        good = time_in_turns(&view, &s, 1, 3, &ms, error);
-        ret_ms[way] = k < METHOD_ROTATIONS ? ms : fmin(ret_ms[way], ms);
+    View *views[METHOD_ROTATIONS];
+    struct view_settings settings[METHOD_ROTATIONS];
+    for (int way = 0; way < METHOD_ROTATIONS; way++) {
+        views[way] = view;
+        settings[way] = view_settings_default;
+        settings[way].style.rotation = (enum method_rotation)way;
     }
-    return good;
+    return view_open(view, method, NULL, error) &&
+           time_in_turns(views, settings, METHOD_ROTATIONS, frames, ret_ms, error);
 }
 
 static void tell_times(const char *name, const double *ms, gboolean json, gboolean first) {
@@ -130,7 +129,7 @@ static void tell_times(const char *name, const double *ms, gboolean json, gboole
             approximate / none, LIMIT);
 }
 
-static gboolean bench(int rounds, gboolean json, GError **error) {
+static gboolean bench(int frames, gboolean json, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(View) view = gpu ? view_new(NULL, error) : NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
@@ -139,7 +138,7 @@ static gboolean bench(int rounds, gboolean json, GError **error) {
             gpu ? gpu_renderer() : "");
     for (int k = 0; good && k < MICROFACET_METHODS; k++) {
         double ms[METHOD_ROTATIONS] = {0};
-        good = time_rotations(view, &methods_microfacet[k], rounds, ms, error);
+        good = time_rotations(view, &methods_microfacet[k], frames, ms, error);
         if (good)
             tell_times(methods_microfacet[k].name, ms, json, k == 0);
     }
@@ -150,25 +149,25 @@ static gboolean bench(int rounds, gboolean json, GError **error) {
 int main(int argc, char **argv) {
     setlocale(LC_CTYPE, "");
     gboolean json = FALSE;
-    int rounds = 5;
+    int frames = 15;
     g_autofree char *svg = NULL;
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
-        {"rounds", 0, 0, G_OPTION_ARG_INT, &rounds, "Of three frames each, default 5", "N"},
+        {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 15", "N"},
         {"plot", 0, 0, G_OPTION_ARG_FILENAME, &svg, "Draw the error over the tilt", "OUT.svg"},
         {NULL}};
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
     struct tilt tilts[STEPS];
     g_option_context_add_main_entries(context, entries, NULL);
-    if (!g_option_context_parse(context, &argc, &argv, &error) || rounds < 1 || argc > 1) {
+    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || argc > 1) {
         g_printerr("bench_microfacet: %s\n", error ? error->message : "bad arguments");
         return 2;
     }
     for (int k = 0; k < STEPS; k++)
         tilts[k] = measure_tilt(5.0 * k);
     g_print("%s", json ? "{" : "");
-    const gboolean good = bench(rounds, json, &error) && (!svg || plot(svg, tilts));
+    const gboolean good = bench(frames, json, &error) && (!svg || plot(svg, tilts));
     g_print("%s", json ? "], \"tilts\": [" : "");
     tell_tilts(tilts, json);
     g_print("%s\n", json ? "]}" : "");

@@ -267,14 +267,18 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
     struct mdf_table *mdf = make_mdf(maps);
     gboolean good = view_set_mdf(view, mdf, error);
     mdf_table_free(mdf);
+    const struct view_memory memory = view_memory(view);
     if (json)
         g_print("{\"renderer\": \"%s\", \"width\": 800, \"height\": 600, \"texels\": %d, "
-                "\"terms\": 4, \"lights\": %d, \"frames\": %d, \"svd_error\": %.4f, \"scenes\": [",
-                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual);
+                "\"terms\": 4, \"lights\": %d, \"frames\": %d, \"svd_error\": %.4f, \"gpu_bytes\": "
+                "%" G_GINT64_FORMAT ", \"gpu_bytes_mdf\": %" G_GINT64_FORMAT ", \"scenes\": [",
+                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual, memory.material,
+                memory.mdf);
     else
         g_print("%s, 800 × 600, %d² texels, 4 terms, %d lights, median of %d frames\n"
-                "(error of the eigen-maps %.4f)\n",
-                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual);
+                "(error of the eigen-maps %.4f); %.1f MB on the card, and %.1f MB of the MDF\n",
+                gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual,
+                (double)memory.material * 1e-6, (double)memory.mdf * 1e-6);
     for (gsize k = 0; good && k < G_N_ELEMENTS(shapes); k++)
         good = measure(view, shapes[k], frames, json, error);
     g_print("%s", json ? "]}\n" : "");
