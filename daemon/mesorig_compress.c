@@ -8,6 +8,7 @@
 #include "processing/lpca.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_levels.h"
+#include "processing/mdf_factors.h"
 #include "processing/resample.h"
 #include "report.h"
 
@@ -423,18 +424,19 @@ static int clusters_option, components_option, grid_option;
 static gboolean mips_option;
 static const GOptionEntry entries[] = {
     {"method", 'm', 0, G_OPTION_ARG_STRING, &method_option,
-     "Local PCA (the default); eigen-maps, which need -o; or a model fitted to each texel",
-     "lpca|eigenmaps|fields|ptm|lafortune|ward|ashikhmin"},
+     "Local PCA (the default); eigen-maps, which need -o; a model fitted to each texel; or the "
+     "distances (MDF), which need -o: as few maps, or each view",
+     "lpca|eigenmaps|fields|ptm|lafortune|ward|ashikhmin|mdf|mdf-views"},
     {"model", 0, 0, G_OPTION_ARG_STRING, &method_option, "The same as --method", "METHOD"},
     {"clusters", 'k', 0, G_OPTION_ARG_INT, &clusters_option,
      "Clusters of texels: 1 … 1024, 32 if not given", "K"},
     {"components", 'c', 0, G_OPTION_ARG_INT, &components_option,
-     "Eigen-BRDFs of a cluster: 1 … 64, 8 if not given; eigen-maps: 4; with --error at most; lobes "
-     "of "
-     "fields and lafortune: 1 … 3, 2 if not given",
+     "Eigen-BRDFs of a cluster: 1 … 64, 8 if not given; eigen-maps: 4; maps of an mdf: 1 … 32, 8; "
+     "with --error at most; lobes of fields and lafortune: 1 … 3, 2 if not given",
      "C"},
     {"error", 'e', 0, G_OPTION_ARG_STRING, &error_option,
-     "As small as reaches this error of the whole: components, and clusters unless -k says them",
+     "As small as reaches this error of the whole: components, and clusters unless -k says them; "
+     "of an mdf in texels",
      "2%"},
     {"size", 's', 0, G_OPTION_ARG_STRING, &size_option,
      "The best clusters and components that take no more than this", "20MB"},
@@ -443,8 +445,9 @@ static const GOptionEntry entries[] = {
     {"grid", 'g', 0, G_OPTION_ARG_INT, &grid_option,
      "Eigen-BRDFs on a grid of directions with so many samples each way: 4 … 24, 12 is good", "N"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
-     "Numbers in the file; half if not given; 8bit is of eigen-BRDFs alone",
-     "float|half|8bit|8bit-weights"},
+     "Numbers in the file; half if not given; 8bit is of eigen-BRDFs alone; mdf-views are half, "
+     "8bit or, if not given, 4bit",
+     "float|half|8bit|8bit-weights|4bit"},
     {"colours", 0, 0, G_OPTION_ARG_STRING, &colours_option,
      "What is compressed: colours as they are, or the logarithm of luminance and chroma",
      "rgb|log"},
@@ -481,6 +484,31 @@ static gboolean parse_size(const char *text, gint64 *ret) {
     return FALSE;
 }
 
+static int run_mdf(const struct command *command, const char *path, gboolean views) {
+    static const char *const kinds[] = {"", "half", "8bit", "4bit"};
+    struct compress_mdf mdf = {.path = path, .output = output_option};
+    if (!output_option || clusters_option >= 0 || size_option || mips_option || grid_option ||
+        colours_option || memory_option)
+        return cli_usage(command, "of an MDF -c, --error or -q are asked, and -o FILE is needed");
+    if (views ? components_option >= 0 || error_option : quantise_option != NULL)
+        return cli_usage(command, "-c and --error are of mdf, which is in 8 bit; -q of mdf-views");
+    if (components_option == 0 || components_option < -1 ||
+        components_option > MDF_FACTORS_MAX_TERMS)
+        return cli_usage(command, "an MDF has 1 to 32 maps");
+    if (error_option && !parse_error(error_option, &mdf.target))
+        return cli_usage(command, "--error is a share of a texel, like 5%% or 0.05");
+    mdf.kind = views ? COMPRESS_MDF_4BIT : COMPRESS_MDF_MAPS;
+    if (quantise_option) {
+        mdf.kind = COMPRESS_MDF_HALF;
+        while (mdf.kind <= COMPRESS_MDF_4BIT && strcmp(quantise_option, kinds[mdf.kind]) != 0)
+            mdf.kind++;
+    }
+    if (mdf.kind > COMPRESS_MDF_4BIT)
+        return cli_usage(command, "--quantise of mdf-views is half, 8bit or 4bit");
+    mdf.terms = MAX(components_option, 0);
+    return compress_mdf(&mdf);
+}
+
 static int run(const struct command *command, int argc, char **argv) {
     struct compress compress = {.quantise = LPCA_HALF};
     g_autoptr(GError) error = NULL;
@@ -489,12 +517,15 @@ static int run(const struct command *command, int argc, char **argv) {
     grid_option = 0;
     if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
         return CLI_USAGE;
+    const gboolean views = g_strcmp0(method_option, "mdf-views") == 0;
+    if (views || g_strcmp0(method_option, "mdf") == 0)
+        return run_mdf(command, argv[1], views);
     compress.eigenmaps = g_strcmp0(method_option, "eigenmaps") == 0;
     compress.lobes = lobes_model_parse(method_option, &compress.model);
     if (method_option && !compress.eigenmaps && !compress.lobes &&
         strcmp(method_option, "lpca") != 0)
-        return cli_usage(command, "--method is lpca, eigenmaps, fields, ptm, lafortune, ward or "
-                                  "ashikhmin");
+        return cli_usage(command, "--method is lpca, eigenmaps, fields, ptm, lafortune, ward, "
+                                  "ashikhmin, mdf or mdf-views");
     if (compress.lobes && (clusters_option > 0 || quantise_option))
         return cli_usage(command, "models of a texel are half floats without clusters");
     if (clusters_option == 0 || clusters_option < -1 || components_option == 0 ||
@@ -538,4 +569,5 @@ static int run(const struct command *command, int argc, char **argv) {
     return ok ? CLI_DONE : cli_fail(error);
 }
 
-const struct command cli_compress = {"compress", "DIR", "Compress the BTF of a session.", run};
+const struct command cli_compress = {"compress", "DIR",
+                                     "Compress the BTF of a session, or its MDF.", run};

@@ -8,3 +8,19 @@
 struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
                                      PipelineFunc progress, gpointer data,
                                      GCancellable *cancellable, double *ret_error, GError **error);
+
+/* --method=mdf or mdf-views. */
+enum compress_mdf_kind {
+    COMPRESS_MDF_MAPS,
+    COMPRESS_MDF_HALF,
+    COMPRESS_MDF_8BIT,
+    COMPRESS_MDF_4BIT
+};
+struct compress_mdf {
+    const char *path;            /* a session, or an mdf.exr */
+    enum compress_mdf_kind kind; /* few maps; or each view on its own */
+    int terms;                   /* maps; 0: not asked for */
+    double target;               /* of maps: RMS in texels, 0: none */
+    const char *output;
+};
+int compress_mdf(const struct compress_mdf *asked);

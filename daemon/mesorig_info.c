@@ -361,6 +361,37 @@ static void print_lobes(const struct exr_file *file) {
             width, height, views->width, lights->width, 100 * error, luminance);
 }
 
+static void print_factors(const struct exr_file *file) {
+    const struct exr_part *maps = exr_file_part(file, "maps");
+    const struct exr_part *views = exr_file_part(file, "views");
+    double error_mm = 0, texel_mm = 0;
+    int measured = 0;
+    if (strcmp(kind_of(file), "mdf-factors") != 0 || !maps || !views)
+        return;
+    exr_get_int(maps, "mesorig.measured", &measured, NULL);
+    exr_get_double(maps, "mesorig.error_mm", &error_mm, NULL);
+    exr_get_double(maps, "texel_mm", &texel_mm, NULL);
+    g_print("distances (MDF): %d maps of %d × %d texels of %.3g mm, for %d views measured and %d "
+            "traced; off by %.3f mm RMS\n\n",
+            maps->n_channels, maps->width, maps->height, texel_mm, measured,
+            views->width - measured, error_mm);
+}
+
+static void print_blocks(const struct exr_file *file) {
+    const struct exr_part *first = file->parts->pdata[0];
+    double error_mm = 0, texel_mm = 0;
+    int width = 0, height = 0;
+    if (strcmp(kind_of(file), "mdf-blocks") != 0)
+        return;
+    exr_get_int(first, "mesorig.width", &width, NULL);
+    exr_get_int(first, "mesorig.height", &height, NULL);
+    exr_get_double(first, "mesorig.error_mm", &error_mm, NULL);
+    exr_get_double(first, "texel_mm", &texel_mm, NULL);
+    g_print("distances (MDF): %u views of %d × %d texels of %.3g mm in 4 bit; off by %.3f mm "
+            "RMS\n\n",
+            file->parts->len, width, height, texel_mm, error_mm);
+}
+
 static int info_exr(const char *path) {
     g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_read_headers(path, &error);
@@ -372,6 +403,8 @@ static int info_exr(const char *path) {
         print_eigenmaps(file);
         print_lpca(file);
         print_lobes(file);
+        print_factors(file);
+        print_blocks(file);
         for (guint i = 0; i < MIN(file->parts->len, SHOWN_PARTS); i++)
             print_part(file->parts->pdata[i]);
         if (file->parts->len > SHOWN_PARTS)

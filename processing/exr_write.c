@@ -199,9 +199,27 @@ static exr_result_t declare(exr_context_t context, const struct exr_file *file,
     return rc == EXR_ERR_SUCCESS ? exr_write_header(context) : rc;
 }
 
+struct encoding {
+    const struct exr_part *part;
+    exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's */
+};
+
+/* What compresses to exactly as many bytes as it had is not told from what is not compressed when
+ * it is read: OpenEXRCore 3.1 writes the former, and reads it as the latter. */
+static exr_result_t compress(exr_encode_pipeline_t *encode) {
+    const struct encoding *encoding = encode->encoding_user_data;
+    const exr_result_t rc = encoding->compress(encode);
+
+    if (rc == EXR_ERR_SUCCESS && encode->compressed_bytes == encode->packed_bytes &&
+        encode->compressed_buffer != encode->packed_buffer)
+        memcpy(encode->compressed_buffer, encode->packed_buffer, encode->packed_bytes);
+    return rc;
+}
+
 /* Lines of all channels one after the other, in the file's byte order. */
 static exr_result_t pack(exr_encode_pipeline_t *encode) {
-    const struct exr_part *part = encode->encoding_user_data;
+    const struct encoding *encoding = encode->encoding_user_data;
+    const struct exr_part *part = encoding->part;
     guint8 *to = encode->packed_buffer;
     gsize width = (gsize)part->width;
 
@@ -239,6 +257,7 @@ static void describe_channels(exr_encode_pipeline_t *encode, const struct exr_pa
 
 static exr_result_t write_part(exr_context_t context, int index, struct exr_part *part) {
     exr_encode_pipeline_t encode = EXR_ENCODE_PIPELINE_INITIALIZER;
+    struct encoding encoding = {.part = part};
     exr_chunk_info_t chunk;
     int32_t step;
     exr_result_t rc = exr_get_scanlines_per_chunk(context, index, &step);
@@ -253,8 +272,12 @@ static exr_result_t write_part(exr_context_t context, int index, struct exr_part
         describe_channels(&encode, part);
         if (y == 0)
             rc = exr_encoding_choose_default_routines(context, index, &encode);
+        if (y == 0)
+            encoding.compress = encode.compress_fn;
+        if (encoding.compress)
+            encode.compress_fn = compress;
         encode.convert_and_pack_fn = pack;
-        encode.encoding_user_data = part;
+        encode.encoding_user_data = &encoding;
         if (rc == EXR_ERR_SUCCESS)
             rc = exr_encoding_run(context, index, &encode);
     }

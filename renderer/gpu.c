@@ -264,6 +264,8 @@ static gint64 level_bytes(guint target, int level) {
                                    GL_TEXTURE_BLUE_SIZE,  GL_TEXTURE_ALPHA_SIZE,
                                    GL_TEXTURE_DEPTH_SIZE, GL_TEXTURE_SHARED_SIZE};
     gint64 bits = 0;
+    if (of_level(target, level, GL_TEXTURE_COMPRESSED))
+        return of_level(target, level, GL_TEXTURE_COMPRESSED_IMAGE_SIZE);
     for (gsize k = 0; k < G_N_ELEMENTS(sizes); k++)
         bits += of_level(target, level, sizes[k]);
     return bits / 8 * of_level(target, level, GL_TEXTURE_WIDTH) *

@@ -36,7 +36,7 @@ struct Relief {
 Relief *relief_new(GError **error) {
     static const char *const map[] = {"screen.vert", "shadow_map.frag", NULL};
     float zero = 0.0f;
-    const struct mdf_table flat = {1, 1, 1, 1.0, &zero, &zero, &zero, 0.0};
+    const struct mdf_table flat = {1, 1, 1, 1.0, &zero, &zero, &zero, 0.0, NULL};
     g_autoptr(Relief) relief = g_new0(Relief, 1);
     glGenVertexArrays(1, &relief->empty_array);
     if ((relief->smooth = mdf_texture_new(&flat, error)) == NULL ||
@@ -61,14 +61,30 @@ void relief_free(Relief *relief) {
     g_free(relief);
 }
 
-gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error) {
-    MdfTexture *texture = mdf != NULL ? mdf_texture_new(mdf, error) : NULL;
-    if (mdf != NULL && texture == NULL)
+static gboolean take_texture(Relief *relief, MdfTexture *texture) {
+    if (texture == NULL)
         return FALSE;
     mdf_texture_free(relief->mdf);
     relief->mdf = texture;
     relief->key.mdf = NULL;
     return TRUE;
+}
+
+gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error) {
+    if (mdf != NULL)
+        return take_texture(relief, mdf_texture_new(mdf, error));
+    g_clear_pointer(&relief->mdf, mdf_texture_free);
+    relief->key.mdf = NULL;
+    return TRUE;
+}
+
+gboolean relief_set_blocks(Relief *relief, const struct mdf_table *mdf,
+                           const struct mdf_blocks *blocks, GError **error) {
+    return take_texture(relief, mdf_texture_new_blocks(mdf, blocks, error));
+}
+
+gboolean relief_set_factors(Relief *relief, const struct mdf_factors *mdf, GError **error) {
+    return take_texture(relief, mdf_texture_new_factors(mdf, error));
 }
 
 gint64 relief_mdf_bytes(const Relief *relief) {

@@ -224,6 +224,41 @@ gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error) {
     return relief_set_mdf(view->relief, mdf, error);
 }
 
+gboolean view_set_mdf_factors(View *view, const struct mdf_factors *mdf, GError **error) {
+    return relief_set_factors(view->relief, mdf, error);
+}
+
+gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *blocks, GError **error) {
+    struct mdf_table *mdf = mdf_blocks_table(blocks);
+    mdf_table_add_grazing(mdf);
+    gboolean good = relief_set_blocks(view->relief, mdf, blocks, error);
+    mdf_table_free(mdf);
+    return good;
+}
+
+static gboolean open_factors(View *view, const char *path, GError **error) {
+    struct mdf_factors *mdf = mdf_factors_read(path, error);
+    gboolean good = mdf != NULL && view_set_mdf_factors(view, mdf, error);
+    mdf_factors_free(mdf);
+    return good;
+}
+
+static gboolean open_blocks(View *view, const char *path, GError **error) {
+    struct mdf_blocks *mdf = mdf_blocks_read(path, error);
+    gboolean good = mdf != NULL && view_set_mdf_blocks(view, mdf, error);
+    mdf_blocks_free(mdf);
+    return good;
+}
+
+static gboolean open_views(View *view, const char *path, GError **error) {
+    struct mdf_table *mdf = mdf_table_read(path, error);
+    if (mdf != NULL)
+        mdf_table_add_grazing(mdf);
+    gboolean good = mdf != NULL && view_set_mdf(view, mdf, error);
+    mdf_table_free(mdf);
+    return good;
+}
+
 gboolean view_open_mdf(View *view, const char *path, GError **error) {
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
@@ -232,12 +267,14 @@ gboolean view_open_mdf(View *view, const char *path, GError **error) {
                     path);
         return FALSE;
     }
-    struct mdf_table *mdf = mdf_table_read(path, error);
-    if (mdf != NULL)
-        mdf_table_add_grazing(mdf);
-    gboolean good = mdf != NULL && view_set_mdf(view, mdf, error);
-    mdf_table_free(mdf);
-    return good;
+    switch (mdf_kind(path)) {
+    case MDF_KIND_FACTORS:
+        return open_factors(view, path, error);
+    case MDF_KIND_BLOCKS:
+        return open_blocks(view, path, error);
+    default:
+        return open_views(view, path, error);
+    }
 }
 
 struct view_memory view_memory(const View *view) {

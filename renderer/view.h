@@ -1,9 +1,11 @@
 /* A material on a mesh, as a picture. Needs a current GL context, of which it changes the state. */
 #pragma once
 
-#include "mdf_table.h"
 #include "method.h"
 #include "processing/eigenmaps.h"
+#include "processing/mdf_blocks.h"
+#include "processing/mdf_factors.h"
+#include "processing/mdf_packed.h"
 #include "scene.h"
 #include "visibility.h"
 
@@ -61,6 +63,9 @@ gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* 
 
 /* The MDF of the material; NULL: none. Copies what it needs. */
 gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error);
+gboolean view_set_mdf_factors(View *view, const struct mdf_factors *mdf, GError **error);
+gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *mdf, GError **error);
+/* Of any of the kinds that mdf_kind() tells. */
 gboolean view_open_mdf(View *view, const char *path, GError **error);
 
 /* Bytes that the material and its MDF take on the card, in textures with all their levels. */

@@ -431,7 +431,7 @@ static void test_program_renders(struct fixture *f, gconstpointer data) {
                                "--light-turn", "--json",  NULL};
     g_assert_cmpint(run_program(arguments, &out, &err), ==, 0);
     g_assert_nonnull(strstr(out, "\"width\": 48, \"height\": 32, \"frames\": 4"));
-    g_assert_nonnull(strstr(out, "turn_0003.png\"]}"));
+    g_assert_nonnull(strstr(out, "turn_0003.png\"]"));
     guint8 *rgb[2];
     for (int k = 0; k < 2; k++) {
         g_autofree char *one = g_strdup_printf("%s/turn_%04d.png", dir, 2 * k);
@@ -472,7 +472,7 @@ static void test_program_sheet(struct fixture *f, gconstpointer data) {
     const char *many[] = {PROGRAM, dir,        "-o", turn,           "--size",
                           "24x16", "--frames", "3",  "--light-turn", NULL};
     g_assert_cmpint(run_program(one, &out, &err), ==, 0);
-    g_assert_nonnull(strstr(out, "sheet.png\"]}"));
+    g_assert_nonnull(strstr(out, "sheet.png\"]"));
     g_assert_cmpint(run_program(many, &out2, &err2), ==, 0);
     int width, height;
     g_autofree guint8 *whole = NULL;

@@ -6,7 +6,11 @@ in vec3 bending;
 uniform vec4 sight;  // w = 1: where the eye is; w = 0: unit, towards an eye far away
 uniform float reach; // with w = 0: distances are measured from a plane so far from the origin
 
-uniform sampler2DArray mdf_depths; // mm below the reference plane; a layer a view
+// Depths below the reference plane, a layer a view; or four maps a layer, see mdf_factors.h.
+uniform sampler2DArray mdf_depths;
+uniform vec2 mdf_range;             // of views, mm: what 0 is, and 1 more
+uniform int mdf_layers;             // of maps; 0: views
+uniform sampler2DArray mdf_factors; // of maps, over the hemisphere; the last layer is without a map
 uniform usampler2D mdf_indices;    // over the hemisphere, see directions.h
 uniform sampler2D mdf_weights;
 uniform vec2 mdf_size;     // of a tile, mm
@@ -32,10 +36,22 @@ float level_of_detail() {
     return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
 }
 
+float sum_of_maps(vec2 x, vec2 at, float level) {
+    vec2 table = vec2(textureSize(mdf_factors, 0).xy);
+    vec2 way = (at * (table - 1.0) + 0.5) / table;
+    float depth = textureLod(mdf_factors, vec3(way, float(mdf_layers)), 0.0).r;
+    for (int layer = 0; layer < mdf_layers; layer++)
+        depth += dot(textureLod(mdf_factors, vec3(way, float(layer)), 0.0),
+                     textureLod(mdf_depths, vec3(x, float(layer)), level));
+    return depth;
+}
+
 float depth_mm(vec2 x, vec3 d, float level) {
     d.z = max(d.z, 0.0);
     vec2 p = d.xy / max(abs(d.x) + abs(d.y) + d.z, 1e-6);
     vec2 at = clamp(0.5 + 0.5 * vec2(p.x + p.y, p.x - p.y), 0.0, 1.0);
+    if (mdf_layers > 0)
+        return clamp(sum_of_maps(x, at, level), 0.0, mdf_deepest);
     ivec2 cells = textureSize(mdf_indices, 0);
     ivec2 cell = min(ivec2(at * vec2(cells)), cells - 1);
     uvec4 index = texelFetch(mdf_indices, cell, 0);
@@ -43,7 +59,8 @@ float depth_mm(vec2 x, vec3 d, float level) {
     float depth = share.x * textureLod(mdf_depths, vec3(x, float(index.x)), level).r;
     depth += share.y * textureLod(mdf_depths, vec3(x, float(index.y)), level).r;
     depth += share.z * textureLod(mdf_depths, vec3(x, float(index.z)), level).r;
-    return depth + share.w * textureLod(mdf_depths, vec3(x, float(index.w)), level).r;
+    depth += share.w * textureLod(mdf_depths, vec3(x, float(index.w)), level).r;
+    return mdf_range.x + mdf_range.y * depth;
 }
 
 struct below {

@@ -3,6 +3,7 @@
  * read the same file. */
 #include "compression_disk.h"
 #include "compression_fields.h"
+#include "compression_mdf.h"
 #include "compression_rate.h"
 #include "compression_resample.h"
 #include "processing/lpca.h"
@@ -19,7 +20,7 @@
 
 static int texels = 64, views = 30, lights = 30, clusters = 32, components = 8;
 static char *session, *dump;
-static gboolean json, fields, resample, rate, disk;
+static gboolean json, fields, resample, rate, disk, mdf;
 static int fits = 20000, every = 3;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
@@ -41,6 +42,8 @@ static const GOptionEntry entries[] = {
      NULL},
     {"disk", 0, 0, G_OPTION_ARG_NONE, &disk,
      "From a file of halves instead, against reading it and two products", NULL},
+    {"mdf", 0, 0, G_OPTION_ARG_NONE, &mdf,
+     "Ways to hold the distances (MDF) of the sessions that are named as arguments instead", NULL},
     {"every", 0, 0, G_OPTION_ARG_INT, &every, "--rate takes every N-th view (3)", "N"},
     {"fits", 0, 0, G_OPTION_ARG_INT, &fits, "Problems of each given to solvers (20000)", "N"},
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
@@ -157,6 +160,8 @@ int main(int argc, char **argv) {
         return bench_fields(argv + 1, fits, json);
     if (rate)
         return bench_rate(argv + 1, every, json);
+    if (mdf)
+        return bench_mdf_compression(argv + 1, json);
     if (resample)
         return bench_resample(argv + 1, clusters, components, json);
     if (disk) {

@@ -70,7 +70,8 @@ static void add_view(struct relief *r, const struct mdf_table *t, int view) {
     }
 }
 
-static void make_relief(const struct mdf_table *t, struct relief *r) {
+/* raised: by so many standard deviations of what a texel holds. */
+static void make_relief(const struct mdf_table *t, double raised, struct relief *r) {
     gsize n = (gsize)t->width * t->height;
     double steepest = 90.0;
     *r = (struct relief){t->width,         t->height,        g_new0(float, n),
@@ -83,7 +84,7 @@ static void make_relief(const struct mdf_table *t, struct relief *r) {
     for (gsize k = 0; k < n; k++) {
         double weight = r->weight[k], mean = weight > 1e-3 ? r->depth_mm[k] / weight : -1.0;
         double spread = weight > 1e-3 ? sqrt(MAX(r->square[k] / weight - mean * mean, 0.0)) : 0.0;
-        r->depth_mm[k] = mean < 0.0 ? -1.0 : MAX(mean - HIGHER * spread, 0.0);
+        r->depth_mm[k] = mean < 0.0 ? -1.0 : MAX(mean - raised * spread, 0.0);
     }
     mdf_table_fill(r->depth_mm, t->width, t->height);
 }
@@ -111,6 +112,12 @@ static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
             *out++ = trace(r, column, row, step, t->deepest_mm);
 }
 
+static void clear_relief(struct relief *r) {
+    g_free(r->depth_mm);
+    g_free(r->weight);
+    g_free(r->square);
+}
+
 void mdf_table_add_grazing(struct mdf_table *t) {
     struct relief relief;
     double flattest = 0.0;
@@ -118,7 +125,7 @@ void mdf_table_add_grazing(struct mdf_table *t) {
     int first = t->n_views;
     for (int k = 0; k < t->n_views; k++)
         flattest = MAX(flattest, (double)t->theta_deg[k]);
-    make_relief(t, &relief);
+    make_relief(t, HIGHER, &relief);
     int most = first + N_PHI * (int)G_N_ELEMENTS(rings_deg);
     t->theta_deg = g_renew(float, t->theta_deg, most);
     t->phi_deg = g_renew(float, t->phi_deg, most);
@@ -129,7 +136,13 @@ void mdf_table_add_grazing(struct mdf_table *t) {
             t->phi_deg[t->n_views] = 360.0 / N_PHI * k;
             trace_view(t, t->n_views++, &relief);
         }
-    g_free(relief.depth_mm);
-    g_free(relief.weight);
-    g_free(relief.square);
+    clear_relief(&relief);
+}
+
+void mdf_table_trace(struct mdf_table *t) {
+    struct relief relief;
+    make_relief(t, 0.0, &relief);
+    for (int view = 0; view < t->n_views; view++)
+        trace_view(t, view, &relief);
+    clear_relief(&relief);
 }

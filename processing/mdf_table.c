@@ -1,6 +1,6 @@
 #include "mdf_table.h"
 
-#include "processing/exr.h"
+#include "exr.h"
 
 #include <math.h>
 #include <string.h>
@@ -8,6 +8,7 @@
 #define DEG       (G_PI / 180.0)
 #define MAX_MM    6e4
 #define LEAST_COS 0.02
+#define BINS      4096 /* of how far texels are off */
 
 G_DEFINE_QUARK(mdf_table_error, mdf_table_error)
 
@@ -60,7 +61,7 @@ static gboolean add_view(struct mdf_table *t, int view, const struct exr_part *p
     const float *distance = exr_part_plane(part, "D");
     gsize n = (gsize)t->width * t->height, seen = 0;
     float *depth = t->depth_mm + view * n;
-    double theta, phi, centre[3];
+    double theta, phi, centre[3], scale = 1.0;
     if (distance == NULL)
         return fail(error, part, "there is no channel D");
     if (part->width != t->width || part->height != t->height)
@@ -70,15 +71,18 @@ static gboolean add_view(struct mdf_table *t, int view, const struct exr_part *p
         return FALSE;
     t->theta_deg[view] = theta;
     t->phi_deg[view] = phi;
+    if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
+        return fail(error, part, "mesorig.scale_mm is not a size");
     /* Files that do not say where the camera stood are of one far away. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
     double cosine = MAX(cos(theta * DEG), LEAST_COS);
     for (gsize k = 0; k < n; k++) {
         if (near)
             cosine = cosine_from(t, k, centre, reference_mm);
-        if (!(fabsf(distance[k]) <= MAX_MM))
+        if (!(fabs(distance[k] * scale) <= MAX_MM))
             return fail(error, part, "there is a distance that is not a number of millimetres");
-        depth[k] = distance[k] >= 0.0f ? distance[k] * cosine : -1.0f;
+        depth[k] = distance[k] >= 0.0f ? distance[k] * scale * cosine : -1.0f;
+        t->seen[view * n + k] = distance[k] >= 0.0f;
         seen += distance[k] >= 0.0f;
         t->deepest_mm = MAX(t->deepest_mm, (double)depth[k]);
     }
@@ -104,6 +108,7 @@ static struct mdf_table *make(const struct exr_file *file, GError **error) {
     t->theta_deg = g_new(float, t->n_views);
     t->phi_deg = g_new(float, t->n_views);
     t->depth_mm = g_new(float, (gsize)t->width * t->height * t->n_views);
+    t->seen = g_new0(guint8, (gsize)t->width * t->height * t->n_views);
     gboolean good = exr_get_double(first, "texel_mm", &t->texel_mm, error);
     if (!exr_get_double(first, "reference_mm", &reference_mm, NULL))
         reference_mm = 0.0;
@@ -126,11 +131,48 @@ struct mdf_table *mdf_table_read(const char *path, GError **error) {
     return table;
 }
 
+struct mdf_table *mdf_table_copy(const struct mdf_table *t) {
+    const gsize n = (gsize)t->width * t->height * t->n_views;
+    struct mdf_table *copy = g_memdup2(t, sizeof *t);
+    copy->theta_deg = g_memdup2(t->theta_deg, sizeof(float) * t->n_views);
+    copy->phi_deg = g_memdup2(t->phi_deg, sizeof(float) * t->n_views);
+    copy->depth_mm = g_memdup2(t->depth_mm, sizeof(float) * n);
+    copy->seen = t->seen != NULL ? g_memdup2(t->seen, n) : NULL;
+    return copy;
+}
+
 void mdf_table_free(struct mdf_table *t) {
     if (t == NULL)
         return;
     g_free(t->theta_deg);
     g_free(t->phi_deg);
     g_free(t->depth_mm);
+    g_free(t->seen);
     g_free(t);
+}
+
+double mdf_table_difference(const struct mdf_table *table, int n_measured,
+                            const struct mdf_table *other, double *ret_most_mm) {
+    const gsize n = (gsize)table->width * (gsize)table->height;
+    g_autofree gint64 *bins = g_new0(gint64, BINS + 1);
+    const double step = MAX(table->deepest_mm, 1e-6) / BINS;
+    gint64 seen = 0, beyond = 0;
+    double squares = 0;
+    for (int v = 0; v < n_measured; v++)
+        for (gsize x = 0; x < n; x++) {
+            const gsize at = (gsize)v * n + x;
+            const double off = fabs((double)table->depth_mm[at] - other->depth_mm[at]);
+            if (table->seen != NULL && !table->seen[at])
+                continue;
+            squares += off * off;
+            seen++;
+            bins[(int)MIN(off / step, BINS)]++;
+        }
+    if (ret_most_mm) {
+        int bin = BINS;
+        while (bin > 0 && 100 * (beyond + bins[bin]) <= seen)
+            beyond += bins[bin--];
+        *ret_most_mm = (bin + 1) * step;
+    }
+    return seen > 0 ? sqrt(squares / (double)seen) : 0;
 }

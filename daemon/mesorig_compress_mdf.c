@@ -1,0 +1,171 @@
+/* compress --method=mdf: the distances of a session in fewer bytes. */
+#include "mesorig_cli.h"
+#include "mesorig_compress.h"
+#include "mesorig_work.h"
+#include "processing/mdf_blocks.h"
+#include "processing/mdf_factors.h"
+#include "processing/mdf_packed.h"
+#include "report.h"
+
+#include <glib/gstdio.h>
+
+#define TERMS 8
+
+struct job {
+    const struct compress_mdf *asked;
+    char *from;
+    /* found */
+    int width, height, n_measured, n_traced, n_terms;
+    gint64 bytes, file_bytes;
+    double texel_mm, error_mm, most_mm;
+};
+
+static struct mdf_factors *factor(struct job *job, struct mdf_table *table,
+                                  const struct work_stage *stage, GError **error) {
+    const struct compress_mdf *asked = job->asked;
+    const int most = asked->terms > 0    ? asked->terms
+                     : asked->target > 0 ? MDF_FACTORS_MAX_TERMS
+                                         : TERMS;
+    mdf_table_add_grazing(table);
+    if (!work_tell(stage, "maps", 1, 3)) {
+        g_cancellable_set_error_if_cancelled(stage->cancellable, error);
+        return NULL;
+    }
+    return mdf_factors_compute(table, job->n_measured, most, asked->target * table->texel_mm,
+                               stage->cancellable, error);
+}
+
+static gboolean make_factors(struct job *job, struct mdf_table *table,
+                             const struct work_stage *stage, GError **error) {
+    struct mdf_factors *factors = factor(job, table, stage, error);
+    gboolean ok = factors != NULL;
+    if (ok) {
+        struct mdf_table *is = mdf_factors_table(factors);
+        job->n_terms = factors->n_terms;
+        job->n_traced = factors->n_views - factors->n_measured;
+        job->bytes = mdf_factors_bytes(factors);
+        job->error_mm = mdf_table_difference(table, job->n_measured, is, &job->most_mm);
+        mdf_table_free(is);
+        ok = work_tell(stage, "maps", 2, 3)
+                 ? mdf_factors_write(job->asked->output, factors, error)
+                 : !g_cancellable_set_error_if_cancelled(stage->cancellable, error);
+    }
+    mdf_factors_free(factors);
+    return ok;
+}
+
+static gboolean make_views(struct job *job, const struct mdf_table *table, GError **error) {
+    const enum mdf_packed kind =
+        job->asked->kind == COMPRESS_MDF_HALF ? MDF_PACKED_HALF : MDF_PACKED_8BIT;
+    if (!mdf_pack(job->from, job->asked->output, kind, &job->bytes, error))
+        return FALSE;
+    struct mdf_table *is = mdf_table_read(job->asked->output, error);
+    if (is)
+        job->error_mm = mdf_table_difference(table, job->n_measured, is, &job->most_mm);
+    mdf_table_free(is);
+    return is != NULL;
+}
+
+static gboolean make_blocks(struct job *job, const struct mdf_table *table, GError **error) {
+    struct mdf_blocks *blocks = mdf_blocks_new(table);
+    struct mdf_table *is = mdf_blocks_table(blocks);
+    job->error_mm = mdf_table_difference(table, job->n_measured, is, &job->most_mm);
+    job->bytes = (gint64)mdf_blocks_bytes(table->width, table->height) * table->n_views;
+    const gboolean ok = mdf_blocks_write(job->asked->output, blocks, error);
+    mdf_table_free(is);
+    mdf_blocks_free(blocks);
+    return ok;
+}
+
+static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                     gpointer data, GError **error) {
+    struct job *job = data;
+    const struct work_stage stage = work_stage(progress, progress_data, cancellable);
+    struct mdf_table *table = mdf_table_read(job->from, error);
+    if (!table)
+        return FALSE;
+    job->width = table->width;
+    job->height = table->height;
+    job->n_measured = table->n_views;
+    job->texel_mm = table->texel_mm;
+    const enum compress_mdf_kind kind = job->asked->kind;
+    const gboolean ok = kind == COMPRESS_MDF_MAPS   ? make_factors(job, table, &stage, error)
+                        : kind == COMPRESS_MDF_4BIT ? make_blocks(job, table, error)
+                                                    : make_views(job, table, error);
+    GStatBuf status;
+    if (ok && g_stat(job->asked->output, &status) == 0)
+        job->file_bytes = status.st_size;
+    mdf_table_free(table);
+    return ok;
+}
+
+static gint64 bytes_as_published(const struct job *job) {
+    return (gint64)job->n_measured * job->width * job->height;
+}
+
+static void tell_json(const struct job *job, double seconds) {
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    const struct {
+        const char *name;
+        gint64 value;
+    } numbers[] = {
+        {"width", job->width},      {"height", job->height},
+        {"views", job->n_measured}, {"traced_views", job->n_traced},
+        {"maps", job->n_terms},     {"mdf_bytes", bytes_as_published(job)},
+        {"bytes", job->bytes},      {"file_bytes", job->file_bytes},
+    };
+    const struct {
+        const char *name;
+        double value;
+    } sizes[] = {{"error_mm", job->error_mm},
+                 {"error_99_mm", job->most_mm},
+                 {"texel_mm", job->texel_mm},
+                 {"real_s", seconds}};
+    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(job->asked->output));
+    g_variant_builder_add(
+        &builder, "{sv}", "method",
+        g_variant_new_string(job->asked->kind == COMPRESS_MDF_MAPS ? "mdf" : "mdf-views"));
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
+        g_variant_builder_add(&builder, "{sv}", numbers[i].name,
+                              g_variant_new_int64(numbers[i].value));
+    for (gsize i = 0; i < G_N_ELEMENTS(sizes); i++)
+        g_variant_builder_add(&builder, "{sv}", sizes[i].name,
+                              g_variant_new_double(sizes[i].value));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static const char *const kinds[] = {"", "half floats", "8 bit", "4 bit"};
+
+static void tell(const struct job *job, double seconds) {
+    if (cli_json) {
+        tell_json(job, seconds);
+        return;
+    }
+    g_autofree char *time = report_duration(seconds);
+    g_autofree char *size = g_format_size((guint64)job->bytes);
+    g_autofree char *file = g_format_size((guint64)job->file_bytes);
+    g_autofree char *what =
+        job->asked->kind == COMPRESS_MDF_MAPS
+            ? g_strdup_printf("%d maps for %d views, and %d traced ones along the surface",
+                              job->n_terms, job->n_measured, job->n_traced)
+            : g_strdup_printf("%d views in %s", job->n_measured, kinds[job->asked->kind]);
+    g_print("%s: done in %s: %s; off by %.3f mm RMS (%.3f texels), 99 %% by less than %.3f mm; "
+            "%s, 1:%.1f of the views in 8 bit; %s on disk\n",
+            job->asked->output, time, what, job->error_mm, job->error_mm / job->texel_mm,
+            job->most_mm, size, (double)bytes_as_published(job) / (double)job->bytes, file);
+}
+
+int compress_mdf(const struct compress_mdf *asked) {
+    g_autoptr(GError) error = NULL;
+    struct job job = {.asked = asked};
+    double seconds = 0;
+    job.from = g_file_test(asked->path, G_FILE_TEST_IS_DIR)
+                   ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
+                   : g_strdup(asked->path);
+    const gboolean ok = work_run(work, &job, &seconds, &error);
+    if (ok)
+        tell(&job, seconds);
+    g_free(job.from);
+    return ok ? CLI_DONE : cli_fail(error);
+}
