@@ -194,6 +194,41 @@ static void test_outliers(void) {
         g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
 }
 
+/* What is in a damaged sweep's file, instead of peaks, widths and intensities. */
+static void spoil(struct world *world, int how) {
+    const float nothing[] = {NAN, INFINITY, -INFINITY, 1e30F};
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const float value = nothing[i % 4];
+        if (how == 0)
+            world->peak[i] = value;
+        else if (how == 1)
+            world->width[i] = value;
+        else
+            world->intensity[i] = value;
+    }
+}
+
+/* Some sweeps are of values that are no numbers, or of impossible ones: the others tell. */
+static void test_not_numbers(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int i = 0; i < 9; i++) {
+        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
+        double arc = (70 + 30 * i) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        if (i % 3 == 1)
+            spoil(world, i / 3);
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++) {
+        g_assert_true(isfinite(n[i]) && isfinite(s[i]));
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+    }
+}
+
 /* Most lasers do not reach a place and see what others throw back there, faintly and elsewhere: the
  * few that are bright are believed. Brightness that is no number counts for nothing. */
 static void test_faint(void) {
@@ -377,6 +412,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf/noise", test_noise);
     g_test_add_func("/mdf/step", test_step);
     g_test_add_func("/mdf/outliers", test_outliers);
+    g_test_add_func("/mdf/not-numbers", test_not_numbers);
     g_test_add_func("/mdf/faint", test_faint);
     g_test_add_func("/mdf/ghosts", test_ghosts);
     g_test_add_func("/mdf/continued", test_continued);

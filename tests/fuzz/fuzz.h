@@ -1,0 +1,20 @@
+/* What the fuzz targets share: readers that take a path are given one of a file in memory. */
+#pragma once
+
+#include <glib.h>
+#include <stddef.h>
+#include <stdint.h>
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+/* A file with these bytes, the same one again at every call; the path stays the fuzzer's. */
+const char *fuzz_file(const uint8_t *data, size_t size);
+
+/* The same as a named file in a folder of its own, for readers that look beside it. */
+const char *fuzz_file_in_folder(const char *name, const uint8_t *data, size_t size);
+
+/* As text, with a 0 behind it; g_free(). */
+char *fuzz_text(const uint8_t *data, size_t size);
+
+/* Every refusal has to say why: an error that is not set, or set beside a result, is a bug. */
+void fuzz_check(gboolean ok, GError *error); /* frees it */

@@ -1,0 +1,21 @@
+/* Calibration files, boards, colour charts. */
+#include "fuzz.h"
+
+#include "calib/board.h"
+#include "calib/calibration.h"
+#include "processing/chart_session.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    g_autofree char *text = fuzz_text(data, size);
+    GError *error = NULL;
+    g_autoptr(Calibration) calibration = calibration_from_text(text, "fuzz", &error);
+    fuzz_check(calibration != NULL, error);
+    struct board board;
+    error = NULL;
+    const gboolean ok = board_parse(&board, text, &error);
+    fuzz_check(ok, error);
+    error = NULL;
+    g_autoptr(GArray) chart = chart_parse(text, "fuzz", &error);
+    fuzz_check(chart != NULL, error);
+    return 0;
+}

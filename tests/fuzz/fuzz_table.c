@@ -1,0 +1,42 @@
+/* Tables of poses. */
+#include "fuzz.h"
+
+#include "processing/import_poses.h"
+#include "processing/import_table.h"
+
+static void read_cells(const ImportTable *table) {
+    const int column = import_table_column(table, "turntable_deg");
+    for (int row = 0; row < import_table_rows(table); row++) {
+        double value = 0;
+        GError *error = NULL;
+        const gboolean ok = import_table_number(table, row, column, 1, &value, &error);
+        fuzz_check(ok, error);
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    const char *path = fuzz_file_in_folder("poses.csv", data, size);
+    GError *error = NULL;
+    g_autoptr(ImportTable) table = import_table_read(path, &error);
+    fuzz_check(table != NULL, error);
+    if (!table)
+        return 0;
+    read_cells(table);
+    g_autofree char *folder = g_path_get_dirname(path);
+    g_autofree char *session = g_strconcat(folder, ".session", NULL);
+    const struct import_poses poses = {.table = path,
+                                       .calibration = FUZZ_CALIBRATION,
+                                       .cfa = "mono",
+                                       .grid = {.width = 4,
+                                                .height = 4,
+                                                .width_mm = 10,
+                                                .height_mm = 10,
+                                                .reference_mm = 2,
+                                                .depth_mm = 2},
+                                       .threshold_dn = 40};
+    struct import_poses_result result;
+    error = NULL;
+    const gboolean ok = import_poses(session, &poses, NULL, &result, &error);
+    fuzz_check(ok, error);
+    return 0;
+}

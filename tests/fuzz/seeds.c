@@ -1,0 +1,109 @@
+/* Writes small files of every kind that is not text, for fuzzing to begin with, and the calibration
+ * of a rig file: seeds FOLDER RIG.conf. */
+#include "calib/rig.h"
+#include "daemon/devices.h"
+#include "processing/eigenmaps.h"
+#include "processing/exr.h"
+#include "processing/lpca.h"
+
+#include <glib/gstdio.h>
+
+#define SIDE 3
+
+static char *file_in(const char *folder, const char *kind, const char *name) {
+    g_autofree char *sub = g_build_filename(folder, kind, NULL);
+    g_assert_cmpint(g_mkdir_with_parents(sub, 0700), ==, 0);
+    return g_build_filename(sub, name, NULL);
+}
+
+static void write_exr(const char *path, enum exr_type type, enum exr_compression compression) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    struct exr_file *file = exr_file_new();
+    for (int k = 0; k < 2; k++) {
+        struct exr_part *part = exr_part_new(k ? "two" : "one", 4, SIDE, channels, type);
+        for (int i = 0; i < 4 * SIDE; i++)
+            part->planes[0][i] = part->planes[2][i] = (float)i / 3;
+        exr_set_string(part, "mesorig.cfa", "rggb");
+        exr_set_int(part, "mesorig.view", 1);
+        exr_set_double(part, "mesorig.exposure_us", 4000);
+        exr_set_v3d(part, "mesorig.direction", 0, 0, 1);
+        exr_file_add(file, part);
+    }
+    g_assert_true(exr_write(path, file, compression, FALSE, NULL));
+    exr_file_free(file);
+}
+
+static void write_exrs(const char *folder) {
+    for (int type = EXR_HALF; type <= EXR_FLOAT; type++)
+        for (int compression = EXR_NONE; compression <= EXR_PIZ; compression++) {
+            g_autofree char *name = g_strdup_printf("%d%d.exr", type, compression);
+            g_autofree char *path = file_in(folder, "exr", name);
+            write_exr(path, (enum exr_type)type, (enum exr_compression)compression);
+        }
+}
+
+static void write_maps(const char *folder) {
+    g_autofree char *path = file_in(folder, "material", "eigenmaps.exr");
+    float weights[4] = {0.5F, 0.5F, 0.5F, 0.5F}, angles[2] = {10, 40};
+    float maps[2 * 2 * SIDE * SIDE * 3] = {1, 0.5F};
+    const struct eigenmaps all = {.name = (char[]){"seed"},
+                                  .texel_mm = 0.5,
+                                  .width = SIDE,
+                                  .height = SIDE,
+                                  .n_views = 2,
+                                  .n_lights = 2,
+                                  .n_terms = 2,
+                                  .view_theta_deg = angles,
+                                  .view_phi_deg = angles,
+                                  .light_theta_deg = angles,
+                                  .light_phi_deg = angles,
+                                  .weights = weights,
+                                  .maps = maps};
+    g_assert_true(eigenmaps_write(path, &all, NULL));
+}
+
+static void write_lpca(const char *folder) {
+    float weights[SIDE * SIDE] = {0.5F}, angles[2] = {10, 40}, brdfs[2 * 2 * 2 * 3] = {1, 0.5F};
+    float scales[2] = {1, 1}, weight_scales[1] = {1};
+    int clusters[SIDE * SIDE] = {0};
+    for (int kind = LPCA_FLOAT; kind < LPCA_QUANTISE_KINDS; kind++) {
+        g_autofree char *name = g_strdup_printf("lpca%d.exr", kind);
+        g_autofree char *path = file_in(folder, "material", name);
+        struct lpca all = {.name = (char[]){"seed"},
+                           .texel_mm = 0.5,
+                           .width = SIDE,
+                           .height = SIDE,
+                           .n_views = 2,
+                           .n_lights = 2,
+                           .n_clusters = 1,
+                           .n_components = 1,
+                           .view_theta_deg = angles,
+                           .view_phi_deg = angles,
+                           .light_theta_deg = angles,
+                           .light_phi_deg = angles,
+                           .clusters = clusters,
+                           .weights = weights,
+                           .brdfs = brdfs,
+                           .scales = scales,
+                           .weight_scales = weight_scales};
+        lpca_quantise(&all, (enum lpca_quantise)kind);
+        g_assert_true(lpca_write(path, &all, NULL));
+    }
+}
+
+static void write_calibration(const char *folder, const char *rig_path) {
+    g_autofree char *path = file_in(folder, "calibration", "small.conf");
+    g_autofree struct rig *rig = g_new0(struct rig, 1);
+    g_assert_true(devices_read_geometry(rig_path, rig, NULL));
+    g_autofree char *text = rig_to_text(rig);
+    g_assert_true(g_file_set_contents(path, text, -1, NULL));
+}
+
+int main(int argc, char **argv) {
+    g_assert_cmpint(argc, ==, 3);
+    write_calibration(argv[1], argv[2]);
+    write_exrs(argv[1]);
+    write_maps(argv[1]);
+    write_lpca(argv[1]);
+    return 0;
+}
