@@ -10,6 +10,10 @@
 /* How long a camera that is gone is given to come back before the next attempt. */
 #define REST_US (3 * G_USEC_PER_SEC)
 
+/* After the second refused picture in a row; then four times as long each time, up to REST_US: what
+ * disturbs a line or holds a computer up may last a second, and must not use all attempts up. */
+#define FIRST_REST_US 100000
+
 enum state { IDLE, HOMING, PREPARING, EXPOSING };
 
 struct eye { /* a camera in the picture under way */
@@ -149,12 +153,21 @@ static const char *without_name(const char *message, const char *name) {
     return g_str_has_prefix(message, prefix) ? message + strlen(prefix) : message;
 }
 
+static gint64 rest_us(int refused) {
+    gint64 us = refused < 2 ? 0 : FIRST_REST_US;
+    for (int i = 2; i < refused && us < REST_US; i++)
+        us *= 4;
+    return MIN(us, REST_US);
+}
+
 /* FALSE if that was one time too many: everything has been stopped. */
 static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
     struct eye *eye = &seq->eyes[camera];
     const char *name = seq->devices->geometry.cameras[camera].name;
     eye->retakes++;
     if (++eye->refused <= seq->conf->retries) {
+        gint64 until_us = clock_now_us(seq->devices->clock) + rest_us(eye->refused);
+        eye->rest_until_us = MAX(eye->rest_until_us, until_us);
         seq->hooks.retake(camera, without_name(error->message, name), seq->hooks.data);
         return seq->state != IDLE;
     }

@@ -1,7 +1,14 @@
 #include "modbus_rig.h"
 
+#include "drivers/modbus/line.h"
+#include "drivers/modbus/serial.h"
+
 #include <errno.h>
+#include <fcntl.h>
 #include <modbus/modbus.h>
+#include <string.h>
+#include <termios.h>
+#include <unistd.h>
 
 /* Drivers over RTU, and what only RTU has: answers that cannot be told apart. */
 
@@ -14,10 +21,11 @@ struct opened {
     ModbusBus *bus;
 };
 
-static void begin(struct opened *opened, int retries) {
+/* Takes the device. */
+static void begin_with(struct opened *opened, VirtualModbus *served, int retries) {
     static const struct driver_info info = {"axis", "test", "A test"};
     GError *error = NULL;
-    *opened = (struct opened){.device = rig_device(TRUE), .clock = clock_new_real()};
+    *opened = (struct opened){.device = served, .clock = clock_new_real()};
     opened->config = config_parse("[axis test]\nbus = x\n", "./test.conf", NULL);
     struct device device = {&info, "test", opened->clock, NULL,
                             config_find(opened->config, "axis", NULL)};
@@ -33,6 +41,10 @@ static void begin(struct opened *opened, int retries) {
     g_assert_no_error(error);
     virtual_modbus_set_plain(opened->device, 0, 111);
     virtual_modbus_set_plain(opened->device, 1, 222);
+}
+
+static void begin(struct opened *opened, int retries) {
+    begin_with(opened, rig_device(TRUE), retries);
 }
 
 static void end(struct opened *opened) {
@@ -229,6 +241,47 @@ static void waiting_does_not_count(void) {
     end(&opened);
 }
 
+/* A program that was killed leaves its settings behind; a pseudo-terminal has no parity to set. */
+static void left_behind(void) {
+    struct opened opened;
+    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    struct termios settings;
+    int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    g_assert_cmpint(fd, >=, 0);
+    g_assert_cmpint(tcgetattr(fd, &settings), ==, 0);
+    cfsetspeed(&settings, B115200);
+    settings.c_iflag = INPCK;
+    settings.c_cflag |= CREAD | CLOCAL;
+    g_assert_cmpint(tcsetattr(fd, TCSANOW, &settings), ==, 0);
+    close(fd);
+    begin_with(&opened, g_steal_pointer(&device), 0);
+    expect_plain(&opened, 0, 111);
+    end(&opened);
+}
+
+/* Two masters on one line would move axes by each other's answers. */
+static void in_use(void) {
+    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    struct modbus_link link = {.bus = (char *)virtual_modbus_bus(device),
+                               .baud = 115200,
+                               .parity = 1,
+                               .stop_bits = 1,
+                               .timeout_ms = 40};
+    GError *error = NULL;
+    int other = modbus_serial_take(link.bus);
+    g_assert_cmpint(other, >=, 0);
+    struct modbus_line *line = modbus_line_new(&link, &error);
+    g_assert_no_error(error);
+    g_assert_false(modbus_line_connect(line, g_get_monotonic_time() + 100000, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+    g_assert_nonnull(strstr(error->message, "another program uses it"));
+    g_clear_error(&error);
+    close(other);
+    g_assert_true(modbus_line_connect(line, g_get_monotonic_time() + 3000000, &error));
+    g_assert_cmpint(modbus_serial_take(link.bus), ==, -1);
+    modbus_line_free(line);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     VirtualModbus *served = rig_device(TRUE);
@@ -240,6 +293,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/modbus/rtu/damaged-is-repeated", damaged_is_repeated);
     g_test_add_func("/modbus/rtu/order", order);
     g_test_add_func("/modbus/rtu/waiting-does-not-count", waiting_does_not_count);
+    g_test_add_func("/modbus/rtu/left-behind", left_behind);
+    g_test_add_func("/modbus/rtu/in-use", in_use);
     int result = g_test_run();
     virtual_modbus_free(served);
     return result;

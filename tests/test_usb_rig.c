@@ -8,13 +8,22 @@
 #include "sim/virtual/testbed.h"
 
 #include <gio/gio.h>
+#include <signal.h>
+#include <sys/prctl.h>
 
 #define SMALL  SOURCE_DIR "/tests/small/"
 #define BIN(x) BUILD_DIR "/bin/" x
 
+/* Nothing is left behind by a test that fails. */
+static void die_with_us(gpointer unused) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+}
+
 static GSubprocess *starts(GSubprocessFlags flags, const char *const *argv) {
+    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(flags);
     g_autoptr(GError) error = NULL;
-    GSubprocess *process = g_subprocess_newv(argv, flags, &error);
+    g_subprocess_launcher_set_child_setup(launcher, die_with_us, NULL, NULL);
+    GSubprocess *process = g_subprocess_launcher_spawnv(launcher, argv, &error);
     g_assert_no_error(error);
     return process;
 }

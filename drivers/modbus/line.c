@@ -1,9 +1,12 @@
 #include "line.h"
 
+#include "serial.h"
+
 #include <errno.h>
 #include <modbus/modbus.h>
 #include <poll.h>
 #include <string.h>
+#include <unistd.h>
 
 #define FIRST_BACKOFF_US 50000
 #define MAX_BACKOFF_US   1000000 /* less than a job may take, so that each tries once */
@@ -16,6 +19,7 @@ const char *const modbus_parities[] = {"none", "even", "odd", NULL};
 struct modbus_line {
     struct modbus_link link;
     modbus_t *context;
+    int taken; /* a serial line's own descriptor, which keeps other programs off; -1: none */
     gboolean connected;
     gboolean ever_connected;
     gboolean owed; /* an answer may still come that nobody waits for */
@@ -58,6 +62,7 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
     line->link = *link;
     line->link.bus = g_strdup(link->bus);
     line->backoff_us = FIRST_BACKOFF_US;
+    line->taken = -1;
     if (is_tcp(line))
         line->context = new_tcp(link->bus);
     else
@@ -74,9 +79,16 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
     return NULL;
 }
 
+static void let_go(struct modbus_line *line) {
+    if (line->taken >= 0)
+        close(line->taken);
+    line->taken = -1;
+}
+
 static void disconnect(struct modbus_line *line) {
     if (line->connected)
         modbus_close(line->context);
+    let_go(line);
     line->connected = line->owed = FALSE;
 }
 
@@ -90,10 +102,28 @@ void modbus_line_free(struct modbus_line *line) {
     g_free(line);
 }
 
+/* -1 with errno. */
+static int open_serial(struct modbus_line *line) {
+    line->taken = modbus_serial_take(line->link.bus);
+    if (line->taken < 0)
+        return -1;
+    int done = modbus_connect(line->context);
+    if (done < 0 && errno == EINVAL) {
+        modbus_serial_unsettle(line->taken);
+        done = modbus_connect(line->context);
+    }
+    int why = errno;
+    if (done < 0)
+        let_go(line);
+    errno = why;
+    return done;
+}
+
 static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError **error) {
     gint64 now = g_get_monotonic_time();
     set_timeout(line, deadline_us - now);
-    if (modbus_connect(line->context) == 0) {
+    errno = 0;
+    if ((is_tcp(line) ? modbus_connect(line->context) : open_serial(line)) == 0) {
         line->connected = TRUE;
         line->counts.reconnects += line->ever_connected;
         line->ever_connected = TRUE;
@@ -105,6 +135,9 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     /* libmodbus leaves an errno of 0, or that of its last try, when a name is not known. */
     line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
     line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
+    if (why == EWOULDBLOCK && !is_tcp(line))
+        return fail(error, DEVICE_ERROR_BUSY,
+                    "cannot open %s: another program uses it; end that program", line->link.bus);
     return fail(error, DEVICE_ERROR_DISCONNECTED, "cannot open %s: %s; check %s", line->link.bus,
                 why ? modbus_strerror(why) : "no such host",
                 is_tcp(line) ? "address, power and network cable"

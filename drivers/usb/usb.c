@@ -105,10 +105,11 @@ static void tell(struct transfer *transfer) {
     transfer_free(transfer);
 }
 
+/* Told when its transfers have ended; one whose have not keeps no other from being told. */
 static UsbDevice *next_lost(const struct context *context) {
     for (GList *l = context->devices; l; l = l->next) {
         UsbDevice *usb = l->data;
-        if (usb->lost && !usb->told)
+        if (usb->lost && !usb->told && !usb->flying)
             return usb;
     }
     return NULL;
@@ -154,7 +155,7 @@ static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_da
     libusb_handle_events_timeout_completed(context->libusb, &zero, NULL);
     while ((transfer = g_queue_pop_head(&context->done)))
         tell(transfer);
-    while ((usb = next_lost(context)) && !usb->flying) {
+    while ((usb = next_lost(context))) {
         usb->told = TRUE;
         usb->lost_func(usb, usb->user);
     }
