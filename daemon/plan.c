@@ -500,7 +500,9 @@ static void predict(struct build *b, struct plan *plan) {
     plan_order_nested(nested, poses, n_poses, b->timing);
     plan->nested_s = plan_total_s(nested, b->conf, b->timing);
     plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
-    plan->n_poses = plan_order(b->shots, poses, n_poses, b->timing);
+    plan->n_poses = b->conf->order == ORDER_VIEWS
+                        ? plan_order_nested(b->shots, poses, n_poses, b->timing)
+                        : plan_order(b->shots, poses, n_poses, b->timing);
     plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing);
     for (guint i = 0; i < b->shots->len; i++)
         g_array_index(b->shots, struct session_shot, i).id = i + 1;

@@ -36,6 +36,9 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
 
 enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 
+/* ORDER_VIEWS: one turntable angle after the other, so that views are there long before the end. */
+enum session_order { ORDER_QUICKEST, ORDER_VIEWS };
+
 /* A session file, parsed strictly; see etc/demo/session.conf for every key. */
 struct session_conf {
     char *name;
@@ -55,6 +58,7 @@ struct session_conf {
     double saturated_pct;      /* pixels that may be saturated in the shortest exposure */
     double laser_threshold_dn; /* above background, for a peak to count */
     enum on_blocked on_blocked;
+    enum session_order order;
     gboolean keep_laser_frames, keep_exposures;
     char *text; /* as it was read */
     char *path; /* for messages */

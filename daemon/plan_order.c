@@ -457,8 +457,8 @@ int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
     return number_visits(shots);
 }
 
-void plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
-                       const struct rig_timing *timing) {
+int plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
+                      const struct rig_timing *timing) {
     struct orderer o = orderer_of(shots, poses, n_poses, timing);
     g_autofree int *block_of = g_new0(int, shots->len);
     int n_blocks = block_by_mount(shots, timing, block_of);
@@ -467,4 +467,5 @@ void plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses
 
     plan_moves_free(o.moves);
     replace(shots, result);
+    return number_visits(shots);
 }

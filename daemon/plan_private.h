@@ -75,10 +75,10 @@ void plan_tour(const struct plan_moves *moves, int *poses, int n, double floor_s
 int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
                const struct rig_timing *timing);
 
-/* The order of a program that does not plan: for τ, for α, for lamps, for lasers; and before all
- * that, for the places of a laser unit that is mounted by hand. */
-void plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
-                       const struct rig_timing *timing);
+/* The same in the order of a program that does not plan: for τ, for α, for lamps, for lasers; and
+ * before all that, for the places of a laser unit that is mounted by hand. */
+int plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
+                      const struct rig_timing *timing);
 
 /* From the first exposure of a shot to the end of its last. */
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,

@@ -27,7 +27,7 @@ struct fields {
     int texels, texels_x, texels_y;
     struct option_doubles exposures_us;
     double gain_db, laser_exposure_us, sweep_margin_mm, laser_threshold_dn, saturated_pct;
-    int sweep_steps, dark_frames, retries, on_blocked;
+    int sweep_steps, dark_frames, retries, on_blocked, order;
     gboolean keep_laser_frames, keep_exposures;
 };
 
@@ -66,6 +66,7 @@ static const struct option sample_options[] = {
 };
 
 static const char *const blocked_choices[] = {"shift", "skip", "refuse", NULL};
+static const char *const order_choices[] = {"quickest", "views", NULL};
 
 static const struct option capture_options[] = {
     {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
@@ -90,6 +91,10 @@ static const struct option capture_options[] = {
     {"on_blocked", OPTION_CHOICE, .fallback = "shift", .choices = blocked_choices,
      .offset = FIELD(on_blocked),
      .help = "What to do where the light arc stands in a camera's picture"},
+    {"order", OPTION_CHOICE, .fallback = "quickest", .choices = order_choices,
+     .offset = FIELD(order),
+     .help = "The quickest order of shots, or view after view, so that the material can be looked "
+             "at while it is captured"},
     {"keep_laser_frames", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_laser_frames),
      .help = "Keep every frame of the laser sweeps as well"},
     {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_exposures),
@@ -365,6 +370,7 @@ static gboolean take_capture(struct session_conf *conf, const struct config_sect
     conf->saturated_pct = f->saturated_pct;
     conf->laser_threshold_dn = f->laser_threshold_dn;
     conf->on_blocked = (enum on_blocked)f->on_blocked;
+    conf->order = (enum session_order)f->order;
     conf->keep_laser_frames = f->keep_laser_frames;
     conf->keep_exposures = f->keep_exposures;
     return TRUE;

@@ -19,8 +19,9 @@ enum exr_error {
     EXR_ERROR_IO,
     EXR_ERROR_FORMAT, /* not an EXR, truncated, or a kind that is not read (deep, tiled) */
     EXR_ERROR_TOO_LARGE,
-    EXR_ERROR_MISSING, /* a part, channel or attribute that was asked for */
-    EXR_ERROR_FULL,    /* the disk is full: nothing under the file's own name has changed */
+    EXR_ERROR_MISSING,   /* a part, channel or attribute that was asked for */
+    EXR_ERROR_FULL,      /* the disk is full: nothing under the file's own name has changed */
+    EXR_ERROR_CANCELLED, /* by who watches, see exr_watch() */
 };
 
 enum exr_type { EXR_HALF, EXR_FLOAT };
@@ -75,6 +76,11 @@ struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /
  * returns, folder entry included. The bytes depend on nothing but the arguments. */
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
+
+/* Who is told, from now on, how much of a file (0 … 1) the calling thread has read of it; what
+ * returns FALSE ends the reading. NULL: nobody. */
+typedef gboolean (*ExrWatch)(double share, gpointer data);
+void exr_watch(ExrWatch watch, gpointer data);
 
 /* Everything; or the headers alone, with planes NULL; or one part with its planes. */
 struct exr_file *exr_read(const char *path, GError **error);

@@ -13,13 +13,34 @@
  * than this many times its length is lying, and is caught before memory is asked for. */
 #define MAX_EXPANSION 1100
 
+static _Thread_local struct {
+    ExrWatch watch;
+    gpointer data;
+} watcher;
+
 struct source {
     const char *path;
     int fd;
     gint64 size;
     exr_context_t context;
     char message[256]; /* the library's last complaint */
+    gint64 reached;    /* as far as it is read */
+    gboolean cancelled;
 };
+
+void exr_watch(ExrWatch watch, gpointer data) {
+    watcher.watch = watch;
+    watcher.data = data;
+}
+
+/* The library may go back to a header, which is no way back for who waits. */
+static gboolean go_on(struct source *source, gint64 reached) {
+    source->reached = MAX(source->reached, MIN(reached, source->size));
+    if (watcher.watch != NULL && source->size > 0)
+        source->cancelled |=
+            !watcher.watch((double)source->reached / (double)source->size, watcher.data);
+    return !source->cancelled;
+}
 
 static gboolean fail(const struct source *source, enum exr_error code, GError **error,
                      const char *format, ...) G_GNUC_PRINTF(4, 5);
@@ -40,6 +61,8 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
     g_autofree char *what = g_utf8_make_valid(
         *source->message ? source->message : exr_get_default_error_message(rc), -1);
 
+    if (source->cancelled)
+        return fail(source, EXR_ERROR_CANCELLED, error, "no longer wanted");
     return fail(source, EXR_ERROR_FORMAT, error, "not a whole EXR file: %s", what);
 }
 
@@ -49,6 +72,8 @@ static int64_t source_read(exr_const_context_t context, void *data, void *buffer
     gsize done = 0;
 
     if (offset > G_MAXINT64 || (gint64)offset > source->size)
+        return -1;
+    if (!go_on(source, (gint64)(offset + MIN(size, (guint64)source->size))))
         return -1;
     while (done < size) {
         gssize n = pread(source->fd, (guint8 *)buffer + done, size - done, (off_t)(offset + done));

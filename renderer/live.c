@@ -1,5 +1,6 @@
 #include "live.h"
 
+#include "processing/exr.h"
 #include "processing/session.h"
 #include "reference.h"
 
@@ -64,6 +65,7 @@ struct Live {
     char *session;
     GThread *thread; /* NULL: none is at work */
     gint done;       /* atomic */
+    gint cancelled;  /* atomic */
     int n_views;     /* that the last result has, or is to have */
     struct eigenmaps *maps;
     GError *error;
@@ -78,6 +80,7 @@ Live *live_new(const char *session) {
 void live_free(Live *live) {
     if (live == NULL)
         return;
+    g_atomic_int_set(&live->cancelled, TRUE);
     if (live->thread != NULL)
         g_thread_join(live->thread);
     eigenmaps_free(live->maps);
@@ -95,9 +98,16 @@ static int count_files(const char *session) {
     return n;
 }
 
+static gboolean go_on(double share, gpointer data) {
+    Live *live = data;
+    return !g_atomic_int_get(&live->cancelled);
+}
+
 static gpointer work(gpointer data) {
     Live *live = data;
+    exr_watch(go_on, live);
     live->maps = live_eigenmaps(live->session, &live->n_views, &live->error);
+    exr_watch(NULL, NULL);
     g_atomic_int_set(&live->done, TRUE);
     return NULL;
 }

@@ -20,7 +20,7 @@ GArray *live_views(const char *session, GError **error);
 typedef struct Live Live; /* belongs to one thread */
 
 Live *live_new(const char *session);
-void live_free(Live *live); /* NULL is ignored; waits for the thread */
+void live_free(Live *live); /* NULL is ignored; ends the thread where it next reads */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Live, live_free)
 
 /* Returns at once: NULL, or newer eigen-maps than before, which are the caller's. Computes anew

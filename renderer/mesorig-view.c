@@ -5,6 +5,7 @@
 #include "measured.h"
 #include "picture.h"
 #include "reference.h"
+#include "series.h"
 #include "snapshot.h"
 #include "view_options.h"
 #include "window.h"
@@ -21,24 +22,27 @@ struct rendered {
     double error;         /* of the last frame against its reference */
     double first_seconds; /* from the start to a window's first picture */
     int n_views;          /* of a live session */
+    int n_planned;
     struct measured measured;
     struct view_memory memory;
 };
 
-/* OUT.png becomes OUT_0000.png, … if there are more than one. */
+/* OUT.png becomes OUT_0000.png, … if there are more than one; of a series OUT_020.png, … */
 static char *frame_path(const struct view_options *o, int frame) {
-    if (o->frames == 0 || o->sheet > 0)
+    if ((o->frames == 0 && o->n_series == 0) || o->sheet > 0)
         return g_strdup(o->render);
     gsize length = strlen(o->render);
     gboolean png = length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".png") == 0;
-    return g_strdup_printf("%.*s_%04d.png", (int)(png ? length - 4 : length), o->render, frame);
+    return g_strdup_printf("%.*s_%0*d.png", (int)(png ? length - 4 : length), o->render,
+                           o->n_series > 0 ? 3 : 4, o->n_series > 0 ? o->series[frame] : frame);
 }
 
 static gboolean write_frame(const struct view_options *o, const char *material, const char *path,
-                            const struct view_settings *s, const guint8 *rgb, int width, int height,
-                            GError **error) {
-    const struct snapshot snapshot = {material,    o->shape,     o->method, o->second,
-                                      &o->compose, o->reference, s};
+                            const struct view_settings *s, const struct rendered *done,
+                            const guint8 *rgb, int width, int height, GError **error) {
+    const struct snapshot snapshot = {material,  o->shape,      o->method,
+                                      o->second, &o->compose,   o->reference,
+                                      s,         done->n_views, done->n_planned};
     return snapshot_write(path, &snapshot, rgb, width, height, error);
 }
 
@@ -83,9 +87,50 @@ static gboolean render_frame(const struct view_options *o, const struct studio *
         put_on_sheet(o, frame, rgb, studio->sheet);
         return TRUE;
     }
-    if (!write_frame(o, studio->material, path, s, rgb, o->width, o->height, error))
+    if (!write_frame(o, studio->material, path, s, ret, rgb, o->width, o->height, error))
         return FALSE;
     g_ptr_array_add(ret->files, g_steal_pointer(&path));
+    return TRUE;
+}
+
+/* Eigen-maps of what there is of a session, and stripes where views are missing. */
+static gboolean open_live(const struct view_options *o, View *view, struct rendered *ret,
+                          GError **error) {
+    struct eigenmaps *maps = live_eigenmaps(o->rest[0], &ret->n_views, error);
+    const gboolean good = maps != NULL && view_set_material(view, maps, error);
+    eigenmaps_free(maps);
+    g_autoptr(GArray) planned = good ? live_views(o->rest[0], NULL) : NULL;
+    if (planned != NULL) { /* else it has a BTF and no plan */
+        view_set_planned(view, (const struct live_view *)(const void *)planned->data, planned->len);
+        ret->n_planned = (int)planned->len;
+    }
+    return good;
+}
+
+static gboolean render_series(const struct view_options *o, const struct studio *studio,
+                              const struct view_settings *s, struct rendered *ret, GError **error) {
+    for (int k = 0; k < o->n_series; k++) {
+        g_autoptr(GArray) views = series_wait(o->rest[0], o->series[k], o->wait_s, error);
+        if (views == NULL || !open_live(o, studio->view, ret, error) ||
+            !render_frame(o, studio, k, s, ret, error))
+            return FALSE;
+        if (!o->json)
+            g_print("%d of %d views\n", ret->n_views, ret->n_planned);
+    }
+    return TRUE;
+}
+
+static gboolean render_turn(const struct view_options *o, const struct studio *studio,
+                            const struct view_settings *fitted, struct rendered *ret,
+                            GError **error) {
+    for (int k = 0; k < MAX(o->frames, 1); k++) {
+        struct view_settings s = *fitted;
+        double turned = o->frames > 0 ? 360.0 * k / o->frames : 0.0;
+        s.light_phi_deg += o->light_turn ? turned : 0.0;
+        s.camera_azimuth_deg += o->camera_turn ? turned : 0.0;
+        if (!render_frame(o, studio, k, &s, ret, error))
+            return FALSE;
+    }
     return TRUE;
 }
 
@@ -99,35 +144,27 @@ static gboolean render_frames(const struct view_options *o, struct studio *studi
     studio->sheet = sheet;
     /* Once, so that the shape keeps its size in all frames. */
     view_fit(studio->view, &fitted, (double)o->width / o->height);
-    for (int k = 0; k < MAX(o->frames, 1); k++) {
-        struct view_settings s = fitted;
-        double turned = o->frames > 0 ? 360.0 * k / o->frames : 0.0;
-        s.light_phi_deg += o->light_turn ? turned : 0.0;
-        s.camera_azimuth_deg += o->camera_turn ? turned : 0.0;
-        if (!render_frame(o, studio, k, &s, ret, error))
-            return FALSE;
-    }
+    if (!(o->n_series > 0 ? render_series(o, studio, &fitted, ret, error)
+                          : render_turn(o, studio, &fitted, ret, error)))
+        return FALSE;
     if (sheet == NULL)
         return TRUE;
     g_ptr_array_add(ret->files, g_strdup(o->render));
-    return write_frame(o, studio->material, o->render, &fitted, sheet, o->width * o->sheet,
+    return write_frame(o, studio->material, o->render, &fitted, ret, sheet, o->width * o->sheet,
                        o->height * view_options_sheet_rows(o), error);
 }
 
-/* Eigen-maps of what there is of a session. */
-static gboolean open_live(const struct view_options *o, View *view, struct rendered *ret,
-                          GError **error) {
-    struct eigenmaps *maps = live_eigenmaps(o->rest[0], &ret->n_views, error);
-    const gboolean good = maps != NULL && view_set_material(view, maps, error);
-    eigenmaps_free(maps);
-    return good;
+/* Something is needed to open. */
+static gboolean series_wait_first(const struct view_options *o, GError **error) {
+    g_autoptr(GArray) views = series_wait(o->rest[0], o->series[0], o->wait_s, error);
+    return views != NULL;
 }
 
 static View *open_view(const struct view_options *o, const struct method *method,
                        const char *material, const struct mesh *mesh, struct rendered *ret,
                        GError **error) {
     g_autoptr(View) view = view_new(NULL, error);
-    if (view == NULL ||
+    if (view == NULL || !(o->n_series > 0 ? series_wait_first(o, error) : TRUE) ||
         !(o->live ? open_live(o, view, ret, error) : view_open(view, method, material, error)) ||
         (o->settings.silhouettes && !view_open_mdf(view, o->mdf_path, error)) ||
         !view_set_mesh(view, mesh, error))

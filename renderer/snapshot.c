@@ -45,17 +45,33 @@ gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const
     g_autofree char *lamps = g_strdup_printf("first %.10g, and %d more", s->lamp, s->n_lamps);
     g_autofree char *name = shown_name(snapshot->material);
     g_autofree char *source = source_of(snapshot);
-    const char *texts[] = {"Software", "mesorig-view " MESORIG_VERSION,
-                           "Material", name,
-                           "Shape",    snapshot->shape,
-                           "Tiles",    tiles,
-                           "Light",    light,
-                           "Lamps",    lamps,
-                           "Camera",   camera,
-                           "Exposure", exposure,
-                           "Relief",   relief_of(s),
-                           "Rotation", rotations[s->style.rotation],
-                           "Source",   source,
+    g_autofree char *views =
+        g_strdup_printf("%d of %d; where the nearest to the line of sight is missing, striped",
+                        snapshot->n_views, snapshot->n_planned);
+    const char *texts[] = {"Software",
+                           "mesorig-view " MESORIG_VERSION,
+                           "Material",
+                           name,
+                           "Shape",
+                           snapshot->shape,
+                           "Tiles",
+                           tiles,
+                           "Light",
+                           light,
+                           "Lamps",
+                           lamps,
+                           "Camera",
+                           camera,
+                           "Exposure",
+                           exposure,
+                           "Relief",
+                           relief_of(s),
+                           "Rotation",
+                           rotations[s->style.rotation],
+                           "Source",
+                           source,
+                           snapshot->n_planned > 0 ? "Views" : NULL,
+                           views,
                            NULL};
     return picture_write_png(path, rgb, width, height, texts, error);
 }

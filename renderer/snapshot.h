@@ -10,6 +10,7 @@ struct snapshot {
     const struct compose *how;
     gboolean reference;                   /* from the whole BTF instead */
     const struct view_settings *settings; /* tiles as they are, not 0 */
+    int n_views, n_planned;               /* of a session that is being captured; else 0 */
 };
 
 gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,

@@ -3,6 +3,8 @@
 #include "camera.h"
 #include "eigenmaps_view.h"
 #include "gpu.h"
+#include "marks.h"
+#include "mdf_source.h"
 #include "mesh_shape.h"
 #include "programs.h"
 #include "relief.h"
@@ -34,6 +36,7 @@ struct View {
     gpointer material;  /* of the method */
     Programs *programs; /* of the method */
     Relief *relief;
+    Marks *marks;
     guint plain_program, geometry_program, background_program, resolve_program;
     guint array, vertices, shapes, indices, empty_array;
     guint n_indices, n_casting, serial;
@@ -123,6 +126,7 @@ View *view_new(const struct eigenmaps *material, GError **error) {
     g_autoptr(View) view = g_new0(View, 1);
     view->radius = view->reach = 1.0;
     if (!make_programs(view, error) || (view->relief = relief_new(error)) == NULL ||
+        (view->marks = marks_new(error)) == NULL ||
         (material != NULL && !view_set_material(view, material, error)))
         return NULL;
     make_array(view);
@@ -136,6 +140,7 @@ void view_free(View *view) {
         view->method->free(view->material);
     programs_free(view->programs);
     relief_free(view->relief);
+    marks_free(view->marks);
     const guint programs[] = {view->plain_program, view->geometry_program, view->background_program,
                               view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
@@ -236,45 +241,22 @@ gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *blocks, GError
     return good;
 }
 
-static gboolean open_factors(View *view, const char *path, GError **error) {
-    struct mdf_factors *mdf = mdf_factors_read(path, error);
-    gboolean good = mdf != NULL && view_set_mdf_factors(view, mdf, error);
-    mdf_factors_free(mdf);
-    return good;
-}
-
-static gboolean open_blocks(View *view, const char *path, GError **error) {
-    struct mdf_blocks *mdf = mdf_blocks_read(path, error);
-    gboolean good = mdf != NULL && view_set_mdf_blocks(view, mdf, error);
-    mdf_blocks_free(mdf);
-    return good;
-}
-
-static gboolean open_views(View *view, const char *path, GError **error) {
-    struct mdf_table *mdf = mdf_table_read(path, error);
-    if (mdf != NULL)
-        mdf_table_add_grazing(mdf);
-    gboolean good = mdf != NULL && view_set_mdf(view, mdf, error);
-    mdf_table_free(mdf);
-    return good;
+gboolean view_set_mdf_source(View *view, const struct mdf_source *mdf, GError **error) {
+    switch (mdf->kind) {
+    case MDF_KIND_FACTORS:
+        return relief_set_factors(view->relief, mdf->factors, error);
+    case MDF_KIND_BLOCKS:
+        return relief_set_blocks(view->relief, mdf->table, mdf->blocks, error);
+    default:
+        return relief_set_mdf(view->relief, mdf->table, error);
+    }
 }
 
 gboolean view_open_mdf(View *view, const char *path, GError **error) {
-    if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "there is no %s, which silhouettes need; “mesorig process” makes it from a "
-                    "session with laser sweeps",
-                    path);
-        return FALSE;
-    }
-    switch (mdf_kind(path)) {
-    case MDF_KIND_FACTORS:
-        return open_factors(view, path, error);
-    case MDF_KIND_BLOCKS:
-        return open_blocks(view, path, error);
-    default:
-        return open_views(view, path, error);
-    }
+    struct mdf_source *mdf = mdf_source_read(path, error);
+    gboolean good = mdf != NULL && view_set_mdf_source(view, mdf, error);
+    mdf_source_free(mdf);
+    return good;
 }
 
 struct view_memory view_memory(const View *view) {
@@ -440,6 +422,35 @@ static void resolve(View *view, const struct view_settings *s, int samples, guin
     glBindVertexArray(0);
 }
 
+static gboolean draw_geometry(View *view, const struct view_settings *s, enum view_geometry which,
+                              int width, int height, GError **error) {
+    struct sight sight;
+    if (!gpu_target_resize(&view->geometry, width, height, GL_RGBA32F, TRUE, error) ||
+        !look(view, s, width, height, &sight, error))
+        return FALSE;
+    begin(&view->geometry);
+    glDisable(GL_BLEND);
+    glDisable(GL_CULL_FACE);
+    glUseProgram(view->geometry_program);
+    glUniform1i(glGetUniformLocation(view->geometry_program, "which"), which);
+    draw_mesh(view, view->geometry_program, s, &sight);
+    return TRUE;
+}
+
+void view_set_planned(View *view, const struct live_view *views, guint n) {
+    marks_set(view->marks, views, n);
+}
+
+static gboolean draw_marks(View *view, const struct view_settings *s, guint framebuffer, int width,
+                           int height, GError **error) {
+    if (!marks_any(view->marks))
+        return TRUE;
+    if (!draw_geometry(view, s, VIEW_GEOMETRY_VIEW, width, height, error))
+        return FALSE;
+    marks_draw(view->marks, view->geometry.colour, framebuffer, width, height);
+    return TRUE;
+}
+
 gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer, int width,
                    int height, GError **error) {
     int samples = s->samples;
@@ -449,7 +460,7 @@ gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer,
         !draw_scene(view, s, width * samples, height * samples, error))
         return FALSE;
     resolve(view, s, samples, framebuffer, width, height);
-    return gpu_check("drawing", error);
+    return draw_marks(view, s, framebuffer, width, height, error) && gpu_check("drawing", error);
 }
 
 static float *read_floats(const struct gpu_target *target, GError **error) {
@@ -480,17 +491,8 @@ float *view_render_linear(View *view, const struct view_settings *s, int width, 
 
 float *view_render_geometry(View *view, const struct view_settings *s, enum view_geometry which,
                             int width, int height, GError **error) {
-    struct sight sight;
-    if (!view_settings_check(s, error) ||
-        !gpu_target_resize(&view->geometry, width, height, GL_RGBA32F, TRUE, error) ||
-        !look(view, s, width, height, &sight, error))
+    if (!view_settings_check(s, error) || !draw_geometry(view, s, which, width, height, error))
         return NULL;
-    begin(&view->geometry);
-    glDisable(GL_BLEND);
-    glDisable(GL_CULL_FACE);
-    glUseProgram(view->geometry_program);
-    glUniform1i(glGetUniformLocation(view->geometry_program, "which"), which);
-    draw_mesh(view, view->geometry_program, s, &sight);
     return read_floats(&view->geometry, error);
 }
 

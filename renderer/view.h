@@ -65,7 +65,9 @@ gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* 
 gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error);
 gboolean view_set_mdf_factors(View *view, const struct mdf_factors *mdf, GError **error);
 gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *mdf, GError **error);
-/* Of any of the kinds that mdf_kind() tells. */
+/* Of any of the kinds that mdf_kind() tells; see mdf_source.h. */
+struct mdf_source;
+gboolean view_set_mdf_source(View *view, const struct mdf_source *mdf, GError **error);
 gboolean view_open_mdf(View *view, const char *path, GError **error);
 
 /* Bytes that the material and its MDF take on the card, in textures with all their levels. */
@@ -73,6 +75,11 @@ struct view_memory {
     gint64 material, mdf;
 };
 struct view_memory view_memory(const View *view);
+
+/* Of a session that is still being captured: where the nearest of these views is missing, pictures
+ * are striped (marks.h). 0: no stripes. Copies. */
+struct live_view;
+void view_set_planned(View *view, const struct live_view *views, guint n);
 
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
  * height); what draws does that by itself, but anew for every picture. */

@@ -147,6 +147,10 @@ GOptionEntry *view_options_entries(struct view_options *o) {
          NULL},
         {"live", 0, 0, G_OPTION_ARG_NONE, &o->live,
          "Eigen-maps of the views that are there, while the session is still being captured", NULL},
+        {"series", 0, 0, G_OPTION_ARG_STRING, &o->series_text,
+         "With --live: a picture each as soon as so much of the views is there", "PERCENT,…"},
+        {"wait-s", 0, 0, G_OPTION_ARG_DOUBLE, &o->wait_s,
+         "With --series: give up when no view comes for so long, default 600", "SECONDS"},
         {"light-turn", 0, 0, G_OPTION_ARG_NONE, &o->light_turn,
          "The light goes once around during the frames", NULL},
         {"camera-turn", 0, 0, G_OPTION_ARG_NONE, &o->camera_turn,
@@ -174,6 +178,7 @@ void view_options_clear(struct view_options *o) {
     g_free(o->tiles);
     g_free(o->up);
     g_free(o->environment);
+    g_free(o->series_text);
     g_free(o->split);
     g_free(o->difference);
     g_free(o->screenshot);
@@ -216,8 +221,31 @@ static gboolean parse_tiles(struct view_options *o, GError **error) {
     return TRUE;
 }
 
+static int n_pictures(const struct view_options *o) {
+    return o->n_series > 0 ? o->n_series : o->frames;
+}
+
 int view_options_sheet_rows(const struct view_options *o) {
-    return o->sheet > 0 ? (o->frames + o->sheet - 1) / o->sheet : 1;
+    return o->sheet > 0 ? (n_pictures(o) + o->sheet - 1) / o->sheet : 1;
+}
+
+static gboolean check_series(struct view_options *o, GError **error) {
+    o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
+    if (!(o->wait_s > 0.0 && o->wait_s <= 1e6)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--wait-s is %g, but must be above 0, up to 1000000", o->wait_s);
+        return FALSE;
+    }
+    if (o->series_text == NULL)
+        return TRUE;
+    o->n_series = series_parse(o->series_text, o->series);
+    if (o->n_series == 0)
+        return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
+    if (o->live && o->render != NULL && o->frames == 0)
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--series goes with --live and --render OUT.png, not with --frames");
+    return FALSE;
 }
 
 static gboolean check_sheet(const struct view_options *o, GError **error) {
@@ -226,7 +254,7 @@ static gboolean check_sheet(const struct view_options *o, GError **error) {
         return TRUE;
     g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
                 "--sheet %d with %d frames of %d × %d: the whole may be %d each way", o->sheet,
-                o->frames, o->width, o->height, MAX_SIZE);
+                n_pictures(o), o->width, o->height, MAX_SIZE);
     return FALSE;
 }
 
@@ -249,7 +277,8 @@ static gboolean check_second(struct view_options *o, GError **error) {
 }
 
 static gboolean check_sources(const struct view_options *o, GError **error) {
-    const gboolean session = o->rest != NULL && g_file_test(o->rest[0], G_FILE_TEST_IS_DIR);
+    const gboolean session =
+        o->rest != NULL && (o->series_text != NULL || g_file_test(o->rest[0], G_FILE_TEST_IS_DIR));
     if (o->measured &&
         (!session || o->render == NULL || o->frames > 0 || o->second != NULL || o->reference))
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
@@ -298,9 +327,11 @@ gboolean view_options_check(struct view_options *o, GError **error) {
                     "--reference goes with --render OUT.png and a session, not with --plain");
         return FALSE;
     }
-    if (o->sheet != 0 && (o->frames == 0 || o->sheet < 1 || o->sheet > o->frames)) {
+    if (!check_series(o, error))
+        return FALSE;
+    if (o->sheet != 0 && (o->sheet < 1 || o->sheet > n_pictures(o))) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--sheet goes with --frames N and takes 1 … N columns");
+                    "--sheet goes with --frames N, or --series of N, and takes 1 … N columns");
         return FALSE;
     }
     if (o->render == NULL && o->frames > 0) {

@@ -3,6 +3,7 @@
 
 #include "compose.h"
 #include "scene.h"
+#include "series.h"
 
 struct view_options {
     const struct method *method;
@@ -16,6 +17,9 @@ struct view_options {
     enum scene_up upward;
     gboolean measured, live, with_panel;
     gint64 started_us; /* the program */
+    char *series_text;
+    int series[SERIES_MAX], n_series; /* percentages of the views */
+    double wait_s;
     int frames, close_after, supersample, sheet;
     gboolean floor, reference, light_turn, camera_turn, nearest, json, version;
     struct view_settings settings;

@@ -151,6 +151,12 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
         else
             glfwWaitEventsTimeout(0.25);
         window_follow(w);
+        if (!window_take_opened(w, error))
+            return FALSE;
+        if (close_after > 0 && !w->first_open) { /* the demonstration is not what is counted */
+            glfwWaitEventsTimeout(0.05);
+            continue;
+        }
         if (!draw_frame(w, ret, error))
             return FALSE;
     }
@@ -185,13 +191,14 @@ static gboolean run(struct window *w, struct window_result *ret, GError **error)
         g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE, "%s", w->message);
         return FALSE;
     }
-    const gboolean silhouettes = w->settings.silhouettes;
+    w->outlines = w->settings.silhouettes;
     w->settings.silhouettes = FALSE;
-    if (!draw_demo(w, ret, error))
+    if (!draw_demo(w, ret, error) || (w->opener = opener_new(w->glfw, error)) == NULL)
         return FALSE;
-    w->settings.silhouettes = silhouettes;
     w->how = w->options->compose;
-    const gboolean good = window_open_first(w, error) && loop(w, ret, error);
+    w->how.mode = COMPOSE_ONE; /* until there is a second */
+    window_open_first(w);
+    const gboolean good = loop(w, ret, error);
     ret->memory = view_memory(w->view);
     return good;
 }

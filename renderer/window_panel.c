@@ -155,6 +155,9 @@ void window_panel(struct window *w) {
     ui_panel_begin("Mesorig", 10.0F, 10.0F, WIDTH);
     ui_text(time);
     ui_text(memory);
+    g_autofree char *opening = opener_progress(w->opener);
+    if (opening != NULL)
+        ui_note(opening);
     if (w->live != NULL && w->n_live == 0)
         ui_note("Waiting for the first view; this is a demonstration.");
     if (w->message != NULL)

@@ -3,6 +3,7 @@
 
 #include "live.h"
 #include "measured.h"
+#include "opener.h"
 #include "ui.h"
 #include "window.h"
 
@@ -37,6 +38,11 @@ struct window {
     Live *live; /* NULL: there is nothing to follow */
     int n_live;
     GArray *planned; /* of struct live_view, or NULL */
+    Opener *opener;
+    gboolean first_open;           /* what it was started with was opened, or could not be */
+    enum compose_mode second_mode; /* once what is being opened as the second is there */
+    gboolean outlines;             /* silhouettes, once the MDF is there */
+    struct mdf_source *mdf;         /* NULL: none was opened */
     gboolean show_measured;
     struct measured measured;
     guint measured_texture;
@@ -51,7 +57,9 @@ void window_scale_tiles(struct window *w, double factor);
 void window_toggle_silhouettes(struct window *w);
 void window_compare_measured(struct window *w);
 void window_follow(struct window *w); /* once a second looks at the files */
-gboolean window_open_first(struct window *w, GError **error);
+void window_open_first(struct window *w);
+/* Takes what was opened meanwhile. FALSE: what it was started with cannot be. */
+gboolean window_take_opened(struct window *w, GError **error);
 void window_clear_sources(struct window *w);
 
 /* window_input.c */

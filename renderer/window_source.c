@@ -1,5 +1,7 @@
 #include "window_private.h"
 
+#include "series.h"
+
 #include <epoxy/gl.h>
 #include <glib/gstdio.h>
 #include <string.h>
@@ -25,60 +27,112 @@ static const char *argument_of(const struct window *w, const struct method *meth
                                                                    : method->name;
 }
 
-/* Unless it is open already and has not changed since. */
-static gboolean open_mdf(struct window *w, GError **error) {
-    gint64 changed = time_of(w->options->mdf);
-    if (changed >= 0 && changed == w->mdf_time)
-        return TRUE;
-    if (!view_open_mdf(w->view, w->options->mdf, error) ||
-        (w->second != NULL && !view_open_mdf(w->second, w->options->mdf, error)))
-        return FALSE;
-    w->mdf_time = changed;
-    return TRUE;
+static void ask_mdf(struct window *w) {
+    w->mdf_time = time_of(w->options->mdf);
+    opener_ask(w->opener, OPENER_MDF, NULL, w->options->mdf);
 }
 
-static gboolean open_method(struct window *w, const struct method *method, GError **error) {
+static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
     g_autofree char *path = method_path(method, argument_of(w, method));
-    if (!view_open(w->view, method, path, error))
-        return FALSE;
-    w->method = method;
-    w->file_time = time_of(path);
-    g_free(w->material);
-    w->material = g_steal_pointer(&path);
-    w->stale = TRUE;
-    return TRUE;
+    if (place == OPENER_FIRST)
+        w->file_time = time_of(path);
+    opener_ask(w->opener, place, method, path);
 }
 
 void window_set_method(struct window *w, const struct method *method) {
-    g_autoptr(GError) error = NULL;
-    const gboolean good = open_method(w, method, &error);
-    window_say(w, good ? NULL : error->message);
+    ask_method(w, OPENER_FIRST, method);
 }
 
-static gboolean open_second(struct window *w, const struct method *method, GError **error) {
-    g_autofree char *path = method_path(method, argument_of(w, method));
-    if (w->second == NULL) {
-        if ((w->second = view_new(NULL, error)) == NULL ||
-            !view_set_mesh(w->second, w->mesh, error))
-            return FALSE;
-        w->mdf_time = 0;
-    }
-    if (!view_open(w->second, method, path, error) ||
-        (w->settings.silhouettes && !open_mdf(w, error)))
+static gboolean take_first(struct window *w, struct opened *o, GError **error) {
+    if (o->error != NULL || !view_set_method(w->view, o->method, o->material, error)) {
+        if (o->error != NULL)
+            g_propagate_error(error, g_steal_pointer(&o->error));
         return FALSE;
-    w->second_method = method;
+    }
+    o->material = NULL;
+    w->method = o->method;
+    g_free(w->material);
+    w->material = g_steal_pointer(&o->path);
+    return TRUE;
+}
+
+static void mark_views(struct window *w) {
+    View *const both[2] = {w->view, w->second};
+    for (int k = 0; k < 2; k++)
+        if (both[k] != NULL && w->planned != NULL)
+            view_set_planned(both[k], (const struct live_view *)(const void *)w->planned->data,
+                             w->planned->len);
+    w->stale = TRUE;
+}
+
+static gboolean make_second(struct window *w, GError **error) {
+    if (w->second != NULL)
+        return TRUE;
+    g_autoptr(View) view = view_new(NULL, error);
+    if (view == NULL || !view_set_mesh(view, w->mesh, error) ||
+        (w->mdf != NULL && !view_set_mdf_source(view, w->mdf, error)))
+        return FALSE;
+    w->second = g_steal_pointer(&view);
+    mark_views(w);
+    return TRUE;
+}
+
+static gboolean take_second(struct window *w, struct opened *o, GError **error) {
+    if (o->error != NULL) {
+        g_propagate_error(error, g_steal_pointer(&o->error));
+        return FALSE;
+    }
+    if (!make_second(w, error) || !view_set_method(w->second, o->method, o->material, error))
+        return FALSE;
+    o->material = NULL;
+    w->second_method = o->method;
     g_free(w->second_material);
-    w->second_material = g_steal_pointer(&path);
+    w->second_material = g_steal_pointer(&o->path);
+    w->how.mode = w->second_mode;
+    return TRUE;
+}
+
+static gboolean take_mdf(struct window *w, struct opened *o, GError **error) {
+    if (o->error != NULL) {
+        w->outlines = FALSE;
+        g_propagate_error(error, g_steal_pointer(&o->error));
+        return FALSE;
+    }
+    if (!view_set_mdf_source(w->view, o->mdf, error) ||
+        (w->second != NULL && !view_set_mdf_source(w->second, o->mdf, error)))
+        return FALSE;
+    mdf_source_free(w->mdf);
+    w->mdf = g_steal_pointer(&o->mdf);
+    w->settings.silhouettes |= w->outlines;
+    w->outlines = FALSE;
+    return TRUE;
+}
+
+gboolean window_take_opened(struct window *w, GError **error) {
+    for (struct opened *o; (o = opener_poll(w->opener)) != NULL; opened_free(o)) {
+        g_autoptr(GError) why = NULL;
+        const gboolean good = o->place == OPENER_FIRST    ? take_first(w, o, &why)
+                              : o->place == OPENER_SECOND ? take_second(w, o, &why)
+                                                          : take_mdf(w, o, &why);
+        w->stale = TRUE;
+        if (!good && !w->first_open) {
+            g_propagate_error(error, g_steal_pointer(&why));
+            opened_free(o);
+            return FALSE;
+        }
+        window_say(w, good ? NULL : why->message);
+    }
+    w->first_open |= !opener_is_busy(w->opener);
     return TRUE;
 }
 
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode) {
-    g_autoptr(GError) error = NULL;
-    const gboolean good =
-        mode == COMPOSE_ONE || method == w->second_method || open_second(w, method, &error);
-    w->how.mode = good ? mode : COMPOSE_ONE;
+    w->second_mode = mode;
+    if (mode != COMPOSE_ONE && method != w->second_method)
+        ask_method(w, OPENER_SECOND, method);
+    else
+        w->how.mode = mode;
     w->stale = TRUE;
-    window_say(w, good ? NULL : error->message);
 }
 
 static gboolean put_mesh(struct window *w, struct mesh *mesh, GError **error) {
@@ -116,11 +170,12 @@ void window_scale_tiles(struct window *w, double factor) {
 }
 
 void window_toggle_silhouettes(struct window *w) {
-    g_autoptr(GError) error = NULL;
-    const gboolean good = w->settings.silhouettes || open_mdf(w, &error);
-    if (good)
+    if (w->mdf != NULL) {
         w->settings.silhouettes = !w->settings.silhouettes;
-    window_say(w, good ? NULL : error->message);
+    } else {
+        w->outlines = TRUE;
+        ask_mdf(w);
+    }
     w->stale = TRUE;
 }
 
@@ -152,13 +207,8 @@ void window_compare_measured(struct window *w) {
 
 /* Processing replaces the file as a whole, so what is there can be read at once. */
 static void follow_material(struct window *w) {
-    g_autoptr(GError) error = NULL;
-    if (w->mdf_time > 0 && time_of(w->options->mdf) != w->mdf_time) {
-        if (!open_mdf(w, &error))
-            window_say(w, error->message);
-        g_clear_error(&error);
-        w->stale = TRUE;
-    }
+    if (w->mdf_time > 0 && time_of(w->options->mdf) != w->mdf_time)
+        ask_mdf(w);
     const gint64 changed = time_of(w->material);
     if (changed != w->file_time && changed >= 0)
         window_set_method(w, w->method);
@@ -201,8 +251,11 @@ static void look_at_views(struct window *w) {
         window_say(w, error->message);
         return;
     }
+    const gboolean news = w->planned == NULL || series_count(w->planned) != series_count(views);
     g_clear_pointer(&w->planned, g_array_unref);
     w->planned = views;
+    if (news)
+        mark_views(w);
 }
 
 void window_follow(struct window *w) {
@@ -218,7 +271,7 @@ void window_follow(struct window *w) {
 }
 
 /* A session without the product that is asked for is one that is still being captured. */
-gboolean window_open_first(struct window *w, GError **error) {
+void window_open_first(struct window *w) {
     const struct window_options *o = w->options;
     g_autofree char *path = method_path(o->method, argument_of(w, o->method));
     if (o->argument != NULL && g_file_test(o->argument, G_FILE_TEST_IS_DIR)) {
@@ -227,16 +280,16 @@ gboolean window_open_first(struct window *w, GError **error) {
     }
     if (w->session != NULL && o->method == methods[0] && time_of(path) < 0)
         w->live = live_new(w->session);
-    else if (!open_method(w, o->method, error))
-        return FALSE;
-    if (w->settings.silhouettes && !open_mdf(w, error))
-        return FALSE;
-    if (o->second != NULL && !open_second(w, o->second, error))
-        return FALSE;
-    return TRUE;
+    else
+        ask_method(w, OPENER_FIRST, o->method);
+    if (w->outlines)
+        ask_mdf(w);
+    if (o->second != NULL)
+        window_set_second(w, o->second, o->compose.mode);
 }
 
 void window_clear_sources(struct window *w) {
+    opener_free(w->opener);
     live_free(w->live);
     g_clear_pointer(&w->planned, g_array_unref);
     measured_clear(&w->measured);
@@ -244,6 +297,7 @@ void window_clear_sources(struct window *w) {
     view_free(w->view);
     view_free(w->second);
     mesh_free(w->mesh);
+    mdf_source_free(w->mdf);
     g_free(w->session);
     g_free(w->material);
     g_free(w->second_material);

@@ -559,6 +559,29 @@ static void test_random(void) {
     session_conf_clear(&conf);
 }
 
+/* View after view: the table stands at each of its angles once, and the time told is the nested
+ * order's. */
+static void test_views_first(void) {
+    struct session_conf conf = conf_of(demo_directions);
+    struct rig rig = rig_of(demo_theta_deg, 5);
+    struct rig_timing timing = timing_of(0.25);
+
+    conf.order = ORDER_VIEWS;
+    struct plan *plan = build(&conf, &rig, &timing);
+    assert_plan(plan);
+    g_assert_cmpfloat(plan->predicted_s, ==, plan->nested_s);
+    g_assert_cmpint(plan->n_poses, >, 1);
+    int n_turns = 0;
+    for (int i = 1; i < plan->session.n_shots; i++) {
+        const struct session_shot *shot = &plan->session.shots[i];
+        if (shot->state == SHOT_PLANNED && shot[-1].kind != SHOT_DARK)
+            n_turns += shot->turntable_deg != shot[-1].turntable_deg;
+    }
+    g_assert_cmpint(n_turns, ==, 11);
+    plan_free(plan);
+    session_conf_clear(&conf);
+}
+
 /* The sequencer's time written once more, as a diary: from when each thing is ready. Dark frames
  * aside. */
 static double diary_s(const struct session_shot *const *shots, int n,
@@ -693,6 +716,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/plan/refusals", test_refusals);
     g_test_add_func("/plan/sweep-range", test_sweep_range);
     g_test_add_func("/plan/two-cameras", test_two_cameras);
+    g_test_add_func("/plan/views-first", test_views_first);
     g_test_add_func("/plan/random", test_random);
     g_test_add_func("/plan/all-orders", test_against_all_orders);
     g_test_add_func("/plan/remaining", test_remaining);

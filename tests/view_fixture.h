@@ -109,8 +109,8 @@ static struct view_settings bare_settings(void) {
 }
 
 /* The ray through the middle of a pixel, from this file's own idea of the camera. */
-static struct v3 ray(const struct view_settings *s, double radius, int width, int height, int i,
-                     int j, struct v3 *ret_eye) {
+static inline struct v3 ray(const struct view_settings *s, double radius, int width, int height,
+                            int i, int j, struct v3 *ret_eye) {
     struct v3 back = unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
     struct v3 right = v3(-sin(s->camera_azimuth_deg * DEG), cos(s->camera_azimuth_deg * DEG), 0.0);
     struct v3 up = v3(back.y * right.z - back.z * right.y, back.z * right.x - back.x * right.z,
@@ -129,7 +129,7 @@ struct hit {
 };
 
 /* By steps of the distance from the surface. */
-static struct hit hit_torus(struct v3 eye, struct v3 d) {
+static inline struct hit hit_torus(struct v3 eye, struct v3 d) {
     struct hit hit = {.to_eye = mix(d, -1.0, d, 0.0)};
     double along = 0.0, distance = 1.0;
     struct v3 p = eye;
@@ -158,7 +158,7 @@ struct check {
 };
 
 /* Returns FALSE where a small error of the mesh would change the answer. */
-static gboolean expect(const struct check *c, const struct hit *hit, double ret[3]) {
+static inline gboolean expect(const struct check *c, const struct hit *hit, double ret[3]) {
     struct v3 l = unit(c->settings->light_theta_deg, c->settings->light_phi_deg);
     struct v3 local_l = v3(dot(l, hit->t), dot(l, hit->b), dot(l, hit->n));
     struct v3 local_v = v3(dot(hit->to_eye, hit->t), dot(hit->to_eye, hit->b), 0.0);
@@ -183,7 +183,7 @@ static gboolean expect(const struct check *c, const struct hit *hit, double ret[
 
 /* Compares every pixel that can be told; the texel must be right in (nearly) all, the rest within
  * the error of linear interpolation between the material's directions. */
-static void compare(const struct check *c, double tolerance, int at_least) {
+static inline void compare(const struct check *c, double tolerance, int at_least) {
     int n = 0, wrong_texel = 0, wrong = 0;
     double worst = 0.0;
     for (int j = 0; j < c->height; j++)
@@ -255,7 +255,7 @@ static char *write_btf(enum kind kind, int n_rings, int n_phi) {
     return dir;
 }
 
-static void remove_folder(const char *path) {
+static inline void remove_folder(const char *path) {
     g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
     for (const char *name; (name = g_dir_read_name(dir)) != NULL;) {
         g_autofree char *file = g_build_filename(path, name, NULL);

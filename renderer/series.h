@@ -1,0 +1,22 @@
+/* Pictures of a session while it is captured, each of more views than the last. */
+#pragma once
+
+#include "live.h"
+
+#define SERIES_ERROR series_error_quark()
+GQuark series_error_quark(void);
+enum series_error {
+    SERIES_ERROR_ENDED,   /* the capture ended and is processed, and views are still missing */
+    SERIES_ERROR_TIMEOUT, /* nothing new for too long */
+};
+
+#define SERIES_MAX 100
+
+/* "20,40,100": rising percentages, 1 … 100. Returns how many; 0: text is none of that. */
+int series_parse(const char *text, int ret_percent[SERIES_MAX]);
+
+/* Waits until that share of the planned views is there: struct live_view of all. The session need
+ * not be there at first. wait_s: so long without a new view is an error. */
+GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
+
+int series_count(const GArray *views); /* of those that are there */
