@@ -7,13 +7,13 @@ struct fixture {
     Gpu *gpu;
 };
 
-static void set_up(struct fixture *f, gconstpointer data) {
+static inline void set_up(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     f->gpu = gpu_new_headless(&error);
     if (f->gpu == NULL)
         g_test_skip(error->message);
 }
 
-static void tear_down(struct fixture *f, gconstpointer data) {
+static inline void tear_down(struct fixture *f, gconstpointer data) {
     gpu_free(f->gpu);
 }

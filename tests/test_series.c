@@ -13,6 +13,17 @@
 #define N       (N_RINGS * N_PHI)
 #define PROGRAM BUILD_DIR "/bin/mesorig-view"
 
+/* As make_material() has its views. */
+static double theta_of(int view) {
+    const int ring = 1 + view / N_PHI;
+    return 85.0 / N_RINGS * ring;
+}
+
+static double phi_of(int view) {
+    const int k = view % N_PHI;
+    return 360.0 / N_PHI * k;
+}
+
 static void test_parse(void) {
     int percent[SERIES_MAX];
     g_assert_cmpint(series_parse("20,40,100", percent), ==, 3);
@@ -46,8 +57,7 @@ static void test_stripes(struct fixture *f, gconstpointer data) {
     mesh_free(mesh);
     struct live_view views[N];
     for (int k = 0; k < N; k++)
-        views[k] = (struct live_view){85.0 / N_RINGS * (1 + k / N_PHI), 360.0 / N_PHI * (k % N_PHI),
-                                      k % 3 != 0};
+        views[k] = (struct live_view){theta_of(k), phi_of(k), k % 3 != 0};
     struct view_settings s = bare_settings();
     s.camera_fov_deg = 1.0;
     s.camera_distance = 0.0;
@@ -82,8 +92,8 @@ static char *new_session(const char *folder) {
     struct session_direction views[N] = {0};
     for (int k = 0; k < N; k++) {
         views[k].index = k;
-        views[k].theta_deg = 85.0 / N_RINGS * (1 + k / N_PHI);
-        views[k].phi_deg = 360.0 / N_PHI * (k % N_PHI);
+        views[k].theta_deg = theta_of(k);
+        views[k].phi_deg = phi_of(k);
     }
     const struct session_plan plan = {.grid = {W, H, 50, 50, 5, 5}, .views = views, .n_views = N};
     char *path = g_build_filename(folder, "a.session", NULL);

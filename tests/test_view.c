@@ -396,31 +396,6 @@ static void test_program_usage(struct fixture *f, gconstpointer data) {
     check_usage(1, (const char *[]){PROGRAM, "/", "-o", "b.png", NULL}, "products/eigenmaps.exr");
 }
 
-static char *write_session(void) {
-    g_autoptr(GError) error = NULL;
-    char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    g_autofree char *products = g_build_filename(dir, "products", NULL);
-    g_autofree char *path = g_build_filename(products, "eigenmaps.exr", NULL);
-    g_mkdir(products, 0755);
-    struct eigenmaps *material = make_material(LIGHT, 3, 4);
-    eigenmaps_write(path, material, &error);
-    g_assert_no_error(error);
-    eigenmaps_free(material);
-    return dir;
-}
-
-static void remove_session(const char *dir, const char *const *pictures) {
-    g_autofree char *products = g_build_filename(dir, "products", NULL);
-    g_autofree char *path = g_build_filename(products, "eigenmaps.exr", NULL);
-    for (; *pictures != NULL; pictures++) {
-        g_autofree char *picture = g_build_filename(dir, *pictures, NULL);
-        g_assert_cmpint(g_unlink(picture), ==, 0);
-    }
-    g_unlink(path);
-    g_rmdir(products);
-    g_assert_cmpint(g_rmdir(dir), ==, 0);
-}
-
 static void test_program_renders(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;

@@ -99,7 +99,7 @@ static struct eigenmaps *make_material(enum kind kind, int n_rings, int n_phi) {
     return m;
 }
 
-static struct view_settings bare_settings(void) {
+static inline struct view_settings bare_settings(void) {
     struct view_settings s = view_settings_default;
     s.ambient = 0.0;
     s.tiles_u = s.tiles_v = 1.0;
@@ -207,7 +207,7 @@ static inline void compare(const struct check *c, double tolerance, int at_least
     g_assert_cmpint(wrong, <=, n / 500);
 }
 
-static View *make_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
+static inline View *make_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
     g_autoptr(GError) error = NULL;
     struct eigenmaps *material = make_material(kind, n_rings, n_phi);
     View *view = view_new(material, &error);
@@ -246,7 +246,7 @@ static void write_view(enum kind kind, const struct eigenmaps *m, int view, cons
     exr_file_free(file);
 }
 
-static char *write_btf(enum kind kind, int n_rings, int n_phi) {
+static inline char *write_btf(enum kind kind, int n_rings, int n_phi) {
     char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     struct eigenmaps *m = make_material(kind, n_rings, n_phi);
     for (int view = 0; view < m->n_views; view++)
@@ -262,4 +262,30 @@ static inline void remove_folder(const char *path) {
         g_assert_cmpint(g_unlink(file), ==, 0);
     }
     g_assert_cmpint(g_rmdir(path), ==, 0);
+}
+
+/* A directory that has nothing of a session but its eigen-maps. */
+static inline char *write_session(void) {
+    g_autoptr(GError) error = NULL;
+    char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *products = g_build_filename(dir, "products", NULL);
+    g_autofree char *path = g_build_filename(products, "eigenmaps.exr", NULL);
+    g_mkdir(products, 0755);
+    struct eigenmaps *material = make_material(LIGHT, 3, 4);
+    eigenmaps_write(path, material, &error);
+    g_assert_no_error(error);
+    eigenmaps_free(material);
+    return dir;
+}
+
+static inline void remove_session(const char *dir, const char *const *pictures) {
+    g_autofree char *products = g_build_filename(dir, "products", NULL);
+    g_autofree char *path = g_build_filename(products, "eigenmaps.exr", NULL);
+    for (; *pictures != NULL; pictures++) {
+        g_autofree char *picture = g_build_filename(dir, *pictures, NULL);
+        g_assert_cmpint(g_unlink(picture), ==, 0);
+    }
+    g_unlink(path);
+    g_rmdir(products);
+    g_assert_cmpint(g_rmdir(dir), ==, 0);
 }

@@ -1,0 +1,186 @@
+#include "x_display.h"
+
+#include <signal.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <X11/extensions/XTest.h>
+#include <X11/XKBlib.h>
+#include <X11/Xlib.h>
+#include <X11/Xutil.h>
+
+#define STEP_US 20000 /* between two events, so that a program sees them apart */
+
+struct XDisplay {
+    GPid server;
+    char *name;
+    Display *display;
+    Window window;
+};
+
+/* The server says on a pipe which number it has, once it takes connections. */
+static char *read_number(int from) {
+    char text[16] = "";
+    gsize n = 0;
+    while (n < sizeof text - 1 && read(from, text + n, 1) == 1 && text[n] != '\n')
+        n++;
+    text[n] = '\0';
+    return n > 0 ? g_strdup_printf(":%s", text) : NULL;
+}
+
+XDisplay *x_display_new(void) {
+    const char *const argv[] = {"Xvfb",        "-displayfd", "1",   "-screen",  "0",
+                                "1024x768x24", "-nolisten",  "tcp", "-noreset", NULL};
+    int out = -1;
+    XDisplay *x = g_new0(XDisplay, 1);
+    if (g_spawn_async_with_pipes(NULL, (char **)argv, NULL,
+                                 G_SPAWN_SEARCH_PATH | G_SPAWN_DO_NOT_REAP_CHILD |
+                                     G_SPAWN_STDERR_TO_DEV_NULL,
+                                 NULL, NULL, &x->server, NULL, &out, NULL, NULL)) {
+        x->name = read_number(out);
+        close(out);
+        x->display = x->name != NULL ? XOpenDisplay(x->name) : NULL;
+    }
+    if (x->display == NULL)
+        g_clear_pointer(&x, x_display_free);
+    return x;
+}
+
+void x_display_kill(XDisplay *x) {
+    if (x->display != NULL) /* first: its connection would end this program */
+        XCloseDisplay(x->display);
+    x->display = NULL;
+    if (x->server == 0)
+        return;
+    kill(x->server, SIGTERM);
+    waitpid(x->server, NULL, 0);
+    x->server = 0;
+}
+
+void x_display_free(XDisplay *x) {
+    if (x == NULL)
+        return;
+    x_display_kill(x);
+    g_free(x->name);
+    g_free(x);
+}
+
+const char *x_display_name(const XDisplay *x) {
+    return x->name;
+}
+
+static Window find_window(Display *display) {
+    Window root, parent, *children = NULL, found = None;
+    unsigned n = 0;
+    if (!XQueryTree(display, DefaultRootWindow(display), &root, &parent, &children, &n))
+        return None;
+    for (unsigned k = 0; k < n; k++) {
+        XWindowAttributes attributes;
+        if (XGetWindowAttributes(display, children[k], &attributes) &&
+            attributes.map_state == IsViewable)
+            found = children[k];
+    }
+    if (children != NULL)
+        XFree(children);
+    return found;
+}
+
+gboolean x_display_wait_window(XDisplay *x, double seconds) {
+    const gint64 until = g_get_monotonic_time() + (gint64)(seconds * G_USEC_PER_SEC);
+    do {
+        x->window = find_window(x->display);
+        if (x->window != None) {
+            XSetInputFocus(x->display, x->window, RevertToPointerRoot, CurrentTime);
+            XSync(x->display, False);
+            return TRUE;
+        }
+        g_usleep(STEP_US);
+    } while (g_get_monotonic_time() < until);
+    return FALSE;
+}
+
+static void settle(XDisplay *x) {
+    XSync(x->display, False);
+    g_usleep(STEP_US);
+}
+
+char *x_display_title(XDisplay *x) {
+    XTextProperty name = {0};
+    XGetTextProperty(x->display, x->window, &name, XInternAtom(x->display, "_NET_WM_NAME", False));
+    char *title = g_strdup(name.value != NULL ? (const char *)name.value : "");
+    if (name.value != NULL)
+        XFree(name.value);
+    return title;
+}
+
+void x_display_key(XDisplay *x, const char *key) {
+    const KeySym symbol = XStringToKeysym(key);
+    const KeyCode code = XKeysymToKeycode(x->display, symbol);
+    const gboolean shift = XkbKeycodeToKeysym(x->display, code, 0, 0) != symbol;
+    const KeyCode shift_code = XKeysymToKeycode(x->display, XStringToKeysym("Shift_L"));
+    g_assert_cmpint(code, !=, 0);
+    if (shift)
+        XTestFakeKeyEvent(x->display, shift_code, True, CurrentTime);
+    XTestFakeKeyEvent(x->display, code, True, CurrentTime);
+    settle(x);
+    XTestFakeKeyEvent(x->display, code, False, CurrentTime);
+    if (shift)
+        XTestFakeKeyEvent(x->display, shift_code, False, CurrentTime);
+    settle(x);
+}
+
+void x_display_move(XDisplay *x, int to_x, int to_y) {
+    int root_x = 0, root_y = 0;
+    Window child;
+    XTranslateCoordinates(x->display, x->window, DefaultRootWindow(x->display), to_x, to_y, &root_x,
+                          &root_y, &child);
+    XTestFakeMotionEvent(x->display, 0, root_x, root_y, CurrentTime);
+    settle(x);
+}
+
+void x_display_drag(XDisplay *x, int button, int from_x, int from_y, int by_x, int by_y) {
+    x_display_move(x, from_x, from_y);
+    XTestFakeButtonEvent(x->display, (unsigned)button, True, CurrentTime);
+    settle(x);
+    for (int k = 1; k <= 5; k++)
+        x_display_move(x, from_x + by_x * k / 5, from_y + by_y * k / 5);
+    XTestFakeButtonEvent(x->display, (unsigned)button, False, CurrentTime);
+    settle(x);
+}
+
+void x_display_click(XDisplay *x, int button, int at_x, int at_y) {
+    x_display_drag(x, button, at_x, at_y, 0, 0);
+}
+
+void x_display_ask_to_close(XDisplay *x) {
+    XEvent event = {.xclient = {.type = ClientMessage,
+                                .window = x->window,
+                                .message_type = XInternAtom(x->display, "WM_PROTOCOLS", False),
+                                .format = 32}};
+    event.xclient.data.l[0] = (long)XInternAtom(x->display, "WM_DELETE_WINDOW", False);
+    event.xclient.data.l[1] = CurrentTime;
+    XSendEvent(x->display, x->window, False, NoEventMask, &event);
+    settle(x);
+}
+
+guint8 *x_display_picture(XDisplay *x, int *ret_width, int *ret_height) {
+    XWindowAttributes attributes;
+    g_assert_true(XGetWindowAttributes(x->display, x->window, &attributes));
+    const int width = attributes.width, height = attributes.height;
+    XImage *image = XGetImage(x->display, x->window, 0, 0, (unsigned)width, (unsigned)height,
+                              AllPlanes, ZPixmap);
+    g_assert_nonnull(image);
+    guint8 *rgb = g_malloc((gsize)3 * width * height);
+    for (int j = 0; j < height; j++)
+        for (int i = 0; i < width; i++) {
+            const unsigned long pixel = XGetPixel(image, i, j);
+            guint8 *to = rgb + 3 * ((gsize)j * width + i);
+            to[0] = (guint8)(pixel >> 16);
+            to[1] = (guint8)(pixel >> 8);
+            to[2] = (guint8)pixel;
+        }
+    XDestroyImage(image);
+    *ret_width = width;
+    *ret_height = height;
+    return rgb;
+}

@@ -1,0 +1,34 @@
+/* A display without a screen (Xvfb), and somebody who presses keys and drags the mouse on it. */
+#pragma once
+
+#include <glib.h>
+
+typedef struct XDisplay XDisplay;
+
+XDisplay *x_display_new(void);    /* NULL: there is no Xvfb here */
+void x_display_free(XDisplay *x); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(XDisplay, x_display_free)
+
+const char *x_display_name(const XDisplay *x); /* of DISPLAY */
+
+/* Waits for the one window that is shown, gives it the keyboard, and returns FALSE if there is none
+ * after so long. */
+gboolean x_display_wait_window(XDisplay *x, double seconds);
+
+char *x_display_title(XDisplay *x); /* of the window, g_free() */
+
+/* key: of X11/keysymdef.h by name, as "F1", "plus", "s". */
+void x_display_key(XDisplay *x, const char *key);
+/* Relative to the window; button 1 left, 3 right, 4 and 5 the wheel. */
+void x_display_move(XDisplay *x, int to_x, int to_y);
+void x_display_drag(XDisplay *x, int button, int from_x, int from_y, int by_x, int by_y);
+void x_display_click(XDisplay *x, int button, int at_x, int at_y);
+
+/* As a window's frame would, where there were one. */
+void x_display_ask_to_close(XDisplay *x);
+
+/* What is shown of the window: width × height × 3 bytes, g_free(). */
+guint8 *x_display_picture(XDisplay *x, int *ret_width, int *ret_height);
+
+/* The server goes, with all connections. */
+void x_display_kill(XDisplay *x);
