@@ -253,6 +253,11 @@ void mesh_free(struct mesh *mesh) {
     g_free(mesh);
 }
 
+static gboolean ends_with(const char *name, const char *ending) {
+    const gsize n = strlen(name), m = strlen(ending);
+    return n > m && g_ascii_strcasecmp(name + n - m, ending) == 0;
+}
+
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
     if (strcmp(name, "plane") == 0)
         return scene_plane();
@@ -264,12 +269,13 @@ struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
         return scene_cylinder();
     if (strcmp(name, "torus-knot") == 0)
         return scene_torus_knot();
-    gsize length = strlen(name);
-    if (length > 4 && g_ascii_strcasecmp(name + length - 4, ".obj") == 0)
+    if (ends_with(name, ".obj"))
         return scene_read_obj(name, up, error);
+    if (ends_with(name, ".gltf") || ends_with(name, ".glb"))
+        return scene_read_gltf(name, up, error);
     g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
                 "“%s” is no shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
-                ".obj file",
+                ".obj, .gltf or .glb file",
                 name);
     return NULL;
 }

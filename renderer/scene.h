@@ -13,10 +13,10 @@
 GQuark scene_error_quark(void);
 enum scene_error {
     SCENE_ERROR_IO,
-    SCENE_ERROR_FORMAT,     /* not a Wavefront OBJ, or damaged; the message names the line */
+    SCENE_ERROR_FORMAT,     /* neither OBJ nor glTF, or damaged; the message says where */
     SCENE_ERROR_NO_TEXTURE, /* without texture coordinates */
     SCENE_ERROR_TOO_LARGE,
-    SCENE_ERROR_NO_SHAPE, /* neither a shape's name nor an .obj file */
+    SCENE_ERROR_NO_SHAPE, /* neither a shape's name nor such a file */
 };
 
 #define SCENE_MAX_FILE     (256 << 20) /* bytes */
@@ -46,7 +46,8 @@ void mesh_free(struct mesh *mesh); /* NULL is ignored */
 
 enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 
-/* "plane", "torus", "sphere", "cylinder", "torus-knot", or the path of an .obj file. */
+/* "plane", "torus", "sphere", "cylinder", "torus-knot", or the path of an .obj, .gltf or
+ * .glb file. */
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
 
 struct scene_options {
@@ -72,5 +73,11 @@ void scene_add_floor(struct mesh *mesh, double half_width);
 /* Wavefront OBJ: v, vt, vn and f with any number of corners (convex), negative indices too; the
  * rest is passed over. Normals are made where they are missing. Moved and scaled to radius 1. */
 struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error);
+
+/* glTF 2.0, text or binary: triangles of its scene, with tangents of the file where there are any.
+ * up is that of the file, y by its standard. Buffers are within it or files beside it. The rest is
+ * passed over; what needs an extension (compression) is refused. */
+struct mesh *scene_read_gltf(const char *path, enum scene_up up, GError **error);
+
 /* text is ended by NUL; name is for messages. */
 struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up up, GError **error);

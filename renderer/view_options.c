@@ -76,7 +76,7 @@ GOptionEntry *view_options_entries(struct view_options *o) {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
          "OUT.png"},
         {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
-         "plane, torus (default), sphere, cylinder, torus-knot or an OBJ file", "SHAPE"},
+         "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file", "SHAPE"},
         {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
          "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
          "lafortune, "
@@ -130,7 +130,8 @@ GOptionEntry *view_options_entries(struct view_options *o) {
          "Size of the map of shadows, 16 … 16384, default 1024", "PIXELS"},
         {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &o->mdf,
          "Distances for --silhouettes, if not the mdf.exr beside the material", "FILE"},
-        {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "An OBJ file's upward axis, default y", "y|z"},
+        {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "Upward axis of a shape's file, default y",
+         "y|z"},
         {"frames", 0, 0, G_OPTION_ARG_INT, &o->frames,
          "With --render: this many pictures OUT_0000.png …", "N"},
         {"sheet", 0, 0, G_OPTION_ARG_INT, &o->sheet,

@@ -42,7 +42,7 @@ struct window {
     gboolean first_open;           /* what it was started with was opened, or could not be */
     enum compose_mode second_mode; /* once what is being opened as the second is there */
     gboolean outlines;             /* silhouettes, once the MDF is there */
-    struct mdf_source *mdf;         /* NULL: none was opened */
+    struct mdf_source *mdf;        /* NULL: none was opened */
     gboolean show_measured;
     struct measured measured;
     guint measured_texture;

@@ -1,0 +1,38 @@
+/* A glTF 2.0 file (.gltf or .glb) as JSON and bytes, of which nothing is believed. */
+#pragma once
+
+#include "scene.h"
+
+#include <json-glib/json-glib.h>
+
+struct gltf {
+    const char *path; /* for messages */
+    JsonParser *parser;
+    JsonObject *root;
+    GBytes *binary;     /* of a .glb, or NULL */
+    GPtrArray *buffers; /* of GBytes; NULL entries: not read yet */
+};
+
+/* A sentence with the path before it. */
+gboolean gltf_fail(const struct gltf *gltf, enum scene_error code, GError **error,
+                   const char *format, ...) G_GNUC_PRINTF(4, 5);
+
+/* clear also after an error. */
+gboolean gltf_open(struct gltf *gltf, const char *path, GError **error);
+void gltf_clear(struct gltf *gltf);
+
+/* Member k of the root's array of that name, or NULL with an error. */
+JsonObject *gltf_item(const struct gltf *gltf, const char *array, gint64 k, GError **error);
+
+/* A member that is a number of that kind; fallback where there is none, or another thing. */
+gint64 gltf_int(JsonObject *object, const char *name, gint64 fallback);
+double gltf_double(JsonObject *object, const char *name, double fallback);
+const char *gltf_string(JsonObject *object, const char *name); /* or NULL */
+JsonArray *gltf_array(JsonObject *object, const char *name);   /* or NULL */
+JsonObject *gltf_object(JsonObject *object, const char *name); /* or NULL */
+
+/* Numbers of an accessor, n_components each: unsigned integers as they are, or mapped to 0 … 1 or
+ * −1 … 1 where it says normalized. Of float. */
+GArray *gltf_floats(struct gltf *gltf, gint64 accessor, int n_components, GError **error);
+/* Of guint32, from an accessor of single unsigned integers. */
+GArray *gltf_indices(struct gltf *gltf, gint64 accessor, GError **error);
