@@ -154,6 +154,11 @@ static double grid_value(const struct scene *s, int i, int j, struct vec3 v, str
     return sum;
 }
 
+static struct vec3 direction_at(const float *theta_deg, const float *phi_deg, int k) {
+    const double theta = theta_deg[k] * G_PI / 180, phi = phi_deg[k] * G_PI / 180;
+    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+}
+
 static struct vec3 vec_of(const float *p) {
     return (struct vec3){p[0], p[1], p[2]};
 }
@@ -397,6 +402,88 @@ static void test_grid(struct fixture *f, gconstpointer data) {
     check_case(7, 9, FALSE, 0.2, 6);
 }
 
+/* Lambertian bumps with a soft gloss, a normal a texel. */
+static struct btf_matrix *make_btf(void) {
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    const int n = RINGS * A_RING;
+    *btf = (struct btf_matrix){
+        .name = g_strdup("bumps"), .width = W, .height = H, .texel_mm = 1, .n_views = n};
+    btf->n_lights = n;
+    fill_directions(0, &btf->view_theta_deg, &btf->view_phi_deg);
+    fill_directions(5, &btf->light_theta_deg, &btf->light_phi_deg);
+    btf->values = g_new(float, 3 * (gsize)W * H * n * n);
+    for (int k = 0; k < W * H * n * n; k++) {
+        const struct vec3 v = direction_at(btf->view_theta_deg, btf->view_phi_deg, k / n % n);
+        const struct vec3 l = direction_at(btf->light_theta_deg, btf->light_phi_deg, k % n);
+        const int texel = k / n / n;
+        const struct vec3 normal = vec3_unit(vec3(0.4 * sin(texel), 0.4 * cos(2.0 * texel), 1));
+        const double gloss = pow(fmax(vec3_dot(vec3_unit(vec3_add(v, l)), normal), 0), 8);
+        for (int c = 0; c < 3; c++)
+            btf->values[3 * k + c] =
+                (float)(fmax(vec3_dot(normal, l), 0) * (0.6 - 0.1 * c) + 0.3 * gloss * l.z);
+    }
+    return btf;
+}
+
+/* How far two methods' pictures are apart, relative to those of the first, over all measured pairs
+ * of directions and all texels. */
+static double apart(View *a, View *b, const struct btf_matrix *btf) {
+    struct view_settings s = view_settings_default;
+    g_autoptr(GError) error = NULL;
+    double off = 0, all = 0;
+    for (int k = 0; k < btf->n_views * btf->n_lights; k++) {
+        const struct vec3 v =
+            direction_at(btf->view_theta_deg, btf->view_phi_deg, k / btf->n_lights);
+        const struct vec3 l =
+            direction_at(btf->light_theta_deg, btf->light_phi_deg, k % btf->n_lights);
+        const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
+        const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
+        g_autofree float *one = view_render_flat(a, &s, to_view, to_light, W, H, &error);
+        g_autofree float *other = view_render_flat(b, &s, to_view, to_light, W, H, &error);
+        g_assert_no_error(error);
+        for (int i = 0; i < 4 * W * H; i++) {
+            off += i % 4 < 3 ? pow((double)other[i] - one[i], 2) : 0;
+            all += i % 4 < 3 ? pow(one[i], 2) : 0;
+        }
+    }
+    return sqrt(off / all);
+}
+
+/* At measured directions lpca shows what was compressed: revised is as far from it as resampling
+ * said, and a finer grid is nearer. What remains is that cube maps tell directions a third of a
+ * degree apart. */
+static void test_agree(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    static const int grids[] = {5, 8, 12};
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = make_btf();
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 3};
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    g_autoptr(View) original = view_new(NULL, &error), revised = view_new(NULL, &error);
+    double before = 1;
+    view_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    g_assert_no_error(error);
+    for (gsize k = 0; k < G_N_ELEMENTS(grids); k++) {
+        struct lpca *grid = resample_lpca(lpca, grids[k], &error);
+        lpca_quantise(grid, LPCA_8BIT);
+        const double reported = resample_error(grid, btf, 0);
+        view_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
+                        &error);
+        g_assert_no_error(error);
+        const double found = apart(original, revised, btf);
+        g_test_message("grid of %d: compression %.4f, with resampling %.4f; pictures %.4f apart",
+                       grids[k], lpca->error, reported, found);
+        g_assert_cmpfloat(found, <, sqrt(reported * reported - lpca->error * lpca->error) + 0.01);
+        g_assert_cmpfloat(found, <, before);
+        before = found;
+        lpca_free(grid);
+    }
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+}
+
 /* Cube maps: six faces of 256² of 8 bytes; texels: clusters 8 bytes, weights 16 a page. */
 static void test_bytes(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
@@ -459,6 +546,7 @@ int main(int argc, char **argv) {
     g_test_add("/lpca-view/revised", struct fixture, NULL, set_up, test_revised, tear_down);
     g_test_add("/lpca-view/levels", struct fixture, NULL, set_up, test_levels, tear_down);
     g_test_add("/lpca-view/grid", struct fixture, NULL, set_up, test_grid, tear_down);
+    g_test_add("/lpca-view/agree", struct fixture, NULL, set_up, test_agree, tear_down);
     g_test_add("/lpca-view/bytes", struct fixture, NULL, set_up, test_bytes, tear_down);
     g_test_add("/lpca-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
     return g_test_run();
