@@ -199,8 +199,8 @@ guint gpu_program_with(const char *constants, const char *const *names, GError *
     return make_program("#version 330 core\n", constants, names, error);
 }
 
-guint gpu_program_43(const char *const *names, GError **error) {
-    return make_program("#version 430 core\n", "", names, error);
+guint gpu_program_43(const char *constants, const char *const *names, GError **error) {
+    return make_program("#version 430 core\n", constants, names, error);
 }
 
 static void texture_format(int internal_format, GLenum *ret_format, GLenum *ret_type) {
@@ -260,6 +260,8 @@ static GLint of_level(guint target, int level, GLenum what) {
 }
 
 static gint64 level_bytes(guint target, int level) {
+    if (of_level(target, level, GL_TEXTURE_COMPRESSED))
+        return of_level(target, level, GL_TEXTURE_COMPRESSED_IMAGE_SIZE);
     static const GLenum sizes[] = {GL_TEXTURE_RED_SIZE,   GL_TEXTURE_GREEN_SIZE,
                                    GL_TEXTURE_BLUE_SIZE,  GL_TEXTURE_ALPHA_SIZE,
                                    GL_TEXTURE_DEPTH_SIZE, GL_TEXTURE_SHARED_SIZE};

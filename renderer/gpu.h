@@ -38,8 +38,8 @@ guint gpu_program(const char *const *names, GError **error);
 /* The same with lines “#define NAME value” before them. */
 guint gpu_program_with(const char *constants, const char *const *names, GError **error);
 
-/* As gpu_program() in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
-guint gpu_program_43(const char *const *names, GError **error);
+/* As gpu_program_with() in the language of OpenGL 4.3, where the context has that: gpu_has_43(). */
+guint gpu_program_43(const char *constants, const char *const *names, GError **error);
 gboolean gpu_has_43(void);
 
 /* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */

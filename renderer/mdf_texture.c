@@ -237,6 +237,10 @@ void mdf_texture_free(MdfTexture *texture) {
     g_free(texture);
 }
 
+gboolean mdf_texture_is_maps(const MdfTexture *texture) {
+    return texture->factors != 0;
+}
+
 gint64 mdf_texture_bytes(const MdfTexture *texture) {
     return texture == NULL ? 0
                            : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +

@@ -21,6 +21,9 @@ MdfTexture *mdf_texture_new_factors(const struct mdf_factors *factors, GError **
 void mdf_texture_free(MdfTexture *texture); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfTexture, mdf_texture_free)
 
+/* Whether it is made up of maps: shaders take it for the constant MDF_MAPS, 0 or 1. */
+gboolean mdf_texture_is_maps(const MdfTexture *texture);
+
 gint64 mdf_texture_bytes(const MdfTexture *texture); /* 0 of NULL */
 
 /* Sets textures and uniforms of a program in use. */

@@ -10,7 +10,9 @@
 enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
 
 struct Visibility {
-    guint programs[N_PROGRAMS]; /* ADD and FIND only with OpenGL 4.3 */
+    /* For MDFs of views and, once they are wanted, of maps. ADD and FIND only with OpenGL 4.3. */
+    guint all_programs[2][N_PROGRAMS];
+    const guint *programs; /* those that are wanted now */
     guint empty_array, query;
     struct gpu_target back[2], seen;
     guint stencil; /* of seen: the layer that a pixel was found in */
@@ -19,7 +21,8 @@ struct Visibility {
     guint32 room; /* faces that the buffer has room for */
 };
 
-static gboolean make_programs(Visibility *v, GError **error) {
+static gboolean make_programs(guint programs[N_PROGRAMS], gboolean maps, GError **error) {
+    const char *const constants = maps ? "#define MDF_MAPS 1\n" : "#define MDF_MAPS 0\n";
     const char *const back[] = {"mesh.vert",   "frame.glsl",     "directions.glsl",
                                 "relief.glsl", "peel_back.frag", NULL};
     const char *const front[] = {"mesh.vert",   "frame.glsl",      "directions.glsl",
@@ -28,16 +31,16 @@ static gboolean make_programs(Visibility *v, GError **error) {
                                "relief.glsl", "list_nodes.glsl", "list_add.frag",
                                NULL};
     const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
-    if ((v->programs[BACK] = gpu_program(back, error)) == 0 ||
-        (v->programs[FRONT] = gpu_program(front, error)) == 0)
+    if ((programs[BACK] = gpu_program_with(constants, back, error)) == 0 ||
+        (programs[FRONT] = gpu_program_with(constants, front, error)) == 0)
         return FALSE;
-    return !gpu_has_43() || ((v->programs[ADD] = gpu_program_43(add, error)) != 0 &&
-                             (v->programs[FIND] = gpu_program_43(find, error)) != 0);
+    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, add, error)) != 0 &&
+                             (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
 }
 
 Visibility *visibility_new(GError **error) {
     g_autoptr(Visibility) v = g_new0(Visibility, 1);
-    if (!make_programs(v, error))
+    if (!make_programs(v->all_programs[0], FALSE, error))
         return NULL;
     glGenVertexArrays(1, &v->empty_array);
     glGenQueries(1, &v->query);
@@ -47,8 +50,8 @@ Visibility *visibility_new(GError **error) {
 void visibility_free(Visibility *v) {
     if (v == NULL)
         return;
-    for (int k = 0; k < N_PROGRAMS; k++)
-        glDeleteProgram(v->programs[k]);
+    for (int k = 0; k < 2 * N_PROGRAMS; k++)
+        glDeleteProgram(v->all_programs[k / N_PROGRAMS][k % N_PROGRAMS]);
     glDeleteVertexArrays(1, &v->empty_array);
     glDeleteQueries(1, &v->query);
     gpu_target_clear(&v->back[0]);
@@ -246,6 +249,14 @@ gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint 
                     gpu_renderer());
         return FALSE;
     }
+    const gboolean maps = mdf_texture_is_maps(s->mdf);
+    guint *programs = v->all_programs[maps];
+    if (programs[BACK] == 0 && !make_programs(programs, maps, error)) {
+        glDeleteProgram(programs[BACK]);
+        programs[BACK] = 0;
+        return FALSE;
+    }
+    v->programs = programs;
     if (!make_seen(v, s->width, s->height, error))
         return FALSE;
     glViewport(0, 0, s->width, s->height);

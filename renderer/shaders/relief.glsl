@@ -36,6 +36,7 @@ float level_of_detail() {
     return max(0.5 * log2(min(dot(a, a), dot(b, b)) + 1e-8), 0.0);
 }
 
+#if MDF_MAPS
 float sum_of_maps(vec2 x, vec2 at, float level) {
     vec2 table = vec2(textureSize(mdf_factors, 0).xy);
     vec2 way = (at * (table - 1.0) + 0.5) / table;
@@ -45,13 +46,15 @@ float sum_of_maps(vec2 x, vec2 at, float level) {
                      textureLod(mdf_depths, vec3(x, float(layer)), level));
     return depth;
 }
+#endif
 
 float depth_mm(vec2 x, vec3 d, float level) {
     d.z = max(d.z, 0.0);
     vec2 p = d.xy / max(abs(d.x) + abs(d.y) + d.z, 1e-6);
     vec2 at = clamp(0.5 + 0.5 * vec2(p.x + p.y, p.x - p.y), 0.0, 1.0);
-    if (mdf_layers > 0)
-        return clamp(sum_of_maps(x, at, level), 0.0, mdf_deepest);
+#if MDF_MAPS
+    return clamp(sum_of_maps(x, at, level), 0.0, mdf_deepest);
+#else
     ivec2 cells = textureSize(mdf_indices, 0);
     ivec2 cell = min(ivec2(at * vec2(cells)), cells - 1);
     uvec4 index = texelFetch(mdf_indices, cell, 0);
@@ -61,6 +64,7 @@ float depth_mm(vec2 x, vec3 d, float level) {
     depth += share.z * textureLod(mdf_depths, vec3(x, float(index.z)), level).r;
     depth += share.w * textureLod(mdf_depths, vec3(x, float(index.w)), level).r;
     return mdf_range.x + mdf_range.y * depth;
+#endif
 }
 
 struct below {
