@@ -8,6 +8,7 @@
 #include "processing/lpca.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_levels.h"
+#include "processing/lpca_pack.h"
 #include "processing/mdf_factors.h"
 #include "processing/resample.h"
 #include "report.h"
@@ -107,6 +108,17 @@ static const char *method_name(const struct compress *compress) {
                                  : "lpca";
 }
 
+/* Of as many components as it takes, at most those that were asked for. */
+static struct lpca *compute_packed(struct compress *compress, const struct btf_matrix *btf,
+                                   struct lpca_options *options, GError **error) {
+    const struct lpca_wish wish = {
+        .error = compress->target, .bytes = compress->size, .n_components = compress->components};
+    struct lpca *lpca = lpca_pack(btf, options, &wish, error);
+    if (lpca)
+        compress->exact_error = compress->error = lpca->error;
+    return lpca;
+}
+
 static gboolean register_product(const char *directory, const struct compress *compress,
                                  GError **error) {
     g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
@@ -161,7 +173,8 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
                         : 0;
         options.memory = MAX(1, compress->memory - values);
     }
-    struct lpca *lpca = compute(compress, btf, &options, error);
+    struct lpca *lpca = (compress->quantise == LPCA_PACKED ? compute_packed : compute)(
+        compress, btf, &options, error);
     if (!lpca)
         return FALSE;
     compress->used_clusters = lpca->n_clusters;
@@ -407,11 +420,17 @@ static void tell(const struct compress *compress, double seconds) {
     g_autofree char *what = describe(compress);
     g_autofree char *size = g_format_size((guint64)compress->bytes);
     g_autofree char *file = g_format_size((guint64)compress->file_bytes);
-    g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before %srounding), %s, 1:%.0f of the "
-            "BTF in half floats; %s on disk\n",
-            compress->written, time, what, 100 * compress->error, 100 * compress->exact_error,
-            compress->grid ? "the grid and " : "", size,
-            (double)compress->raw_bytes / (double)compress->bytes, file);
+    if (compress->quantise == LPCA_PACKED)
+        g_print("%s: done in %s: %s, error %.2f %%, %s on disk, 1:%.0f of the BTF in half floats; "
+                "%s unpacked\n",
+                compress->written, time, what, 100 * compress->error, file,
+                (double)compress->raw_bytes / (double)compress->file_bytes, size);
+    else
+        g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before %srounding), %s, 1:%.0f of the "
+                "BTF in half floats; %s on disk\n",
+                compress->written, time, what, 100 * compress->error, 100 * compress->exact_error,
+                compress->grid ? "the grid and " : "", size,
+                (double)compress->raw_bytes / (double)compress->bytes, file);
     if (compress->holes > 0)
         g_print("%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
                 " values of the BTF are holes and were filled from what is around them\n",
@@ -445,9 +464,11 @@ static const GOptionEntry entries[] = {
     {"grid", 'g', 0, G_OPTION_ARG_INT, &grid_option,
      "Eigen-BRDFs on a grid of directions with so many samples each way: 4 … 24, 12 is good", "N"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
-     "Numbers in the file; half if not given; 8bit is of eigen-BRDFs alone; mdf-views are half, "
-     "8bit or, if not given, 4bit",
-     "float|half|8bit|8bit-weights|4bit"},
+     "Numbers in the file; half if not given; 8bit is of eigen-BRDFs alone; packed, with --error "
+     "or "
+     "--size, is smallest, and unpacked to be drawn; mdf-views are half, 8bit or, if not given, "
+     "4bit",
+     "float|half|8bit|8bit-weights|packed|4bit"},
     {"colours", 0, 0, G_OPTION_ARG_STRING, &colours_option,
      "What is compressed: colours as they are, or the logarithm of luminance and chroma",
      "rgb|log"},
@@ -509,6 +530,18 @@ static int run_mdf(const struct command *command, const char *path, gboolean vie
     return compress_mdf(&mdf);
 }
 
+static gboolean packed_makes_sense(const struct command *command, const struct compress *compress) {
+    const char *what = NULL;
+    if ((compress->target > 0) == (compress->size > 0))
+        what = "--quantise=packed needs either --error or --size";
+    else if (clusters_option > 0 || compress->grid > 0 || compress->mips ||
+             compress->colours == LPCA_LOG)
+        what = "--quantise=packed has one cluster, no grid, no mip levels, and colours as they are";
+    if (what)
+        cli_usage(command, "%s", what);
+    return what == NULL;
+}
+
 static int run(const struct command *command, int argc, char **argv) {
     struct compress compress = {.quantise = LPCA_HALF};
     g_autoptr(GError) error = NULL;
@@ -555,7 +588,9 @@ static int run(const struct command *command, int argc, char **argv) {
     compress.grid = grid_option;
     compress.mips = mips_option;
     if (quantise_option && !lpca_quantise_parse(quantise_option, &compress.quantise))
-        return cli_usage(command, "--quantise is float, half, 8bit or 8bit-weights");
+        return cli_usage(command, "--quantise is float, half, 8bit, 8bit-weights or packed");
+    if (compress.quantise == LPCA_PACKED && !packed_makes_sense(command, &compress))
+        return CLI_USAGE;
     if (compress.eigenmaps && (clusters_option > 0 || quantise_option || !output_option))
         return cli_usage(command, "eigen-maps are half floats without clusters, and need -o FILE");
     compress.path = argv[1];

@@ -9,14 +9,14 @@
 #define COLOURS   3
 #define LARGEST_Q 127
 
-static const char *const kinds[LPCA_QUANTISE_KINDS] = {"float", "half", "8bit", "8bit-weights"};
+static const char *const kinds[] = {"float", "half", "8bit", "8bit-weights", "packed"};
 
 const char *lpca_quantise_name(enum lpca_quantise quantise) {
     return kinds[quantise];
 }
 
 gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret) {
-    for (int i = 0; i < LPCA_QUANTISE_KINDS; i++)
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
         if (g_strcmp0(kinds[i], name) == 0) {
             *ret = (enum lpca_quantise)i;
             return TRUE;
@@ -61,6 +61,7 @@ void lpca_free(struct lpca *lpca) {
     g_free(lpca->brdfs);
     g_free(lpca->scales);
     g_free(lpca->weight_scales);
+    lpca_packed_free(lpca->packed);
     g_free(lpca);
 }
 
@@ -130,7 +131,7 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
                lpca->weight_scales + (gsize)(k * c), sizeof(float) * (gsize)n_components);
     }
     fewer->colours = lpca->colours;
-    fewer->quantise = lpca->quantise;
+    fewer->quantise = lpca->quantise == LPCA_PACKED ? LPCA_FLOAT : lpca->quantise;
     fewer->n_grid = lpca->n_grid;
     return fewer;
 }
@@ -188,7 +189,7 @@ static void weights_to_steps(struct lpca *lpca) {
 void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
     const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
     const int tables = lpca->n_components + 1;
-    g_return_if_fail(lpca->quantise == LPCA_FLOAT);
+    g_return_if_fail(lpca->quantise == LPCA_FLOAT && (int)quantise < LPCA_QUANTISE_KINDS);
     lpca->quantise = quantise;
     lpca->error = 0;
     if (quantise == LPCA_FLOAT)
@@ -211,7 +212,7 @@ gint64 lpca_bytes(const struct lpca *lpca) {
     const gint64 value = lpca->quantise == LPCA_FLOAT ? 4 : 2;
     const gint64 weight = lpca->quantise == LPCA_8BIT_WEIGHTS ? 1 : value;
     const gint64 scales = lpca->quantise == LPCA_8BIT_WEIGHTS ? 8 : 4;
-    const gint64 brdfs =
-        lpca->quantise >= LPCA_8BIT ? k * (2 * d + c * (d + scales)) : k * (c + 1) * d * value;
+    const gboolean bytes = lpca->quantise == LPCA_8BIT || lpca->quantise == LPCA_8BIT_WEIGHTS;
+    const gint64 brdfs = bytes ? k * (2 * d + c * (d + scales)) : k * (c + 1) * d * value;
     return texels * ((k > 256 ? 2 : 1) + c * weight) + brdfs;
 }

@@ -17,7 +17,7 @@
  *   part "views", "lights"  channels "phi_deg", "theta_deg", width n, height 1, float
  *   part "weight_scales"    channel "S", width n_clusters, height c, float; 8bit-weights alone
  * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
- * float, half, 8bit, 8bit-weights), mesorig.error (double, see lpca_error()), texel_mm,
+ * float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()), texel_mm,
  * reference_mm (double), mesorig.grid (int) where there is an n_grid, and mesorig.colours (string)
  * = "log" where they are that, see below.
  *
@@ -38,7 +38,8 @@
 #define LPCA_MAX_CLUSTERS   1024
 #define LPCA_MAX_COMPONENTS 64
 
-enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS };
+/* lpca_quantise() takes the first LPCA_QUANTISE_KINDS; lpca_pack.h makes packed ones. */
+enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS, LPCA_PACKED };
 #define LPCA_QUANTISE_KINDS 4
 const char *lpca_quantise_name(enum lpca_quantise quantise);
 gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret);
@@ -65,7 +66,8 @@ struct lpca {
     float *weight_scales; /* n_clusters × n_components: likewise of weights */
     enum lpca_quantise quantise;
     enum lpca_colours colours;
-    double error; /* as lpca_error() found it; 0 if it was not asked */
+    double error;               /* as lpca_error() found it; 0 if it was not asked */
+    struct lpca_packed *packed; /* what its file holds if it is packed, see lpca_pack.h; or NULL */
 };
 
 struct lpca_options {
@@ -78,6 +80,7 @@ struct lpca_options {
     enum lpca_colours colours;
     gint64 memory;                /* 0, or bytes that must do beside the BTF's values */
     const struct lpca_team *team; /* NULL: this process is alone */
+    gboolean to_pack; /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
 };
 
 void lpca_free(struct lpca *lpca); /* NULL is ignored */
@@ -108,7 +111,7 @@ double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads
 gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
                            const struct lpca_options *options, GError **error);
 
-/* Bytes of index, weights and BRDFs as a renderer holds them. */
+/* Bytes of index, weights and BRDFs as a renderer holds them; of a packed one as if in halves. */
 gint64 lpca_bytes(const struct lpca *lpca);
 
 /* One texel: n_views × n_lights × 3. */

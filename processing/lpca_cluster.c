@@ -341,7 +341,7 @@ static gboolean iterate(struct lpca_reduced *reduced, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();
     double before = G_MAXDOUBLE;
-    for (int i = 0; i < MEANS_ITERATIONS + MOST_ITERATIONS; i++) {
+    for (int i = 0; reduced->k > 1 && i < MEANS_ITERATIONS + MOST_ITERATIONS; i++) {
         const gboolean means = i < MEANS_ITERATIONS;
         if (!tell(reduced, i, begun, error))
             return FALSE;
@@ -355,6 +355,8 @@ static gboolean iterate(struct lpca_reduced *reduced, GError **error) {
             break;
         before = i < MEANS_ITERATIONS ? G_MAXDOUBLE : sum;
     }
+    if (reduced->k == 1)
+        collect(reduced);
     update(reduced, EXACT_AXES);
     return tell(reduced, MEANS_ITERATIONS + MOST_ITERATIONS, begun, error);
 }

@@ -4,11 +4,12 @@
 #include <string.h>
 
 #include "lobes_private.h"
+#include "lpca_pack.h"
 #include "lpca_private.h"
 
 #define SEED    7
-#define SAMPLES 768 /* texels whose span the clustering works in */
-#define REDUCED 128 /* dimensions of that span */
+#define SAMPLES 768 /* texels whose span the clustering works in, at least */
+#define REDUCED 128 /* dimensions of that span, at least */
 #define TILE    128 /* of the Gram matrix */
 #define STRIP   256 /* columns of the axes made at a time */
 #define COLOURS 3
@@ -228,8 +229,17 @@ static gboolean find_axes(struct sample *sample, GError **error) {
     return TRUE;
 }
 
+/* More than components, which are not all among the axes of a sample; of it three times as many. */
+static int reduced_to(int d, int n_components) {
+    return MIN(d, MAX(REDUCED, n_components + n_components / 4));
+}
+
+static int samples_of(int texels, int r) {
+    return MIN(texels, MAX(SAMPLES, 3 * r));
+}
+
 static gboolean draw_axes(struct lpca_run *run, GError **error) {
-    struct sample sample = {run, MIN(run->n, SAMPLES)};
+    struct sample sample = {run, samples_of(run->n, run->r)};
     g_autofree int *texels = draw_texels(run, sample.n);
     sample.rows = g_new0(float, (gsize)sample.n *(gsize)run->d);
     read_sample(&sample, texels);
@@ -343,7 +353,7 @@ static struct lpca *search(struct lpca_run *run, GError **error) {
 gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options) {
     const gint64 n = (gint64)btf->width * btf->height, k = options->n_clusters;
     const gint64 d = lpca_dimensions(btf->n_views, btf->n_lights), c = options->n_components;
-    const gint64 r = MIN(d, REDUCED), samples = MIN(n, SAMPLES);
+    const gint64 r = reduced_to((int)d, (int)c), samples = samples_of((int)n, (int)r);
     const gint64 threads =
         options->n_threads > 0 ? options->n_threads : (gint64)g_get_num_processors();
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
@@ -358,12 +368,13 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
                             GError **error) {
     const gint64 texels = (gint64)btf->width * btf->height;
     const gint64 values = (gint64)btf->n_views * btf->n_lights * COLOURS;
+    const int most = options->to_pack ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
     const char *what = NULL;
     if (texels < 1 || values < 1 || texels > G_MAXINT / 2 || values > G_MAXINT / 2)
         what = "there are no texels, views or lights, or far too many";
     else if (options->n_clusters < 1 || options->n_clusters > MIN(texels, LPCA_MAX_CLUSTERS))
         what = "there can be 1 to 1024 clusters, and no more than texels";
-    else if (options->n_components < 1 || options->n_components > MIN(values, LPCA_MAX_COMPONENTS))
+    else if (options->n_components < 1 || options->n_components > MIN(values, most))
         what = "there can be 1 to 64 components, and no more than values of a texel";
     else if (!isfinite(options->target) || options->target < 0)
         what = "the error to reach must be a number above 0";
@@ -408,7 +419,7 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
     run.d = lpca_dimensions(btf->n_views, btf->n_lights);
     run.columns = run.d / btf->n_views;
-    run.r = MIN(run.d, REDUCED);
+    run.r = reduced_to(run.d, options->n_components);
     lpca_team_part(options->team, options->team ? options->team->rank : 0, run.n, LPCA_TEAM_ROWS,
                    &run.first, &run.end);
     if (!check_values(&run, error))

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "exr.h"
-#include "lpca_private.h"
+#include "lpca_pack_private.h"
 
 #define COLOURS 3
 
@@ -31,6 +31,8 @@ static struct exr_part *clusters_part(const struct lpca *lpca) {
         exr_set_int(part, "mesorig.grid", lpca->n_grid);
     if (lpca->colours == LPCA_LOG)
         exr_set_string(part, "mesorig.colours", "log");
+    if (lpca->quantise == LPCA_PACKED)
+        exr_set_double(part, "mesorig.step", lpca->packed->step);
     exr_set_double(part, "texel_mm", lpca->texel_mm);
     exr_set_double(part, "reference_mm", lpca->reference_mm);
     return part;
@@ -99,13 +101,18 @@ static struct exr_part *table_part(const struct lpca *lpca, int component) {
 
 struct exr_file *lpca_to_exr(const struct lpca *lpca) {
     struct exr_file *file = exr_file_new();
+    const gboolean packed = lpca->quantise == LPCA_PACKED;
     exr_file_add(file, clusters_part(lpca));
-    exr_file_add(file, weights_part(lpca));
-    exr_file_add(file, scales_part("scales", lpca, lpca->scales, lpca->n_components + 1));
+    if (packed)
+        lpca_packed_add_parts(file, lpca);
+    else
+        exr_file_add(file, weights_part(lpca));
+    exr_file_add(file, scales_part("scales", lpca, packed ? lpca->packed->scales : lpca->scales,
+                                   lpca->n_components + 1));
     if (lpca->quantise == LPCA_8BIT_WEIGHTS)
         exr_file_add(file,
                      scales_part("weight_scales", lpca, lpca->weight_scales, lpca->n_components));
-    for (int i = 0; i <= lpca->n_components; i++)
+    for (int i = 0; !packed && i <= lpca->n_components; i++)
         exr_file_add(file, table_part(lpca, i));
     exr_file_add(file,
                  directions_part("views", lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views));
@@ -179,7 +186,7 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
     lpca->height = part->height;
     if (!lpca_quantise_parse(quantise, &lpca->quantise))
         return format_error(path, error,
-                            "mesorig.quantise is not float, half, 8bit or 8bit-weights");
+                            "mesorig.quantise is not float, half, 8bit, 8bit-weights or packed");
     if (!read_colours(lpca, part))
         return format_error(path, error, "mesorig.colours is not rgb or log");
     if (!(lpca->texel_mm > 0) || !isfinite(lpca->texel_mm) || !isfinite(lpca->reference_mm))
@@ -194,8 +201,8 @@ static gboolean read_head(struct lpca *lpca, const struct exr_file *file, const 
          lpca->n_lights != lpca->n_views))
         return format_error(path, error, "its views and lights are not those of a grid");
     part = exr_file_part(file, "scales");
-    if (!part || part->width > LPCA_MAX_CLUSTERS || part->height < 2 ||
-        part->height > LPCA_MAX_COMPONENTS + 1)
+    const int most = lpca->quantise == LPCA_PACKED ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
+    if (!part || part->width > LPCA_MAX_CLUSTERS || part->height < 2 || part->height > most + 1)
         return format_error(path, error, "scales are missing or damaged");
     lpca->n_clusters = part->width;
     lpca->n_components = part->height - 1;
@@ -223,25 +230,33 @@ static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *fil
     return TRUE;
 }
 
-static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, const char *path,
-                            GError **error) {
-    const int c = lpca->n_components, n = lpca->width * lpca->height;
+static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, const char *path,
+                              GError **error) {
+    const int n = lpca->width * lpca->height;
     const float *clusters = plane(file, "clusters", "K", lpca->width, lpca->height);
-    if (!read_weight_scales(lpca, file))
-        return format_error(path, error, "weight_scales are missing or damaged");
+    if (!clusters)
+        return format_error(path, error, "clusters are missing or damaged");
     lpca->clusters = g_new(int, n);
-    lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
-    for (int i = 0; clusters && i < n; i++) {
+    for (int i = 0; i < n; i++) {
         if (!(clusters[i] >= 0) || clusters[i] >= (float)lpca->n_clusters ||
             clusters[i] != floorf(clusters[i]))
             return format_error(path, error, "a texel is of a cluster that is not there");
         lpca->clusters[i] = (int)clusters[i];
     }
+    return TRUE;
+}
+
+static gboolean read_texels(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
+    const int c = lpca->n_components, n = lpca->width * lpca->height;
+    if (!read_weight_scales(lpca, file))
+        return format_error(path, error, "weight_scales are missing or damaged");
+    lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
     for (int i = 0; i < c; i++) {
         g_autofree char *channel = g_strdup_printf("W%02d", i + 1);
         const float *weights = plane(file, "weights", channel, lpca->width, lpca->height);
-        if (!clusters || !weights || !lpca->weights)
-            return format_error(path, error, "clusters or weights are missing or damaged");
+        if (!weights || !lpca->weights)
+            return format_error(path, error, "weights are missing or damaged");
         for (int texel = 0; texel < n; texel++)
             lpca->weights[(gsize)texel * (gsize)c + (gsize)i] =
                 weights[texel] * weight_scale(lpca, texel, i);
@@ -290,10 +305,50 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
     return TRUE;
 }
 
+static float *ones(gsize n) {
+    float *ret = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        ret[i] = 1;
+    return ret;
+}
+
+static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
+    const int tables = lpca->n_components + 1;
+    const gsize n = (gsize)lpca->n_clusters * (gsize)tables;
+    struct lpca_packed *packed = lpca->packed = lpca_packed_new();
+    if (lpca->colours != LPCA_RGB || lpca->n_grid > 0 ||
+        !exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
+        !(packed->step > 0) || !isfinite(packed->step))
+        return format_error(path, error, "what it says of its packing makes no sense");
+    packed->scales = read_scales(file, "scales", lpca->n_clusters, tables);
+    for (gsize i = 0; packed->scales && i < n; i++)
+        if (!(packed->scales[i] > 0))
+            return format_error(path, error, "a scale is not above 0");
+    if (!packed->scales || !lpca_packed_read_parts(lpca, file))
+        return format_error(path, error, "what is packed is missing or damaged");
+    lpca->scales = ones(n);
+    lpca->weight_scales = ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
+    lpca->weights =
+        g_try_new(float, (gsize)lpca->width *(gsize)lpca->height *(gsize)lpca->n_components);
+    lpca->brdfs = g_try_new(float, n *table_size(lpca) * COLOURS);
+    if (!lpca->weights || !lpca->brdfs)
+        return format_error(path, error, "it is larger than memory");
+    lpca_unpack(lpca, 0);
+    return TRUE;
+}
+
+static gboolean read_values(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
+    if (lpca->quantise == LPCA_PACKED)
+        return read_packed(lpca, file, path, error);
+    return read_texels(lpca, file, path, error) && read_tables(lpca, file, path, error);
+}
+
 struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error) {
     struct lpca *lpca = g_new0(struct lpca, 1);
-    if (!read_head(lpca, file, path, error) || !read_texels(lpca, file, path, error) ||
-        !read_tables(lpca, file, path, error))
+    if (!read_head(lpca, file, path, error) || !read_clusters(lpca, file, path, error) ||
+        !read_values(lpca, file, path, error))
         g_clear_pointer(&lpca, lpca_free);
     return lpca;
 }

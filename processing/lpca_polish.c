@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lpca_pack.h"
 #include "lpca_private.h"
 
 #define COLOURS 3
@@ -205,7 +206,7 @@ static void turn_weights(int block, gpointer data) {
     struct lpca *lpca = turning->polish->lpca;
     const gsize c = (gsize)lpca->n_components;
     const int from = run->first + block * LPCA_BLOCK;
-    double old[LPCA_MAX_COMPONENTS];
+    double old[LPCA_MAX_PACKED];
     for (int x = from; x < MIN(from + LPCA_BLOCK, run->end); x++) {
         const double *turn = turning->covariances + (gsize)lpca->clusters[x] * c * c;
         float *w = lpca->weights + (gsize)x * c;

@@ -17,6 +17,9 @@ void lpca_use_one_thread(void);
 typedef void (*LpcaBlock)(int block, gpointer data);
 void lpca_parallel(int n_threads, int n, LpcaBlock func, gpointer data);
 
+/* Of lpca->packed; NULL is ignored. */
+void lpca_packed_free(struct lpca_packed *packed);
+
 #define LPCA_BLOCK 1024 /* texels polished at a time */
 
 /* Rows become orthonormal; length ≥ n. What depends on rows before it becomes 0 with drop, else

@@ -1,6 +1,7 @@
 #include "lpca_texels.h"
 
 #include "gpu.h"
+#include "processing/lpca_pack.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -137,10 +138,25 @@ void lpca_pyramid_clear(struct lpca_pyramid *pyramid) {
     *pyramid = (struct lpca_pyramid){0};
 }
 
+/* What is packed has too many components to be drawn: as many as local PCAs have without options.
+ */
+static gboolean make_drawable(struct lpca **lpca, GError **error) {
+    const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
+    if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
+        return TRUE;
+    struct lpca *grouped = lpca_regroup(*lpca, &options, error);
+    lpca_free(*lpca);
+    *lpca = grouped;
+    return grouped != NULL;
+}
+
 gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
     struct lpca *levels[LPCA_MAX_LEVELS];
     const int n = lpca_read_levels(path, levels, error);
-    gpointer view = n > 0 ? make(levels, n, error) : NULL;
+    gboolean ok = n > 0;
+    for (int k = 0; ok && k < n; k++)
+        ok = make_drawable(&levels[k], error);
+    gpointer view = ok ? make(levels, n, error) : NULL;
     for (int k = 0; k < n; k++)
         lpca_free(levels[k]);
     return view;

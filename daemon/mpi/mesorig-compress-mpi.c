@@ -107,7 +107,8 @@ static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
         what = error->message;
     else if (*argc != 2 || !output)
         what = "one session and -o FILE are needed";
-    else if (quantise_option && !lpca_quantise_parse(quantise_option, ret_quantise))
+    else if (quantise_option &&
+             (!lpca_quantise_parse(quantise_option, ret_quantise) || *ret_quantise == LPCA_PACKED))
         what = "--quantise is float, half, 8bit or 8bit-weights";
     else if (colours_option && !g_str_equal(colours_option, "rgb") &&
              !g_str_equal(colours_option, "log"))

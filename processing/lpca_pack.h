@@ -1,0 +1,54 @@
+/*
+ * Packed local PCAs: for a disk, not for a renderer, which draws them once they are unpacked.
+ *
+ * After Tucker: every way of the table of eigen-BRDFs is turned to its own principal axes (views,
+ * lights, colours; they lie in the file), weights are pictures and turned by a cosine transform.
+ * All turns keep lengths, so that one step rounds everything where the error it makes costs the
+ * same: E_i is first multiplied with S_i = (Σ w_i²)^½ over its cluster, the mean with the square
+ * root of the cluster's texels. Most of what is left is 0, and noise of a capture is mostly lost.
+ * The whole numbers are coded by xz, small ones in a byte.
+ *
+ * On disk: the parts of lpca.h but for "weights", "scales", "means" and "E…", and mesorig.quantise
+ * = "packed", mesorig.step (double) of "clusters"; further
+ *   part "scales"           as in lpca.h: S, that of the mean first
+ *   part "view_axes"        channel "A", width n_views, height those kept, half
+ *   part "light_axes"       likewise; "colour_axes" is 3 × 3, float. Rows are orthonormal once
+ *                           Gram and Schmidt have seen them in this order
+ *   parts "tables", "maps"  channel "BITS", float, height 1: bytes of an xz stream, four a pixel,
+ *                           not numbers; mesorig.bytes (int) of them are it. What is in it: a byte
+ *                           each number n, 2n or −2n − 1, 255 for what is larger, and 4 bytes
+ *                           (low first) each of those, less 255. Tables: axes of view v and light l
+ *                           by (v + 3)(l + 3), then v; each for colours, for tables of all
+ * clusters. Maps: component by component, by x + y, then x.
+ */
+#pragma once
+
+#include "lpca.h"
+
+/* Beside LPCA_MAX_COMPONENTS, which others have: what a packed one may have. */
+#define LPCA_MAX_PACKED 512
+
+/* What does not depend on the step: made once, rounded as often as needed. */
+struct lpca_packer;
+struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads); /* LPCA_FLOAT, RGB */
+void lpca_packer_free(struct lpca_packer *packer);                           /* NULL is ignored */
+
+/* A copy that is rounded to steps, LPCA_PACKED, without last components that are all 0; it may be
+ * written. Error is not set. step > 0, in the units of the BTF. */
+struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step);
+
+/* Bytes of what lpca_write() writes, names of parts and the like not counted. LPCA_PACKED. */
+gint64 lpca_packed_bytes(const struct lpca *lpca);
+
+/* One cluster of as many components as it takes: the coarsest step that reaches the error of wish,
+ * or the finest that fits into its bytes (of the file); the other fields of wish are not used but
+ * for n_components (at most; 0: LPCA_MAX_PACKED). lpca->error is set. An error of what cannot be
+ * says how near it came. */
+struct lpca_wish;
+struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
+                       const struct lpca_wish *wish, GError **error);
+
+/* What a renderer draws: clustered by what components hold, at most LPCA_MAX_COMPONENTS of them;
+ * LPCA_FLOAT. Of one cluster alone. */
+struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
+                          GError **error);

@@ -1,0 +1,165 @@
+#include "lpca_choose.h"
+#include "lpca_pack_private.h"
+
+#include <math.h>
+
+#define FIRST  64  /* components that are tried first */
+#define ENOUGH 0.7 /* of the error to reach may be made by leaving out components */
+#define COARSE 4.0 /* steps, relative to what values are on average */
+#define FINE   1e-4
+#define TRIES  12    /* times that a step is looked for */
+#define CLOSE  0.995 /* of what is asked for is good enough */
+
+struct search {
+    const struct btf_matrix *btf;
+    const struct lpca_options *options;
+    const struct lpca_wish *wish;
+    int most;       /* components */
+    double nearest; /* errors or sizes that were not good enough: the best of them */
+};
+
+/* Of the texels' values, as far as the PCA knows them. */
+static double mean_size(const struct lpca *lpca) {
+    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    double sum = 0;
+    for (gsize i = 0; i < d; i++)
+        sum += (double)lpca->brdfs[i] * lpca->brdfs[i];
+    return sqrt(sum / (double)d);
+}
+
+static gboolean is_small(const struct search *search, struct lpca *lpca) {
+    return search->wish->bytes <= 0 || lpca_packed_bytes(lpca) <= search->wish->bytes;
+}
+
+/* FALSE: cancelled, or its file cannot be read. */
+static gboolean measure(const struct search *search, struct lpca *lpca, GError **error) {
+    return lpca_error_shared(lpca, search->btf, search->options, error);
+}
+
+/* The coarsest step that reaches the error: it grows with the step, nearly in proportion where
+ * rounding is most of it. */
+static struct lpca *by_error(struct search *search, const struct lpca_packer *packer, double mean,
+                             GError **error) {
+    double fine = mean * FINE, coarse = mean * COARSE, step = search->wish->error * mean;
+    struct lpca *best = NULL;
+    search->nearest = INFINITY;
+    for (int i = 0; i < TRIES && coarse > fine * 1.002; i++) {
+        struct lpca *lpca = lpca_packer_round(packer, step);
+        if (!measure(search, lpca, error)) {
+            lpca_free(lpca);
+            g_clear_pointer(&best, lpca_free);
+            return NULL;
+        }
+        const double found = lpca->error;
+        search->nearest = MIN(search->nearest, found);
+        if (found <= search->wish->error) {
+            fine = step;
+            lpca_free(best);
+            best = lpca;
+            if (found >= search->wish->error * CLOSE)
+                break;
+        } else {
+            coarse = step;
+            lpca_free(lpca);
+        }
+        const double guess = step * search->wish->error * 0.998 / found;
+        step = guess > fine * 1.001 && guess < coarse * 0.999 ? guess : sqrt(fine * coarse);
+    }
+    return best;
+}
+
+/* The finest step that is small enough. */
+static struct lpca *by_size(struct search *search, const struct lpca_packer *packer, double mean,
+                            GError **error) {
+    double fine = log(mean * FINE), coarse = log(mean * COARSE);
+    struct lpca *best = NULL;
+    for (int i = 0; i < TRIES; i++) {
+        const double step = (fine + coarse) / 2;
+        struct lpca *lpca = lpca_packer_round(packer, exp(step));
+        if (is_small(search, lpca)) {
+            coarse = step;
+            lpca_free(best);
+            best = lpca;
+        } else {
+            search->nearest = (double)lpca_packed_bytes(lpca);
+            fine = step;
+            lpca_free(lpca);
+        }
+    }
+    if (best && !measure(search, best, error))
+        g_clear_pointer(&best, lpca_free);
+    return best;
+}
+
+static struct lpca *not_reached(const struct search *search, double exact, int components,
+                                GError **error) {
+    const struct lpca_wish *wish = search->wish;
+    if (wish->error > 0)
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "an error of %.3g %% is not reached: %d components alone make %.3g %%, rounded "
+                    "%.3g %%; allow a larger one",
+                    100 * wish->error, components, 100 * exact,
+                    100 * (isfinite(search->nearest) ? search->nearest : exact));
+    else {
+        g_autofree char *wanted = g_format_size((guint64)wish->bytes);
+        g_autofree char *least = g_format_size((guint64)search->nearest);
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%s is too little: even rounded coarsely it takes %s", wanted, least);
+    }
+    return NULL;
+}
+
+/* Whether more components would help. */
+static gboolean has_enough(const struct search *search, const struct lpca *exact,
+                           const struct lpca *found) {
+    if (search->wish->error > 0)
+        return exact->error <= ENOUGH * search->wish->error;
+    return found && found->n_components < exact->n_components;
+}
+
+static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
+                                   GError **error) {
+    struct lpca_options options = *search->options;
+    options.n_clusters = 1;
+    options.n_components = n;
+    options.target = 0;
+    options.to_pack = TRUE;
+    struct lpca *exact = *ret_exact = lpca_compute(search->btf, &options, error), *ret = NULL;
+    if (!exact || (search->wish->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
+        return NULL;
+    struct lpca_packer *packer = lpca_packer_new(exact, options.n_threads);
+    const double mean = mean_size(exact);
+    if (mean <= 0) /* black: any step will do */
+        ret = lpca_packer_round(packer, 1);
+    else
+        ret = (search->wish->error > 0 ? by_error : by_size)(search, packer, mean, error);
+    lpca_packer_free(packer);
+    return ret;
+}
+
+struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
+                       const struct lpca_wish *wish, GError **error) {
+    const gint64 texels = (gint64)btf->width * btf->height;
+    const gint64 values = (gint64)btf->n_views * btf->n_lights * 3;
+    const int asked =
+        wish->n_components > 0 ? MIN(wish->n_components, LPCA_MAX_PACKED) : LPCA_MAX_PACKED;
+    struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), INFINITY};
+    g_return_val_if_fail(options->colours == LPCA_RGB && !options->team, NULL);
+    for (int n = MIN(FIRST, search.most);; n = MIN(2 * n, search.most)) {
+        g_autoptr(GError) failed = NULL;
+        struct lpca *exact = NULL;
+        struct lpca *lpca = try_components(&search, n, &exact, &failed);
+        const gboolean enough = exact && has_enough(&search, exact, lpca);
+        const double left = exact ? exact->error : 0;
+        lpca_free(exact);
+        if (failed) {
+            g_propagate_error(error, g_steal_pointer(&failed));
+            return NULL;
+        }
+        if (lpca && (enough || n == search.most))
+            return lpca;
+        lpca_free(lpca);
+        if (n == search.most)
+            return not_reached(&search, left, n, error);
+    }
+}
