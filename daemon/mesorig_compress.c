@@ -190,63 +190,6 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
            (compress->output || register_product(btf->directory, compress, error));
 }
 
-struct columns {
-    const struct btf_matrix *btf;
-    PipelineFunc progress;
-    gpointer data;
-    GCancellable *cancellable;
-    int asked;
-};
-
-static gboolean give_column(int view, float *ret_column, gpointer data, GError **error) {
-    struct columns *columns = data;
-    const struct btf_matrix *btf = columns->btf;
-    const gsize texels = (gsize)btf->width * (gsize)btf->height, n = 3 * (gsize)btf->n_lights;
-    columns->asked++;
-    const struct pipeline_progress now = {"eigenmaps", MIN(columns->asked, btf->n_views),
-                                          btf->n_views, -1};
-    if (g_cancellable_set_error_if_cancelled(columns->cancellable, error))
-        return FALSE;
-    columns->progress(&now, columns->data);
-    for (gsize texel = 0; texel < texels; texel++) {
-        const float *row = btf->values + (texel * (gsize)btf->n_views + (gsize)view) * n;
-        for (gsize i = 0; i < n; i++)
-            ret_column[(i / 3 * texels + texel) * 3 + i % 3] = row[i];
-    }
-    return TRUE;
-}
-
-static struct eigenmaps *new_eigenmaps(const struct btf_matrix *btf, int n_terms) {
-    const gsize views = sizeof(float) * (gsize)btf->n_views;
-    const gsize lights = sizeof(float) * (gsize)btf->n_lights;
-    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
-    *maps = (struct eigenmaps){
-        .name = g_strdup(btf->name),
-        .width = btf->width,
-        .height = btf->height,
-        .texel_mm = btf->texel_mm,
-        .reference_mm = btf->reference_mm,
-        .n_views = btf->n_views,
-        .n_lights = btf->n_lights,
-        .n_terms = n_terms,
-        .view_theta_deg = g_memdup2(btf->view_theta_deg, views),
-        .view_phi_deg = g_memdup2(btf->view_phi_deg, views),
-        .light_theta_deg = g_memdup2(btf->light_theta_deg, lights),
-        .light_phi_deg = g_memdup2(btf->light_phi_deg, lights),
-    };
-    return maps;
-}
-
-struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
-                                     PipelineFunc progress, gpointer data,
-                                     GCancellable *cancellable, double *ret_error, GError **error) {
-    struct columns columns = {btf, progress, data, cancellable, 0};
-    struct eigenmaps *maps = new_eigenmaps(btf, n_terms);
-    if (!eigenmaps_compute(maps, give_column, &columns, ret_error, error))
-        g_clear_pointer(&maps, eigenmaps_free);
-    return maps;
-}
-
 /* Eigen-maps are orthogonal: leaving out the last ones costs what they hold. */
 static int fewest_terms(const struct eigenmaps *maps, double target, double *ret_error) {
     const gsize size = (gsize)maps->n_lights * (gsize)maps->width * (gsize)maps->height * 3;

@@ -10,6 +10,7 @@
 #define MOST_MEMORY  ((guint64)64 << 20) /* for unpacking, as PRESET needs */
 #define MOST_NUMBERS ((gsize)1 << 30)
 #define LARGE_BYTES  4
+#define MOST_TABLES  ((gint64)1 << 26) /* numbers of them */
 
 static guint32 folded(gint32 value) {
     return value >= 0 ? 2 * (guint32)value : 2 * (guint32)(-(gint64)value) - 1;
@@ -80,28 +81,30 @@ static int by_key(gconstpointer a, gconstpointer b) {
     return p->key != q->key ? p->key - q->key : p->view - q->view;
 }
 
-/* Where in packed->tables the numbers lie, in the order of the file. */
-static gsize *table_order(const struct lpca_packed *packed, int tables) {
+/* Where in packed->tables the numbers lie, in the order of the file; all of them. */
+static gsize *table_order(const struct lpca_packed *packed, int tables, gsize *ret_n) {
     const int v = packed->n_views, l = packed->n_lights;
     g_autofree struct place *places = g_new(struct place, v * l);
     gsize *ret = g_new(gsize, (gsize)(v * l) * COLOURS * (gsize)tables), n = 0;
     for (int i = 0; i < v * l; i++)
         places[i] = (struct place){(i / l + 3) * (i % l + 3), i / l, i % l};
-    qsort(places, (gsize)(v * l), sizeof *places, by_key);
+    qsort(places, (gsize)v * (gsize)l, sizeof *places, by_key);
     for (int i = 0; i < v * l; i++)
         for (int c = 0; c < COLOURS; c++)
             for (int table = 0; table < tables; table++)
                 ret[n++] = ((gsize)(table * v + places[i].view) * COLOURS + (gsize)c) * (gsize)l +
                            (gsize)places[i].light;
+    *ret_n = n;
     return ret;
 }
 
 /* In a map. */
-static gsize *map_order(int width, int height) {
+static gsize *map_order(int width, int height, gsize *ret_n) {
     gsize *ret = g_new(gsize, (gsize)width * (gsize)height), n = 0;
     for (int sum = 0; sum < width + height - 1; sum++)
         for (int x = MAX(0, sum - height + 1); x <= MIN(sum, width - 1); x++)
             ret[n++] = (gsize)(sum - x) * (gsize)width + (gsize)x;
+    *ret_n = n;
     return ret;
 }
 
@@ -109,29 +112,28 @@ static gsize map_size(const struct lpca *lpca) {
     return (gsize)lpca->width * (gsize)lpca->height;
 }
 
-static gsize table_numbers(const struct lpca *lpca) {
-    const struct lpca_packed *packed = lpca->packed;
-    return (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1) * (gsize)packed->n_views *
-           (gsize)packed->n_lights * COLOURS;
+static gsize *tables_of(const struct lpca *lpca, gsize *ret_n) {
+    return table_order(lpca->packed, lpca->n_clusters * (lpca->n_components + 1), ret_n);
 }
 
 static GByteArray *squeeze_tables(const struct lpca *lpca) {
-    const gsize n = table_numbers(lpca);
-    g_autofree gsize *order =
-        table_order(lpca->packed, lpca->n_clusters * (lpca->n_components + 1));
-    g_autofree gint32 *values = g_new(gint32, n);
+    gsize n = 0;
+    g_autofree gsize *order = tables_of(lpca, &n);
+    g_autofree gint32 *values = g_new0(gint32, n);
     for (gsize i = 0; i < n; i++)
         values[i] = lpca->packed->tables[order[i]];
     return lpca_squeeze(values, n);
 }
 
 static GByteArray *squeeze_maps(const struct lpca *lpca) {
-    const gsize size = map_size(lpca), n = size * (gsize)lpca->n_components;
-    g_autofree gsize *order = map_order(lpca->width, lpca->height);
-    g_autofree gint32 *values = g_new(gint32, n);
-    for (gsize i = 0; i < n; i++)
-        values[i] = lpca->packed->maps[i / size * size + order[i % size]];
-    return lpca_squeeze(values, n);
+    gsize size = 0;
+    g_autofree gsize *order = map_order(lpca->width, lpca->height, &size);
+    const gsize c = (gsize)lpca->n_components;
+    g_autofree gint32 *values = g_new0(gint32, size * c);
+    for (gsize i = 0; i < c; i++)
+        for (gsize j = 0; j < size; j++)
+            values[i * size + j] = lpca->packed->maps[i * size + order[j]];
+    return lpca_squeeze(values, size * c);
 }
 
 gint64 lpca_packed_bytes(const struct lpca *lpca) {
@@ -216,12 +218,11 @@ static gboolean read_colours(struct lpca_packed *packed, const struct exr_file *
 }
 
 static gboolean read_tables(const struct lpca *lpca, const struct exr_file *file) {
-    const gsize n = table_numbers(lpca);
+    gsize n = 0;
+    g_autofree gsize *order = tables_of(lpca, &n);
     g_autofree gint32 *values = read_bits(file, "tables", n);
     if (!values)
         return FALSE;
-    g_autofree gsize *order =
-        table_order(lpca->packed, lpca->n_clusters * (lpca->n_components + 1));
     lpca->packed->tables = g_new0(gint32, n);
     for (gsize i = 0; i < n; i++)
         lpca->packed->tables[order[i]] = values[i];
@@ -229,14 +230,16 @@ static gboolean read_tables(const struct lpca *lpca, const struct exr_file *file
 }
 
 static gboolean read_maps(const struct lpca *lpca, const struct exr_file *file) {
-    const gsize size = map_size(lpca), n = size * (gsize)lpca->n_components;
-    g_autofree gint32 *values = read_bits(file, "maps", n);
+    gsize size = 0;
+    g_autofree gsize *order = map_order(lpca->width, lpca->height, &size);
+    const gsize c = (gsize)lpca->n_components;
+    g_autofree gint32 *values = read_bits(file, "maps", size * c);
     if (!values)
         return FALSE;
-    g_autofree gsize *order = map_order(lpca->width, lpca->height);
-    lpca->packed->maps = g_new0(gint32, n);
-    for (gsize i = 0; i < n; i++)
-        lpca->packed->maps[i / size * size + order[i % size]] = values[i];
+    lpca->packed->maps = g_new0(gint32, size * c);
+    for (gsize i = 0; i < c; i++)
+        for (gsize j = 0; j < size; j++)
+            lpca->packed->maps[i * size + order[j]] = values[i * size + j];
     return TRUE;
 }
 
@@ -245,5 +248,7 @@ gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file) 
     packed->views = read_axes(file, "view_axes", lpca->n_views, &packed->n_views);
     packed->lights = read_axes(file, "light_axes", lpca->n_lights, &packed->n_lights);
     return packed->views && packed->lights && read_colours(packed, file) &&
+           (gint64)packed->n_views * packed->n_lights * COLOURS * lpca->n_clusters <=
+               MOST_TABLES / (lpca->n_components + 1) &&
            read_tables(lpca, file) && read_maps(lpca, file);
 }

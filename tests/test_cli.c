@@ -345,6 +345,11 @@ static void test_compress(const char *folder, const char *session) {
     runs(0, &output, "compress", "--json", session, "--size", "20kB", "-o", other, NULL);
     assert_json_lines(output.out);
     runs(1, &output, "compress", session, "--size", "10B", "-o", other, NULL);
+    runs(0, &output, "compress", session, "-q", "packed", "-e", "40%", "-o", other, NULL);
+    assert_has(output.out, "on disk, 1:");
+    runs(0, &output, "compare", session, other, NULL);
+    runs(2, &output, "compress", session, "-q", "packed", "-o", other, NULL);
+    runs(2, &output, "compress", session, "-q", "packed", "-e", "40%", "--mips", "-o", other, NULL);
     runs(0, &output, "compress", session, "--mips", "-k", "2", "-c", "1", "-o", other, NULL);
     assert_has(output.out, "2 clusters of 1 component, 4 mip levels");
     runs(0, &output, "compress", session, "--memory", "60MB", "--colours", "log", "-k", "1", "-c",

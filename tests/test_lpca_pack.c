@@ -70,7 +70,7 @@ static struct lpca *compute(const struct btf_matrix *btf, int k, int c) {
 }
 
 static void assert_same(const struct lpca *a, const struct lpca *b) {
-    const gsize tables = (gsize)(a->n_clusters * (a->n_components + 1));
+    const gsize tables = (gsize)a->n_clusters * (gsize)(a->n_components + 1);
     g_assert_cmpint(a->n_components, ==, b->n_components);
     g_assert_cmpint(a->n_clusters, ==, b->n_clusters);
     g_assert_cmpmem(a->clusters, SIDE_X * SIDE_Y * sizeof(int), b->clusters,

@@ -5,6 +5,9 @@
 #include "compression_fields.h"
 #include "compression_mdf.h"
 #include "compression_rate.h"
+#ifdef COMPRESS_MPI
+#include "compression_ranks.h"
+#endif
 #include "compression_resample.h"
 #include "processing/lpca.h"
 
@@ -20,6 +23,9 @@
 
 static int texels = 64, views = 30, lights = 30, clusters = 32, components = 8;
 static char *session, *dump;
+#ifdef COMPRESS_MPI
+static char *ranks;
+#endif
 static gboolean json, fields, resample, rate, disk, mdf;
 static int fits = 20000, every = 3;
 static const GOptionEntry entries[] = {
@@ -40,6 +46,10 @@ static const GOptionEntry entries[] = {
      "Error against size instead, beside local PCA as published: of sessions named as arguments, "
      "each followed by the same without noise",
      NULL},
+#ifdef COMPRESS_MPI
+    {"ranks", 0, 0, G_OPTION_ARG_FILENAME, &ranks,
+     "By one and by two processes instead, of this session", "DIR"},
+#endif
     {"disk", 0, 0, G_OPTION_ARG_NONE, &disk,
      "From a file of halves instead, against reading it and two products", NULL},
     {"mdf", 0, 0, G_OPTION_ARG_NONE, &mdf,
@@ -128,22 +138,51 @@ static gboolean write_rows(const struct btf_matrix *btf) {
     return file && fclose(file) == 0 && ok;
 }
 
+/* How long each stage took, told apart by what it says of its progress. */
+#define MOST_STAGES 8
+struct stages {
+    gint64 last;
+    int n;
+    char names[MOST_STAGES][16];
+    double seconds[MOST_STAGES];
+};
+
+/* What was before the first word of a stage belongs to the one before. */
+static void note(const struct pipeline_progress *progress, gpointer data) {
+    struct stages *stages = data;
+    stages->seconds[stages->n - 1] += seconds_since(stages->last);
+    stages->last = g_get_monotonic_time();
+    if (g_str_equal(stages->names[stages->n - 1], progress->stage) || stages->n == MOST_STAGES)
+        return;
+    g_strlcpy(stages->names[stages->n++], progress->stage, sizeof stages->names[0]);
+}
+
+static void print_stages(const struct stages *stages) {
+    for (int i = 0; i < stages->n; i++)
+        printf(json ? ", \"%s_s\": %.3f" : "%s %.3f s, ", stages->names[i], stages->seconds[i]);
+}
+
 static int measure(const struct btf_matrix *btf, GError **error) {
-    const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
+    struct stages stages = {.n = 1, .names = {"sample"}};
+    const struct lpca_options options = {
+        .n_clusters = clusters, .n_components = components, .progress = note, .data = &stages};
     const int threads = (int)g_get_num_processors();
     const double gflops = peak(threads);
-    const gint64 start = g_get_monotonic_time();
+    const gint64 start = stages.last = g_get_monotonic_time();
     struct lpca *lpca = lpca_compute(btf, &options, error);
     const double time = seconds_since(start);
     if (!lpca)
         return 1;
+    stages.seconds[stages.n - 1] += seconds_since(stages.last);
     const double share = needed_gflop(btf, lpca) / time / gflops;
     printf(json ? "{\"rows\": %d, \"columns\": %d, \"clusters\": %d, \"components\": %d, "
-                  "\"seconds\": %.3f, \"error\": %.5f, \"sgemm_gflops\": %.1f, \"share\": %.3f}\n"
+                  "\"seconds\": %.3f, \"error\": %.5f, \"sgemm_gflops\": %.1f, \"share\": %.3f"
                 : "%d × %d, %d clusters of %d components: %.3f s, error %.5f; sgemm %.1f GFLOP/s, "
-                  "share of that %.3f\n",
+                  "share of that %.3f; ",
            btf->width * btf->height, btf->n_views * btf->n_lights * 3, lpca->n_clusters,
            lpca->n_components, time, lpca->error, gflops, share);
+    print_stages(&stages);
+    puts(json ? "}" : "");
     lpca_free(lpca);
     return 0;
 }
@@ -158,6 +197,10 @@ int main(int argc, char **argv) {
     }
     if (fields)
         return bench_fields(argv + 1, fits, json);
+#ifdef COMPRESS_MPI
+    if (ranks)
+        return bench_ranks(ranks, clusters, components, json);
+#endif
     if (rate)
         return bench_rate(argv + 1, every, json);
     if (mdf)
