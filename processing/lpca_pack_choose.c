@@ -15,6 +15,7 @@ struct search {
     const struct lpca_options *options;
     const struct lpca_wish *wish;
     int most;       /* components */
+    double exact;   /* error before rounding */
     double nearest; /* errors or sizes that were not good enough: the best of them */
 };
 
@@ -36,11 +37,20 @@ static gboolean measure(const struct search *search, struct lpca *lpca, GError *
     return lpca_error_shared(lpca, search->btf, search->options, error);
 }
 
-/* The coarsest step that reaches the error: it grows with the step, nearly in proportion where
- * rounding is most of it. */
+/* Rounding adds in squares to what leaving out components makes, nearly in proportion to the step.
+ */
+static double guess_step(const struct search *search, double step, double found) {
+    const double target = search->wish->error * 0.998, exact = search->exact;
+    const double should = sqrt(MAX(target * target - exact * exact, 0));
+    const double is = sqrt(MAX(found * found - exact * exact, 0));
+    return is > 0 ? step * CLAMP(should / is, 0.1, 10) : step * 10;
+}
+
+/* The coarsest step that reaches the error. */
 static struct lpca *by_error(struct search *search, const struct lpca_packer *packer, double mean,
                              GError **error) {
-    double fine = mean * FINE, coarse = mean * COARSE, step = search->wish->error * mean;
+    double fine = mean * FINE, coarse = mean * COARSE;
+    double step = 4 * search->wish->error * mean;
     struct lpca *best = NULL;
     search->nearest = INFINITY;
     for (int i = 0; i < TRIES && coarse > fine * 1.002; i++) {
@@ -62,7 +72,7 @@ static struct lpca *by_error(struct search *search, const struct lpca_packer *pa
             coarse = step;
             lpca_free(lpca);
         }
-        const double guess = step * search->wish->error * 0.998 / found;
+        const double guess = guess_step(search, step, found);
         step = guess > fine * 1.001 && guess < coarse * 0.999 ? guess : sqrt(fine * coarse);
     }
     return best;
@@ -127,6 +137,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     struct lpca *exact = *ret_exact = lpca_compute(search->btf, &options, error), *ret = NULL;
     if (!exact || (search->wish->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
         return NULL;
+    search->exact = exact->error;
     struct lpca_packer *packer = lpca_packer_new(exact, options.n_threads);
     const double mean = mean_size(exact);
     if (mean <= 0) /* black: any step will do */
@@ -143,7 +154,7 @@ struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *
     const gint64 values = (gint64)btf->n_views * btf->n_lights * 3;
     const int asked =
         wish->n_components > 0 ? MIN(wish->n_components, LPCA_MAX_PACKED) : LPCA_MAX_PACKED;
-    struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), INFINITY};
+    struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), 0, INFINITY};
     g_return_val_if_fail(options->colours == LPCA_RGB && !options->team, NULL);
     for (int n = MIN(FIRST, search.most);; n = MIN(2 * n, search.most)) {
         g_autoptr(GError) failed = NULL;
