@@ -37,6 +37,8 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
                               g_variant_new_double(result->eigenmaps_error));
         g_variant_builder_add(&builder, "{sv}", "mdf_coverage",
                               g_variant_new_double(result->mdf_coverage));
+        g_variant_builder_add(&builder, "{sv}", "mdf_predicted",
+                              g_variant_new_double(result->mdf_predicted));
         g_variant_builder_add(&builder, "{sv}", "line_sweeps",
                               g_variant_new_int32(result->line_sweeps));
         g_variant_builder_add(&builder, "{sv}", "lines_found",
@@ -52,10 +54,10 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
         return;
     }
     g_autofree char *time = report_duration(seconds);
-    g_print("done in %s: BTF of %d views × %d lights, MDF of %d views with %.1f %% of the texels, "
-            "eigen-maps with an error of %.2f %%\n",
+    g_print("done in %s: BTF of %d views × %d lights, MDF of %d views with %.1f %% of the texels "
+            "measured and %.2f %% predicted by other views, eigen-maps with an error of %.2f %%\n",
             time, result->n_views, result->n_lights, result->n_mdf_views,
-            100 * result->mdf_coverage, 100 * result->eigenmaps_error);
+            100 * result->mdf_coverage, 100 * result->mdf_predicted, 100 * result->eigenmaps_error);
     tell_lines(result);
 }
 

@@ -349,3 +349,15 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
         ret_error[i] = merged.error_mm;
     }
 }
+
+void mdf_view_other(const MdfView *view, const float *distance, float *ret_other) {
+    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
+    for (int i = 0; i < view->n_texels; i++) {
+        int n = collect(view, i, candidates), kept = 0;
+        for (int k = 0; k < n; k++)
+            if (!(distance[i] >= 0) ||
+                fabsf(candidates[k].mm - distance[i]) > CLOSE * view->agreement_mm)
+                candidates[kept++] = candidates[k];
+        ret_other[i] = mdf_merge(candidates, kept, 1).mm;
+    }
+}

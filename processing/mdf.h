@@ -15,7 +15,7 @@
 #define MDF_MAX_SWEEPS 128
 
 /* Counts up whenever the same sweeps give other numbers: what older ones made is made again. */
-#define MDF_METHOD 5
+#define MDF_METHOD 6
 
 typedef struct MdfView MdfView;
 
@@ -43,6 +43,10 @@ int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep);
  * unless it continues the surface around, counts as that), the number of laser positions it is the
  * mean of, and its standard error in mm (−1 where there is one only). */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
+
+/* What lasers say of each texel next to what was merged: of one that a single position saw, and was
+ * not believed for it, that; else what the next most of them agree on, elsewhere. −1: nothing. */
+void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
 /* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart on
  * the line that the laser draws through the turntable's centre: how well a sweep can tell depth. */

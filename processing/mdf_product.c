@@ -3,8 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-static const char *const channels[] = {"D", "N", "S", NULL};
-enum { N_PLANES = 3 };
+#include "mdf_views.h"
+
+static const char *const channels[] = {"D", "M", "N", "O", "P", "S", NULL};
+enum { PLANE_D, PLANE_M, PLANE_N, PLANE_O, PLANE_P, PLANE_S, N_PLANES };
 
 void mdf_result_free(struct mdf_result *result) {
     if (!result)
@@ -12,6 +14,7 @@ void mdf_result_free(struct mdf_result *result) {
     for (int i = 0; i < N_PLANES; i++)
         g_free(result->planes[i]);
     g_free(result->inputs);
+    g_free(result->agreed);
     g_free(result);
 }
 
@@ -22,6 +25,7 @@ static struct mdf_result *new_result(const struct session_direction *view, const
     result->theta_deg = view->theta_deg;
     result->phi_deg = view->phi_deg;
     result->inputs = g_strdup(inputs);
+    result->agreed = g_strdup("");
     result->lines.worst_position = -1;
     for (int i = 0; i < N_PLANES; i++)
         result->planes[i] = g_new0(float, n_texels);
@@ -48,20 +52,6 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
                 input->input.path, from, to, steps, input->from_rad / degree,
                 input->to_rad / degree, input->steps);
     return FALSE;
-}
-
-void mdf_lines_add(struct mdf_lines *to, const struct mdf_lines *more) {
-    const gboolean graver = to->disagree == 0 && more->disagree > 0;
-    const gboolean alike = (to->disagree > 0) == (more->disagree > 0);
-    if (more->found > 0 &&
-        (to->found == 0 || graver || (alike && fabs(more->worst_deg) > fabs(to->worst_deg)))) {
-        to->worst_deg = more->worst_deg;
-        to->worst_position = more->worst_position;
-    }
-    to->sweeps += more->sweeps;
-    to->found += more->found;
-    to->disagree += more->disagree;
-    to->squares_deg2 += more->squares_deg2;
 }
 
 static void count_lines(struct mdf_lines *to, const struct laser_lines *lines, int position) {
@@ -116,30 +106,58 @@ struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session
     struct vec3 centre = rig_turn(rig_camera_centre_mm(job->camera), -job->turntable_rad);
     memcpy(result->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof result->centre_mm);
     result->lines = lines;
-    mdf_view_merge(view, result->planes[0], result->planes[1], result->planes[2]);
+    float *const *p = result->planes;
+    mdf_view_merge(view, p[PLANE_M], p[PLANE_N], p[PLANE_S]);
+    mdf_view_other(view, p[PLANE_M], p[PLANE_O]);
+    for (int i = 0; i < grid->width * grid->height; i++) {
+        p[PLANE_D][i] = p[PLANE_M][i];
+        p[PLANE_P][i] = p[PLANE_M][i] >= 0 ? MDF_MEASURED : MDF_UNSEEN;
+    }
     return result;
 }
 
-static void set_lines(struct exr_part *part, const struct mdf_lines *lines) {
-    exr_set_int(part, "lines.sweeps", lines->sweeps);
-    exr_set_int(part, "lines.found", lines->found);
-    exr_set_int(part, "lines.disagree", lines->disagree);
-    exr_set_double(part, "lines.rms_deg", sqrt(lines->squares_deg2 / MAX(lines->found, 1)));
-    exr_set_double(part, "lines.worst_deg", lines->worst_deg);
-    exr_set_int(part, "lines.worst_position", lines->worst_position);
+static char *hash_of_views(struct mdf_result *const *results, int n) {
+    g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
+    for (int i = 0; i < n; i++)
+        input_hash(sum, "%s", results[i] ? results[i]->inputs : "");
+    return g_strdup(g_checksum_get_string(sum));
 }
 
-gboolean mdf_lines_read(const struct exr_part *part, struct mdf_lines *ret) {
-    double rms;
-    *ret = (struct mdf_lines){.worst_position = -1};
-    if (!exr_get_int(part, "lines.sweeps", &ret->sweeps, NULL) ||
-        !exr_get_int(part, "lines.found", &ret->found, NULL) ||
-        !exr_get_int(part, "lines.disagree", &ret->disagree, NULL) ||
-        !exr_get_double(part, "lines.rms_deg", &rms, NULL) ||
-        !exr_get_double(part, "lines.worst_deg", &ret->worst_deg, NULL) ||
-        !exr_get_int(part, "lines.worst_position", &ret->worst_position, NULL))
+static gboolean all_agreed(struct mdf_result *const *results, int n, const char *agreed) {
+    gboolean all = TRUE;
+    for (int i = 0; i < n; i++)
+        all &= !results[i] || strcmp(results[i]->agreed, agreed) == 0;
+    return all;
+}
+
+gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
+                    GCancellable *cancellable) {
+    g_autofree char *agreed = hash_of_views(results, n);
+    if (all_agreed(results, n, agreed))
         return FALSE;
-    ret->squares_deg2 = rms * rms * ret->found;
+    const int n_texels = grid->width * grid->height;
+    const struct mdf_plane plane = {grid->width, grid->height, grid->width_mm / grid->width,
+                                    grid->reference_mm};
+    g_autofree struct mdf_eye *eyes = g_new0(struct mdf_eye, n);
+    g_autofree struct mdf_result **of = g_new0(struct mdf_result *, n);
+    g_autofree guint8 *source = g_new(guint8, n_texels);
+    int seen = 0;
+    for (int i = 0; i < n; i++) {
+        if (!results[i])
+            continue;
+        of[seen] = results[i];
+        memcpy(eyes[seen].centre_mm, results[i]->centre_mm, sizeof eyes->centre_mm);
+        eyes[seen].distance = results[i]->planes[PLANE_M];
+        eyes[seen].other = results[i]->planes[PLANE_O];
+        eyes[seen++].lasers = results[i]->planes[PLANE_N];
+    }
+    for (int v = 0; v < seen && !g_cancellable_is_cancelled(cancellable); v++) {
+        mdf_views_settle(eyes, seen, v, &plane, of[v]->planes[PLANE_D], source);
+        for (int i = 0; i < n_texels; i++)
+            of[v]->planes[PLANE_P][i] = source[i];
+        g_free(of[v]->agreed);
+        of[v]->agreed = g_strdup(agreed);
+    }
     return TRUE;
 }
 
@@ -157,7 +175,8 @@ static struct exr_part *result_part(const struct mdf_result *result,
     exr_set_double(part, "reference_mm", grid->reference_mm);
     exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
     exr_set_string(part, "mesorig.inputs", result->inputs);
-    set_lines(part, &result->lines);
+    exr_set_string(part, "mesorig.views", result->agreed);
+    mdf_lines_write(part, &result->lines);
     return part;
 }
 
@@ -177,16 +196,19 @@ static struct mdf_result *result_of(const struct exr_file *file, const struct ca
     const struct session_grid *grid = &catalogue->grid;
     g_autofree char *name = g_strdup_printf("view_%04d", view->index);
     const struct exr_part *part = exr_file_part(file, name);
-    const char *inputs = NULL;
+    const char *inputs = NULL, *agreed = NULL;
     double centre_mm[3];
     struct mdf_lines lines;
     if (!part || !mdf_lines_read(part, &lines) || part->width != grid->width ||
         part->height != grid->height || !exr_get_string(part, "mesorig.inputs", &inputs, NULL) ||
+        !exr_get_string(part, "mesorig.views", &agreed, NULL) ||
         !exr_get_v3d(part, "view.centre_mm", centre_mm, NULL))
         return NULL;
     struct mdf_result *result = new_result(view, inputs, grid->width * grid->height);
     memcpy(result->centre_mm, centre_mm, sizeof centre_mm);
     result->lines = lines;
+    g_free(result->agreed);
+    result->agreed = g_strdup(agreed);
     for (int i = 0; i < N_PLANES; i++) {
         const float *plane = exr_part_plane(part, channels[i]);
         if (!plane) {
@@ -215,10 +237,14 @@ gboolean mdf_read(const char *path, const struct catalogue *catalogue,
     return other;
 }
 
-double mdf_coverage(struct mdf_result *const *results, int n, int n_texels) {
-    gint64 seen = 0, all = 0;
+double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted) {
+    gint64 seen = 0, predicted = 0, all = 0;
     for (int view = 0; view < n; view++)
-        for (int i = 0; results[view] && i < n_texels; i++, all++)
-            seen += results[view]->planes[0][i] >= 0;
+        for (int i = 0; results[view] && i < n_texels; i++, all++) {
+            const int source = (int)results[view]->planes[PLANE_P][i];
+            seen += source == MDF_MEASURED || source == MDF_OTHER;
+            predicted += source == MDF_PREDICTED;
+        }
+    *ret_predicted = all > 0 ? (double)predicted / (double)all : 0;
     return all > 0 ? (double)seen / (double)all : 0;
 }

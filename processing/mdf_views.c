@@ -3,32 +3,22 @@
 #include <math.h>
 
 #include "exr.h"
+#include "mdf_views_private.h"
 #include "pipeline.h"
 
-#define TOLERANCE 0.33 /* of a texel */
-#define MOST      24   /* views that each is compared with: evenly chosen where there are more */
-
-enum answer { ANSWER_NONE, ANSWER_CONFIRMED, ANSWER_DENIED };
-
-struct point {
-    double x, y, z;
-};
-
-/* Where texel i of a view shows the surface. */
-static struct point point_of(const struct mdf_eye *eye, const struct mdf_plane *plane, int i) {
+struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
+                            double distance_mm) {
     int column = i % plane->width, row = i / plane->width;
     double x = (column + 0.5 - 0.5 * plane->width) * plane->texel_mm;
     double y = (0.5 * plane->height - row - 0.5) * plane->texel_mm;
     const double *c = eye->centre_mm;
     double dx = x - c[0], dy = y - c[1], dz = plane->reference_mm - c[2];
-    double along = eye->distance[i] / sqrt(dx * dx + dy * dy + dz * dz);
-    return (struct point){x + along * dx, y + along * dy, plane->reference_mm + along * dz};
+    double along = distance_mm / sqrt(dx * dx + dy * dy + dz * dz);
+    return (struct vec3){x + along * dx, y + along * dy, plane->reference_mm + along * dz};
 }
 
-/* Where the ray from an eye to a point comes through the reference plane, in texels from the centre
- * of the first one, and how far behind that the point lies. FALSE if past the texels. */
-static gboolean look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct point p,
-                        double *ret_column, double *ret_row, double *ret_mm) {
+gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
+                           double *ret_column, double *ret_row, double *ret_mm) {
     const double *c = eye->centre_mm;
     double t = (plane->reference_mm - c[2]) / (p.z - c[2]);
     double x = c[0] + t * (p.x - c[0]), y = c[1] + t * (p.y - c[1]);
@@ -41,39 +31,52 @@ static gboolean look_up(const struct mdf_eye *eye, const struct mdf_plane *plane
            *ret_row <= plane->height - 1;
 }
 
-static enum answer ask(const struct mdf_eye *other, const struct mdf_plane *plane, struct point p) {
+enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plane *plane,
+                              struct vec3 p) {
     double column, row, mm, low = INFINITY, high = -INFINITY;
-    if (!look_up(other, plane, p, &column, &row, &mm))
-        return ANSWER_NONE;
+    if (!mdf_views_look_up(other, plane, p, &column, &row, &mm))
+        return MDF_NO_ANSWER;
     for (int k = 0; k < 4; k++) {
         int i = MIN((int)column + (k & 1), plane->width - 1);
         int j = MIN((int)row + (k >> 1), plane->height - 1);
         double there = other->distance[j * plane->width + i];
         if (!(there >= 0))
-            return ANSWER_NONE;
+            return MDF_NO_ANSWER;
         low = MIN(low, there);
         high = MAX(high, there);
     }
-    double tolerance = TOLERANCE * plane->texel_mm;
+    double tolerance = MDF_TOLERANCE * plane->texel_mm;
     if (mm < low - tolerance)
-        return ANSWER_DENIED;
-    return mm <= high + tolerance ? ANSWER_CONFIRMED : ANSWER_NONE;
+        return MDF_DENIED;
+    return mm <= high + tolerance ? MDF_CONFIRMED : MDF_NO_ANSWER;
+}
+
+int mdf_views_asked(int n) {
+    return MIN(n - 1, MDF_MOST_ASKED);
+}
+
+int mdf_views_other(int n, int view, int k) {
+    return (view + 1 + (int)((gint64)k * (n - 1) / mdf_views_asked(n))) % n;
+}
+
+void mdf_views_poll(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
+                    struct vec3 p, guint16 *ret_confirmed, guint16 *ret_denied) {
+    *ret_confirmed = *ret_denied = 0;
+    for (int k = 0; k < mdf_views_asked(n); k++) {
+        enum mdf_answer answer = mdf_views_ask(&views[mdf_views_other(n, view, k)], plane, p);
+        *ret_confirmed += answer == MDF_CONFIRMED;
+        *ret_denied += answer == MDF_DENIED;
+    }
 }
 
 void mdf_views_compare(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
                        guint16 *ret_confirmed, guint16 *ret_denied) {
-    int asked = MIN(n - 1, MOST);
     for (int i = 0; i < plane->width * plane->height; i++) {
         ret_confirmed[i] = ret_denied[i] = 0;
-        if (!(views[view].distance[i] >= 0))
-            continue;
-        struct point p = point_of(&views[view], plane, i);
-        for (int k = 0; k < asked; k++) {
-            int other = (view + 1 + (int)((gint64)k * (n - 1) / asked)) % n;
-            enum answer answer = ask(&views[other], plane, p);
-            ret_confirmed[i] += answer == ANSWER_CONFIRMED;
-            ret_denied[i] += answer == ANSWER_DENIED;
-        }
+        if (views[view].distance[i] >= 0)
+            mdf_views_poll(views, n, view, plane,
+                           mdf_views_point(&views[view], plane, i, views[view].distance[i]),
+                           &ret_confirmed[i], &ret_denied[i]);
     }
 }
 
@@ -83,7 +86,10 @@ gboolean mdf_views_refuted(guint16 confirmed, guint16 denied) {
 
 static gboolean eye_of(const char *path, const struct exr_part *part, const struct mdf_plane *plane,
                        struct mdf_eye *ret, GError **error) {
-    ret->distance = exr_part_plane(part, "D");
+    /* What other views have put in place of what this one saw is no witness. */
+    ret->distance = exr_part_plane(part, "M");
+    if (!ret->distance)
+        ret->distance = exr_part_plane(part, "D");
     if (!exr_get_v3d(part, "view.centre_mm", ret->centre_mm, error)) {
         g_prefix_error(error, "%s: part %s: ", path, part->name);
         return FALSE;

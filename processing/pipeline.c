@@ -250,6 +250,8 @@ static gboolean make_views(struct run *run, GError **error) {
         ended |= count_waiting(run) == 0;
         drop_old_mdf(run);
         gint64 since_us = g_get_monotonic_time() - run->mdf_written_us;
+        run->mdf_dirty |=
+            ended && mdf_settle(run->mdf, run->n_views, &run->catalogue->grid, run->cancellable);
         if (run->mdf_dirty && (ended || since_us > MDF_WRITE_US) && !write_mdf(run, error))
             return FALSE;
         if (ended)
@@ -396,8 +398,9 @@ static void sum_lines(const struct run *run, struct pipeline_result *ret) {
 static gboolean finish(struct run *run, struct pipeline_result *ret, GError **error) {
     sum_lines(run, ret);
     ret->n_mdf_views = count_made(run, STAGE_MDF);
-    ret->mdf_coverage = mdf_coverage(run->mdf, run->n_views,
-                                     run->catalogue->grid.width * run->catalogue->grid.height);
+    ret->mdf_coverage =
+        mdf_coverage(run->mdf, run->n_views,
+                     run->catalogue->grid.width * run->catalogue->grid.height, &ret->mdf_predicted);
     if (!set_number(run->session, "mdf_coverage", ret->mdf_coverage, error))
         return FALSE;
     if (!run->made_now[STAGE_BTF] && !run->made_now[STAGE_MDF] && !run->eigenmaps_made)

@@ -7,12 +7,17 @@
  *                                (nominal); view.centre_mm light.position_mm (v3d: camera and lamp
  *                                as calibrated, sample frame: a texel's exact directions are those
  *                                towards them); mesorig.saturated (int: pixels of the frame that
- * even the shortest exposure saturated; their values are too low) products/mdf.exr             a
- * part "view_0000" a view: channels "D" (mm, −1: not seen), "N" (number of laser positions that saw
- * it), "S" (standard error, mm; −1: fewer than two), float; attributes view.theta_deg view.phi_deg,
- * view.centre_mm (v3d: the camera, sample frame) reference_mm texel_mm, and lines.* (what the
- * laser's line around the sample says of the calibration: mdf_product.h) products/eigenmaps.exr see
- * eigenmaps.h
+ *                                even the shortest exposure saturated; their values are too low)
+ *   products/mdf.exr             a part "view_0000" a view, float channels:
+ *                                  "D" the distance, mm; −1: not known
+ *                                  "M" what the view itself has measured; −1: nothing
+ *                                  "N" number of laser positions that M is the mean of
+ *                                  "O" what else it may have seen (mdf_view_other()); −1: nothing
+ *                                  "P" where D is from: 0 nowhere, 1 it is M, 2 it is O, 3
+ * predicted by other views, not measured (mdf_views_settle()) "S" standard error of M, mm; −1:
+ * fewer than two positions attributes view.theta_deg view.phi_deg view.centre_mm (v3d: the camera,
+ * sample frame) reference_mm texel_mm, and lines.*: what the laser's line around the sample says of
+ * the calibration (mdf_lines.h) products/eigenmaps.exr       see eigenmaps.h
  *
  * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0
  * is at +y), in the reference plane. A BTF value is the reflected radiance relative to that of a
@@ -49,7 +54,8 @@ struct pipeline_result {
     int n_views, n_lights; /* in the BTF; views that are not complete are left out */
     int n_mdf_views;
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
-    double mdf_coverage;    /* of the texels of all views */
+    double mdf_coverage;    /* of the texels of all views, measured by them */
+    double mdf_predicted;   /* and what other views have predicted of the rest */
     /* Laser lines on the flat face around the sample (laser_lines.h): of how many sweeps, seen in
      * how many, in how many other than the calibration says; by how much RMS, and at worst, in
      * sweeps of which laser position (−1: none was seen). */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "exr.h"
+#include "mdf_views.h"
 #include "rectify.h"
 
 #define CONNECTED   3.0  /* texels, that neighbours on one surface are apart at most */
@@ -19,8 +20,8 @@ void surface_clear(struct surface *surface) {
 struct view {
     const struct surface *surface;
     struct vec3 eye_mm;
-    struct vec3 *at_mm; /* of each texel */
-    const float *distance, *error;
+    struct vec3 *at_mm;                     /* of each texel */
+    const float *distance, *error, *source; /* source may be NULL */
     int index;
 };
 
@@ -69,7 +70,8 @@ static void add_points(const struct view *view) {
     const struct surface *surface = view->surface;
     for (int i = 0; i < surface->grid.width * surface->grid.height; i++) {
         struct surface_point point = {.view = view->index};
-        if (!(view->distance[i] >= 0) ||
+        /* What others predicted is in their points. */
+        if (!(view->distance[i] >= 0) || (view->source && view->source[i] >= MDF_PREDICTED) ||
             !normal_at(view, i % surface->grid.width, i / surface->grid.width, &point.normal))
             continue;
         const double own =
@@ -99,6 +101,7 @@ static gboolean add_view(struct surface *surface, const struct exr_part *part, i
                         .at_mm = g_new0(struct vec3, part->width * part->height),
                         .distance = distance,
                         .error = own,
+                        .source = exr_part_plane(part, "P"),
                         .index = index};
     place(&view);
     add_points(&view);

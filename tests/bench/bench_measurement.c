@@ -197,6 +197,88 @@ static void compare_views(const struct bench_setup *setup, const struct bench_md
     }
 }
 
+/* What one kind of texels' distances are worth. */
+struct worth {
+    gint64 n, outliers;
+    double squares;
+};
+
+static void add_worth(struct worth *to, float mm, float truth, double texel_mm) {
+    const double error = (double)(mm - truth) / texel_mm;
+    to->n++;
+    to->outliers += fabs(error) > 1;
+    to->squares += error * error;
+}
+
+/* Before and after the views have settled what is where; n is of lit texels, per source. */
+struct settled {
+    gint64 lit, before, after[MDF_PREDICTED + 1];
+    struct worth off_before, off_after, edge_before, edge_after, source[MDF_PREDICTED + 1], removed;
+};
+
+static void settle_view(const struct bench_setup *setup, const struct bench_mdf *m,
+                        const struct mdf_eye *eyes, int view, const struct mdf_plane *plane,
+                        struct settled *ret) {
+    const int n = setup->texels * setup->texels;
+    g_autofree float *mm = g_new(float, n);
+    g_autofree guint8 *source = g_new(guint8, n);
+    mdf_views_settle(eyes, RIG_VIEWS, view, plane, mm, source);
+    for (int i = 0; i < n; i++) {
+        const float before = m->distance[i], truth = m->truth[i];
+        ret->lit += m->lit[i] > 0;
+        ret->before += m->lit[i] > 0 && before >= 0;
+        ret->after[source[i]] += m->lit[i] > 0;
+        if (truth < 0)
+            continue;
+        if (before >= 0)
+            add_worth(m->edge[i] ? &ret->edge_before : &ret->off_before, before, truth,
+                      setup->texel_mm);
+        if (mm[i] >= 0)
+            add_worth(m->edge[i] ? &ret->edge_after : &ret->off_after, mm[i], truth,
+                      setup->texel_mm);
+        if (mm[i] >= 0)
+            add_worth(&ret->source[source[i]], mm[i], truth, setup->texel_mm);
+        if (before >= 0 && source[i] != MDF_MEASURED)
+            add_worth(&ret->removed, before, truth, setup->texel_mm);
+    }
+}
+
+static void print_worth(const char *name, const struct worth *w) {
+    printf(json ? ", \"%s\": {\"n\": %" G_GINT64_FORMAT
+                  ", \"outliers\": %.5f, \"rms_texels\": %.4f}"
+                : "    %-22s %7" G_GINT64_FORMAT " texels, %.4f outliers, rms %.3f\n",
+           name, w->n, part(w->outliers, w->n), rms(w->squares, w->n));
+}
+
+static void print_settled(const struct bench_setup *setup, const struct bench_mdf *all) {
+    const struct mdf_plane plane = {setup->texels, setup->texels, setup->texel_mm,
+                                    bench_grid(setup).reference_mm};
+    struct mdf_eye eyes[RIG_VIEWS];
+    struct settled s = {0};
+    for (int v = 0; v < RIG_VIEWS; v++) {
+        memcpy(eyes[v].centre_mm, all[v].centre_mm, sizeof eyes[v].centre_mm);
+        eyes[v].distance = all[v].distance;
+        eyes[v].other = all[v].other;
+        eyes[v].lasers = all[v].lasers;
+    }
+    for (int v = 0; v < RIG_VIEWS; v++)
+        settle_view(setup, &all[v], eyes, v, &plane, &s);
+    printf(json ? ", \"mdf_settled\": {\"coverage_before\": %.5f, \"coverage_measured\": %.5f, "
+                  "\"coverage_with_predicted\": %.5f"
+                : "  MDF settled between views: of lit texels %.4f measured before, %.4f after, "
+                  "%.4f with predicted\n",
+           part(s.before, s.lit), part(s.after[MDF_MEASURED] + s.after[MDF_OTHER], s.lit),
+           part(s.lit - s.after[MDF_UNSEEN], s.lit));
+    print_worth("off_edges_before", &s.off_before);
+    print_worth("off_edges_after", &s.off_after);
+    print_worth("edges_before", &s.edge_before);
+    print_worth("edges_after", &s.edge_after);
+    print_worth("second_choice", &s.source[MDF_OTHER]);
+    print_worth("predicted", &s.source[MDF_PREDICTED]);
+    print_worth("taken_back", &s.removed);
+    printf(json ? "}" : "");
+}
+
 static void print_mdf(const struct bench_setup *setup) {
     struct bench_mdf all[RIG_VIEWS] = {0};
     struct agreement a = {0};
@@ -209,15 +291,20 @@ static void print_mdf(const struct bench_setup *setup) {
     compare_views(setup, all, &a);
     gint64 kept = a.measured - a.refuted, left = a.outliers - a.refuted_outliers;
     printf(json ? "], \"mdf_outliers\": %.5f, \"mdf_refuted\": %.5f, "
-                  "\"mdf_outliers_unrefuted\": %.5f%s"
+                  "\"mdf_outliers_unrefuted\": %.5f"
                 : "  MDF, all views and edges: %.4f outliers; %.4f refuted by other views, without "
-                  "them %.4f%s\n",
-           part(a.outliers, a.measured), part(a.refuted, a.measured), part(left, kept),
-           json && !no_btf ? ", " : "");
+                  "them %.4f\n",
+           part(a.outliers, a.measured), part(a.refuted, a.measured), part(left, kept));
+    print_settled(setup, all);
+    printf(json && !no_btf ? ", " : "");
     for (int view = 0; view < RIG_VIEWS; view++) {
         g_array_unref(all[view].errors);
         g_free(all[view].distance);
+        g_free(all[view].other);
+        g_free(all[view].lasers);
         g_free(all[view].truth);
+        g_free(all[view].edge);
+        g_free(all[view].lit);
     }
 }
 

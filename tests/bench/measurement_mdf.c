@@ -133,6 +133,8 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     g_autofree float *spread = g_new(float, n), *truth = g_new(float, n);
     g_autofree guint8 *edge = g_new(guint8, n), *seen = g_new(guint8, n);
     mdf_view_merge(mdf, distance, count, spread);
+    ret->other = g_new(float, n);
+    mdf_view_other(mdf, distance, ret->other);
     truth_mdf(world, view, turntable_deg, &truth_grid, truth, edge);
     truth_laser_seen(world, view, turntable_deg, &truth_grid, arcs, lasers, POSITIONS, seen);
     compare(setup, distance, truth, edge, seen, ret);
@@ -140,4 +142,7 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     memcpy(ret->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof ret->centre_mm);
     ret->distance = g_steal_pointer(&distance);
     ret->truth = g_steal_pointer(&truth);
+    ret->lasers = g_steal_pointer(&count);
+    ret->edge = g_steal_pointer(&edge);
+    ret->lit = g_steal_pointer(&seen);
 }

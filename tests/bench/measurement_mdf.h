@@ -9,8 +9,10 @@ struct bench_mdf {
     gint64 edges, edge_outliers;
     double squares, edge_squares, sum; /* of errors in texels, without edges and at them */
     GArray *errors;                    /* float: absolute, in texels, without edges */
-    float *distance, *truth;           /* of each texel, mm; g_free() */
-    double centre_mm[3];               /* of the camera, sample frame */
+    float *distance, *other, *truth;   /* of each texel, mm; g_free() */
+    float *lasers;
+    guint8 *edge, *lit;  /* of each texel; lit: by how many positions; g_free() */
+    double centre_mm[3]; /* of the camera, sample frame */
 };
 
 /* Of one view, added to ret. */
