@@ -1,6 +1,7 @@
 #include "reference.h"
 
 #include "directions.h"
+#include "processing/btf.h"
 #include "processing/exr.h"
 
 #include <math.h>
@@ -87,15 +88,11 @@ static GPtrArray *list_files(const char *folder, GError **error) {
 
 static gboolean read_direction(const struct exr_part *part, const char *of, float *ret_theta,
                                float *ret_phi, GError **error) {
-    g_autofree char *theta_name = g_strconcat(of, ".theta_deg", NULL);
-    g_autofree char *phi_name = g_strconcat(of, ".phi_deg", NULL);
-    double theta, phi;
-    if (!exr_get_double(part, theta_name, &theta, error) ||
-        !exr_get_double(part, phi_name, &phi, error))
-        return FALSE;
-    *ret_theta = theta;
-    *ret_phi = phi;
-    return TRUE;
+    if (btf_direction(part, of, ret_theta, ret_phi))
+        return TRUE;
+    g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                "part %s: an angle of its %s is missing or not a number", part->name, of);
+    return FALSE;
 }
 
 /* The first file says which lights and texels there are. */

@@ -87,11 +87,16 @@ static void test_reference_shadows(struct fixture *f, gconstpointer data) {
 }
 
 static void test_bad_reference(struct fixture *f, gconstpointer data) {
-    g_autoptr(GError) none = NULL, odd = NULL, torn = NULL;
+    g_autoptr(GError) none = NULL, odd = NULL, torn = NULL, lost = NULL;
     g_autofree char *dir = write_btf(GREY, 1, 4);
     g_assert_null(reference_open("/nowhere", &none));
     g_assert_error(none, REFERENCE_ERROR, REFERENCE_ERROR_NONE);
     struct eigenmaps *m = make_material(GREY, 1, 4);
+    m->view_phi_deg[2] = NAN;
+    write_view(GREY, m, 2, dir);
+    g_assert_null(reference_open(dir, &lost));
+    g_assert_error(lost, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
+    g_assert_nonnull(strstr(lost->message, "view_0002.exr: part light_0000: an angle of its view"));
     m->n_lights = 3;
     write_view(GREY, m, 2, dir); /* a light is missing */
     eigenmaps_free(m);
