@@ -294,6 +294,10 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
                    bend_of(lane, job->frame), merged, &stats);
     file.saturated = stats.saturated;
+    const Frame *longest = lane->bracket[conf->n_exposures - 1];
+    if (conf->n_exposures > 1)
+        file.shorter_from = radiance_ceiling(longest->bits, longest->exposure_us, file.dark_dn,
+                                             conf->gain_db, bend_of(lane, job->frame));
     struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
     result.marks = look_at_marks(lane, job, merged);
     result.error = g_steal_pointer(&lane->error);

@@ -7,10 +7,16 @@
  *   mesorig.camera (string), mesorig.shot (int), mesorig.turntable_deg, mesorig.arc_deg (double, as
  *   commanded), mesorig.cfa (string, cfa_name()), mesorig.exposures_us (string, "500;2000;8000";
  * the first is shorter than planned where too much was saturated), mesorig.dark_dn (double, mean
- * dark level at the longest exposure), mesorig.saturated (int, pixels) SHOT_LAMP: one part
- * "radiance", channel "Y", half, the mosaic as it lies on the sensor; mesorig.unit = "DN/ms" (see
- * radiance.h), mesorig.lamp (string) SHOT_DARK: a part "dark_500_us" an exposure, channel "Y",
- * float; mesorig.unit = "DN" SHOT_SWEEP: one part "sweep", channels "intensity", "peak",
+ * dark level at the longest exposure), mesorig.saturated (int, pixels)
+ *
+ * SHOT_LAMP: one part "radiance", channel "Y", half, the mosaic as it lies on the sensor;
+ * mesorig.unit = "DN/ms" (see radiance.h), mesorig.lamp (string). Where mesorig.saturated is not 0,
+ * a channel "saturated" is 1 in those pixels, whose values are too low; of a bracket,
+ * mesorig.shorter_from (double, DN/ms) is what pixels have for which the longest was too long.
+ *
+ * SHOT_DARK: a part "dark_500_us" an exposure, channel "Y", float; mesorig.unit = "DN"
+ *
+ * SHOT_SWEEP: one part "sweep", channels "intensity", "peak",
  * "second_intensity", "second_peak", "width", float, as in processing/sweep.h; mesorig.unit = "DN",
  * mesorig.laser (string), sweep.from_deg,
  * sweep.to_deg (double), sweep.steps (int): frame k is taken at from + (to − from)·k/(steps − 1).

@@ -5,8 +5,10 @@
 
 #include "intake.h"
 #include "processing/exr.h"
+#include "radiance.h"
 
 static const char *const mono_channels[] = {"Y", NULL};
+static const char *const marked_channels[] = {"Y", "saturated", NULL};
 static const char *const sweep_channels[] = {"intensity",   "peak",  "second_intensity",
                                              "second_peak", "width", NULL};
 
@@ -70,9 +72,15 @@ static gboolean write_frame(const struct intake_file *file, struct exr_file *exr
 
 gboolean intake_write_lamp(const struct intake_file *file, const float *radiance,
                            struct session_frame *ret_frame, GError **error) {
-    struct exr_part *part = part_new(file, "radiance", mono_channels, EXR_HALF, "DN/ms");
+    const char *const *channels = file->saturated > 0 ? marked_channels : mono_channels;
+    struct exr_part *part = part_new(file, "radiance", channels, EXR_HALF, "DN/ms");
     exr_set_string(part, "mesorig.lamp", file->source_name);
+    if (file->shorter_from > 0)
+        exr_set_double(part, "mesorig.shorter_from", file->shorter_from);
     fill(part, radiance);
+    if (file->saturated > 0)
+        radiance_mark(file->bracket, intake_n_frames(file->conf, file->shot),
+                      exr_part_plane(part, "saturated"));
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
     gboolean ok = write_frame(file, exr, ret_frame, error);

@@ -14,7 +14,8 @@ struct intake_file {
     const Frame *last;           /* of those that went into it */
     const Frame *const *bracket; /* SHOT_LAMP: all of them */
     double dark_dn;
-    gint64 saturated;
+    gint64 saturated;    /* SHOT_LAMP: pixels, in every exposure */
+    double shorter_from; /* SHOT_LAMP: DN/ms, see intake.h; 0: there is one exposure only */
 };
 
 /* These write and sync the file, and fill path, sha256 and bytes of ret_frame. */

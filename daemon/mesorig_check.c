@@ -63,6 +63,9 @@ static void tell_json(const struct check *check) {
     GVariantBuilder builder;
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     if (e) {
+        add_int(&builder, "holes", check->btf->holes);
+        add_int(&builder, "lower_bounds", check->btf->bounds);
+        add_int(&builder, "shorter_exposures", check->btf->shorter);
         add_series(&builder, "e_r", e->e_r, e->n_views);
         add_series(&builder, "e_i", e->e_i, e->n_lights);
         add_int(&builder, "texel", e->texel);
@@ -108,14 +111,24 @@ static void tell_energy(const struct check *check) {
                 100 * e->asymmetry, e->pairs, 100 * e->texel_asymmetry);
 }
 
+/* Of the values of all texels, views and lights. */
+static void tell_marks(const struct btf_matrix *btf) {
+    const gint64 all = (gint64)btf->width * btf->height * btf->n_views * btf->n_lights;
+    g_print("marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), %.3g "
+            "%% from shorter exposures alone\n",
+            percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all));
+}
+
 static void tell(const struct check *check) {
     const struct mdf_views_sums *mdf = &check->mdf;
     if (cli_json) {
         tell_json(check);
         return;
     }
-    if (check->energy)
+    if (check->energy) {
         tell_energy(check);
+        tell_marks(check->btf);
+    }
     if (check->has_mdf)
         g_print("surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
                 "%.2f %% hidden from all of them; %.2f %% of their answers deny it\n",

@@ -38,7 +38,7 @@ struct compress {
     /* found */
     char *written;
     int texels, views, lights, used_clusters, used_components, levels;
-    gint64 holes, raw_bytes, bytes, file_bytes;
+    gint64 holes, bounds, raw_bytes, bytes, file_bytes;
     double exact_error, error, luminance_error;
 };
 
@@ -286,6 +286,7 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     compress->views = btf->n_views;
     compress->lights = btf->n_lights;
     compress->holes = btf->holes;
+    compress->bounds = btf->bounds;
     compress->raw_bytes = (gint64)compress->texels * btf->n_views * btf->n_lights * 3 * 2;
     const gboolean ok = (compress->lobes       ? make_lobes
                          : compress->eigenmaps ? make_eigenmaps
@@ -313,6 +314,7 @@ static void tell_json(const struct compress *compress, double seconds) {
         {"grid", compress->grid},
         {"levels", compress->levels},
         {"holes", compress->holes},
+        {"lower_bounds", compress->bounds},
         {"btf_bytes", compress->raw_bytes},
         {"bytes", compress->bytes},
         {"file_bytes", compress->file_bytes},
@@ -378,6 +380,10 @@ static void tell(const struct compress *compress, double seconds) {
         g_print("%" G_GINT64_FORMAT " of %" G_GINT64_FORMAT
                 " values of the BTF are holes and were filled from what is around them\n",
                 compress->holes, compress->raw_bytes / 6);
+    if (compress->bounds > 0)
+        g_print("%" G_GINT64_FORMAT " are lower bounds, since the camera was saturated, and were "
+                "taken as they are\n",
+                compress->bounds);
 }
 
 static char *method_option, *error_option, *size_option, *quantise_option, *output_option,

@@ -3,6 +3,7 @@
 
 #include "mesorig_cli.h"
 #include "mesorig_history.h"
+#include "processing/btf.h"
 #include "processing/exr.h"
 #include "processing/lobes.h"
 #include "processing/session.h"
@@ -119,6 +120,21 @@ static GVariant *products_variant(const char *directory, const GPtrArray *list) 
     return g_variant_builder_end(&builder);
 }
 
+/* Of all views that can be read. */
+static struct btf_marks count_marks(const char *directory, const GPtrArray *list) {
+    struct btf_marks marks = {0};
+    for (guint i = 0; i < list->len; i++) {
+        if (!g_str_has_prefix(list->pdata[i], "products/btf/"))
+            continue;
+        g_autofree char *path = g_build_filename(directory, list->pdata[i], NULL);
+        struct exr_file *file = exr_read_headers(path, NULL);
+        for (guint k = 0; file && k < file->parts->len; k++)
+            btf_add_marks(g_ptr_array_index(file->parts, k), &marks);
+        exr_file_free(file);
+    }
+    return marks;
+}
+
 /* Why it rests, in the words it was told with. */
 static char *reason_of(Session *session, const char *state) {
     return strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
@@ -149,9 +165,23 @@ static void print_json(Session *session, const char *state, const struct session
     add_int(&builder, "frames", counts->frames);
     add_int(&builder, "retakes", counts->retakes);
     add_int(&builder, "bytes", counts->bytes);
+    const struct btf_marks marks = count_marks(directory, made);
+    add_int(&builder, "btf_values", marks.texels);
+    add_int(&builder, "btf_holes", marks.holes);
+    add_int(&builder, "btf_lower_bounds", marks.bounds);
+    add_int(&builder, "btf_shorter_exposures", marks.shorter);
     g_variant_builder_add(&builder, "{sv}", "products", products_variant(directory, made));
     g_variant_builder_add(&builder, "{sv}", "events", events_variant(events));
     cli_print_json(g_variant_builder_end(&builder));
+}
+
+static void print_marks(const char *directory, const GPtrArray *list) {
+    const struct btf_marks marks = count_marks(directory, list);
+    if (marks.holes + marks.bounds + marks.shorter > 0)
+        g_print("marks      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
+                " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
+                " from shorter exposures alone\n",
+                marks.texels, marks.holes, marks.bounds, marks.shorter);
 }
 
 static void print_products(const char *directory) {
@@ -171,6 +201,7 @@ static void print_products(const char *directory) {
     g_autofree char *size = g_format_size((guint64)view_bytes);
     if (n_views)
         g_print("product    products/btf, %d views, %s\n", n_views, size);
+    print_marks(directory, list);
 }
 
 static void print_events(const GPtrArray *events) {

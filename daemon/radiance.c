@@ -63,6 +63,24 @@ void radiance_merge(const Frame *const *frames, const float *const *dark, int n,
     ret_stats->signal_dn = mean_above(frames[n - 1], dark[n - 1]);
 }
 
+double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,
+                        double bend_per_dn) {
+    float above_dark = (float)(radiance_saturation(bits) - dark_dn);
+    return (double)straight(above_dark, (float)bend_per_dn) * 1e3 / (double)exposure_us *
+           pow(10, -gain_db / 20);
+}
+
+void radiance_mark(const Frame *const *frames, int n, float *ret) {
+    const gsize n_pixels = (gsize)frames[0]->width * frames[0]->height;
+    const int limit = radiance_saturation(frames[0]->bits);
+    for (gsize p = 0; p < n_pixels; p++) {
+        gboolean all = TRUE;
+        for (int i = 0; i < n && all; i++)
+            all = frames[i]->pixels[p] >= limit;
+        ret[p] = all ? 1 : 0;
+    }
+}
+
 void radiance_add(const Frame *frame, guint32 *sums) {
     gsize n = (gsize)frame->width * frame->height;
     for (gsize i = 0; i < n; i++)

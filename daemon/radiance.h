@@ -26,6 +26,13 @@ struct radiance_stats {
 void radiance_merge(const Frame *const *frames, const float *const *dark, int n, double gain_db,
                     double bend_per_dn, float *ret, struct radiance_stats *ret_stats);
 
+/* What a pixel of this dark level has, merged as above, from which on it saturates an exposure. */
+double radiance_ceiling(int bits, gint64 exposure_us, double dark_dn, double gain_db,
+                        double bend_per_dn);
+
+/* 1 for each pixel that is saturated in all of the frames, else 0. */
+void radiance_mark(const Frame *const *frames, int n, float *ret);
+
 /* Adds a frame to sums; n sums divided by n are the dark level. */
 void radiance_add(const Frame *frame, guint32 *sums);
 /* Writes the dark level of every pixel and returns their mean. */

@@ -8,6 +8,7 @@
 #define MOST_HOLES 0.5 /* of the texels: with more of them something is wrong with the frame */
 
 static const char *const rgb_channels[] = {"B", "G", "R", NULL};
+static const char *const marked_channels[] = {"B", "G", "R", "mark", NULL};
 
 void btf_view_free(struct btf_view *view) {
     if (!view)
@@ -26,10 +27,29 @@ static void set_point(struct exr_part *part, const struct btf_view *view, const 
     exr_set_v3d(part, name, p.x, p.y, p.z);
 }
 
-static struct exr_part *light_part(const struct btf_view *view, const struct btf_light *light) {
+static struct exr_part *light_part(const struct btf_view *view, const struct btf_light *light,
+                                   const guint8 *marks) {
+    static const struct {
+        const char *name;
+        enum btf_mark mark;
+    } counts[] = {{"mesorig.holes", BTF_MARK_HOLE},
+                  {"mesorig.bounds", BTF_MARK_BOUND},
+                  {"mesorig.shorter", BTF_MARK_SHORTER}};
+    const int n = view->grid.width * view->grid.height;
+    guint8 any = 0;
+    for (int i = 0; i < n; i++)
+        any |= marks[i];
     g_autofree char *name = g_strdup_printf("light_%04d", light->index);
-    struct exr_part *part =
-        exr_part_new(name, view->grid.width, view->grid.height, rgb_channels, EXR_HALF);
+    struct exr_part *part = exr_part_new(name, view->grid.width, view->grid.height,
+                                         any ? marked_channels : rgb_channels, EXR_HALF);
+    for (int i = 0; any && i < n; i++)
+        part->planes[3][i] = marks[i];
+    for (gsize k = 0; k < G_N_ELEMENTS(counts); k++) {
+        int count = 0;
+        for (int i = 0; i < n; i++)
+            count += (marks[i] & counts[k].mark) != 0;
+        exr_set_int(part, counts[k].name, count);
+    }
     exr_set_double(part, "view.theta_deg", view->theta_deg);
     exr_set_double(part, "view.phi_deg", view->phi_deg);
     exr_set_double(part, "light.theta_deg", light->theta_deg);
@@ -65,6 +85,8 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
 /* The mosaics of a view, as they are on disk. */
 struct mosaics {
     guint16 **half; /* of each light */
+    guint8 **bound; /* of each light: whether a pixel is saturated; NULL: none is, or not told */
+    float *shorter; /* of each light: from here on shorter exposures tell; 0: there are none */
     int *saturated; /* pixels of each light's frame; −1: not told */
     double *sum;    /* of all of them: the guide */
     gsize n_pixels;
@@ -72,9 +94,13 @@ struct mosaics {
 };
 
 static void clear_mosaics(struct mosaics *mosaics, guint n) {
-    for (guint i = 0; i < n; i++)
+    for (guint i = 0; i < n; i++) {
         g_free(mosaics->half[i]);
+        g_free(mosaics->bound[i]);
+    }
     g_free(mosaics->half);
+    g_free(mosaics->bound);
+    g_free(mosaics->shorter);
     g_free(mosaics->saturated);
     g_free(mosaics->sum);
     g_free(mosaics->cfa);
@@ -103,6 +129,21 @@ static gboolean check_frame(const struct input *input, const struct exr_part *fr
     return FALSE;
 }
 
+/* What a frame says of its pixels. */
+static void load_marks(const struct exr_part *frame, guint i, struct mosaics *to) {
+    const float *saturated = exr_part_plane(frame, "saturated");
+    double shorter = 0;
+    to->saturated[i] = -1;
+    exr_get_int(frame, "mesorig.saturated", &to->saturated[i], NULL);
+    if (exr_get_double(frame, "mesorig.shorter_from", &shorter, NULL) && shorter > 0)
+        to->shorter[i] = (float)shorter;
+    if (!saturated)
+        return;
+    to->bound[i] = g_new(guint8, to->n_pixels);
+    for (gsize k = 0; k < to->n_pixels; k++)
+        to->bound[i][k] = saturated[k] != 0;
+}
+
 /* One light's frame, of which each pixel that is a number counts for the guide. */
 static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                             GError **error) {
@@ -112,8 +153,7 @@ static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics
     gboolean ok = frame && check_frame(input, frame, &to->cfa, error);
     if (ok) {
         const float *mosaic = exr_part_plane(frame, "Y");
-        to->saturated[i] = -1;
-        exr_get_int(frame, "mesorig.saturated", &to->saturated[i], NULL);
+        load_marks(frame, i, to);
         to->half[i] = g_new(guint16, to->n_pixels);
         exr_half_from_floats(to->half[i], mosaic, to->n_pixels);
         for (gsize k = 0; k < to->n_pixels; k++)
@@ -136,21 +176,37 @@ static Rectify *new_rectify(const struct btf_view *view, const struct mosaics *m
     return rectify;
 }
 
+/* Of the texels, into marks, which says of each whether it is a hole. */
+static void set_marks(const Rectify *rectify, const struct mosaics *mosaics, guint i,
+                      const float *mosaic, int n, guint8 *marks) {
+    g_autofree guint8 *pixels = g_new(guint8, mosaics->n_pixels), *found = g_new(guint8, n);
+    const guint8 *bound = mosaics->bound[i];
+    const float from = mosaics->shorter[i];
+    for (gsize k = 0; k < mosaics->n_pixels; k++)
+        pixels[k] = bound && bound[k]               ? BTF_MARK_BOUND
+                    : from > 0 && mosaic[k] >= from ? BTF_MARK_SHORTER
+                                                    : 0;
+    rectify_marks(rectify, pixels, found);
+    for (int k = 0; k < n; k++)
+        marks[k] = marks[k] ? BTF_MARK_HOLE : found[k];
+}
+
 static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
                                    const struct mosaics *mosaics, GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
     int n = view->grid.width * view->grid.height;
     g_autofree float *rgb = g_new(float, 3 * n), *mosaic = g_new(float, mosaics->n_pixels);
+    g_autofree guint8 *marks = g_new(guint8, n);
     exr_half_to_floats(mosaic, mosaics->half[i], mosaics->n_pixels);
-    int holes = rectify_apply(rectify, mosaic, rgb);
+    int holes = rectify_apply(rectify, mosaic, rgb, marks);
     if (holes > MOST_HOLES * n) {
         g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
                     "%s: %d of %d texels show pixels that are not numbers", light->input.path,
                     holes, n);
         return NULL;
     }
-    struct exr_part *part = light_part(view, light);
-    exr_set_int(part, "mesorig.holes", holes);
+    set_marks(rectify, mosaics, i, mosaic, n, marks);
+    struct exr_part *part = light_part(view, light, marks);
     if (mosaics->saturated[i] >= 0)
         exr_set_int(part, "mesorig.saturated", mosaics->saturated[i]);
     to_reflectance(view, light, rgb, part);
@@ -172,6 +228,8 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     struct exr_file *file = exr_file_new();
     gsize n_pixels = (gsize)view->camera->width * (gsize)view->camera->height;
     struct mosaics mosaics = {.half = g_new0(guint16 *, view->lights->len),
+                              .bound = g_new0(guint8 *, view->lights->len),
+                              .shorter = g_new0(float, view->lights->len),
                               .saturated = g_new0(int, view->lights->len),
                               .sum = g_new0(double, n_pixels),
                               .n_pixels = n_pixels};
@@ -184,6 +242,7 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
         if (part)
             exr_file_add(file, part);
         g_clear_pointer(&mosaics.half[i], g_free);
+        g_clear_pointer(&mosaics.bound[i], g_free);
     }
     ok = ok && exr_write(path, file, EXR_PIZ, TRUE, error);
     clear_mosaics(&mosaics, view->lights->len);
@@ -203,6 +262,19 @@ gboolean btf_is_made(const struct btf_view *view, const char *path) {
     }
     exr_file_free(file);
     return made;
+}
+
+static gint64 count_of(const struct exr_part *part, const char *name) {
+    int count = 0;
+    exr_get_int(part, name, &count, NULL);
+    return count;
+}
+
+void btf_add_marks(const struct exr_part *part, struct btf_marks *sums) {
+    sums->texels += (gint64)part->width * part->height;
+    sums->holes += count_of(part, "mesorig.holes");
+    sums->bounds += count_of(part, "mesorig.bounds");
+    sums->shorter += count_of(part, "mesorig.shorter");
 }
 
 static gboolean copy_light(const struct exr_part *part, const struct session_grid *grid,

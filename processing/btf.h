@@ -8,7 +8,14 @@
 #include "rectify.h"
 
 /* Counts up whenever the same frames give other numbers: what older ones made is made again. */
-#define BTF_METHOD 5
+#define BTF_METHOD 6
+
+/* What a texel's pixels were: bits of a part's channel "mark", which is there if any is not 0. */
+enum btf_mark {
+    BTF_MARK_SHORTER = 1, /* too bright for the longest exposure: shorter ones tell, noisier */
+    BTF_MARK_BOUND = 2,   /* too bright for all of them: the value is a lower bound */
+    BTF_MARK_HOLE = 4, /* no numbers, or outside of the picture: the value is 0 and says nothing */
+};
 
 struct btf_light {
     int index; /* of the light */
@@ -34,10 +41,16 @@ struct btf_view {
 
 void btf_view_free(struct btf_view *view); /* NULL is ignored */
 
-/* Writes the file. Attributes of its parts beside those of pipeline.h: mesorig.inputs (string) and
- * mesorig.holes (int, texels set to 0 since no good pixel shows them). */
+/* Writes the file. Attributes of its parts beside those of pipeline.h: mesorig.inputs (string);
+ * mesorig.holes, mesorig.bounds, mesorig.shorter (int): texels with each mark. */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
+
+/* Of one part or many. */
+struct btf_marks {
+    gint64 texels, holes, bounds, shorter;
+};
+void btf_add_marks(const struct exr_part *part, struct btf_marks *sums); /* headers suffice */
 
 /* Whether the file is there and was made of these inputs. */
 gboolean btf_is_made(const struct btf_view *view, const char *path);

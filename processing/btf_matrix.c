@@ -132,10 +132,17 @@ static gboolean check_light(const struct btf_matrix *btf, const struct exr_part 
     return TRUE;
 }
 
-/* Those that were set to 0 when the picture was made become what they are. */
+/* Those that were set to 0 when the picture was made become what they are. Imported pictures have
+ * no marks, but say how many are. */
 static void mark_holes(const struct exr_part *part, float *const planes[COLOURS]) {
     const gsize n = (gsize)part->width * (gsize)part->height;
+    const float *mark = exr_part_plane(part, "mark");
     int holes = 0;
+    for (gsize i = 0; mark && i < n; i++)
+        if (mark[i] >= BTF_MARK_HOLE && mark[i] < 2 * BTF_MARK_HOLE)
+            planes[0][i] = NAN;
+    if (mark)
+        return;
     if (!exr_get_int(part, "mesorig.holes", &holes, NULL) || holes <= 0)
         return;
     for (gsize i = 0; i < n; i++)
@@ -182,6 +189,10 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
             planes[light * COLOURS + c] = exr_part_plane(part, channels[c]);
         if (!check_values(part, light, planes + (gsize)(light * COLOURS), path, &btf->holes, error))
             return FALSE;
+        struct btf_marks marks = {0};
+        btf_add_marks(part, &marks);
+        btf->bounds += marks.bounds;
+        btf->shorter += marks.shorter;
     }
     for (gsize texel = 0; texel < texels; texel++)
         for (gsize i = 0; i < n; i++)

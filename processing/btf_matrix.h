@@ -2,7 +2,8 @@
  * A whole BTF, one BRDF a texel: in memory, or, where that is too small, in a file of halves that
  * goes with it. Of a session, values that no camera saw (NaN, or those that the BTF's maker set to
  * 0 and counted, see btf.h) are filled from the texels around them in the same picture, and
- * counted.
+ * counted. Lower bounds are taken as they are, which is nearer than what is around them, and
+ * counted too.
  */
 #pragma once
 
@@ -21,6 +22,8 @@ struct btf_matrix {
     float *light_theta_deg, *light_phi_deg; /* n_lights */
     float *values;                          /* height · width rows; NULL if they are in scratch */
     gint64 holes;    /* pixels of the rectified pictures that no good frame pixel shows */
+    gint64 bounds;   /* of them that are lower bounds, since saturated pixels show them */
+    gint64 shorter;  /* those that are known from shorter exposures only */
     char *directory; /* of the session */
     struct btf_scratch *scratch;
 };

@@ -7,7 +7,9 @@
  *                                (nominal); view.centre_mm light.position_mm (v3d: camera and lamp
  *                                as calibrated, sample frame: a texel's exact directions are those
  *                                towards them); mesorig.saturated (int: pixels of the frame that
- *                                even the shortest exposure saturated; their values are too low)
+ *                                even the shortest exposure saturated); channel "mark" where any
+ *                                texel has one, and how many have each: see btf.h
+ *
  *   products/mdf.exr             a part "view_0000" a view, float channels:
  *                                  "D" the distance, mm; −1: not known
  *                                  "M" what the view itself has measured; −1: nothing

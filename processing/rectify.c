@@ -9,6 +9,7 @@
 
 #define SPACING_PX  0.25  /* of the points by which a texel is gathered */
 #define MOST_EXCESS 10.0f /* of a colour, over what the others would have it */
+#define MARKED      0.02f /* of a texel, that a pixel is whose mark it gets */
 
 /* Red, green, blue and nothing. */
 typedef float lanes __attribute__((vector_size(16)));
@@ -383,7 +384,7 @@ static gboolean apply_texel(const Rectify *rectify, int texel, const float *mosa
     return seen;
 }
 
-int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb) {
+int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes) {
     g_autofree lanes *found = NULL;
     const lanes *ratio = rectify->ratio;
     if (!ratio) {
@@ -391,7 +392,29 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb) {
         ratio = found;
     }
     int holes = 0;
-    for (int texel = 0; texel < rectify->n_texels; texel++)
-        holes += !apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        gboolean seen = apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
+        holes += !seen;
+        if (ret_holes)
+            ret_holes[texel] = !seen;
+    }
     return holes;
+}
+
+static guint8 mark_of(const struct rows *rows, int texel, const guint8 *pixels) {
+    const guint32 *pixel = (const guint32 *)(void *)rows->pixel->data;
+    const float *weight = (const float *)(void *)rows->weight->data;
+    float sum = 0;
+    guint8 mark = 0;
+    for (guint32 k = rows->start[texel]; k < rows->start[texel + 1]; k++)
+        sum += weight[k];
+    for (guint32 k = rows->start[texel]; k < rows->start[texel + 1]; k++)
+        if (pixels[pixel[k]] && fabsf(weight[k]) >= MARKED * sum)
+            mark |= pixels[pixel[k]];
+    return mark;
+}
+
+void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
+    for (int texel = 0; texel < rectify->n_texels; texel++)
+        ret_texels[texel] = mark_of(&rectify->area, texel, pixels);
 }

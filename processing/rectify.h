@@ -34,8 +34,11 @@ void rectify_guide(Rectify *rectify, const float *mosaic);
 
 /* mosaic: height rows of width, DN a millisecond at 0 dB. ret_rgb: a texel's R, G, B in
  * W·sr⁻¹·m⁻², flat field and colours of the sensor taken out. Texels that are outside, or whose
- * pixels are not all finite, are 0; returns how many. */
-int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb);
+ * pixels are not all finite, are 0; returns how many. ret_holes, if not NULL: whether each is. */
+int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes);
+
+/* Pixels carry bits; a texel gets (by OR) those of every pixel that is 2 % of it or more. */
+void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
 /* Sample frame, in the reference plane; texel (i, j) covers column i … i+1, row j … j+1. */
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row);

@@ -321,6 +321,13 @@ static void check_lamp_file(struct bench *bench) {
     g_assert_cmpint(saturated, ==, bench->saturated);
     g_assert_cmpint(saturated, >, 0);
     g_assert_cmpint(shot, ==, 2);
+    double shorter_from = 0;
+    g_assert_true(exr_get_double(part, "mesorig.shorter_from", &shorter_from, NULL));
+    g_assert_cmpfloat_with_epsilon(shorter_from, (4014 - mean) / 4, 1e-3);
+    const float *mark = exr_part_plane(part, "saturated");
+    g_assert_nonnull(mark);
+    for (int i = 0; i < PIXELS; i++)
+        g_assert_cmpfloat(mark[i], ==, lround(dark_truth(i) + truth(i)) >= 4014 ? 1 : 0);
     exr_part_free(part);
 }
 

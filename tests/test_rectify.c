@@ -50,7 +50,7 @@ static void check_linear(const char *cfa, const struct pinhole *pinhole, double 
     g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, cfa, turntable, &grid, &error);
     g_assert_no_error(error);
     g_autofree float *mosaic = linear_mosaic(cfa, &camera), *rgb = g_new(float, 24 * 20 * 3);
-    g_assert_cmpint(rectify_apply(rectify, mosaic, rgb), ==, 0);
+    g_assert_cmpint(rectify_apply(rectify, mosaic, rgb, NULL), ==, 0);
     for (int texel = 0; texel < 24 * 20; texel++)
         for (int c = 0; c < 3; c++) {
             double x, y;
@@ -84,7 +84,7 @@ static void test_vignetting(void) {
             double r2 = (pow(x - 79.5, 2) + pow(y - 79.5, 2)) / (2 * 79.5 * 79.5);
             mosaic[160 * y + x] = (float)(6 * 0.25 * (1 - 0.3 * r2)); /* 6 DN/ms a unit */
         }
-    rectify_apply(rectify, mosaic, rgb);
+    rectify_apply(rectify, mosaic, rgb, NULL);
     for (int i = 0; i < 24 * 20 * 3; i++)
         g_assert_cmpfloat_with_epsilon(rgb[i], 0.25, 1e-6);
 }
@@ -101,7 +101,7 @@ static void test_energy(void) {
         g_autofree float *mosaic = g_new0(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
         double sum[3] = {0};
         mosaic[160 * 78 + 80] = 4;
-        rectify_apply(rectify, mosaic, rgb);
+        rectify_apply(rectify, mosaic, rgb, NULL);
         for (int i = 0; i < 24 * 20 * 3; i++)
             sum[i % 3] += rgb[i];
         for (int c = 0; c < 3; c++)
@@ -122,7 +122,7 @@ static void test_detail(void) {
         for (int x = 0; x < 160; x++)
             mosaic[160 * y + x] =
                 (float)(tint[colour_at("rggb", x, y)] * (1 + 0.8 * sin(2 * G_PI * x / 5.0)));
-    rectify_apply(rectify, mosaic, rgb);
+    rectify_apply(rectify, mosaic, rgb, NULL);
     double error[3] = {0}, alone = 0;
     for (int texel = 0; texel < 24 * 20; texel++) {
         double x, y;
@@ -154,7 +154,7 @@ static void test_border(void) {
             g_autofree float *mosaic = g_new(float, n), *rgb = g_new(float, 24 * 20 * 3);
             for (int i = 0; i < n; i++)
                 mosaic[i] = 3;
-            int holes = rectify_apply(rectify, mosaic, rgb);
+            int holes = rectify_apply(rectify, mosaic, rgb, NULL);
             g_assert_cmpint(holes, ==, rectify_outside(rectify));
             for (int i = 0; i < 24 * 20 * 3; i++)
                 g_assert_true(rgb[i] == 0 || fabsf(rgb[i] - 3) < 1e-4f);
@@ -170,7 +170,7 @@ static void test_holes(void) {
         mosaic[i] = 1;
     mosaic[80 * 160 + 80] = NAN;
     mosaic[60 * 160 + 61] = INFINITY;
-    int holes = rectify_apply(rectify, mosaic, rgb);
+    int holes = rectify_apply(rectify, mosaic, rgb, NULL);
     g_assert_cmpint(holes, >, 0);
     g_assert_cmpint(holes, <, 30);
     int zeros = 0;

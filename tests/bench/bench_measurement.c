@@ -25,7 +25,7 @@ static int texels = 24, supersample = 4, samples = 24;
 static double pixels = 3;
 static int steps = 64;
 static gboolean json, quiet, mono, curve, no_btf, no_mdf;
-static char *only;
+static char *only, *pictures;
 
 static const GOptionEntry entries[] = {
     {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
@@ -40,6 +40,8 @@ static const GOptionEntry entries[] = {
     {"no-btf", 0, 0, G_OPTION_ARG_NONE, &no_btf, "Leave the BTF out", NULL},
     {"no-mdf", 0, 0, G_OPTION_ARG_NONE, &no_mdf, "Leave the MDF out", NULL},
     {"only", 0, 0, G_OPTION_ARG_STRING, &only, "One material", "KIND"},
+    {"pictures", 0, 0, G_OPTION_ARG_FILENAME, &pictures,
+     "Also draw BTFs, measured and true, into DIR/btf_KIND.png", "DIR"},
     {NULL},
 };
 
@@ -113,14 +115,14 @@ static void print_cameras(struct bench_setup setup) {
         new_cells(cells);
         setup.mono = cameras[k].mono;
         setup.noise = !cameras[k].quiet;
-        bench_btf(&setup, samples, cells);
+        bench_btf(&setup, samples, cells, NULL);
         print_camera(cameras[k].name, cells);
         clear_cells(cells);
     }
 }
 
 static void print_curve(struct bench_setup setup) {
-    static const double all[] = {2, 3, 4, 6};
+    static const double all[] = {2, 3, 4, 5, 6};
     printf(json ? "\"curve\": [" : "");
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
         setup.pixels_a_texel = all[i];
@@ -345,6 +347,14 @@ static void print_speed(void) {
            json ? ", " : "", s.decode_ms, s.rectify_ms, s.prepare_ms, s.guide_ms);
 }
 
+static void draw(const char *material, const struct demo_btf *picture) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *name = g_strdup_printf("btf_%s.png", material);
+    g_autofree char *path = g_build_filename(pictures, name, NULL);
+    if (!demo_btf_write(picture, path, &error))
+        fprintf(stderr, "bench_measurement: %s\n", error->message);
+}
+
 static void measure(const char *material) {
     struct bench_setup setup = {.material = material,
                                 .texels = texels,
@@ -362,7 +372,12 @@ static void measure(const char *material) {
     else if (!no_mdf)
         print_mdf(&setup);
     if (!no_btf && !curve) {
-        bench_btf(&setup, samples, cells);
+        struct session_grid grid = bench_grid(&setup);
+        struct demo_btf *picture = pictures ? demo_btf_new(&grid) : NULL;
+        bench_btf(&setup, samples, cells, picture);
+        if (picture)
+            draw(material, picture);
+        demo_btf_free(picture);
         print_group("btf_to_60deg", cells, FALSE);
         print_group("btf_75deg", cells, TRUE);
         print_table(cells);

@@ -126,7 +126,28 @@ static void compare(const float *rgb, const float *irradiance, const float *trut
         }
 }
 
-void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret) {
+/* Views and lights that are shown. */
+static gboolean is_shown(int view, int lamp) {
+    static const int shown[DEMO_BTF_COLUMNS] = {0, 3, 11, 15, 18, 24};
+    for (int i = 0; i < DEMO_BTF_COLUMNS; i++)
+        if (shown[i] == view * RIG_VIEWS + lamp)
+            return TRUE;
+    return FALSE;
+}
+
+static void show(struct demo_btf *picture, const struct session_grid *grid, const float *rgb,
+                 const float *irradiance, const float *truth) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    struct exr_part *part = exr_part_new("shown", grid->width, grid->height, channels, EXR_FLOAT);
+    for (int i = 0; i < grid->width * grid->height; i++)
+        for (int c = 0; c < 3; c++)
+            part->planes[2 - c][i] = rgb[3 * i + c] * (float)G_PI / irradiance[i];
+    demo_btf_add(picture, part, truth);
+    exr_part_free(part);
+}
+
+void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret,
+               struct demo_btf *picture) {
     g_autoptr(GError) error = NULL;
     g_autoptr(World) world = bench_world(setup, &error);
     g_assert_no_error(error);
@@ -149,11 +170,13 @@ void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_
             struct bench_cell *cell = &ret[view * RIG_VIEWS + lamp];
             g_autofree float *mosaic =
                 take_mosaic(world, view, lamp, arc, &darks, &cell->saturated);
-            rectify_apply(rectify, mosaic, rgb);
+            rectify_apply(rectify, mosaic, rgb, NULL);
             rectify_irradiance(&rig.arc, &rig.lamps[lamp], arc * G_PI / 180, turn_rad, &grid,
                                irradiance);
             truth_btf(world, view, lamp, turntable_deg(view), arc, &truth_grid, truth_samples,
                       truth);
+            if (picture && is_shown(view, lamp))
+                show(picture, &grid, rgb, irradiance, truth);
             compare(rgb, irradiance, truth, n, setup->mono, cell->errors, cell->bias);
         }
         for (int e = 0; e < N_EXPOSURES; e++)

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "measurement_rig.h"
+#include "tests/demo_pictures.h"
 
 struct bench_cell { /* a view and a lamp */
     GArray *errors; /* float: of each texel and colour, relative */
@@ -9,7 +10,9 @@ struct bench_cell { /* a view and a lamp */
     int saturated;  /* pixels */
 };
 
-/* ret: RIG_VIEWS × RIG_VIEWS cells, view by view; errors are appended. */
-void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret);
+/* ret: RIG_VIEWS × RIG_VIEWS cells, view by view; errors are appended. picture, if not NULL, gets
+ * views and lights of every sort. */
+void bench_btf(const struct bench_setup *setup, int truth_samples, struct bench_cell *ret,
+               struct demo_btf *picture);
 
 double bench_quantile(GArray *values, double q); /* sorts them */

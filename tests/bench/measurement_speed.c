@@ -53,7 +53,7 @@ struct bench_speed bench_speed(const struct bench_setup *setup, int view) {
             speed.guide_ms = since_ms(start);
         }
         start = g_get_monotonic_time();
-        rectify_apply(rectify, mosaic, rgb);
+        rectify_apply(rectify, mosaic, rgb, NULL);
         speed.rectify_ms += since_ms(start) / FRAMES;
         exr_file_free(file);
     }

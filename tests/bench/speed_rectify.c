@@ -157,7 +157,7 @@ static void rectify_all(const struct scene *scene, struct speed_rectify *ret) {
     for (int repeat = 0; repeat < REPEATS; repeat++)
         for (gsize light = 0; light < LIGHTS; light++) {
             const gint64 start_us = speed_now_us();
-            rectify_apply(rectify, scene->mosaics + light * scene->n_pixels, rgb);
+            rectify_apply(rectify, scene->mosaics + light * scene->n_pixels, rgb, NULL);
             ret->rectify_ms = MIN(ret->rectify_ms, since_ms(start_us));
             const float *truth = scene->truth + light * scene->n_texels * 3;
             for (gsize i = 0; i < scene->n_texels * 3; i++) {
