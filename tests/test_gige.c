@@ -21,12 +21,12 @@ static void paint(const struct virtual_exposure *exposure, gpointer data, guint1
 
 static VirtualGige *painter(enum cfa cfa) {
     struct virtual_camera_options options = {.serial = "PAINTER",
-                                           .width = WIDTH,
-                                           .height = HEIGHT,
-                                           .bits = 12,
-                                           .cfa = cfa,
-                                           .black_level = 64,
-                                           .picture = paint};
+                                             .width = WIDTH,
+                                             .height = HEIGHT,
+                                             .bits = 12,
+                                             .cfa = cfa,
+                                             .black_level = 64,
+                                             .picture = paint};
     GError *error = NULL;
     VirtualGige *device = virtual_gige_new(&options, NULL, &error);
     g_assert_no_error(error);
