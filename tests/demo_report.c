@@ -6,6 +6,7 @@
 #include "daemon/devices.h"
 #include "demo_calibration.h"
 #include "demo_pictures.h"
+#include "processing/mdf_views.h"
 
 #include <locale.h>
 #include <math.h>
@@ -103,13 +104,16 @@ static int lasers_of_view(const struct report *report, const struct session_dire
     return n;
 }
 
-static void add_mdf_view(struct mdf_sums *sums, const float *measured, const float *truth,
-                         const guint8 *edge, const guint8 *seen, int n, double texel_mm) {
+/* What other views predict is not measured, so that it counts as nothing here. */
+static void add_mdf_view(struct mdf_sums *sums, const float *measured, const float *from,
+                         const float *truth, const guint8 *edge, const guint8 *seen, int n,
+                         double texel_mm) {
     for (int i = 0; i < n; i++) {
+        gboolean known = measured[i] >= 0 && (int)from[i] != MDF_PREDICTED;
         sums->texels++;
         sums->seen += seen[i] > 0;
-        sums->covered += seen[i] > 0 && measured[i] >= 0;
-        if (measured[i] < 0)
+        sums->covered += seen[i] > 0 && known;
+        if (!known)
             continue;
         const float error = fabsf(measured[i] - truth[i]);
         sums->squares_all += (double)error * error;
@@ -130,8 +134,9 @@ static void compare_mdf_view(struct report *report, guint v, const float *truth,
     for (int k = 0; k < report->n_kinds; k++) {
         const struct exr_part *part = exr_file_part(report->products[k].mdf, name);
         const float *measured = part ? exr_part_plane(part, "D") : NULL;
-        if (measured)
-            add_mdf_view(&report->products[k].sums, measured, truth, edge, seen,
+        const float *from = part ? exr_part_plane(part, "P") : NULL;
+        if (measured && from)
+            add_mdf_view(&report->products[k].sums, measured, from, truth, edge, seen,
                          report->grid.width * report->grid.height,
                          report->grid.width_mm / report->grid.width);
     }
