@@ -87,8 +87,9 @@ void lpca_free(struct lpca *lpca); /* NULL is ignored */
 
 /* Of a whole matrix of finite values, in memory or in a file; LPCA_FLOAT. Clusters that nothing
  * needs are left out: a constant material has one. Bytes do not depend on the number of threads.
- * Stages "reduce", "cluster", "polish", "weights", "check". With a target the clustering is made
- * for 1, 2, 4, … components until it is reached; if it cannot be, the error says how near it came.
+ * Stages "reduce", "cluster", "polish", "weights", now and then "check". With a target the
+ * clustering is made for 1, 2, 4, … components until it is reached; if it cannot be, the error says
+ * how near it came.
  *
  * With a team every rank calls this, btf->values being the rows of its part of the texels alone
  * (LPCA_TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;

@@ -307,7 +307,8 @@ static struct lpca *make(struct lpca_run *run, int n_components, GError **error)
                                    .k = run->options->n_clusters,
                                    .c = n_components};
     struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_polish(run, &reduced, error) : NULL;
-    if (lpca && !lpca_run_error(run, lpca, error))
+    /* Logarithms are not orthonormal in R, G, B. */
+    if (lpca && (lpca->colours == LPCA_LOG || lpca->error < 0) && !lpca_run_error(run, lpca, error))
         g_clear_pointer(&lpca, lpca_free);
     lpca_reduced_clear(&reduced);
     return lpca;

@@ -7,6 +7,7 @@
 #include "lpca_private.h"
 
 #define COLOURS 3
+#define CERTAIN 2e-5 /* of what means leave: less is not told from rounding */
 
 /* The run's texels of a block, cluster by cluster: those of cluster k are texels[starts[k]] … */
 struct groups {
@@ -20,7 +21,7 @@ struct polish {
     const struct lpca_reduced *reduced; /* NULL when its work is done */
     struct lpca *lpca;
     float *products; /* of the run's texels × c: with the axes in few dimensions */
-    double *sums;    /* error: two a block */
+    double *sums;    /* two a block: what is missing, and what there is */
 };
 
 static void group(const struct polish *polish, int block, struct groups *ret) {
@@ -124,6 +125,21 @@ static void finish_cluster(int k, gpointer data) {
                         TRUE);
 }
 
+/* Of n rows: what there is less the means, and with them. */
+static void add_extents(const struct polish *polish, const struct groups *groups, int view,
+                        const float *rows, double *sums) {
+    const gsize columns = (gsize)polish->run->columns;
+    for (int i = 0; i < groups->n; i++) {
+        const float *row = rows + (gsize)i * columns;
+        const float *mean = lpca_brdf(polish->lpca, polish->lpca->clusters[groups->texels[i]], 0) +
+                            (gsize)view * columns;
+        const int n = (int)columns;
+        const double rest = cblas_sdot(n, row, 1, row, 1), means = cblas_sdot(n, mean, 1, mean, 1);
+        sums[0] += rest;
+        sums[1] += rest + 2.0 * cblas_sdot(n, row, 1, mean, 1) + means;
+    }
+}
+
 /* Products of the rows less their cluster's mean with its eigen-BRDFs. */
 static void weigh_block(int block, gpointer data) {
     const struct polish *polish = data;
@@ -139,6 +155,7 @@ static void weigh_block(int block, gpointer data) {
     g_autofree float *weights = g_new0(float, groups.n *c);
     for (int view = 0; view < run->btf->n_views; view++) {
         gather(polish, &groups, view, lpca->brdfs, stride, buffer, rows);
+        add_extents(polish, &groups, view, rows, polish->sums + (gsize)(2 * block));
         for (int k = 0; k < lpca->n_clusters; k++) {
             const int first = groups.starts[k], n = groups.starts[k + 1] - first;
             if (n > 0)
@@ -255,21 +272,53 @@ static gboolean sum_views(struct polish *polish, GError **error) {
     return TRUE;
 }
 
+/* What weights hold of the rows, Σ 2 wᵀw − wᵀ(E Eᵀ)w: E is orthonormal but for its rounding. */
+static double held(const struct polish *polish) {
+    const struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components, d = polish->run->d;
+    g_autofree double *squares = covariances(polish);
+    double sum = 0;
+    for (int k = 0; k < lpca->n_clusters; k++)
+        for (int i = 0; i < c; i++)
+            for (int j = 0; j < c; j++) {
+                const double product =
+                    cblas_dsdot(d, lpca_brdf(lpca, k, i + 1), 1, lpca_brdf(lpca, k, j + 1), 1);
+                sum += squares[(k * c + i) * c + j] * ((i == j ? 2 : 0) - product);
+            }
+    return sum;
+}
+
+/* Saves reading everything once more; but where next to nothing is missing, that is not told from
+ * rounding. */
+static void sum_error(struct polish *polish) {
+    const struct lpca_run *run = polish->run;
+    double sums[2] = {0};
+    for (int i = 0; i < 2 * blocks(run); i++)
+        sums[i % 2] += polish->sums[i];
+    if (run->options->team)
+        run->options->team->sum_doubles(run->options->team, sums, 2);
+    const double missing = sums[0] - held(polish);
+    polish->lpca->error = missing > CERTAIN * sums[0] ? sqrt(missing / sums[1]) : -1;
+}
+
 struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
     struct polish polish = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
     polish.lpca->colours = run->options->colours;
     memcpy(polish.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
     polish.products = g_new(float, (gsize)(run->end - run->first) * (gsize)reduced->c + 1);
+    polish.sums = g_new0(double, 2 * blocks(run) + 1);
     lpca_parallel(run->options->n_threads, blocks(run), reduced_block, &polish);
     if (sum_views(&polish, error) &&
         lpca_run_blocks(run, "weights", blocks(run), weigh_block, &polish, error)) {
         turn(&polish);
+        sum_error(&polish);
         if (run->options->team)
             share_weights(&polish);
     } else {
         g_clear_pointer(&polish.lpca, lpca_free);
     }
     g_free(polish.products);
+    g_free(polish.sums);
     return polish.lpca;
 }
 

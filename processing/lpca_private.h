@@ -68,7 +68,7 @@ gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, LpcaBlo
                          gpointer data, GError **error);
 
 /* From a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of all
- * texels and their error. */
+ * texels and the error in the colours of the options; −1: to be found by lpca_run_error(). */
 struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
 
 /* lpca_error() of the run's texels and team. */

@@ -54,6 +54,22 @@ static void test_half_every(void) {
     }
 }
 
+/* Many at once are what each is by itself, to the bit, whatever is among them. */
+static void test_half_many(void) {
+    g_autofree guint16 *halves = g_new(guint16, 0x10000);
+    g_autofree float *many = g_new(float, 0x10000);
+    for (int step = 1; step < 12; step += 2) {
+        for (int i = 0; i < 0x10000; i++)
+            halves[i] = (guint16)(i * step);
+        exr_half_to_floats(many, halves, 0xfffb);
+        for (int i = 0; i < 0xfffb; i++) {
+            float alone;
+            exr_half_to_floats(&alone, &halves[i], 1);
+            g_assert_cmpmem(&alone, sizeof alone, &many[i], sizeof alone);
+        }
+    }
+}
+
 /* Between two neighbours: the nearer, at the middle the one whose last bit is 0. */
 static void test_half_rounding(void) {
     for (int i = 0; i < 0x7bff; i++) {
@@ -626,6 +642,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     folder = g_dir_make_tmp("mesorig-exr-XXXXXX", NULL);
     g_test_add_func("/exr/half/every", test_half_every);
+    g_test_add_func("/exr/half/many", test_half_many);
     g_test_add_func("/exr/half/rounding", test_half_rounding);
     g_test_add_func("/exr/half/limits", test_half_limits);
     g_test_add_func("/exr/round-trip", test_round_trip);
