@@ -293,6 +293,10 @@ static double held(const struct polish *polish) {
 static void sum_error(struct polish *polish) {
     const struct lpca_run *run = polish->run;
     double sums[2] = {0};
+    polish->lpca->error = -1;
+    /* The products of many axes with each other take longer than reading. */
+    if (polish->lpca->n_components > LPCA_MAX_COMPONENTS)
+        return;
     for (int i = 0; i < 2 * blocks(run); i++)
         sums[i % 2] += polish->sums[i];
     if (run->options->team)
