@@ -126,7 +126,7 @@ struct sample {
 
 /* Drawn, for a regular choice would follow the weave. In a team each reads what it has. */
 static int *draw_texels(const struct lpca_run *run, int n) {
-    int *texels = g_new(int, run->n);
+    int *texels = g_new0(int, run->n);
     GRand *random = g_rand_new_with_seed(SEED);
     for (int i = 0; i < run->n; i++)
         texels[i] = i;
