@@ -156,7 +156,8 @@ static gboolean render_frames(const struct view_options *o, struct studio *studi
 
 /* Something is needed to open. */
 static gboolean series_wait_first(const struct view_options *o, GError **error) {
-    g_autoptr(GArray) views = series_wait(o->rest[0], o->series[0], o->wait_s, error);
+    const char *session = o->rest != NULL ? o->rest[0] : "";
+    g_autoptr(GArray) views = series_wait(session, o->series[0], o->wait_s, error);
     return views != NULL;
 }
 
