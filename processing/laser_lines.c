@@ -11,8 +11,8 @@
 #define LEAST_FRAME  6     /* of a frame */
 #define BIWEIGHT     4.685 /* times the usual residual: what is further off does not count (Tukey) */
 #define ROUNDS       6
-#define MANY         4.0  /* standard errors: beyond them two disagree */
-#define OFF_SHARE    0.05 /* of frames */
+#define MANY         4.0 /* standard errors: beyond them two disagree */
+#define OFF_SHARE    0.5 /* of frames; a few show what the sample throws on its surround */
 /* What even a good calibration is not known better than, as a sheet is only nearly a plane that
  * turns evenly: 15 µm at half a metre; and for single frames, as axes step unevenly. */
 #define LEAST_KNOWN_RAD 3e-5

@@ -56,7 +56,7 @@ struct laser_lines {
     double roll_seen_rad, roll_error_rad;
     double scatter_mm;  /* of pixels from their lines, across the sheet */
     int frames_off;     /* that by themselves contradict the calibration */
-    gboolean disagrees; /* with the calibration: offset, roll or a twentieth of the frames */
+    gboolean disagrees; /* with the calibration: offset, roll or half of the frames */
 };
 
 /* n_frames: of the sweep. Without enough pixels that saw the line turn_rad is NULL. */
