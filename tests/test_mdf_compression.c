@@ -523,6 +523,7 @@ static void test_commands(void) {
 }
 
 int main(int argc, char **argv) {
+    g_setenv("LC_ALL", "C.UTF-8", TRUE); /* what commands say is compared */
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/mdf-compression/maps/enough", test_enough);
     g_test_add_func("/mdf-compression/maps/unseen", test_unseen);
