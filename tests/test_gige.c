@@ -1,4 +1,5 @@
 #include "gige_rig.h"
+#include "painted.h"
 
 #include <glib-unix.h>
 #include <glib/gstdio.h>
@@ -6,23 +7,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define WIDTH  66
-#define HEIGHT 34
-
-static guint16 value_at(int x, int y) {
-    return (guint16)((x * 61 + y * 1117 + x * y) & 0xfff);
-}
-
-static void paint(const struct virtual_exposure *exposure, gpointer data, guint16 *pixels) {
-    for (int y = 0; y < HEIGHT; y++)
-        for (int x = 0; x < WIDTH; x++)
-            *pixels++ = value_at(x, y);
-}
-
 static VirtualGige *painter(enum cfa cfa) {
     struct virtual_camera_options options = {.serial = "PAINTER",
-                                             .width = WIDTH,
-                                             .height = HEIGHT,
+                                             .width = PAINTED_WIDTH,
+                                             .height = PAINTED_HEIGHT,
                                              .bits = 12,
                                              .cfa = cfa,
                                              .black_level = 64,
@@ -31,17 +19,6 @@ static VirtualGige *painter(enum cfa cfa) {
     VirtualGige *device = virtual_gige_new(&options, NULL, &error);
     g_assert_no_error(error);
     return device;
-}
-
-static void assert_painted(const Frame *frame, int x0, int y0, int shift) {
-    for (int y = 0; y < frame->height; y++)
-        for (int x = 0; x < frame->width; x++) {
-            guint value = value_at(x + x0, y + y0);
-            guint expected =
-                frame->bits > 12 ? value << (frame->bits - 12) : value >> (12 - frame->bits);
-            g_assert_cmpuint(frame->pixels[y * frame->width + x], ==,
-                             MIN(expected + (guint)shift, (1u << frame->bits) - 1));
-        }
 }
 
 /* Every format of every phase, against pixels packed by other code than unpacks them. */

@@ -1,23 +1,11 @@
 /* USB3 Vision: the driver's camera looks through a virtual one on a USB that umockdev pretends. */
 #include "gige_rig.h"
+#include "painted.h"
 
 #include "sim/virtual/testbed.h"
 #include "sim/virtual/u3v.h"
 
 #include <string.h>
-
-#define WIDTH  66
-#define HEIGHT 34
-
-static guint16 value_at(int x, int y) {
-    return (guint16)((x * 61 + y * 1117 + x * y) & 0xfff);
-}
-
-static void paint(const struct virtual_exposure *exposure, gpointer data, guint16 *pixels) {
-    for (int y = 0; y < HEIGHT; y++)
-        for (int x = 0; x < WIDTH; x++)
-            *pixels++ = value_at(x, y);
-}
 
 static VirtualU3v *plug_in(const char *serial, int port, int width, int height, enum cfa cfa) {
     struct virtual_camera_options options = {.serial = serial,
@@ -26,7 +14,7 @@ static VirtualU3v *plug_in(const char *serial, int port, int width, int height, 
                                              .bits = 12,
                                              .cfa = cfa,
                                              .black_level = 64,
-                                             .picture = width == WIDTH ? paint : NULL};
+                                             .picture = width == PAINTED_WIDTH ? paint : NULL};
     return virtual_u3v_new(&options, port);
 }
 
@@ -41,17 +29,6 @@ static VirtualU3v *begin(struct eye *eye, const char *keys) {
     return device;
 }
 
-static void assert_painted(const Frame *frame, int x0, int y0, int shift) {
-    for (int y = 0; y < frame->height; y++)
-        for (int x = 0; x < frame->width; x++) {
-            guint value = value_at(x + x0, y + y0);
-            guint expected =
-                frame->bits > 12 ? value << (frame->bits - 12) : value >> (12 - frame->bits);
-            g_assert_cmpuint(frame->pixels[y * frame->width + x], ==,
-                             MIN(expected + (guint)shift, (1u << frame->bits) - 1));
-        }
-}
-
 /* Every phase of every filter array, packed and plain. */
 static void formats(void) {
     static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
@@ -60,7 +37,8 @@ static void formats(void) {
         int bits;
     } depths[] = {{"8", 8}, {"12p", 12}};
     for (int cfa = CFA_MONO; cfa <= CFA_GBRG; cfa++) {
-        g_autoptr(VirtualU3v) device = plug_in("PAINTER", 1, WIDTH, HEIGHT, (enum cfa)cfa);
+        g_autoptr(VirtualU3v) device =
+            plug_in("PAINTER", 1, PAINTED_WIDTH, PAINTED_HEIGHT, (enum cfa)cfa);
         for (gsize i = 0; i < G_N_ELEMENTS(depths); i++) {
             struct eye eye = {.where = "PAINTER"};
             g_autofree char *key =
@@ -79,7 +57,7 @@ static void formats(void) {
 }
 
 static void settings(void) {
-    g_autoptr(VirtualU3v) device = plug_in("PAINTER", 1, WIDTH, HEIGHT, CFA_GRBG);
+    g_autoptr(VirtualU3v) device = plug_in("PAINTER", 1, PAINTED_WIDTH, PAINTED_HEIGHT, CFA_GRBG);
     struct eye eye = {.where = "PAINTER"};
     struct virtual_camera_state state;
     struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
