@@ -1,7 +1,6 @@
 #include "direction_cube.h"
 
 #include "cube_map.h"
-#include "gpu.h"
 
 #include <epoxy/gl.h>
 
@@ -29,32 +28,9 @@ static void fill_weights(struct vec3 d, gpointer data, float ret[4]) {
         ret[k] = faded * w.weight[k];
 }
 
-struct direction_cube direction_cube_new(Directions *directions, gboolean fade) {
+struct direction_textures direction_cube_new(Directions *directions, gboolean fade) {
     struct filling filling = {directions, fade};
-    return (struct direction_cube){cube_map_new(SIZE, FALSE, fill_indices, &filling),
-                                   cube_map_new(SIZE, FALSE, fill_weights, &filling)};
-}
-
-void direction_cube_clear(struct direction_cube *cube) {
-    const GLuint textures[] = {cube->indices, cube->weights};
-    glDeleteTextures(G_N_ELEMENTS(textures), textures);
-    *cube = (struct direction_cube){0};
-}
-
-gint64 direction_cube_bytes(const struct direction_cube *cube) {
-    return gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, cube->indices) +
-           gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, cube->weights);
-}
-
-static void bind(guint program, const char *name, const char *which, int unit, guint texture) {
-    g_autofree char *uniform = g_strconcat(name, which, NULL);
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(GL_TEXTURE_CUBE_MAP, texture);
-    glUniform1i(glGetUniformLocation(program, uniform), unit);
-}
-
-void direction_cube_bind(const struct direction_cube *cube, guint program, const char *name,
-                         int unit) {
-    bind(program, name, "_indices", unit, cube->indices);
-    bind(program, name, "_weights", unit + 1, cube->weights);
+    return (struct direction_textures){GL_TEXTURE_CUBE_MAP,
+                                       cube_map_new(SIZE, FALSE, fill_indices, &filling),
+                                       cube_map_new(SIZE, FALSE, fill_weights, &filling)};
 }

@@ -6,18 +6,8 @@
  */
 #pragma once
 
+#include "direction_textures.h"
 #include "directions.h"
 
-struct direction_cube {
-    guint indices, weights; /* textures; indices as 1/65535 */
-};
-
-/* directions: triangulated. fade: as direction_table_new(). */
-struct direction_cube direction_cube_new(Directions *directions, gboolean fade);
-void direction_cube_clear(struct direction_cube *cube);
-
-gint64 direction_cube_bytes(const struct direction_cube *cube);
-
-/* To texture units unit and unit + 1 of a program in use, as NAME_indices and NAME_weights. */
-void direction_cube_bind(const struct direction_cube *cube, guint program, const char *name,
-                         int unit);
+/* directions: triangulated. fade: as direction_table_new(). Indices are held as 1/65535. */
+struct direction_textures direction_cube_new(Directions *directions, gboolean fade);

@@ -6,7 +6,7 @@
 
 #define SIZE 512
 
-struct direction_table direction_table_new(Directions *directions, gboolean fade) {
+struct direction_textures direction_table_new(Directions *directions, gboolean fade) {
     g_autofree guint16 *indices = g_new(guint16, 4 * SIZE * SIZE);
     g_autofree float *weights = g_new(float, 4 * SIZE * SIZE);
     const double step = 2.0 / SIZE;
@@ -23,7 +23,7 @@ struct direction_table direction_table_new(Directions *directions, gboolean fade
                 weights[at + k] = faded * w.weight[k];
             }
         }
-    struct direction_table table;
+    struct direction_textures table = {.target = GL_TEXTURE_2D};
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     table.indices = gpu_texture(GL_RGBA16UI, SIZE, SIZE, 0);
     glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, SIZE, SIZE, GL_RGBA_INTEGER, GL_UNSIGNED_SHORT,
@@ -31,30 +31,6 @@ struct direction_table direction_table_new(Directions *directions, gboolean fade
     table.weights = gpu_texture(GL_RGBA16, SIZE, SIZE, 0);
     glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, SIZE, SIZE, GL_RGBA, GL_FLOAT, weights);
     return table;
-}
-
-void direction_table_clear(struct direction_table *table) {
-    const GLuint textures[] = {table->indices, table->weights};
-    glDeleteTextures(G_N_ELEMENTS(textures), textures);
-    *table = (struct direction_table){0};
-}
-
-gint64 direction_table_bytes(const struct direction_table *table) {
-    return gpu_texture_bytes(GL_TEXTURE_2D, table->indices) +
-           gpu_texture_bytes(GL_TEXTURE_2D, table->weights);
-}
-
-static void bind(guint program, const char *name, const char *which, int unit, guint texture) {
-    g_autofree char *uniform = g_strconcat(name, which, NULL);
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(GL_TEXTURE_2D, texture);
-    glUniform1i(glGetUniformLocation(program, uniform), unit);
-}
-
-void direction_table_bind(const struct direction_table *table, guint program, const char *name,
-                          int unit) {
-    bind(program, name, "_indices", unit, table->indices);
-    bind(program, name, "_weights", unit + 1, table->weights);
 }
 
 void direction_table_pole_shares(const Directions *directions, float *ret_shares, int n) {

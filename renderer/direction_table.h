@@ -5,23 +5,13 @@
  */
 #pragma once
 
+#include "direction_textures.h"
 #include "directions.h"
-
-struct direction_table {
-    guint indices, weights; /* textures, a cell for a piece of the hemisphere */
-};
 
 /* fade: the weights fall to 0 at the horizon, as reflectance under a light does; see
  * directions_fade(). The index of the pole is that of the directions' number, see
  * directions_pole(). */
-struct direction_table direction_table_new(Directions *directions, gboolean fade);
-void direction_table_clear(struct direction_table *table);
-
-gint64 direction_table_bytes(const struct direction_table *table);
-
-/* To texture units unit and unit + 1 of a program in use, as NAME_indices and NAME_weights. */
-void direction_table_bind(const struct direction_table *table, guint program, const char *name,
-                          int unit);
+struct direction_textures direction_table_new(Directions *directions, gboolean fade);
 
 /* shares: of each of n directions in the mean that is the pole; 0 without a pole. */
 void direction_table_pole_shares(const Directions *directions, float *ret_shares, int n);

@@ -16,7 +16,7 @@ struct EigenmapsView {
     int n_terms, n_layers; /* layers a term */
     gboolean refined;      /* level 0 is twice as fine as the material */
     guint maps, view_weights;
-    struct direction_table lights;
+    struct direction_textures lights;
 };
 
 static gboolean check(const struct eigenmaps *maps, GError **error) {
@@ -251,7 +251,7 @@ void eigenmaps_view_free(EigenmapsView *view) {
     if (view == NULL)
         return;
     const GLuint textures[] = {view->maps, view->view_weights};
-    direction_table_clear(&view->lights);
+    direction_textures_clear(&view->lights);
     glDeleteTextures(G_N_ELEMENTS(textures), textures);
     g_free(view);
 }
@@ -265,7 +265,7 @@ static void bind(guint program, const char *name, int unit, guint texture) {
 static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const EigenmapsView *view = material;
     bind(program, "view_weights", 1, view->view_weights);
-    direction_table_bind(&view->lights, program, "light", 2);
+    direction_textures_bind(&view->lights, program, "light", 2);
     bind(program, "maps", 0, view->maps);
     glActiveTexture(GL_TEXTURE0);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL,
@@ -282,7 +282,7 @@ static gint64 bytes(gconstpointer material) {
     const EigenmapsView *view = material;
     return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->maps) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->view_weights) +
-           direction_table_bytes(&view->lights);
+           direction_textures_bytes(&view->lights);
 }
 
 static gpointer open_file(const char *path, GError **error) {

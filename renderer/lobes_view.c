@@ -15,7 +15,7 @@
 
 struct LobesView {
     guint values, ambients, pole; /* textures */
-    struct direction_table views;
+    struct direction_textures views;
     int n_pages, n_slices, n_lobes;
 };
 
@@ -172,7 +172,7 @@ void lobes_view_free(LobesView *view) {
         return;
     const GLuint textures[] = {view->values, view->ambients, view->pole};
     glDeleteTextures(G_N_ELEMENTS(textures), textures);
-    direction_table_clear(&view->views);
+    direction_textures_clear(&view->views);
     g_free(view);
 }
 
@@ -186,7 +186,7 @@ static gint64 bytes(gconstpointer material) {
     const LobesView *view = material;
     return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->values) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->ambients) +
-           gpu_texture_bytes(GL_TEXTURE_2D, view->pole) + direction_table_bytes(&view->views);
+           gpu_texture_bytes(GL_TEXTURE_2D, view->pole) + direction_textures_bytes(&view->views);
 }
 
 static void bind_all(gpointer material, guint program, const struct method_style *style) {
@@ -194,7 +194,7 @@ static void bind_all(gpointer material, guint program, const struct method_style
     bind(program, "values", 0, GL_TEXTURE_2D_ARRAY, view->values);
     bind(program, "ambients", 1, GL_TEXTURE_2D_ARRAY, view->ambients);
     bind(program, "pole", 2, GL_TEXTURE_2D, view->pole);
-    direction_table_bind(&view->views, program, "view", 3);
+    direction_textures_bind(&view->views, program, "view", 3);
     glUniform1i(glGetUniformLocation(program, "n_pages"), view->n_pages);
     glUniform1i(glGetUniformLocation(program, "n_slices"), view->n_slices);
     glUniform1i(glGetUniformLocation(program, "n_lobes"), view->n_lobes);

@@ -13,7 +13,7 @@ struct LpcaView {
                                 components */
     guint brdfs;
     int ambient_column;
-    struct direction_cube views, lights;
+    struct direction_textures views, lights;
 };
 
 /* Adds one component of one view to a row: the lights as measured, the sky. */
@@ -83,8 +83,8 @@ void lpca_view_free(LpcaView *view) {
         return;
     glDeleteTextures(1, &view->brdfs);
     lpca_texels_clear(&view->texels);
-    direction_cube_clear(&view->views);
-    direction_cube_clear(&view->lights);
+    direction_textures_clear(&view->views);
+    direction_textures_clear(&view->lights);
     g_free(view);
 }
 
@@ -95,8 +95,8 @@ static void set_int(guint program, const char *name, int value) {
 static void bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaView *view = material;
     lpca_texels_bind(&view->texels, program);
-    direction_cube_bind(&view->views, program, "view", 3);
-    direction_cube_bind(&view->lights, program, "light", 5);
+    direction_textures_bind(&view->views, program, "view", 3);
+    direction_textures_bind(&view->lights, program, "light", 5);
     glActiveTexture(GL_TEXTURE0);
     glBindTexture(GL_TEXTURE_2D_ARRAY, view->brdfs);
     set_int(program, "brdfs", 0);
@@ -112,8 +112,8 @@ static char *constants(gconstpointer material, const struct method_style *style)
 
 static gint64 bytes(gconstpointer material) {
     const LpcaView *view = material;
-    return lpca_texels_bytes(&view->texels) + direction_cube_bytes(&view->views) +
-           direction_cube_bytes(&view->lights) +
+    return lpca_texels_bytes(&view->texels) + direction_textures_bytes(&view->views) +
+           direction_textures_bytes(&view->lights) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->brdfs);
 }
 

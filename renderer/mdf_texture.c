@@ -10,11 +10,11 @@
 #define MAPS_A_LAYER  4
 
 struct MdfTexture {
-    guint depths;                 /* a layer a view, and one for the pole; or four maps a layer */
-    struct direction_table views; /* none of maps */
-    guint factors;                /* weights of maps by direction, the constants last */
-    int n_terms;                  /* 0: views */
-    double scale_mm, least_mm;    /* of what views hold */
+    guint depths; /* a layer a view, and one for the pole; or four maps a layer */
+    struct direction_textures views; /* none of maps */
+    guint factors;                   /* weights of maps by direction, the constants last */
+    int n_terms;                     /* 0: views */
+    double scale_mm, least_mm;       /* of what views hold */
     double width_mm, height_mm, deepest_mm;
 };
 
@@ -108,6 +108,7 @@ static MdfTexture *new_views(const struct mdf_table *t, gboolean in_blocks,
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
+    texture->views.target = GL_TEXTURE_2D; /* of maps, too, which bind none */
     texture->width_mm = t->width * t->texel_mm;
     texture->height_mm = t->height * t->texel_mm;
     texture->deepest_mm = t->deepest_mm;
@@ -216,6 +217,7 @@ MdfTexture *mdf_texture_new_factors(const struct mdf_factors *f, GError **error)
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
+    texture->views.target = GL_TEXTURE_2D; /* of maps, too, which bind none */
     texture->width_mm = f->width * f->texel_mm;
     texture->height_mm = f->height * f->texel_mm;
     texture->deepest_mm = f->deepest_mm;
@@ -233,7 +235,7 @@ void mdf_texture_free(MdfTexture *texture) {
         return;
     glDeleteTextures(1, &texture->depths);
     glDeleteTextures(1, &texture->factors);
-    direction_table_clear(&texture->views);
+    direction_textures_clear(&texture->views);
     g_free(texture);
 }
 
@@ -245,14 +247,14 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
     return texture == NULL ? 0
                            : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +
                                  gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->factors) +
-                                 direction_table_bytes(&texture->views);
+                                 direction_textures_bytes(&texture->views);
 }
 
 void mdf_texture_bind(const MdfTexture *texture, guint program) {
     glActiveTexture(GL_TEXTURE0 + MDF_TEXTURE_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
     glUniform1i(glGetUniformLocation(program, "mdf_depths"), MDF_TEXTURE_UNIT);
-    direction_table_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
+    direction_textures_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
     glActiveTexture(GL_TEXTURE0 + MDF_FACTORS_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, texture->factors);
     glUniform1i(glGetUniformLocation(program, "mdf_factors"), MDF_FACTORS_UNIT);
