@@ -1,39 +1,10 @@
-#include "bus.h"
-
 #include "bus_devices.h"
 #include "bus_errors.h"
-#include "capture.h"
-#include "follower.h"
+#include "bus_private.h"
 #include "report.h"
-#include "rig1-bus.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
-
-#define THUMBNAIL_INTERVAL_US (1 * G_USEC_PER_SEC)
-
-struct Bus {
-    BusRig1 *object;
-    char *address;
-    struct devices *devices; /* NULL: closed */
-    char *rig_path;
-    gboolean holds_clock;
-    Capture *capture; /* NULL: nothing under way, not even paused */
-    char *directory;  /* of the session that is or was captured */
-    Follower *follower;
-    GHashTable *faults;       /* device name to message */
-    gint64 started_us;        /* real time */
-    double started_elapsed_s; /* on the rig's clock */
-    double thumbnail_time_s[RIG_MAX_CAMERAS];
-    gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
-    struct capture_thumbnail kept[RIG_MAX_CAMERAS]; /* the last of a capture that has ended */
-    guint end_id; /* the idle call that lets go of a capture that has ended */
-    BusFunc func;
-    gpointer data;
-    GDBusConnection *client; /* who runs this; only compared */
-    BusFunc client_gone;
-    gpointer client_data;
-};
 
 static const char *const state_names[] = {
     [CAPTURE_HOMING] = "homing", [CAPTURE_RUNNING] = "running", [CAPTURE_PAUSING] = "pausing",
@@ -85,43 +56,11 @@ static void show_devices(Bus *bus) {
     bus_rig1_set_devices(bus->object, bus_devices(bus->devices, bus->faults));
 }
 
-static void show_thumbnails(Bus *bus) {
-    const gint64 now_us = g_get_monotonic_time();
-    for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
-        if (now_us < bus->thumbnail_sent_us[i] + THUMBNAIL_INTERVAL_US)
-            continue; /* before it is made, which costs most */
-        const struct capture_thumbnail *thumbnail = capture_thumbnail(bus->capture, i);
-        if (!thumbnail || thumbnail->time_s == bus->thumbnail_time_s[i])
-            continue;
-        bus->thumbnail_time_s[i] = thumbnail->time_s;
-        bus->thumbnail_sent_us[i] = now_us;
-        bus_rig1_emit_thumbnail_changed(bus->object, bus->devices->geometry.cameras[i].name);
-    }
-}
-
 static void remove_control(Bus *bus) {
     if (!bus->directory)
         return;
     g_autofree char *path = g_build_filename(bus->directory, BUS_CONTROL, NULL);
     g_unlink(path);
-}
-
-static void drop_thumbnails(Bus *bus) {
-    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
-        g_free(bus->kept[i].rgb);
-        bus->kept[i] = (struct capture_thumbnail){0};
-    }
-}
-
-static void keep_thumbnails(Bus *bus) {
-    drop_thumbnails(bus);
-    for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
-        const struct capture_thumbnail *last = capture_thumbnail(bus->capture, i);
-        if (!last)
-            continue;
-        bus->kept[i] = *last;
-        bus->kept[i].rgb = g_memdup2(last->rgb, (gsize)last->width * (gsize)last->height * 3);
-    }
 }
 
 static void end_capture(Bus *bus) {
@@ -130,7 +69,7 @@ static void end_capture(Bus *bus) {
     bus->end_id = 0;
     if (bus->capture) {
         remove_control(bus);
-        keep_thumbnails(bus);
+        bus_keep_thumbnails(bus);
     }
     g_clear_pointer(&bus->capture, capture_free);
 }
@@ -154,19 +93,19 @@ static void changed(Capture *capture, gpointer data) {
     capture_get_status(capture, &status);
     show_status(bus, &status);
     show_devices(bus);
-    show_thumbnails(bus);
+    bus_show_thumbnails(bus);
     if (status.state >= CAPTURE_DONE && !bus->end_id)
         bus->end_id = g_idle_add(end_capture_idle, bus);
     tell(bus);
 }
 
-static gboolean need_rig(Bus *bus, GError **error) {
+gboolean bus_need_rig(Bus *bus, GError **error) {
     if (!bus->devices)
         g_set_error(error, BUS_ERROR, BUS_ERROR_NO_RIG, "no rig is open: call OpenRig first");
     return bus->devices != NULL;
 }
 
-static gboolean need_capture(Bus *bus, GError **error) {
+gboolean bus_need_capture(Bus *bus, GError **error) {
     if (!bus->capture)
         g_set_error(error, BUS_ERROR, BUS_ERROR_NO_SESSION, "nothing is being captured");
     return bus->capture != NULL;
@@ -224,10 +163,10 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     return TRUE;
 }
 
-static void close_rig(Bus *bus) {
+void bus_close_rig(Bus *bus) {
     g_clear_pointer(&bus->follower, follower_free);
     end_capture(bus);
-    drop_thumbnails(bus);
+    bus_drop_thumbnails(bus);
     hold_clock(bus, FALSE);
     g_clear_pointer(&bus->devices, devices_close);
     g_clear_pointer(&bus->rig_path, g_free);
@@ -236,10 +175,9 @@ static void close_rig(Bus *bus) {
     show_nothing(bus);
 }
 
-static GVariant *validate(Bus *bus, const char *session_path, const char *directory,
-                          GError **error) {
+GVariant *bus_validate(Bus *bus, const char *session_path, const char *directory, GError **error) {
     struct session_conf conf = {0};
-    if (!need_rig(bus, error) || !need_absolute(session_path, error) ||
+    if (!bus_need_rig(bus, error) || !need_absolute(session_path, error) ||
         (*directory && !need_absolute(directory, error)) ||
         !session_conf_load(&conf, session_path, error))
         return NULL;
@@ -325,7 +263,7 @@ static void begin(Bus *bus, Capture *capture, const char *directory, gboolean pr
     bus->directory = g_strdup(directory);
     bus->capture = capture;
     hold_clock(bus, FALSE);
-    drop_thumbnails(bus);
+    bus_drop_thumbnails(bus);
     capture_get_status(capture, &status);
     bus->started_us = g_get_monotonic_time();
     bus->started_elapsed_s = status.elapsed_s;
@@ -338,13 +276,13 @@ static void begin(Bus *bus, Capture *capture, const char *directory, gboolean pr
     changed(capture, bus);
 }
 
-static gboolean start(Bus *bus, const char *session_path, const char *directory, GVariant *options,
-                      GError **error) {
+gboolean bus_start(Bus *bus, const char *session_path, const char *directory, GVariant *options,
+                   GError **error) {
     const struct capture_callbacks callbacks = {changed, event, bus};
     struct session_conf conf = {0};
     struct start_options chosen;
     const gboolean begins = session_path != NULL;
-    if (!need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error))
+    if (!bus_need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error))
         return FALSE;
     const gboolean good = check_options(options, &chosen, error);
     g_autofree char *calibration = chosen.calibration;
@@ -370,8 +308,8 @@ static gboolean start(Bus *bus, const char *session_path, const char *directory,
     return capture != NULL;
 }
 
-static gboolean make_safe(Bus *bus, GError **error) {
-    if (!need_rig(bus, error))
+gboolean bus_make_safe(Bus *bus, GError **error) {
+    if (!bus_need_rig(bus, error))
         return FALSE;
     hold_clock(bus, FALSE);
     if (bus->capture)
@@ -381,176 +319,14 @@ static gboolean make_safe(Bus *bus, GError **error) {
     return ok;
 }
 
-static int find_camera(Bus *bus, const char *name, GError **error) {
-    g_autoptr(GString) names = g_string_new(NULL);
-    for (int i = 0; i < bus->devices->geometry.n_cameras; i++) {
-        if (strcmp(bus->devices->geometry.cameras[i].name, name) == 0)
-            return i;
-        g_string_append_printf(names, "%s%s", i ? ", " : "",
-                               bus->devices->geometry.cameras[i].name);
-    }
-    g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN, "no camera “%s”: there are %s", name,
-                names->str);
-    return -1;
-}
-
-static const struct capture_thumbnail *thumbnail(Bus *bus, const char *camera, GError **error) {
-    const int index = need_rig(bus, error) ? find_camera(bus, camera, error) : -1;
-    if (index >= 0 && !bus->capture && bus->kept[index].rgb)
-        return &bus->kept[index];
-    if (index < 0 || !need_capture(bus, error))
-        return NULL;
-    const struct capture_thumbnail *found = capture_thumbnail(bus->capture, index);
-    if (!found)
-        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_PICTURE, "%s has not taken a picture yet",
-                    camera);
-    return found;
-}
-
-/* What a handler does when it has failed: answers with the error. What has changed is told before a
- * call is answered: who asks must not find the state of before. */
-static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
-    g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
-    return TRUE;
-}
-
-static void claim(Bus *bus, GDBusMethodInvocation *invocation) {
-    if (!bus->client)
-        bus->client = g_dbus_method_invocation_get_connection(invocation);
-}
-
-static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, const char *path,
-                            Bus *bus) {
-    GError *error = NULL;
-    claim(bus, invocation);
-    if (!bus_open_rig(bus, path, &error))
-        return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
-    bus_rig1_complete_open_rig(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
-    GError *error = NULL;
-    if (!need_rig(bus, &error))
-        return refuse(invocation, error);
-    close_rig(bus);
-    bus_rig1_complete_close_rig(object, invocation);
-    return TRUE;
-}
-
-/* What is wrong with a session is the answer; what is wrong with the call is an error. */
-static gboolean on_validate(BusRig1 *object, GDBusMethodInvocation *invocation,
-                            const char *session_path, const char *directory, Bus *bus) {
-    GError *error = NULL;
-    GVariant *report = validate(bus, session_path, directory, &error);
-    if (!report && error->domain == BUS_ERROR)
-        return refuse(invocation, error);
-    g_autofree char *text = report ? report_text(report) : g_strdup(error->message);
-    bus_rig1_complete_validate(object, invocation, report != NULL, text,
-                               report ? report : g_variant_new("a{sv}", NULL));
-    g_clear_pointer(&report, g_variant_unref);
-    g_clear_error(&error);
-    return TRUE;
-}
-
-static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
-                         const char *session_path, const char *directory, GVariant *options,
-                         Bus *bus) {
-    GError *error = NULL;
-    claim(bus, invocation);
-    if (!start(bus, session_path, directory, options, &error))
-        return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
-    bus_rig1_complete_start(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, const char *directory,
-                          GVariant *options, Bus *bus) {
-    GError *error = NULL;
-    claim(bus, invocation);
-    if (!start(bus, NULL, directory, options, &error))
-        return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
-    bus_rig1_complete_resume(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
-    GError *error = NULL;
-    if (!need_capture(bus, &error))
-        return refuse(invocation, error);
-    capture_pause(bus->capture);
-    bus_rig1_complete_pause(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
-    GError *error = NULL;
-    if (!need_capture(bus, &error))
-        return refuse(invocation, error);
-    if (!capture_continue(bus->capture, &error))
-        return refuse(invocation, error);
-    g_hash_table_remove_all(bus->faults);
-    bus_rig1_complete_continue(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
-    GError *error = NULL;
-    if (!need_capture(bus, &error))
-        return refuse(invocation, error);
-    capture_abort(bus->capture);
-    bus_rig1_complete_abort(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_safe_state(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
-    GError *error = NULL;
-    if (!make_safe(bus, &error))
-        return refuse(invocation, error);
-    bus_rig1_complete_safe_state(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocation,
-                                 const char *camera, Bus *bus) {
-    GError *error = NULL;
-    const struct capture_thumbnail *found = thumbnail(bus, camera, &error);
-    if (!found)
-        return refuse(invocation, error);
-    GVariant *rgb = g_variant_new_fixed_array(G_VARIANT_TYPE_BYTE, found->rgb,
-                                              (gsize)found->width * found->height * 3, 1);
-    bus_rig1_complete_get_thumbnail(object, invocation, (guint)found->width, (guint)found->height,
-                                    rgb, found->time_s);
-    return TRUE;
-}
-
 Bus *bus_new(const char *address) {
     Bus *bus = g_new0(Bus, 1);
-    const struct {
-        const char *signal;
-        GCallback handler;
-    } handlers[] = {
-        {"handle-open-rig", G_CALLBACK(on_open_rig)},
-        {"handle-close-rig", G_CALLBACK(on_close_rig)},
-        {"handle-validate", G_CALLBACK(on_validate)},
-        {"handle-start", G_CALLBACK(on_start)},
-        {"handle-resume", G_CALLBACK(on_resume)},
-        {"handle-pause", G_CALLBACK(on_pause)},
-        {"handle-continue", G_CALLBACK(on_continue)},
-        {"handle-abort", G_CALLBACK(on_abort)},
-        {"handle-safe-state", G_CALLBACK(on_safe_state)},
-        {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
-    };
     bus_errors_register();
     bus->object = bus_rig1_skeleton_new();
     g_object_set_data(G_OBJECT(bus->object), "bus", bus);
     bus->address = g_strdup(address);
     bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
-    for (gsize i = 0; i < G_N_ELEMENTS(handlers); i++)
-        g_signal_connect(bus->object, handlers[i].signal, handlers[i].handler, bus);
+    bus_answer_calls(bus);
     show_nothing(bus);
     return bus;
 }
@@ -574,7 +350,7 @@ void bus_free(Bus *bus) {
     if (!bus)
         return;
     bus->func = NULL;
-    close_rig(bus);
+    bus_close_rig(bus);
     unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
     g_object_set_data(G_OBJECT(bus->object), "bus", NULL);
     g_object_unref(bus->object);

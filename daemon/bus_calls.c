@@ -1,0 +1,143 @@
+#include "bus_errors.h"
+#include "bus_private.h"
+#include "report.h"
+
+/* What a handler does when it has failed: answers with the error. What has changed is told before a
+ * call is answered: who asks must not find the state of before. */
+static gboolean refuse(GDBusMethodInvocation *invocation, GError *error) {
+    g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
+    return TRUE;
+}
+
+static void claim(Bus *bus, GDBusMethodInvocation *invocation) {
+    if (!bus->client)
+        bus->client = g_dbus_method_invocation_get_connection(invocation);
+}
+
+static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, const char *path,
+                            Bus *bus) {
+    GError *error = NULL;
+    claim(bus, invocation);
+    if (!bus_open_rig(bus, path, &error))
+        return refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_open_rig(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_need_rig(bus, &error))
+        return refuse(invocation, error);
+    bus_close_rig(bus);
+    bus_rig1_complete_close_rig(object, invocation);
+    return TRUE;
+}
+
+/* What is wrong with a session is the answer; what is wrong with the call is an error. */
+static gboolean on_validate(BusRig1 *object, GDBusMethodInvocation *invocation,
+                            const char *session_path, const char *directory, Bus *bus) {
+    GError *error = NULL;
+    GVariant *report = bus_validate(bus, session_path, directory, &error);
+    if (!report && error->domain == BUS_ERROR)
+        return refuse(invocation, error);
+    g_autofree char *text = report ? report_text(report) : g_strdup(error->message);
+    bus_rig1_complete_validate(object, invocation, report != NULL, text,
+                               report ? report : g_variant_new("a{sv}", NULL));
+    g_clear_pointer(&report, g_variant_unref);
+    g_clear_error(&error);
+    return TRUE;
+}
+
+static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
+                         const char *session_path, const char *directory, GVariant *options,
+                         Bus *bus) {
+    GError *error = NULL;
+    claim(bus, invocation);
+    if (!bus_start(bus, session_path, directory, options, &error))
+        return refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_start(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, const char *directory,
+                          GVariant *options, Bus *bus) {
+    GError *error = NULL;
+    claim(bus, invocation);
+    if (!bus_start(bus, NULL, directory, options, &error))
+        return refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_resume(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_need_capture(bus, &error))
+        return refuse(invocation, error);
+    capture_pause(bus->capture);
+    bus_rig1_complete_pause(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_need_capture(bus, &error))
+        return refuse(invocation, error);
+    if (!capture_continue(bus->capture, &error))
+        return refuse(invocation, error);
+    g_hash_table_remove_all(bus->faults);
+    bus_rig1_complete_continue(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_need_capture(bus, &error))
+        return refuse(invocation, error);
+    capture_abort(bus->capture);
+    bus_rig1_complete_abort(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_safe_state(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_make_safe(bus, &error))
+        return refuse(invocation, error);
+    bus_rig1_complete_safe_state(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocation,
+                                 const char *camera, Bus *bus) {
+    GError *error = NULL;
+    const struct capture_thumbnail *found = bus_thumbnail(bus, camera, &error);
+    if (!found)
+        return refuse(invocation, error);
+    GVariant *rgb = g_variant_new_fixed_array(G_VARIANT_TYPE_BYTE, found->rgb,
+                                              (gsize)found->width * found->height * 3, 1);
+    bus_rig1_complete_get_thumbnail(object, invocation, (guint)found->width, (guint)found->height,
+                                    rgb, found->time_s);
+    return TRUE;
+}
+
+void bus_answer_calls(Bus *bus) {
+    const struct {
+        const char *signal;
+        GCallback handler;
+    } handlers[] = {
+        {"handle-open-rig", G_CALLBACK(on_open_rig)},
+        {"handle-close-rig", G_CALLBACK(on_close_rig)},
+        {"handle-validate", G_CALLBACK(on_validate)},
+        {"handle-start", G_CALLBACK(on_start)},
+        {"handle-resume", G_CALLBACK(on_resume)},
+        {"handle-pause", G_CALLBACK(on_pause)},
+        {"handle-continue", G_CALLBACK(on_continue)},
+        {"handle-abort", G_CALLBACK(on_abort)},
+        {"handle-safe-state", G_CALLBACK(on_safe_state)},
+        {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(handlers); i++)
+        g_signal_connect(bus->object, handlers[i].signal, handlers[i].handler, bus);
+}
