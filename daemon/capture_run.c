@@ -370,7 +370,9 @@ static void on_frame(const struct session_shot *shot, int camera, int sub, Frame
     double time_s = session_clock_s(capture, frame->exposure_end_us);
     intake_frame(capture->intake, shot, camera, sub, frame, retakes, time_s);
     capture->frames++;
-    if (shot->kind != SHOT_DARK && (shot->kind != SHOT_SWEEP || sub < shot->sweep_steps)) {
+    if (shot->kind != SHOT_DARK &&
+        (shot->kind != SHOT_SWEEP ||
+         intake_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
         struct view *view = &capture->views[camera];
         frame_unref(view->frame);
         view->frame = frame_ref(frame);

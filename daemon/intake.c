@@ -42,7 +42,7 @@ struct lane {
     int n_frames;
     Frame *bracket[PLAN_MAX_BRACKET];
     guint32 *sums;
-    Sweep *sweep;
+    Sweep *sweep, *short_sweep;
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
     struct dark_level darks[MAX_DARKS];
@@ -96,13 +96,28 @@ static int dark_exposures(const struct session_conf *conf, gint64 ret[MAX_DARKS]
     return n;
 }
 
+/* Frames at each step, the shortest exposure first. */
+static int frames_a_step(const struct session_conf *conf) {
+    return conf->laser_short_us > 0 ? 2 : 1;
+}
+
+int intake_sweep_step(const struct session_conf *conf, const struct session_shot *shot, int sub) {
+    return MIN(sub / frames_a_step(conf), shot->sweep_steps);
+}
+
+static gboolean is_short(const struct session_conf *conf, const struct session_shot *shot,
+                         int sub) {
+    return conf->laser_short_us > 0 && sub % 2 == 0 &&
+           intake_sweep_step(conf, shot, sub) < shot->sweep_steps;
+}
+
 int intake_n_frames(const struct session_conf *conf, const struct session_shot *shot) {
     gint64 exposures[MAX_DARKS];
     switch (shot->kind) {
     case SHOT_DARK:
         return dark_exposures(conf, exposures) * conf->dark_frames;
     case SHOT_SWEEP:
-        return shot->sweep_steps + 1;
+        return frames_a_step(conf) * shot->sweep_steps + 1;
     default:
         return conf->n_exposures;
     }
@@ -116,7 +131,7 @@ gint64 intake_exposure_us(const struct session_conf *conf, const struct session_
         dark_exposures(conf, exposures);
         return exposures[sub / conf->dark_frames];
     case SHOT_SWEEP:
-        return llround(conf->laser_exposure_us);
+        return llround(is_short(conf, shot, sub) ? conf->laser_short_us : conf->laser_exposure_us);
     default:
         return llround(conf->exposures_us[sub]);
     }
@@ -127,6 +142,7 @@ static void lane_reset(struct lane *lane) {
         g_clear_pointer(&lane->bracket[i], frame_unref);
     g_clear_pointer(&lane->sums, g_free);
     g_clear_pointer(&lane->sweep, sweep_free);
+    g_clear_pointer(&lane->short_sweep, sweep_free);
     g_clear_error(&lane->error);
     lane->laser_seen = FALSE;
     lane->n_frames = 0;
@@ -307,9 +323,13 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
 }
 
 static void finish_sweep(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
     struct intake_file file;
     describe(lane, job, &file);
     file.dark_dn = dark_at(lane, 0, job->frame)->mean_dn;
+    if (lane->short_sweep)
+        sweep_set_shorter(lane->sweep, lane->short_sweep,
+                          conf->laser_exposure_us / conf->laser_short_us);
     struct intake_result result = {.laser_seen = lane->laser_seen, .error = lane->error};
     lane->error = NULL;
     if (!result.error && !result.laser_seen)
@@ -320,16 +340,17 @@ static void finish_sweep(struct lane *lane, const struct job *job) {
 static void take_sweep(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const Frame *frame = job->frame;
-    if (job->sub == job->shot->sweep_steps) {
+    if (intake_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
         const struct dark_level *dark = dark_at(lane, 0, frame);
         gint64 lit = radiance_lit(frame, dark->pixels, conf->laser_threshold_dn);
         lane->laser_seen = lit >= LASER_PIXELS;
         return;
     }
-    if (!lane->sweep)
-        lane->sweep = sweep_new(frame->width, frame->height, job->shot->sweep_steps,
-                                radiance_saturation(frame->bits));
-    sweep_add(lane->sweep, frame->pixels);
+    Sweep **sweep = is_short(conf, job->shot, job->sub) ? &lane->short_sweep : &lane->sweep;
+    if (!*sweep)
+        *sweep = sweep_new(frame->width, frame->height, job->shot->sweep_steps,
+                           radiance_saturation(frame->bits));
+    sweep_add(*sweep, frame->pixels);
     if (conf->keep_laser_frames)
         keep_raw(lane, job);
 }

@@ -20,10 +20,11 @@
  * "second_intensity", "second_peak", "width", float, as in processing/sweep.h; mesorig.unit = "DN",
  * mesorig.laser (string), sweep.from_deg,
  * sweep.to_deg (double), sweep.steps (int): frame k is taken at from + (to − from)·k/(steps − 1).
- * With keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr, part "frame",
- * channel "Y", raw DN, float, or half up to 11 bits. When it was taken is said by the session
- * alone, so that a retaken shot's files, and what is made of them, are to the byte those of an
- * undisturbed one.
+ * With laser_short_us two frames are taken there, the short one first: see sweep_set_shorter().
+ * With keep_laser_frames each frame is kept too, as laser/SHOT_CAMERA/0000.exr (0000_short.exr),
+ * part "frame", channel "Y", raw DN, float, or half up to 11 bits. When it was taken is said by the
+ * session alone, so that a retaken shot's files, and what is made of them, are to the byte those of
+ * an undisturbed one.
  */
 #pragma once
 
@@ -71,6 +72,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
 int intake_n_frames(const struct session_conf *conf, const struct session_shot *shot);
 gint64 intake_exposure_us(const struct session_conf *conf, const struct session_shot *shot,
                           int sub);
+
+/* The step of a sweep at which a frame is taken, from 0; its number of steps: the one after it. */
+int intake_sweep_step(const struct session_conf *conf, const struct session_shot *shot, int sub);
 
 /* The next frame of a camera, in order of sub; takes a reference of its own. */
 void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,

@@ -24,7 +24,7 @@ static enum exr_compression compression_of(const struct intake_file *file) {
 }
 
 static char *exposures_text(const struct intake_file *file) {
-    int n = intake_n_frames(file->conf, file->shot);
+    int n = file->shot->kind == SHOT_SWEEP ? 2 : intake_n_frames(file->conf, file->shot);
     GString *text = g_string_new(NULL);
     gint64 before = -1;
     for (int i = 0; i < n; i++) {
@@ -126,7 +126,7 @@ gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
     return ok;
 }
 
-gboolean intake_write_raw(const struct intake_file *file, int step, GError **error) {
+gboolean intake_write_raw(const struct intake_file *file, int sub, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
     g_autofree char *folder = g_build_filename(file->directory, relative, NULL);
     folder[strlen(folder) - strlen(".exr")] = '\0';
@@ -136,9 +136,14 @@ gboolean intake_write_raw(const struct intake_file *file, int step, GError **err
                     g_strerror(code));
         return FALSE;
     }
-    g_autofree char *path = g_strdup_printf("%s/%04d.exr", folder, step);
     /* Those of a sweep come faster than they can be compressed. */
     const gboolean sweep = file->shot->kind == SHOT_SWEEP;
+    const int step = sweep ? intake_sweep_step(file->conf, file->shot, sub) : sub;
+    const int last = intake_n_frames(file->conf, file->shot) - 1;
+    const gboolean is_short = sweep && intake_exposure_us(file->conf, file->shot, sub) <
+                                           intake_exposure_us(file->conf, file->shot, last);
+    g_autofree char *path =
+        g_strdup_printf("%s/%04d%s.exr", folder, step, is_short ? "_short" : "");
     struct exr_part *part = part_new(file, "frame", mono_channels,
                                      file->last->bits <= HALF_BITS ? EXR_HALF : EXR_FLOAT, "DN");
     if (file->shot->kind != SHOT_DARK)

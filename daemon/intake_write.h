@@ -27,8 +27,8 @@ gboolean intake_write_dark(const struct intake_file *file, const gint64 *exposur
 gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
                             struct session_frame *ret_frame, GError **error);
 
-/* Keeps one raw frame of a sweep, not synced. */
-gboolean intake_write_raw(const struct intake_file *file, int step, GError **error);
+/* Keeps one raw frame of a shot, not synced. */
+gboolean intake_write_raw(const struct intake_file *file, int sub, GError **error);
 
 /* The dark level of every pixel from a dark shot's file; g_free(). */
 float *intake_read_dark(const char *directory, const struct session_shot *shot,

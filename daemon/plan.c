@@ -452,7 +452,9 @@ static gboolean check_exposures(const struct build *b, GError **error) {
         for (int i = 0; i < conf->n_exposures; i++)
             if (!check_exposure(b, camera, conf->exposures_us[i], "exposures_us", error))
                 return FALSE;
-        if (!check_exposure(b, camera, conf->laser_exposure_us, "laser_exposure_us", error))
+        if (!check_exposure(b, camera, conf->laser_exposure_us, "laser_exposure_us", error) ||
+            (conf->laser_short_us > 0 &&
+             !check_exposure(b, camera, conf->laser_short_us, "laser_short_us", error)))
             return FALSE;
     }
     return TRUE;

@@ -50,6 +50,7 @@ struct session_conf {
                                               keep_exposures some may be equal */
     int n_exposures;
     double laser_exposure_us;
+    double laser_short_us; /* of a second frame at each step of a sweep; 0: none */
     int sweep_steps;
     double sweep_margin_mm; /* the sheet sweeps the sample and this much on both sides */
     double gain_db;

@@ -84,11 +84,12 @@ static void finish(Sequencer *seq) {
 
 /* Step k of n stands at from + k·(to − from)/(n − 1). The picture after the last one, with the
  * laser off, is taken from the middle, where a laser that shines on would light the sample. */
-static double sweep_at_deg(const struct session_shot *shot, int sub) {
+static double sweep_at_deg(const struct session_shot *shot, int step) {
     double way = shot->sweep_to_deg - shot->sweep_from_deg;
-    if (sub >= shot->sweep_steps)
+    if (step >= shot->sweep_steps)
         return shot->sweep_from_deg + way / 2;
-    return shot->sweep_from_deg + (shot->sweep_steps > 1 ? sub * way / (shot->sweep_steps - 1) : 0);
+    return shot->sweep_from_deg +
+           (shot->sweep_steps > 1 ? step * way / (shot->sweep_steps - 1) : 0);
 }
 
 static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot *shot, int sub) {
@@ -97,9 +98,10 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
         goal.lamp = shot->device;
     if (shot->kind == SHOT_SWEEP) {
         int unit = rig_laser_unit(&seq->devices->timing, shot->device);
-        goal.laser = sub < shot->sweep_steps ? unit : -1;
+        int step = intake_sweep_step(seq->conf, shot, sub);
+        goal.laser = step < shot->sweep_steps ? unit : -1;
         goal.sweep = unit;
-        goal.sweep_deg = sweep_at_deg(shot, sub);
+        goal.sweep_deg = sweep_at_deg(shot, step);
     }
     return goal;
 }

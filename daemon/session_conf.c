@@ -26,7 +26,8 @@ struct fields {
     struct option_doubles flat_hole_mm;
     int texels, texels_x, texels_y;
     struct option_doubles exposures_us;
-    double gain_db, laser_exposure_us, sweep_margin_mm, laser_threshold_dn, saturated_pct;
+    double gain_db, laser_exposure_us, laser_short_us, sweep_margin_mm, laser_threshold_dn,
+        saturated_pct;
     int sweep_steps, dark_frames, retries, on_blocked, order;
     gboolean keep_laser_frames, keep_exposures;
 };
@@ -75,6 +76,9 @@ static const struct option capture_options[] = {
      .help = "Gain of all cameras"},
     {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = FIELD(laser_exposure_us),
      .help = "Exposure of a frame of a laser sweep"},
+    {"laser_short_us", OPTION_DOUBLE, "us", 0, 60e6, "0", .offset = FIELD(laser_short_us),
+     .help = "Exposure of one more frame at each step of a laser sweep, shorter, for pixels that "
+             "saturate in the other; 0: none"},
     {"sweep_steps", OPTION_INT, NULL, 8, MAX_SWEEP_STEPS, "96", .offset = FIELD(sweep_steps),
      .help = "Frames of one laser sweep"},
     {"sweep_margin_mm", OPTION_DOUBLE, "mm", 0, 200, "2", .offset = FIELD(sweep_margin_mm),
@@ -360,9 +364,17 @@ static gboolean take_capture(struct session_conf *conf, const struct config_sect
             return FALSE;
         }
     }
+    if (f->laser_short_us != 0 &&
+        (f->laser_short_us < 1 || llround(f->laser_short_us) >= llround(f->laser_exposure_us))) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "laser_short_us",
+                         "must be 0, or from 1 to less than laser_exposure_us, which is %g",
+                         f->laser_exposure_us);
+        return FALSE;
+    }
     conf->n_exposures = n;
     conf->gain_db = f->gain_db;
     conf->laser_exposure_us = f->laser_exposure_us;
+    conf->laser_short_us = f->laser_short_us;
     conf->sweep_steps = f->sweep_steps;
     conf->sweep_margin_mm = f->sweep_margin_mm;
     conf->dark_frames = f->dark_frames;

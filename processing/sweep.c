@@ -36,6 +36,8 @@ struct Sweep {
     guint32 *last;    /* record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
+    const Sweep *shorter; /* or NULL */
+    float ratio;
 };
 
 Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
@@ -212,12 +214,16 @@ void sweep_add(Sweep *sweep, const guint16 *pixels) {
         make_room(sweep);
 }
 
+void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio) {
+    g_return_if_fail(sweep->n_pixels == shorter->n_pixels && ratio >= 1);
+    sweep->shorter = shorter;
+    sweep->ratio = (float)ratio;
+}
+
 /* A vector's records, the first one first. */
 struct history {
     const struct record **record;
     int n;
-    int *frame; /* of one pixel's samples, as the next */
-    float *value;
 };
 
 static void gather(const Sweep *sweep, gsize vector, struct history *history) {
@@ -232,42 +238,104 @@ static void gather(const Sweep *sweep, gsize vector, struct history *history) {
     }
 }
 
+/* One pixel's samples, and the records they come from. */
+struct pixel {
+    struct history longer, shorter;
+    int *frame;
+    float *value, *gain;
+    struct sweep_samples samples;
+};
+
+static float above(const Sweep *sweep, const struct record *record, gsize i) {
+    return (float)(record->value[i % LANES] - (int)sweep->darkest[i]);
+}
+
+static float full_of(const Sweep *sweep, gsize i) {
+    return (float)(sweep->saturation - sweep->darkest[i]);
+}
+
+/* Without those of the shorter exposure. */
+static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
+    int n = 0;
+    for (int k = 0; k < pixel->longer.n; k++) {
+        const float value = above(sweep, pixel->longer.record[k], i);
+        if (value <= (float)sweep->margin)
+            continue;
+        pixel->frame[n] = (int)pixel->longer.record[k]->frame;
+        pixel->value[n++] = value;
+    }
+    pixel->samples = (struct sweep_samples){.frame = pixel->frame,
+                                            .value = pixel->value,
+                                            .n = n,
+                                            .count = sweep->count,
+                                            .full = full_of(sweep, i),
+                                            .margin = (float)sweep->margin};
+}
+
+/* Saturated samples become those of the shorter exposure, if it has all of them. */
+static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) {
+    const Sweep *shorter = sweep->shorter;
+    struct sweep_samples *samples = &pixel->samples;
+    const struct history *history = &pixel->shorter;
+    int saturated = 0, found = 0;
+    for (int k = 0, next = 0; k < samples->n; k++) {
+        pixel->gain[k] = 1;
+        if (samples->value[k] < samples->full)
+            continue;
+        saturated++;
+        while (next < history->n && (int)history->record[next]->frame < samples->frame[k])
+            next++;
+        if (next == history->n || (int)history->record[next]->frame != samples->frame[k])
+            continue;
+        pixel->gain[k] = sweep->ratio * above(shorter, history->record[next], i);
+        found++;
+    }
+    if (found < saturated || saturated == 0)
+        return;
+    for (int k = 0; k < samples->n; k++) {
+        if (samples->value[k] < samples->full)
+            continue;
+        pixel->value[k] = pixel->gain[k];
+        pixel->gain[k] = sweep->ratio;
+    }
+    samples->gain = pixel->gain;
+    samples->full = sweep->ratio * full_of(shorter, i);
+}
+
 struct found {
     float peak, width, intensity;
 };
 
-static struct found finish_pixel(const Sweep *sweep, gsize pixel, const struct history *history,
-                                 double threshold, int rank) {
-    guint16 dark = sweep->darkest[pixel];
-    struct sweep_samples samples = {
-        history->frame,      history->value, 0, sweep->count, (float)(sweep->saturation - dark),
-        (float)sweep->margin};
-    for (int k = 0; k < history->n; k++) {
-        int value = history->record[k]->value[pixel % LANES] - (int)dark;
-        if (value <= sweep->margin)
-            continue;
-        history->frame[samples.n] = (int)history->record[k]->frame;
-        history->value[samples.n++] = (float)value;
-    }
+static struct found finish_pixel(const Sweep *sweep, gsize i, struct pixel *pixel, double threshold,
+                                 int rank) {
+    take_samples(sweep, i, pixel);
+    if (sweep->shorter)
+        replace_saturated(sweep, i, pixel);
     struct sweep_pulse pulse;
-    if (!sweep_pulse_find(&samples, rank, &pulse))
+    if (!sweep_pulse_find(&pixel->samples, rank, &pulse))
         return (struct found){-1, 0, 0};
+    const float height = MIN((float)pulse.height, full_of(sweep, i));
     if (!(pulse.height >= threshold) || pulse.time < 0)
-        return (struct found){-1, 0, (float)pulse.height};
-    return (struct found){(float)pulse.time, (float)pulse.width, (float)pulse.height};
+        return (struct found){-1, 0, height};
+    return (struct found){(float)pulse.time, (float)pulse.width, height};
 }
 
 static void finish(const Sweep *sweep, int rank, double threshold, float *ret_peak,
                    float *ret_width, float *ret_intensity) {
-    gsize n = (gsize)MAX(sweep->count, 1);
-    g_autofree const struct record **record = g_new(const struct record *, n);
+    const Sweep *shorter = sweep->shorter;
+    gsize n = (gsize)MAX(sweep->count, 1), n_shorter = shorter ? (gsize)MAX(shorter->count, 1) : 1;
+    g_autofree const struct record **longer_records = g_new(const struct record *, n);
+    g_autofree const struct record **shorter_records = g_new(const struct record *, n_shorter);
     g_autofree int *frame = g_new(int, n);
-    g_autofree float *value = g_new(float, n);
-    struct history history = {record, 0, frame, value};
+    g_autofree float *value = g_new(float, n), *gain = g_new(float, n);
+    struct pixel pixel = {{longer_records, 0}, {shorter_records, 0}, frame, value, gain, {0}};
     for (gsize i = 0; i < sweep->n_pixels; i++) {
-        if (i % LANES == 0)
-            gather(sweep, i / LANES, &history);
-        struct found found = finish_pixel(sweep, i, &history, threshold, rank);
+        if (i % LANES == 0) {
+            gather(sweep, i / LANES, &pixel.longer);
+            if (shorter)
+                gather(shorter, i / LANES, &pixel.shorter);
+        }
+        struct found found = finish_pixel(sweep, i, &pixel, threshold, rank);
         ret_peak[i] = found.peak;
         ret_width[i] = found.width;
         ret_intensity[i] = found.intensity;

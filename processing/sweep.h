@@ -23,11 +23,16 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
 void sweep_add(Sweep *sweep, const guint16 *pixels);
 int sweep_count(const Sweep *sweep);
 
+/* The same steps at a shorter exposure, of which sweep's is ratio times as long: both together tell
+ * of pulses that are too bright for the longer one. Borrowed. Before the following; frames of both
+ * are added as they come. */
+void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
+
 /* What is left, each width × height, written to the caller's arrays:
  *   peak       time of the peak in frames (0 is the first frame's middle), −1 where there is none:
  *              peak − background below threshold, or at the very first or last frame
  *   width      standard deviation of the pulse in frames
- *   intensity  brightest value above background
+ *   intensity  brightest value above background, of the longer exposure where there are two
  * background is each pixel's own darkest value, threshold in the same units (DN). Time and width
  * are those of the Gaussian that fits all samples of the pulse best, by their noise. */
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,

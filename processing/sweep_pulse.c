@@ -2,11 +2,12 @@
 
 #include <math.h>
 
-#define VALLEY  0.6f  /* of the fainter of two peaks: two pulses lie there, not noise on one */
-#define WINGS   0.12f /* of the brightest sample: what is fainter may be another line's */
-#define FAINT   0.6f  /* of the margin: what samples below it are on average next to a pulse */
-#define READ_DN 5.0f  /* where noise of light begins to count more than that of reading */
-#define DOUBT   1.3   /* of the margin: samples that should be fainter may be missing */
+#define VALLEY   0.6f  /* of the fainter of two peaks: two pulses lie there, not noise on one */
+#define WINGS    0.12f /* of the brightest sample: what is fainter may be another line's */
+#define FAINT    0.6f  /* of the margin: what samples below it are on average next to a pulse */
+#define READ_DN  5.0f  /* where noise of light begins to count more than that of reading */
+#define MOST_LOG 20    /* of a pulse, in DN: no more is believed */
+#define DOUBT    1.3   /* of the margin: samples that should be fainter may be missing */
 
 /* Samples first … last are one pulse's; top is the first of the brightest. */
 struct span {
@@ -92,14 +93,15 @@ static gboolean is_uncertain(const struct sweep_samples *s, const struct gaussia
 static gboolean fit_once(const struct sweep_samples *s, const struct span *part, double middle,
                          gboolean again, struct gaussian *g) {
     struct sums sums = {0};
-    double height = again ? exp(MIN(g->c[0] - 0.25 * g->c[1] * g->c[1] / g->c[2], 12)) : 0;
+    double height = again ? exp(MIN(g->c[0] - 0.25 * g->c[1] * g->c[1] / g->c[2], MOST_LOG)) : 0;
     int used = 0;
     for (int k = part->first; k <= part->last; k++) {
         double t = s->frame[k] - middle, y = s->value[k];
         if (y >= s->full || (again && is_uncertain(s, g, t, height)))
             continue;
-        double model = again ? exp(MIN(g->c[0] + (g->c[1] + g->c[2] * t) * t, 12)) : y;
-        add_sample(&sums, t, log(y), model * model / (model + READ_DN));
+        double model = again ? exp(MIN(g->c[0] + (g->c[1] + g->c[2] * t) * t, MOST_LOG)) : y;
+        double gain = s->gain ? s->gain[k] : 1;
+        add_sample(&sums, t, log(y), model * model / (gain * (model + gain * READ_DN)));
         used++;
     }
     if (used < 3 || !solve(&sums, g->c) || !(g->c[2] < 0))

@@ -9,6 +9,7 @@
 struct sweep_samples {
     const int *frame;
     const float *value; /* DN above background */
+    const float *gain;  /* of each, what its DN were multiplied by; NULL: nothing */
     int n, count;       /* count: frames there were */
     float full;         /* values from here on are saturated */
     float margin;       /* values up to here are left out */

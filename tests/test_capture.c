@@ -10,8 +10,8 @@
 #include "capture_run.h"
 #include "processing/exr.h"
 
-static void test_whole(void) {
-    struct run *run = run_new(NULL);
+/* All is taken, in the time that the plan says. */
+static void run_as_planned(struct run *run) {
     g_autoptr(GError) error = NULL;
     struct plan *plan = capture_validate(run->devices, &run->conf, run->session, &error);
     g_assert_no_error(error);
@@ -33,6 +33,12 @@ static void test_whole(void) {
                    plan->lower_bound_s);
     g_assert_cmpfloat(fabs(took_s / predicted_s - 1), <, 0.02);
     g_assert_cmpfloat(took_s, >=, plan->lower_bound_s * (1 - 1e-6));
+    plan_free(plan);
+}
+
+static void test_whole(void) {
+    struct run *run = run_new(NULL);
+    run_as_planned(run);
     g_assert_cmpint(run->least_gap_us, >=, 95000);
     const struct capture_thumbnail *thumbnail = capture_thumbnail(run->capture, 1);
     g_assert_nonnull(thumbnail);
@@ -42,7 +48,6 @@ static void test_whole(void) {
     g_clear_pointer(&run->capture, capture_free);
     run_check_whole(run->session);
     run_check_same(run);
-    plan_free(plan);
     run_free(run);
 }
 
@@ -286,6 +291,37 @@ static void test_keep_laser_frames(void) {
     run_free(run);
 }
 
+/* Two frames at each step of a sweep; the time is predicted as it comes. */
+static void test_short_laser(void) {
+    struct run *run = run_new((const struct change[]){
+        {"[capture]", "keep_laser_frames = yes"}, {"[capture]", "laser_short_us = 250"}, {0}});
+    g_autoptr(GError) error = NULL;
+    run_as_planned(run);
+    g_clear_pointer(&run->capture, capture_free);
+    run_check_whole(run->session);
+    g_autoptr(GPtrArray) frames = run_frames(run->session);
+    int n = 0;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (!g_str_has_prefix(frame->path, "laser/"))
+            continue;
+        g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
+        for (int k = 0; k < 2; k++) {
+            g_autofree char *file =
+                g_build_filename(run->session, stem, k ? "0011.exr" : "0011_short.exr", NULL);
+            struct exr_part *part = exr_read_part(file, "frame", &error);
+            double us = 0;
+            g_assert_no_error(error);
+            g_assert_true(exr_get_double(part, "mesorig.exposure_us", &us, NULL));
+            g_assert_cmpfloat(us, ==, k ? 4000 : 250);
+            exr_part_free(part);
+        }
+        n++;
+    }
+    g_assert_cmpint(n, >, 0);
+    run_free(run);
+}
+
 static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
     g_autoptr(GError) error = NULL;
     g_autofree char *relative = session_frame_path(shot, "cam30");
@@ -415,6 +451,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/capture/refused", test_refused);
     g_test_add_func("/capture/disk-full", test_disk_full);
     g_test_add_func("/capture/keep-laser-frames", test_keep_laser_frames);
+    g_test_add_func("/capture/short-laser", test_short_laser);
     g_test_add_func("/capture/too-bright", test_too_bright);
     g_test_add_func("/capture/saturated", test_saturated);
     g_test_add_func("/capture/bent-camera", test_bent_camera);

@@ -413,6 +413,48 @@ static void test_sweep(void) {
     bench_free(bench);
 }
 
+/* The same pulses five times too bright, and a second frame at each step, of a sixteenth: the short
+ * one comes first. */
+static void test_short_sweep(void) {
+    struct bench *bench = bench_new();
+    bench->conf.laser_short_us = 250;
+    bench->conf.keep_laser_frames = TRUE;
+    const int n = intake_n_frames(&bench->conf, &sweep_shot);
+    g_assert_cmpint(n, ==, 2 * sweep_shot.sweep_steps + 1);
+    give_dark(bench);
+    for (int sub = 0; sub < n - 1; sub++) {
+        const gint64 us = intake_exposure_us(&bench->conf, &sweep_shot, sub);
+        g_assert_cmpint(us, ==, sub % 2 ? 4000 : 250);
+        g_assert_cmpint(intake_sweep_step(&bench->conf, &sweep_shot, sub), ==, sub / 2);
+        const int step = sub / 2;
+        Frame *frame = flat_frame(BLACK, us);
+        for (int i = 0; i < PIXELS - 1; i++) {
+            double d = (step - crossing(i)) / 1.5, light = 20000 * exp(-d * d / 2);
+            frame->pixels[i] = (guint16)MIN(lround(BLACK + light * (double)us / 4000), 4095);
+        }
+        give(bench, &sweep_shot, sub, frame);
+    }
+    g_assert_cmpint(intake_exposure_us(&bench->conf, &sweep_shot, n - 1), ==, 4000);
+    g_assert_cmpint(intake_sweep_step(&bench->conf, &sweep_shot, n - 1), ==, 20);
+    give(bench, &sweep_shot, n - 1, flat_frame(BLACK, 4000));
+    wait_for(bench, 2);
+    g_assert_false(bench->laser_seen);
+    struct exr_part *part = read_part(bench, "sweep");
+    check_string(part, "mesorig.exposures_us", "250;4000");
+    for (int i = 0; i < PIXELS - 1; i++) {
+        g_assert_cmpfloat_with_epsilon(exr_part_plane(part, "peak")[i], crossing(i), 0.01);
+        g_assert_cmpfloat_with_epsilon(exr_part_plane(part, "width")[i], 1.5, 0.02);
+        g_assert_cmpfloat(exr_part_plane(part, "intensity")[i], <, 4095);
+    }
+    exr_part_free(part);
+    g_free(bench->path);
+    bench->path = g_build_filename(bench->directory, "laser", "000003_eye", "0007_short.exr", NULL);
+    part = read_part(bench, "frame");
+    check_double(part, "mesorig.exposure_us", 250);
+    exr_part_free(part);
+    bench_free(bench);
+}
+
 static void test_laser_stays_on(void) {
     struct bench *bench = bench_new();
     give_dark(bench);
@@ -504,6 +546,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/intake/lamp", test_lamp);
     g_test_add_func("/intake/dark-again", test_dark_again);
     g_test_add_func("/intake/sweep", test_sweep);
+    g_test_add_func("/intake/sweep/short", test_short_sweep);
     g_test_add_func("/intake/laser-stays-on", test_laser_stays_on);
     g_test_add_func("/intake/keep-frames", test_keep_frames);
     g_test_add_func("/intake/discard", test_discard);

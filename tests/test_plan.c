@@ -219,6 +219,12 @@ static const struct bad bad_files[] = {
      15, "range"},
     {GOOD "[views]\nrings=15:1\n[lights]\nrings=15:1\n[capture]\nexposures_us=9\non_blocked=go\n",
      15, "shift"},
+    {GOOD "[views]\nrings=15:1\n[lasers]\nrings=15:1\n[capture]\nexposures_us=9\n"
+          "laser_short_us=4000\n",
+     15, "less than laser_exposure_us"},
+    {GOOD "[views]\nrings=15:1\n[lasers]\nrings=15:1\n[capture]\nexposures_us=9\n"
+          "laser_short_us=0.5\n",
+     15, "from 1"},
     {"[session]\nname=a\n[sample]\nwidth_mm=5\nheight_mm=5\nreference_mm=1\ndepth_mm=1\n", 3,
      "texels"},
     {"[session]\nname=a\n[sample]\nwidth_mm=5\nheight_mm=5\ntexels=4\ntexels_x=4\n"

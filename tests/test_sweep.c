@@ -104,6 +104,92 @@ static void test_saturated(void) {
     g_assert_cmpfloat(fabs(result.bias), <, 0.02);
 }
 
+/* A shorter exposure of the same pulses, with noise of its own. */
+static Sweep *feed_shorter(const struct pulses *pulses, double ratio, GRand *random) {
+    struct pulses shorter = *pulses;
+    shorter.amplitude /= ratio;
+    return feed(&shorter, random);
+}
+
+static double rms_of(const float *peak, const double *centre, int n) {
+    double squares = 0;
+    for (int i = 0; i < n; i++)
+        squares += pow((double)peak[i] - centre[i], 2);
+    return sqrt(squares / n);
+}
+
+/* Pulses that are up to sixteen times too bright, and narrow: of the longer exposure hardly
+ * anything is left but the plateau. What does not saturate stays to the bit. */
+static void test_shorter(void) {
+    enum { N = 64 * 32 };
+    static const double amplitudes[] = {3000, 20000, 60000};
+    g_autofree double *centre = random_centres(N, 8, 50);
+    float peak[2][N], width[N], bright[2][N];
+    for (guint k = 0; k < G_N_ELEMENTS(amplitudes); k++) {
+        struct pulses pulses = {64, 32, 60, 4095, 0.8, amplitudes[k], 60, 5, centre};
+        GRand *random = g_rand_new_with_seed(7);
+        g_autoptr(Sweep) sweep = feed(&pulses, random);
+        g_autoptr(Sweep) shorter = feed_shorter(&pulses, 32, random);
+        g_rand_free(random);
+        sweep_finish(sweep, 100, peak[0], width, bright[0]);
+        sweep_set_shorter(sweep, shorter, 32);
+        sweep_finish(sweep, 100, peak[1], width, bright[1]);
+        const double alone = rms_of(peak[0], centre, N), both = rms_of(peak[1], centre, N);
+        g_test_message("%g DN: RMS %.4f frames alone, %.4f with the shorter", amplitudes[k], alone,
+                       both);
+        g_assert_cmpmem(bright[0], sizeof bright[0], bright[1], sizeof bright[1]);
+        if (k == 0)
+            g_assert_cmpmem(peak[0], sizeof peak[0], peak[1], sizeof peak[1]);
+        else
+            g_assert_cmpfloat(both, <, MIN(0.01, 0.7 * alone));
+    }
+}
+
+/* What the shorter exposure lacks is not made up: nothing of it, or a step that is missing. */
+static void test_shorter_lacks(void) {
+    static const guint16 values[] = {10, 10, 300, 900, 900, 900, 200, 10, 10};
+    static const guint16 lacks[][9] = {{10, 10, 10, 10, 10, 10, 10, 10, 10},
+                                       {10, 10, 30, 300, 10, 200, 20, 10, 10}};
+    for (guint k = 0; k < G_N_ELEMENTS(lacks); k++) {
+        g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+        g_autoptr(Sweep) shorter = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+        float peak[2], width[2], bright[2];
+        for (guint i = 0; i < G_N_ELEMENTS(values); i++) {
+            sweep_add(sweep, &values[i]);
+            sweep_add(shorter, &lacks[k][i]);
+        }
+        sweep_finish(sweep, 20, &peak[0], &width[0], &bright[0]);
+        sweep_set_shorter(sweep, shorter, 10);
+        sweep_finish(sweep, 20, &peak[1], &width[1], &bright[1]);
+        g_assert_cmpfloat(peak[0], ==, peak[1]);
+        g_assert_cmpfloat(width[0], ==, width[1]);
+        g_assert_cmpfloat(bright[0], ==, bright[1]);
+        sweep_finish_second(sweep, 20, &peak[1], &width[1], &bright[1]);
+        g_assert_cmpfloat(peak[1], ==, -1);
+    }
+}
+
+/* Two pulses that the longer exposure shows as one plateau are two. */
+static void test_shorter_parts(void) {
+    static const guint16 values[] = {10, 10, 300, 900, 900, 900, 900, 900, 200, 10, 10};
+    static const guint16 parts[] = {10, 10, 40, 300, 50, 20, 60, 400, 30, 10, 10};
+    g_autoptr(Sweep) sweep = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+    g_autoptr(Sweep) shorter = sweep_new(1, 1, G_N_ELEMENTS(values), 900);
+    float peak, width, bright;
+    for (guint i = 0; i < G_N_ELEMENTS(values); i++) {
+        sweep_add(sweep, &values[i]);
+        sweep_add(shorter, &parts[i]);
+    }
+    sweep_finish(sweep, 20, &peak, &width, &bright);
+    g_assert_cmpfloat_with_epsilon(peak, 5, 0.3);
+    sweep_set_shorter(sweep, shorter, 10);
+    sweep_finish(sweep, 20, &peak, &width, &bright);
+    g_assert_cmpfloat_with_epsilon(peak, 7, 0.3);
+    g_assert_cmpfloat(bright, ==, 890);
+    sweep_finish_second(sweep, 20, &peak, &width, &bright);
+    g_assert_cmpfloat_with_epsilon(peak, 3, 0.3);
+}
+
 /* Values above the saturation given are as good as equal. */
 static void test_above_saturation(void) {
     static const guint16 values[] = {10, 10, 50, 900, 1000, 950, 50, 10, 10};
@@ -239,6 +325,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/sweep/accuracy", test_accuracy);
     g_test_add_func("/sweep/many-frames", test_many_frames);
     g_test_add_func("/sweep/saturated", test_saturated);
+    g_test_add_func("/sweep/shorter", test_shorter);
+    g_test_add_func("/sweep/shorter/lacks", test_shorter_lacks);
+    g_test_add_func("/sweep/shorter/parts", test_shorter_parts);
     g_test_add_func("/sweep/above-saturation", test_above_saturation);
     g_test_add_func("/sweep/no-peak", test_no_peak);
     g_test_add_func("/sweep/shapes", test_shapes);
