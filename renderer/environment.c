@@ -128,23 +128,47 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
     return g_steal_pointer(&rgb);
 }
 
-gboolean environment_light(const char *path, struct view_settings *settings, GError **error) {
+struct environment *environment_read(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
+    struct environment *ret = NULL;
     if (file == NULL)
-        return FALSE;
+        return NULL;
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
-    g_autofree float *rgb = NULL;
-    int n = 0;
+    float *rgb = NULL;
     if (part == NULL || part->height < 1 || part->width != 2 * part->height)
         refuse(path, "it has another shape", error);
-    else if ((rgb = read_rgb(part, path, error)) != NULL &&
-             (n = environment_lamps(rgb, part->width, part->height,
-                                    VIEW_MAX_LAMPS - settings->n_lamps,
-                                    settings->lamps + settings->n_lamps)) == 0)
-        refuse(path, "it is black", error);
+    else if ((rgb = read_rgb(part, path, error)) != NULL) {
+        ret = g_new(struct environment, 1);
+        *ret = (struct environment){part->width, part->height, rgb};
+    }
     exr_file_free(file);
+    return ret;
+}
+
+void environment_free(struct environment *environment) {
+    if (environment == NULL)
+        return;
+    g_free(environment->rgb);
+    g_free(environment);
+}
+
+gboolean environment_light(const struct environment *e, struct view_settings *settings,
+                           GError **error) {
+    struct view_lamp *lamps = settings->lamps + settings->n_lamps;
+    if (settings->n_lamps >= VIEW_MAX_LAMPS) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "%d lamps leave none for the environment: give fewer", settings->n_lamps);
+        return FALSE;
+    }
+    const int n =
+        environment_lamps(e->rgb, e->width, e->height, VIEW_MAX_LAMPS - settings->n_lamps, lamps);
+    if (n == 0) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "the environment is black: it lights nothing");
+        return FALSE;
+    }
     settings->n_lamps += n;
-    settings->lamp = n > 0 ? 0.0 : settings->lamp;
-    settings->ambient = n > 0 ? 0.0 : settings->ambient;
-    return n > 0;
+    settings->lamp = 0.0;
+    settings->ambient = 0.0;
+    return TRUE;
 }

@@ -9,10 +9,20 @@
 
 #include "view.h"
 
+struct environment {
+    int width, height;
+    float *rgb; /* height × width × 3, finite and not negative */
+};
+
+struct environment *environment_read(const char *path, GError **error);
+void environment_free(struct environment *environment); /* NULL is ignored */
+
 /* Of height × width × 3. At most n lamps, 1 … VIEW_MAX_LAMPS; the sum of their light is that of
  * the picture, ∫ L dω / π. Returns how many; black gives none. */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct view_lamp ret[VIEW_MAX_LAMPS]);
 
-/* Adds the lamps of a file to what there is, in place of the first lamp and the even sky. */
-gboolean environment_light(const char *path, struct view_settings *settings, GError **error);
+/* Adds its lamps to what there is, in place of the first lamp and the even sky. FALSE, and nothing
+ * changes: it is black. */
+gboolean environment_light(const struct environment *environment, struct view_settings *settings,
+                           GError **error);

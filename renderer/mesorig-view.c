@@ -40,9 +40,16 @@ static char *frame_path(const struct view_options *o, int frame) {
 static gboolean write_frame(const struct view_options *o, const char *material, const char *path,
                             const struct view_settings *s, const struct rendered *done,
                             const guint8 *rgb, int width, int height, GError **error) {
-    const struct snapshot snapshot = {material,  o->shape,      o->method,
-                                      o->second, &o->compose,   o->reference,
-                                      s,         done->n_views, done->n_planned};
+    const struct snapshot snapshot = {.material = material,
+                                      .shape = o->shape,
+                                      .first = o->method,
+                                      .second = o->second,
+                                      .how = &o->compose,
+                                      .reference = o->reference,
+                                      .settings = s,
+                                      .environment = o->environment,
+                                      .n_views = done->n_views,
+                                      .n_planned = done->n_planned};
     return snapshot_write(path, &snapshot, rgb, width, height, error);
 }
 
@@ -161,14 +168,21 @@ static gboolean series_wait_first(const struct view_options *o, GError **error) 
     return views != NULL;
 }
 
+/* What a picture is of, beside the material. */
+struct set {
+    const struct mesh *mesh;
+    const struct environment *environment; /* or NULL */
+};
+
 static View *open_view(const struct view_options *o, const struct method *method,
-                       const char *material, const struct mesh *mesh, struct rendered *ret,
+                       const char *material, const struct set *set, struct rendered *ret,
                        GError **error) {
     g_autoptr(View) view = view_new(NULL, error);
     if (view == NULL || !(o->n_series > 0 ? series_wait_first(o, error) : TRUE) ||
         !(o->live ? open_live(o, view, ret, error) : view_open(view, method, material, error)) ||
         (o->settings.silhouettes && !view_open_mdf(view, o->mdf_path, error)) ||
-        !view_set_mesh(view, mesh, error))
+        (o->settings.backdrop && !view_set_environment(view, set->environment, error)) ||
+        !view_set_mesh(view, set->mesh, error))
         return NULL;
     return g_steal_pointer(&view);
 }
@@ -190,23 +204,23 @@ static gboolean render_measured(const struct view_options *o, const struct studi
     return picture_write_png(o->render, m->rgb, m->width, m->height, texts, error);
 }
 
-static gboolean render_mesh(const struct view_options *o, const char *material,
-                            const struct mesh *mesh, struct rendered *ret, GError **error) {
+static gboolean render_set(const struct view_options *o, const char *material,
+                           const struct set *set, struct rendered *ret, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(Compose) compose = gpu != NULL ? compose_new(error) : NULL;
     g_autoptr(View) view =
-        compose != NULL ? open_view(o, o->method, material, mesh, ret, error) : NULL;
+        compose != NULL ? open_view(o, o->method, material, set, ret, error) : NULL;
     if (view == NULL)
         return FALSE;
     g_autofree char *other =
         o->second != NULL ? method_path(o->second, o->rest != NULL ? o->rest[0] : "") : NULL;
     g_autoptr(View) second =
-        o->second != NULL ? open_view(o, o->second, other, mesh, ret, error) : NULL;
+        o->second != NULL ? open_view(o, o->second, other, set, ret, error) : NULL;
     if (o->second != NULL && second == NULL)
         return FALSE;
     struct view_settings settings = o->settings;
-    settings.tiles_u = mesh->tiles_u;
-    settings.tiles_v = mesh->tiles_v;
+    settings.tiles_u = set->mesh->tiles_u;
+    settings.tiles_v = set->mesh->tiles_v;
     ret->renderer = g_strdup(gpu_renderer());
     ret->memory = view_memory(view);
     g_autofree char *btf = btf_path(o);
@@ -218,23 +232,28 @@ static gboolean render_mesh(const struct view_options *o, const char *material,
                        : render_frames(o, &studio, &settings, ret, error);
 }
 
-static gboolean render(const struct view_options *o, const char *material, struct rendered *ret,
+static gboolean render(const struct view_options *o, const char *material,
+                       const struct environment *environment, struct rendered *ret,
                        GError **error) {
     const struct scene_options scene = {o->settings.tiles_u, o->settings.tiles_v, o->upward,
                                         o->floor};
     struct mesh *mesh = scene_make(o->shape, &scene, error);
-    gboolean good = mesh != NULL && render_mesh(o, material, mesh, ret, error);
+    const struct set set = {mesh, environment};
+    gboolean good = mesh != NULL && render_set(o, material, &set, ret, error);
     mesh_free(mesh);
     return good;
 }
 
-static gboolean show(const struct view_options *o, struct rendered *ret, GError **error) {
+static gboolean show(const struct view_options *o, const struct environment *environment,
+                     struct rendered *ret, GError **error) {
     const struct window_options window = {
         .method = o->method,
         .second = o->second,
         .compose = o->compose,
         .argument = o->rest != NULL ? o->rest[0] : NULL,
         .mdf = o->mdf_path,
+        .environment = environment,
+        .environment_path = o->environment,
         .shape = o->shape,
         .up = o->upward,
         .floor = o->floor,
@@ -340,11 +359,13 @@ static int run(struct view_options *o) {
     if (o->shape == NULL)
         o->shape = g_strdup("torus");
     o->mdf_path = mdf_path(o, material);
-    if (o->environment != NULL && !environment_light(o->environment, &o->settings, &error)) {
-        g_printerr("mesorig-view: %s\n", error->message);
-        return 1;
-    }
-    gboolean good = o->render != NULL ? render(o, material, &done, &error) : show(o, &done, &error);
+    struct environment *environment =
+        o->environment != NULL ? environment_read(o->environment, &error) : NULL;
+    const gboolean lit =
+        environment != NULL ? environment_light(environment, &o->settings, &error) : error == NULL;
+    gboolean good = lit && (o->render != NULL ? render(o, material, environment, &done, &error)
+                                              : show(o, environment, &done, &error));
+    environment_free(environment);
     if (!good)
         g_printerr("mesorig-view: %s\n", error->message);
     else if (o->json)

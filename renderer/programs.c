@@ -1,10 +1,12 @@
 #include "programs.h"
 
+#include "camera.h"
 #include "gpu.h"
 
 #include <epoxy/gl.h>
+#include <string.h>
 
-#define OTHERS 8 /* shaders that are not the method's */
+#define OTHERS 10 /* shaders that are not the method's */
 
 struct Programs {
     const struct method *method;
@@ -41,9 +43,9 @@ static guint compile(const struct method *method, enum program_kind kind, const 
                      GError **error) {
     static const char *const before[] = {"mesh.vert", "frame.glsl", NULL};
     static const char *const before_flat[] = {"screen.vert", "flat.glsl", NULL};
-    static const char *const after[][5] = {
-        {"lamps.glsl", "surface.frag", NULL},
-        {"lamps.glsl", "visible.glsl", "shadow.glsl", "surface_relief.frag", NULL},
+    static const char *const after[][6] = {
+        {"further.glsl", "lamps.glsl", "surface.frag", NULL},
+        {"shadow.glsl", "further.glsl", "lamps.glsl", "visible.glsl", "surface_relief.frag", NULL},
         {"flat.frag", NULL},
     };
     const char *names[METHOD_SHADERS + OTHERS] = {NULL};
@@ -57,12 +59,27 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
                    const struct view_settings *s, GError **error) {
     const struct method *method = programs->method;
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
-    g_autofree char *constants = g_strdup_printf("#define LAMPS %d\n#define AMBIENT %d\n%s",
-                                                 s->n_lamps > 0, s->ambient > 0, own ? own : "");
+    g_autofree char *constants = g_strdup_printf(
+        "#define LAMPS %d\n#define LAMP_SHADOWS %d\n#define AMBIENT %d\n%s", s->n_lamps > 0,
+        kind == PROGRAM_RELIEF && s->shadows && s->n_lamps > 0, s->ambient > 0, own ? own : "");
     char *key = g_strdup_printf("%d %s", kind, constants);
     guint program = GPOINTER_TO_UINT(g_hash_table_lookup(programs->compiled, key));
     if (program == 0 && (program = compile(method, kind, constants, error)) != 0)
         g_hash_table_insert(programs->compiled, g_steal_pointer(&key), GUINT_TO_POINTER(program));
     g_free(key);
     return program;
+}
+
+void programs_set_lamps(guint program, const struct view_settings *s) {
+    float towards[VIEW_MAX_LAMPS][3], colours[VIEW_MAX_LAMPS][3];
+    for (int k = 0; k < s->n_lamps; k++) {
+        camera_direction(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
+        memcpy(colours[k], s->lamps[k].rgb, sizeof colours[k]);
+    }
+    glUniform1f(glGetUniformLocation(program, "lamp"), (float)s->lamp);
+    glUniform1i(glGetUniformLocation(program, "n_lamps"), s->n_lamps);
+    if (s->n_lamps == 0)
+        return;
+    glUniform3fv(glGetUniformLocation(program, "lamp_towards"), s->n_lamps, towards[0]);
+    glUniform3fv(glGetUniformLocation(program, "lamp_colours"), s->n_lamps, colours[0]);
 }

@@ -1,7 +1,8 @@
 /*
  * What the structure of a material adds to a picture of a mesh: its silhouettes and the shadows it
  * casts (seed 004 §4). Before the mesh is drawn, relief_prepare() finds what is seen of it and how
- * far the lamp's light gets; the programs that draw it have visible.glsl and shadow.glsl.
+ * far the light of each lamp gets; the programs that draw it have visible.glsl, shadow.glsl and
+ * further.glsl.
  */
 #pragma once
 
@@ -31,10 +32,12 @@ struct relief_scene {
     guint serial; /* another one for each mesh */
 };
 
-/* As settings say; binds framebuffers of its own. The shadow map is kept while lamp, mesh, tiles,
- * MDF and what is asked of it stay the same. */
+/* As settings say; binds framebuffers of its own. Shadow maps are kept while lamp, mesh, tiles, MDF
+ * and what is asked of them stay the same. */
 gboolean relief_prepare(Relief *relief, const struct view_settings *settings,
                         const struct relief_scene *scene, GError **error);
+
+#define RELIEF_FURTHER_UNIT 14 /* of the shadow maps of further lamps */
 
 /* Sets the textures from VISIBILITY_UNIT on and the uniforms of a program in use. */
 void relief_bind(const Relief *relief, guint program);

@@ -30,6 +30,26 @@ static const char *relief_of(const struct view_settings *s) {
                                         : "none";
 }
 
+/* All of them, as --lamp takes them. */
+static char *lamps_of(const struct view_settings *s) {
+    GString *text = g_string_new(NULL);
+    g_string_printf(text, "first %.10g, and %d more", s->lamp, s->n_lamps);
+    for (int k = 0; k < s->n_lamps; k++) {
+        const struct view_lamp *l = &s->lamps[k];
+        g_string_append_printf(text, "%s%.6g,%.6g,%.6g,%.6g,%.6g", k == 0 ? ": " : "; ",
+                               l->theta_deg, l->phi_deg, (double)l->rgb[0], (double)l->rgb[1],
+                               (double)l->rgb[2]);
+    }
+    return g_string_free(text, FALSE);
+}
+
+static char *environment_of(const struct snapshot *snapshot) {
+    g_autofree char *name =
+        snapshot->environment != NULL ? g_path_get_basename(snapshot->environment) : NULL;
+    return g_strdup_printf("%s%s", name != NULL ? name : "none",
+                           snapshot->settings->backdrop ? ", seen behind the shape" : "");
+}
+
 gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
                         int width, int height, GError **error) {
     static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
@@ -42,7 +62,7 @@ gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const
     g_autofree char *tiles = g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v);
     g_autofree char *exposure =
         g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient);
-    g_autofree char *lamps = g_strdup_printf("first %.10g, and %d more", s->lamp, s->n_lamps);
+    g_autofree char *lamps = lamps_of(s), *environment = environment_of(snapshot);
     g_autofree char *name = shown_name(snapshot->material);
     g_autofree char *source = source_of(snapshot);
     g_autofree char *views =
@@ -60,6 +80,8 @@ gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const
                            light,
                            "Lamps",
                            lamps,
+                           "Environment",
+                           environment,
                            "Camera",
                            camera,
                            "Exposure",

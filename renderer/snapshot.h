@@ -10,6 +10,7 @@ struct snapshot {
     const struct compose *how;
     gboolean reference;                   /* from the whole BTF instead */
     const struct view_settings *settings; /* tiles as they are, not 0 */
+    const char *environment;              /* its file, or NULL */
     int n_views, n_planned;               /* of a session that is being captured; else 0 */
 };
 

@@ -1,5 +1,6 @@
 #include "view.h"
 
+#include "backdrop.h"
 #include "camera.h"
 #include "eigenmaps_view.h"
 #include "gpu.h"
@@ -36,15 +37,15 @@ struct View {
     gpointer material;  /* of the method */
     Programs *programs; /* of the method */
     Relief *relief;
+    Backdrop *backdrop;
     Marks *marks;
-    guint plain_program, geometry_program, background_program, resolve_program;
+    guint plain_program, geometry_program, resolve_program;
     guint array, vertices, shapes, indices, empty_array;
     guint n_indices, n_casting, serial;
     double radius, tiles_u, tiles_v; /* of the mesh */
     double reach;                    /* of the mesh and its floor */
     float *points;                   /* n_points × 3 */
     guint n_points;
-    float foot[3], corner; /* of the mesh: half its width and depth, its lowest z */
     struct gpu_target scene, geometry, picture;
 };
 
@@ -81,15 +82,17 @@ gboolean view_settings_check(const struct view_settings *s, GError **error) {
     return TRUE;
 }
 
+double view_exposure(const struct view_settings *s) {
+    return WHITE * exp2(s->exposure_ev);
+}
+
 static gboolean make_programs(View *view, GError **error) {
     const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
     const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
                                     "shadow.glsl", "geometry.frag", NULL};
-    const char *const background[] = {"screen.vert", "shadow.glsl", "background.frag", NULL};
     const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
     return (view->plain_program = gpu_program(plain, error)) != 0 &&
            (view->geometry_program = gpu_program(geometry, error)) != 0 &&
-           (view->background_program = gpu_program(background, error)) != 0 &&
            (view->resolve_program = gpu_program(resolve, error)) != 0;
 }
 
@@ -126,6 +129,7 @@ View *view_new(const struct eigenmaps *material, GError **error) {
     g_autoptr(View) view = g_new0(View, 1);
     view->radius = view->reach = 1.0;
     if (!make_programs(view, error) || (view->relief = relief_new(error)) == NULL ||
+        (view->backdrop = backdrop_new(error)) == NULL ||
         (view->marks = marks_new(error)) == NULL ||
         (material != NULL && !view_set_material(view, material, error)))
         return NULL;
@@ -140,9 +144,9 @@ void view_free(View *view) {
         view->method->free(view->material);
     programs_free(view->programs);
     relief_free(view->relief);
+    backdrop_free(view->backdrop);
     marks_free(view->marks);
-    const guint programs[] = {view->plain_program, view->geometry_program, view->background_program,
-                              view->resolve_program};
+    const guint programs[] = {view->plain_program, view->geometry_program, view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
         glDeleteProgram(programs[k]);
     glDeleteVertexArrays(1, &view->array);
@@ -193,36 +197,13 @@ gboolean view_set_material(View *view, const struct eigenmaps *material, GError 
     return FALSE;
 }
 
-/* The outline of the mesh's lowest quarter seen from above is taken as a rectangle with rounded
- * corners: a square plane's are sharp, a torus has nothing else. */
-static void find_foot(View *view) {
-    double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;
-    for (guint k = 0; k < view->n_points; k++) {
-        low = MIN(low, view->points[3 * k + 2]);
-        high = MAX(high, view->points[3 * k + 2]);
-    }
-    for (guint k = 0; k < view->n_points; k++) {
-        const float *p = view->points + 3 * (gsize)k;
-        if (p[2] > low + 0.25 * (high - low))
-            continue;
-        x = MAX(x, fabsf(p[0]));
-        y = MAX(y, fabsf(p[1]));
-        reach = MAX(reach, hypot((double)p[0], (double)p[1]));
-    }
-    double missing = (hypot(x, y) - reach) / (MAX(MIN(x, y), 1e-6) * (M_SQRT2 - 1.0));
-    view->foot[0] = x;
-    view->foot[1] = y;
-    view->foot[2] = low;
-    view->corner = MIN(x, y) * CLAMP(missing, 0.0, 1.0);
-}
-
 static void keep_points(View *view, const struct mesh *mesh) {
     g_free(view->points);
     view->n_points = mesh->n_vertices - mesh->n_floor_vertices;
     view->points = g_new(float, 3 * (gsize)view->n_points);
     for (guint k = 0; k < view->n_points; k++)
         memcpy(view->points + 3 * (gsize)k, mesh->vertices[k].position, 3 * sizeof(float));
-    find_foot(view);
+    backdrop_set_points(view->backdrop, view->points, view->n_points, view->radius);
 }
 
 gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error) {
@@ -257,6 +238,10 @@ gboolean view_open_mdf(View *view, const char *path, GError **error) {
     gboolean good = mdf != NULL && view_set_mdf_source(view, mdf, error);
     mdf_source_free(mdf);
     return good;
+}
+
+gboolean view_set_environment(View *view, const struct environment *environment, GError **error) {
+    return backdrop_set_environment(view->backdrop, environment, error);
 }
 
 struct view_memory view_memory(const View *view) {
@@ -301,41 +286,10 @@ void view_fit(const View *view, struct view_settings *settings, double aspect) {
         camera_fit(settings, view->points, view->n_points, view->radius, aspect);
 }
 
-/* What mesh.vert and background.frag know of camera and lamp. */
+/* What mesh.vert knows of camera and lamp. */
 struct sight {
     float projection[16], eye[3], light[3], tiles[2];
 };
-
-static void draw_background(View *view, const struct sight *sight) {
-    guint program = view->background_program;
-    glUseProgram(program);
-    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
-    glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
-    glUniform3fv(glGetUniformLocation(program, "foot"), 1, view->foot);
-    glUniform1f(glGetUniformLocation(program, "corner"), view->corner);
-    glUniform1f(glGetUniformLocation(program, "radius"), view->radius);
-    relief_bind(view->relief, program);
-    glDepthFunc(GL_LEQUAL); /* where nothing was drawn yet */
-    glDepthMask(GL_FALSE);
-    glBindVertexArray(view->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glDepthMask(GL_TRUE);
-    glDepthFunc(GL_LESS);
-}
-
-static void set_lamps(guint program, const struct view_settings *s) {
-    float towards[VIEW_MAX_LAMPS][3], colours[VIEW_MAX_LAMPS][3];
-    for (int k = 0; k < s->n_lamps; k++) {
-        camera_direction(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
-        memcpy(colours[k], s->lamps[k].rgb, sizeof colours[k]);
-    }
-    glUniform1f(glGetUniformLocation(program, "lamp"), (float)s->lamp);
-    glUniform1i(glGetUniformLocation(program, "n_lamps"), s->n_lamps);
-    if (s->n_lamps == 0)
-        return;
-    glUniform3fv(glGetUniformLocation(program, "lamp_towards"), s->n_lamps, towards[0]);
-    glUniform3fv(glGetUniformLocation(program, "lamp_colours"), s->n_lamps, colours[0]);
-}
 
 static void draw_mesh(View *view, guint program, const struct view_settings *s,
                       const struct sight *sight) {
@@ -347,7 +301,7 @@ static void draw_mesh(View *view, guint program, const struct view_settings *s,
     glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
     glUniform3fv(glGetUniformLocation(program, "light"), 1, sight->light);
     glUniform1f(glGetUniformLocation(program, "ambient_light"), s->ambient);
-    set_lamps(program, s);
+    programs_set_lamps(program, s);
     glDisable(GL_BLEND);
     glDisable(GL_CULL_FACE);
     glEnable(GL_DEPTH_TEST);
@@ -401,8 +355,7 @@ static gboolean draw_scene(View *view, const struct view_settings *s, int width,
         return FALSE;
     begin(&view->scene);
     draw_mesh(view, program, s, &sight);
-    draw_background(view, &sight);
-    return TRUE;
+    return backdrop_draw(view->backdrop, s, view->relief, sight.projection, sight.eye, error);
 }
 
 static void resolve(View *view, const struct view_settings *s, int samples, guint framebuffer,
@@ -416,7 +369,7 @@ static void resolve(View *view, const struct view_settings *s, int samples, guin
     glBindTexture(GL_TEXTURE_2D, view->scene.colour);
     glUniform1i(glGetUniformLocation(program, "drawn"), 0);
     glUniform1i(glGetUniformLocation(program, "samples"), samples);
-    glUniform1f(glGetUniformLocation(program, "exposure"), WHITE * exp2(s->exposure_ev));
+    glUniform1f(glGetUniformLocation(program, "exposure"), (float)view_exposure(s));
     glBindVertexArray(view->empty_array);
     glDrawArrays(GL_TRIANGLES, 0, 3);
     glBindVertexArray(0);

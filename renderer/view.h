@@ -9,7 +9,7 @@
 #include "scene.h"
 #include "visibility.h"
 
-/* Far away, and casts no shadow: its light, like that of the first, is 1 where a white diffuser
+/* Far away; its light, like that of the first, is 1 where a white diffuser
  * that it lights from its normal is. */
 #define VIEW_MAX_LAMPS 64
 struct view_lamp {
@@ -36,16 +36,21 @@ struct view_settings {
     /* These three take view_set_mdf(). Silhouettes: where a ray misses the structure, what is
      * behind is seen (seed 004 §4.1). Shadows: those that the mesh casts, with silhouettes of the
      * structure too, and on it (§4.2); without an MDF or silhouettes the mesh's own. */
-    gboolean silhouettes, shadows;
+    gboolean silhouettes, shadows; /* shadows: of every lamp */
     struct visibility_options visibility;
-    int shadow_size; /* of the shadow map, each way */
-    gboolean plain;  /* instead of the BTF one texture × n·l, to compare with */
+    int shadow_size;   /* of the first lamp's map, each way; of more than 4 further ones a half, of
+                          more than 16 a quarter */
+    gboolean backdrop; /* the environment is seen behind the mesh; takes view_set_environment() */
+    gboolean plain;    /* instead of the BTF one texture × n·l, to compare with */
 };
 
 extern const struct view_settings view_settings_default;
 
 /* Says what is out of range, and the range. */
 gboolean view_settings_check(const struct view_settings *settings, GError **error);
+
+/* What reflectance is multiplied by before it is toned. */
+double view_exposure(const struct view_settings *settings);
 
 typedef struct View View;
 
@@ -69,6 +74,10 @@ gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *mdf, GError **
 struct mdf_source;
 gboolean view_set_mdf_source(View *view, const struct mdf_source *mdf, GError **error);
 gboolean view_open_mdf(View *view, const char *path, GError **error);
+
+/* A picture of all directions; copies it. Lamps that give its light are settings'. */
+struct environment;
+gboolean view_set_environment(View *view, const struct environment *environment, GError **error);
 
 /* Bytes that the material and its MDF take on the card, in textures with all their levels. */
 struct view_memory {
@@ -94,7 +103,7 @@ guint8 *view_render(View *view, const struct view_settings *settings, int width,
                     GError **error);
 
 /* width × height × 4 floats, top row first: linear reflectance before exposure and tone, without
- * supersampling; the fourth is 0 where only the background is seen. */
+ * supersampling; the fourth is 0 where only the background is seen, which is exposed already. */
 float *view_render_linear(View *view, const struct view_settings *settings, int width, int height,
                           GError **error);
 

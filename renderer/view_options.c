@@ -67,6 +67,11 @@ static gboolean check_environment(const struct view_options *o, GError **error) 
                     "--reference knows one lamp, not --lamp or --environment");
         return FALSE;
     }
+    if (s->backdrop && o->environment == NULL) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--backdrop goes with --environment FILE.exr");
+        return FALSE;
+    }
     return TRUE;
 }
 
@@ -93,11 +98,13 @@ GOptionEntry *view_options_entries(struct view_options *o) {
         {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg,
          "Light's azimuth from +x, default 200: from the left", "DEG"},
         {"lamp", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_lamp,
-         "A further lamp, which casts no shadow; may be given again", "THETA,PHI[,R,G,B]"},
+         "A further lamp; may be given again", "THETA,PHI[,R,G,B]"},
         {"environment", 0, 0, G_OPTION_ARG_FILENAME, &o->environment,
          "Light from a picture of all directions (EXR, zenith in its first row) instead of the "
          "lamp",
          "FILE.exr"},
+        {"backdrop", 0, 0, G_OPTION_ARG_NONE, &s->backdrop,
+         "With --environment: it is seen behind the shape, too", NULL},
         {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg,
          "Camera's azimuth from +x, default -90: in front", "DEG"},
         {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
@@ -127,7 +134,7 @@ GOptionEntry *view_options_entries(struct view_options *o) {
         {"straight", 0, 0, G_OPTION_ARG_NONE, &s->visibility.straight,
          "Silhouettes as if the shape were flat under each ray, to compare", NULL},
         {"shadow-map", 0, 0, G_OPTION_ARG_INT, &s->shadow_size,
-         "Size of the map of shadows, 16 … 16384, default 1024", "PIXELS"},
+         "Size of the first lamp's map of shadows, 16 … 16384, default 1024", "PIXELS"},
         {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &o->mdf,
          "Distances for --silhouettes, if not the mdf.exr beside the material", "FILE"},
         {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "Upward axis of a shape's file, default y",

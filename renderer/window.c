@@ -53,6 +53,7 @@ gboolean window_save(struct window *w, const char *path, GError **error) {
         .second = w->how.mode != COMPOSE_ONE ? w->second_method : NULL,
         .how = &w->how,
         .settings = &w->settings,
+        .environment = w->options->environment_path,
     };
     return rgb != NULL && snapshot_write(path, &snapshot, rgb, width, height, error);
 }
@@ -85,7 +86,9 @@ static GLFWwindow *open_window(const struct window_options *options, GError **er
     if (glfw == NULL) {
         glfwGetError(&text);
         g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
-                    "no window with OpenGL 3.3 can be opened (%s); try --render FILE.png",
+                    "no window with OpenGL 3.3 can be opened (%s); renew the graphics driver, let "
+                    "Mesa draw without the card (LIBGL_ALWAYS_SOFTWARE=1), or try --render "
+                    "FILE.png",
                     text != NULL ? text : "unknown reason");
         return NULL;
     }
@@ -183,7 +186,7 @@ static gboolean draw_demo(struct window *w, struct window_result *ret, GError **
 static gboolean run(struct window *w, struct window_result *ret, GError **error) {
     w->view = view_new(NULL, error);
     w->compose = w->view != NULL ? compose_new(error) : NULL;
-    if (w->compose == NULL)
+    if (w->compose == NULL || !window_set_environment(w, w->view, error))
         return FALSE;
     ret->renderer = g_strdup(gpu_renderer());
     window_set_shape(w, w->options->shape, &w->options->settings);

@@ -15,7 +15,9 @@ struct window_options {
     struct compose compose;
     const char *argument; /* a session's directory or a file; NULL: the method needs none */
     const char *mdf;      /* path of the material's distances; need not be there */
-    const char *shape;    /* of scene.h */
+    const struct environment *environment; /* or NULL */
+    const char *environment_path;
+    const char *shape; /* of scene.h */
     enum scene_up up;
     gboolean floor; /* under the shape */
     int width, height;

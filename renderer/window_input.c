@@ -14,6 +14,7 @@ const char window_help[] = "drag left       orbit\n"
                            "P               plain texture, to compare (eigen-maps)\n"
                            "O               outlines of the structure (silhouettes)\n"
                            "H               shadows that the shape casts\n"
+                           "B               the environment behind the shape\n"
                            "M               the nearest measured frame, to compare\n"
                            "R               as it was at the start\n"
                            "S               screenshot\n"
@@ -65,6 +66,8 @@ static void on_key(GLFWwindow *glfw, int key, int scancode, int action, int mods
         window_toggle_silhouettes(w);
     else if (key == GLFW_KEY_H)
         w->settings.shadows = !w->settings.shadows;
+    else if (key == GLFW_KEY_B)
+        window_toggle_backdrop(w);
     else if (key == GLFW_KEY_M && (w->show_measured = !w->show_measured))
         window_compare_measured(w);
     else if (key == GLFW_KEY_R)

@@ -68,6 +68,9 @@ static void draw_light(struct window *w) {
         s->light_phi_deg = phi;
         w->stale = TRUE;
     }
+    gboolean backdrop = s->backdrop;
+    if (w->options->environment != NULL && ui_check("environment behind it", &backdrop))
+        window_toggle_backdrop(w);
     w->stale |= ui_slider("ambient", &s->ambient, 0.0, 1.0, "%.2f");
     w->stale |= ui_slider("exposure", &s->exposure_ev, -6.0, 6.0, "%+.2f EV");
     ui_histogram(w->histogram, WINDOW_BINS, WIDTH - 20.0F, 60.0F);

@@ -54,6 +54,8 @@ void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
 void window_set_shape(struct window *w, const char *shape, const struct view_settings *tiles);
 void window_scale_tiles(struct window *w, double factor);
+gboolean window_set_environment(const struct window *w, View *view, GError **error);
+void window_toggle_backdrop(struct window *w);
 void window_toggle_silhouettes(struct window *w);
 void window_compare_measured(struct window *w);
 void window_follow(struct window *w); /* once a second looks at the files */

@@ -65,11 +65,17 @@ static void mark_views(struct window *w) {
     w->stale = TRUE;
 }
 
+gboolean window_set_environment(const struct window *w, View *view, GError **error) {
+    return w->options->environment == NULL ||
+           view_set_environment(view, w->options->environment, error);
+}
+
 static gboolean make_second(struct window *w, GError **error) {
     if (w->second != NULL)
         return TRUE;
     g_autoptr(View) view = view_new(NULL, error);
     if (view == NULL || !view_set_mesh(view, w->mesh, error) ||
+        !window_set_environment(w, view, error) ||
         (w->mdf != NULL && !view_set_mdf_source(view, w->mdf, error)))
         return FALSE;
     w->second = g_steal_pointer(&view);
@@ -166,6 +172,14 @@ void window_set_shape(struct window *w, const char *shape, const struct view_set
 void window_scale_tiles(struct window *w, double factor) {
     w->settings.tiles_u = CLAMP(w->settings.tiles_u * factor, 0.01, 500.0);
     w->settings.tiles_v = CLAMP(w->settings.tiles_v * factor, 0.01, 500.0);
+    w->stale = TRUE;
+}
+
+void window_toggle_backdrop(struct window *w) {
+    if (w->options->environment == NULL)
+        window_say(w, "there is no environment to be seen: start with --environment FILE.exr");
+    else
+        w->settings.backdrop = !w->settings.backdrop;
     w->stale = TRUE;
 }
 

@@ -5,10 +5,28 @@ uniform vec3 foot;    // half the mesh's width and depth, and its lowest z
 uniform float corner; // radius of the corners of the outline seen from above
 uniform float radius; // of the mesh
 
+uniform vec3 light; // towards the first lamp
+uniform float lamp;
+
 in vec2 at;
 out vec4 colour;
 
 const float DISTANT = 0.022, NEAR = 0.105, SHADOW = 0.35;
+
+// 0 … 1 of what all lamps would give here.
+float arriving(vec3 p) {
+#if LAMP_SHADOWS
+    float all = lamp * max(light.z, 0.0), sum = all * lamp_at(p);
+    for (int k = 0; k < n_lamps; k++) {
+        float one = dot(lamp_colours[k], vec3(1.0 / 3.0)) * max(lamp_towards[k].z, 0.0);
+        all += one;
+        sum += one * further_at(k, p);
+    }
+    return all > 0.0 ? sum / all : 1.0;
+#else
+    return lamp_at(p);
+#endif
+}
 
 void main() {
     vec4 far = inverse(projection) * vec4(2.0 * at - 1.0, 1.0, 1.0);
@@ -22,7 +40,7 @@ void main() {
         float away = max(length(beyond) - corner, 0.0) / radius;
         float lit = mix(DISTANT, NEAR, exp(-0.35 * dot(hit, hit) / (radius * radius)));
         shown = lit * (1.0 - 0.75 * exp(-away / 0.22));
-        shown *= mix(SHADOW, 1.0, lamp_at(vec3(hit, ground)));
+        shown *= mix(SHADOW, 1.0, arriving(vec3(hit, ground)));
     }
     colour = vec4(vec3(shown), 0.0);
 }

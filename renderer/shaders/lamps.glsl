@@ -1,18 +1,13 @@
-// All that lights a point: the lamp, which may cast shadows, the sky, and further lamps far away.
-const int MAX_LAMPS = 64; // VIEW_MAX_LAMPS
-
+// All that lights a point p: the lamp, of which so much as lit arrives, the sky, and further lamps.
 uniform float lamp; // how bright the first is
-uniform int n_lamps;
-uniform vec3 lamp_towards[MAX_LAMPS];
-uniform vec3 lamp_colours[MAX_LAMPS];
 
-vec3 shade(mat3 frame, vec3 v, float lit) {
+vec3 shade(mat3 frame, vec3 v, vec3 p, float lit) {
     ambient = AMBIENT != 0 ? ambient_light : 0.0;
     vec3 sum = btf(texel, v, frame * light, lit * lamp);
 #if LAMPS
     ambient = 0.0;
     for (int k = 0; k < n_lamps; k++)
-        sum += lamp_colours[k] * btf(texel, v, frame * lamp_towards[k], 1.0);
+        sum += lamp_colours[k] * btf(texel, v, frame * lamp_towards[k], further_at(k, p));
 #endif
     return sum;
 }

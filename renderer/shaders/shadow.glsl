@@ -1,16 +1,25 @@
-// Whether the lamp's light arrives, by a map of how far it gets (seed 004 §4.2).
+// Whether the first lamp's light arrives, by a map of how far it gets (seed 004 §4.2).
 uniform bool shadows; // else it does
 uniform sampler2DShadow shadow_map;
-uniform mat4 shadow_matrix; // of world coordinates to the map
-uniform vec3 shadow_light;  // unit, towards the lamp
-uniform vec3 shadow_range;  // of the map: of depth 0, from 0 to 1, and slack
+uniform vec3 shadow_light; // unit, towards the lamp
+uniform vec3 shadow_right; // where the map's right points to; its up is across both
+uniform vec3 shadow_range; // of the map: of depth 0, from 0 to 1, and slack
+uniform float shadow_radius;
+
+// In the map: 0 … 1 each, z its depth.
+vec3 in_map(vec3 p, vec3 towards, vec3 right, vec3 range) {
+    vec2 at = vec2(dot(right, p), dot(cross(towards, right), p)) / shadow_radius;
+    return vec3(at * 0.5 + 0.5, min((range.x - dot(towards, p) - range.z) / range.y, 1.0));
+}
+
+bool outside(vec3 at) {
+    return any(lessThan(at.xy, vec2(0.0))) || any(greaterThan(at.xy, vec2(1.0)));
+}
 
 // 0 … 1 of what arrives at p.
 float lamp_at(vec3 p) {
     if (!shadows)
         return 1.0;
-    vec2 at = (shadow_matrix * vec4(p, 1.0)).xy * 0.5 + 0.5;
-    float z = (shadow_range.x - dot(shadow_light, p) - shadow_range.z) / shadow_range.y;
-    bool outside = any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)));
-    return outside ? 1.0 : texture(shadow_map, vec3(at, min(z, 1.0)));
+    vec3 at = in_map(p, shadow_light, shadow_right, shadow_range);
+    return outside(at) ? 1.0 : texture(shadow_map, at);
 }
