@@ -66,6 +66,7 @@ static void tell_json(const struct check *check) {
         add_int(&builder, "holes", check->btf->holes);
         add_int(&builder, "lower_bounds", check->btf->bounds);
         add_int(&builder, "shorter_exposures", check->btf->shorter);
+        add_int(&builder, "predicted", check->btf->predicted);
         add_series(&builder, "e_r", e->e_r, e->n_views);
         add_series(&builder, "e_i", e->e_i, e->n_lights);
         add_int(&builder, "texel", e->texel);
@@ -115,8 +116,9 @@ static void tell_energy(const struct check *check) {
 static void tell_marks(const struct btf_matrix *btf) {
     const gint64 all = (gint64)btf->width * btf->height * btf->n_views * btf->n_lights;
     g_print("marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), %.3g "
-            "%% from shorter exposures alone\n",
-            percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all));
+            "%% from shorter exposures alone, %.3g %% not taken, made of other lights'\n",
+            percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
+            percent(btf->predicted, all));
 }
 
 static void tell(const struct check *check) {

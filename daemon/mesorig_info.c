@@ -170,6 +170,7 @@ static void print_json(Session *session, const char *state, const struct session
     add_int(&builder, "btf_holes", marks.holes);
     add_int(&builder, "btf_lower_bounds", marks.bounds);
     add_int(&builder, "btf_shorter_exposures", marks.shorter);
+    add_int(&builder, "btf_predicted", marks.predicted);
     g_variant_builder_add(&builder, "{sv}", "products", products_variant(directory, made));
     g_variant_builder_add(&builder, "{sv}", "events", events_variant(events));
     cli_print_json(g_variant_builder_end(&builder));
@@ -177,11 +178,12 @@ static void print_json(Session *session, const char *state, const struct session
 
 static void print_marks(const char *directory, const GPtrArray *list) {
     const struct btf_marks marks = count_marks(directory, list);
-    if (marks.holes + marks.bounds + marks.shorter > 0)
+    if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
         g_print("marks      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
                 " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
-                " from shorter exposures alone\n",
-                marks.texels, marks.holes, marks.bounds, marks.shorter);
+                " from shorter exposures alone, %" G_GINT64_FORMAT
+                " of pictures that were not taken, made of other lights'\n",
+                marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
 }
 
 static void print_products(const char *directory) {

@@ -31,6 +31,8 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
         g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
         g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
         g_variant_builder_add(&builder, "{sv}", "lights", g_variant_new_int32(result->n_lights));
+        g_variant_builder_add(&builder, "{sv}", "predicted_pictures",
+                              g_variant_new_int32(result->n_predicted));
         g_variant_builder_add(&builder, "{sv}", "mdf_views",
                               g_variant_new_int32(result->n_mdf_views));
         g_variant_builder_add(&builder, "{sv}", "eigenmaps_error",
@@ -58,6 +60,11 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
             "measured and %.2f %% predicted by other views, eigen-maps with an error of %.2f %%\n",
             time, result->n_views, result->n_lights, result->n_mdf_views,
             100 * result->mdf_coverage, 100 * result->mdf_predicted, 100 * result->eigenmaps_error);
+    if (result->n_predicted > 0)
+        g_print(
+            "%d of the BTF's %d pictures were left out by the plan: made of those of the lights "
+            "around them, and marked\n",
+            result->n_predicted, result->n_views * result->n_lights);
     tell_lines(result);
 }
 

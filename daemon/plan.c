@@ -544,6 +544,9 @@ static struct plan *finish(struct build *b) {
     plan->session.lights = (gpointer)g_array_free(g_steal_pointer(&b->lights), FALSE);
     plan->session.lasers = (gpointer)g_array_free(g_steal_pointer(&b->lasers), FALSE);
     plan->session.shots = (gpointer)g_array_free(g_steal_pointer(&b->shots), FALSE);
+    char *missing = plan_missing(&plan->session);
+    if (missing)
+        g_ptr_array_add(plan->notes, missing);
     return plan;
 }
 

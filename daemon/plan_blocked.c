@@ -1,4 +1,5 @@
 #include "plan_private.h"
+#include "processing/btf.h"
 
 #define RAD(deg)          ((deg) * (G_PI / 180))
 #define LARGEST_SHIFT_DEG 20
@@ -61,4 +62,33 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
         }
     }
     return FALSE;
+}
+
+static int missing_of(const struct session_plan *plan, const struct session_direction *view) {
+    int n = 0;
+    for (int i = 0; i < plan->n_shots; i++) {
+        const struct session_shot *shot = &plan->shots[i];
+        n += shot->kind == SHOT_LAMP && shot->state == SHOT_SKIPPED &&
+             shot->turntable_deg == view->turntable_deg && (shot->cameras >> view->device & 1) != 0;
+    }
+    return n;
+}
+
+char *plan_missing(const struct session_plan *plan) {
+    int views = 0, pictures = 0;
+    for (int i = 0; i < plan->n_views; i++) {
+        const int n = missing_of(plan, &plan->views[i]);
+        if (n > BTF_MOST_MISSING * plan->n_lights)
+            views++;
+        else
+            pictures += n;
+    }
+    if (views > 0)
+        return g_strdup_printf("%d of %d views miss more than %g %% of their lights: there will be "
+                               "no BTF of them; another offset_deg of [lights] may help",
+                               views, plan->n_views, 100 * BTF_MOST_MISSING);
+    return pictures > 0 ? g_strdup_printf("%d pictures of the BTF will be made of those of other "
+                                          "lights; another offset_deg of [lights] may help",
+                                          pictures)
+                        : NULL;
 }

@@ -29,6 +29,10 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
                     gint64 arc_udeg, double radius_mm, const struct vec3 *lights, int n_lights,
                     gint64 *ret_shift_udeg);
 
+/* What skipped shots cost the BTF, in words: pictures that it will make of others, views that it
+ * will not have. g_free(); NULL: nothing. */
+char *plan_missing(const struct session_plan *plan);
+
 /* Times of moves between poses, both axes together; a table, so that orders are tried quickly. */
 struct plan_moves {
     int n;

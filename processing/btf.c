@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "btf_missing.h"
 #include "exr_half.h"
 
 #define MOST_HOLES 0.5 /* of the texels: with more of them something is wrong with the frame */
@@ -34,7 +35,8 @@ static struct exr_part *light_part(const struct btf_view *view, const struct btf
         enum btf_mark mark;
     } counts[] = {{"mesorig.holes", BTF_MARK_HOLE},
                   {"mesorig.bounds", BTF_MARK_BOUND},
-                  {"mesorig.shorter", BTF_MARK_SHORTER}};
+                  {"mesorig.shorter", BTF_MARK_SHORTER},
+                  {"mesorig.predicted", BTF_MARK_PREDICTED}};
     const int n = view->grid.width * view->grid.height;
     guint8 any = 0;
     for (int i = 0; i < n; i++)
@@ -213,12 +215,29 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
     return part;
 }
 
+/* Where the lights around it are there. */
+static void predict_missing(const struct btf_view *view, struct exr_part **parts) {
+    const gsize n = (gsize)view->grid.width * (gsize)view->grid.height;
+    g_autofree guint8 *marks = g_new(guint8, n);
+    g_autofree struct exr_part **taken = g_memdup2(parts, view->lights->len * sizeof(*parts));
+    for (guint i = 0; i < view->lights->len; i++) {
+        const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
+        g_autofree double *weights = light->missing ? btf_missing_weights(view, taken, i) : NULL;
+        if (!weights)
+            continue;
+        btf_missing_marks(weights, taken, view->lights->len, n, marks);
+        parts[i] = light_part(view, light, marks);
+        btf_missing_fill(weights, taken, view->lights->len, marks, parts[i]);
+    }
+}
+
 static gboolean load_mosaics(const struct btf_view *view, struct mosaics *to,
                              GCancellable *cancellable, GError **error) {
     gboolean ok = TRUE;
     for (guint i = 0; ok && i < view->lights->len; i++)
-        ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
-             load_mosaic(view, i, to, error);
+        if (!g_array_index(view->lights, struct btf_light, i).missing)
+            ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
+                 load_mosaic(view, i, to, error);
     return ok;
 }
 
@@ -235,15 +254,19 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
                               .n_pixels = n_pixels};
     gboolean ok = load_mosaics(view, &mosaics, cancellable, error) &&
                   (rectify = new_rectify(view, &mosaics, error)) != NULL;
+    g_autofree struct exr_part **parts = g_new0(struct exr_part *, view->lights->len);
     for (guint i = 0; ok && i < view->lights->len; i++) {
-        struct exr_part *part = NULL;
+        if (g_array_index(view->lights, struct btf_light, i).missing)
+            continue;
         ok = !g_cancellable_set_error_if_cancelled(cancellable, error) &&
-             (part = make_light(view, i, rectify, &mosaics, error)) != NULL;
-        if (part)
-            exr_file_add(file, part);
+             (parts[i] = make_light(view, i, rectify, &mosaics, error)) != NULL;
         g_clear_pointer(&mosaics.half[i], g_free);
         g_clear_pointer(&mosaics.bound[i], g_free);
     }
+    predict_missing(view, parts);
+    for (guint i = 0; i < view->lights->len; i++)
+        if (parts[i])
+            exr_file_add(file, parts[i]);
     ok = ok && exr_write(path, file, EXR_PIZ, TRUE, error);
     clear_mosaics(&mosaics, view->lights->len);
     exr_file_free(file);
@@ -275,6 +298,7 @@ void btf_add_marks(const struct exr_part *part, struct btf_marks *sums) {
     sums->holes += count_of(part, "mesorig.holes");
     sums->bounds += count_of(part, "mesorig.bounds");
     sums->shorter += count_of(part, "mesorig.shorter");
+    sums->predicted += count_of(part, "mesorig.predicted");
 }
 
 static gboolean copy_light(const struct exr_part *part, const struct session_grid *grid,

@@ -15,7 +15,11 @@ enum btf_mark {
     BTF_MARK_SHORTER = 1, /* too bright for the longest exposure: shorter ones tell, noisier */
     BTF_MARK_BOUND = 2,   /* too bright for all of them: the value is a lower bound */
     BTF_MARK_HOLE = 4, /* no numbers, or outside of the picture: the value is 0 and says nothing */
+    BTF_MARK_PREDICTED = 8, /* there is no picture: made of those of the lights around it */
 };
+
+/* A view with more of its lights missing is not made. */
+#define BTF_MOST_MISSING 0.1
 
 struct btf_light {
     int index; /* of the light */
@@ -24,7 +28,8 @@ struct btf_light {
     const struct rig_lamp *lamp;
     const struct radiometry_lamp *radiometry; /* may be not known */
     double arc_rad;
-    double output; /* of the lamp in this shot, of what it was calibrated at */
+    double output;    /* of the lamp in this shot, of what it was calibrated at */
+    gboolean missing; /* the plan left it out; input is empty */
     struct input input;
 };
 
@@ -36,19 +41,22 @@ struct btf_view {
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */
+    int n_missing;  /* of them; at most BTF_MOST_MISSING of all */
     char *inputs;   /* hash of all of the above */
 };
 
 void btf_view_free(struct btf_view *view); /* NULL is ignored */
 
 /* Writes the file. Attributes of its parts beside those of pipeline.h: mesorig.inputs (string);
- * mesorig.holes, mesorig.bounds, mesorig.shorter (int): texels with each mark. */
+ * mesorig.holes, mesorig.bounds, mesorig.shorter, mesorig.predicted (int): texels with each mark.
+ * A light that is missing has, over cos θ_l, the value of the plane that fits the nearest lights'
+ * best over (sin θ cos φ, sin θ sin φ). */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 
 /* Of one part or many. */
 struct btf_marks {
-    gint64 texels, holes, bounds, shorter;
+    gint64 texels, holes, bounds, shorter, predicted;
 };
 void btf_add_marks(const struct exr_part *part, struct btf_marks *sums); /* headers suffice */
 

@@ -193,6 +193,7 @@ gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int 
         btf_add_marks(part, &marks);
         btf->bounds += marks.bounds;
         btf->shorter += marks.shorter;
+        btf->predicted += marks.predicted;
     }
     for (gsize texel = 0; texel < texels; texel++)
         for (gsize i = 0; i < n; i++)

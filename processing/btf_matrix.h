@@ -21,10 +21,11 @@ struct btf_matrix {
     float *view_theta_deg, *view_phi_deg;   /* n_views */
     float *light_theta_deg, *light_phi_deg; /* n_lights */
     float *values;                          /* height · width rows; NULL if they are in scratch */
-    gint64 holes;    /* pixels of the rectified pictures that no good frame pixel shows */
-    gint64 bounds;   /* of them that are lower bounds, since saturated pixels show them */
-    gint64 shorter;  /* those that are known from shorter exposures only */
-    char *directory; /* of the session */
+    gint64 holes;     /* pixels of the rectified pictures that no good frame pixel shows */
+    gint64 bounds;    /* of them that are lower bounds, since saturated pixels show them */
+    gint64 shorter;   /* those that are known from shorter exposures only */
+    gint64 predicted; /* those of pictures that were not taken, made of other lights' */
+    char *directory;  /* of the session */
     struct btf_scratch *scratch;
 };
 

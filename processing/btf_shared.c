@@ -83,13 +83,15 @@ static gboolean take_part(struct shared *shared, GError **error) {
 /* What only those know who read a view. */
 static void share_directions(const struct shared *shared) {
     struct btf_matrix *btf = shared->btf;
-    double marks[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter};
+    double marks[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,
+                      (double)btf->predicted};
     shared->team->sum_floats(shared->team, btf->view_theta_deg, (gsize)btf->n_views);
     shared->team->sum_floats(shared->team, btf->view_phi_deg, (gsize)btf->n_views);
     shared->team->sum_doubles(shared->team, marks, G_N_ELEMENTS(marks));
     btf->holes = (gint64)marks[0];
     btf->bounds = (gint64)marks[1];
     btf->shorter = (gint64)marks[2];
+    btf->predicted = (gint64)marks[3];
 }
 
 static gboolean read_shared(struct shared *shared, PipelineFunc progress, gpointer data,

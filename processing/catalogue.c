@@ -228,6 +228,22 @@ static GChecksum *view_checksum(const struct catalogue *catalogue, const char *k
     return sum;
 }
 
+/* What the plan left out is not waited for; a shot of it is known, so that the light's place is. */
+static void add_missing(struct btf_view *btf, const struct catalogue *catalogue,
+                        const struct session_direction *direction, const struct session_shot *shot,
+                        GChecksum *sum) {
+    const struct btf_light light = {.index = direction->index,
+                                    .theta_deg = direction->theta_deg,
+                                    .phi_deg = direction->phi_deg,
+                                    .arc = &catalogue->rig.arc,
+                                    .lamp = &catalogue->rig.lamps[shot->device],
+                                    .arc_rad = radians(shot->arc_deg),
+                                    .missing = TRUE};
+    g_array_append_val(btf->lights, light);
+    btf->n_missing++;
+    input_hash(sum, "%d missing %.17g %.17g", light.index, light.theta_deg, light.phi_deg);
+}
+
 static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
                       const struct session_direction *direction, const struct session_shot *shot,
                       const struct input *input, GChecksum *sum) {
@@ -267,8 +283,13 @@ enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
         enum catalogue_state one = find_input(catalogue, shot, view, &input);
         if (one == CATALOGUE_READY)
             add_light(btf, catalogue, direction, shot, &input, sum);
-        state = MAX(state, one);
+        else if (one == CATALOGUE_IMPOSSIBLE && shot)
+            add_missing(btf, catalogue, direction, shot, sum);
+        if (one == CATALOGUE_WAITING || !shot)
+            state = MAX(state, one);
     }
+    if (btf->n_missing > BTF_MOST_MISSING * catalogue->lights->len)
+        state = CATALOGUE_IMPOSSIBLE;
     btf->inputs = g_strdup(g_checksum_get_string(sum));
     if (state == CATALOGUE_READY && ret)
         *ret = g_steal_pointer(&btf);

@@ -35,6 +35,7 @@ struct run {
     int n_views;
     gboolean *made[N_STAGES]; /* of each view */
     char **btf_inputs;        /* of each view that is made */
+    int *missing;             /* lights of each view in the BTF */
     struct mdf_result **mdf;  /* of each view that is made */
     gboolean mdf_dirty;
     gint64 mdf_written_us, started_us;
@@ -131,6 +132,7 @@ static struct task *next_task(struct run *run, enum stage stage, int view) {
     if (task->btf) {
         g_autofree char *relative = btf_relative(task->btf->index);
         task->path = session_file(run->session, relative);
+        run->missing[view] = task->btf->n_missing;
     }
     if (state == CATALOGUE_READY && !is_made(run, task))
         return task;
@@ -362,10 +364,14 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     int n_lights = (int)run->catalogue->lights->len;
     ret->n_views = count_made(run, STAGE_BTF);
     ret->n_lights = ret->n_views > 0 ? n_lights : 0;
+    ret->n_predicted = 0;
+    for (int view = 0; view < run->n_views; view++)
+        ret->n_predicted += run->missing[view];
     if (n_lights > 0 && ret->n_views == 0) {
         g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
-                    "%s: no view was captured under all %d lights", session_path(run->session),
-                    n_lights);
+                    "%s: of each view more than %g %% of its %d pictures under lights were left "
+                    "out by the plan, so that there is no BTF",
+                    session_path(run->session), 100 * BTF_MOST_MISSING, n_lights);
         return FALSE;
     }
     if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
@@ -431,6 +437,7 @@ static gboolean begin(struct run *run, GError **error) {
     for (int stage = 0; stage < N_STAGES; stage++)
         run->made[stage] = g_new0(gboolean, run->n_views);
     run->btf_inputs = g_new0(char *, run->n_views + 1);
+    run->missing = g_new0(int, run->n_views);
     run->mdf = g_new0(struct mdf_result *, run->n_views);
     g_autofree char *path = session_file(run->session, "products/mdf.exr");
     run->mdf_dirty = mdf_read(path, run->catalogue, run->mdf);
@@ -446,6 +453,7 @@ static void end(struct run *run) {
     for (int stage = 0; stage < N_STAGES; stage++)
         g_free(run->made[stage]);
     g_free(run->btf_inputs);
+    g_free(run->missing);
     g_free(run->mdf);
     catalogue_free(run->catalogue);
     session_close(run->session);

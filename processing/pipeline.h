@@ -58,6 +58,7 @@ struct pipeline_options {
 
 struct pipeline_result {
     int n_views, n_lights; /* in the BTF; views that are not complete are left out */
+    int n_predicted;       /* pictures of it that the plan left out: made of others (btf.h) */
     int n_mdf_views;
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
     double mdf_coverage;    /* of the texels of all views, measured by them */

@@ -403,6 +403,8 @@ static void test_blocked(void) {
                       plan->session.shots[i - 1].state == SHOT_PLANNED);
     }
     g_assert_cmpint(n_skipped, ==, 12 * 8);
+    const char *last = g_ptr_array_index(plan->notes, plan->notes->len - 1);
+    g_assert_true(g_str_has_prefix(last, "768 pictures of the BTF will be made"));
     g_assert_cmpint(plan->n_frames, ==, 8 * 8 + (12 * 96 - n_skipped) * 8 * 2);
     plan_free(plan);
 
