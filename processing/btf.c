@@ -219,7 +219,9 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
 static void predict_missing(const struct btf_view *view, struct exr_part **parts) {
     const gsize n = (gsize)view->grid.width * (gsize)view->grid.height;
     g_autofree guint8 *marks = g_new(guint8, n);
-    g_autofree struct exr_part **taken = g_memdup2(parts, view->lights->len * sizeof(*parts));
+    g_autofree struct exr_part **taken = g_new(struct exr_part *, view->lights->len);
+    for (guint i = 0; i < view->lights->len; i++)
+        taken[i] = parts[i];
     for (guint i = 0; i < view->lights->len; i++) {
         const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
         g_autofree double *weights = light->missing ? btf_missing_weights(view, taken, i) : NULL;

@@ -21,8 +21,9 @@ static struct btf_view *new_view(void) {
     struct btf_view *view = g_new0(struct btf_view, 1);
     view->lights = g_array_new(FALSE, FALSE, sizeof(struct btf_light));
     for (int i = 0; i < N; i++) {
+        const int ring = i / N_PHI, k = i % N_PHI;
         const struct btf_light light = {
-            .index = i, .theta_deg = 15.0 + 15 * (i / N_PHI), .phi_deg = 30 * (i % N_PHI)};
+            .index = i, .theta_deg = 15.0 + 15.0 * ring, .phi_deg = 30.0 * k};
         g_array_append_val(view->lights, light);
     }
     return view;
@@ -45,8 +46,9 @@ static double value(const struct btf_view *view, guint i, gboolean lobe) {
 static void take(const struct btf_view *view, struct exr_part **parts, guint i, gboolean lobe) {
     static const char *const channels[] = {"B", "G", "R", "mark", NULL};
     parts[i] = exr_part_new("light", TEXELS, 1, channels, EXR_FLOAT);
-    for (int k = 0; k < 3 * TEXELS; k++)
-        parts[i]->planes[k / TEXELS][k % TEXELS] = (float)((1 + k / TEXELS) * value(view, i, lobe));
+    for (int c = 0; c < 3; c++)
+        for (int k = 0; k < TEXELS; k++)
+            parts[i]->planes[c][k] = (float)((1 + c) * value(view, i, lobe));
 }
 
 static struct exr_part *predict(const struct btf_view *view, struct exr_part **parts, guint i) {
