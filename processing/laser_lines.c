@@ -4,15 +4,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "laser_frames.h"
 #include "mdf.h"
+#include "robust.h"
 
-#define MARK_MM      0.5   /* kept off marks, beyond their radius */
-#define LEAST_PIXELS 64    /* of a sweep */
-#define LEAST_FRAME  6     /* of a frame */
-#define BIWEIGHT     4.685 /* times the usual residual: what is further off does not count (Tukey) */
+#define MARK_MM      0.5 /* kept off marks, beyond their radius */
+#define LEAST_PIXELS 64  /* of a sweep */
+#define LEAST_FRAME  6   /* of a frame */
 #define ROUNDS       6
-#define MANY         4.0 /* standard errors: beyond them two disagree */
-#define OFF_SHARE    0.5 /* of frames; a few show what the sample throws on its surround */
+#define MANY         4.0  /* standard errors: beyond them two disagree */
+#define OFF_SHARE    0.25 /* of frames: with as many the sweep as a whole disagrees */
 /* What even a good calibration is not known better than, as a sheet is only nearly a plane that
  * turns evenly: 15 µm at half a metre; and for single frames, as axes step unevenly. */
 #define LEAST_KNOWN_RAD 3e-5
@@ -156,16 +157,6 @@ static int by_frame(const void *a, const void *b) {
     return x->frame != y->frame ? x->frame - y->frame : (x->off > y->off) - (x->off < y->off);
 }
 
-static int by_value(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median_of(double *values, int n) {
-    qsort(values, (gsize)n, sizeof *values, by_value);
-    return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
-}
-
 static void collect(const LaserRegion *region, const struct mdf_sweep *sweep,
                     struct search *search) {
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
@@ -201,11 +192,6 @@ static void collect(const LaserRegion *region, const struct mdf_sweep *sweep,
     }
 }
 
-static double biweight(double residual, double scale) {
-    const double x = residual / (BIWEIGHT * scale);
-    return fabs(x) < 1 ? (1 - x * x) * (1 - x * x) : 0;
-}
-
 /* Of a frame, with a roll taken out: median, then Tukey's mean. */
 static void fit_frame(struct search *search, int frame, double roll) {
     const int from = search->first[frame], n = search->first[frame + 1] - from;
@@ -216,13 +202,13 @@ static void fit_frame(struct search *search, int frame, double roll) {
     g_autofree double *off = g_new(double, n);
     for (int i = 0; i < n; i++)
         off[i] = candidates[i].off - roll * candidates[i].along;
-    double middle = median_of(off, n), weights = n;
+    double middle = robust_median(off, n), weights = n;
     for (int round = 0; round < ROUNDS && search->scale > 0; round++) {
         double sum = 0;
         weights = 0;
         for (int i = 0; i < n; i++) {
             const double value = candidates[i].off - roll * candidates[i].along;
-            candidates[i].weight = biweight(value - middle, search->scale);
+            candidates[i].weight = robust_biweight(value - middle, search->scale);
             weights += candidates[i].weight;
             sum += candidates[i].weight * value;
         }
@@ -240,14 +226,14 @@ static void fit_frames(struct search *search, double roll) {
 }
 
 static void measure_scale(struct search *search, double roll) {
-    g_autofree double *sizes = g_new(double, search->n + 1);
+    g_autofree double *off = g_new(double, search->n + 1);
     int n = 0;
     for (int i = 0; i < search->n; i++) {
         const struct candidate *c = &search->candidates[i];
         if (isfinite(search->middle[c->frame]))
-            sizes[n++] = fabs(c->off - roll * c->along - search->middle[c->frame]);
+            off[n++] = c->off - roll * c->along - search->middle[c->frame];
     }
-    search->scale = n > 0 ? MAX(1.4826 * median_of(sizes, n), 1e-9) : 0;
+    search->scale = n > 0 ? MAX(robust_spread(off, n, 0), 1e-9) : 0;
 }
 
 /* The slope that the frames' lines have in common. FALSE: nothing can be told. */
@@ -258,7 +244,7 @@ static gboolean fit_roll(struct search *search, double *roll, double *ret_error)
         for (int i = search->first[k]; i < search->first[k + 1]; i++) {
             struct candidate *c = &search->candidates[i];
             const double residual = c->off - *roll * c->along - search->middle[k];
-            c->weight = isfinite(residual) ? biweight(residual, search->scale) : 0;
+            c->weight = isfinite(residual) ? robust_biweight(residual, search->scale) : 0;
             weights += c->weight;
             off += c->weight * c->off;
             along += c->weight * c->along;
@@ -277,73 +263,36 @@ static gboolean fit_roll(struct search *search, double *roll, double *ret_error)
     return TRUE;
 }
 
-/* Of something seen and known to be 0, both to some error: their mean. */
-static double shrink(double seen, double error, double known) {
-    return seen * known * known / (known * known + error * error);
-}
-
 static gboolean disagree(double seen, double error, double known) {
     return fabs(seen) > MANY * hypot(error, known);
-}
-
-/* The frames' mean, and how much more than their errors frames differ. */
-static double mean_of_frames(const struct search *search, struct laser_lines *lines) {
-    double weights = 0, sum = 0, squares = 0, errors = 0;
-    for (int k = 0; k < search->n_frames; k++) {
-        if (!isfinite(search->middle[k]))
-            continue;
-        const double weight = 1 / (search->error[k] * search->error[k]);
-        weights += weight;
-        sum += weight * search->middle[k];
-        lines->frames++;
-        lines->pixels += search->first[k + 1] - search->first[k];
-    }
-    lines->offset_rad = sum / weights;
-    for (int k = 0; k < search->n_frames; k++) {
-        if (!isfinite(search->middle[k]))
-            continue;
-        const double weight = 1 / (search->error[k] * search->error[k]);
-        squares += weight * pow(search->middle[k] - lines->offset_rad, 2);
-        errors += weight * search->error[k] * search->error[k];
-    }
-    const double uneven = MAX(squares - errors, 0) / weights;
-    lines->offset_error_rad = sqrt(1 / weights + uneven / lines->frames);
-    return sqrt(uneven);
-}
-
-/* Frames without a line are as the nearest that has one. */
-static void fill_frames(struct laser_lines *lines, const double *middle) {
-    for (int k = 0; k < lines->n_frames; k++) {
-        int near = k;
-        for (int d = 1; !isfinite(middle[near]) && d < lines->n_frames; d++)
-            near = k >= d && isfinite(middle[k - d])                    ? k - d
-                   : k + d < lines->n_frames && isfinite(middle[k + d]) ? k + d
-                                                                        : near;
-        lines->turn_rad[k] = lines->turn_rad[near];
-    }
 }
 
 /* The planes: calibration and lines by their errors. */
 static void combine(const struct search *search, const struct laser_known *known,
                     double plane_error_rad, struct laser_lines *lines) {
-    const double uneven = mean_of_frames(search, lines);
+    const int n = search->n_frames;
+    g_autofree double *level = g_new(double, n), *own = g_new(double, n);
+    struct laser_frames frames = {n, search->middle, search->error, level, own};
     const double of_frames = hypot(known->turn_rad, LEAST_FRAME_RAD);
-    lines->offset_error_rad = hypot(lines->offset_error_rad, plane_error_rad);
-    for (int k = 0; k < search->n_frames; k++)
-        lines->frames_off +=
-            isfinite(search->middle[k]) &&
-            disagree(search->middle[k], hypot(search->error[k], plane_error_rad), of_frames);
+    laser_frames_settle(&frames);
+    lines->frames = frames.lines;
+    lines->offset_rad = frames.offset;
+    lines->offset_error_rad = hypot(frames.offset_error, plane_error_rad);
+    for (int k = 0; k < n; k++) {
+        if (!isfinite(search->middle[k]))
+            continue;
+        lines->pixels += search->first[k + 1] - search->first[k];
+        lines->frames_off += disagree(level[k], lines->offset_error_rad, of_frames);
+    }
     const gboolean off = disagree(lines->offset_rad, lines->offset_error_rad, known->turn_rad) ||
                          lines->frames_off > OFF_SHARE * lines->frames;
-    const double whole = off ? lines->offset_rad
-                             : shrink(lines->offset_rad, lines->offset_error_rad, known->turn_rad);
+    const double whole =
+        off ? lines->offset_rad
+            : robust_shrink(lines->offset_rad, lines->offset_error_rad, known->turn_rad);
     lines->disagrees |= off;
-    lines->turn_rad = g_new0(float, search->n_frames);
-    for (int k = 0; k < search->n_frames; k++)
-        if (isfinite(search->middle[k]))
-            lines->turn_rad[k] = (float)(whole + shrink(search->middle[k] - lines->offset_rad,
-                                                        search->error[k], uneven + 1e-12));
-    fill_frames(lines, search->middle);
+    lines->turn_rad = g_new0(float, n);
+    for (int k = 0; k < n; k++)
+        lines->turn_rad[k] = (float)(whole + level[k] - lines->offset_rad + own[k]);
 }
 
 static gboolean find(struct search *search, const struct laser_known *known,
@@ -360,7 +309,7 @@ static gboolean find(struct search *search, const struct laser_known *known,
     lines->roll_seen_rad = roll;
     lines->disagrees = disagree(roll, lines->roll_error_rad, known->roll_rad);
     lines->roll_rad =
-        lines->disagrees ? roll : shrink(roll, lines->roll_error_rad, known->roll_rad);
+        lines->disagrees ? roll : robust_shrink(roll, lines->roll_error_rad, known->roll_rad);
     fit_frames(search, lines->roll_rad);
     measure_scale(search, lines->roll_rad);
     for (int k = 0; k < search->n_frames; k++)

@@ -55,8 +55,8 @@ struct laser_lines {
     double offset_rad, offset_error_rad; /* of the sweep as a whole, against the calibration */
     double roll_seen_rad, roll_error_rad;
     double scatter_mm;  /* of pixels from their lines, across the sheet */
-    int frames_off;     /* that by themselves contradict the calibration */
-    gboolean disagrees; /* with the calibration: offset, roll or half of the frames */
+    int frames_off;     /* that contradict the calibration, and those around them too */
+    gboolean disagrees; /* with the calibration: offset, roll or a quarter of the frames */
 };
 
 /* n_frames: of the sweep. Without enough pixels that saw the line turn_rad is NULL. */

@@ -15,7 +15,7 @@
 #define MDF_MAX_SWEEPS 128
 
 /* Counts up whenever the same sweeps give other numbers: what older ones made is made again. */
-#define MDF_METHOD 6
+#define MDF_METHOD 7
 
 typedef struct MdfView MdfView;
 

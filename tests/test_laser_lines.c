@@ -27,6 +27,8 @@ struct sweep {
     int slips_at;      /* frame */
     double noise;      /* frames, standard deviation */
     double astray;     /* share of pixels that saw something else */
+    double uneven;     /* of the sheet from frame to frame: rad, up and down */
+    gboolean glow;     /* frames of two runs show nothing of the sheet, but what it lit elsewhere */
     float peak[N_PIXELS], width[N_PIXELS], intensity[N_PIXELS];
 };
 
@@ -69,6 +71,22 @@ static double normal_deviate(GRand *random) {
     return sum;
 }
 
+/* What the sheet had turned too far in a frame. */
+static double turned(const struct sweep *sweep, int frame) {
+    return sweep->uneven * (frame * 7 % 5 - 2) / 2;
+}
+
+/* Frames 20 to 23 and the last that have a line: theirs is hidden, and that of 40 frames before or
+ * after is thrown there. */
+static double thrown(double peak) {
+    const int frame = (int)lround(peak);
+    if ((frame >= 20 && frame < 24) || (frame >= 74 && frame < 78))
+        return -100;
+    if (frame >= 60 && frame < 64)
+        return peak - 40;
+    return frame >= 34 && frame < 38 ? peak + 40 : peak;
+}
+
 static void shoot(struct sweep *sweep) {
     GRand *random = g_rand_new_with_seed(11);
     for (int i = 0; i < N_PIXELS; i++) {
@@ -83,6 +101,8 @@ static void shoot(struct sweep *sweep) {
             peak = slipped;
         else if (peak > sweep->slips_at - 1)
             peak = -100; /* the sheet leaps over it */
+        peak -= turned(sweep, (int)lround(peak)) / DEGREE / step_deg;
+        peak = sweep->glow ? thrown(peak) : peak;
         peak += sweep->noise * normal_deviate(random);
         if (g_rand_double(random) < sweep->astray)
             peak = g_rand_double_range(random, 1, N_STEPS - 2);
@@ -203,7 +223,8 @@ static void test_wrong(void) {
     static const struct {
         double slip_deg, roll_deg;
         int at;
-    } wrongs[] = {{0.3, 0, 0}, {-0.2, 0, 0}, {0.3, 0, N_STEPS / 2}, {0, 0.6, 0}, {-0.2, -0.5, 0}};
+    } wrongs[] = {{0.3, 0, 0}, {-0.2, 0, 0},   {0.3, 0, N_STEPS / 2}, {0.3, 0, N_STEPS * 7 / 20},
+                  {0, 0.6, 0}, {-0.2, -0.5, 0}};
     for (guint i = 0; i < G_N_ELEMENTS(wrongs); i++) {
         g_autofree struct sweep *sweep = new_sweep();
         struct laser_lines lines;
@@ -224,6 +245,44 @@ static void test_wrong(void) {
         g_assert_cmpfloat_with_epsilon(lines.roll_rad, wrongs[i].roll_deg * DEGREE, 0.01 * DEGREE);
         laser_lines_clear(&lines);
     }
+}
+
+/* Frames in a row that show light thrown on the face, at the edge of the lit ones too, are no
+ * sheets that leapt; nor are those without a line. */
+static void test_glow(void) {
+    g_autofree struct sweep *sweep = new_sweep();
+    struct laser_lines lines;
+    sweep->glow = TRUE;
+    shoot(sweep);
+    find(sweep, &flat, &well, &lines);
+    g_assert_nonnull(lines.turn_rad);
+    g_assert_false(lines.disagrees);
+    g_assert_cmpint(lines.frames_off, ==, 0);
+    g_assert_cmpfloat(fabs(lines.offset_rad), <, 4 * lines.offset_error_rad);
+    for (int k = 0; k < N_STEPS; k++)
+        g_assert_cmpfloat(fabsf(lines.turn_rad[k]), <, 0.02 * step_deg * DEGREE);
+    laser_lines_clear(&lines);
+}
+
+/* An axis that steps unevenly is followed frame by frame. */
+static void test_uneven(void) {
+    g_autofree struct sweep *sweep = new_sweep();
+    struct laser_lines lines;
+    double squares = 0, left = 0;
+    int n = 0;
+    sweep->noise = 0.05;
+    sweep->uneven = 0.02 * DEGREE;
+    shoot(sweep);
+    find(sweep, &flat, &well, &lines);
+    g_assert_nonnull(lines.turn_rad);
+    for (int k = 25; k < 75; k++, n++) {
+        squares += pow(turned(sweep, k), 2);
+        left += pow(turned(sweep, k) - (double)lines.turn_rad[k], 2);
+    }
+    g_test_message("uneven by %.5f°, %.5f° left", sqrt(squares / n) / DEGREE,
+                   sqrt(left / n) / DEGREE);
+    g_assert_cmpfloat(left, <, 0.1 * squares);
+    laser_lines_clear(&lines);
 }
 
 /* By their errors: where the face's height is hardly known, the calibration counts. */
@@ -325,6 +384,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/laser-lines/agrees", test_agrees);
     g_test_add_func("/laser-lines/error", test_error);
     g_test_add_func("/laser-lines/wrong", test_wrong);
+    g_test_add_func("/laser-lines/glow", test_glow);
+    g_test_add_func("/laser-lines/uneven", test_uneven);
     g_test_add_func("/laser-lines/weights", test_weights);
     g_test_add_func("/laser-lines/astray", test_astray);
     g_test_add_func("/laser-lines/nothing", test_nothing);
