@@ -87,8 +87,9 @@ Gpu *gpu_new_headless(GError **error) {
     EGLContext context = create_context(display);
     if (context == EGL_NO_CONTEXT ||
         !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, context)) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE, "EGL has no OpenGL 3.3 core context: %s",
-                    advice);
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                    "EGL has no OpenGL 3.3 core context: renew the graphics driver, or let Mesa "
+                    "draw without the card (LIBGL_ALWAYS_SOFTWARE=1; libgl1-mesa-dri)");
         if (context != EGL_NO_CONTEXT)
             eglDestroyContext(display, context);
         return NULL;
@@ -125,7 +126,9 @@ gboolean gpu_check(const char *what, GError **error) {
         return TRUE;
     if (code == GL_OUT_OF_MEMORY)
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%s: the graphics card has no memory left", what);
+                    "%s: the graphics card has no memory left; close other programs, or choose a "
+                    "smaller picture, less supersampling or fewer texels",
+                    what);
     else
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "%s: OpenGL error 0x%04x on %s", what, code,
                     gpu_renderer());

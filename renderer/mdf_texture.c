@@ -25,7 +25,8 @@ static gboolean check(const struct mdf_table *t, GError **error) {
     if (t->n_views + 1 <= layers && t->width <= size && t->height <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "an MDF of %d views of %d × %d texels: %s takes %d views of %d texels each way",
+                "an MDF of %d views of %d × %d texels: %s takes %d views of %d texels each way; "
+                "process the material with fewer texels or views",
                 t->n_views, t->width, t->height, gpu_renderer(), layers - 1, size);
     return FALSE;
 }
@@ -141,8 +142,9 @@ static gboolean check_factors(const struct mdf_factors *f, GError **error) {
     if (f->width <= size && f->height <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "an MDF of %d × %d texels: %s takes %d each way", f->width, f->height,
-                gpu_renderer(), size);
+                "an MDF of %d × %d texels: %s takes %d each way; process the material with fewer "
+                "texels",
+                f->width, f->height, gpu_renderer(), size);
     return FALSE;
 }
 

@@ -41,8 +41,17 @@ char *method_path(const struct method *method, const char *argument) {
 }
 
 gpointer method_open(const struct method *method, const char *path, GError **error) {
-    if (method->product == NULL || g_file_test(path, G_FILE_TEST_EXISTS))
+    if (method->product == NULL)
         return method->open(path, error);
+    if (g_file_test(path, G_FILE_TEST_EXISTS)) {
+        g_autoptr(GError) why = NULL;
+        gpointer material = method->open(path, &why);
+        if (why != NULL && strstr(why->message, path) == NULL)
+            g_prefix_error(&why, "%s: ", path);
+        if (why != NULL)
+            g_propagate_error(error, g_steal_pointer(&why));
+        return material;
+    }
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "there is no %s; “%s” makes it from a session",
                 path, method->made_by);
     return NULL;

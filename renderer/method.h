@@ -53,5 +53,6 @@ const struct method *method_find(const char *name); /* NULL: there is none */
  * needed may be NULL. g_free() */
 char *method_path(const struct method *method, const char *argument);
 
-/* As open, with a sentence if the file is not there. path: ignored by what needs none. */
+/* As open, with a sentence if the file is not there; errors name the file. path: ignored by what
+ * needs none. */
 gpointer method_open(const struct method *method, const char *path, GError **error);

@@ -22,6 +22,10 @@ static gboolean choose_method(const char *label, const struct method *now,
     return changed && methods[chosen] != now;
 }
 
+static gboolean has_microfacets(const struct method *method) {
+    return method != NULL && g_strv_contains(method->shaders, "microfacet.glsl");
+}
+
 static void draw_methods(struct window *w) {
     static const char *const modes[COMPOSE_MODES] = {"one picture", "split", "difference"};
     static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
@@ -38,6 +42,9 @@ static void draw_methods(struct window *w) {
         w->stale |= ui_slider("at", &w->how.at, 0.0, 1.0, "%.2f");
     if (w->how.mode == COMPOSE_DIFFERENCE)
         w->stale |= ui_slider("times", &w->how.gain, 1.0, 32.0, "%.0f");
+    if (!has_microfacets(w->method) &&
+        (w->how.mode == COMPOSE_ONE || !has_microfacets(w->second_method)))
+        return;
     if (ui_choice("microfacets turn", rotations, METHOD_ROTATIONS, &rotation)) {
         w->settings.style.rotation = (enum method_rotation)rotation;
         w->stale = TRUE;

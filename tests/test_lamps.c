@@ -176,8 +176,9 @@ static void direction_of(const struct view_settings *s, int i, int j, double ret
 static float *axes_sky(void) {
     float *rgb = g_new(float, 3 * SKY * SKY / 2);
     for (int k = 0; k < SKY * SKY / 2; k++) {
-        const double theta = 2 * G_PI * (k / SKY + 0.5) / SKY;
-        const double phi = G_PI - 2 * G_PI * (k % SKY + 0.5) / SKY;
+        const int row = k / SKY, column = k % SKY;
+        const double theta = 2 * G_PI * (row + 0.5) / SKY;
+        const double phi = G_PI - 2 * G_PI * (column + 0.5) / SKY;
         const double d[3] = {sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)};
         for (int c = 0; c < 3; c++)
             rgb[3 * k + c] = (float)(0.5 + 0.4 * d[c]);
