@@ -18,13 +18,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define PAIRS     (RIG_VIEWS * RIG_VIEWS)
-#define STEEP_DEG 60 /* beyond it another limit holds */
+#define PAIRS      (RIG_VIEWS * RIG_VIEWS)
+#define STEEP_DEG  60 /* beyond it another limit holds */
+#define SHOWN_VIEW 2  /* from 45°, of the MDF's pictures */
 
 static int texels = 24, supersample = 4, samples = 24;
 static double pixels = 3;
 static int steps = 64;
-static gboolean json, quiet, mono, curve, no_btf, no_mdf;
+static gboolean json, quiet, mono, curve, no_btf, no_mdf, only_mdf_pictures;
 static char *only, *pictures;
 
 static const GOptionEntry entries[] = {
@@ -41,7 +42,10 @@ static const GOptionEntry entries[] = {
     {"no-mdf", 0, 0, G_OPTION_ARG_NONE, &no_mdf, "Leave the MDF out", NULL},
     {"only", 0, 0, G_OPTION_ARG_STRING, &only, "One material", "KIND"},
     {"pictures", 0, 0, G_OPTION_ARG_FILENAME, &pictures,
-     "Also draw BTFs, measured and true, into DIR/btf_KIND.png", "DIR"},
+     "Also draw BTFs and MDFs, measured and true, into DIR/btf_KIND.png and DIR/mdf_KIND.png",
+     "DIR"},
+    {"only-mdf-pictures", 0, 0, G_OPTION_ARG_NONE, &only_mdf_pictures,
+     "With --pictures: draw the MDFs, and measure nothing else", NULL},
     {NULL},
 };
 
@@ -281,6 +285,32 @@ static void print_settled(const struct bench_setup *setup, const struct bench_md
     printf(json ? "}" : "");
 }
 
+static void clear_mdf(struct bench_mdf *view) {
+    g_array_unref(view->errors);
+    g_free(view->distance);
+    g_free(view->other);
+    g_free(view->lasers);
+    g_free(view->truth);
+    g_free(view->edge);
+    g_free(view->lit);
+}
+
+static void draw_mdf(const struct bench_setup *setup, const struct bench_mdf *view) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *name = g_strdup_printf("mdf_%s.png", setup->material);
+    g_autofree char *path = g_build_filename(pictures, name, NULL);
+    const struct session_grid grid = bench_grid(setup);
+    if (!demo_write_mdf(path, &grid, view->distance, view->truth, &error))
+        fprintf(stderr, "bench_measurement: %s\n", error->message);
+}
+
+static void draw_mdf_alone(const struct bench_setup *setup) {
+    struct bench_mdf view = {.errors = g_array_new(FALSE, FALSE, sizeof(float))};
+    bench_mdf(setup, SHOWN_VIEW, steps, &view);
+    draw_mdf(setup, &view);
+    clear_mdf(&view);
+}
+
 static void print_mdf(const struct bench_setup *setup) {
     struct bench_mdf all[RIG_VIEWS] = {0};
     struct agreement a = {0};
@@ -290,6 +320,8 @@ static void print_mdf(const struct bench_setup *setup) {
         bench_mdf(setup, view, steps, &all[view]);
         print_view(view, &all[view]);
     }
+    if (pictures)
+        draw_mdf(setup, &all[SHOWN_VIEW]);
     compare_views(setup, all, &a);
     gint64 kept = a.measured - a.refuted, left = a.outliers - a.refuted_outliers;
     printf(json ? "], \"mdf_outliers\": %.5f, \"mdf_refuted\": %.5f, "
@@ -300,13 +332,7 @@ static void print_mdf(const struct bench_setup *setup) {
     print_settled(setup, all);
     printf(json && !no_btf ? ", " : "");
     for (int view = 0; view < RIG_VIEWS; view++) {
-        g_array_unref(all[view].errors);
-        g_free(all[view].distance);
-        g_free(all[view].other);
-        g_free(all[view].lasers);
-        g_free(all[view].truth);
-        g_free(all[view].edge);
-        g_free(all[view].lit);
+        clear_mdf(&all[view]);
     }
 }
 
@@ -369,9 +395,11 @@ static void measure(const char *material) {
     printf(json ? "%s\"%s\": {" : "%s%s\n", json ? ", " : "", material);
     if (curve)
         print_curve(setup);
+    else if (pictures && only_mdf_pictures)
+        draw_mdf_alone(&setup);
     else if (!no_mdf)
         print_mdf(&setup);
-    if (!no_btf && !curve) {
+    if (!no_btf && !curve && !only_mdf_pictures) {
         struct session_grid grid = bench_grid(&setup);
         struct demo_btf *picture = pictures ? demo_btf_new(&grid) : NULL;
         bench_btf(&setup, samples, cells, picture);
