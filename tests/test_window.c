@@ -316,7 +316,8 @@ static char *write_large_session(void) {
     return dir;
 }
 
-/* While a large file is opened, keys are answered with what there is, and the window closes. */
+/* While a large file is opened, keys are answered with what there is, and the window closes: by
+ * key, asked by the desktop, and with the display gone. */
 static void test_opening(void) {
     struct user u;
     g_autofree char *session = write_large_session();
@@ -337,6 +338,18 @@ static void test_opening(void) {
         return;
     x_display_key(u.x, "Escape");
     g_free(stand_up(&u, 0));
+
+    g_autofree char *third = write_large_session();
+    if (!sit_down(&u, third, (const char *[]){SMALL, NULL}))
+        return;
+    x_display_ask_to_close(u.x);
+    g_free(stand_up(&u, 0));
+
+    g_autofree char *fourth = write_large_session();
+    if (!sit_down(&u, fourth, (const char *[]){SMALL, NULL}))
+        return;
+    x_display_kill(u.x);
+    g_free(stand_up(&u, 1));
 }
 
 int main(int argc, char **argv) {
