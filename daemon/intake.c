@@ -337,33 +337,49 @@ static void finish_sweep(struct lane *lane, const struct job *job) {
     hand_back(lane, job, result);
 }
 
-static void take_sweep(struct lane *lane, const struct job *job) {
+/* Those of the frames that have one exposure. */
+static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct session_conf *conf,
+                   gboolean shorter) {
+    const Frame *frame = jobs[0]->frame;
+    const guint16 *pixels[BATCH];
+    int count = 0;
+    for (int i = 0; i < n; i++)
+        if (is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
+            pixels[count++] = jobs[i]->frame->pixels;
+    if (count > 0 && !*sweep)
+        *sweep = sweep_new(frame->width, frame->height, jobs[0]->shot->sweep_steps,
+                           radiance_saturation(frame->bits));
+    if (count > 0)
+        sweep_add_some(*sweep, pixels, count);
+}
+
+/* Frames of a sweep, one after the other; the one without the laser comes alone. */
+static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
-    const Frame *frame = job->frame;
+    const struct job *job = jobs[0];
     if (intake_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
-        const struct dark_level *dark = dark_at(lane, 0, frame);
-        gint64 lit = radiance_lit(frame, dark->pixels, conf->laser_threshold_dn);
+        const struct dark_level *dark = dark_at(lane, 0, job->frame);
+        gint64 lit = radiance_lit(job->frame, dark->pixels, conf->laser_threshold_dn);
         lane->laser_seen = lit >= LASER_PIXELS;
         return;
     }
-    Sweep **sweep = is_short(conf, job->shot, job->sub) ? &lane->short_sweep : &lane->sweep;
-    if (!*sweep)
-        *sweep = sweep_new(frame->width, frame->height, job->shot->sweep_steps,
-                           radiance_saturation(frame->bits));
-    sweep_add(*sweep, frame->pixels);
-    if (conf->keep_laser_frames)
-        keep_raw(lane, job);
+    absorb(&lane->sweep, jobs, n, conf, FALSE);
+    absorb(&lane->short_sweep, jobs, n, conf, TRUE);
+    for (int i = 0; i < n && conf->keep_laser_frames; i++)
+        keep_raw(lane, jobs[i]);
 }
 
-static void take(struct lane *lane, const struct job *job) {
+/* n is 1, or that of frames that follow each other in a sweep. */
+static void take(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *job = jobs[n - 1];
     if (lane->shot != job->shot || lane->generation != job->generation)
         lane_reset(lane);
     lane->shot = job->shot;
     lane->generation = job->generation;
     /* Frames come in order; another one would be mixed up with its neighbours. */
-    g_return_if_fail(job->sub == lane->n_frames);
-    lane->n_frames++;
+    g_return_if_fail(job->sub == lane->n_frames + n - 1);
+    lane->n_frames += n;
     gboolean last = lane->n_frames == intake_n_frames(conf, job->shot);
     if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
         keep_raw(lane, job);
@@ -379,7 +395,7 @@ static void take(struct lane *lane, const struct job *job) {
             finish_lamp(lane, job);
         break;
     case SHOT_SWEEP:
-        take_sweep(lane, job);
+        take_sweep(lane, jobs, n);
         if (last)
             finish_sweep(lane, job);
         break;
@@ -399,18 +415,33 @@ static void job_done(Intake *intake, const struct job *job) {
         g_source_set_ready_time(intake->wake, 0);
 }
 
+/* Of some jobs, the first ones that are frames of one sweep, which go together; else 1. */
+static guint count_together(const struct lane *lane, struct job *const *jobs, guint most) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *first = jobs[0];
+    guint n = 0;
+    if (first->shot->kind == SHOT_SWEEP)
+        while (n < most && n < BATCH && jobs[n]->shot == first->shot &&
+               jobs[n]->generation == first->generation && jobs[n]->sub == first->sub + (int)n &&
+               intake_sweep_step(conf, first->shot, jobs[n]->sub) < first->shot->sweep_steps)
+            n++;
+    return MAX(n, 1);
+}
+
 static gpointer lane_run(gpointer data) {
     struct lane *lane = data;
     Intake *intake = lane->intake;
     gboolean running = TRUE;
     while (running) {
-        g_autoptr(GPtrArray) jobs = g_async_queue_pop(lane->queue);
-        running = jobs->len > 0;
-        for (guint i = 0; i < jobs->len; i++) {
-            const struct job *job = jobs->pdata[i];
-            if (job->generation == (guint)g_atomic_int_get(&intake->generation))
-                take(lane, job);
-            job_done(intake, job);
+        g_autoptr(GPtrArray) batch = g_async_queue_pop(lane->queue);
+        running = batch->len > 0;
+        for (guint i = 0, n = 0; i < batch->len; i += n) {
+            struct job *const *jobs = (struct job *const *)&batch->pdata[i];
+            n = count_together(lane, jobs, batch->len - i);
+            if (jobs[0]->generation == (guint)g_atomic_int_get(&intake->generation))
+                take(lane, jobs, (int)n);
+            for (guint k = 0; k < n; k++)
+                job_done(intake, jobs[k]);
         }
     }
     lane_reset(lane);

@@ -18,6 +18,11 @@
 #define LANES   16
 #define GROUP   4 /* vectors that are looked at together */
 #define NOTHING G_MAXUINT32
+
+#define TOGETHER 4 /* frames for which backgrounds are read and written once */
+#define AHEAD                                                                                      \
+    2048 /* pixels: a page, at whose end processors cease to fetch ahead by themselves             \
+          */
 typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
 typedef guint64 wide __attribute__((vector_size(2 * LANES)));
 
@@ -31,13 +36,13 @@ struct Sweep {
     gsize n_pixels, n_vectors;
     int n_frames, count;
     guint16 saturation, margin;
-    guint16 *darkest; /* whole vectors, as are the next two */
-    guint16 *padded;  /* the last vector of a frame, or the first frame */
+    guint16 *darkest; /* whole vectors */
     guint32 *last;    /* record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
     const Sweep *shorter; /* or NULL */
     float ratio;
+    guint16 first[NOISE_PIXELS]; /* of the first frame */
 };
 
 Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
@@ -51,7 +56,6 @@ Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
     sweep->margin = LEAST_MARGIN;
     sweep->darkest = g_new(guint16, sweep->n_vectors * LANES);
     memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
-    sweep->padded = g_new0(guint16, sweep->n_vectors * LANES);
     sweep->last = g_new(guint32, sweep->n_vectors);
     memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
     sweep->crowded = sweep->n_vectors * (CROWDED + (gsize)n_frames * 3 / 4);
@@ -62,7 +66,6 @@ void sweep_free(Sweep *sweep) {
     if (!sweep)
         return;
     g_free(sweep->darkest);
-    g_free(sweep->padded);
     g_free(sweep->last);
     g_free(sweep->records);
     g_free(sweep);
@@ -73,13 +76,13 @@ int sweep_count(const Sweep *sweep) {
 }
 
 gsize sweep_bytes(const Sweep *sweep) {
-    return sizeof *sweep + sweep->n_vectors * (2 * LANES * sizeof(guint16) + sizeof(guint32)) +
+    return sizeof *sweep + sweep->n_vectors * (LANES * sizeof(guint16) + sizeof(guint32)) +
            sweep->n_records * sizeof(struct record);
 }
 
 /* Of a vector something may be lit: then it is kept. */
 static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsize vector,
-                                                              const guint16 *pixels) {
+                                                              const guint16 *pixels, int frame) {
     struct record *record = &sweep->records[sweep->n_records];
     lanes value = *(const lanes *)pixels, most = (lanes){} + sweep->saturation;
     lanes clipped = (lanes)(value > most);
@@ -90,14 +93,14 @@ static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsiz
         return;
     memcpy(record->value, &value, sizeof value);
     record->previous = sweep->last[vector];
-    record->frame = (guint32)sweep->count;
+    record->frame = (guint32)frame;
     sweep->last[vector] = (guint32)sweep->n_records++;
 }
 
 /* Some vectors together; n is known to the compiler. Writing all of the background back is cheaper
  * than finding out whether any of it has changed: at first it does everywhere. */
 static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, const guint16 *pixels,
-                                                              gsize vector, int n) {
+                                                              gsize vector, int n, int frame) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
     guint16 saturation = sweep->saturation, brightest = 0;
     for (int i = 0; i < n * LANES; i++) {
@@ -107,51 +110,116 @@ static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, cons
         brightest = MAX(brightest, above);
     }
     for (int k = 0; k < n && brightest > sweep->margin; k++)
-        keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES);
+        keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES, frame);
 }
 
-static inline __attribute__((always_inline)) void absorb(Sweep *sweep, const guint16 *pixels,
-                                                         gsize first, gsize n) {
+/* A pixel's next sample; gives what it is above the darkest. */
+static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *darkest) {
+    guint16 value = MIN(sample, saturation);
+    *darkest = MIN(value, *darkest);
+    return (guint16)(value - *darkest);
+}
+
+/* The same of a group and all frames together; FALSE if anything may be lit: then nothing is done.
+ */
+static inline __attribute__((always_inline)) gboolean
+absorb_dark(Sweep *sweep, const guint16 *const *frames, gsize vector) {
+    guint16 *restrict darkest = sweep->darkest + vector * LANES;
+    const guint16 *restrict a = frames[0] + vector * LANES, *restrict b =
+                                                                frames[1] + vector * LANES;
+    const guint16 *restrict c = frames[2] + vector * LANES, *restrict d =
+                                                                frames[3] + vector * LANES;
+    guint16 saturation = sweep->saturation, brightest = 0, before[GROUP * LANES];
+    for (int k = 0; k < TOGETHER; k++)
+        for (gsize i = 0; i < GROUP * LANES; i += 32)
+            __builtin_prefetch(frames[k] + vector * LANES + AHEAD + i);
+    for (int i = 0; i < GROUP * LANES; i++) {
+        guint16 dark = darkest[i];
+        before[i] = dark;
+        guint16 first = above_dark(a[i], saturation, &dark);
+        guint16 second = above_dark(b[i], saturation, &dark);
+        guint16 third = above_dark(c[i], saturation, &dark);
+        guint16 fourth = above_dark(d[i], saturation, &dark);
+        darkest[i] = dark;
+        brightest = MAX(brightest, MAX(MAX(first, second), MAX(third, fourth)));
+    }
+    if (brightest > sweep->margin)
+        memcpy(darkest, before, sizeof before);
+    return brightest <= sweep->margin;
+}
+
+static inline void reserve(Sweep *sweep, gsize n_records) {
+    if (G_LIKELY(sweep->n_records + n_records <= sweep->room))
+        return;
+    sweep->room = MAX(2 * sweep->room, sweep->n_records + sweep->n_vectors + n_records);
+    sweep->records = g_renew(struct record, sweep->records, sweep->room);
+}
+
+/* n, of frames, is TOGETHER or 1. */
+static inline __attribute__((always_inline)) void absorb(Sweep *sweep, const guint16 *const *frames,
+                                                         int n) {
+    const gsize n_vectors = sweep->n_pixels / LANES;
     gsize v = 0;
-    for (; v + GROUP <= n; v += GROUP)
-        absorb_some(sweep, pixels + v * LANES, first + v, GROUP);
-    for (; v < n; v++)
-        absorb_some(sweep, pixels + v * LANES, first + v, 1);
+    for (; v + GROUP <= n_vectors; v += GROUP) {
+        if (n == TOGETHER && absorb_dark(sweep, frames, v))
+            continue;
+        reserve(sweep, (gsize)n * GROUP);
+        for (int k = 0; k < n; k++)
+            absorb_some(sweep, frames[k] + v * LANES, v, GROUP, sweep->count + k);
+    }
+    reserve(sweep, (gsize)n * GROUP);
+    for (; v < n_vectors; v++)
+        for (int k = 0; k < n; k++)
+            absorb_some(sweep, frames[k] + v * LANES, v, 1, sweep->count + k);
 }
 
 /* The dispatch is by hand because the resolvers of target_clones run before the sanitizers' own
  * start-up. */
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static void absorb_avx2(Sweep *sweep, const guint16 *pixels,
-                                                        gsize first, gsize n) {
-    absorb(sweep, pixels, first, n);
+__attribute__((target("avx2"))) static void absorb_avx2(Sweep *sweep, const guint16 *const *frames,
+                                                        int n) {
+    absorb(sweep, frames, n);
 }
 #endif
 
-static void absorb_frame(Sweep *sweep, const guint16 *pixels, gsize first, gsize n) {
+static void absorb_whole(Sweep *sweep, const guint16 *const *frames, int n) {
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2")) {
-        absorb_avx2(sweep, pixels, first, n);
+        absorb_avx2(sweep, frames, n);
         return;
     }
 #endif
-    absorb(sweep, pixels, first, n);
+    absorb(sweep, frames, n);
+}
+
+/* The pixels that are less than a vector. */
+static void absorb_rest(Sweep *sweep, const guint16 *const *frames, int n) {
+    const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
+    reserve(sweep, (gsize)n);
+    for (int k = 0; k < n && rest > 0; k++) {
+        guint16 padded[LANES] = {0};
+        memcpy(padded, frames[k] + whole * LANES, rest * sizeof *padded);
+        absorb_some(sweep, padded, whole, 1, sweep->count + k);
+    }
 }
 
 static int by_size(const void *a, const void *b) {
     return *(const int *)a - *(const int *)b;
 }
 
-/* From the first two frames. */
+/* From some pixels of the first two frames. */
 static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
-    if (n < FEW_PIXELS)
+    if (n < FEW_PIXELS || sweep->count > 1)
         return;
     int size[NOISE_PIXELS];
     for (gsize i = 0; i < n; i++) {
-        gsize pixel = i * (sweep->n_pixels / n);
-        size[i] = abs((int)pixels[pixel] - (int)sweep->padded[pixel]);
+        guint16 value = pixels[i * (sweep->n_pixels / n)];
+        size[i] = abs((int)value - (int)sweep->first[i]);
+        sweep->first[i] = value;
     }
+    if (sweep->count == 0)
+        return;
     qsort(size, n, sizeof *size, by_size);
     gsize middle = n / 2;
     double noise = size[middle] / MEDIAN;
@@ -192,26 +260,28 @@ static void make_room(Sweep *sweep) {
     }
 }
 
+/* How many frames to take at a time: the margin's growth has to come after the same frame however
+ * frames are handed over. */
+static int at_a_time(const Sweep *sweep, int n) {
+    const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
+    return n >= TOGETHER && sweep->count >= 2 && most <= sweep->crowded ? TOGETHER : 1;
+}
+
+void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
+    g_return_if_fail(n >= 0 && n <= sweep->n_frames - sweep->count);
+    for (int k = 0, some = 0; k < n; k += some) {
+        some = at_a_time(sweep, n - k);
+        measure_noise(sweep, frames[k]);
+        absorb_whole(sweep, frames + k, some);
+        absorb_rest(sweep, frames + k, some);
+        sweep->count += some;
+        if (sweep->n_records > sweep->crowded)
+            make_room(sweep);
+    }
+}
+
 void sweep_add(Sweep *sweep, const guint16 *pixels) {
-    g_return_if_fail(sweep->count < sweep->n_frames);
-    gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
-    if (sweep->count == 1)
-        measure_noise(sweep, pixels);
-    if (sweep->n_records + sweep->n_vectors > sweep->room) {
-        sweep->room = MAX(2 * sweep->room, sweep->n_records + sweep->n_vectors);
-        sweep->records = g_renew(struct record, sweep->records, sweep->room);
-    }
-    absorb_frame(sweep, pixels, 0, whole);
-    if (rest) {
-        memcpy(sweep->padded, pixels + whole * LANES, rest * sizeof *pixels);
-        memset(sweep->padded + rest, 0, (LANES - rest) * sizeof *pixels);
-        absorb_frame(sweep, sweep->padded, whole, 1);
-    }
-    if (sweep->count == 0)
-        memcpy(sweep->padded, pixels, sweep->n_pixels * sizeof *pixels);
-    sweep->count++;
-    if (sweep->n_records > sweep->crowded)
-        make_room(sweep);
+    sweep_add_some(sweep, &pixels, 1);
 }
 
 void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio) {

@@ -21,6 +21,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
 
 /* The next frame, width × height values. */
 void sweep_add(Sweep *sweep, const guint16 *pixels);
+
+/* The next n frames, in order. As if they were added one by one, but faster: four at a
+ * time go past each pixel's background. */
+void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
 int sweep_count(const Sweep *sweep);
 
 /* The same steps at a shorter exposure, of which sweep's is ratio times as long: both together tell

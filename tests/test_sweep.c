@@ -320,6 +320,48 @@ static void test_look_in_between(void) {
     }
 }
 
+/* What a line and flickering light leave, of frames that come so many at a time. */
+static GBytes *leave(const guint16 *frames, int width, int height, int n_frames, int together) {
+    const gsize n = (gsize)width * (gsize)height;
+    g_autoptr(Sweep) sweep = sweep_new(width, height, n_frames, 900);
+    for (int t = 0; t < n_frames; t += together) {
+        g_autofree const guint16 **some = g_new(const guint16 *, together);
+        const int k = MIN(together, n_frames - t);
+        for (int i = 0; i < k; i++)
+            some[i] = frames + (gsize)(t + i) * n;
+        sweep_add_some(sweep, some, k);
+    }
+    g_assert_cmpint(sweep_count(sweep), ==, n_frames);
+    float *left = g_new(float, 6 * n);
+    sweep_finish(sweep, 50, left, left + n, left + 2 * n);
+    sweep_finish_second(sweep, 50, left + 3 * n, left + 4 * n, left + 5 * n);
+    return g_bytes_new_take(left, 6 * n * sizeof *left);
+}
+
+/* However many frames are handed over at a time, to the bit, whether or not the memory gets tight.
+ */
+static void test_together(void) {
+    enum { WIDTH = 67, HEIGHT = 31, FRAMES = 90, N = WIDTH * HEIGHT };
+    g_autofree guint16 *frames = g_new(guint16, FRAMES * N);
+    for (int flicker = 0; flicker < 60; flicker += 25) {
+        GRand *random = g_rand_new_with_seed(9);
+        for (int i = 0; i < FRAMES * N; i++) {
+            const double u = i % N % WIDTH + 5 - i / N;
+            const int noise = g_rand_int_range(random, 0, i / N > 4 ? 10 + flicker : 10);
+            frames[i] = (guint16)(60 + noise + lround(1200 * exp(-u * u / 4)));
+        }
+        g_rand_free(random);
+        g_autoptr(GBytes) single = leave(frames, WIDTH, HEIGHT, FRAMES, 1);
+        for (int together = 2; together < 12; together++) {
+            g_autoptr(GBytes) some = leave(frames, WIDTH, HEIGHT, FRAMES, together);
+            g_assert_true(g_bytes_equal(single, some));
+        }
+        const float *peak = g_bytes_get_data(single, NULL);
+        for (int i = 0; i < N; i++)
+            g_assert_cmpfloat_with_epsilon(peak[i], i % WIDTH + 5, 0.3);
+    }
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/sweep/accuracy", test_accuracy);
@@ -336,6 +378,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/sweep/no-second", test_no_second);
     g_test_add_func("/sweep/noise-alone", test_noise_alone);
     g_test_add_func("/sweep/sizes", test_sizes);
+    g_test_add_func("/sweep/together", test_together);
     g_test_add_func("/sweep/look-in-between", test_look_in_between);
     return g_test_run();
 }

@@ -36,8 +36,11 @@ static double times(double ours, double theirs) {
 static void print_sweep(void) {
     const struct speed_sweep s = speed_sweep();
     printf(json ? "\"sweep\": {\"mpx_s\": %.0f, \"memcpy_mpx_s\": %.0f, \"to_memcpy\": %.3f, "
-                : "space-time analysis: %.0f Mpx/s; memcpy %.0f, ratio %.2f\n",
-           s.sweep_mpx_s, s.memcpy_mpx_s, s.sweep_mpx_s / s.memcpy_mpx_s);
+                  "\"single_mpx_s\": %.0f, \"single_to_memcpy\": %.3f, "
+                : "space-time analysis: %.0f Mpx/s, eight frames at a time; memcpy %.0f, ratio "
+                  "%.2f; %.0f frame by frame, ratio %.2f\n",
+           s.sweep_mpx_s, s.memcpy_mpx_s, s.sweep_mpx_s / s.memcpy_mpx_s, s.single_mpx_s,
+           s.single_mpx_s / s.memcpy_mpx_s);
     printf(json
                ? "\"numpy_maxima_mpx_s\": %.1f, \"to_numpy_maxima\": %.1f, "
                  "\"numpy_samples_mpx_s\": %.1f, \"to_numpy_samples\": %.1f, "

@@ -4,6 +4,7 @@
 #include <glib.h>
 
 struct speed_sweep {
+    double single_mpx_s;              /* frame by frame */
     double sweep_mpx_s, memcpy_mpx_s; /* one core */
     double peaks_mpx_s;               /* with the pulses' times found: sweep_finish () */
     double maxima_mpx_s, samples_mpx_s, to_peaks_mpx_s; /* NumPy's, of its script; 0: none */
