@@ -11,26 +11,36 @@
 #define MOST_EXCESS 10.0f /* of a colour, over what the others would have it */
 #define MARKED      0.02f /* of a texel, that a pixel is whose mark it gets */
 
-/* Red, green, blue and nothing. */
-typedef float lanes __attribute__((vector_size(16)));
+/* Pixels side by side that are summed up together. */
+#define LANES 8
+typedef float wide __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
-/* Weights over pixels, of each texel. */
+/* The part of the picture that a texel has weights for: begins at an even column, so that a lane
+ * has the same colours in every texel's. */
+struct window {
+    guint32 start; /* of its weights, n_rows × n_wide × LANES */
+    guint16 x, y, n_rows, n_wide;
+};
+
 struct rows {
-    guint32 *start; /* n_texels + 1: into the two below */
-    GArray *pixel;  /* guint32 */
-    GArray *weight; /* float */
+    struct window *window; /* of each texel */
+    GArray *weight;        /* float; 0 where there is none */
 };
 
 struct Rectify {
     int n_texels, n_outside;
     int width, height; /* of the mosaic */
+    gsize stride;      /* of rows with room for windows that reach beyond the border */
     gsize n_pixels;
     guint8 *colour; /* of each pixel, as in demosaic.h */
+    int phase[4];   /* colours of even and odd columns of even rows, then of odd ones */
     gboolean mono;
-    struct rows area;   /* by what each pixel is part of it, times its gain */
-    struct rows around; /* smoothly, for a texel's colour */
+    struct rows area;    /* by what each pixel is part of it, times its gain */
+    struct rows around;  /* smoothly, for a texel's colour */
+    float (*balance)[3]; /* of around: weights of other colours to those of this; 0: none */
     float colour_gain[3];
-    lanes *ratio; /* of each pixel: factors to red, green and blue; NULL: no guide */
+    float
+        *ratio; /* planes of factors to red, green and blue, 0 for a pixel's own; NULL: no guide */
 };
 
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
@@ -65,6 +75,8 @@ static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError *
         char name = rectify->mono ? 'g' : cfa[2 * (y & 1) + (x & 1)];
         int colour = name == 'r' ? DEMOSAIC_RED : name == 'g' ? DEMOSAIC_GREEN : DEMOSAIC_BLUE;
         rectify->colour[i] = (guint8)colour;
+        if (x < 2 && y < 2)
+            rectify->phase[2 * y + x] = colour;
     }
     return TRUE;
 }
@@ -185,28 +197,69 @@ static void weigh_around(const Rectify *rectify, const struct footprint *footpri
 }
 
 static struct rows new_rows(int n) {
-    return (struct rows){g_new0(guint32, (gsize)n + 1), g_array_new(FALSE, FALSE, sizeof(guint32)),
-                         g_array_new(FALSE, FALSE, sizeof(float))};
+    return (struct rows){g_new0(struct window, n), g_array_new(FALSE, TRUE, sizeof(float))};
 }
 
 static void clear_rows(struct rows *rows) {
-    g_free(rows->start);
-    g_clear_pointer(&rows->pixel, g_array_unref);
+    g_free(rows->window);
     g_clear_pointer(&rows->weight, g_array_unref);
 }
 
-/* Moves the weights there. */
-static void append_row(struct rows *rows, int texel, struct weights *weights, const float *gain) {
+static const float *weights_of(const struct rows *rows, int texel) {
+    return (const float *)(void *)rows->weight->data + rows->window[texel].start;
+}
+
+/* What holds all pixels that have a weight; no rows if none has. */
+static struct window bounds(const Rectify *rectify, const struct weights *weights) {
+    int x0 = G_MAXINT, x1 = -1, y0 = G_MAXINT, y1 = -1;
     for (guint i = 0; i < weights->pixels->len; i++) {
         guint32 pixel = g_array_index(weights->pixels, guint32, i);
-        float weight = weights->sum[pixel] * (gain ? gain[pixel] : 1);
-        if (weight == 0)
+        int x = (int)pixel % rectify->width, y = (int)pixel / rectify->width;
+        if (weights->sum[pixel] == 0)
             continue;
-        g_array_append_val(rows->pixel, pixel);
-        g_array_append_val(rows->weight, weight);
+        x0 = MIN(x0, x & ~1);
+        x1 = MAX(x1, x);
+        y0 = MIN(y0, y);
+        y1 = MAX(y1, y);
     }
-    rows->start[texel + 1] = rows->pixel->len;
+    return x1 < 0 ? (struct window){0}
+                  : (struct window){.x = (guint16)x0,
+                                    .y = (guint16)y0,
+                                    .n_rows = (guint16)(y1 - y0 + 1),
+                                    .n_wide = (guint16)((x1 - x0) / LANES + 1)};
+}
+
+/* Moves the weights there. */
+static void append_row(const Rectify *rectify, struct rows *rows, int texel,
+                       struct weights *weights, const float *gain) {
+    struct window *window = &rows->window[texel];
+    *window = bounds(rectify, weights);
+    window->start = rows->weight->len;
+    const guint columns = (guint)window->n_wide * LANES;
+    g_array_set_size(rows->weight, window->start + window->n_rows * columns);
+    float *to = (float *)(void *)rows->weight->data + window->start;
+    for (guint i = 0; i < weights->pixels->len; i++) {
+        guint32 pixel = g_array_index(weights->pixels, guint32, i);
+        guint x = pixel % (guint)rectify->width - window->x;
+        guint y = pixel / (guint)rectify->width - window->y;
+        if (weights->sum[pixel] != 0)
+            to[y * columns + x] = weights->sum[pixel] * (gain ? gain[pixel] : 1);
+    }
     clear_weights(weights);
+}
+
+/* How much all pixels of other colours weigh around a texel, relative to those of each. */
+static void balance(Rectify *rectify, int texel) {
+    const struct window *window = &rectify->around.window[texel];
+    const float *weight = weights_of(&rectify->around, texel);
+    const int columns = window->n_wide * LANES;
+    float own[3] = {0}, all = 0;
+    for (int i = 0; i < window->n_rows * columns; i++) {
+        own[rectify->phase[2 * ((window->y + i / columns) & 1) + (i & 1)]] += weight[i];
+        all += weight[i];
+    }
+    for (int c = 0; c < 3; c++)
+        rectify->balance[texel][c] = own[c] > 0 && all - own[c] > 0 ? (all - own[c]) / own[c] : 0;
 }
 
 /* What a pixel's value is multiplied with to be a radiance: DN a millisecond → DN a second, then
@@ -273,11 +326,12 @@ static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
         rectify->n_outside += !inside;
         if (inside)
             weigh_pixels(rectify, &footprint, &weights);
-        append_row(&rectify->area, i, &weights, gain);
+        append_row(rectify, &rectify->area, i, &weights, gain);
         if (inside && !rectify->mono &&
             project_texel(camera, turntable_rad, grid, column, row, coarse, &footprint))
             weigh_around(rectify, &footprint, &weights);
-        append_row(&rectify->around, i, &weights, NULL);
+        append_row(rectify, &rectify->around, i, &weights, NULL);
+        balance(rectify, i);
     }
     free_weights(&weights);
 }
@@ -290,6 +344,8 @@ Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_ca
     rectify->width = camera->width;
     rectify->height = camera->height;
     rectify->n_pixels = (gsize)camera->width * (gsize)camera->height;
+    rectify->stride = (gsize)camera->width + LANES;
+    rectify->balance = g_malloc0_n((gsize)rectify->n_texels, sizeof *rectify->balance);
     rectify->area = new_rows(rectify->n_texels);
     rectify->around = new_rows(rectify->n_texels);
     if (!parse_cfa(rectify, cfa, camera->width, error)) {
@@ -308,6 +364,7 @@ void rectify_free(Rectify *rectify) {
         return;
     g_free(rectify->colour);
     g_free(rectify->ratio);
+    g_free(rectify->balance);
     clear_rows(&rectify->area);
     clear_rows(&rectify->around);
     g_free(rectify);
@@ -317,16 +374,20 @@ int rectify_outside(const Rectify *rectify) {
     return rectify->n_outside;
 }
 
-static lanes *find_ratios(const Rectify *rectify, const float *mosaic) {
-    lanes *ratio = g_new(lanes, rectify->n_pixels);
+static float *find_ratios(const Rectify *rectify, const float *mosaic) {
+    const gsize plane = rectify->stride * (gsize)rectify->height;
+    float *ratio = g_new0(float, 3 * plane);
     g_autofree float *found = NULL;
     if (!rectify->mono) {
         found = g_new0(float, 3 * rectify->n_pixels);
         demosaic_ratios(mosaic, rectify->colour, rectify->width, rectify->height, found);
     }
-    for (gsize i = 0; i < rectify->n_pixels; i++)
-        ratio[i] = found ? (lanes){found[3 * i], found[3 * i + 1], found[3 * i + 2], 0}
-                         : (lanes){1, 1, 1, 0};
+    for (gsize i = 0; i < 3 * rectify->n_pixels; i++) {
+        const gsize pixel = i / 3, c = i % 3, width = (gsize)rectify->width;
+        if (rectify->colour[pixel] != c)
+            ratio[c * plane + pixel / width * rectify->stride + pixel % width] =
+                found ? found[i] : 1;
+    }
     return ratio;
 }
 
@@ -335,86 +396,162 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
     rectify->ratio = find_ratios(rectify, mosaic);
 }
 
-/* Sums over a row for each colour, from its own pixels and from those of the other two; and of the
- * weights of both. */
+/* Sums over a window for each colour, from its own pixels and from those of the other two. */
 struct tally {
-    lanes own, others, own_weight, others_weight;
+    float own[3], others[3];
 };
 
-static void add_up(const Rectify *rectify, const struct rows *rows, int texel, const float *mosaic,
-                   const lanes *ratio, struct tally *ret) {
-    static const lanes mine[] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
-    const guint32 *pixel = (const guint32 *)(void *)rows->pixel->data;
-    const float *weight = (const float *)(void *)rows->weight->data;
-    lanes all = {0}, own = {0}, own_weight = {0}, weights = {0};
-    for (guint32 k = rows->start[texel]; k < rows->start[texel + 1]; k++) {
-        float value = weight[k] * mosaic[pixel[k]];
-        lanes is_mine = mine[rectify->colour[pixel[k]]];
-        all += value * ratio[pixel[k]];
-        own += value * is_mine;
-        own_weight += weight[k] * is_mine;
-        weights += weight[k];
+static inline float sum_of(const wide *value) {
+    const float *v = (const float *)value;
+    return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
+}
+
+/* mosaic has the stride of the ratios. */
+static inline __attribute__((always_inline)) void add_up(const Rectify *rectify,
+                                                         const struct rows *rows, int texel,
+                                                         const float *mosaic, const float *ratio,
+                                                         struct tally *ret) {
+    const struct window *window = &rows->window[texel];
+    const gsize plane = rectify->stride * (gsize)rectify->height;
+    const float *weight = weights_of(rows, texel);
+    wide own[2] = {{0}}, red = {0}, green = {0}, blue = {0};
+    for (int y = window->y; y < window->y + window->n_rows; y++) {
+        const gsize at = (gsize)y * rectify->stride + window->x;
+        wide all = {0};
+        for (gsize x = at; x < at + window->n_wide * LANES; x += LANES, weight += LANES) {
+            wide value = *(const wide *)weight * *(const wide *)(mosaic + x);
+            all += value;
+            red += value * *(const wide *)(ratio + x);
+            green += value * *(const wide *)(ratio + plane + x);
+            blue += value * *(const wide *)(ratio + 2 * plane + x);
+        }
+        own[y & 1] += all;
     }
-    *ret = (struct tally){own, all - own, own_weight, weights - own_weight};
+    *ret = (struct tally){{0}, {sum_of(&red), sum_of(&green), sum_of(&blue)}};
+    for (int k = 0; k < 4; k++) {
+        const wide *v = &own[k / 2];
+        const int from = k % 2;
+        ret->own[rectify->phase[k]] +=
+            ((*v)[from] + (*v)[from + 2]) + ((*v)[from + 4] + (*v)[from + 6]);
+    }
 }
 
 /* How much more of a colour its own pixels around a texel see than the others would have it: gloss
  * is as white on blue cloth as on red, and what a red wall lights up is redder than under a lamp.
  */
-static float excess(const struct tally *around, int colour) {
-    float own_weight = around->own_weight[colour], others_weight = around->others_weight[colour];
-    if (!(own_weight > 0) || !(others_weight > 0))
+static inline float excess(const struct tally *around, int colour, float balance) {
+    float others = around->others[colour];
+    if (!(balance > 0) || !(others > 0))
         return 1;
-    float own = around->own[colour] / own_weight, others = around->others[colour] / others_weight;
-    return others > 0 ? CLAMP(own / others, 1 / MOST_EXCESS, MOST_EXCESS) : 1;
+    return CLAMP(around->own[colour] / others * balance, 1 / MOST_EXCESS, MOST_EXCESS);
 }
 
-static gboolean apply_texel(const Rectify *rectify, int texel, const float *mosaic,
-                            const lanes *ratio, float *ret_rgb) {
+static inline __attribute__((always_inline)) void apply_texel(const Rectify *rectify, int texel,
+                                                              const float *mosaic,
+                                                              const float *ratio, float *ret_rgb) {
     struct tally area, around;
     add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
     add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
-    gboolean seen = rectify->area.start[texel + 1] > rectify->area.start[texel];
-    for (int c = 0; c < 3; c++) {
-        ret_rgb[c] = rectify->colour_gain[c] * (area.own[c] + area.others[c] * excess(&around, c));
-        seen = seen && isfinite(ret_rgb[c]);
+    for (int c = 0; c < 3; c++)
+        ret_rgb[c] =
+            rectify->colour_gain[c] *
+            (area.own[c] + area.others[c] * excess(&around, c, rectify->balance[texel][c]));
+}
+
+static inline __attribute__((always_inline)) void
+apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
+    for (int texel = 0; texel < rectify->n_texels; texel++)
+        apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
+}
+
+/* By hand, as in sweep.c. */
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void apply_avx2(const Rectify *rectify, const float *mosaic,
+                                                       const float *ratio, float *ret_rgb) {
+    apply_all(rectify, mosaic, ratio, ret_rgb);
+}
+#endif
+
+static void apply(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        apply_avx2(rectify, mosaic, ratio, ret_rgb);
+        return;
     }
-    for (int c = 0; c < 3 && !seen; c++)
-        ret_rgb[c] = 0;
-    return seen;
+#endif
+    apply_all(rectify, mosaic, ratio, ret_rgb);
+}
+
+/* With room after each row; what is no number is 0, and FALSE. */
+static gboolean pad(const Rectify *rectify, const float *mosaic, float *ret) {
+    const gsize width = (gsize)rectify->width;
+    int bad = 0;
+    for (gsize y = 0; y < (gsize)rectify->height; y++) {
+        const float *from = mosaic + y * width;
+        float *to = ret + y * rectify->stride;
+        for (gsize x = 0; x < width; x++) {
+            const gboolean good = from[x] - from[x] == 0;
+            to[x] = good ? from[x] : 0;
+            bad |= !good;
+        }
+        memset(to + width, 0, LANES * sizeof *to);
+    }
+    return !bad;
+}
+
+static gboolean all_finite(const Rectify *rectify, const struct rows *rows, int texel,
+                           const float *mosaic) {
+    const struct window *window = &rows->window[texel];
+    const float *weight = weights_of(rows, texel);
+    const int columns = window->n_wide * LANES;
+    for (int i = 0; i < window->n_rows * columns; i++)
+        if (weight[i] != 0 &&
+            !isfinite(mosaic[(window->y + i / columns) * rectify->width + window->x + i % columns]))
+            return FALSE;
+    return TRUE;
 }
 
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes) {
-    g_autofree lanes *found = NULL;
-    const lanes *ratio = rectify->ratio;
+    g_autofree float *found = NULL;
+    const float *ratio = rectify->ratio;
     if (!ratio) {
         found = find_ratios(rectify, mosaic);
         ratio = found;
     }
+    g_autofree float *padded = g_new(float, rectify->stride *(gsize)rectify->height);
+    const gboolean good = pad(rectify, mosaic, padded);
     int holes = 0;
+    apply(rectify, padded, ratio, ret_rgb);
     for (int texel = 0; texel < rectify->n_texels; texel++) {
-        gboolean seen = apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
+        float *rgb = ret_rgb + 3 * (gsize)texel;
+        const gboolean seen = rectify->area.window[texel].n_rows > 0 && isfinite(rgb[0]) &&
+                              isfinite(rgb[1]) && isfinite(rgb[2]) &&
+                              (good || (all_finite(rectify, &rectify->area, texel, mosaic) &&
+                                        all_finite(rectify, &rectify->around, texel, mosaic)));
         holes += !seen;
+        if (!seen)
+            memset(rgb, 0, 3 * sizeof *rgb);
         if (ret_holes)
             ret_holes[texel] = !seen;
     }
     return holes;
 }
 
-static guint8 mark_of(const struct rows *rows, int texel, const guint8 *pixels) {
-    const guint32 *pixel = (const guint32 *)(void *)rows->pixel->data;
-    const float *weight = (const float *)(void *)rows->weight->data;
+static guint8 mark_of(const Rectify *rectify, int texel, const guint8 *pixels) {
+    const struct window *window = &rectify->area.window[texel];
+    const float *weight = weights_of(&rectify->area, texel);
+    const int columns = window->n_wide * LANES, n = window->n_rows * columns;
     float sum = 0;
     guint8 mark = 0;
-    for (guint32 k = rows->start[texel]; k < rows->start[texel + 1]; k++)
-        sum += weight[k];
-    for (guint32 k = rows->start[texel]; k < rows->start[texel + 1]; k++)
-        if (pixels[pixel[k]] && fabsf(weight[k]) >= MARKED * sum)
-            mark |= pixels[pixel[k]];
+    for (int i = 0; i < n; i++)
+        sum += weight[i];
+    for (int i = 0; i < n; i++)
+        if (weight[i] != 0 && fabsf(weight[i]) >= MARKED * sum)
+            mark |= pixels[(window->y + i / columns) * rectify->width + window->x + i % columns];
     return mark;
 }
 
 void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
     for (int texel = 0; texel < rectify->n_texels; texel++)
-        ret_texels[texel] = mark_of(&rectify->area, texel, pixels);
+        ret_texels[texel] = mark_of(rectify, texel, pixels);
 }
