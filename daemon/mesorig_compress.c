@@ -190,21 +190,22 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
            (compress->output || register_product(btf->directory, compress, error));
 }
 
-/* Eigen-maps are orthogonal: leaving out the last ones costs what they hold. */
-static int fewest_terms(const struct eigenmaps *maps, double target, double *ret_error) {
-    const gsize size = (gsize)maps->n_lights * (gsize)maps->width * (gsize)maps->height * 3;
-    g_autofree double *squares = g_new0(double, maps->n_terms);
-    double all = 0, rest = 0;
-    int n = maps->n_terms;
-    for (int i = 0; i < maps->n_terms; i++) {
-        for (gsize j = 0; j < size; j++)
-            squares[i] += (double)maps->maps[(gsize)i * size + j] * maps->maps[(gsize)i * size + j];
-        all += squares[i];
-    }
-    while (n > 1 && rest + squares[n - 1] <= target * target * all)
-        rest += squares[--n];
-    *ret_error = all > 0 ? sqrt(rest / all) : 0;
-    return n;
+/* Memory for columns is what maps leave. */
+static gboolean eigenmaps_memory(const struct compress *compress, const struct btf_matrix *btf,
+                                 int terms, gsize *ret, GError **error) {
+    const gint64 column = btf_matrix_bytes(btf->width, btf->height, 1, btf->n_lights);
+    const gint64 left = compress->memory - column * (compress->target > 0 ? 1 : terms);
+    *ret = (gsize)MAX(left, 0);
+    if (compress->memory == 0 || left >= column)
+        return TRUE;
+    g_autofree char *size = g_format_size((guint64)column);
+    g_autofree char *given = g_format_size((guint64)compress->memory);
+    g_set_error(
+        error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        "%d eigen-maps of %d × %d texels and %d lights take %s of memory each, and one view "
+        "as much, which is more than %s; allow more",
+        terms, btf->width, btf->height, btf->n_lights, size, given);
+    return FALSE;
 }
 
 static gboolean make_eigenmaps(struct compress *compress, const struct btf_matrix *btf,
@@ -213,24 +214,18 @@ static gboolean make_eigenmaps(struct compress *compress, const struct btf_matri
     const int terms = compress->components   ? compress->components
                       : compress->target > 0 ? btf->n_views
                                              : MIN(4, btf->n_views);
-    struct eigenmaps *maps = compress_eigenmaps(btf, terms, progress, progress_data, cancellable,
-                                                &compress->error, error);
-    gboolean ok = TRUE;
+    struct eigenmaps_options options = {.target = compress->target};
+    if (!eigenmaps_memory(compress, btf, terms, &options.memory, error))
+        return FALSE;
+    struct eigenmaps *maps = compress_eigenmaps(btf, terms, &options, progress, progress_data,
+                                                cancellable, &compress->error, error);
     if (!maps)
         return FALSE;
-    if (compress->target > 0 && compress->error > compress->target) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                    "an error of %.3g %% is not reached with %d eigen-maps (%.3g %%); allow more",
-                    100 * compress->target, terms, 100 * compress->error);
-        ok = FALSE;
-    }
-    if (ok && compress->target > 0 && terms == btf->n_views)
-        maps->n_terms = fewest_terms(maps, compress->target, &compress->error);
     compress->exact_error = compress->error;
     compress->used_components = maps->n_terms;
     compress->bytes = (gint64)maps->n_terms * (2 * 3 * (gint64)compress->texels * btf->n_lights +
                                                (gint64)sizeof(float) * btf->n_views);
-    ok = ok && eigenmaps_write(compress->written, maps, error);
+    const gboolean ok = eigenmaps_write(compress->written, maps, error);
     eigenmaps_free(maps);
     return ok;
 }
@@ -527,9 +522,10 @@ static int run(const struct command *command, int argc, char **argv) {
     if (grid_option != 0 && (grid_option < RESAMPLE_MIN_GRID || grid_option > RESAMPLE_MAX_GRID))
         return cli_usage(command, "--grid is 4 to 24");
     if ((compress.lobes || compress.eigenmaps) &&
-        (compress.size > 0 || grid_option > 0 || mips_option || memory_option || colours_option))
-        return cli_usage(command,
-                         "--size, --grid, --mips, --memory and --colours are for local PCAs");
+        (compress.size > 0 || grid_option > 0 || mips_option || colours_option))
+        return cli_usage(command, "--size, --grid, --mips and --colours are for local PCAs");
+    if (compress.lobes && memory_option)
+        return cli_usage(command, "--memory is for local PCAs and eigen-maps");
     if (compress.colours == LPCA_LOG && grid_option > 0)
         return cli_usage(command, "--grid is of colours as they are: leave out --colours=log");
     if (compress.memory > 0 && mips_option)

@@ -2,6 +2,8 @@
 
 #include "processing/eigenmaps.h"
 
+#define ROWS ((gsize)64) /* texels read at a time, so that what is written stays in the cache */
+
 struct columns {
     const struct btf_matrix *btf;
     PipelineFunc progress;
@@ -20,10 +22,17 @@ static gboolean give_column(int view, float *ret_column, gpointer data, GError *
     if (g_cancellable_set_error_if_cancelled(columns->cancellable, error))
         return FALSE;
     columns->progress(&now, columns->data);
-    for (gsize texel = 0; texel < texels; texel++) {
-        const float *row = btf->values + (texel * (gsize)btf->n_views + (gsize)view) * n;
-        for (gsize i = 0; i < n; i++)
-            ret_column[(i / 3 * texels + texel) * 3 + i % 3] = row[i];
+    g_autofree float *buffer = btf->values ? NULL : g_new(float, ROWS *n);
+    for (gsize first = 0; first < texels; first += ROWS) {
+        const gsize rows = MIN(ROWS, texels - first);
+        gsize stride;
+        const float *values =
+            btf_matrix_rows(btf, view, (int)first, (int)rows, buffer, &stride, error);
+        if (!values)
+            return FALSE;
+        for (gsize row = 0; row < rows; row++)
+            for (gsize i = 0; i < n; i++)
+                ret_column[(i / 3 * texels + first + row) * 3 + i % 3] = values[row * stride + i];
     }
     return TRUE;
 }
@@ -50,11 +59,12 @@ static struct eigenmaps *new_eigenmaps(const struct btf_matrix *btf, int n_terms
 }
 
 struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
-                                     PipelineFunc progress, gpointer data,
-                                     GCancellable *cancellable, double *ret_error, GError **error) {
+                                     const struct eigenmaps_options *options, PipelineFunc progress,
+                                     gpointer data, GCancellable *cancellable, double *ret_error,
+                                     GError **error) {
     struct columns columns = {btf, progress, data, cancellable, 0};
     struct eigenmaps *maps = new_eigenmaps(btf, n_terms);
-    if (!eigenmaps_compute(maps, give_column, &columns, ret_error, error))
+    if (!eigenmaps_compute_with(maps, options, give_column, &columns, ret_error, error))
         g_clear_pointer(&maps, eigenmaps_free);
     return maps;
 }

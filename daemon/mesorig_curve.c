@@ -69,8 +69,9 @@ static gboolean add_eigenmaps(struct curve *curve, GError **error) {
     const int most = MIN(MOST_TERMS, btf->n_views);
     const struct lobes_options options = {.cancellable = curve->cancellable};
     double ignored;
-    struct eigenmaps *maps = compress_eigenmaps(btf, most, curve->progress, curve->data,
-                                                curve->cancellable, &ignored, error);
+    struct eigenmaps *maps =
+        compress_eigenmaps(btf, most, &(struct eigenmaps_options){0}, curve->progress, curve->data,
+                           curve->cancellable, &ignored, error);
     if (!maps)
         return FALSE;
     Material *of_maps = material_of_eigenmaps("", maps);

@@ -48,6 +48,18 @@ const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, 
     return btf_scratch_read(btf->scratch, view, first, n, buffer, error) ? buffer : NULL;
 }
 
+gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
+                               const int *places, float *ret, GError **error) {
+    const gsize row = (gsize)btf->n_lights * COLOURS;
+    if (!btf->values)
+        return btf_scratch_place_rows(btf->scratch, view, first, n, places, ret, error);
+    const float *from = btf->values + ((gsize)first * (gsize)btf->n_views + (gsize)view) * row;
+    for (int i = 0; i < n; i++)
+        memcpy(ret + (gsize)places[i] * row, from + (gsize)i * (gsize)btf->n_views * row,
+               sizeof(float) * row);
+    return TRUE;
+}
+
 static int by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }

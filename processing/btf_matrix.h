@@ -55,6 +55,11 @@ struct btf_matrix *btf_matrix_read_shared(const struct lpca_team *team, const ch
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 
+/* The same in another order: a copy, texel first + i's in the places[i]-th row of ret, which has
+ * n × n_lights × 3 floats. */
+gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
+                               const int *places, float *ret, GError **error);
+
 /* Bytes of the values as floats. */
 gint64 btf_matrix_bytes(int width, int height, int n_views, int n_lights);
 
@@ -71,3 +76,5 @@ gboolean btf_scratch_write(struct btf_scratch *scratch, int view, const float *v
                            GError **error);
 gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first, int n, float *ret,
                           GError **error);
+gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                                const int *places, float *ret, GError **error);

@@ -98,3 +98,22 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
     }
     return TRUE;
 }
+
+gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                                const int *places, float *ret, GError **error) {
+    guint16 halves[PIECE];
+    const gsize row = scratch->row;
+    const int at_once = (int)(PIECE / row);
+    for (int i = 0; at_once == 0 && i < n; i++)
+        if (!btf_scratch_read(scratch, view, first + i, 1, ret + (gsize)places[i] * row, error))
+            return FALSE;
+    for (int i = 0; at_once > 0 && i < n; i += at_once) {
+        const int rows = MIN(at_once, n - i);
+        if (!transfer(scratch->fd, FALSE, (guint8 *)halves, (gsize)rows * row * sizeof *halves,
+                      place(scratch, view, (gsize)(first + i))))
+            return io_error(error, "reading");
+        for (int j = 0; j < rows; j++)
+            exr_half_to_floats(ret + (gsize)places[i + j] * row, halves + (gsize)j * row, row);
+    }
+    return TRUE;
+}

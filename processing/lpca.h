@@ -2,11 +2,15 @@
  * Local PCA of a BTF (seed 000 §3, after Müller et al. 2003). The BTF is understood as one BRDF a
  * texel; texels are clustered, and each cluster has its own mean and eigen-BRDFs:
  *
- *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)},   w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩
+ *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
  *
- * E_{0,k} is the mean of cluster k, with weight 1 (§4 of the seed leaves it out of its sum). Values
- * hold n·l already. The E_{i,k}, i ≥ 1, are orthonormal and in order of what they explain, so that
- * leaving out the last ones is again the best with fewer; those a cluster has no use for are 0.
+ * The w_i span what the principal axes of a cluster in the reduced space say of its texels, and the
+ * E_i are the best for them in all dimensions, so that both are known when all has been read twice.
+ * Of packed ones, as the paper has it, w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩: all is read once
+ * more. E_{0,k} is the mean of cluster k, with weight 1 (§4 of the seed leaves it out of its sum).
+ * Values hold n·l already. The E_{i,k}, i ≥ 1, are orthonormal and in order of what they explain,
+ * so that leaving out the last ones is again the best with fewer; those a cluster has no use for
+ * are 0.
  *
  * On disk, one EXR "lpca.exr":
  *   part "clusters"         channel "K", width × height texels, float: k(x)
@@ -87,9 +91,9 @@ void lpca_free(struct lpca *lpca); /* NULL is ignored */
 
 /* Of a whole matrix of finite values, in memory or in a file; LPCA_FLOAT. Clusters that nothing
  * needs are left out: a constant material has one. Bytes do not depend on the number of threads.
- * Stages "reduce", "cluster", "polish", "weights", now and then "check". With a target the
- * clustering is made for 1, 2, 4, … components until it is reached; if it cannot be, the error says
- * how near it came.
+ * Stages "reduce", "cluster", "polish", "weights" if it is to be packed, now and then "check". With
+ * a target the clustering is made for 1, 2, 4, … components until it is reached; if it cannot be,
+ * the error says how near it came.
  *
  * With a team every rank calls this, btf->values being the rows of its part of the texels alone
  * (LPCA_TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;

@@ -65,18 +65,34 @@ void lpca_team_part(const struct lpca_team *team, int rank, int n, int step, int
     *ret_end = MIN(n, (int)((gint64)blocks * (rank + 1) / ranks) * step);
 }
 
+/* Of what could not be read 0; takes failed. */
+static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize values) {
+    g_mutex_lock(&run->lock);
+    if (!run->failed)
+        run->failed = g_steal_pointer(&failed);
+    g_mutex_unlock(&run->lock);
+    g_clear_error(&failed);
+    memset(rows, 0, sizeof(float) * values);
+}
+
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+                         float *ret) {
+    GError *failed = NULL;
+    const gsize values = (gsize)n * (gsize)run->columns;
+    if (!btf_matrix_place_rows(run->btf, view, texel - run->first, n, places, ret, &failed))
+        unreadable(run, failed, ret, values);
+    else if (run->options->colours == LPCA_LOG)
+        lpca_to_log(ret, values / COLOURS);
+}
+
 const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
                            gsize *ret_stride) {
-    g_autoptr(GError) failed = NULL;
+    GError *failed = NULL;
     const gsize columns = (gsize)run->columns, values = (gsize)n * columns;
     const float *rows =
         btf_matrix_rows(run->btf, view, texel - run->first, n, buffer, ret_stride, &failed);
     if (!rows) {
-        g_mutex_lock(&run->lock);
-        if (!run->failed)
-            run->failed = g_steal_pointer(&failed);
-        g_mutex_unlock(&run->lock);
-        memset(buffer, 0, sizeof(float) * values);
+        unreadable(run, failed, buffer, values);
         *ret_stride = columns;
         return buffer;
     }

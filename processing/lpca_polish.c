@@ -7,34 +7,41 @@
 #include "lpca_private.h"
 
 #define COLOURS 3
-#define CERTAIN 2e-5 /* of what means leave: less is not told from rounding */
+#define CERTAIN 2e-5 /* of what the mean of all leaves: less is not told from rounding */
 
 /* The run's texels of a block, cluster by cluster: those of cluster k are texels[starts[k]] … */
 struct groups {
-    int n;
+    int from, n;
     int texels[LPCA_BLOCK];
-    int *starts; /* clusters + 1 */
+    int places[LPCA_BLOCK]; /* of from, from + 1, … among the texels */
+    int *starts;            /* clusters + 1 */
 };
 
 struct polish {
     struct lpca_run *run;
     const struct lpca_reduced *reduced; /* NULL when its work is done */
-    struct lpca *lpca;
-    float *products; /* of the run's texels × c: with the axes in few dimensions */
-    double *sums;    /* two a block: what is missing, and what there is */
+    struct lpca *lpca; /* weights are first products with the axes in few dimensions */
+    gboolean weigh;    /* weights are to be products with the axes in all: reads once more */
+    double *squares;   /* clusters a view: of rows less the run's mean */
+    double *turns;     /* c × c a cluster: of products with each other, then to weights */
+    double *held;      /* two a cluster: what is missing, and what there is */
+    double *sums;      /* two a block: likewise */
 };
 
 static void group(const struct polish *polish, int block, struct groups *ret) {
     const int from = polish->run->first + block * LPCA_BLOCK, k = polish->lpca->n_clusters;
     const int *labels = polish->lpca->clusters + from;
-    *ret = (struct groups){.n = MIN(LPCA_BLOCK, polish->run->end - from)};
+    ret->from = from;
+    ret->n = MIN(LPCA_BLOCK, polish->run->end - from);
     ret->starts = g_new0(int, k + 2);
     for (int i = 0; i < ret->n; i++)
         ret->starts[labels[i] + 2]++;
     for (int i = 0; i < k; i++)
         ret->starts[i + 2] += ret->starts[i + 1];
-    for (int i = 0; i < ret->n; i++)
-        ret->texels[ret->starts[labels[i] + 1]++] = from + i;
+    for (int i = 0; i < ret->n; i++) {
+        ret->places[i] = ret->starts[labels[i] + 1]++;
+        ret->texels[ret->places[i]] = from + i;
+    }
 }
 
 static int blocks(const struct lpca_run *run) {
@@ -44,20 +51,16 @@ static int blocks(const struct lpca_run *run) {
 /* What the block's texels show to a view, in the order of the groups, less what of each cluster
  * lies stride floats behind that of the one before (0: the same of all). */
 static void gather(const struct polish *polish, const struct groups *groups, int view,
-                   const float *less, gsize stride, float *buffer, float *ret) {
+                   const float *less, gsize stride, float *ret) {
     struct lpca_run *run = polish->run;
     const gsize columns = (gsize)run->columns;
-    int from = groups->texels[0];
-    gsize row_stride;
-    for (int i = 1; i < groups->n; i++)
-        from = MIN(from, groups->texels[i]);
-    const float *rows = lpca_run_rows(run, view, from, groups->n, buffer, &row_stride);
+    lpca_run_place_rows(run, view, groups->from, groups->n, groups->places, ret);
     for (int i = 0; i < groups->n; i++) {
-        const float *row = rows + (gsize)(groups->texels[i] - from) * row_stride;
+        float *row = ret + (gsize)i * columns;
         const float *minus = less + (gsize)view * columns +
                              (gsize)polish->lpca->clusters[groups->texels[i]] * stride;
         for (gsize j = 0; j < columns; j++)
-            ret[(gsize)i * columns + j] = row[j] - minus[j];
+            row[j] -= minus[j];
     }
 }
 
@@ -74,8 +77,22 @@ static void reduced_block(int block, gpointer data) {
             row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
         cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
                     reduced->bases + k * c * r, reduced->r, row, 1, 0,
-                    polish->products + (gsize)(x - polish->run->first) * c, 1);
+                    polish->lpca->weights + (gsize)x * c, 1);
     }
+}
+
+/* Sums of n rows, and of their squares. */
+static void add_rows(const float *rows, int n, gsize columns, float *part, double *sums,
+                     double *squares) {
+    memset(part, 0, sizeof(float) * columns);
+    for (int i = 0; i < n; i++) {
+        const float *row = rows + (gsize)i * columns;
+        for (gsize j = 0; j < columns; j++)
+            part[j] += row[j];
+        *squares += cblas_sdot((int)columns, row, 1, row, 1);
+    }
+    for (gsize j = 0; j < columns; j++)
+        sums[j] += part[j];
 }
 
 /* Sums of a view's columns over the rows of each cluster: as they are, and times the products.
@@ -86,27 +103,27 @@ static void sum_view(int view, gpointer data) {
     struct lpca *lpca = polish->lpca;
     const int c = lpca->n_components;
     const gsize columns = (gsize)run->columns, at = (gsize)view * columns;
-    g_autofree float *buffer = g_new(float, LPCA_BLOCK *columns);
     g_autofree float *rows = g_new(float, LPCA_BLOCK *columns);
     g_autofree float *factors = g_new(float, LPCA_BLOCK *(gsize)c);
+    g_autofree float *part = g_new(float, columns);
     g_autofree double *sums = g_new0(double, (gsize)lpca->n_clusters *columns);
+    double *squares = polish->squares + (gsize)view * (gsize)lpca->n_clusters;
     for (int block = 0; block < blocks(run); block++) {
         struct groups groups;
         group(polish, block, &groups);
-        gather(polish, &groups, view, run->mean, 0, buffer, rows);
+        gather(polish, &groups, view, run->mean, 0, rows);
         for (int i = 0; i < groups.n; i++)
-            memcpy(factors + (gsize)(i * c),
-                   polish->products + (gsize)(groups.texels[i] - run->first) * (gsize)c,
+            memcpy(factors + (gsize)(i * c), lpca->weights + (gsize)groups.texels[i] * (gsize)c,
                    sizeof(float) * (gsize)c);
         for (int k = 0; k < lpca->n_clusters; k++) {
             const int first = groups.starts[k], n = groups.starts[k + 1] - first;
-            for (int i = first; i < first + n; i++)
-                for (gsize j = 0; j < columns; j++)
-                    sums[(gsize)k * columns + j] += rows[(gsize)i * columns + j];
-            if (n > 0)
-                cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, c, run->columns, n, 1,
-                            factors + (gsize)(first * c), c, rows + (gsize)first * columns,
-                            run->columns, 1, lpca_brdf(lpca, k, 1) + at, run->d);
+            if (n == 0)
+                continue;
+            add_rows(rows + (gsize)first * columns, n, columns, part, sums + (gsize)k * columns,
+                     squares + k);
+            cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, c, run->columns, n, 1,
+                        factors + (gsize)(first * c), c, rows + (gsize)first * columns,
+                        run->columns, 1, lpca_brdf(lpca, k, 1) + at, run->d);
         }
         g_free(groups.starts);
     }
@@ -115,29 +132,76 @@ static void sum_view(int view, gpointer data) {
             lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
 }
 
-static void finish_cluster(int k, gpointer data) {
-    const struct polish *polish = data;
+/* The cluster's mean, and what its rows are off by it and by nothing. */
+static void finish_mean(const struct polish *polish, int k) {
     const GArray *members = g_ptr_array_index(polish->reduced->members, k);
+    const struct lpca_run *run = polish->run;
+    const double n = members->len;
     float *mean = lpca_brdf(polish->lpca, k, 0);
-    for (int j = 0; j < polish->run->d; j++)
-        mean[j] = polish->run->mean[j] + mean[j] / (float)members->len;
-    lpca_orthonormalise(lpca_brdf(polish->lpca, k, 1), polish->lpca->n_components, polish->run->d,
-                        TRUE);
+    double *held = polish->held + (gsize)(2 * k), squares = 0;
+    for (int view = 0; view < run->btf->n_views; view++)
+        squares += polish->squares[view * polish->lpca->n_clusters + k];
+    held[0] = held[1] = squares;
+    for (int j = 0; j < run->d; j++) {
+        const double all = run->mean[j], off = mean[j] / n;
+        held[0] -= n * off * off;
+        held[1] += n * all * (2 * off + all);
+        mean[j] = (float)(all + off);
+    }
 }
 
-/* Of n rows: what there is less the means, and with them. */
-static void add_extents(const struct polish *polish, const struct groups *groups, int view,
-                        const float *rows, double *sums) {
-    const gsize columns = (gsize)polish->run->columns;
-    for (int i = 0; i < groups->n; i++) {
-        const float *row = rows + (gsize)i * columns;
-        const float *mean = lpca_brdf(polish->lpca, polish->lpca->clusters[groups->texels[i]], 0) +
-                            (gsize)view * columns;
-        const int n = (int)columns;
-        const double rest = cblas_sdot(n, row, 1, row, 1), means = cblas_sdot(n, mean, 1, mean, 1);
-        sums[0] += rest;
-        sums[1] += rest + 2.0 * cblas_sdot(n, row, 1, mean, 1) + means;
-    }
+/* P Pᵀ x = y of c products, of which those that have no extent are left out. */
+static void solve_products(double *squares, double *y, int c) {
+    double largest = 0;
+    for (int i = 0; i < c; i++)
+        largest = MAX(largest, squares[i * (c + 1)]);
+    for (int i = 0; i < c; i++)
+        if (!(squares[i * (c + 1)] > 1e-12 * largest)) {
+            for (int j = 0; j < c; j++)
+                squares[i * c + j] = squares[j * c + i] = y[i * c + j] = 0;
+            squares[i * (c + 1)] = 1;
+        }
+    if (LAPACKE_dposv(LAPACK_ROW_MAJOR, 'U', c, c, squares, c, y, c) != 0)
+        memset(y, 0, sizeof(double) * (gsize)c * (gsize)c);
+}
+
+/* Of the products P of the cluster's rows X there is PᵀX; the best that P can give of X is
+ * P (PᵀP)⁻¹ PᵀX = W E with E = orth(PᵀX). Finds E, how P becomes W, and what is missing. */
+static void solve_cluster(const struct polish *polish, int k) {
+    const int c = polish->lpca->n_components, d = polish->run->d;
+    const gsize square = (gsize)c * (gsize)c;
+    float *axes = lpca_brdf(polish->lpca, k, 1);
+    double *turn = polish->turns + (gsize)k * square;
+    g_autofree float *sums = g_memdup2(axes, sizeof(float) * (gsize)c * (gsize)d);
+    g_autofree double *inverted = g_memdup2(turn, sizeof(double) * square);
+    g_autofree double *onto = g_new0(double, square), *solved = g_new0(double, square);
+    lpca_orthonormalise(axes, c, d, TRUE);
+    for (int i = 0; i < c; i++)
+        for (int j = 0; j < c; j++)
+            onto[i * c + j] =
+                cblas_dsdot(d, sums + (gsize)i * (gsize)d, 1, axes + (gsize)j * (gsize)d, 1);
+    memcpy(solved, onto, sizeof(double) * square);
+    solve_products(inverted, solved, c);
+    /* 2 ⟨X, WE⟩ − ‖WE‖²: a small fault of W counts in its square. */
+    double *missing = polish->held + (gsize)(2 * k);
+    g_autofree double *half = g_new(double, square);
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, c, c, 1, turn, c, solved, c, 0, half,
+                c);
+    for (gsize i = 0; i < square; i++)
+        *missing -= solved[i] * (2 * onto[i] - half[i]);
+    for (int i = 0; i < c; i++)
+        for (int j = 0; j < c; j++)
+            turn[i * c + j] = solved[j * c + i];
+}
+
+static void finish_cluster(int k, gpointer data) {
+    const struct polish *polish = data;
+    finish_mean(polish, k);
+    if (polish->weigh)
+        lpca_orthonormalise(lpca_brdf(polish->lpca, k, 1), polish->lpca->n_components,
+                            polish->run->d, TRUE);
+    else
+        solve_cluster(polish, k);
 }
 
 /* Products of the rows less their cluster's mean with its eigen-BRDFs. */
@@ -150,12 +214,10 @@ static void weigh_block(int block, gpointer data) {
     const gsize stride = (gsize)(c + 1) * (gsize)run->d;
     struct groups groups;
     group(polish, block, &groups);
-    g_autofree float *buffer = g_new(float, (gsize)groups.n *columns);
     g_autofree float *rows = g_new(float, (gsize)groups.n *columns);
     g_autofree float *weights = g_new0(float, groups.n *c);
     for (int view = 0; view < run->btf->n_views; view++) {
-        gather(polish, &groups, view, lpca->brdfs, stride, buffer, rows);
-        add_extents(polish, &groups, view, rows, polish->sums + (gsize)(2 * block));
+        gather(polish, &groups, view, lpca->brdfs, stride, rows);
         for (int k = 0; k < lpca->n_clusters; k++) {
             const int first = groups.starts[k], n = groups.starts[k + 1] - first;
             if (n > 0)
@@ -189,17 +251,12 @@ static double *covariances(const struct polish *polish) {
     return ret;
 }
 
-struct turning {
-    const struct polish *polish;
-    double *covariances; /* become the rows of the turn */
-};
-
 /* Turned so that the components are uncorrelated and descend; 0 where weights are. */
 static void turn_axes(int k, gpointer data) {
-    const struct turning *turning = data;
-    struct lpca *lpca = turning->polish->lpca;
-    const int c = lpca->n_components, d = turning->polish->run->d;
-    double *turn = turning->covariances + (gsize)(k * c * c);
+    const struct polish *polish = data;
+    struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components, d = polish->run->d;
+    double *turn = polish->turns + (gsize)(k * c * c);
     float *axes = lpca_brdf(lpca, k, 1);
     g_autofree double *vectors = g_memdup2(turn, sizeof(double) * (gsize)(c * c));
     g_autofree double *values = g_new0(double, c);
@@ -218,14 +275,14 @@ static void turn_axes(int k, gpointer data) {
 }
 
 static void turn_weights(int block, gpointer data) {
-    const struct turning *turning = data;
-    const struct lpca_run *run = turning->polish->run;
-    struct lpca *lpca = turning->polish->lpca;
+    const struct polish *polish = data;
+    const struct lpca_run *run = polish->run;
+    struct lpca *lpca = polish->lpca;
     const gsize c = (gsize)lpca->n_components;
     const int from = run->first + block * LPCA_BLOCK;
     double old[LPCA_MAX_PACKED];
     for (int x = from; x < MIN(from + LPCA_BLOCK, run->end); x++) {
-        const double *turn = turning->covariances + (gsize)lpca->clusters[x] * c * c;
+        const double *turn = polish->turns + (gsize)lpca->clusters[x] * c * c;
         float *w = lpca->weights + (gsize)x * c;
         for (gsize i = 0; i < c; i++)
             old[i] = w[i];
@@ -238,12 +295,12 @@ static void turn_weights(int block, gpointer data) {
     }
 }
 
-static void turn(const struct polish *polish) {
+static void turn(struct polish *polish) {
     const struct lpca_options *options = polish->run->options;
-    struct turning turning = {polish, covariances(polish)};
-    lpca_parallel(options->n_threads, polish->lpca->n_clusters, turn_axes, &turning);
-    lpca_parallel(options->n_threads, blocks(polish->run), turn_weights, &turning);
-    g_free(turning.covariances);
+    g_free(polish->turns);
+    polish->turns = covariances(polish);
+    lpca_parallel(options->n_threads, polish->lpca->n_clusters, turn_axes, polish);
+    lpca_parallel(options->n_threads, blocks(polish->run), turn_weights, polish);
 }
 
 /* All ranks get the weights of all. */
@@ -265,64 +322,60 @@ static gboolean sum_views(struct polish *polish, GError **error) {
     const struct lpca_team *team = run->options->team;
     if (!lpca_run_blocks(run, "polish", run->btf->n_views, sum_view, polish, error))
         return FALSE;
-    if (team)
+    if (team) {
         team->sum_floats(team, lpca->brdfs,
                          (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1) * (gsize)run->d);
+        team->sum_doubles(team, polish->squares,
+                          (gsize)run->btf->n_views * (gsize)lpca->n_clusters);
+    }
+    if (!polish->weigh)
+        polish->turns = covariances(polish);
     lpca_parallel(run->options->n_threads, lpca->n_clusters, finish_cluster, polish);
     return TRUE;
-}
-
-/* What weights hold of the rows, Σ 2 wᵀw − wᵀ(E Eᵀ)w: E is orthonormal but for its rounding. */
-static double held(const struct polish *polish) {
-    const struct lpca *lpca = polish->lpca;
-    const int c = lpca->n_components, d = polish->run->d;
-    g_autofree double *squares = covariances(polish);
-    double sum = 0;
-    for (int k = 0; k < lpca->n_clusters; k++)
-        for (int i = 0; i < c; i++)
-            for (int j = 0; j < c; j++) {
-                const double product =
-                    cblas_dsdot(d, lpca_brdf(lpca, k, i + 1), 1, lpca_brdf(lpca, k, j + 1), 1);
-                sum += squares[(k * c + i) * c + j] * ((i == j ? 2 : 0) - product);
-            }
-    return sum;
 }
 
 /* Saves reading everything once more; but where next to nothing is missing, that is not told from
  * rounding. */
 static void sum_error(struct polish *polish) {
-    const struct lpca_run *run = polish->run;
-    double sums[2] = {0};
-    polish->lpca->error = -1;
-    /* The products of many axes with each other take longer than reading. */
-    if (polish->lpca->n_components > LPCA_MAX_COMPONENTS)
-        return;
-    for (int i = 0; i < 2 * blocks(run); i++)
-        sums[i % 2] += polish->sums[i];
-    if (run->options->team)
-        run->options->team->sum_doubles(run->options->team, sums, 2);
-    const double missing = sums[0] - held(polish);
-    polish->lpca->error = missing > CERTAIN * sums[0] ? sqrt(missing / sums[1]) : -1;
+    double missing = 0, sum = 0, all = 0;
+    for (int k = 0; k < polish->lpca->n_clusters; k++) {
+        missing += polish->held[2 * k];
+        sum += polish->held[2 * k + 1];
+    }
+    for (int i = 0; i < polish->run->btf->n_views * polish->lpca->n_clusters; i++)
+        all += polish->squares[i];
+    polish->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
+}
+
+static gboolean weigh(struct polish *polish, GError **error) {
+    struct lpca_run *run = polish->run;
+    if (polish->weigh)
+        return lpca_run_blocks(run, "weights", blocks(run), weigh_block, polish, error);
+    lpca_parallel(run->options->n_threads, blocks(run), turn_weights, polish);
+    sum_error(polish);
+    return TRUE;
 }
 
 struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
     struct polish polish = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
+    /* The last of many axes are not yet those of all rows. */
+    polish.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
+    polish.lpca->error = -1;
     polish.lpca->colours = run->options->colours;
     memcpy(polish.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
-    polish.products = g_new(float, (gsize)(run->end - run->first) * (gsize)reduced->c + 1);
-    polish.sums = g_new0(double, 2 * blocks(run) + 1);
+    polish.squares = g_new0(double, reduced->k * run->btf->n_views);
+    polish.held = g_new0(double, 2 * reduced->k);
     lpca_parallel(run->options->n_threads, blocks(run), reduced_block, &polish);
-    if (sum_views(&polish, error) &&
-        lpca_run_blocks(run, "weights", blocks(run), weigh_block, &polish, error)) {
+    if (sum_views(&polish, error) && weigh(&polish, error)) {
         turn(&polish);
-        sum_error(&polish);
         if (run->options->team)
             share_weights(&polish);
     } else {
         g_clear_pointer(&polish.lpca, lpca_free);
     }
-    g_free(polish.products);
-    g_free(polish.sums);
+    g_free(polish.squares);
+    g_free(polish.held);
+    g_free(polish.turns);
     return polish.lpca;
 }
 

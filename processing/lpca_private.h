@@ -63,6 +63,10 @@ struct lpca_run {
 const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
                            gsize *ret_stride);
 
+/* The same as btf_matrix_place_rows(). */
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+                         float *ret);
+
 /* A stage of n blocks in all threads: FALSE if it was cancelled or failed. */
 gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, LpcaBlock func,
                          gpointer data, GError **error);

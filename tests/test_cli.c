@@ -326,6 +326,19 @@ static void test_compress(const char *folder, const char *session) {
     g_assert_true(g_file_get_contents(maps, &from_views, &n_views, NULL));
     g_assert_true(g_file_get_contents(other, &from_matrix, &n_matrix, NULL));
     g_assert_cmpmem(from_matrix, n_matrix, from_views, n_views);
+    /* A view takes 3 kB as floats. */
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "--memory", "7kB", "-c", "1", "-o",
+         other, NULL);
+    assert_has(output.out, "1 eigen-maps");
+    runs(1, &output, "compress", session, "-m", "eigenmaps", "--memory", "5kB", "-c", "1", "-o",
+         other, NULL);
+    assert_has(output.err, "allow more");
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "-e", "99%", "-o", other, NULL);
+    assert_has(output.out, "1 eigen-maps");
+    runs(1, &output, "compress", session, "-m", "eigenmaps", "-e", "0.0001%", "-c", "1", "-o",
+         other, NULL);
+    assert_has(output.err, "is not reached with 1 eigen-maps");
+    runs(2, &output, "compress", session, "-m", "ptm", "--memory", "7kB", NULL);
     runs(1, &output, "compress", session, "-k", "1", "-c", "1", "-e", "0.0001%", NULL);
     assert_has(output.err, "is not reached");
     runs(1, &output, "compress", session, "-o", "/no/such/folder/x.exr", NULL);

@@ -131,8 +131,10 @@ static void test_blocks(void) {
     for (gsize columns = 0; columns < 6; columns++) {
         struct eigenmaps *part = new_maps(20, 16, 7, VIEWS, TERMS);
         openblas_set_num_threads(columns % 2 ? 1 : 4);
-        g_assert_true(eigenmaps_compute_within(columns * ROWS * sizeof(float), part, give_column,
-                                               &matrix, &part_error, NULL));
+        const struct eigenmaps_options options = {MAX(columns * ROWS * sizeof(float), 1),
+                                                  .method = EIGENMAPS_EXACT};
+        g_assert_true(
+            eigenmaps_compute_with(part, &options, give_column, &matrix, &part_error, NULL));
         g_assert_cmpfloat_with_epsilon(part_error, error, 1e-12);
         for (int i = 0; i < VIEWS * TERMS; i++)
             g_assert_cmpfloat_with_epsilon(part->weights[i], whole->weights[i], 1e-6);
@@ -146,6 +148,114 @@ static void test_blocks(void) {
     g_assert_true(error == part_error);
     eigenmaps_free(again);
     eigenmaps_free(whole);
+    g_free(matrix.values);
+}
+
+/* n_views columns of orthonormal times given singular values times orthonormal: rows are cosines,
+ * so that nothing need be solved to know the truth. */
+static struct matrix known_matrix(int rows, int columns, const double *values, int n) {
+    struct matrix matrix = {rows, columns, g_new0(double, rows *columns), 0};
+    for (int i = 0; i < rows; i++)
+        for (int v = 0; v < columns; v++)
+            for (int r = 0; r < n; r++)
+                matrix.values[i * columns + v] +=
+                    values[r] * sqrt(2.0 / rows) * cos(G_PI * (r + 1) * (i + 0.5) / rows) *
+                    sqrt(2.0 / columns) * cos(G_PI * (r + 1) * (v + 0.5) / columns);
+    return matrix;
+}
+
+/* That the Gram matrix has squares of singular values does not show where floats end. */
+static void test_ill_conditioned(void) {
+    enum { ROWS = 24 * 20 * 16 * 3, VIEWS = 40, TERMS = 4 };
+    static const double values[TERMS] = {100, 1, 1e-2, 2e-4};
+    static const enum eigenmaps_method methods[] = {EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED};
+    struct matrix matrix = known_matrix(ROWS, VIEWS, values, TERMS);
+    for (guint m = 0; m < G_N_ELEMENTS(methods); m++) {
+        const struct eigenmaps_options options = {.method = methods[m]};
+        struct eigenmaps *maps = new_maps(20, 16, 24, VIEWS, TERMS);
+        double error;
+        g_assert_true(eigenmaps_compute_with(maps, &options, give_column, &matrix, &error, NULL));
+        for (int t = 0; t < TERMS; t++) {
+            double product = 0, square = 0;
+            for (int v = 0; v < VIEWS; v++)
+                product += maps->weights[t * VIEWS + v] * sqrt(2.0 / VIEWS) *
+                           cos(G_PI * (t + 1) * (v + 0.5) / VIEWS);
+            for (int i = 0; i < ROWS; i++)
+                square += pow(maps->maps[t * ROWS + i], 2);
+            g_test_message("method %u, term %d: %g, %g", m, t, fabs(product), sqrt(square));
+            g_assert_cmpfloat_with_epsilon(fabs(product), 1, 1e-3);
+            g_assert_cmpfloat_with_epsilon(sqrt(square) / values[t], 1, 1e-2);
+        }
+        eigenmaps_free(maps);
+    }
+    g_free(matrix.values);
+}
+
+/* Of more rows than the sketch has, with noise, against a dense singular value decomposition: with
+ * hardly any memory, which leaves no directions to spare, and with more. */
+static void test_randomised(void) {
+    enum { ROWS = 24 * 20 * 16 * 3, VIEWS = 30, TERMS = 4 };
+    struct matrix matrix = random_matrix(ROWS, VIEWS, 12, 0.1);
+    double s[VIEWS], superb[VIEWS], rest = 0, all = 0, error;
+    g_autofree double *a = g_memdup2(matrix.values, sizeof(double) * ROWS * VIEWS);
+    g_assert_cmpint(LAPACKE_dgesvd(LAPACK_ROW_MAJOR, 'N', 'N', ROWS, VIEWS, a, VIEWS, s, NULL, ROWS,
+                                   NULL, VIEWS, superb),
+                    ==, 0);
+    for (int i = 0; i < VIEWS; i++) {
+        all += s[i] * s[i];
+        rest += i >= TERMS ? s[i] * s[i] : 0;
+    }
+    const double best = sqrt(rest / all);
+    for (gsize columns = 1; columns < 30; columns += 8) {
+        const struct eigenmaps_options options = {columns * ROWS * sizeof(float)};
+        struct eigenmaps *maps = new_maps(20, 16, 24, VIEWS, TERMS);
+        matrix.asked = 0;
+        g_assert_true(eigenmaps_compute_with(maps, &options, give_column, &matrix, &error, NULL));
+        g_assert_cmpint(matrix.asked, ==, 2 * VIEWS);
+        g_test_message("%d columns: %g of %g", (int)columns, error, best);
+        g_assert_cmpfloat(error, >=, best * (1 - 1e-6));
+        g_assert_cmpfloat(error, <=, best * (columns > 1 ? 1.0005 : 1.002));
+        g_assert_cmpfloat_with_epsilon(residual(maps, &matrix), error, 1e-5);
+        for (int t = 0; t < TERMS; t++)
+            for (int u = 0; u <= t; u++)
+                g_assert_cmpfloat_with_epsilon(
+                    cblas_sdot(VIEWS, maps->weights + t * VIEWS, 1, maps->weights + u * VIEWS, 1),
+                    t == u, 1e-5);
+        eigenmaps_free(maps);
+    }
+    g_free(matrix.values);
+}
+
+/* The fewest terms that reach an error, whichever way. */
+static void test_target(void) {
+    enum { ROWS = 24 * 20 * 16 * 3, VIEWS = 30 };
+    static const enum eigenmaps_method methods[] = {EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED};
+    struct matrix matrix = random_matrix(ROWS, VIEWS, 12, 0.02);
+    int terms[2];
+    for (guint m = 0; m < G_N_ELEMENTS(methods); m++) {
+        g_autoptr(GError) failed = NULL;
+        struct eigenmaps_options options = {.target = 0.15, .method = methods[m]};
+        struct eigenmaps *maps = new_maps(20, 16, 24, VIEWS, VIEWS);
+        double error, fewer;
+        g_assert_true(eigenmaps_compute_with(maps, &options, give_column, &matrix, &error, NULL));
+        terms[m] = maps->n_terms;
+        g_assert_cmpfloat(error, <=, 0.15);
+        g_assert_cmpfloat_with_epsilon(residual(maps, &matrix), error, 1e-5);
+        maps->n_terms--;
+        g_assert_cmpfloat(residual(maps, &matrix), >, 0.15);
+        g_assert_cmpint(terms[m], >, 2);
+        g_assert_cmpint(terms[m], <, 12);
+        options.target = 0;
+        maps->n_terms = 2;
+        g_assert_true(eigenmaps_compute_with(maps, &options, give_column, &matrix, &fewer, NULL));
+        options.target = fewer * 0.99;
+        g_assert_false(
+            eigenmaps_compute_with(maps, &options, give_column, &matrix, &error, &failed));
+        g_assert_error(failed, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_nonnull(strstr(failed->message, "with 2 eigen-maps"));
+        eigenmaps_free(maps);
+    }
+    g_assert_cmpint(terms[0], ==, terms[1]);
     g_free(matrix.values);
 }
 
@@ -277,6 +387,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/eigenmaps/low-rank", test_low_rank);
     g_test_add_func("/eigenmaps/dense", test_dense);
     g_test_add_func("/eigenmaps/blocks", test_blocks);
+    g_test_add_func("/eigenmaps/ill-conditioned", test_ill_conditioned);
+    g_test_add_func("/eigenmaps/randomised", test_randomised);
+    g_test_add_func("/eigenmaps/target", test_target);
     g_test_add_func("/eigenmaps/refused", test_refused);
     g_test_add_func("/eigenmaps/black", test_black);
     g_test_add_func("/eigenmaps/file", test_file);

@@ -1,3 +1,4 @@
+#include "btf_fixture.h"
 #include "processing/lpca.h"
 
 #include "processing/exr.h"
@@ -7,27 +8,6 @@
 #include <math.h>
 #include <string.h>
 
-static struct btf_matrix *new_btf(int width, int height, int n_views, int n_lights) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
-    *btf = (struct btf_matrix){.name = g_strdup("weave"),
-                               .width = width,
-                               .height = height,
-                               .texel_mm = 0.5,
-                               .reference_mm = 5,
-                               .n_views = n_views,
-                               .n_lights = n_lights,
-                               .view_theta_deg = g_new0(float, n_views),
-                               .view_phi_deg = g_new0(float, n_views),
-                               .light_theta_deg = g_new0(float, n_lights),
-                               .light_phi_deg = g_new0(float, n_lights)};
-    btf->values = g_new0(float, width *height *n_views *n_lights * 3);
-    for (int i = 0; i < n_views; i++)
-        btf->view_theta_deg[i] = (float)i, btf->view_phi_deg[i] = 2 * (float)i;
-    for (int i = 0; i < n_lights; i++)
-        btf->light_theta_deg[i] = 3 * (float)i, btf->light_phi_deg[i] = 4 * (float)i;
-    return btf;
-}
-
 static int row_length(const struct btf_matrix *btf) {
     return btf->n_views * btf->n_lights * 3;
 }
@@ -35,7 +15,7 @@ static int row_length(const struct btf_matrix *btf) {
 /* Texel i is of group i % groups: a mean, and a random sum of that group's own directions. */
 static struct btf_matrix *mixture(int width, int height, int n_views, int n_lights, int groups,
                                   int rank, double noise) {
-    struct btf_matrix *btf = new_btf(width, height, n_views, n_lights);
+    struct btf_matrix *btf = btf_fixture_new("weave", width, height, n_views, n_lights);
     const int d = row_length(btf), factors = rank + 1;
     GRand *random = g_rand_new_with_seed(5);
     g_autofree double *basis = g_new(double, groups *factors *d);
@@ -231,7 +211,7 @@ static void test_target(void) {
 }
 
 static void test_edges(void) {
-    struct btf_matrix *btf = new_btf(5, 4, 2, 3); /* black */
+    struct btf_matrix *btf = btf_fixture_new("weave", 5, 4, 2, 3); /* black */
     struct lpca *lpca = compute(btf, 4, 2);
     g_assert_cmpint(lpca->n_clusters, ==, 1);
     g_assert_cmpfloat(lpca->error, ==, 0);

@@ -1,4 +1,5 @@
 /* Packed local PCAs: what they cost, what they keep, what they refuse, and how they are drawn. */
+#include "btf_fixture.h"
 #include "processing/exr.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_pack_private.h"
@@ -17,20 +18,8 @@
 /* A wavy surface, glossy, in two colours, seen with noise: smooth in every way, as materials are.
  */
 static struct btf_matrix *waves(double noise, gboolean constant) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    struct btf_matrix *btf = btf_fixture_new("waves", SIDE_X, SIDE_Y, VIEWS, LIGHTS);
     GRand *random = g_rand_new_with_seed(3);
-    *btf = (struct btf_matrix){.name = g_strdup("waves"),
-                               .width = SIDE_X,
-                               .height = SIDE_Y,
-                               .texel_mm = 0.5,
-                               .reference_mm = 5,
-                               .n_views = VIEWS,
-                               .n_lights = LIGHTS,
-                               .view_theta_deg = g_new0(float, VIEWS),
-                               .view_phi_deg = g_new0(float, VIEWS),
-                               .light_theta_deg = g_new0(float, LIGHTS),
-                               .light_phi_deg = g_new0(float, LIGHTS),
-                               .values = g_new0(float, SIDE_X *SIDE_Y *VALUES)};
     for (int i = 0; i < SIDE_X * SIDE_Y * VALUES; i++) {
         const int x = i / VALUES % SIDE_X, y = i / VALUES / SIDE_X, c = i % 3;
         const double v = i / (3 * LIGHTS) % VIEWS / 9.0, l = i / 3 % LIGHTS / 11.0;

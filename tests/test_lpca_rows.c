@@ -1,5 +1,6 @@
 /* Where the rows of a local PCA come from: memory, a file, the memories of several processes; and
  * in which colours. */
+#include "btf_fixture.h"
 #include "processing/exr_half.h"
 #include "processing/lpca.h"
 
@@ -12,19 +13,8 @@
 
 /* Glossy bumps, in halves, that no few components hold exactly. */
 static struct btf_matrix *bumps(int size) {
-    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    struct btf_matrix *btf = btf_fixture_new("bumps", size, size, VIEWS, LIGHTS);
     const gsize d = VIEWS * LIGHTS * 3, n = (gsize)(size * size) * d;
-    *btf = (struct btf_matrix){.name = g_strdup("bumps"),
-                               .width = size,
-                               .height = size,
-                               .texel_mm = 1,
-                               .n_views = VIEWS,
-                               .n_lights = LIGHTS,
-                               .view_theta_deg = g_new0(float, VIEWS),
-                               .view_phi_deg = g_new0(float, VIEWS),
-                               .light_theta_deg = g_new0(float, LIGHTS),
-                               .light_phi_deg = g_new0(float, LIGHTS),
-                               .values = g_new(float, n)};
     g_autofree guint16 *halves = g_new(guint16, n);
     for (gsize i = 0; i < n; i++) {
         const double x = (double)(i / d % (gsize)size), y = (double)(i / d / (gsize)size);
@@ -84,6 +74,29 @@ static void test_file(void) {
     lpca_free(b);
     btf_matrix_free(btf);
     btf_matrix_free(file);
+}
+
+/* Rows in another order, of few values and of more than are converted at a time. */
+static void test_places(void) {
+    static const int places[] = {2, 0, 3, 1};
+    static const gsize lengths[] = {18, 5000, 20001};
+    for (guint l = 0; l < G_N_ELEMENTS(lengths); l++) {
+        const gsize row = lengths[l];
+        g_autofree float *view = g_new(float, 5 * row), *back = g_new(float, 4 * row);
+        g_autoptr(GError) error = NULL;
+        struct btf_scratch *scratch = btf_scratch_new(g_get_tmp_dir(), row, 2, 5, &error);
+        g_assert_no_error(error);
+        for (gsize i = 0; i < 5 * row; i++)
+            view[i] = (float)(i / row) + (float)(i % 64) / 64; /* halves exactly */
+        g_assert_true(btf_scratch_write(scratch, 1, view, &error));
+        g_assert_true(btf_scratch_place_rows(scratch, 1, 1, 4, places, back, &error));
+        for (gsize i = 0; i < 4; i++)
+            g_assert_cmpmem(back + (gsize)places[i] * row, sizeof(float) * row,
+                            view + (i + 1) * row, sizeof(float) * row);
+        g_assert_false(btf_scratch_place_rows(scratch, 1, 4, 4, places, back, &error));
+        g_assert_nonnull(error);
+        btf_scratch_free(scratch);
+    }
 }
 
 static void test_memory(void) {
@@ -283,6 +296,7 @@ static void test_holes(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/lpca-rows/file", test_file);
+    g_test_add_func("/lpca-rows/places", test_places);
     g_test_add_func("/lpca-rows/memory", test_memory);
     g_test_add_func("/lpca-rows/team", test_team);
     g_test_add_func("/lpca-rows/log", test_log);

@@ -2,6 +2,7 @@
  * how good, and what share of the peak the multiplications it needs come to. Programs in peers/
  * read the same file. */
 #include "compression_disk.h"
+#include "compression_eigenmaps.h"
 #include "compression_fields.h"
 #include "compression_mdf.h"
 #include "compression_rate.h"
@@ -27,7 +28,7 @@ static char *session, *dump;
 static char *ranks;
 #endif
 static gboolean json, fields, resample, rate, disk, mdf;
-static int fits = 20000, every = 3;
+static int fits = 20000, every = 3, eigenmaps;
 static const GOptionEntry entries[] = {
     {"session", 's', 0, G_OPTION_ARG_FILENAME, &session, "The BTF of a session", "DIR"},
     {"texels", 't', 0, G_OPTION_ARG_INT, &texels, "Texels of a side, else (64)", "N"},
@@ -48,10 +49,14 @@ static const GOptionEntry entries[] = {
      NULL},
 #ifdef COMPRESS_MPI
     {"ranks", 0, 0, G_OPTION_ARG_FILENAME, &ranks,
-     "By one and by two processes instead, of this session", "DIR"},
+     "By one, two and four processes instead, of this session", "DIR"},
 #endif
     {"disk", 0, 0, G_OPTION_ARG_NONE, &disk,
      "From a file of halves instead, against reading it and two products", NULL},
+    {"eigenmaps", 0, 0, G_OPTION_ARG_INT, &eigenmaps,
+     "Eigen-maps from a file of halves instead, so many views of which fit into memory: exact and "
+     "randomised",
+     "N"},
     {"mdf", 0, 0, G_OPTION_ARG_NONE, &mdf,
      "Ways to hold the distances (MDF) of the sessions that are named as arguments instead", NULL},
     {"every", 0, 0, G_OPTION_ARG_INT, &every, "--rate takes every N-th view (3)", "N"},
@@ -207,9 +212,10 @@ int main(int argc, char **argv) {
         return bench_mdf_compression(argv + 1, json);
     if (resample)
         return bench_resample(argv + 1, clusters, components, json);
-    if (disk) {
+    if (disk || eigenmaps > 0) {
         struct btf_matrix *like = empty();
-        const int ret = bench_disk(like, shade, clusters, components, json);
+        const int ret = disk ? bench_disk(like, shade, clusters, components, json)
+                             : bench_eigenmaps(like, shade, eigenmaps, json);
         btf_matrix_free(like);
         return ret;
     }

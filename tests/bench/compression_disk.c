@@ -12,8 +12,7 @@
 #define BLOCK   1024
 #define TILE    64 /* texels of a side that are worked out; others repeat them */
 
-/* Resident memory of this process at most so far, in MiB. */
-static double peak_mib(void) {
+double bench_peak_mib(void) {
     g_autofree char *text = NULL;
     g_file_get_contents("/proc/self/status", &text, NULL, NULL);
     const char *line = text ? strstr(text, "VmHWM:") : NULL;
@@ -35,8 +34,32 @@ static struct spent since(struct spent start) {
     return (struct spent){end.real_s - start.real_s, end.cpu_s - start.cpu_s};
 }
 
-/* View by view, so that no more than one is in memory. */
-static gboolean fill(struct btf_matrix *btf, float (*value)(int, int, int, int), GError **error) {
+/* What each stage took, told apart by what it says of its progress; before the first it draws. */
+#define MOST_STAGES 8
+struct stages {
+    int n;
+    const char *names[MOST_STAGES]; /* interned */
+    struct spent starts[MOST_STAGES + 1];
+};
+
+static void note(const struct pipeline_progress *progress, gpointer data) {
+    struct stages *stages = data;
+    const char *name = g_intern_string(progress->stage);
+    if (stages->names[stages->n - 1] == name || stages->n == MOST_STAGES)
+        return;
+    stages->starts[stages->n] = now();
+    stages->names[stages->n++] = name;
+}
+
+static void print_stages(const struct stages *stages, double needed_s, gboolean json) {
+    for (int i = 0; i < stages->n; i++) {
+        const double cpu_s = stages->starts[i + 1].cpu_s - stages->starts[i].cpu_s;
+        printf(json ? ", \"%s_cpu_s\": %.3f" : "%s %.2f s (%.2f), ", stages->names[i], cpu_s,
+               cpu_s / needed_s);
+    }
+}
+
+gboolean bench_fill(struct btf_matrix *btf, float (*value)(int, int, int, int), GError **error) {
     const int texels = btf->width * btf->height;
     const gsize row = (gsize)btf->n_lights * 3;
     g_autofree float *view = g_new(float, (gsize)texels *row);
@@ -96,37 +119,45 @@ static struct spent needed_time(const struct btf_matrix *btf, int components) {
     return since(start);
 }
 
-static void report(const struct btf_matrix *btf, const struct lpca *lpca, struct spent spent,
-                   struct spent needed, double peak, gboolean json) {
+static void report(const struct btf_matrix *btf, const struct lpca *lpca,
+                   const struct stages *stages, struct spent needed, double peak, gboolean json) {
+    const struct spent end = stages->starts[stages->n];
+    const struct spent spent = {end.real_s - stages->starts[0].real_s,
+                                end.cpu_s - stages->starts[0].cpu_s};
     printf(json ? "{\"rows\": %d, \"columns\": %d, \"file_gb\": %.2f, \"seconds\": %.2f, "
                   "\"needed_seconds\": %.2f, \"ratio\": %.2f, \"cpu_seconds\": %.2f, "
                   "\"cpu_ratio\": %.2f, \"peak_mib\": %.0f, "
-                  "\"error\": %.5f}\n"
+                  "\"error\": %.5f"
                 : "%d × %d, %.2f GB in a file: %.2f s; reading it and two products %.2f s: %.2f "
                   "times that (%.2f s and %.2f times of processors); %.0f MiB resident at most; "
-                  "error %.5f\n",
+                  "error %.5f; of processors ",
            btf->width * btf->height, btf->n_views * btf->n_lights * 3,
            (double)btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights) / 2e9,
            spent.real_s, needed.real_s, spent.real_s / needed.real_s, spent.cpu_s,
            spent.cpu_s / needed.cpu_s, peak, lpca->error);
+    print_stages(stages, needed.cpu_s, json);
+    puts(json ? "}" : "and what it is of that in brackets");
 }
 
 int bench_disk(struct btf_matrix *like, float (*value)(int, int, int, int), int clusters,
                int components, gboolean json) {
     g_autoptr(GError) error = NULL;
-    const struct lpca_options options = {.n_clusters = clusters, .n_components = components};
+    struct stages stages = {.n = 1, .names = {"sample"}};
+    const struct lpca_options options = {
+        .n_clusters = clusters, .n_components = components, .progress = note, .data = &stages};
     struct lpca *lpca = NULL;
-    if (fill(like, value, &error)) {
-        const struct spent before = needed_time(like, components), start = now();
+    if (bench_fill(like, value, &error)) {
+        const struct spent before = needed_time(like, components);
+        stages.starts[0] = now();
         lpca = lpca_compute(like, &options, &error);
-        const struct spent spent = since(start);
-        const double peak = peak_mib();
+        stages.starts[stages.n] = now();
+        const double peak = bench_peak_mib();
         /* Once more, since the machine may have become busier or less so. */
         if (lpca) {
             const struct spent after = needed_time(like, components);
             const struct spent needed = {(before.real_s + after.real_s) / 2,
                                          (before.cpu_s + after.cpu_s) / 2};
-            report(like, lpca, spent, needed, peak, json);
+            report(like, lpca, &stages, needed, peak, json);
         }
     }
     lpca_free(lpca);

@@ -10,3 +10,9 @@ struct btf_matrix;
  * does. */
 int bench_disk(struct btf_matrix *like, float (*value)(int texel, int view, int light, int colour),
                int clusters, int components, gboolean json);
+
+/* Gives btf its values in a file, view by view, so that no more than one is in memory. */
+gboolean bench_fill(struct btf_matrix *btf,
+                    float (*value)(int texel, int view, int light, int colour), GError **error);
+
+double bench_peak_mib(void); /* resident memory of this process at most so far */

@@ -6,7 +6,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#define MOST_RANKS 2
+static const int ranks_of[] = {1, 2, 4};
+#define RUNS ((int)G_N_ELEMENTS(ranks_of))
 
 struct run {
     double real_s, processor_s; /* of all processes together */
@@ -53,27 +54,32 @@ static gboolean measure(int ranks, const char *session, int clusters, int compon
     return isfinite(ret->error);
 }
 
+/* Speed and work against one process. */
 static void print_runs(const struct run *runs, gboolean json) {
-    for (int i = 0; i < MOST_RANKS; i++)
-        printf(json ? "%s{\"ranks\": %d, \"real_s\": %.3f, \"processor_s\": %.3f, "
-                      "\"error\": %.6f}"
-                    : "%s%d of one thread: %.2f s, processors %.2f s, error %.6f",
-               json ? (i ? ", " : "{\"runs\": [") : (i ? "\n" : ""), i + 1, runs[i].real_s,
-               runs[i].processor_s, runs[i].error);
-    const double speed_up = runs[0].real_s / runs[1].real_s;
-    const double work = runs[1].processor_s / runs[0].processor_s;
-    printf(json ? "], \"speed_up\": %.3f, \"work\": %.3f}\n"
-                : "\n2 are %.2f times as fast, and work %.2f times as much, waiting included\n",
-           speed_up, work);
+    for (int i = 0; i < RUNS; i++) {
+        const struct run *run = &runs[i];
+        const double speed_up = runs[0].real_s / run->real_s;
+        const double work = run->processor_s / runs[0].processor_s;
+        printf(json ? "%s{\"ranks\": %d, \"real_s\": %.3f, \"speed_up\": %.3f, "
+                      "\"processor_s\": %.3f, \"work\": %.3f, \"error\": %.6f}"
+                    : "%s%d of one thread: %.2f s (%.2f times as fast), processors %.2f s (%.2f "
+                      "times, waiting included), error %.6f\n",
+               !json   ? ""
+               : i > 0 ? ", "
+                       : "{\"runs\": [",
+               ranks_of[i], run->real_s, speed_up, run->processor_s, work, run->error);
+    }
+    if (json)
+        puts("]}");
 }
 
 int bench_ranks(const char *session, int clusters, int components, gboolean json) {
     g_autoptr(GError) error = NULL;
     g_autofree char *output =
         g_strdup_printf("%s/bench_ranks_%d.exr", g_get_tmp_dir(), (int)getpid());
-    struct run runs[MOST_RANKS];
-    for (int i = 0; !error && i < MOST_RANKS; i++)
-        measure(i + 1, session, clusters, components, output, &runs[i], &error);
+    struct run runs[G_N_ELEMENTS(ranks_of)];
+    for (int i = 0; !error && i < RUNS; i++)
+        measure(ranks_of[i], session, clusters, components, output, &runs[i], &error);
     g_unlink(output);
     if (error)
         fprintf(stderr, "%s\n", error->message);

@@ -1,0 +1,116 @@
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+
+#include "eigenmaps_private.h"
+#include "pipeline.h"
+
+#define CHUNK   EIGENMAPS_CHUNK
+#define COLOURS 3
+
+gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
+                              GError **error) {
+    if (!job->column(view, ret, job->data, error))
+        return FALSE;
+    for (gsize i = 0; i < job->rows; i++)
+        if (!isfinite(ret[i])) {
+            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                        "view %d: value %" G_GSIZE_FORMAT " is not a number; make its BTF again",
+                        view, i);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **error) {
+    float *ret = g_try_new(float, job->rows *(gsize)n);
+    if (!ret)
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "not enough memory for %d columns of %" G_GSIZE_FORMAT " values", n, job->rows);
+    return ret;
+}
+
+gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to) {
+    gsize n = MIN(CHUNK, rows - from);
+    for (int c = 0; c < n_columns; c++)
+        for (gsize i = 0; i < n; i++)
+            to[(gsize)c * CHUNK + i] = columns[(gsize)c * rows + from + i];
+    return n;
+}
+
+gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error) {
+    int info = LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, ret_values);
+    if (info != 0)
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "the eigenvectors of %d columns were not found (dsyev: %d)", n, info);
+    return info == 0;
+}
+
+int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error) {
+    double all = rest;
+    for (int i = n - 1; i >= 0; i--)
+        all += squares[i];
+    for (; target > 0 && n > 1 && rest + squares[n - 1] <= target * target * all; n--)
+        rest += squares[n - 1];
+    *ret_error = all > 0 ? sqrt(MAX(rest, 0) / all) : 0;
+    return n;
+}
+
+gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GError **error) {
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "an error of %.3g %% is not reached with %d eigen-maps (%.3g %%); allow more",
+                100 * job->options->target, job->maps->n_terms, 100 * reached);
+    return FALSE;
+}
+
+void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs) {
+    int n = maps->n_views;
+    g_free(maps->weights);
+    maps->weights = g_new(float, (gsize)maps->n_terms *n);
+    for (int term = 0; term < maps->n_terms; term++) {
+        const double *row = rows + (gsize)term * n;
+        int largest = 0;
+        for (int view = 1; view < n; view++)
+            if (fabs(row[view]) > fabs(row[largest]) * (1 + 1e-9))
+                largest = view;
+        double sign = row[largest] < 0 ? -1 : 1;
+        for (int view = 0; view < n; view++)
+            maps->weights[term * n + view] = (float)(sign * row[view]);
+        if (ret_signs)
+            ret_signs[term] = sign;
+    }
+}
+
+gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
+                           double *ret_error, GError **error) {
+    return eigenmaps_compute_with(maps, &(struct eigenmaps_options){0}, column, data, ret_error,
+                                  error);
+}
+
+gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,
+                                EigenmapsColumn column, gpointer data, double *ret_error,
+                                GError **error) {
+    if (maps->n_terms < 1 || maps->n_terms > maps->n_views || !isfinite(options->target) ||
+        options->target < 0) {
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                    "%d eigen-maps of %d views to an error of %g: there can be 1 to %d, and the "
+                    "error is a number above 0",
+                    maps->n_terms, maps->n_views, options->target, maps->n_views);
+        return FALSE;
+    }
+    struct eigenmaps_job job = {maps, options, column, data};
+    job.rows = (gsize)maps->width * (gsize)maps->height * COLOURS * (gsize)maps->n_lights;
+    job.fit = MAX(
+        (options->memory > 0 ? options->memory : EIGENMAPS_MEMORY) / (job.rows * sizeof(float)), 1);
+    const gboolean exact = options->method == EIGENMAPS_EXACT ||
+                           (options->method == EIGENMAPS_AUTO && job.fit >= (gsize)maps->n_views);
+    g_clear_pointer(&maps->weights, g_free);
+    g_clear_pointer(&maps->maps, g_free);
+    /* The order of sums, and with it the last bits, would depend on the number of threads. */
+    int threads = openblas_get_num_threads();
+    openblas_set_num_threads(1);
+    gboolean ok = exact ? eigenmaps_exact(&job, ret_error, error)
+                        : eigenmaps_randomised(&job, ret_error, error);
+    openblas_set_num_threads(threads);
+    return ok;
+}

@@ -1,0 +1,110 @@
+#include <cblas.h>
+
+#include "eigenmaps_private.h"
+
+#define CHUNK EIGENMAPS_CHUNK
+
+/* The columns of one block, and one more. */
+struct gram {
+    const struct eigenmaps_job *job;
+    gsize rows;
+    int n_views, block; /* columns in memory */
+    float *columns;     /* block + 1 of rows */
+    double *matrix;     /* n_views², row by row */
+};
+
+static void multiply_block(const struct gram *gram, int first, int n) {
+    g_autofree double *wide = g_new(double, (gsize)n *CHUNK);
+    for (gsize from = 0; from < gram->rows; from += CHUNK) {
+        gsize rows = eigenmaps_widen(gram->columns, gram->rows, n, from, wide);
+        cblas_dsyrk(CblasRowMajor, CblasUpper, CblasNoTrans, n, (int)rows, 1, wide, CHUNK, 1,
+                    gram->matrix + (gsize)first * gram->n_views + first, gram->n_views);
+    }
+}
+
+static void multiply_column(const struct gram *gram, int first, int n, int view) {
+    g_autofree double *wide = g_new(double, (gsize)(n + 1) * CHUNK);
+    const float *other = gram->columns + gram->rows * (gsize)gram->block;
+    for (gsize from = 0; from < gram->rows; from += CHUNK) {
+        gsize rows = eigenmaps_widen(gram->columns, gram->rows, n, from, wide);
+        eigenmaps_widen(other, gram->rows, 1, from, wide + (gsize)n * CHUNK);
+        cblas_dgemv(CblasRowMajor, CblasNoTrans, n, (int)rows, 1, wide, CHUNK,
+                    wide + (gsize)n * CHUNK, 1, 1,
+                    gram->matrix + (gsize)first * gram->n_views + view, gram->n_views);
+    }
+}
+
+/* The upper half of AᵀA. */
+static gboolean gram_matrix(struct gram *gram, GError **error) {
+    for (int first = 0; first < gram->n_views; first += gram->block) {
+        int n = MIN(gram->block, gram->n_views - first);
+        float *other = gram->columns + gram->rows * (gsize)gram->block;
+        for (int i = 0; i < n; i++)
+            if (!eigenmaps_get_column(gram->job, first + i, gram->columns + gram->rows * (gsize)i,
+                                      error))
+                return FALSE;
+        multiply_block(gram, first, n);
+        for (int view = first + n; view < gram->n_views; view++) {
+            if (!eigenmaps_get_column(gram->job, view, other, error))
+                return FALSE;
+            multiply_column(gram, first, n, view);
+        }
+    }
+    return TRUE;
+}
+
+/* From light × texel × RGB, as columns are, to term × light × texel × RGB: the same order. */
+static gboolean project_columns(const struct gram *gram, GError **error) {
+    struct eigenmaps *maps = gram->job->maps;
+    maps->maps = g_new0(float, gram->rows *(gsize)maps->n_terms);
+    for (int view = 0; view < maps->n_views; view++) {
+        const float *column = gram->columns + gram->rows * (gsize)view;
+        if (gram->block < maps->n_views) {
+            if (!eigenmaps_get_column(gram->job, view, gram->columns, error))
+                return FALSE;
+            column = gram->columns;
+        }
+        for (int term = 0; term < maps->n_terms; term++) {
+            float weight = maps->weights[term * maps->n_views + view];
+            float *map = maps->maps + gram->rows * (gsize)term;
+            for (gsize i = 0; i < gram->rows; i++)
+                map[i] += weight * column[i];
+        }
+    }
+    return TRUE;
+}
+
+static gboolean decompose(struct gram *gram, double *ret_error, GError **error) {
+    struct eigenmaps *maps = gram->job->maps;
+    const int n = maps->n_views;
+    const double target = gram->job->options->target;
+    g_autofree double *values = g_new0(double, n), *squares = g_new0(double, n);
+    g_autofree double *rows = g_new0(double, (gsize)n *n);
+    double rest = 0;
+    if (!gram_matrix(gram, error) || !eigenmaps_eigenvectors(gram->matrix, n, values, error))
+        return FALSE;
+    for (int i = 0; i < n; i++) {
+        squares[i] = MAX(values[n - 1 - i], 0);
+        for (int view = 0; view < n; view++)
+            rows[(gsize)i * n + view] = gram->matrix[(gsize)view * n + (n - 1 - i)];
+    }
+    for (int i = n - 1; i >= maps->n_terms; i--)
+        rest += squares[i];
+    const int terms = eigenmaps_fewest(squares, maps->n_terms, rest, target, ret_error);
+    if (target > 0 && *ret_error > target)
+        return eigenmaps_missed(gram->job, *ret_error, error);
+    maps->n_terms = terms;
+    eigenmaps_take_weights(maps, rows, NULL);
+    return project_columns(gram, error);
+}
+
+gboolean eigenmaps_exact(const struct eigenmaps_job *job, double *ret_error, GError **error) {
+    struct gram gram = {job, job->rows, job->maps->n_views};
+    gram.block = (int)MIN(job->fit, (gsize)gram.n_views);
+    gram.columns = eigenmaps_new_columns(job, gram.block + (gram.block < gram.n_views), error);
+    gram.matrix = g_new0(double, (gsize)gram.n_views *gram.n_views);
+    const gboolean ok = gram.columns && decompose(&gram, ret_error, error);
+    g_free(gram.columns);
+    g_free(gram.matrix);
+    return ok;
+}

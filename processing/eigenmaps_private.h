@@ -1,0 +1,45 @@
+/* What eigenmaps*.c share. */
+#pragma once
+
+#include "eigenmaps.h"
+
+#define EIGENMAPS_CHUNK 2048 /* rows multiplied at a time, in double precision */
+
+/* A computation: A of rows × n_views, by columns. */
+struct eigenmaps_job {
+    struct eigenmaps *maps;
+    const struct eigenmaps_options *options;
+    EigenmapsColumn column;
+    gpointer data;
+    gsize rows;
+    gsize fit; /* columns that fit into memory, at least 1 */
+};
+
+/* A column, or an error if there is anything in it that is no number. */
+gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *ret,
+                              GError **error);
+
+/* Memory for n columns, or an error. */
+float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **error);
+
+/* Both in double precision, up to EIGENMAPS_CHUNK rows of columns that lie rows behind each other;
+ * to is n_columns rows of EIGENMAPS_CHUNK. Returns how many rows. */
+gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize from, double *to);
+
+/* The upper half of an n × n matrix becomes the eigenvectors, in columns by ascending values. */
+gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error);
+
+/* The fewest terms of n (all of them if target is 0), at least 1, that leave no more than the
+ * target. squares: what each holds, descending; rest: what all leave. *ret_error is what they
+ * leave. */
+int eigenmaps_fewest(const double *squares, int n, double rest, double target, double *ret_error);
+
+/* Weights of maps->n_terms terms from rows of n_views, each with its largest entry made positive;
+ * signs (n_terms) may be NULL. */
+void eigenmaps_take_weights(struct eigenmaps *maps, const double *rows, double *ret_signs);
+
+/* "an error of … is not reached". */
+gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GError **error);
+
+gboolean eigenmaps_exact(const struct eigenmaps_job *job, double *ret_error, GError **error);
+gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error, GError **error);
