@@ -4,7 +4,7 @@
 #include "mesorig_work.h"
 #include "processing/eigenmaps.h"
 #include "processing/exr.h"
-#include "processing/lobes.h"
+#include "processing/lobes_levels.h"
 #include "processing/lpca.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_levels.h"
@@ -230,6 +230,25 @@ static gboolean make_eigenmaps(struct compress *compress, const struct btf_matri
     return ok;
 }
 
+/* Level 0 as the errors have it, and the bytes of all. */
+static gboolean note_lobes(struct compress *compress, struct lobes *const *levels, int n,
+                           GError **error) {
+    const struct lobes *lobes = levels[0];
+    compress->levels = n;
+    compress->used_components = lobes->n_lobes;
+    compress->exact_error = lobes->exact_error;
+    compress->error = lobes->error;
+    compress->luminance_error = lobes->luminance_error;
+    for (int level = 0; level < n; level++)
+        compress->bytes += lobes_bytes(levels[level]);
+    if (compress->target <= 0 || lobes->error <= compress->target)
+        return TRUE;
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "an error of %.3g %% is not reached by %s (%.3g %%); use lpca",
+                100 * compress->target, lobes_model_name(compress->model), 100 * lobes->error);
+    return FALSE;
+}
+
 /* What lobes need is few numbers: with -c as many a texel as are asked for. */
 static gboolean make_lobes(struct compress *compress, const struct btf_matrix *btf,
                            PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
@@ -241,26 +260,19 @@ static gboolean make_lobes(struct compress *compress, const struct btf_matrix *b
                                           .progress = progress,
                                           .data = progress_data,
                                           .cancellable = cancellable};
-    struct lobes *lobes = lobes_compute(btf, &options, error);
-    if (!lobes)
-        return FALSE;
-    compress->used_components = lobes->n_lobes;
-    compress->bytes = lobes_bytes(lobes);
-    compress->exact_error = lobes->exact_error;
-    compress->error = lobes->error;
-    compress->luminance_error = lobes->luminance_error;
-    gboolean ok = TRUE;
-    if (compress->target > 0 && lobes->error > compress->target) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                    "an error of %.3g %% is not reached by %s (%.3g %%); use lpca",
-                    100 * compress->target, lobes_model_name(compress->model), 100 * lobes->error);
-        ok = FALSE;
-    }
-    ok = ok && lobes_write(compress->written, lobes, error) &&
-         (compress->output || register_product(btf->directory, compress, error));
+    struct lobes *levels[LOBES_MAX_LEVELS] = {NULL};
+    int n;
+    if (compress->mips)
+        n = lobes_compute_levels(btf, &options, levels, error);
+    else
+        n = (levels[0] = lobes_compute(btf, &options, error)) != NULL;
+    const gboolean ok = n > 0 && note_lobes(compress, levels, n, error) &&
+                        lobes_write_levels(compress->written, levels, n, error) &&
+                        (compress->output || register_product(btf->directory, compress, error));
     if (ok)
         g_unlink(unfinished);
-    lobes_free(lobes);
+    for (int level = 0; level < n; level++)
+        lobes_free(levels[level]);
     return ok;
 }
 
@@ -332,22 +344,22 @@ static void tell_json(const struct compress *compress, double seconds) {
 static char *describe(const struct compress *compress) {
     if (compress->eigenmaps)
         return g_strdup_printf("%d eigen-maps", compress->used_components);
+    g_autofree char *levels =
+        compress->levels > 1 ? g_strdup_printf(", %d mip levels", compress->levels) : g_strdup("");
     if (!compress->lobes) {
         const int k = compress->used_clusters, c = compress->used_components;
         g_autofree char *grid =
             compress->grid ? g_strdup_printf(" on a grid of %d", compress->grid) : g_strdup("");
-        g_autofree char *levels = compress->levels > 1
-                                      ? g_strdup_printf(", %d mip levels", compress->levels)
-                                      : g_strdup("");
         return g_strdup_printf("%d %s of %d %s%s%s", k, k == 1 ? "cluster" : "clusters", c,
                                c == 1 ? "component" : "components", grid, levels);
     }
     if (compress->used_components == 0)
-        return g_strdup_printf("%s, luminance off by %.4f on average",
-                               lobes_model_name(compress->model), compress->luminance_error);
-    return g_strdup_printf("%s of %d %s, luminance off by %.4f on average",
+        return g_strdup_printf("%s%s, luminance off by %.4f on average",
+                               lobes_model_name(compress->model), levels,
+                               compress->luminance_error);
+    return g_strdup_printf("%s of %d %s%s, luminance off by %.4f on average",
                            lobes_model_name(compress->model), compress->used_components,
-                           compress->used_components == 1 ? "lobe" : "lobes",
+                           compress->used_components == 1 ? "lobe" : "lobes", levels,
                            compress->luminance_error);
 }
 
@@ -404,7 +416,7 @@ static const GOptionEntry entries[] = {
     {"size", 's', 0, G_OPTION_ARG_STRING, &size_option,
      "The best clusters and components that take no more than this", "20MB"},
     {"mips", 0, 0, G_OPTION_ARG_NONE, &mips_option,
-     "Mip levels too, each with clusters and weights of its own", NULL},
+     "Mip levels too, each compressed anew; of local PCAs and models of a texel", NULL},
     {"grid", 'g', 0, G_OPTION_ARG_INT, &grid_option,
      "Eigen-BRDFs on a grid of directions with so many samples each way: 4 … 24, 12 is good", "N"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
@@ -522,10 +534,12 @@ static int run(const struct command *command, int argc, char **argv) {
     if (grid_option != 0 && (grid_option < RESAMPLE_MIN_GRID || grid_option > RESAMPLE_MAX_GRID))
         return cli_usage(command, "--grid is 4 to 24");
     if ((compress.lobes || compress.eigenmaps) &&
-        (compress.size > 0 || grid_option > 0 || mips_option || colours_option))
-        return cli_usage(command, "--size, --grid, --mips and --colours are for local PCAs");
+        (compress.size > 0 || grid_option > 0 || colours_option))
+        return cli_usage(command, "--size, --grid and --colours are for local PCAs");
     if (compress.lobes && memory_option)
         return cli_usage(command, "--memory is for local PCAs and eigen-maps");
+    if (compress.eigenmaps && mips_option)
+        return cli_usage(command, "eigen-maps are linear: their mip levels are made to be drawn");
     if (compress.colours == LPCA_LOG && grid_option > 0)
         return cli_usage(command, "--grid is of colours as they are: leave out --colours=log");
     if (compress.memory > 0 && mips_option)

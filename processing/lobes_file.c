@@ -1,7 +1,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "exr.h"
 #include "lobes_private.h"
 
 #define COLOURS 3
@@ -94,7 +93,7 @@ static struct exr_part *directions_part(const char *name, const float *theta_deg
     return part;
 }
 
-gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error) {
+struct exr_file *lobes_to_exr(const struct lobes *lobes) {
     struct exr_file *file = exr_file_new();
     for (int value = 0; value < lobes->n_values;) {
         struct exr_part *part = values_part(lobes, value, &value);
@@ -105,6 +104,11 @@ gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error
         file, directions_part("views", lobes->view_theta_deg, lobes->view_phi_deg, lobes->n_views));
     exr_file_add(file, directions_part("lights", lobes->light_theta_deg, lobes->light_phi_deg,
                                        lobes->n_lights));
+    return file;
+}
+
+gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error) {
+    struct exr_file *file = lobes_to_exr(lobes);
     const gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
     exr_file_free(file);
     return ok;
@@ -228,13 +232,16 @@ static gboolean read_values(struct lobes *lobes, const struct exr_file *file, co
     return TRUE;
 }
 
-struct lobes *lobes_read(const char *path, GError **error) {
-    struct exr_file *file = exr_read(path, error);
-    if (!file)
-        return NULL;
+struct lobes *lobes_from_exr(const struct exr_file *file, const char *path, GError **error) {
     struct lobes *lobes = g_new0(struct lobes, 1);
     if (!read_head(lobes, file, path, error) || !read_values(lobes, file, path, error))
         g_clear_pointer(&lobes, lobes_free);
+    return lobes;
+}
+
+struct lobes *lobes_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    struct lobes *lobes = file ? lobes_from_exr(file, path, error) : NULL;
     exr_file_free(file);
     return lobes;
 }

@@ -1,6 +1,7 @@
 /* What the files of lobes.h share. */
 #pragma once
 
+#include "exr.h"
 #include "lobes.h"
 
 #define LOBES_MAX_PARAMETERS (4 * LOBES_MAX_LOBES + 1)
@@ -62,3 +63,7 @@ int lobes_unfinished_read(const char *path, struct lobes *lobes, const char *inp
 
 /* Names of the part and channel a value lies in; g_free() the part's. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
+
+/* What lobes_write() and lobes_read() have in a file; path is for messages. */
+struct exr_file *lobes_to_exr(const struct lobes *lobes);
+struct lobes *lobes_from_exr(const struct exr_file *file, const char *path, GError **error);

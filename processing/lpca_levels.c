@@ -2,10 +2,10 @@
 
 #include <cblas.h>
 #include <math.h>
-#include <string.h>
 
 #include "exr.h"
 #include "lpca_private.h"
+#include "mip_parts.h"
 
 /* Adds share × row of a source texel where intervals [i, i + 1) · n/half and [j, j + 1) overlap. */
 static double overlap(int i, int half, int j, int n) {
@@ -55,19 +55,8 @@ struct btf_matrix *btf_matrix_halved(const struct btf_matrix *btf) {
 
 gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, GError **error) {
     struct exr_file *file = exr_file_new();
-    for (int level = 0; level < n; level++) {
-        struct exr_file *one = lpca_to_exr(levels[level]);
-        while (one->parts->len > 0) {
-            struct exr_part *part = g_ptr_array_steal_index(one->parts, 0);
-            char *name = level ? g_strdup_printf("mip%d.%s", level, part->name) : NULL;
-            if (name) {
-                g_free(part->name);
-                part->name = name;
-            }
-            exr_file_add(file, part);
-        }
-        exr_file_free(one);
-    }
+    for (int level = 0; level < n; level++)
+        mip_parts_add(file, lpca_to_exr(levels[level]), level);
     const gboolean ok =
         exr_write(path, file, levels[0]->quantise >= LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
     exr_file_free(file);
@@ -75,13 +64,7 @@ gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, 
 }
 
 static int count_levels(const struct exr_file *file) {
-    int n = 1;
-    for (; n < LPCA_MAX_LEVELS; n++) {
-        g_autofree char *name = g_strdup_printf("mip%d.clusters", n);
-        if (!exr_file_part(file, name))
-            break;
-    }
-    return n;
+    return MIN(mip_parts_count(file, "clusters"), LPCA_MAX_LEVELS);
 }
 
 int lpca_count_levels(const char *path, GError **error) {
@@ -91,19 +74,11 @@ int lpca_count_levels(const char *path, GError **error) {
     return n;
 }
 
-/* Of the parts of a file those of one level stay, under the names they have at level 0. */
-static void keep_level(struct exr_file *file, int level) {
-    g_autofree char *prefix = g_strdup_printf("mip%d.", level);
-    for (guint i = file->parts->len; level > 0 && i-- > 0;) {
-        struct exr_part *part = file->parts->pdata[i];
-        if (!g_str_has_prefix(part->name, prefix)) {
-            g_ptr_array_remove_index(file->parts, i);
-            continue;
-        }
-        char *name = g_strdup(part->name + strlen(prefix));
-        g_free(part->name);
-        part->name = name;
-    }
+static struct lpca *take_level(struct exr_file *file, int level, const char *path, GError **error) {
+    struct exr_file *one = mip_parts_take(file, level);
+    struct lpca *lpca = lpca_from_exr(one, path, error);
+    exr_file_free(one);
+    return lpca;
 }
 
 struct lpca *lpca_read_level(const char *path, int level, GError **error) {
@@ -112,28 +87,10 @@ struct lpca *lpca_read_level(const char *path, int level, GError **error) {
     if (file && (level < 0 || level >= count_levels(file)))
         g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING, "%s: there is no mip level %d, but %d",
                     path, level, count_levels(file));
-    else if (file) {
-        keep_level(file, level);
-        lpca = lpca_from_exr(file, path, error);
-    }
+    else if (file)
+        lpca = take_level(file, level, path, error);
     exr_file_free(file);
     return lpca;
-}
-
-/* Moves the parts of a level out of the file. */
-static struct exr_file *take_level(struct exr_file *file, int level) {
-    struct exr_file *one = exr_file_new();
-    g_autofree char *prefix = g_strdup_printf("mip%d.", level);
-    for (guint i = 0; i < file->parts->len;) {
-        const struct exr_part *part = file->parts->pdata[i];
-        if (level == 0 ? g_str_has_prefix(part->name, "mip")
-                       : !g_str_has_prefix(part->name, prefix))
-            i++;
-        else
-            exr_file_add(one, g_ptr_array_steal_index(file->parts, i));
-    }
-    keep_level(one, level);
-    return one;
 }
 
 int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error) {
@@ -141,9 +98,7 @@ int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS],
     const int n = file ? count_levels(file) : 0;
     int level = 0;
     for (; level < n; level++) {
-        struct exr_file *one = take_level(file, level);
-        ret_levels[level] = lpca_from_exr(one, path, error);
-        exr_file_free(one);
+        ret_levels[level] = take_level(file, level, path, error);
         if (!ret_levels[level])
             break;
     }

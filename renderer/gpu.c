@@ -256,6 +256,18 @@ guint gpu_texture(int internal_format, int width, int height, int layers) {
     return texture;
 }
 
+guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels) {
+    const guint texture = gpu_texture(internal_format, width, height, layers);
+    GLenum format, type;
+    texture_format(internal_format, &format, &type);
+    for (int k = 1; k < n_levels; k++)
+        glTexImage3D(GL_TEXTURE_2D_ARRAY, k, internal_format, MAX(1, width >> k),
+                     MAX(1, height >> k), layers, 0, format, type, NULL);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, n_levels - 1);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
+    return texture;
+}
+
 static GLint of_level(guint target, int level, GLenum what) {
     GLint value = 0;
     glGetTexLevelParameteriv(target, level, what, &value);

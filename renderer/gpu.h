@@ -44,6 +44,8 @@ gboolean gpu_has_43(void);
 
 /* A texture with its format's storage; layers 0: 2D, else a 2D array. Clamped and unfiltered. */
 guint gpu_texture(int internal_format, int width, int height, int layers);
+/* The same, a 2D array, with n_levels, each of half the texels each way, at least 1. */
+guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
 
 /* Bytes of all levels that a texture has, by its format as OpenGL tells it; 0 of none (0). target:
  * a GL_TEXTURE_…. */

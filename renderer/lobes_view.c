@@ -16,7 +16,7 @@
 struct LobesView {
     guint values, ambients, pole; /* textures */
     struct direction_textures views;
-    int n_pages, n_slices, n_lobes;
+    int n_levels, n_pages, n_slices, n_lobes;
 };
 
 /* Which values of lobes.h lie in a page, four a page; −1: none. */
@@ -39,20 +39,8 @@ static int count_pages(const struct lobes *lobes) {
     return 1 + (lobes->model == LOBES_PTM ? 2 : lobes->n_lobes);
 }
 
-static gboolean check(const struct lobes *lobes, int n_pages, GError **error) {
+static gboolean all_finite(const struct lobes *lobes, GError **error) {
     const gsize n = (gsize)lobes->width * lobes->height * lobes->n_slices * lobes->n_values;
-    GLint size = 0, layers = 0;
-    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
-    if (lobes->width > size || lobes->height > size || lobes->n_slices * n_pages > layers ||
-        lobes->n_views + 1 > layers) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "%d × %d texels in %d layers are more than %s takes (%d each way, %d layers); "
-                    "compress with fewer lobes, or another model",
-                    lobes->width, lobes->height, lobes->n_slices * n_pages, gpu_renderer(), size,
-                    layers);
-        return FALSE;
-    }
     for (gsize k = 0; k < n; k++)
         if (!isfinite(lobes->values[k])) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
@@ -63,32 +51,67 @@ static gboolean check(const struct lobes *lobes, int n_pages, GError **error) {
     return TRUE;
 }
 
-static guint array_texture(const struct lobes *lobes, int layers) {
-    const guint texture = gpu_texture(GL_RGBA16F, lobes->width, lobes->height, layers);
-    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    return texture;
+static gboolean fits(const struct lobes *lobes, int n_pages, GError **error) {
+    GLint size = 0, layers = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    if (lobes->width <= size && lobes->height <= size && lobes->n_slices * n_pages <= layers &&
+        lobes->n_views + 1 <= layers)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "%d × %d texels in %d layers are more than %s takes (%d each way, %d layers); "
+                "compress with fewer lobes, or another model",
+                lobes->width, lobes->height, lobes->n_slices * n_pages, gpu_renderer(), size,
+                layers);
+    return FALSE;
 }
 
-static void put_layer(const struct lobes *lobes, int layer, const float *rgba) {
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, lobes->width, lobes->height, 1, GL_RGBA,
-                    GL_FLOAT, rgba);
+/* Whether it can be level number of what first is level 0 of. */
+static gboolean belongs(const struct lobes *first, const struct lobes *lobes, int number) {
+    const gsize views = sizeof(float) * first->n_views;
+    return lobes->model == first->model && lobes->n_lobes == first->n_lobes &&
+           lobes->width == MAX(1, first->width >> number) &&
+           lobes->height == MAX(1, first->height >> number) && lobes->n_views == first->n_views &&
+           memcmp(lobes->view_theta_deg, first->view_theta_deg, views) == 0 &&
+           memcmp(lobes->view_phi_deg, first->view_phi_deg, views) == 0;
 }
 
-static gboolean upload_values(LobesView *view, const struct lobes *lobes, GError **error) {
+static gboolean check(struct lobes *const *levels, int n, int n_pages, GError **error) {
+    if (!fits(levels[0], n_pages, error))
+        return FALSE;
+    for (int k = 0; k < n; k++) {
+        if (k > 0 && !belongs(levels[0], levels[k], k)) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "mip level %d is %s of %d × %d texels, which does not fit level 0; "
+                        "compress the material anew",
+                        k, lobes_model_name(levels[k]->model), levels[k]->width, levels[k]->height);
+            return FALSE;
+        }
+        if (!all_finite(levels[k], error)) {
+            if (k > 0)
+                g_prefix_error(error, "mip level %d: ", k);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
+static void put_layer(const struct lobes *lobes, int level, int layer, const float *rgba) {
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, lobes->width, lobes->height, 1,
+                    GL_RGBA, GL_FLOAT, rgba);
+}
+
+static void upload_values(const LobesView *view, const struct lobes *lobes, int level) {
     const gsize texels = (gsize)lobes->width * lobes->height;
     g_autofree float *layer = g_new(float, PAGE *texels);
-    view->values = array_texture(lobes, lobes->n_slices * view->n_pages);
-    if (!gpu_check("the texture of the lobes", error))
-        return FALSE;
     for (int n = 0; n < lobes->n_slices * view->n_pages; n++) {
         const float *values = lobes->values + n / view->n_pages * texels * lobes->n_values;
         for (gsize k = 0; k < PAGE * texels; k++) {
             const int at = value_at(lobes, n % view->n_pages, (int)(k % PAGE));
             layer[k] = at < 0 ? 0 : values[k / PAGE * lobes->n_values + at];
         }
-        put_layer(lobes, n, layer);
+        put_layer(lobes, level, n, layer);
     }
-    return gpu_check("the texture of the lobes", error);
 }
 
 /* Of one texel under an even sky: each of the lights has 2π/n of it, 1/π of that counts. */
@@ -112,12 +135,10 @@ static void direction_of(float theta_deg, float phi_deg, float ret[3]) {
 }
 
 /* A layer a view, and one of their pole. */
-static gboolean upload_ambients(LobesView *view, const struct lobes *lobes, const float *pole_share,
-                                GError **error) {
+static void upload_ambients(const struct lobes *lobes, int level, const float *pole_share) {
     const int texels = lobes->width * lobes->height;
     g_autofree float *layer = g_new(float, PAGE *(gsize)texels);
     g_autofree float *pole = g_new0(float, PAGE *(gsize)texels);
-    view->ambients = array_texture(lobes, lobes->n_views + 1);
     for (int v = 0; v < lobes->n_views; v++) {
         float direction[3];
         direction_of(lobes->view_theta_deg[v], lobes->view_phi_deg[v], direction);
@@ -126,9 +147,28 @@ static gboolean upload_ambients(LobesView *view, const struct lobes *lobes, cons
             add_sky(lobes, lobes->n_slices > 1 ? v : 0, k, direction, layer + PAGE * (gsize)k);
         for (int k = 0; k < PAGE * texels; k++)
             pole[k] += pole_share[v] * layer[k];
-        put_layer(lobes, v, layer);
+        put_layer(lobes, level, v, layer);
     }
-    put_layer(lobes, lobes->n_views, pole);
+    put_layer(lobes, level, lobes->n_views, pole);
+}
+
+static gboolean upload(LobesView *view, struct lobes *const *levels, const float *pole_share,
+                       GError **error) {
+    const struct lobes *first = levels[0];
+    const int n = view->n_levels;
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    view->values = gpu_texture_levels(GL_RGBA16F, first->width, first->height,
+                                      view->n_slices * view->n_pages, n);
+    if (!gpu_check("the texture of the lobes", error))
+        return FALSE;
+    for (int k = 0; k < n; k++)
+        upload_values(view, levels[k], k);
+    if (!gpu_check("the texture of the lobes", error))
+        return FALSE;
+    view->ambients =
+        gpu_texture_levels(GL_RGBA16F, first->width, first->height, first->n_views + 1, n);
+    for (int k = 0; k < n; k++)
+        upload_ambients(levels[k], k, pole_share);
     return gpu_check("the texture of the ambient light", error);
 }
 
@@ -144,9 +184,10 @@ static void upload_pole(LobesView *view, Directions *views) {
                     indices);
 }
 
-LobesView *lobes_view_new(const struct lobes *lobes, GError **error) {
+LobesView *lobes_view_new(struct lobes *const *levels, int n, GError **error) {
+    const struct lobes *lobes = levels[0];
     const int n_pages = count_pages(lobes);
-    if (!check(lobes, n_pages, error))
+    if (!check(levels, n, n_pages, error))
         return NULL;
     g_autoptr(Directions) views =
         directions_new(lobes->view_theta_deg, lobes->view_phi_deg, lobes->n_views, error);
@@ -156,15 +197,14 @@ LobesView *lobes_view_new(const struct lobes *lobes, GError **error) {
     }
     g_autoptr(LobesView) view = g_new0(LobesView, 1);
     g_autofree float *shares = g_new0(float, lobes->n_views);
+    view->n_levels = n;
     view->n_pages = n_pages;
     view->n_slices = lobes->n_slices;
     view->n_lobes = lobes->n_lobes;
     view->views = direction_table_new(views, FALSE);
     upload_pole(view, views);
     direction_table_pole_shares(views, shares, lobes->n_views);
-    if (!upload_values(view, lobes, error) || !upload_ambients(view, lobes, shares, error))
-        return NULL;
-    return g_steal_pointer(&view);
+    return upload(view, levels, shares, error) ? g_steal_pointer(&view) : NULL;
 }
 
 void lobes_view_free(LobesView *view) {
@@ -197,22 +237,29 @@ static void bind_all(gpointer material, guint program, const struct method_style
     direction_textures_bind(&view->views, program, "view", 3);
     glUniform1i(glGetUniformLocation(program, "n_pages"), view->n_pages);
     glUniform1i(glGetUniformLocation(program, "n_slices"), view->n_slices);
-    glUniform1i(glGetUniformLocation(program, "n_lobes"), view->n_lobes);
-    glUniform1i(glGetUniformLocation(program, "nearest"), style->nearest);
-    glUniform1i(glGetUniformLocation(program, "rotation"), (int)style->rotation);
+}
+
+static char *constants(gconstpointer material, const struct method_style *style) {
+    const LobesView *view = material;
+    return g_strdup_printf("#define N_LEVELS %d\n#define NEAREST %d\n#define SLICED %d\n"
+                           "#define N_LOBES %d\n#define ROTATION %d\n",
+                           view->n_levels, style->nearest != 0, view->n_slices > 1, view->n_lobes,
+                           (int)style->rotation);
 }
 
 static gpointer open_model(enum lobes_model model, const char *path, GError **error) {
-    struct lobes *lobes = lobes_read(path, error);
+    struct lobes *levels[LOBES_MAX_LEVELS];
+    const int n = lobes_read_levels(path, levels, error);
     LobesView *view = NULL;
-    if (lobes != NULL && lobes->model != model)
+    if (n > 0 && levels[0]->model != model)
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "%s holds %s, not %s; draw it with --method %s", path,
-                    lobes_model_name(lobes->model), lobes_model_name(model),
-                    lobes_model_name(lobes->model));
-    else if (lobes != NULL)
-        view = lobes_view_new(lobes, error);
-    lobes_free(lobes);
+                    lobes_model_name(levels[0]->model), lobes_model_name(model),
+                    lobes_model_name(levels[0]->model));
+    else if (n > 0)
+        view = lobes_view_new(levels, n, error);
+    for (int k = 0; k < n; k++)
+        lobes_free(levels[k]);
     return view;
 }
 
@@ -240,19 +287,19 @@ static void free_view(gpointer material) {
     lobes_view_free(material);
 }
 
-static const char *const fields[] = {"directions.glsl", "lobes.glsl", "fields.glsl", NULL};
-static const char *const ptm[] = {"directions.glsl", "lobes.glsl", "ptm.glsl", NULL};
-static const char *const lafortune[] = {"directions.glsl", "lobes.glsl", "lafortune.glsl", NULL};
-static const char *const ward[] = {"directions.glsl", "lobes.glsl",  "ward.glsl",
-                                   "microfacet.glsl", "facets.glsl", NULL};
-static const char *const ashikhmin[] = {"directions.glsl", "lobes.glsl",  "ashikhmin.glsl",
-                                        "microfacet.glsl", "facets.glsl", NULL};
+#define SHARED "directions.glsl", "levels.glsl", "lobes.glsl"
+static const char *const fields[] = {SHARED, "fields.glsl", NULL};
+static const char *const ptm[] = {SHARED, "ptm.glsl", NULL};
+static const char *const lafortune[] = {SHARED, "lafortune.glsl", NULL};
+static const char *const ward[] = {SHARED, "ward.glsl", "microfacet.glsl", "facets.glsl", NULL};
+static const char *const ashikhmin[] = {SHARED, "ashikhmin.glsl", "microfacet.glsl", "facets.glsl",
+                                        NULL};
 
 #define MODEL(model, text)                                                                         \
     {                                                                                              \
         .name = #model, .title = (text), .product = #model ".exr",                                 \
-        .made_by = "mesorig compress --model " #model, .shaders = (model), .open = open_##model,   \
-        .free = free_view, .bytes = bytes, .bind = bind_all,                                       \
+        .made_by = "mesorig compress --method " #model, .shaders = (model), .open = open_##model,  \
+        .free = free_view, .constants = constants, .bytes = bytes, .bind = bind_all,               \
     }
 
 const struct method methods_lobes[LOBES_MODELS] = {

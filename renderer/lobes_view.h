@@ -10,18 +10,19 @@
  * what it is perturbed by, so that METHOD_ROTATION_EXACT is just the model that was fitted, and the
  * other rotations are what seed 003 compares with it.
  *
- * Parameters cannot be mixed: four texels are evaluated and mixed, and there are no mip levels. An
- * even sky is 16 lights that see equal areas of it, evaluated beforehand for each measured view.
+ * Parameters cannot be mixed: four texels are evaluated and mixed, and of two mip levels both.
+ * Those are models of their own (lobes_levels.h), which a file has or has not. An even sky is 16
+ * lights that see equal areas of it, evaluated beforehand for each measured view.
  */
 #pragma once
 
 #include "method.h"
-#include "processing/lobes.h"
+#include "processing/lobes_levels.h"
 
 typedef struct LobesView LobesView; /* belongs to the thread of the GL context */
 
-/* Copies what it needs. */
-LobesView *lobes_view_new(const struct lobes *lobes, GError **error);
+/* levels: a model and its n − 1 mip levels. Copies what it needs. */
+LobesView *lobes_view_new(struct lobes *const *levels, int n, GError **error);
 void lobes_view_free(LobesView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(LobesView, lobes_view_free)
 

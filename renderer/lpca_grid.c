@@ -207,7 +207,8 @@ static gboolean make(LpcaGrid *grid, const struct lpca_pyramid *pyramid, int n_g
     struct lpca_directions directions;
     g_autofree float *scales = g_new(float, (gsize)lpca->n_clusters *(lpca->n_components + 1));
     grid->n = n_grid ? n_grid : fitting(lpca);
-    if (!check(grid, lpca, error) || !lpca_directions_init(&directions, lpca, FALSE, error))
+    if (!lpca_pyramid_is_linear(pyramid, error) || !check(grid, lpca, error) ||
+        !lpca_directions_init(&directions, lpca, FALSE, error))
         return FALSE;
     const gboolean ok = upload(grid, lpca, &directions, scales, error) &&
                         lpca_texels_init(&grid->texels, pyramid, scales, error);
@@ -264,8 +265,8 @@ static void free_grid(gpointer material) {
     lpca_grid_free(material);
 }
 
-static const char *const shader_names[] = {"directions.glsl", "lpca_texel.glsl", "lpca_grid.glsl",
-                                           NULL};
+static const char *const shader_names[] = {"directions.glsl", "levels.glsl", "lpca_texel.glsl",
+                                           "lpca_grid.glsl", NULL};
 
 const struct method method_lpca_grid = {
     .name = "lpca-grid",

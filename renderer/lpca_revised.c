@@ -183,6 +183,8 @@ static void fill_light(struct vec3 direction, gpointer data, float ret[4]) {
 
 static gboolean make(LpcaRevised *r, const struct lpca_pyramid *pyramid, int n_grid,
                      GError **error) {
+    if (!lpca_pyramid_is_linear(pyramid, error))
+        return FALSE;
     struct lpca *grid = on_grid(pyramid->lpca, n_grid, error);
     const gboolean ok = grid != NULL && upload(r, grid, error) &&
                         lpca_texels_init(&r->texels, pyramid, grid->scales, error);
@@ -256,7 +258,8 @@ static void free_revised(gpointer material) {
     lpca_revised_free(material);
 }
 
-static const char *const shader_names[] = {"lpca_texel.glsl", "lpca_revised.glsl", NULL};
+static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl",
+                                           NULL};
 
 const struct method method_lpca_revised = {
     .name = "lpca-revised",

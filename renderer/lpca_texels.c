@@ -26,12 +26,6 @@ static gboolean check_one(const struct lpca *lpca, GError **error) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
         return FALSE;
     }
-    if (lpca->colours != LPCA_RGB) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "the material is in logarithms of luminance, which are not drawn; compress it "
-                    "without --colours=log");
-        return FALSE;
-    }
     for (gsize k = 0; k < texels; k++)
         if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
@@ -68,9 +62,10 @@ static gboolean check_levels(struct lpca *const *levels, int n, GError **error) 
                 g_prefix_error(error, "mip level %d: ", k);
             return FALSE;
         }
-        if (k > 0 && (levels[k]->width != MAX(1, levels[0]->width >> k) ||
-                      levels[k]->height != MAX(1, levels[0]->height >> k) ||
-                      !same_directions(levels[0], levels[k]))) {
+        if (k > 0 &&
+            (levels[k]->width != MAX(1, levels[0]->width >> k) ||
+             levels[k]->height != MAX(1, levels[0]->height >> k) ||
+             levels[k]->colours != levels[0]->colours || !same_directions(levels[0], levels[k]))) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                         "mip level %d has %d × %d texels and %d × %d directions, which does not "
                         "fit level 0; compress the material anew",
@@ -136,6 +131,15 @@ void lpca_pyramid_clear(struct lpca_pyramid *pyramid) {
         g_free(pyramid->lpca);
     }
     *pyramid = (struct lpca_pyramid){0};
+}
+
+gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error) {
+    if (pyramid->lpca->colours == LPCA_RGB)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                "the material is in logarithms of luminance; draw it with --method lpca, or "
+                "compress it without --colours=log");
+    return FALSE;
 }
 
 /* What is packed has too many components to be drawn: as many as local PCAs have without options.
@@ -210,6 +214,7 @@ gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid 
                           const float *scales, GError **error) {
     texels->n_components = pyramid->lpca->n_components;
     texels->n_levels = pyramid->n_levels;
+    texels->log = pyramid->lpca->colours == LPCA_LOG;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     texels->clusters = mipmapped(GL_TEXTURE_2D, texels->n_levels);
     for (int level = 0; level < texels->n_levels; level++)
@@ -227,8 +232,10 @@ void lpca_texels_clear(struct lpca_texels *texels) {
 }
 
 char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style) {
-    return g_strdup_printf("#define N_COMPONENTS %d\n#define N_LEVELS %d\n#define NEAREST %d\n",
-                           MAX(1, texels->n_components), texels->n_levels, style->nearest != 0);
+    return g_strdup_printf("#define N_COMPONENTS %d\n#define N_LEVELS %d\n#define NEAREST %d\n"
+                           "#define LOG %d\n",
+                           MAX(1, texels->n_components), texels->n_levels, style->nearest != 0,
+                           texels->log);
 }
 
 gint64 lpca_texels_bytes(const struct lpca_texels *texels) {

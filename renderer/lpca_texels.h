@@ -23,6 +23,10 @@ gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *lev
                            GError **error);
 void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
 
+/* FALSE, with a sentence, of logarithms (LPCA_LOG): linear between directions they are something
+ * else than what was measured. */
+gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error);
+
 /* The method's open: reads all levels of a file and has make (of the method) put them on the card,
  * which gets them borrowed. */
 typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
@@ -30,6 +34,7 @@ gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
 
 struct lpca_texels {
     int n_components, n_levels;
+    gboolean log; /* texels are not mixed before they are evaluated */
     guint weights, clusters;
 };
 

@@ -7,11 +7,14 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
+#define HALF_MAX 65504.0f
+
 struct LpcaView {
     struct lpca_texels texels;
     struct lpca_stack stack; /* a row a view; columns are lights and the sky, each with all
                                 components */
     guint brdfs;
+    guint skies; /* of logarithms, else 0 */
     int ambient_column;
     struct direction_textures views, lights;
 };
@@ -52,6 +55,44 @@ static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const floa
     return gpu_check("the eigen-BRDFs' texture", error);
 }
 
+/* Of one level: each texel's reflectance under an even sky, a layer a view. */
+static void put_skies(const struct lpca *lpca, int level, const float *sky) {
+    const gsize texels = (gsize)lpca->width * lpca->height;
+    const gsize pairs = (gsize)lpca->n_views * lpca->n_lights;
+    g_autofree float *rgb = g_new(float, 3 * pairs);
+    g_autofree float *layers = g_new0(float, 3 * texels * (gsize)lpca->n_views);
+    for (gsize x = 0; x < texels; x++) {
+        lpca_reconstruct(lpca, (int)x, rgb);
+        for (gsize k = 0; k < 3 * pairs; k++) {
+            const gsize v = k / 3 / lpca->n_lights, l = k / 3 % lpca->n_lights;
+            layers[3 * (v * texels + x) + k % 3] += sky[l] * rgb[k];
+        }
+    }
+    for (gsize k = 0; k < 3 * texels * lpca->n_views; k++)
+        layers[k] = CLAMP(layers[k], 0, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, 0, lpca->width, lpca->height, lpca->n_views,
+                    GL_RGB, GL_FLOAT, layers);
+}
+
+static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid, const float *sky,
+                             GError **error) {
+    const struct lpca *first = pyramid->levels[0];
+    GLint layers = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    if (first->n_views > layers) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d views in logarithms are more than %s takes (%d layers); compress without "
+                    "--colours=log",
+                    first->n_views, gpu_renderer(), layers);
+        return FALSE;
+    }
+    view->skies = gpu_texture_levels(GL_RGBA16F, first->width, first->height, first->n_views,
+                                     pyramid->n_levels);
+    for (int k = 0; k < pyramid->n_levels; k++)
+        put_skies(pyramid->levels[k], k, sky);
+    return gpu_check("the texture of the even sky", error);
+}
+
 static gboolean make(LpcaView *view, const struct lpca_pyramid *pyramid, GError **error) {
     const struct lpca *lpca = pyramid->lpca;
     struct lpca_directions directions;
@@ -64,7 +105,8 @@ static gboolean make(LpcaView *view, const struct lpca_pyramid *pyramid, GError 
     view->views = direction_cube_new(directions.views, FALSE);
     view->lights = direction_cube_new(directions.lights, TRUE);
     const gboolean ok = lpca_texels_init(&view->texels, pyramid, NULL, error) &&
-                        upload_brdfs(view, lpca, directions.sky, error);
+                        upload_brdfs(view, lpca, directions.sky, error) &&
+                        (!view->texels.log || upload_skies(view, pyramid, directions.sky, error));
     lpca_directions_clear(&directions);
     return ok;
 }
@@ -81,7 +123,8 @@ LpcaView *lpca_view_new(struct lpca *const *levels, int n, GError **error) {
 void lpca_view_free(LpcaView *view) {
     if (view == NULL)
         return;
-    glDeleteTextures(1, &view->brdfs);
+    const GLuint textures[] = {view->brdfs, view->skies};
+    glDeleteTextures(G_N_ELEMENTS(textures), textures);
     lpca_texels_clear(&view->texels);
     direction_textures_clear(&view->views);
     direction_textures_clear(&view->lights);
@@ -100,6 +143,11 @@ static void bind_all(gpointer material, guint program, const struct method_style
     glActiveTexture(GL_TEXTURE0);
     glBindTexture(GL_TEXTURE_2D_ARRAY, view->brdfs);
     set_int(program, "brdfs", 0);
+    if (view->texels.log) {
+        glActiveTexture(GL_TEXTURE7);
+        glBindTexture(GL_TEXTURE_2D_ARRAY, view->skies);
+        set_int(program, "skies", 7);
+    }
     set_int(program, "n_rows", view->stack.n_rows);
     set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
     set_int(program, "ambient_column", view->ambient_column);
@@ -107,13 +155,15 @@ static void bind_all(gpointer material, guint program, const struct method_style
 
 static char *constants(gconstpointer material, const struct method_style *style) {
     const LpcaView *view = material;
-    return lpca_texels_constants(&view->texels, style);
+    g_autofree char *shared = lpca_texels_constants(&view->texels, style);
+    return g_strdup_printf("%s#define LOG_OFFSET %f\n", shared, (double)LPCA_LOG_OFFSET);
 }
 
 static gint64 bytes(gconstpointer material) {
     const LpcaView *view = material;
     return lpca_texels_bytes(&view->texels) + direction_textures_bytes(&view->views) +
            direction_textures_bytes(&view->lights) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->skies) +
            gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->brdfs);
 }
 
@@ -129,7 +179,7 @@ static void free_view(gpointer material) {
     lpca_view_free(material);
 }
 
-static const char *const shader_names[] = {"lpca_texel.glsl", "lpca.glsl", NULL};
+static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca.glsl", NULL};
 
 const struct method method_lpca = {
     .name = "lpca",

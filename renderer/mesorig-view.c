@@ -204,6 +204,14 @@ static gboolean render_measured(const struct view_options *o, const struct studi
     return picture_write_png(o->render, m->rgb, m->width, m->height, texts, error);
 }
 
+/* What the method opens. */
+static char *path_of(const struct view_options *o, const struct method *method) {
+    if (method->takes_normals && o->normal_map != NULL)
+        return g_strdup(o->normal_map);
+    const gboolean given = o->rest != NULL && o->rest[0] != NULL;
+    return method_path(method, given && method->product != NULL ? o->rest[0] : method->name);
+}
+
 static gboolean render_set(const struct view_options *o, const char *material,
                            const struct set *set, struct rendered *ret, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
@@ -212,8 +220,7 @@ static gboolean render_set(const struct view_options *o, const char *material,
         compose != NULL ? open_view(o, o->method, material, set, ret, error) : NULL;
     if (view == NULL)
         return FALSE;
-    g_autofree char *other =
-        o->second != NULL ? method_path(o->second, o->rest != NULL ? o->rest[0] : "") : NULL;
+    g_autofree char *other = o->second != NULL ? path_of(o, o->second) : NULL;
     g_autoptr(View) second =
         o->second != NULL ? open_view(o, o->second, other, set, ret, error) : NULL;
     if (o->second != NULL && second == NULL)
@@ -254,6 +261,7 @@ static gboolean show(const struct view_options *o, const struct environment *env
         .mdf = o->mdf_path,
         .environment = environment,
         .environment_path = o->environment,
+        .normal_map = o->normal_map,
         .shape = o->shape,
         .up = o->upward,
         .floor = o->floor,
@@ -352,8 +360,7 @@ static char *mdf_path(const struct view_options *o, const char *material) {
 
 static int run(struct view_options *o) {
     g_autoptr(GError) error = NULL;
-    const gboolean given = o->rest != NULL && o->rest[0] != NULL;
-    g_autofree char *material = method_path(o->method, given ? o->rest[0] : o->method->name);
+    g_autofree char *material = path_of(o, o->method);
     g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
     struct rendered done = {.files = files};
     if (o->shape == NULL)

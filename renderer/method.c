@@ -42,7 +42,7 @@ char *method_path(const struct method *method, const char *argument) {
 
 gpointer method_open(const struct method *method, const char *path, GError **error) {
     if (method->product == NULL)
-        return method->open(path, error);
+        return method->open(g_strcmp0(path, method->name) != 0 ? path : NULL, error);
     if (g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_autoptr(GError) why = NULL;
         gpointer material = method->open(path, &why);

@@ -24,10 +24,11 @@ struct method_style {
 };
 
 struct method {
-    const char *name;    /* of --method */
-    const char *title;   /* for people */
-    const char *product; /* its file in products/ of a session, and */
-    const char *made_by; /* the command that makes it; both NULL: it needs no file */
+    const char *name;       /* of --method */
+    const char *title;      /* for people */
+    const char *product;    /* its file in products/ of a session, and */
+    const char *made_by;    /* the command that makes it; both NULL: it needs no file */
+    gboolean takes_normals; /* but a normal map (normal_map.h) may take the place of its own */
     /* GLSL files, at most METHOD_SHADERS, NULL-ended. They define
      *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
      * at texel coordinates x (in tiles, y along the texture's rows downwards), for unit vectors
@@ -35,7 +36,7 @@ struct method {
      * ambient × that under an even sky. lit is 0 in a shadow, else 1. */
     const char *const *shaders;
     /* The following belong to the thread of the GL context. open reads a file and puts it on the
-     * card. */
+     * card; of what needs none, path is that of a normal map, or NULL. */
     gpointer (*open)(const char *path, GError **error);
     void (*free)(gpointer material);
     /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */
@@ -53,6 +54,6 @@ const struct method *method_find(const char *name); /* NULL: there is none */
  * needed may be NULL. g_free() */
 char *method_path(const struct method *method, const char *argument);
 
-/* As open, with a sentence if the file is not there; errors name the file. path: ignored by what
- * needs none. */
+/* As open, with a sentence if the file is not there; errors name the file. path of what needs
+ * none: NULL, its own name, or a normal map. */
 gpointer method_open(const struct method *method, const char *path, GError **error);

@@ -1,6 +1,7 @@
 #include "microfacet.h"
 
 #include "gpu.h"
+#include "normal_map.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -74,51 +75,42 @@ void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model 
         ret_surface->diffuse[c] = weft_diffuse[c];
 }
 
-static guint normal_map(void) {
-    g_autofree float *xy = g_new(float, 2 * SIZE * SIZE);
-    GLuint texture;
+static struct normal_map *bosses(void) {
+    struct normal_map *map = g_new0(struct normal_map, 1);
+    *map = (struct normal_map){SIZE, SIZE, g_new(float, 2 * SIZE * SIZE)};
     for (int j = 0; j < SIZE; j++)
         for (int i = 0; i < SIZE; i++) {
             const double at[2] = {(i + 0.5) / SIZE, (j + 0.5) / SIZE};
             const struct vec3 n = metal_normal(at);
-            xy[2 * (j * SIZE + i)] = (float)n.x;
-            xy[2 * (j * SIZE + i) + 1] = (float)n.y;
+            map->xy[2 * (j * SIZE + i)] = (float)n.x;
+            map->xy[2 * (j * SIZE + i) + 1] = (float)n.y;
         }
-    glGenTextures(1, &texture);
-    glBindTexture(GL_TEXTURE_2D, texture);
+    return map;
+}
+
+static gboolean upload(struct material *material, const struct normal_map *map, GError **error) {
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (map->width > size || map->height > size) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "a normal map of %d × %d texels: %s takes %d each way; make it smaller",
+                    map->width, map->height, gpu_renderer(), size);
+        return FALSE;
+    }
+    glGenTextures(1, &material->normals);
+    glBindTexture(GL_TEXTURE_2D, material->normals);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_RG16F, SIZE, SIZE, 0, GL_RG, GL_FLOAT, xy);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RG16F, map->width, map->height, 0, GL_RG, GL_FLOAT, map->xy);
     glGenerateMipmap(GL_TEXTURE_2D);
-    return texture;
+    return gpu_check("the normal map", error);
 }
 
-static gpointer open_surface(enum microfacet_surface surface, enum microfacet_model model,
-                             GError **error) {
-    struct material *material = g_new0(struct material, 1);
-    material->surface = surface;
-    material->facets = surfaces[surface][model];
-    if (surface == MICROFACET_METAL)
-        material->normals = normal_map();
-    if (gpu_check("the normal map", error))
-        return material;
-    g_free(material);
-    return NULL;
-}
-
-static gpointer open_metal_ward(const char *path, GError **error) {
-    return open_surface(MICROFACET_METAL, MICROFACET_WARD, error);
-}
-
-static gpointer open_metal_ashikhmin(const char *path, GError **error) {
-    return open_surface(MICROFACET_METAL, MICROFACET_ASHIKHMIN, error);
-}
-
-static gpointer open_fabric_ward(const char *path, GError **error) {
-    return open_surface(MICROFACET_FABRIC, MICROFACET_WARD, error);
-}
-
-static gpointer open_fabric_ashikhmin(const char *path, GError **error) {
-    return open_surface(MICROFACET_FABRIC, MICROFACET_ASHIKHMIN, error);
+/* path: of a normal map, or NULL: bosses. */
+static gboolean put_normals(struct material *material, const char *path, GError **error) {
+    struct normal_map *map = path != NULL ? normal_map_read(path, error) : bosses();
+    const gboolean good = map != NULL && upload(material, map, error);
+    normal_map_free(map);
+    return good;
 }
 
 static void free_material(gpointer data) {
@@ -127,6 +119,33 @@ static void free_material(gpointer data) {
         return;
     glDeleteTextures(1, &material->normals);
     g_free(material);
+}
+
+static gpointer open_surface(enum microfacet_surface surface, enum microfacet_model model,
+                             const char *path, GError **error) {
+    struct material *material = g_new0(struct material, 1);
+    material->surface = surface;
+    material->facets = surfaces[surface][model];
+    if (surface != MICROFACET_METAL || put_normals(material, path, error))
+        return material;
+    free_material(material);
+    return NULL;
+}
+
+static gpointer open_metal_ward(const char *path, GError **error) {
+    return open_surface(MICROFACET_METAL, MICROFACET_WARD, path, error);
+}
+
+static gpointer open_metal_ashikhmin(const char *path, GError **error) {
+    return open_surface(MICROFACET_METAL, MICROFACET_ASHIKHMIN, path, error);
+}
+
+static gpointer open_fabric_ward(const char *path, GError **error) {
+    return open_surface(MICROFACET_FABRIC, MICROFACET_WARD, path, error);
+}
+
+static gpointer open_fabric_ashikhmin(const char *path, GError **error) {
+    return open_surface(MICROFACET_FABRIC, MICROFACET_ASHIKHMIN, path, error);
 }
 
 static char *constants(gconstpointer data, const struct method_style *style) {
@@ -167,15 +186,16 @@ static const char *const fabric_ward[] = {"ward.glsl", "microfacet.glsl", "fabri
 static const char *const fabric_ashikhmin[] = {"ashikhmin.glsl", "microfacet.glsl", "fabric.glsl",
                                                NULL};
 
-#define SURFACE(ident, text, id)                                                                   \
+#define SURFACE(ident, text, id, normals)                                                          \
     {                                                                                              \
         .name = (ident), .title = (text), .shaders = (id), .open = open_##id,                      \
         .free = free_material, .constants = constants, .bytes = bytes, .bind = bind_material,      \
+        .takes_normals = (normals),                                                                \
     }
 
 const struct method methods_microfacet[MICROFACET_METHODS] = {
-    SURFACE("metal-ward", "brushed metal (Ward)", metal_ward),
-    SURFACE("metal-ashikhmin", "brushed metal (Ashikhmin and Shirley)", metal_ashikhmin),
-    SURFACE("fabric-ward", "woven fabric (Ward)", fabric_ward),
-    SURFACE("fabric-ashikhmin", "woven fabric (Ashikhmin and Shirley)", fabric_ashikhmin),
+    SURFACE("metal-ward", "brushed metal (Ward)", metal_ward, TRUE),
+    SURFACE("metal-ashikhmin", "brushed metal (Ashikhmin and Shirley)", metal_ashikhmin, TRUE),
+    SURFACE("fabric-ward", "woven fabric (Ward)", fabric_ward, FALSE),
+    SURFACE("fabric-ashikhmin", "woven fabric (Ashikhmin and Shirley)", fabric_ashikhmin, FALSE),
 };

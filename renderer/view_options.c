@@ -87,6 +87,8 @@ GOptionEntry *view_options_entries(struct view_options *o) {
          "lafortune, "
          "ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin",
          "METHOD"},
+        {"normal-map", 0, 0, G_OPTION_ARG_FILENAME, &o->normal_map,
+         "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)", "FILE"},
         {"rotation", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_rotation,
          "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)",
          "exact|approximate|none"},
@@ -180,6 +182,7 @@ void view_options_clear(struct view_options *o) {
     g_free(o->method_name);
     g_free(o->mdf);
     g_free(o->mdf_path);
+    g_free(o->normal_map);
     g_free(o->render);
     g_free(o->shape);
     g_free(o->size);
@@ -307,6 +310,15 @@ static gboolean check_plain(const struct view_options *o, GError **error) {
     return FALSE;
 }
 
+static gboolean check_normal_map(const struct view_options *o, GError **error) {
+    if (o->normal_map == NULL || o->method->takes_normals ||
+        (o->second != NULL && o->second->takes_normals))
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--normal-map goes with --method metal-ward or metal-ashikhmin");
+    return FALSE;
+}
+
 gboolean view_options_check(struct view_options *o, GError **error) {
     const gboolean given = o->rest != NULL && o->rest[0] != NULL;
     o->method = given ? methods[0] : method_find(DEMO);
@@ -328,7 +340,8 @@ gboolean view_options_check(struct view_options *o, GError **error) {
         return FALSE;
     }
     o->upward = g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
-    if (!check_second(o, error) || !check_sources(o, error) || !check_environment(o, error))
+    if (!check_second(o, error) || !check_normal_map(o, error) || !check_sources(o, error) ||
+        !check_environment(o, error))
         return FALSE;
     if (o->reference && (o->render == NULL || o->settings.plain || !given)) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,

@@ -8,7 +8,7 @@
 struct view_options {
     const struct method *method;
     char *method_name;
-    char *mdf, *mdf_path;
+    char *mdf, *mdf_path, *normal_map;
     char *render, *shape, *size, *tiles, *up, *screenshot;
     char *environment;
     char *split, *difference; /* names of a second method */

@@ -13,8 +13,9 @@
 struct window_options {
     const struct method *method, *second; /* second: NULL, or to compare with */
     struct compose compose;
-    const char *argument; /* a session's directory or a file; NULL: the method needs none */
-    const char *mdf;      /* path of the material's distances; need not be there */
+    const char *argument;   /* a session's directory or a file; NULL: the method needs none */
+    const char *normal_map; /* a file, for methods that take one; NULL: their own */
+    const char *mdf;        /* path of the material's distances; need not be there */
     const struct environment *environment; /* or NULL */
     const char *environment_path;
     const char *shape; /* of scene.h */

@@ -23,8 +23,9 @@ static gint64 time_of(const char *path) {
 }
 
 static const char *argument_of(const struct window *w, const struct method *method) {
-    return w->options->argument != NULL && method->product != NULL ? w->options->argument
-                                                                   : method->name;
+    const struct window_options *o = w->options;
+    const char *own = method->takes_normals && o->normal_map != NULL ? o->normal_map : method->name;
+    return o->argument != NULL && method->product != NULL ? o->argument : own;
 }
 
 static void ask_mdf(struct window *w) {

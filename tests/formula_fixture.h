@@ -14,8 +14,8 @@
 typedef gboolean (*Expected)(gconstpointer data, const float *at, const float *v, const float *l,
                              double ret[3]);
 
-static void compare_picture(Expected func, gconstpointer data, View *view,
-                            const struct view_settings *settings) {
+static inline void compare_picture(Expected func, gconstpointer data, View *view,
+                                   const struct view_settings *settings) {
     g_autoptr(GError) error = NULL;
     g_autofree float *shown = view_render_linear(view, settings, SIZE, SIZE, &error);
     g_assert_no_error(error);

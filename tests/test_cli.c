@@ -350,6 +350,9 @@ static void test_compress(const char *folder, const char *session) {
     assert_has(output.out, "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights");
     runs(0, &output, "compress", "--json", session, "-m", "ashikhmin", NULL);
     assert_has(output.out, "\"method\": \"ashikhmin\"");
+    runs(0, &output, "compress", session, "-m", "ptm", "--mips", "-o", other, NULL);
+    assert_has(output.out, "ptm, 4 mip levels, luminance off by");
+    runs(2, &output, "compress", session, "-m", "eigenmaps", "--mips", "-o", other, NULL);
     runs(1, &output, "compress", session, "-m", "ptm", "-e", "0.0001%", NULL);
     runs(1, &output, "compress", session, "-m", "fields", "-c", "4", NULL);
     runs(2, &output, "compress", session, "-m", "ward", "-k", "2", NULL);

@@ -1,10 +1,5 @@
 /* Pictures of the analytic models of texels against lobes_evaluate(), pixel by pixel. */
-#include "formula_fixture.h"
-#include "processing/lobes.h"
-#include "processing/resample.h"
-#include "renderer/directions.h"
-#include "renderer/lobes_view.h"
-#include "rings.h"
+#include "lobes_scene.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -91,80 +86,8 @@ static struct lobes *show(View *view, enum lobes_model model, int n_lobes) {
     return lobes;
 }
 
-struct scene {
-    const struct lobes *lobes;
-    Directions *views;
-    double ambient;
-    gboolean nearest;
-};
-
-/* A texel of a slice under the light and the sky. */
-static void slice_value(const struct scene *s, int slice, int texel, const float *v, const float *l,
-                        double share, double ret[3]) {
-    float rgb[3];
-    lobes_evaluate(s->lobes, slice, texel, v, l, rgb);
-    for (int c = 0; c < 3; c++)
-        ret[c] += share * fmax(rgb[c], 0);
-}
-
-/* The sky as a measured view sees it, by 16 lights. */
-static void sky_value(const struct scene *s, int view, int texel, double share, double ret[3]) {
-    const struct lobes *p = s->lobes;
-    const double theta = p->view_theta_deg[view] * G_PI / 180;
-    const double phi = p->view_phi_deg[view] * G_PI / 180;
-    const float v[3] = {(float)(sin(theta) * cos(phi)), (float)(sin(theta) * sin(phi)),
-                        (float)cos(theta)};
-    for (int k = 0; k < 16; k++) {
-        const int row = k / 4;
-        float l[3];
-        resample_direction((0.5 + k % 4) / 4, (0.5 + row) / 4, l);
-        slice_value(s, p->n_slices > 1 ? view : 0, texel, v, l, share * s->ambient / 8, ret);
-    }
-}
-
-static void add_view(const struct scene *s, int view, int texel, const float *v, const float *l,
-                     double share, double ret[3]) {
-    int n = 1;
-    const int *members = &view;
-    if (view == s->lobes->n_views)
-        members = directions_pole(s->views, &n);
-    for (int k = 0; k < n; k++) {
-        if (s->lobes->n_slices > 1)
-            slice_value(s, members[k], texel, v, l, share / n, ret);
-        if (s->ambient > 0)
-            sky_value(s, members[k], texel, share / n, ret);
-    }
-}
-
-static gboolean expected(gconstpointer data, const float *at, const float *v, const float *l,
-                         double ret[3]) {
-    const struct scene *s = data;
-    struct direction_weights g;
-    const double x = at[0] * (double)W - 0.5, y = at[1] * (double)H - 0.5;
-    const double part[2] = {x - floor(x), y - floor(y)};
-    if (v[2] < 0.1 || l[2] < 0.1 ||
-        (s->nearest && (fabs(part[0] - 0.5) < 0.03 || fabs(part[1] - 0.5) < 0.03)))
-        return FALSE;
-    directions_weights(s->views, (struct vec3){v[0], v[1], v[2]}, &g);
-    ret[0] = ret[1] = ret[2] = 0;
-    for (int k = 0; k < 4; k++) {
-        const int i = (int)floor(x) + k % 2, j = (int)floor(y) + k / 2;
-        const int texel = (i % W + W) % W + W * ((j % H + H) % H);
-        const double near_x = s->nearest ? part[0] > 0.5 : part[0];
-        const double near_y = s->nearest ? part[1] > 0.5 : part[1];
-        const double share = (k % 2 ? near_x : 1 - near_x) * (k / 2 ? near_y : 1 - near_y);
-        if (share <= 0)
-            continue;
-        if (s->lobes->n_slices == 1)
-            slice_value(s, 0, texel, v, l, share, ret);
-        for (int a = 0; a < 4; a++)
-            if (g.weight[a] > 0)
-                add_view(s, g.index[a], texel, v, l, share * g.weight[a], ret);
-    }
-    return TRUE;
-}
-
-static void check_model(enum lobes_model model, int n_lobes, gboolean nearest, double ambient) {
+static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest, double ambient,
+                          enum method_rotation rotation) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     struct view_settings settings;
@@ -172,15 +95,30 @@ static void check_model(enum lobes_model model, int n_lobes, gboolean nearest, d
     g_assert_no_error(error);
     start_view(view, &settings, mesh);
     settings.style.nearest = nearest;
+    settings.style.rotation = rotation;
     settings.ambient = ambient;
     struct lobes *lobes = show(view, model, n_lobes);
     g_autoptr(Directions) views =
         directions_new(lobes->view_theta_deg, lobes->view_phi_deg, lobes->n_views, &error);
-    const struct scene scene = {lobes, views, ambient, nearest};
+    const struct scene scene = {lobes, views, ambient, nearest, rotation};
     g_test_message("%s, %d lobes", lobes_model_name(model), lobes->n_lobes);
     compare_picture(expected, &scene, view, &settings);
     lobes_free(lobes);
     mesh_free(mesh);
+}
+
+static void check_model(enum lobes_model model, int n_lobes, gboolean nearest, double ambient) {
+    check_rotated(model, n_lobes, nearest, ambient, METHOD_ROTATION_EXACT);
+}
+
+/* What was fitted, with the ways of seed 003 to turn it. */
+static void test_rotations(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_rotated(LOBES_WARD, 0, FALSE, 0, METHOD_ROTATION_APPROXIMATE);
+    check_rotated(LOBES_WARD, 0, TRUE, 0, METHOD_ROTATION_NONE);
+    check_rotated(LOBES_ASHIKHMIN, 0, TRUE, 0, METHOD_ROTATION_APPROXIMATE);
+    check_rotated(LOBES_ASHIKHMIN, 0, FALSE, 0, METHOD_ROTATION_NONE);
 }
 
 static void test_formula(struct fixture *f, gconstpointer data) {
@@ -201,18 +139,18 @@ static void test_bad(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct lobes *lobes = make_lobes(LOBES_FIELDS, 2);
     lobes->values[19] = NAN;
-    g_assert_null(lobes_view_new(lobes, &error));
+    g_assert_null(lobes_view_new(&lobes, 1, &error));
     g_assert_nonnull(strstr(error->message, "value number 19 of the fields"));
     g_clear_error(&error);
     lobes->values[19] = 0.5F;
     lobes->view_theta_deg[1] = NAN;
-    g_assert_null(lobes_view_new(lobes, &error));
+    g_assert_null(lobes_view_new(&lobes, 1, &error));
     g_assert_true(g_str_has_prefix(error->message, "views: "));
     g_clear_error(&error);
     lobes->view_theta_deg[1] = 20;
     lobes->width = 1 << 20;
     lobes->height = 0;
-    g_assert_null(lobes_view_new(lobes, &error));
+    g_assert_null(lobes_view_new(&lobes, 1, &error));
     g_assert_nonnull(strstr(error->message, "more than"));
     lobes_free(lobes);
 }
@@ -220,6 +158,7 @@ static void test_bad(struct fixture *f, gconstpointer data) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add("/lobes-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
+    g_test_add("/lobes-view/rotations", struct fixture, NULL, set_up, test_rotations, tear_down);
     g_test_add("/lobes-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
     return g_test_run();
 }

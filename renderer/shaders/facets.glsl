@@ -6,5 +6,5 @@ vec3 reflectance(ivec2 texel, int slice, vec3 v, vec3 l) {
     t = length(t) > 1e-6 ? normalize(t) : vec2(1.0, 0.0);
     mat3 turned = transpose(mat3(vec3(t, 0.0), vec3(-t.y, t.x, 0.0), vec3(0.0, 0.0, 1.0)));
     return facet(diffuse.rgb, specular.rgb, vec2(diffuse.a, specular.a), turned * n, turned * v,
-                 turned * l, rotation);
+                 turned * l, ROTATION);
 }

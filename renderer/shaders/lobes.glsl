@@ -1,17 +1,17 @@
-// Analytic models of texels; see lobes_view.h.
+// Analytic models of texels; see lobes_view.h. N_LEVELS, NEAREST, SLICED (a slice a view, or one for
+// all), N_LOBES and ROTATION are constants.
 uniform sampler2DArray values;   // slice · n_pages + page
 uniform sampler2DArray ambients; // under an even sky, a layer a view and one of their pole
 uniform usampler2D view_indices;
 uniform sampler2D view_weights;
 uniform usampler2D pole; // which views the pole is the mean of
 uniform int n_pages;
-uniform int n_slices; // one a view, or one for all
-uniform int n_lobes;
-uniform int rotation;
-uniform bool nearest;
+uniform int n_slices;
+
+int mip = 0; // the level that is looked at
 
 vec4 page(ivec2 texel, int slice, int number) {
-    return texelFetch(values, ivec3(texel, slice * n_pages + number), 0);
+    return texelFetch(values, ivec3(texel, slice * n_pages + number), mip);
 }
 
 // Reflectance; the model's own.
@@ -24,38 +24,47 @@ float lobe(vec4 xyzn, vec3 w) {
 
 // Polynomials may be negative.
 vec3 slice_at(ivec2 texel, int slice, vec3 v, vec3 l) {
-    if (slice < n_slices)
-        return max(reflectance(texel, slice, v, l), vec3(0.0));
-    int n = textureSize(pole, 0).x;
-    vec3 sum = vec3(0.0);
-    for (int k = 0; k < n; k++)
-        sum += max(reflectance(texel, int(texelFetch(pole, ivec2(k, 0), 0).r), v, l), vec3(0.0));
-    return sum / float(n);
+#if SLICED
+    if (slice >= n_slices) {
+        int n = textureSize(pole, 0).x;
+        vec3 sum = vec3(0.0);
+        for (int k = 0; k < n; k++)
+            sum += max(reflectance(texel, int(texelFetch(pole, ivec2(k, 0), 0).r), v, l),
+                       vec3(0.0));
+        return sum / float(n);
+    }
+#endif
+    return max(reflectance(texel, slice, v, l), vec3(0.0));
 }
 
 vec3 texel_at(ivec2 texel, uvec4 views, vec4 g, vec3 v, vec3 l, float lit) {
     vec3 sum = vec3(0.0);
-    if (lit > 0.0 && n_slices == 1)
+#if !SLICED
+    if (lit > 0.0)
         sum = lit * slice_at(texel, 0, v, l);
+#endif
+#if SLICED || AMBIENT
     for (int a = 0; a < 4; a++) {
         if (g[a] <= 0.0)
             continue;
-        if (lit > 0.0 && n_slices > 1)
+#if SLICED
+        if (lit > 0.0)
             sum += lit * g[a] * slice_at(texel, int(views[a]), v, l);
-        if (ambient > 0.0)
-            sum += ambient * g[a] * texelFetch(ambients, ivec3(texel, int(views[a])), 0).rgb;
+#endif
+#if AMBIENT
+        sum += ambient * g[a] * texelFetch(ambients, ivec3(texel, int(views[a])), mip).rgb;
+#endif
     }
+#endif
     return sum;
 }
 
-// See method.h.
-vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
-    ivec2 size = textureSize(values, 0).xy;
-    vec2 place = x * vec2(size) - 0.5, part = nearest ? step(0.5, fract(place)) : fract(place);
-    vec2 corner = floor(place);
-    uvec4 views;
-    vec4 g = direction_shares(view_indices, view_weights, v, views);
-    lit *= step(0.0, l.z);
+vec3 at_level(vec2 x, uvec4 views, vec4 g, vec3 v, vec3 l, float lit) {
+    ivec2 size = textureSize(values, mip).xy;
+    vec2 place = x * vec2(size) - 0.5, corner = floor(place), part = place - corner;
+#if NEAREST
+    part = step(0.5, part);
+#endif
     vec3 sum = vec3(0.0);
     for (int k = 0; k < 4; k++) {
         vec2 one = vec2(k & 1, k >> 1), near = mix(1.0 - part, part, one);
@@ -66,4 +75,27 @@ vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
         sum += near.x * near.y * texel_at(texel, views, g, v, l, lit);
     }
     return sum;
+}
+
+// See method.h. Parameters cannot be filtered: between two levels both are evaluated.
+vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
+    uvec4 views = uvec4(0u);
+    vec4 g = vec4(0.0);
+#if SLICED || AMBIENT
+    g = direction_shares(view_indices, view_weights, v, views);
+#endif
+    lit *= step(0.0, l.z);
+#if NEAREST || N_LEVELS == 1
+    return at_level(x, views, g, v, l, lit);
+#else
+    float level = mip_level(x, textureSize(values, 0).xy, N_LEVELS), part = fract(level);
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < 2; k++) {
+        mip = int(level) + k;
+        sum += (k == 0 ? 1.0 - part : part) * at_level(x, views, g, v, l, lit);
+        if (part <= 0.0)
+            break;
+    }
+    return sum;
+#endif
 }

@@ -7,7 +7,10 @@ uniform samplerCube light_indices;
 uniform samplerCube light_weights;
 uniform int n_rows; // of a cluster: the views
 uniform int clusters_a_layer;
-uniform int ambient_column; // a light that is an even sky
+uniform int ambient_column; // a light that is an even sky; not of logarithms
+#if LOG
+uniform sampler2DArray skies; // reflectance of each texel under it, a layer a view
+#endif
 
 ivec3 views, lights; // the directions, and
 vec3 g, h;           // how much of each
@@ -30,14 +33,36 @@ vec3 one_pair(int column, ivec2 at, float share, vec4 w[N_PAGES]) {
     return one;
 }
 
+#if LOG
+// Back from ln(Y + ε), (R − Y)/(Y + ε), (B − Y)/(Y + ε). Nothing real is as bright as the limit.
+vec3 reflectance(vec3 c) {
+    float size = exp(min(c.x, 11.0)), y = size - LOG_OFFSET;
+    vec2 rb = y + c.yz * size;
+    return vec3(rb.x, (y - 0.2126 * rb.x - 0.0722 * rb.y) / 0.7152, rb.y);
+}
+
+#if AMBIENT
+vec3 sky_of(ivec2 texel, int level) {
+    vec3 sum = vec3(0.0);
+    for (int a = 0; a < 3; a++)
+        sum += g[a] * texelFetch(skies, ivec3(texel, views[a]), level).rgb;
+    return ambient * sum;
+}
+#endif
+#else
+vec3 reflectance(vec3 c) {
+    return c;
+}
+#endif
+
 vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]) {
     ivec2 row = ivec2(cluster % clusters_a_layer * n_rows, cluster / clusters_a_layer);
     vec3 sum = vec3(0.0);
     for (int a = 0; a < 3; a++) {
         ivec2 at = row + ivec2(views[a], 0);
         for (int b = 0; b < 3; b++)
-            sum += g[a] * h[b] * one_pair(lights[b], at, share, w);
-#if AMBIENT
+            sum += g[a] * h[b] * reflectance(one_pair(lights[b], at, share, w));
+#if AMBIENT && !LOG
         sum += ambient * g[a] * one_pair(ambient_column, at, share, w);
 #endif
     }

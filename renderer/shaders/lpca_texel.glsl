@@ -1,6 +1,6 @@
 // The texels of a local PCA: which cluster each belongs to, and its weights. What mixes a cluster's
-// eigen-BRDFs by them is the method's own. N_COMPONENTS (without the mean), N_LEVELS and NEAREST are
-// constants; see lpca_texels.h.
+// eigen-BRDFs by them is the method's own. N_COMPONENTS (without the mean), N_LEVELS, NEAREST and LOG
+// (what is mixed are logarithms, see lpca.h) are constants; see lpca_texels.h.
 uniform sampler2DArray weights;  // four components a layer
 uniform usampler2D clusters;     // of a texel, and those right of it, below it and of both
 
@@ -10,17 +10,28 @@ const int N_PAGES = (N_COMPONENTS + 3) / 4;
 void prepare(vec3 v, vec3 l, float lit);
 vec3 evaluate(int cluster, float share, vec4 w[N_PAGES]);
 
+#if LOG && AMBIENT
+// Of a texel under the even sky, which is not linear in its weights.
+vec3 sky_of(ivec2 texel, int level);
+#else
+vec3 sky_of(ivec2 texel, int level) {
+    return vec3(0.0);
+}
+#endif
+
 vec3 one_texel(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
     ivec2 texel = min(ivec2(fract(x) * vec2(size)), size - 1);
     vec4 w[N_PAGES];
     for (int page = 0; page < N_PAGES; page++)
         w[page] = texelFetch(weights, ivec3(texel, page), level);
-    return max(evaluate(int(texelFetch(clusters, texel, level).r), 1.0, w), vec3(0.0));
+    int cluster = int(texelFetch(clusters, texel, level).r);
+    return max(evaluate(cluster, 1.0, w) + sky_of(texel, level), vec3(0.0));
 }
 
 // Four texels of a tile. Within one cluster reflectance is linear in the weights: those of all
-// texels of a cluster are mixed, and the cluster evaluated once. Mostly there is but one.
+// texels of a cluster are mixed, and the cluster evaluated once. Mostly there is but one. Of
+// logarithms each texel is evaluated.
 vec3 at_level(vec2 x, int level) {
     ivec2 size = textureSize(clusters, level);
     vec2 place = fract(x) * vec2(size) - 0.5, corner = floor(place), part = place - corner;
@@ -38,6 +49,16 @@ vec3 at_level(vec2 x, int level) {
         all[4 * page + 3] = texelFetch(weights, ivec3(b, page), level);
     }
     vec3 sum = vec3(0.0);
+#if LOG
+    for (int k = 0; k < 4; k++) {
+        if (share[k] <= 0.0)
+            continue;
+        for (int page = 0; page < N_PAGES; page++)
+            w[page] = all[4 * page + k];
+        ivec2 texel = ivec2((k & 1) == 0 ? a.x : b.x, k < 2 ? a.y : b.y);
+        sum += share[k] * (evaluate(int(cluster[k]), 1.0, w) + sky_of(texel, level));
+    }
+#else
     for (int k = 0; k < 4; k++) {
         uint one = share.x > 0.0   ? cluster.x
                    : share.y > 0.0 ? cluster.y
@@ -52,6 +73,7 @@ vec3 at_level(vec2 x, int level) {
         if (dot(share, vec4(1.0)) <= 0.0)
             break;
     }
+#endif
     return max(sum, vec3(0.0));
 }
 
@@ -63,10 +85,7 @@ vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
 #elif N_LEVELS == 1
     return at_level(x, 0);
 #else
-    vec2 size = vec2(textureSize(clusters, 0)), dx = dFdx(x) * size, dy = dFdy(x) * size;
-    float most = float(N_LEVELS - 1);
-    float level = clamp(0.5 * log2(max(max(dot(dx, dx), dot(dy, dy)), 1e-12)), 0.0, most);
-    float part = fract(level);
+    float level = mip_level(x, textureSize(clusters, 0), N_LEVELS), part = fract(level);
     vec3 sum = vec3(0.0);
     for (int k = 0; k < 2; k++) {
         sum += (k == 0 ? 1.0 - part : part) * at_level(x, int(level) + k);

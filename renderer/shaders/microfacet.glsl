@@ -10,7 +10,7 @@ vec3 facet_half(vec3 h, vec3 n, int how) {
         float y = -n.x * n.y * h.x + (1.0 - n.y * n.y) * h.y - n.y * n.z * h.z;
         return vec3(x * x, y * y, z);
     }
-    float size = dot(n.xz, n.xz), square_x = size > 1e-12 ? x * x / size : h.x * h.x;
+    float square_x = x * x / max(dot(n.xz, n.xz), 1e-12);
     return vec3(square_x, max(1.0 - z * z - square_x, 0.0), z);
 }
 

@@ -17,8 +17,8 @@ static double now_us(void) {
 
 /* Median milliseconds a frame of each view, camera and light moving; frame by frame in turns, so
  * that whatever else the machine does falls on all. settings: one for each view. */
-static gboolean time_in_turns(View *const *views, const struct view_settings *settings, int n,
-                              int frames, double *ret_ms, GError **error) {
+static inline gboolean time_in_turns(View *const *views, const struct view_settings *settings,
+                                     int n, int frames, double *ret_ms, GError **error) {
     g_autofree double *ms = g_new0(double, (gsize)n *frames);
     struct gpu_target target = {0};
     gboolean good = gpu_target_resize(&target, 800, 600, 0x8058 /* GL_RGBA8 */, FALSE, error);

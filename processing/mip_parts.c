@@ -1,0 +1,51 @@
+#include "mip_parts.h"
+
+#include <string.h>
+
+static char *prefix_of(int number) {
+    return number > 0 ? g_strdup_printf("mip%d.", number) : g_strdup("");
+}
+
+static void rename_part(struct exr_part *part, char *name) {
+    g_free(part->name);
+    part->name = name;
+}
+
+void mip_parts_add(struct exr_file *file, struct exr_file *level, int number) {
+    g_autofree char *prefix = prefix_of(number);
+    while (level->parts->len > 0) {
+        struct exr_part *part = g_ptr_array_steal_index(level->parts, 0);
+        rename_part(part, g_strconcat(prefix, part->name, NULL));
+        exr_file_add(file, part);
+    }
+    exr_file_free(level);
+}
+
+int mip_parts_count(const struct exr_file *file, const char *part) {
+    for (int n = 1;; n++) {
+        g_autofree char *prefix = prefix_of(n);
+        g_autofree char *name = g_strconcat(prefix, part, NULL);
+        if (!exr_file_part(file, name))
+            return n;
+    }
+}
+
+static gboolean is_of(const struct exr_part *part, int number, const char *prefix) {
+    return number > 0 ? g_str_has_prefix(part->name, prefix) : !g_str_has_prefix(part->name, "mip");
+}
+
+struct exr_file *mip_parts_take(struct exr_file *file, int number) {
+    struct exr_file *level = exr_file_new();
+    g_autofree char *prefix = prefix_of(number);
+    for (guint i = 0; i < file->parts->len;) {
+        const struct exr_part *part = file->parts->pdata[i];
+        if (!is_of(part, number, prefix)) {
+            i++;
+            continue;
+        }
+        struct exr_part *taken = g_ptr_array_steal_index(file->parts, i);
+        rename_part(taken, g_strdup(taken->name + strlen(prefix)));
+        exr_file_add(level, taken);
+    }
+    return level;
+}

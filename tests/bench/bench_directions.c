@@ -1,0 +1,291 @@
+/*
+ * How a shader finds the measured views around a direction: the square table that reflectance
+ * fields, polynomials and eigen-maps use (direction_table.h), as they use it and by its nearest
+ * cell, against cube maps (seed 001 §5.4), on rings whose azimuths and polar angles are not evenly
+ * spread. Each way mixes the measured directions themselves by the weights it finds; the truth is
+ * the same mix by directions_weights().
+ */
+#include "frame_time.h"
+#include "renderer/direction_cube.h"
+#include "renderer/direction_table.h"
+#include "renderer/lobes_view.h"
+#include "renderer/scene.h"
+#include "renderer/shaders.h"
+
+#include <epoxy/gl.h>
+#include <locale.h>
+#include <math.h>
+
+#define WIDTH  800
+#define HEIGHT 600
+#define WAYS   3
+
+/* Pixels are spread over the hemisphere, evenly in solid angle, as judge() has them. */
+static const char head[] =
+    "#version 330 core\n"
+    "uniform sampler2D measured;\n"
+    "uniform vec2 turn;\n"
+    "out vec4 colour;\n"
+    "vec3 of_pixel() {\n"
+    "    vec2 p = fract(gl_FragCoord.xy / vec2(800.0, 600.0) + turn);\n"
+    "    float z = 1.0 - p.y, r = sqrt(max(1.0 - z * z, 0.0)), a = 6.2831853 * p.x;\n"
+    "    return vec3(r * cos(a), r * sin(a), z);\n"
+    "}\n"
+    "vec3 at(int k) { return texelFetch(measured, ivec2(k, 0), 0).xyz; }\n";
+static const char cube[] = "uniform samplerCube view_indices, view_weights;\n"
+                           "vec4 shares(vec3 d, out uvec4 index) {\n"
+                           "    index = uvec4(textureLod(view_indices, d, 0.0) * 65535.0 + 0.5);\n"
+                           "    return textureLod(view_weights, d, 0.0);\n"
+                           "}\n";
+static const char table[] = "uniform usampler2D view_indices;\n"
+                            "uniform sampler2D view_weights;\n"
+                            "vec4 shares(vec3 d, out uvec4 index) {\n"
+                            "    return direction_shares(view_indices, view_weights, d, index);\n"
+                            "}\n";
+static const char nearest[] = "uniform usampler2D view_indices;\n"
+                              "uniform sampler2D view_weights;\n"
+                              "vec4 shares(vec3 d, out uvec4 index) {\n"
+                              "    ivec2 n = textureSize(view_indices, 0);\n"
+                              "    ivec2 cell = min(ivec2(square(d) * vec2(n)), n - 1);\n"
+                              "    index = texelFetch(view_indices, cell, 0);\n"
+                              "    return texelFetch(view_weights, cell, 0);\n"
+                              "}\n";
+static const char tail[] =
+    "void main() {\n"
+    "    uvec4 k;\n"
+    "    vec4 w = shares(of_pixel(), k);\n"
+    "    colour = vec4(w.x * at(int(k.x)) + w.y * at(int(k.y)) + w.z * at(int(k.z)) +\n"
+    "                  w.w * at(int(k.w)), 1.0);\n"
+    "}\n";
+
+static const char *text_of(const char *name) {
+    for (int k = 0; shaders[k].name != NULL; k++)
+        if (strcmp(shaders[k].name, name) == 0)
+            return shaders[k].source;
+    return "";
+}
+
+static GLuint compile(GLenum kind, const char *const *texts, int n) {
+    const GLuint shader = glCreateShader(kind);
+    GLint good = 0;
+    glShaderSource(shader, n, texts, NULL);
+    glCompileShader(shader);
+    glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
+    if (!good)
+        g_error("a shader of this program does not compile");
+    return shader;
+}
+
+static GLuint make_program(const char *way) {
+    const char *const vertex[] = {"#version 330 core\n", text_of("screen.vert")};
+    const char *const fragment[] = {head, text_of("directions.glsl"), way, tail};
+    const GLuint program = glCreateProgram();
+    glAttachShader(program, compile(GL_VERTEX_SHADER, vertex, 2));
+    glAttachShader(program, compile(GL_FRAGMENT_SHADER, fragment, 4));
+    glLinkProgram(program);
+    return program;
+}
+
+static struct vec3 unit(double theta_deg, double phi_deg) {
+    const double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
+    return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+}
+
+struct rings {
+    float theta_deg[200], phi_deg[200];
+    struct vec3 measured[201]; /* the last is the pole */
+    int n;
+    Directions *directions;
+};
+
+/* As a rig has them that was set by hand: 9 to 24 azimuths a ring, unevenly. */
+static gboolean make_rings(struct rings *r, GError **error) {
+    static const double polar[] = {11, 26, 37, 52, 61, 75};
+    static const int around[] = {9, 12, 14, 18, 20, 24};
+    GRand *random = g_rand_new_with_seed(2);
+    int n_pole;
+    r->n = 0;
+    for (int k = 0; k < 6; k++)
+        for (int i = 0; i < around[k]; i++, r->n++) {
+            r->theta_deg[r->n] = (float)(polar[k] + g_rand_double_range(random, -0.8, 0.8));
+            r->phi_deg[r->n] =
+                (float)(360.0 / around[k] * (i + g_rand_double_range(random, -0.3, 0.3)) + 360);
+        }
+    g_rand_free(random);
+    r->directions = directions_new(r->theta_deg, r->phi_deg, r->n, error);
+    if (r->directions == NULL)
+        return FALSE;
+    g_assert_true(directions_are_rings(r->directions));
+    const int *pole = directions_pole(r->directions, &n_pole);
+    for (int k = 0; k < r->n; k++)
+        r->measured[k] = unit((double)r->theta_deg[k], (double)r->phi_deg[k]);
+    r->measured[r->n] = vec3(0, 0, 0);
+    for (int k = 0; k < n_pole; k++)
+        r->measured[r->n] =
+            vec3_add(r->measured[r->n], vec3_scale(r->measured[pole[k]], 1.0 / n_pole));
+    return TRUE;
+}
+
+static guint measured_texture(const struct rings *r) {
+    float rgba[4 * 201] = {0};
+    for (int k = 0; k <= r->n; k++) {
+        rgba[4 * k] = (float)r->measured[k].x;
+        rgba[4 * k + 1] = (float)r->measured[k].y;
+        rgba[4 * k + 2] = (float)r->measured[k].z;
+    }
+    const guint texture = gpu_texture(GL_RGBA32F, r->n + 1, 1, 0);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, r->n + 1, 1, GL_RGBA, GL_FLOAT, rgba);
+    return texture;
+}
+
+struct way {
+    const char *name;
+    GLuint program;
+    struct direction_textures textures;
+    double ms, rms, worst;
+};
+
+static void draw(const struct way *way, guint measured, double turn) {
+    glUseProgram(way->program);
+    glActiveTexture(GL_TEXTURE2);
+    glBindTexture(GL_TEXTURE_2D, measured);
+    glUniform1i(glGetUniformLocation(way->program, "measured"), 2);
+    glUniform2f(glGetUniformLocation(way->program, "turn"), (float)turn, (float)turn);
+    direction_textures_bind(&way->textures, way->program, "view", 0);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glFinish();
+}
+
+/* At the pixels' centres, turn being 0. */
+static void judge(struct way *way, const struct rings *r, guint measured) {
+    g_autofree float *shown = g_new(float, 4 * WIDTH * HEIGHT);
+    double sum = 0;
+    draw(way, measured, 0);
+    glReadPixels(0, 0, WIDTH, HEIGHT, GL_RGBA, GL_FLOAT, shown);
+    for (int k = 0; k < WIDTH * HEIGHT; k++) {
+        const int row = k / WIDTH, column = k % WIDTH;
+        const double z = 1 - (row + 0.5) / HEIGHT, a = 2 * G_PI * (column + 0.5) / WIDTH;
+        const double size = sqrt(1 - z * z);
+        const struct vec3 d = {size * cos(a), size * sin(a), z};
+        struct direction_weights w;
+        struct vec3 mixed = {0, 0, 0};
+        directions_weights(r->directions, d, &w);
+        for (int i = 0; i < 4; i++)
+            mixed = vec3_add(mixed, vec3_scale(r->measured[w.index[i]], (double)w.weight[i]));
+        const struct vec3 found = {shown[4 * k], shown[4 * k + 1], shown[4 * k + 2]};
+        const double off = vec3_length(vec3_sub(found, mixed));
+        sum += off * off;
+        way->worst = fmax(way->worst, off);
+    }
+    way->rms = sqrt(sum / (WIDTH * HEIGHT));
+}
+
+static void time_ways(struct way *ways, guint measured, int frames) {
+    g_autofree double *ms = g_new(double, WAYS *(gsize)frames);
+    for (int k = 0; k < frames; k++)
+        for (int way = 0; way < WAYS; way++) {
+            const double start = now_us();
+            draw(&ways[way], measured, 0.013 * k);
+            ms[way * frames + k] = (now_us() - start) * 1e-3;
+        }
+    for (int way = 0; way < WAYS; way++)
+        ways[way].ms = quantile(ms + (gsize)way * frames, frames, 0.5);
+}
+
+/* A whole picture of reflectance fields of two lobes on a torus, to compare that with. */
+static gboolean time_fields(const struct rings *r, int frames, double *ret_ms, GError **error) {
+    GRand *random = g_rand_new_with_seed(5);
+    struct lobes fields = {.model = LOBES_FIELDS,
+                           .width = 16,
+                           .height = 16,
+                           .texel_mm = 1,
+                           .n_views = r->n,
+                           .view_theta_deg = (float *)r->theta_deg,
+                           .view_phi_deg = (float *)r->phi_deg,
+                           .n_lobes = 2,
+                           .n_slices = r->n,
+                           .n_values = 11};
+    struct lobes *levels[1] = {&fields};
+    const gsize n = (gsize)r->n * 16 * 16 * 11;
+    fields.values = g_new(float, n);
+    for (gsize k = 0; k < n; k++)
+        fields.values[k] = (float)g_rand_double_range(random, 0.2, 0.7);
+    g_rand_free(random);
+    g_autoptr(View) view = view_new(NULL, error);
+    struct mesh *mesh = scene_torus(1, 0.4, 192, 96);
+    const struct view_settings settings = view_settings_default;
+    LobesView *shown = view ? lobes_view_new(levels, 1, error) : NULL;
+    const gboolean good = shown && view_set_method(view, &methods_lobes[0], shown, error) &&
+                          view_set_mesh(view, mesh, error) &&
+                          time_in_turns(&view, &settings, 1, frames, ret_ms, error);
+    mesh_free(mesh);
+    g_free(fields.values);
+    return good;
+}
+
+static void tell(const struct way *ways, gboolean json) {
+    for (int k = 0; k < WAYS; k++)
+        g_print(json ? "%s{\"way\": \"%s\", \"rms\": %.6f, \"worst\": %.6f, \"ms\": %.2f, "
+                       "\"bytes\": %" G_GINT64_FORMAT "}"
+                     : "%s%s: directions off by %.6f RMS, %.6f at worst; %.2f ms for 800 × 600; "
+                       "%" G_GINT64_FORMAT " bytes",
+                k == 0 ? ""
+                : json ? ", "
+                       : "\n",
+                ways[k].name, ways[k].rms, ways[k].worst, ways[k].ms,
+                direction_textures_bytes(&ways[k].textures));
+}
+
+static gboolean bench(int frames, gboolean json, GError **error) {
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    static struct rings rings;
+    struct gpu_target target = {0};
+    if (gpu == NULL || !make_rings(&rings, error) ||
+        !gpu_target_resize(&target, WIDTH, HEIGHT, GL_RGBA32F, FALSE, error))
+        return FALSE;
+    GLuint array;
+    glGenVertexArrays(1, &array);
+    glBindVertexArray(array);
+    glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+    glViewport(0, 0, WIDTH, HEIGHT);
+    struct way ways[WAYS] = {
+        {"square table", make_program(table), direction_table_new(rings.directions, FALSE)},
+        {"the same, nearest cell", make_program(nearest),
+         direction_table_new(rings.directions, FALSE)},
+        {"cube maps", make_program(cube), direction_cube_new(rings.directions, FALSE)}};
+    const guint measured = measured_texture(&rings);
+    for (int k = 0; k < WAYS; k++)
+        judge(&ways[k], &rings, measured);
+    time_ways(ways, measured, frames);
+    g_print(json ? "\"renderer\": \"%s\", \"directions\": %d, \"ways\": [" : "%s, %d directions\n",
+            gpu_renderer(), rings.n);
+    tell(ways, json);
+    double ms = 0;
+    const gboolean good = gpu_check("the bench", error) && time_fields(&rings, frames, &ms, error);
+    g_print(json ? "], \"fields_ms\": %.2f" : "\na torus of reflectance fields: %.2f ms\n", ms);
+    directions_free(rings.directions);
+    return good;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
+    gboolean json = FALSE;
+    int frames = 15;
+    const GOptionEntry entries[] = {
+        {"json", 0, 0, G_OPTION_ARG_NONE, &json, "One JSON object", NULL},
+        {"frames", 0, 0, G_OPTION_ARG_INT, &frames, "Timed frames of each, default 15", "N"},
+        {NULL}};
+    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
+    g_autoptr(GError) error = NULL;
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error) || frames < 1 || argc > 1) {
+        g_printerr("bench_directions: %s\n", error ? error->message : "bad arguments");
+        return 2;
+    }
+    g_print("%s", json ? "{" : "");
+    const gboolean good = bench(frames, json, &error);
+    g_print("%s", json ? "}\n" : "");
+    if (!good)
+        g_printerr("bench_directions: %s\n", error->message);
+    return good ? 0 : 1;
+}
