@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "compare.h"
+#include "exr.h"
 #include "import_private.h"
 
 #define COLOURS 3
@@ -67,5 +68,13 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
 }
 
 gboolean compare_is_picture(const char *path) {
-    return import_is_picture(path) && !g_str_has_suffix(path, ".exr");
+    const char *kind = NULL;
+    if (!g_str_has_suffix(path, ".exr"))
+        return import_is_picture(path);
+    struct exr_file *file = exr_read_headers(path, NULL);
+    const gboolean is = file && file->parts->len == 1 &&
+                        exr_get_string(file->parts->pdata[0], COMPARE_PICTURE_KIND, &kind, NULL) &&
+                        g_str_equal(kind, "picture");
+    exr_file_free(file);
+    return is;
 }

@@ -14,9 +14,13 @@ struct picture_comparison {
     double different;         /* their share */
 };
 
-/* Whether a file's name is that of a PNG, TIFF or JPEG. */
+/* An attribute that EXR pictures have, and materials have not. */
+#define COMPARE_PICTURE_KIND "mesorig.kind"
+
+/* Whether a file's name is that of a PNG, TIFF or JPEG, or it is an EXR that says it is a picture.
+ */
 gboolean compare_is_picture(const char *path);
 
-/* Of the same size; 8 bits are sRGB. IMPORT_ERROR_DATA if one cannot be read. */
+/* Of the same size; 8 bits are sRGB, EXR is linear. IMPORT_ERROR_DATA if one cannot be read. */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);

@@ -32,24 +32,31 @@ static char *frame_path(const struct view_options *o, int frame) {
     if ((o->frames == 0 && o->n_series == 0) || o->sheet > 0)
         return g_strdup(o->render);
     gsize length = strlen(o->render);
-    gboolean png = length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".png") == 0;
-    return g_strdup_printf("%.*s_%0*d.png", (int)(png ? length - 4 : length), o->render,
-                           o->n_series > 0 ? 3 : 4, o->n_series > 0 ? o->series[frame] : frame);
+    const char *end = view_options_light(o) ? ".exr" : ".png";
+    gboolean has = length > 4 && g_ascii_strcasecmp(o->render + length - 4, end) == 0;
+    return g_strdup_printf("%.*s_%0*d%s", (int)(has ? length - 4 : length), o->render,
+                           o->n_series > 0 ? 3 : 4, o->n_series > 0 ? o->series[frame] : frame,
+                           end);
+}
+
+static struct snapshot snapshot_of(const struct view_options *o, const char *material,
+                                   const struct view_settings *s, const struct rendered *done) {
+    return (struct snapshot){.material = material,
+                             .shape = o->shape,
+                             .first = o->method,
+                             .second = o->second,
+                             .how = &o->compose,
+                             .reference = o->reference,
+                             .settings = s,
+                             .environment = o->environment,
+                             .n_views = done->n_views,
+                             .n_planned = done->n_planned};
 }
 
 static gboolean write_frame(const struct view_options *o, const char *material, const char *path,
                             const struct view_settings *s, const struct rendered *done,
                             const guint8 *rgb, int width, int height, GError **error) {
-    const struct snapshot snapshot = {.material = material,
-                                      .shape = o->shape,
-                                      .first = o->method,
-                                      .second = o->second,
-                                      .how = &o->compose,
-                                      .reference = o->reference,
-                                      .settings = s,
-                                      .environment = o->environment,
-                                      .n_views = done->n_views,
-                                      .n_planned = done->n_planned};
+    const struct snapshot snapshot = snapshot_of(o, material, s, done);
     return snapshot_write(path, &snapshot, rgb, width, height, error);
 }
 
@@ -77,26 +84,44 @@ struct studio {
     guint8 *sheet;        /* NULL: a file a frame */
 };
 
-static gboolean render_frame(const struct view_options *o, const struct studio *studio, int frame,
-                             const struct view_settings *s, struct rendered *ret, GError **error) {
-    gint64 from = g_get_monotonic_time();
+static gboolean render_light(const struct view_options *o, const struct studio *studio,
+                             const char *path, const struct view_settings *s, struct rendered *ret,
+                             GError **error) {
+    const gint64 from = g_get_monotonic_time();
+    g_autofree float *light = view_render_light(studio->view, s, o->width, o->height, error);
+    const struct snapshot snapshot = snapshot_of(o, studio->material, s, ret);
+    ret->seconds += (g_get_monotonic_time() - from) * 1e-6;
+    return light != NULL &&
+           snapshot_write_light(path, &snapshot, light, o->width, o->height, error);
+}
+
+static gboolean render_shown(const struct view_options *o, const struct studio *studio, int frame,
+                             const char *path, const struct view_settings *s, struct rendered *ret,
+                             GError **error) {
+    const gint64 from = g_get_monotonic_time();
     g_autofree guint8 *rgb = studio->reference != NULL
                                  ? reference_render(studio->reference, studio->view, s, o->width,
                                                     o->height, &ret->error, error)
                                  : compose_render(studio->compose, studio->view, studio->second,
                                                   &o->compose, s, o->width, o->height, error);
-    g_autofree char *path = frame_path(o, frame);
     if (rgb == NULL)
         return FALSE;
     ret->seconds += (g_get_monotonic_time() - from) * 1e-6;
-    ret->n_frames++;
-    if (studio->sheet != NULL) {
-        put_on_sheet(o, frame, rgb, studio->sheet);
-        return TRUE;
-    }
-    if (!write_frame(o, studio->material, path, s, ret, rgb, o->width, o->height, error))
+    if (studio->sheet == NULL)
+        return write_frame(o, studio->material, path, s, ret, rgb, o->width, o->height, error);
+    put_on_sheet(o, frame, rgb, studio->sheet);
+    return TRUE;
+}
+
+static gboolean render_frame(const struct view_options *o, const struct studio *studio, int frame,
+                             const struct view_settings *s, struct rendered *ret, GError **error) {
+    g_autofree char *path = frame_path(o, frame);
+    if (!(view_options_light(o) ? render_light(o, studio, path, s, ret, error)
+                                : render_shown(o, studio, frame, path, s, ret, error)))
         return FALSE;
-    g_ptr_array_add(ret->files, g_steal_pointer(&path));
+    ret->n_frames++;
+    if (studio->sheet == NULL)
+        g_ptr_array_add(ret->files, g_steal_pointer(&path));
     return TRUE;
 }
 

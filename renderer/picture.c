@@ -5,6 +5,9 @@
 #include <png.h>
 #include <stdio.h>
 
+#include "processing/compare_pictures.h"
+#include "processing/exr.h"
+
 G_DEFINE_QUARK(picture_error, picture_error)
 
 static void on_error(png_structp png, png_const_charp text) {
@@ -78,4 +81,23 @@ gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int h
                                   : "PNG error");
     g_unlink(partial);
     return FALSE;
+}
+
+gboolean picture_write_exr(const char *path, const float *rgb, int width, int height,
+                           const char *const *texts, GError **error) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    struct exr_part *part = exr_part_new("picture", width, height, channels, EXR_FLOAT);
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, part);
+    exr_set_string(part, COMPARE_PICTURE_KIND, "picture");
+    for (; texts != NULL && texts[0] != NULL && texts[1] != NULL; texts += 2) {
+        g_autofree char *key = g_ascii_strdown(texts[0], -1);
+        exr_set_string(part, key, texts[1]);
+    }
+    for (gsize i = 0; i < (gsize)width * height; i++)
+        for (gsize c = 0; c < 3; c++)
+            part->planes[2 - c][i] = rgb[3 * i + c];
+    const gboolean good = exr_write(path, file, EXR_ZIP, FALSE, error);
+    exr_file_free(file);
+    return good;
 }

@@ -1,4 +1,4 @@
-/* PNG files. */
+/* PNG and EXR files. */
 #pragma once
 
 #include <glib.h>
@@ -10,4 +10,9 @@ enum picture_error { PICTURE_ERROR_IO };
 /* rgb: width × height × 3 bytes, sRGB, top row first. texts: key, value, key, value, …, NULL; kept
  * in the file as text chunks (UTF-8). The file appears under its name when it is whole. */
 gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
+                           const char *const *texts, GError **error);
+
+/* rgb: width × height × 3 floats, linear, top row first. The texts are string attributes, their
+ * keys in small letters. The file says that it is a picture: see compare_is_picture(). */
+gboolean picture_write_exr(const char *path, const float *rgb, int width, int height,
                            const char *const *texts, GError **error);

@@ -50,8 +50,9 @@ static char *environment_of(const struct snapshot *snapshot) {
                            snapshot->settings->backdrop ? ", seen behind the shape" : "");
 }
 
-gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
-                        int width, int height, GError **error) {
+/* Whichever of the pictures is there. */
+static gboolean write_either(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
+                             const float *linear, int width, int height, GError **error) {
     static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
     const struct view_settings *s = snapshot->settings;
     g_autofree char *light =
@@ -95,5 +96,16 @@ gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const
                            snapshot->n_planned > 0 ? "Views" : NULL,
                            views,
                            NULL};
-    return picture_write_png(path, rgb, width, height, texts, error);
+    return linear != NULL ? picture_write_exr(path, linear, width, height, texts, error)
+                          : picture_write_png(path, rgb, width, height, texts, error);
+}
+
+gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
+                        int width, int height, GError **error) {
+    return write_either(path, snapshot, rgb, NULL, width, height, error);
+}
+
+gboolean snapshot_write_light(const char *path, const struct snapshot *snapshot, const float *rgb,
+                              int width, int height, GError **error) {
+    return write_either(path, snapshot, NULL, rgb, width, height, error);
 }

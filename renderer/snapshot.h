@@ -16,3 +16,7 @@ struct snapshot {
 
 gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
                         int width, int height, GError **error);
+
+/* The same of view_render_light(), as EXR. */
+gboolean snapshot_write_light(const char *path, const struct snapshot *snapshot, const float *rgb,
+                              int width, int height, GError **error);

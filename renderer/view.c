@@ -404,11 +404,17 @@ static gboolean draw_marks(View *view, const struct view_settings *s, guint fram
     return TRUE;
 }
 
-gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer, int width,
-                   int height, GError **error) {
+/* Each way of a pixel: fewer in a very large picture. */
+static int samples_of(const struct view_settings *s, int width, int height) {
     int samples = s->samples;
     while (samples > 1 && (gint64)width * height * samples * samples > MAX_SAMPLES)
         samples--;
+    return samples;
+}
+
+gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer, int width,
+                   int height, GError **error) {
+    const int samples = samples_of(s, width, height);
     if (!view_settings_check(s, error) ||
         !draw_scene(view, s, width * samples, height * samples, error))
         return FALSE;
@@ -440,6 +446,24 @@ float *view_render_linear(View *view, const struct view_settings *s, int width, 
     if (!view_settings_check(s, error) || !draw_scene(view, s, width, height, error))
         return NULL;
     return read_floats(&view->scene, error);
+}
+
+float *view_render_light(View *view, const struct view_settings *s, int width, int height,
+                         GError **error) {
+    const int samples = samples_of(s, width, height);
+    g_autofree float *drawn = view_render_linear(view, s, width * samples, height * samples, error);
+    if (drawn == NULL)
+        return NULL;
+    const float share = 1.0F / (float)(samples * samples), exposure = (float)view_exposure(s);
+    float *light = g_new0(float, 3 * (gsize)width * height);
+    for (gsize j = 0; j < (gsize)height * samples; j++)
+        for (gsize i = 0; i < (gsize)width * samples; i++) {
+            const float *from = drawn + 4 * (j * width * samples + i);
+            float *to = light + 3 * (j / samples * width + i / samples);
+            for (int c = 0; c < 3; c++)
+                to[c] += from[c] * share * (from[3] > 0.5F ? exposure : 1);
+        }
+    return light;
 }
 
 float *view_render_geometry(View *view, const struct view_settings *s, enum view_geometry which,

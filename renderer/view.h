@@ -102,6 +102,11 @@ gboolean view_draw(View *view, const struct view_settings *settings, guint frame
 guint8 *view_render(View *view, const struct view_settings *settings, int width, int height,
                     GError **error);
 
+/* width × height × 3 floats, top row first: the same picture as light, linear: exposed, but neither
+ * toned nor rounded; g_free() it. */
+float *view_render_light(View *view, const struct view_settings *settings, int width, int height,
+                         GError **error);
+
 /* width × height × 4 floats, top row first: linear reflectance before exposure and tone, without
  * supersampling; the fourth is 0 where only the background is seen, which is exposed already. */
 float *view_render_linear(View *view, const struct view_settings *settings, int width, int height,

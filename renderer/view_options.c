@@ -240,6 +240,22 @@ int view_options_sheet_rows(const struct view_options *o) {
     return o->sheet > 0 ? (n_pictures(o) + o->sheet - 1) / o->sheet : 1;
 }
 
+gboolean view_options_light(const struct view_options *o) {
+    const gsize length = o->render != NULL ? strlen(o->render) : 0;
+    return length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".exr") == 0;
+}
+
+static gboolean check_light(const struct view_options *o, GError **error) {
+    if (!view_options_light(o) ||
+        (o->second == NULL && !o->reference && !o->measured && !o->live && o->sheet == 0))
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--render %s: light is written of one method alone, not with --split, "
+                "--difference, --reference, --measured, --live or --sheet; take a .png",
+                o->render);
+    return FALSE;
+}
+
 static gboolean check_series(struct view_options *o, GError **error) {
     o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
     if (!(o->wait_s > 0.0 && o->wait_s <= 1e6)) {
@@ -341,7 +357,7 @@ gboolean view_options_check(struct view_options *o, GError **error) {
     }
     o->upward = g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
     if (!check_second(o, error) || !check_normal_map(o, error) || !check_sources(o, error) ||
-        !check_environment(o, error))
+        !check_environment(o, error) || !check_light(o, error))
         return FALSE;
     if (o->reference && (o->render == NULL || o->settings.plain || !given)) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,

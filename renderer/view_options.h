@@ -35,3 +35,6 @@ gboolean view_options_check(struct view_options *options, GError **error);
 void view_options_clear(struct view_options *options);
 
 int view_options_sheet_rows(const struct view_options *options);
+
+/* Whether --render asks for light (.exr) and not for a picture as it is shown. */
+gboolean view_options_light(const struct view_options *options);

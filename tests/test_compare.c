@@ -2,6 +2,7 @@
 #include "processing/compare_pictures.h"
 
 #include "processing/exr.h"
+#include "renderer/picture.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -237,6 +238,41 @@ static double grey_delta_e(guint8 a, guint8 b) {
     return fabs(lightness(a) - lightness(b)) / (1 + 0.015 * away / sqrt(20 + away));
 }
 
+/* As light, of the same greys. */
+static void write_exr(const char *path, int width, const guint8 *columns) {
+    g_autofree float *rgb = g_new(float, 3 * 2 * width);
+    for (int i = 0; i < 3 * 2 * width; i++) {
+        const double v = columns[i / 3 % width] / 255.0;
+        rgb[i] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
+    }
+    const char *texts[] = {"Shape", "torus", NULL};
+    g_assert_true(picture_write_exr(path, rgb, width, 2, texts, NULL));
+}
+
+static void test_light(void) {
+    static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
+    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    g_autofree char *a = g_build_filename(folder, "a.exr", NULL);
+    g_autofree char *b = g_build_filename(folder, "b.exr", NULL);
+    struct picture_comparison found;
+    write_exr(a, 4, one);
+    write_exr(b, 4, other);
+    g_assert_true(compare_is_picture(a));
+    g_assert_true(compare_pictures(a, b, &found, NULL));
+    g_assert_cmpfloat_with_epsilon(found.delta_e,
+                                   (grey_delta_e(100, 104) + grey_delta_e(200, 190)) / 4, 0.01);
+    struct exr_part *part = exr_read_part(a, "picture", NULL);
+    const char *shape = NULL;
+    g_assert_true(exr_get_string(part, "shape", &shape, NULL));
+    g_assert_cmpstr(shape, ==, "torus");
+    exr_part_free(part);
+    g_assert_true(g_file_set_contents(b, "no EXR", -1, NULL));
+    g_assert_false(compare_is_picture(b));
+    g_unlink(a);
+    g_unlink(b);
+    g_rmdir(folder);
+}
+
 static void test_pictures(void) {
     static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
     g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
@@ -271,6 +307,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/compare/delta-e", test_delta_e);
     g_test_add_func("/compare/lab", test_lab);
     g_test_add_func("/compare/sums", test_sums);
+    g_test_add_func("/compare/light", test_light);
     g_test_add_func("/compare/kinds", test_kinds);
     g_test_add_func("/compare/refused", test_refused);
     g_test_add_func("/compare/pictures", test_pictures);

@@ -142,6 +142,11 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
             g_assert_no_error(error);
             for (int b = 0; b < 16 * 12 * 3; b++)
                 g_assert_cmpfloat_with_epsilon(rgb[b], srgb(cases[k].linear), 1.01);
+            /* Light is neither toned nor rounded. */
+            g_autofree float *light = view_render_light(view, &s, 16, 12, &error);
+            g_assert_no_error(error);
+            for (int b = 0; b < 16 * 12 * 3; b++)
+                g_assert_cmpfloat_with_epsilon(light[b] / exp2(cases[k].ev), 0.4, 0.002);
         }
 }
 
