@@ -92,7 +92,9 @@ gboolean picture_write_exr(const char *path, const float *rgb, int width, int he
     exr_set_string(part, COMPARE_PICTURE_KIND, "picture");
     for (; texts != NULL && texts[0] != NULL && texts[1] != NULL; texts += 2) {
         g_autofree char *key = g_ascii_strdown(texts[0], -1);
-        exr_set_string(part, key, texts[1]);
+        g_autofree char *name =
+            g_strconcat("picture.", key, NULL); /* EXR has a "tiles" of its own */
+        exr_set_string(part, name, texts[1]);
     }
     for (gsize i = 0; i < (gsize)width * height; i++)
         for (gsize c = 0; c < 3; c++)

@@ -12,7 +12,7 @@ enum picture_error { PICTURE_ERROR_IO };
 gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
                            const char *const *texts, GError **error);
 
-/* rgb: width × height × 3 floats, linear, top row first. The texts are string attributes, their
- * keys in small letters. The file says that it is a picture: see compare_is_picture(). */
+/* rgb: width × height × 3 floats, linear, top row first. The texts are string attributes,
+ * "picture.shape" for "Shape". The file says that it is a picture: see compare_is_picture(). */
 gboolean picture_write_exr(const char *path, const float *rgb, int width, int height,
                            const char *const *texts, GError **error);
