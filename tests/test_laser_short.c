@@ -5,7 +5,7 @@
 #include "processing/rectify.h"
 #include "processing/sweep.h"
 #include "sim/truth.h"
-#include "world_fixture.h"
+#include "two_lasers.h"
 
 #define DEGREE       (G_PI / 180)
 #define SIDE         112
@@ -24,37 +24,10 @@ static const struct session_grid grid = {TEXELS, TEXELS, 18, 18, 5, 5};
 static const double turntable_deg = 20;
 
 static World *new_world(void) {
-    return fixture_world(
-        "[world]\nseed = 7\nnoise = yes\nsupersample = 2\ngather_rays = 6\nwarm_up_s = 0\n"
-        "[sample]\nkind = brushed\nseed = 3\nwidth_mm = 30\nheight_mm = 30\nbase_mm = 0.8\n"
-        "relief_mm = 0.3\ngloss = 0.45\nroughness_along = 0.1\nroughness_across = 0.25\n"
-        "[camera cam]\ntheta_deg = 40\ndistance_mm = 650\nwidth = 112\nheight = 112\n"
-        "focal_px = 1800\nresponse = 6000\n"
-        "[laser first]\ntheta_deg = 30\ndistance_mm = 480\nwidth_mm = 1.2\nfan_deg = 20\n"
-        "power_w = 0.32\n"
-        "[laser second]\ntheta_deg = 60\ndistance_mm = 480\nwidth_mm = 1.2\nfan_deg = 20\n"
-        "power_w = 0.32\n");
-}
-
-static struct rig new_rig(void) {
-    struct rig rig = {.n_cameras = 1, .n_lasers = 2};
-    rig.cameras[0] = (struct rig_camera){.width = SIDE,
-                                         .height = SIDE,
-                                         .fx_px = 1800,
-                                         .fy_px = 1800,
-                                         .cx_px = (SIDE - 1) / 2.0,
-                                         .cy_px = (SIDE - 1) / 2.0,
-                                         .response = 6000};
-    rig_camera_look_at(&rig.cameras[0], vec3_scale(rig_direction(40 * DEGREE, 0), 650),
-                       vec3(0, 0, 0));
-    for (int i = 0; i < 2; i++) {
-        const struct vec3 out = rig_direction((30 + 30 * i) * DEGREE, 0);
-        rig.lasers[i] =
-            (struct rig_laser){.position_mm = vec3_scale(out, 480),
-                               .axis = vec3(0, 1, 0),
-                               .normal = vec3_cross(vec3(0, 1, 0), vec3_scale(out, -1))};
-    }
-    return rig;
+    return two_lasers_world(
+        SIDE, 0.32, "",
+        "kind = brushed\nwidth_mm = 30\nheight_mm = 30\nrelief_mm = 0.3\ngloss = 0.45\n"
+        "roughness_along = 0.1\nroughness_across = 0.25\n");
 }
 
 struct planes {
@@ -161,7 +134,7 @@ static void take(World *world, const struct rig *rig, int position, struct figur
 
 static void test_glossy(void) {
     g_autoptr(World) world = new_world();
-    const struct rig rig = new_rig();
+    const struct rig rig = two_lasers_rig(SIDE);
     struct figures f = {0};
     double rms_mm[2];
     for (int i = 0; i < POSITIONS; i++)

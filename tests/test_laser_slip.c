@@ -4,7 +4,7 @@
 #include "processing/mdf.h"
 #include "processing/sweep.h"
 #include "sim/truth.h"
-#include "world_fixture.h"
+#include "two_lasers.h"
 
 #define DEGREE    (G_PI / 180)
 #define SIDE      144
@@ -20,38 +20,9 @@ static const struct laser_reference table = {0, 0.01, {33, 33}, 2.2, 60};
 static const double turntable_deg = 20;
 
 static World *new_world(void) {
-    return fixture_world(
-        "[world]\nseed = 7\nnoise = yes\nsupersample = 2\ngather_rays = 6\nwarm_up_s = 0\n"
-        "turntable_albedo = 0.04\n"
-        "[sample]\nkind = weave\nseed = 3\nwidth_mm = 31\nheight_mm = 31\nbase_mm = 0.8\n"
-        "relief_mm = 1.2\nperiod_mm = 6.25\n"
-        "[camera cam]\ntheta_deg = 40\ndistance_mm = 650\nwidth = 144\nheight = 144\n"
-        "focal_px = 1800\nresponse = 6000\n"
-        "[laser first]\ntheta_deg = 30\ndistance_mm = 480\nwidth_mm = 1.2\nfan_deg = 20\n"
-        "power_w = 0.02\n"
-        "[laser second]\ntheta_deg = 60\ndistance_mm = 480\nwidth_mm = 1.2\nfan_deg = 20\n"
-        "power_w = 0.02\n");
-}
-
-static struct rig new_rig(void) {
-    struct rig rig = {.n_cameras = 1, .n_lasers = 2};
-    rig.cameras[0] = (struct rig_camera){.width = SIDE,
-                                         .height = SIDE,
-                                         .fx_px = 1800,
-                                         .fy_px = 1800,
-                                         .cx_px = (SIDE - 1) / 2.0,
-                                         .cy_px = (SIDE - 1) / 2.0,
-                                         .response = 6000};
-    rig_camera_look_at(&rig.cameras[0], vec3_scale(rig_direction(40 * DEGREE, 0), 650),
-                       vec3(0, 0, 0));
-    for (int i = 0; i < 2; i++) {
-        const struct vec3 out = rig_direction((30 + 30 * i) * DEGREE, 0);
-        rig.lasers[i] =
-            (struct rig_laser){.position_mm = vec3_scale(out, 480),
-                               .axis = vec3(0, 1, 0),
-                               .normal = vec3_cross(vec3(0, 1, 0), vec3_scale(out, -1))};
-    }
-    return rig;
+    return two_lasers_world(SIDE, 0.02, "turntable_albedo = 0.04\n",
+                            "kind = weave\nwidth_mm = 31\nheight_mm = 31\nrelief_mm = 1.2\n"
+                            "period_mm = 6.25\n");
 }
 
 struct planes {
@@ -111,7 +82,7 @@ static double compare(World *world, const MdfView *view, double *ret_coverage) {
 static void test_slipped(void) {
     static const struct laser_known known = {1e-4, 1e-4};
     g_autoptr(World) world = new_world();
-    const struct rig rig = new_rig();
+    const struct rig rig = two_lasers_rig(SIDE);
     g_autoptr(LaserRegion) region =
         laser_region_new(&rig, &rig.cameras[0], turntable_deg * DEGREE, &table);
     g_autoptr(MdfView) with = mdf_view_new(&rig.cameras[0], turntable_deg * DEGREE, &grid);
