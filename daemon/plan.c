@@ -4,237 +4,13 @@
 
 #include "intake.h"
 
-#define DEG(rad)            ((rad) * (180 / G_PI))
-#define RAD(deg)            ((deg) * (G_PI / 180))
-#define FULL_TURN           ((gint64)360 * UDEG)
-#define THETA_TOLERANCE_DEG 0.5
+#define DEG(rad) ((rad) * (180 / G_PI))
+#define RAD(deg) ((deg) * (G_PI / 180))
 
 G_DEFINE_QUARK(plan_error, plan_error)
 
-/* What stands somewhere in the rig: cameras, or lamps or lasers with the arc at 0. */
-struct stand {
-    const char *name;
-    double theta_deg;
-    gint64 phi_udeg;
-};
-
-/* All cameras that show a view at one angle of the turntable. */
-struct turn {
-    gint64 udeg;
-    guint32 cameras;
-};
-
-struct build {
-    const struct session_conf *conf;
-    const struct rig *rig;
-    const struct rig_timing *timing;
-    double radius_mm;                /* around the sample */
-    GArray *views, *lights, *lasers; /* of struct session_direction */
-    GArray *turns;                   /* of struct turn */
-    GArray *azimuths;                /* of gint64: α − τ that light some direction */
-    GArray *light_at, *laser_at; /* of int: which of them each light and laser position is lit at */
-    GArray *poses;               /* of struct plan_pose */
-    GHashTable *pose_index;      /* of poses, number + 1 */
-    GArray *shots;               /* of struct session_shot; pose: index into poses */
-    GPtrArray *notes;            /* char * */
-    GArray *note_counts;         /* of int */
-};
-
-static gint64 wrap(gint64 udeg) {
-    return (udeg % FULL_TURN + FULL_TURN) % FULL_TURN;
-}
-
-gboolean plan_axis_reach(const struct axis_motion *motion, gint64 udeg, gint64 *ret_udeg) {
-    gint64 min = (gint64)ceil(motion->min_deg * UDEG - 0.5);
-    gint64 max = (gint64)floor(motion->max_deg * UDEG + 0.5);
-    gint64 up = wrap(udeg), down = up - FULL_TURN;
-
-    if (motion->wraps) {
-        *ret_udeg = up;
-        return TRUE;
-    }
-    if (up < min)
-        up += (min - up + FULL_TURN - 1) / FULL_TURN * FULL_TURN;
-    if (down > max)
-        down -= (down - max + FULL_TURN - 1) / FULL_TURN * FULL_TURN;
-    gboolean up_fits = up <= max, down_fits = down >= min;
-    *ret_udeg = up_fits && (!down_fits || ABS(up) <= ABS(down)) ? up : down;
-    return up_fits || down_fits;
-}
-
-static struct stand stand_of(const char *name, struct vec3 position_mm) {
-    double theta, phi;
-
-    rig_angles(position_mm, &theta, &phi);
-    if (sin(theta) < 1e-6) /* overhead, every azimuth is as good */
-        phi = 0;
-    return (struct stand){name, DEG(theta), wrap(llround(DEG(phi) * UDEG))};
-}
-
-struct stands {
-    const char *kind, *section; /* for messages */
-    enum plan_error missing;
-    struct stand list[MAX(RIG_MAX_CAMERAS, MAX(RIG_MAX_LAMPS, RIG_MAX_LASERS))];
-    int n;
-};
-
-static gboolean none_stands(const struct stands *stands, double theta_deg, GError **error) {
-    g_autoptr(GString) there = g_string_new(NULL);
-
-    for (int i = 0; i < stands->n; i++)
-        g_string_append_printf(there, "%s%.4g° (%s)", i ? ", " : "", stands->list[i].theta_deg,
-                               stands->list[i].name);
-    g_set_error(error, PLAN_ERROR, stands->missing,
-                "[%s]: no %s stands at elevation %g° (within %g°); there are: %s. Change the rings "
-                "in the session file, or the rig file",
-                stands->section, stands->kind, theta_deg, THETA_TOLERANCE_DEG,
-                stands->n ? there->str : "none");
-    return FALSE;
-}
-
-static int find_udeg(const GArray *list, gsize stride, gint64 udeg) {
-    for (guint i = 0; i < list->len; i++)
-        if (*(const gint64 *)(list->data + i * stride) == udeg)
-            return (int)i;
-    return -1;
-}
-
-/* The device for one direction: of those at its elevation, one that the axis can bring there, if
- * possible by an angle that is needed anyway, so that no pose is added. */
-static int choose(const struct stands *stands, double theta_deg, gint64 phi_udeg, int sign,
-                  const GArray *angles, gsize stride, const struct axis_motion *limits,
-                  gint64 *ret_udeg) {
-    int chosen = -1, best = -1;
-
-    for (int i = 0; i < stands->n; i++) {
-        if (fabs(stands->list[i].theta_deg - theta_deg) > THETA_TOLERANCE_DEG)
-            continue;
-        gint64 udeg = wrap(sign * (stands->list[i].phi_udeg - phi_udeg));
-        gboolean reached = !limits || plan_axis_reach(limits, udeg, &udeg);
-        int merit = 2 * reached + (find_udeg(angles, stride, udeg) >= 0);
-        if (merit > best) {
-            best = merit;
-            chosen = i;
-            *ret_udeg = udeg;
-        }
-    }
-    return chosen;
-}
-
-static struct session_direction direction_of(const struct stands *stands, int device, int index,
-                                             double theta_deg, double phi_deg) {
-    struct session_direction d = {
-        .index = index, .device = device, .theta_deg = theta_deg, .phi_deg = phi_deg};
-
-    if (fabs(stands->list[device].theta_deg - theta_deg) > 1e-6)
-        d.note = g_strdup_printf("%s stands at elevation %.4g°", stands->list[device].name,
-                                 stands->list[device].theta_deg);
-    return d;
-}
-
-static double ring_phi_deg(const struct ring *ring, int k) {
-    double phi = fmod(ring->offset_deg + 360.0 * k / ring->count, 360);
-
-    phi = phi < 0 ? phi + 360 : phi;
-    return phi >= 360 ? 0 : phi;
-}
-
-static gboolean cannot_turn(const struct axis_motion *limits, const char *camera, double theta_deg,
-                            double phi_deg, gint64 udeg, GError **error) {
-    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
-                "[views]: the turntable cannot turn to %g°, from where %s would see theta %g° phi "
-                "%g°: its limits are %g° to %g°. Change the rings or the limits in the rig file",
-                (double)udeg / UDEG, camera, theta_deg, phi_deg, limits->min_deg, limits->max_deg);
-    return FALSE;
-}
-
-static void add_turn(struct build *b, gint64 udeg, int camera) {
-    int at = find_udeg(b->turns, sizeof(struct turn), udeg);
-
-    if (at < 0) {
-        struct turn turn = {udeg, 0};
-        g_array_append_val(b->turns, turn);
-        at = (int)b->turns->len - 1;
-    }
-    g_array_index(b->turns, struct turn, at).cameras |= 1u << camera;
-}
-
-/* A camera at azimuth φ_c sees the sample from φ_c − τ. */
-static gboolean add_view(struct build *b, const struct stands *cameras, double theta_deg,
-                         double phi_deg, GError **error) {
-    const struct axis_motion *limits = &b->timing->turntable;
-    gint64 udeg = 0;
-    int camera = choose(cameras, theta_deg, llround(phi_deg * UDEG), 1, b->turns,
-                        sizeof(struct turn), limits, &udeg);
-
-    if (camera < 0)
-        return none_stands(cameras, theta_deg, error);
-    if (!plan_axis_reach(limits, udeg, &udeg))
-        return cannot_turn(limits, cameras->list[camera].name, theta_deg, phi_deg, udeg, error);
-    add_turn(b, udeg, camera);
-    struct session_direction d =
-        direction_of(cameras, camera, (int)b->views->len, theta_deg, phi_deg);
-    d.turntable_deg = (double)udeg / UDEG;
-    g_array_append_val(b->views, d);
-    return TRUE;
-}
-
-static gboolean add_views(struct build *b, const struct stands *cameras, GError **error) {
-    for (int r = 0; r < b->conf->n_views; r++) {
-        const struct ring *ring = &b->conf->views[r];
-        for (int k = 0; k < ring->count; k++)
-            if (!add_view(b, cameras, ring->theta_deg, ring_phi_deg(ring, k), error))
-                return FALSE;
-    }
-    return TRUE;
-}
-
-/* A lamp on the arc is seen from the sample at φ = α − τ (plus its own azimuth at α = 0). */
-static gboolean add_sources(struct build *b, const struct stands *stands, const struct ring *rings,
-                            int n_rings, GArray *directions, GArray *lit_at, GError **error) {
-    for (int r = 0; r < n_rings; r++)
-        for (int k = 0; k < rings[r].count; k++) {
-            double phi_deg = ring_phi_deg(&rings[r], k);
-            gint64 udeg = 0;
-            int device = choose(stands, rings[r].theta_deg, llround(phi_deg * UDEG), -1,
-                                b->azimuths, sizeof(gint64), NULL, &udeg);
-            if (device < 0)
-                return none_stands(stands, rings[r].theta_deg, error);
-            int at = find_udeg(b->azimuths, sizeof(gint64), udeg);
-            if (at < 0) {
-                g_array_append_val(b->azimuths, udeg);
-                at = (int)b->azimuths->len - 1;
-            }
-            struct session_direction d =
-                direction_of(stands, device, (int)directions->len, rings[r].theta_deg, phi_deg);
-            g_array_append_val(directions, d);
-            g_array_append_val(lit_at, at);
-        }
-    return TRUE;
-}
-
-static gboolean add_directions(struct build *b, GError **error) {
-    const struct rig *rig = b->rig;
-    struct stands cameras = {.kind = "camera", .section = "views", .missing = PLAN_ERROR_NO_CAMERA};
-    struct stands lamps = {.kind = "lamp", .section = "lights", .missing = PLAN_ERROR_NO_LAMP};
-    struct stands lasers = {.kind = "laser", .section = "lasers", .missing = PLAN_ERROR_NO_LASER};
-
-    for (int i = 0; i < rig->n_cameras; i++)
-        cameras.list[cameras.n++] =
-            stand_of(rig->cameras[i].name, rig_camera_centre_mm(&rig->cameras[i]));
-    for (int i = 0; i < rig->n_lamps; i++)
-        lamps.list[lamps.n++] = stand_of(rig->lamps[i].name, rig->lamps[i].position_mm);
-    for (int i = 0; i < rig->n_lasers; i++)
-        lasers.list[lasers.n++] = stand_of(rig->lasers[i].name, rig->lasers[i].position_mm);
-    return add_views(b, &cameras, error) &&
-           add_sources(b, &lamps, b->conf->lights, b->conf->n_lights, b->lights, b->light_at,
-                       error) &&
-           add_sources(b, &lasers, b->conf->lasers, b->conf->n_lasers, b->lasers, b->laser_at,
-                       error);
-}
-
-static int pose_for(struct build *b, gint64 turn_udeg, gint64 arc_udeg) {
-    gint64 key = turn_udeg * 4 * FULL_TURN + arc_udeg;
+static int pose_for(struct plan_build *b, gint64 turn_udeg, gint64 arc_udeg) {
+    gint64 key = turn_udeg * 4 * PLAN_FULL_TURN + arc_udeg;
     int index = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
 
     if (index < 0) {
@@ -247,7 +23,7 @@ static int pose_for(struct build *b, gint64 turn_udeg, gint64 arc_udeg) {
 }
 
 /* The sweep angles at which the sheet passes the edges of the sample's box. */
-static gboolean set_sweep(const struct build *b, struct session_shot *shot, GError **error) {
+static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot, GError **error) {
     const struct session_grid *grid = &b->conf->grid;
     const struct rig_laser *laser = &b->rig->lasers[shot->device];
     const struct axis_motion *limits = &b->timing->sweep[shot->device];
@@ -284,8 +60,9 @@ struct pose_plan { /* shots of some cameras in one pose */
     const char *note;
 };
 
-static gboolean add_shot(struct build *b, const struct pose_plan *p, enum session_shot_kind kind,
-                         const struct session_direction *source, GError **error) {
+static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
+                         enum session_shot_kind kind, const struct session_direction *source,
+                         GError **error) {
     struct session_shot shot = {.kind = kind,
                                 .pose = pose_for(b, p->turn_udeg, p->arc_udeg),
                                 .turntable_deg = (double)p->turn_udeg / UDEG,
@@ -302,7 +79,7 @@ static gboolean add_shot(struct build *b, const struct pose_plan *p, enum sessio
     return TRUE;
 }
 
-static gboolean add_shots(struct build *b, const struct pose_plan *p, GError **error) {
+static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GError **error) {
     if (!p->cameras)
         return TRUE;
     for (guint i = 0; i < b->lights->len; i++)
@@ -319,7 +96,7 @@ static gboolean add_shots(struct build *b, const struct pose_plan *p, GError **e
 }
 
 /* Positions, with the arc at 0, of the lights that shine at one azimuth. */
-static int lights_at(const struct build *b, int azimuth,
+static int lights_at(const struct plan_build *b, int azimuth,
                      struct vec3 ret[RIG_MAX_LAMPS + RIG_MAX_LASERS]) {
     gboolean lamp[RIG_MAX_LAMPS] = {FALSE}, laser[RIG_MAX_LASERS] = {FALSE};
     int n = 0;
@@ -349,7 +126,7 @@ static char *camera_names(const struct rig *rig, guint32 cameras) {
 }
 
 /* Notes of the same text are counted. */
-static void note(struct build *b, const char *text) {
+static void note(struct plan_build *b, const char *text) {
     int one = 1;
 
     for (guint i = 0; i < b->notes->len; i++)
@@ -371,7 +148,7 @@ static gboolean refuse_blocked(const struct pose_plan *p, const char *names, GEr
 }
 
 /* Cameras in whose picture the arc stands get a pose of their own, or none. */
-static gboolean add_blocked(struct build *b, struct pose_plan p, const struct vec3 *lights,
+static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const struct vec3 *lights,
                             int n_lights, GError **error) {
     g_autofree char *names = camera_names(b->rig, p.cameras), *text = NULL;
     gint64 shift;
@@ -394,7 +171,8 @@ static gboolean add_blocked(struct build *b, struct pose_plan p, const struct ve
     return add_shots(b, &p, error);
 }
 
-static gboolean add_pose(struct build *b, const struct turn *turn, int azimuth, GError **error) {
+static gboolean add_pose(struct plan_build *b, const struct plan_turn *turn, int azimuth,
+                         GError **error) {
     struct vec3 lights[RIG_MAX_LAMPS + RIG_MAX_LASERS];
     int n_lights = lights_at(b, azimuth, lights);
     gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, gint64, azimuth);
@@ -405,7 +183,7 @@ static gboolean add_pose(struct build *b, const struct turn *turn, int azimuth, 
             error, PLAN_ERROR, PLAN_ERROR_LIMITS,
             "the light arc cannot turn to %g°, which the turntable at %g° needs: its limits "
             "are %g° to %g°. Leave out directions, or change the limits in the rig file",
-            (double)wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG, b->timing->arc.min_deg,
+            (double)plan_wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG, b->timing->arc.min_deg,
             b->timing->arc.max_deg);
         return FALSE;
     }
@@ -418,20 +196,20 @@ static gboolean add_pose(struct build *b, const struct turn *turn, int azimuth, 
     return !blocked || add_blocked(b, p, lights, n_lights, error);
 }
 
-static gboolean add_poses(struct build *b, GError **error) {
+static gboolean add_poses(struct plan_build *b, GError **error) {
     struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
 
     for (guint t = 0; t < b->turns->len; t++)
-        dark.cameras |= g_array_index(b->turns, struct turn, t).cameras;
+        dark.cameras |= g_array_index(b->turns, struct plan_turn, t).cameras;
     g_array_append_val(b->shots, dark);
     for (guint t = 0; t < b->turns->len; t++)
         for (guint a = 0; a < b->azimuths->len; a++)
-            if (!add_pose(b, &g_array_index(b->turns, struct turn, t), (int)a, error))
+            if (!add_pose(b, &g_array_index(b->turns, struct plan_turn, t), (int)a, error))
                 return FALSE;
     return TRUE;
 }
 
-static gboolean check_exposure(const struct build *b, int camera, double exposure_us,
+static gboolean check_exposure(const struct plan_build *b, int camera, double exposure_us,
                                const char *key, GError **error) {
     gint64 min = b->timing->min_exposure_us[camera], max = b->timing->max_exposure_us[camera];
 
@@ -444,7 +222,7 @@ static gboolean check_exposure(const struct build *b, int camera, double exposur
     return FALSE;
 }
 
-static gboolean check_exposures(const struct build *b, GError **error) {
+static gboolean check_exposures(const struct plan_build *b, GError **error) {
     const struct session_conf *conf = b->conf;
 
     for (guint v = 0; v < b->views->len; v++) {
@@ -460,7 +238,7 @@ static gboolean check_exposures(const struct build *b, GError **error) {
     return TRUE;
 }
 
-static guint64 bytes_of(const struct build *b, const struct session_shot *shot, int n_frames) {
+static guint64 bytes_of(const struct plan_build *b, const struct session_shot *shot, int n_frames) {
     guint64 pixels = 0;
 
     for (int c = 0; c < b->rig->n_cameras; c++)
@@ -474,7 +252,7 @@ static guint64 bytes_of(const struct build *b, const struct session_shot *shot, 
     return pixels * 4 * (3 + (b->conf->keep_laser_frames ? (guint64)n_frames : 0));
 }
 
-static void count(const struct build *b, struct plan *plan) {
+static void count(const struct plan_build *b, struct plan *plan) {
     for (guint i = 0; i < b->shots->len; i++) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
@@ -485,7 +263,7 @@ static void count(const struct build *b, struct plan *plan) {
     }
 }
 
-static void take_notes(struct build *b, struct plan *plan) {
+static void take_notes(struct plan_build *b, struct plan *plan) {
     for (guint i = 0; i < b->notes->len; i++) {
         int n = g_array_index(b->note_counts, int, i);
         g_ptr_array_add(plan->notes, g_strdup_printf("%d pose%s: %s", n, n == 1 ? "" : "s",
@@ -493,7 +271,7 @@ static void take_notes(struct build *b, struct plan *plan) {
     }
 }
 
-static void predict(struct build *b, struct plan *plan) {
+static void predict(struct plan_build *b, struct plan *plan) {
     const struct plan_pose *poses = (const struct plan_pose *)(gpointer)b->poses->data;
     int n_poses = (int)b->poses->len;
     g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
@@ -511,7 +289,7 @@ static void predict(struct build *b, struct plan *plan) {
 }
 
 /* How often somebody has to mount a laser in the order that was found. */
-static int count_mounts(const struct build *b) {
+static int count_mounts(const struct plan_build *b) {
     int in_place[RIG_MAX_LASERS], n = 0;
 
     for (int i = 0; i < RIG_MAX_LASERS; i++)
@@ -527,7 +305,7 @@ static int count_mounts(const struct build *b) {
     return n;
 }
 
-static struct plan *finish(struct build *b) {
+static struct plan *finish(struct plan_build *b) {
     struct plan *plan = g_new0(struct plan, 1);
 
     plan->notes = g_ptr_array_new_with_free_func(g_free);
@@ -565,11 +343,11 @@ static GArray *owning_array(gsize size, GDestroyNotify clear) {
     return array;
 }
 
-static void build_init(struct build *b) {
+static void build_init(struct plan_build *b) {
     b->views = owning_array(sizeof(struct session_direction), clear_direction);
     b->lights = owning_array(sizeof(struct session_direction), clear_direction);
     b->lasers = owning_array(sizeof(struct session_direction), clear_direction);
-    b->turns = g_array_new(FALSE, FALSE, sizeof(struct turn));
+    b->turns = g_array_new(FALSE, FALSE, sizeof(struct plan_turn));
     b->azimuths = g_array_new(FALSE, FALSE, sizeof(gint64));
     b->light_at = g_array_new(FALSE, FALSE, sizeof(int));
     b->laser_at = g_array_new(FALSE, FALSE, sizeof(int));
@@ -580,7 +358,7 @@ static void build_init(struct build *b) {
     b->note_counts = g_array_new(FALSE, FALSE, sizeof(int));
 }
 
-static void build_clear(struct build *b) {
+static void build_clear(struct plan_build *b) {
     g_clear_pointer(&b->views, g_array_unref);
     g_clear_pointer(&b->lights, g_array_unref);
     g_clear_pointer(&b->lasers, g_array_unref);
@@ -613,13 +391,13 @@ static void add_place(const struct session_conf *conf, GError *error) {
 
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error) {
-    struct build b = {.conf = conf, .rig = rig, .timing = timing};
+    struct plan_build b = {.conf = conf, .rig = rig, .timing = timing};
     struct plan *plan = NULL;
     GError *why = NULL;
 
     b.radius_mm = hypot(conf->grid.width_mm, conf->grid.height_mm) / 2;
     build_init(&b);
-    if (add_directions(&b, &why) && check_exposures(&b, &why) && add_poses(&b, &why))
+    if (plan_add_directions(&b, &why) && check_exposures(&b, &why) && add_poses(&b, &why))
         plan = finish(&b);
     else
         add_place(conf, why);

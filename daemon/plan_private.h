@@ -1,18 +1,47 @@
 /*
- * What the parts of the planner share: plan.c makes shots of directions, plan_blocked.c keeps the
- * arc out of the pictures, plan_tour.c orders poses, plan_order.c the shots, plan_search.c improves
- * both, plan_time.c predicts time.
+ * What the parts of the planner share: plan_directions.c finds the angles that show each direction,
+ * plan.c makes shots of them, plan_blocked.c keeps the arc out of the pictures, plan_tour.c orders
+ * poses, plan_order.c the shots, plan_search.c improves both, plan_time.c predicts time.
  */
 #pragma once
 
 #include "plan.h"
 
 /* Angles of poses are counted in millionths of a degree, so that equal ones are equal. */
-#define UDEG 1000000
+#define UDEG           1000000
+#define PLAN_FULL_TURN ((gint64)360 * UDEG)
 
 struct plan_pose {
     gint64 turntable_udeg, arc_udeg;
 };
+
+/* All cameras that show a view at one angle of the turntable. */
+struct plan_turn {
+    gint64 udeg;
+    guint32 cameras;
+};
+
+struct plan_build {
+    const struct session_conf *conf;
+    const struct rig *rig;
+    const struct rig_timing *timing;
+    double radius_mm;                /* around the sample */
+    GArray *views, *lights, *lasers; /* of struct session_direction */
+    GArray *turns;                   /* of struct plan_turn */
+    GArray *azimuths;                /* of gint64: α − τ that light some direction */
+    GArray *light_at, *laser_at; /* of int: which of them each light and laser position is lit at */
+    GArray *poses;               /* of struct plan_pose */
+    GHashTable *pose_index;      /* of poses, number + 1 */
+    GArray *shots;               /* of struct session_shot; pose: index into poses */
+    GPtrArray *notes;            /* char * */
+    GArray *note_counts;         /* of int */
+};
+
+/* Views, lights and laser positions of a session, with the angles of turntable and arc that show
+ * them. Errors PLAN_ERROR_NO_CAMERA, _NO_LAMP, _NO_LASER, _LIMITS. */
+gboolean plan_add_directions(struct plan_build *b, GError **error);
+
+gint64 plan_wrap(gint64 udeg); /* into [0, PLAN_FULL_TURN) */
 
 /* The position of an axis for an angle: that in [0, 360) if the axis wraps, else the one within its
  * limits that is nearest to 0. FALSE if there is none. */
