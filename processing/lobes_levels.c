@@ -43,7 +43,8 @@ gboolean lobes_write_levels(const char *path, struct lobes *const *levels, int n
 int lobes_read_levels(const char *path, struct lobes *ret_levels[LOBES_MAX_LEVELS],
                       GError **error) {
     struct exr_file *file = exr_read(path, error);
-    const int n = file ? MIN(mip_parts_count(file, "views"), LOBES_MAX_LEVELS) : 0;
+    const int there = file ? mip_parts_count(file, "views", path, error) : 0;
+    const int n = MIN(there, LOBES_MAX_LEVELS);
     int level = 0;
     for (; level < n; level++) {
         struct exr_file *one = mip_parts_take(file, level);

@@ -63,13 +63,15 @@ gboolean lpca_write_levels(const char *path, struct lpca *const *levels, int n, 
     return ok;
 }
 
-static int count_levels(const struct exr_file *file) {
-    return MIN(mip_parts_count(file, "clusters"), LPCA_MAX_LEVELS);
+/* 0 with an error. */
+static int count_levels(const struct exr_file *file, const char *path, GError **error) {
+    const int n = file ? mip_parts_count(file, "clusters", path, error) : 0;
+    return MIN(n, LPCA_MAX_LEVELS);
 }
 
 int lpca_count_levels(const char *path, GError **error) {
     struct exr_file *file = exr_read_headers(path, error);
-    const int n = file ? count_levels(file) : 0;
+    const int n = count_levels(file, path, error);
     exr_file_free(file);
     return n;
 }
@@ -83,11 +85,12 @@ static struct lpca *take_level(struct exr_file *file, int level, const char *pat
 
 struct lpca *lpca_read_level(const char *path, int level, GError **error) {
     struct exr_file *file = exr_read(path, error);
+    const int n = count_levels(file, path, error);
     struct lpca *lpca = NULL;
-    if (file && (level < 0 || level >= count_levels(file)))
+    if (n > 0 && (level < 0 || level >= n))
         g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING, "%s: there is no mip level %d, but %d",
-                    path, level, count_levels(file));
-    else if (file)
+                    path, level, n);
+    else if (n > 0)
         lpca = take_level(file, level, path, error);
     exr_file_free(file);
     return lpca;
@@ -95,7 +98,7 @@ struct lpca *lpca_read_level(const char *path, int level, GError **error) {
 
 int lpca_read_levels(const char *path, struct lpca *ret_levels[LPCA_MAX_LEVELS], GError **error) {
     struct exr_file *file = exr_read(path, error);
-    const int n = file ? count_levels(file) : 0;
+    const int n = count_levels(file, path, error);
     int level = 0;
     for (; level < n; level++) {
         ret_levels[level] = take_level(file, level, path, error);

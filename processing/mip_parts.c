@@ -21,12 +21,33 @@ void mip_parts_add(struct exr_file *file, struct exr_file *level, int number) {
     exr_file_free(level);
 }
 
-int mip_parts_count(const struct exr_file *file, const char *part) {
+/* Of which level a part is by its name. */
+static gint64 number_of(const struct exr_part *part) {
+    char *end = NULL;
+    if (!g_str_has_prefix(part->name, "mip") || !g_ascii_isdigit(part->name[3]))
+        return 0;
+    const gint64 number = g_ascii_strtoll(part->name + 3, &end, 10);
+    return *end == '.' ? number : 0;
+}
+
+int mip_parts_count(const struct exr_file *file, const char *part, const char *path,
+                    GError **error) {
     for (int n = 1;; n++) {
         g_autofree char *prefix = prefix_of(n);
         g_autofree char *name = g_strconcat(prefix, part, NULL);
-        if (!exr_file_part(file, name))
-            return n;
+        if (exr_file_part(file, name))
+            continue;
+        for (guint i = 0; i < file->parts->len; i++) {
+            const struct exr_part *other = file->parts->pdata[i];
+            if (number_of(other) < n)
+                continue;
+            g_set_error(
+                error, EXR_ERROR, EXR_ERROR_MISSING,
+                "%s: has a part \"%s\", but no \"%s\"; copy the file again or compress anew", path,
+                other->name, name);
+            return 0;
+        }
+        return n;
     }
 }
 

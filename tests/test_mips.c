@@ -219,6 +219,54 @@ static void test_file(void) {
     g_rmdir(folder);
 }
 
+/* The file without one part, or without all parts that begin so. */
+static void write_without(const char *path, const char *from, const char *prefix) {
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_read(from, &error);
+    g_assert_no_error(error);
+    for (guint k = file->parts->len; k-- > 0;) {
+        const struct exr_part *part = file->parts->pdata[k];
+        if (g_str_has_prefix(part->name, prefix))
+            g_ptr_array_remove_index(file->parts, k);
+    }
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+    exr_file_free(file);
+}
+
+/* A level that lacks the part by which levels are counted is not the end of them. */
+static void test_lacking(void) {
+    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    g_autofree char *whole = g_build_filename(folder, "whole.exr", NULL);
+    g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
+    static const char *const lacking[] = {"mip1.views", "mip2.views", "mip1."};
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = new_btf();
+    const struct lobes_options options = {.model = LOBES_PTM};
+    struct lobes *levels[LOBES_MAX_LEVELS], *back[LOBES_MAX_LEVELS];
+    g_assert_cmpint(lobes_compute_levels(btf, &options, levels, &error), ==, 3);
+    g_assert_true(lobes_write_levels(whole, levels, 3, &error));
+    for (gsize k = 0; k < G_N_ELEMENTS(lacking); k++) {
+        write_without(path, whole, lacking[k]);
+        g_assert_cmpint(lobes_read_levels(path, back, &error), ==, 0);
+        g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
+        g_test_message("%s", error->message);
+        g_assert_nonnull(strstr(error->message, path));
+        g_assert_nonnull(strstr(error->message, lacking[k]));
+        g_clear_error(&error);
+    }
+    write_without(path, whole, "mip2.");
+    g_assert_cmpint(lobes_read_levels(path, back, &error), ==, 2);
+    g_assert_no_error(error);
+    for (int k = 0; k < 3; k++)
+        lobes_free(levels[k]);
+    for (int k = 0; k < 2; k++)
+        lobes_free(back[k]);
+    btf_matrix_free(btf);
+    g_unlink(whole);
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
 /* A level that is not half of the one before, or of another model, is refused with a sentence. */
 static void test_bad(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
@@ -247,6 +295,7 @@ static void test_bad(struct fixture *f, gconstpointer data) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/mips/file", test_file);
+    g_test_add_func("/mips/lacking", test_lacking);
     g_test_add("/mips/far", struct fixture, NULL, set_up, test_far, tear_down);
     g_test_add("/mips/bad", struct fixture, NULL, set_up, test_bad, tear_down);
     return g_test_run();
