@@ -295,7 +295,7 @@ static gboolean add_scene(struct reader *r, GError **error) {
 }
 
 static gboolean all_finite(const struct reader *r, GError **error) {
-    const float *values = row_of(r->soup.positions, 0, 3);
+    const float *values = (const float *)(const void *)r->soup.positions->data; /* or NULL */
     for (gsize k = 0; k < 3 * (gsize)r->soup.positions->len; k++)
         if (!(fabsf(values[k]) <= 1e18f))
             return fail(r, SCENE_ERROR_FORMAT, error, "a node puts its mesh infinitely far away");

@@ -334,6 +334,7 @@ static void test_refused(void) {
     refuse_square(MESH(ATTRIBUTES "}, \"indices\": 0"), SCENE_ERROR_FORMAT, "another type");
     refuse_square(MESH(ATTRIBUTES "}, \"indices\": 99"), SCENE_ERROR_FORMAT, "number 99");
     refuse_square(MESH(ATTRIBUTES "}, \"mode\": 9"), SCENE_ERROR_FORMAT, "mode");
+    refuse_square("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{}]", SCENE_ERROR_FORMAT, "a.gltf");
     refuse_square("\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0, \"scale\": [1e300, "
                   "1, 1]}], " MESH(ATTRIBUTES "}, \"indices\": 4"),
                   SCENE_ERROR_FORMAT, "infinitely far");

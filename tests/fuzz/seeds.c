@@ -7,6 +7,7 @@
 #include "processing/lpca.h"
 
 #include <glib/gstdio.h>
+#include <string.h>
 
 #define SIDE 3
 
@@ -91,6 +92,49 @@ static void write_lpca(const char *folder) {
     }
 }
 
+static void write_shape(const char *folder, const char *name, const void *bytes, gsize size) {
+    g_autofree char *path = file_in(folder, "shape", name);
+    g_assert_true(g_file_set_contents(path, bytes, (gssize)size, NULL));
+}
+
+/* JSON that takes its buffer from there: a triangle with texture coordinates. */
+static char *triangle_json(const char *buffer) {
+    return g_strdup_printf(
+        "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],\"nodes\":[{"
+        "\"mesh\":0,\"scale\":[1,2,1]}],\"meshes\":[{\"primitives\":[{\"attributes\":{"
+        "\"POSITION\":0,\"TEXCOORD_0\":1},\"indices\":2}]}],\"accessors\":[{\"bufferView\":0,"
+        "\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"},{\"bufferView\":1,"
+        "\"componentType\":5126,\"count\":3,\"type\":\"VEC2\"},{\"bufferView\":2,"
+        "\"componentType\":5125,\"count\":3,\"type\":\"SCALAR\"}],\"bufferViews\":[{\"buffer\":0,"
+        "\"byteLength\":36},{\"buffer\":0,\"byteOffset\":36,\"byteLength\":24},{\"buffer\":0,"
+        "\"byteOffset\":60,\"byteLength\":12}],\"buffers\":[{\"byteLength\":72%s}]}",
+        buffer);
+}
+
+static void write_shapes(const char *folder) {
+    static const char obj[] = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n"
+                              "vn 0 0 1\nf 1/1/1 2/2/1 3/3/1\nf -4/1 -2/3 -1/2\n";
+    static const struct {
+        float positions[9], uvs[6];
+        guint32 indices[3];
+    } buffer = {{0, 0, 0, 1, 0, 0, 0, 1, 0}, {0, 0, 1, 0, 0, 1}, {0, 1, 2}};
+    g_autofree char *base64 = g_base64_encode((const guchar *)&buffer, sizeof buffer);
+    g_autofree char *uri =
+        g_strconcat(",\"uri\":\"data:application/octet-stream;base64,", base64, "\"", NULL);
+    g_autofree char *text = triangle_json(uri), *json = triangle_json("");
+    const guint32 length = (guint32)strlen(json), binary = sizeof buffer;
+    const guint32 head[5] = {0x46546c67, 2, 28 + length + binary, length, 0x4e4f534a};
+    const guint32 next[2] = {binary, 0x004e4942};
+    g_autoptr(GByteArray) glb = g_byte_array_new();
+    g_byte_array_append(glb, (const guint8 *)head, sizeof head);
+    g_byte_array_append(glb, (const guint8 *)json, length);
+    g_byte_array_append(glb, (const guint8 *)next, sizeof next);
+    g_byte_array_append(glb, (const guint8 *)&buffer, sizeof buffer);
+    write_shape(folder, "shape.obj", obj, strlen(obj));
+    write_shape(folder, "shape.gltf", text, strlen(text));
+    write_shape(folder, "shape.glb", glb->data, glb->len);
+}
+
 static void write_calibration(const char *folder, const char *rig_path) {
     g_autofree char *path = file_in(folder, "calibration", "small.conf");
     g_autofree struct rig *rig = g_new0(struct rig, 1);
@@ -105,5 +149,6 @@ int main(int argc, char **argv) {
     write_exrs(argv[1]);
     write_maps(argv[1]);
     write_lpca(argv[1]);
+    write_shapes(argv[1]);
     return 0;
 }
