@@ -22,6 +22,12 @@
 #define COMPONENTS    8
 #define MOST_ROUNDING 4 /* times that rounding may ask for another component */
 
+/* How often rounding has asked for another error, and for which; it is kept as it is. */
+struct rounding {
+    gint64 times;
+    double target;
+};
+
 struct compress {
     const char *path;
     gboolean eigenmaps, lobes;
@@ -35,6 +41,8 @@ struct compress {
     gint64 memory; /* 0: any */
     gboolean mips;
     const char *output; /* NULL: products/lpca.exr */
+    Unfinished *unfinished;
+    struct rounding rounding;
     /* found */
     char *written;
     int texels, views, lights, used_clusters, used_components, levels;
@@ -82,17 +90,22 @@ static struct lpca *compute_rounded(struct compress *compress, const struct btf_
 /* What rounding adds (errors add in squares) is taken off the error that is to be reached. */
 static struct lpca *compute(struct compress *compress, const struct btf_matrix *btf,
                             struct lpca_options *options, GError **error) {
-    for (int i = 0; i < MOST_ROUNDING; i++) {
+    struct rounding *rounding = &compress->rounding;
+    const struct rounding *found = unfinished_get(compress->unfinished, "rounding", sizeof *found);
+    *rounding = found ? *found : (struct rounding){0, options->target};
+    unfinished_keep(compress->unfinished, "rounding", rounding, sizeof *rounding);
+    for (; rounding->times < MOST_ROUNDING; rounding->times++) {
+        options->target = rounding->target;
         struct lpca *lpca = compute_rounded(compress, btf, options, error);
         if (!lpca || compress->target <= 0 || compress->error <= compress->target)
             return lpca;
         lpca_free(lpca);
-        const double rounding =
+        const double added =
             compress->error * compress->error - compress->exact_error * compress->exact_error;
-        const double left = compress->target * compress->target - rounding;
+        const double left = compress->target * compress->target - added;
         if (left <= 0)
             break;
-        options->target = MIN(sqrt(left), compress->exact_error) * (1 - 1e-6);
+        rounding->target = MIN(sqrt(left), compress->exact_error) * (1 - 1e-6);
     }
     g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
                 "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; quantise "
@@ -139,6 +152,7 @@ static gboolean add_levels(struct compress *compress, const struct btf_matrix *b
         fixed.clusters = now.n_clusters = MIN(compress->used_clusters, half->width * half->height);
         now.n_components = compress->used_components;
         fixed.target = now.target = 0;
+        now.unfinished = NULL; /* a third of the work in all */
         struct lpca *lpca = compute_rounded(&fixed, half, &now, error);
         struct btf_matrix *next = lpca ? btf_matrix_halved(half) : NULL;
         btf_matrix_free(half);
@@ -166,6 +180,7 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
         .progress = progress,
         .data = progress_data,
         .cancellable = cancellable,
+        .unfinished = compress->unfinished,
     };
     if (compress->memory > 0) {
         const gint64 values =
@@ -253,10 +268,9 @@ static gboolean note_lobes(struct compress *compress, struct lobes *const *level
 static gboolean make_lobes(struct compress *compress, const struct btf_matrix *btf,
                            PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
                            GError **error) {
-    g_autofree char *unfinished = g_strconcat(compress->written, ".unfinished", NULL);
     const struct lobes_options options = {.model = compress->model,
                                           .n_lobes = compress->components,
-                                          .unfinished = unfinished,
+                                          .unfinished = compress->unfinished,
                                           .progress = progress,
                                           .data = progress_data,
                                           .cancellable = cancellable};
@@ -269,11 +283,24 @@ static gboolean make_lobes(struct compress *compress, const struct btf_matrix *b
     const gboolean ok = n > 0 && note_lobes(compress, levels, n, error) &&
                         lobes_write_levels(compress->written, levels, n, error) &&
                         (compress->output || register_product(btf->directory, compress, error));
-    if (ok)
-        g_unlink(unfinished);
     for (int level = 0; level < n; level++)
         lobes_free(levels[level]);
     return ok;
+}
+
+/* Everything that the result depends on beside the BTF. */
+static void begin_unfinished(struct compress *compress, const struct btf_matrix *btf) {
+    g_autofree char *path = g_strconcat(compress->written, ".unfinished", NULL);
+    g_autofree char *what =
+        g_strdup_printf("%s %d × %d, error %.17g, %s, colours %d, grid %d, %" G_GINT64_FORMAT
+                        " bytes in %" G_GINT64_FORMAT,
+                        method_name(compress), compress->clusters, compress->components,
+                        compress->target, lpca_quantise_name(compress->quantise), compress->colours,
+                        compress->grid, compress->size, compress->memory);
+    compress->unfinished = unfinished_new(path);
+    unfinished_begin(compress->unfinished, btf, what);
+    if (unfinished_note(compress->unfinished))
+        g_printerr("%s\n", unfinished_note(compress->unfinished));
 }
 
 static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
@@ -295,10 +322,16 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     compress->holes = btf->holes;
     compress->bounds = btf->bounds;
     compress->raw_bytes = (gint64)compress->texels * btf->n_views * btf->n_lights * 3 * 2;
+    begin_unfinished(compress, btf);
     const gboolean ok = (compress->lobes       ? make_lobes
                          : compress->eigenmaps ? make_eigenmaps
                                                : make_lpca)(compress, btf, progress, progress_data,
                                                             cancellable, error);
+    if (ok)
+        unfinished_remove(compress->unfinished);
+    else if (!g_cancellable_is_cancelled(cancellable))
+        unfinished_discard(compress->unfinished);
+    g_clear_pointer(&compress->unfinished, unfinished_free);
     btf_matrix_free(btf);
     GStatBuf status;
     if (ok && g_stat(compress->written, &status) == 0)

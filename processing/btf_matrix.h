@@ -78,3 +78,5 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
                           GError **error);
 gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
                                 const int *places, float *ret, GError **error);
+/* Of what was written of a view: the same for the same values. */
+guint64 btf_scratch_hash(const struct btf_scratch *scratch, int view);

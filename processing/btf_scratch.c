@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <string.h>
 #include <unistd.h>
+#include <xxhash.h>
 
 #include "btf_matrix.h"
 #include "exr_half.h"
@@ -12,6 +13,7 @@ struct btf_scratch {
     int fd;
     gsize row; /* values */
     gsize n_texels;
+    guint64 *hashes; /* of what was written of each view */
 };
 
 static gboolean io_error(GError **error, const char *what) {
@@ -37,7 +39,7 @@ struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, 
         return NULL;
     }
     struct btf_scratch *scratch = g_new0(struct btf_scratch, 1);
-    *scratch = (struct btf_scratch){fd, row, (gsize)n_texels};
+    *scratch = (struct btf_scratch){fd, row, (gsize)n_texels, g_new0(guint64, n_views)};
     return scratch;
 }
 
@@ -45,6 +47,7 @@ void btf_scratch_free(struct btf_scratch *scratch) {
     if (!scratch)
         return;
     close(scratch->fd);
+    g_free(scratch->hashes);
     g_free(scratch);
 }
 
@@ -74,9 +77,12 @@ gboolean btf_scratch_write(struct btf_scratch *scratch, int view, const float *v
     guint16 halves[PIECE];
     const gsize all = scratch->n_texels * scratch->row;
     off_t at = place(scratch, view, 0);
+    scratch->hashes[view] = 0;
     for (gsize i = 0; i < all; i += PIECE) {
         const gsize n = MIN(PIECE, all - i);
         exr_half_from_floats(halves, values + i, n);
+        scratch->hashes[view] =
+            XXH3_64bits_withSeed(halves, n * sizeof *halves, scratch->hashes[view]);
         if (!transfer(scratch->fd, TRUE, (guint8 *)halves, n * sizeof *halves, at))
             return io_error(error, "writing");
         at += (off_t)(n * sizeof *halves);
@@ -116,4 +122,8 @@ gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int
             exr_half_to_floats(ret + (gsize)places[i + j] * row, halves + (gsize)j * row, row);
     }
     return TRUE;
+}
+
+guint64 btf_scratch_hash(const struct btf_scratch *scratch, int view) {
+    return scratch->hashes[view];
 }

@@ -8,7 +8,6 @@
 
 #define COLOURS    3
 #define POLYNOMIAL 6
-#define SAVE_US    (20 * G_USEC_PER_SEC)
 #define BLOCK      16 /* texels fitted by a thread at a time */
 
 static const char *const names[LOBES_MODELS] = {"fields", "ptm", "lafortune", "ward", "ashikhmin"};
@@ -63,8 +62,6 @@ struct run {
     float *views, *lights;
     float *polynomial;   /* POLYNOMIAL × n_lights: pseudo-inverse */
     int n_blocks, *done; /* of each block of texels whether it is */
-    char *inputs;        /* NULL: nothing is kept */
-    gint64 saved_us;
 };
 
 static float *directions(const float *theta_deg, const float *phi_deg, int n) {
@@ -352,39 +349,50 @@ static gboolean check(const struct btf_matrix *btf, const struct lobes_options *
     return TRUE;
 }
 
-static void save(struct run *run) {
-    if (run->inputs)
-        lobes_unfinished_write(run->options->unfinished, run->lobes, run->inputs, run->done,
-                               run->n_blocks, NULL);
-    run->saved_us = g_get_monotonic_time();
+/* What the file has becomes the run's; and from now on the run's is kept. */
+static void keep(struct run *run) {
+    Unfinished *unfinished = run->options->unfinished;
+    const struct lobes *lobes = run->lobes;
+    const gsize flags = sizeof(int) * (gsize)run->n_blocks;
+    const gsize values = sizeof(float) * (gsize)(lobes_bytes(lobes) / 2);
+    g_autofree char *what =
+        g_strdup_printf("%s of %d", lobes_model_name(lobes->model), lobes->n_lobes);
+    unfinished_begin(unfinished, run->btf, what);
+    const int *done = unfinished_get(unfinished, "blocks", flags);
+    const float *found = unfinished_get(unfinished, "values", values);
+    if (done && found) {
+        memcpy(run->done, done, flags);
+        memcpy(lobes->values, found, values);
+    }
+    unfinished_keep_flags(unfinished, "blocks", run->done, run->n_blocks);
+    unfinished_keep(unfinished, "values", lobes->values, values);
 }
 
-/* Work that cannot be kept is no reason to stop it. */
 static void tell_and_save(const struct pipeline_progress *progress, gpointer data) {
-    struct run *run = data;
-    if (run->options->progress)
-        run->options->progress(progress, run->options->data);
-    if (g_get_monotonic_time() - run->saved_us > SAVE_US)
-        save(run);
+    const struct lobes_options *options = data;
+    if (options->progress)
+        options->progress(progress, options->data);
+    if (options->unfinished)
+        unfinished_save_if_due(options->unfinished);
 }
 
 static gboolean fit_blocks(struct run *run, GError **error) {
+    Unfinished *unfinished = run->options->unfinished;
     struct lobes_options options = *run->options;
     options.progress = tell_and_save;
-    options.data = run;
+    options.data = (gpointer)run->options;
     run->n_blocks = (run->lobes->width * run->lobes->height + BLOCK - 1) / BLOCK;
     run->done = g_new0(int, run->n_blocks);
-    run->saved_us = g_get_monotonic_time();
-    if (options.unfinished) {
-        run->inputs = lobes_inputs(run->btf, run->lobes);
-        lobes_unfinished_read(options.unfinished, run->lobes, run->inputs, run->done,
-                              run->n_blocks);
-    }
+    if (unfinished)
+        keep(run);
     const gboolean ok = lobes_parallel(&options, "fit", run->n_blocks, fit_block, run, error);
-    if (!ok)
-        save(run);
+    if (unfinished && !ok)
+        unfinished_save(unfinished);
+    if (unfinished) {
+        unfinished_drop(unfinished, "blocks");
+        unfinished_drop(unfinished, "values");
+    }
     g_free(run->done);
-    g_free(run->inputs);
     return ok;
 }
 

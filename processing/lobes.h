@@ -78,10 +78,9 @@ struct lobes_options {
     PipelineFunc progress; /* may be NULL; called from the calling thread */
     gpointer data;
     GCancellable *cancellable; /* may be NULL */
-    /* NULL, or a file that what is done is kept in, every 20 s and when the work is cancelled. Of
-     * the same BTF and model the next call goes on from there, with the same result. The caller
-     * removes it once the result is safe. */
-    const char *unfinished;
+    /* NULL, or where what is done is kept, now and then and when the work is cancelled. Of the same
+     * BTF and model the next call goes on from there, with the same result. */
+    Unfinished *unfinished;
 };
 
 void lobes_free(struct lobes *lobes); /* NULL is ignored */

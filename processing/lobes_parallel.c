@@ -38,19 +38,22 @@ static void tell(const struct lobes_options *options, const char *stage, int don
         options->progress(&now, options->data);
 }
 
-/* Tells what is done until all threads have ended. */
+/* Tells what is done until all threads have ended, once at least. */
 static void follow(struct parallel *parallel, const struct lobes_options *options,
                    const char *stage) {
     const gint64 begun = g_get_monotonic_time();
+    int told = -1;
     g_mutex_lock(&parallel->mutex);
     while (parallel->running > 0) {
         g_cond_wait_until(&parallel->changed, &parallel->mutex, g_get_monotonic_time() + TELL_US);
-        const int done = parallel->done;
+        const int done = told = parallel->done;
         g_mutex_unlock(&parallel->mutex);
         tell(options, stage, done, parallel->n, begun);
         g_mutex_lock(&parallel->mutex);
     }
     g_mutex_unlock(&parallel->mutex);
+    if (told < 0)
+        tell(options, stage, parallel->done, parallel->n, begun);
 }
 
 gboolean lobes_parallel(const struct lobes_options *options, const char *stage, int n,

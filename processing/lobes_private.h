@@ -52,15 +52,6 @@ int lobes_start_variants(const struct lobes_fit *fit);
 void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
                       float *ret_parameters);
 
-/* What a fit that was cut off has done so far: blocks of texels, and the values of all. inputs: a
- * hash of what the result depends on; g_free(). Reading gives how many blocks are done, 0 where the
- * file is missing, damaged or of something else. done may be set by threads while it is written. */
-char *lobes_inputs(const struct btf_matrix *btf, const struct lobes *lobes);
-gboolean lobes_unfinished_write(const char *path, const struct lobes *lobes, const char *inputs,
-                                const int *done, int n_blocks, GError **error);
-int lobes_unfinished_read(const char *path, struct lobes *lobes, const char *inputs, int *done,
-                          int n_blocks);
-
 /* Names of the part and channel a value lies in; g_free() the part's. */
 char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
 

@@ -38,6 +38,7 @@
 
 #include "btf_matrix.h"
 #include "lpca_team.h"
+#include "unfinished.h"
 
 #define LPCA_MAX_CLUSTERS   1024
 #define LPCA_MAX_COMPONENTS 64
@@ -74,6 +75,12 @@ struct lpca {
     struct lpca_packed *packed; /* what its file holds if it is packed, see lpca_pack.h; or NULL */
 };
 
+/* What came nearest. */
+struct lpca_nearest {
+    int n_clusters, n_components; /* 0: nothing */
+    double error;
+};
+
 struct lpca_options {
     int n_clusters, n_components;
     double target;         /* 0, or the error to reach: n_components is then the most it may take */
@@ -85,6 +92,10 @@ struct lpca_options {
     gint64 memory;                /* 0, or bytes that must do beside the BTF's values */
     const struct lpca_team *team; /* NULL: this process is alone */
     gboolean to_pack; /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
+    /* NULL, or where what is done is kept, now and then and when the work is cancelled or fails.
+     * The same call goes on from there, with the same result. Not with a team. */
+    Unfinished *unfinished;
+    struct lpca_nearest *nearest; /* may be NULL: filled where a target is not reached */
 };
 
 void lpca_free(struct lpca *lpca); /* NULL is ignored */

@@ -1,6 +1,23 @@
 #include "lpca_choose.h"
 
+#include "lpca_private.h"
+
 #define PATIENCE 2 /* more clusters are tried so often without getting better */
+
+/* How far a choice is; in the file of unfinished work as it is. */
+struct choice {
+    struct lpca_wish wish;
+    gint32 clusters, worse;            /* to be tried next, and how often that did not help */
+    struct lpca_nearest best, nearest; /* the best so far; of those that do not reach the error */
+};
+
+struct choosing {
+    const struct btf_matrix *btf;
+    const struct lpca_options *options;
+    const struct lpca_wish *wish;
+    struct choice choice;
+    struct lpca *best;
+};
 
 /* What it would take as a file of that kind. */
 static gint64 size_of(const struct btf_matrix *btf, const struct lpca_wish *wish, int clusters,
@@ -17,22 +34,35 @@ static gint64 size_of(const struct btf_matrix *btf, const struct lpca_wish *wish
     return lpca_bytes(&like);
 }
 
-/* 0 if not even one component fits. */
-static int most_components(const struct btf_matrix *btf, const struct lpca_wish *wish,
-                           int clusters) {
-    int c = MIN(wish->n_components, LPCA_MAX_COMPONENTS);
-    c = MIN(c, btf->n_views * btf->n_lights * 3);
-    while (c > 0 && wish->bytes > 0 && size_of(btf, wish, clusters, c) > wish->bytes)
-        c--;
-    return c;
+static gint64 raw_bytes(const struct btf_matrix *btf) {
+    return 2 * 3 * (gint64)btf->width * btf->height * btf->n_views * btf->n_lights;
 }
 
-static gboolean is_better(const struct btf_matrix *btf, const struct lpca_wish *wish,
-                          const struct lpca *one, const struct lpca *best) {
-    if (!best || wish->error <= 0)
-        return !best || one->error < best->error;
-    return size_of(btf, wish, one->n_clusters, one->n_components) <
-           size_of(btf, wish, best->n_clusters, best->n_components);
+/* With an error to reach: smaller than the best so far, and than the BTF; of a few texels, as many
+ * components as hold everything. */
+static gint64 most_bytes(const struct choosing *choosing) {
+    const struct btf_matrix *btf = choosing->btf;
+    const struct lpca_wish *wish = choosing->wish;
+    const struct lpca_nearest *best = &choosing->choice.best;
+    gint64 most = wish->bytes > 0 ? wish->bytes : G_MAXINT64;
+    if (wish->error <= 0)
+        return most;
+    if (best->n_clusters > 0)
+        return MIN(most, size_of(btf, wish, best->n_clusters, best->n_components) - 1);
+    const gint64 texels = (gint64)btf->width * btf->height;
+    const int all = (int)MIN(texels, LPCA_MAX_COMPONENTS);
+    return MIN(most, MAX(raw_bytes(btf), size_of(btf, wish, 1, all)));
+}
+
+/* 0 if not even one component fits. */
+static int most_components(const struct choosing *choosing, int clusters) {
+    const struct btf_matrix *btf = choosing->btf;
+    const gint64 bytes = most_bytes(choosing);
+    int c = MIN(choosing->wish->n_components, LPCA_MAX_COMPONENTS);
+    c = MIN(c, btf->n_views * btf->n_lights * 3);
+    while (c > 0 && size_of(btf, choosing->wish, clusters, c) > bytes)
+        c--;
+    return c;
 }
 
 static struct lpca *too_small(const struct btf_matrix *btf, const struct lpca_wish *wish,
@@ -44,53 +74,127 @@ static struct lpca *too_small(const struct btf_matrix *btf, const struct lpca_wi
     return NULL;
 }
 
-/* One number of clusters: NULL without an error where the wish cannot be had with it. */
-static struct lpca *try_clusters(const struct btf_matrix *btf, const struct lpca_options *options,
-                                 const struct lpca_wish *wish, int clusters, GError **last,
-                                 GError **error) {
-    struct lpca_options now = *options;
-    g_autoptr(GError) failed = NULL;
-    now.n_clusters = clusters;
-    now.n_components = most_components(btf, wish, clusters);
-    now.target = wish->error;
-    struct lpca *lpca = now.n_components > 0 ? lpca_compute(btf, &now, &failed) : NULL;
-    if (lpca || !failed)
-        return lpca;
-    if (g_error_matches(failed, G_IO_ERROR, G_IO_ERROR_CANCELLED) || wish->error <= 0) {
-        g_propagate_error(error, g_steal_pointer(&failed));
-        return NULL;
-    }
-    g_clear_error(last);
-    *last = g_steal_pointer(&failed);
+static struct lpca *not_reached(const struct choosing *choosing, GError **error) {
+    const struct lpca_nearest *nearest = &choosing->choice.nearest;
+    const struct lpca_wish *wish = choosing->wish;
+    const gint64 takes = size_of(choosing->btf, wish, nearest->n_clusters, nearest->n_components);
+    g_autofree char *size = g_format_size((guint64)takes);
+    g_autofree char *limit =
+        g_format_size((guint64)(wish->bytes > 0 ? wish->bytes : raw_bytes(choosing->btf)));
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "an error of %.3g %% is not reached within %s%s: what came nearest is %.3g %%, by "
+                "%d %s of %d %s, which take %s; allow a larger error (that of the values as they "
+                "are, with the capture's noise)",
+                100 * wish->error, limit, wish->bytes > 0 ? "" : ", which the BTF itself takes",
+                100 * nearest->error, nearest->n_clusters,
+                nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
+                nearest->n_components == 1 ? "component" : "components", size);
     return NULL;
+}
+
+/* Sizes are compared by the limit that each has. */
+static gboolean is_better(const struct choosing *choosing, const struct lpca *one) {
+    return choosing->choice.best.n_clusters == 0 || choosing->wish->error > 0 ||
+           one->error < choosing->choice.best.error;
+}
+
+static void keep_best(struct choosing *choosing) {
+    const struct lpca *best = choosing->best;
+    Unfinished *unfinished = choosing->options->unfinished;
+    choosing->choice.best =
+        (struct lpca_nearest){best->n_clusters, best->n_components, best->error};
+    if (unfinished)
+        lpca_keep_whole(unfinished, "best", best);
+}
+
+/* Limits of memory end the search where something was found already. */
+static gboolean may_end(const struct choosing *choosing, const GError *failed) {
+    return g_error_matches(failed, PIPELINE_ERROR, PIPELINE_ERROR_DATA) &&
+           choosing->choice.best.n_clusters + choosing->choice.nearest.n_clusters > 0;
+}
+
+/* What is kept of the choice changes only once the try is over. */
+static gboolean try_clusters(struct choosing *choosing, GError **error) {
+    struct choice *choice = &choosing->choice;
+    g_autoptr(GError) failed = NULL;
+    struct lpca_options now = *choosing->options;
+    struct lpca_nearest nearest = {0};
+    int worse = choice->worse + 1;
+    now.n_clusters = choice->clusters;
+    now.n_components = most_components(choosing, choice->clusters);
+    now.target = choosing->wish->error;
+    now.nearest = &nearest;
+    struct lpca *lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
+    if (failed && nearest.n_clusters == 0 && !may_end(choosing, failed)) {
+        g_propagate_error(error, g_steal_pointer(&failed));
+        return FALSE;
+    }
+    if (failed && nearest.n_clusters == 0) {
+        worse = PATIENCE;
+    } else if (lpca && is_better(choosing, lpca)) {
+        lpca_free(choosing->best);
+        choosing->best = g_steal_pointer(&lpca);
+        keep_best(choosing);
+        worse = 0;
+    } else if (nearest.n_clusters > 0 &&
+               (choice->nearest.n_clusters == 0 || nearest.error < choice->nearest.error)) {
+        choice->nearest = nearest;
+        worse = choosing->best ? worse : 0;
+    }
+    choice->worse = worse;
+    choice->clusters *= 2;
+    lpca_free(lpca);
+    return TRUE;
+}
+
+/* From what the file has, or from the beginning. */
+static void resume(struct choosing *choosing) {
+    Unfinished *unfinished = choosing->options->unfinished;
+    const struct lpca_wish *wish = choosing->wish;
+    choosing->choice = (struct choice){.wish = *wish, .clusters = 1};
+    if (!unfinished)
+        return;
+    g_autofree char *what =
+        g_strdup_printf("choose %.17g, %" G_GINT64_FORMAT ", %d, %d, %d", wish->error, wish->bytes,
+                        wish->n_components, (int)wish->quantise, wish->n_grid);
+    unfinished_begin(unfinished, choosing->btf, what);
+    const struct choice *found = unfinished_get(unfinished, "choice", sizeof *found);
+    if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes) {
+        const struct lpca_nearest *best = &found->best;
+        choosing->best = lpca_kept_whole(unfinished, "best", choosing->btf, best->n_clusters,
+                                         best->n_components);
+        if (choosing->best || best->n_clusters == 0)
+            choosing->choice = *found;
+    }
+    if (choosing->best) {
+        choosing->best->error = choosing->choice.best.error;
+        choosing->best->colours = choosing->options->colours;
+        lpca_keep_whole(unfinished, "best", choosing->best);
+    }
+    unfinished_keep(unfinished, "choice", &choosing->choice, sizeof choosing->choice);
+}
+
+static void leave(const struct choosing *choosing) {
+    if (!choosing->options->unfinished)
+        return;
+    unfinished_drop(choosing->options->unfinished, "choice");
+    lpca_drop_whole(choosing->options->unfinished, "best");
 }
 
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_wish *wish, GError **error) {
     const gint64 most = MIN((gint64)btf->width * btf->height, LPCA_MAX_CLUSTERS);
-    g_autoptr(GError) last = NULL, failed = NULL;
-    struct lpca *best = NULL;
-    int worse = 0;
-    if (wish->bytes > 0 && most_components(btf, wish, 1) == 0)
+    struct choosing choosing = {btf, options, wish, {.wish = *wish}, NULL};
+    gboolean ok = TRUE;
+    if (wish->bytes > 0 && most_components(&choosing, 1) == 0)
         return too_small(btf, wish, error);
-    for (int k = 1; k <= most && worse < PATIENCE; k *= 2) {
-        struct lpca *lpca = try_clusters(btf, options, wish, k, &last, &failed);
-        if (failed)
-            break;
-        if (lpca && is_better(btf, wish, lpca, best)) {
-            lpca_free(best);
-            best = g_steal_pointer(&lpca);
-            worse = 0;
-        } else {
-            worse += lpca || best || most_components(btf, wish, k) == 0;
-        }
-        lpca_free(lpca);
-    }
-    if (failed) {
-        g_clear_pointer(&best, lpca_free);
-        g_propagate_error(error, g_steal_pointer(&failed));
-    } else if (!best && last) {
-        g_propagate_error(error, g_steal_pointer(&last));
-    }
-    return best;
+    resume(&choosing);
+    while (ok && choosing.choice.clusters <= most && choosing.choice.worse < PATIENCE)
+        ok = try_clusters(&choosing, error);
+    leave(&choosing);
+    if (!ok)
+        g_clear_pointer(&choosing.best, lpca_free);
+    else if (!choosing.best)
+        return not_reached(&choosing, error);
+    return choosing.best;
 }

@@ -337,13 +337,33 @@ static gboolean tell(const struct lpca_reduced *reduced, int done, gint64 begun,
     return !g_cancellable_set_error_if_cancelled(reduced->options->cancellable, error);
 }
 
-static gboolean iterate(struct lpca_reduced *reduced, GError **error) {
+/* Between two iterations. */
+static void keep(const struct lpca_reduced *reduced, int iteration, double before) {
+    struct lpca_run *run = reduced->run;
+    if (!run)
+        return;
+    run->state.k = reduced->k;
+    run->state.iteration = iteration;
+    run->state.before = before;
+}
+
+/* FALSE when cancelled. */
+static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint64 begun,
+                              GError **error) {
+    Unfinished *unfinished = reduced->run ? reduced->options->unfinished : NULL;
+    const gboolean ok = tell(reduced, done, begun, error);
+    if (unfinished)
+        (ok ? unfinished_save_if_due : unfinished_save)(unfinished);
+    return ok;
+}
+
+static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
     g_autofree float *errors = g_new(float, reduced->n);
     const gint64 begun = g_get_monotonic_time();
-    double before = G_MAXDOUBLE;
-    for (int i = 0; reduced->k > 1 && i < MEANS_ITERATIONS + MOST_ITERATIONS; i++) {
+    for (int i = from; reduced->k > 1 && i < MEANS_ITERATIONS + MOST_ITERATIONS; i++) {
         const gboolean means = i < MEANS_ITERATIONS;
-        if (!tell(reduced, i, begun, error))
+        keep(reduced, i, before);
+        if (!tell_and_save(reduced, i, begun, error))
             return FALSE;
         const double sum = assign(reduced, means ? 0 : reduced->c, errors);
         collect(reduced);
@@ -358,7 +378,27 @@ static gboolean iterate(struct lpca_reduced *reduced, GError **error) {
     if (reduced->k == 1)
         collect(reduced);
     update(reduced, EXACT_AXES);
-    return tell(reduced, MEANS_ITERATIONS + MOST_ITERATIONS, begun, error);
+    drop_empty(reduced);
+    if (reduced->run) {
+        reduced->run->state.k = reduced->k;
+        lpca_enter(reduced->run, LPCA_POLISHING);
+    }
+    return tell_and_save(reduced, MEANS_ITERATIONS + MOST_ITERATIONS, begun, error);
+}
+
+/* As the run's file has it, if it has; what is seeded is kept from now on. */
+static void restore(struct lpca_reduced *reduced) {
+    struct lpca_run *run = reduced->run;
+    if (run->state.stage < LPCA_CLUSTERING) {
+        keep(reduced, 0, G_MAXDOUBLE);
+        lpca_enter(run, LPCA_CLUSTERING);
+    }
+    reduced->k = run->state.k;
+    lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
+    if (run->state.stage > LPCA_POLISHING)
+        return;
+    lpca_keep(run, LPCA_KEPT_MEANS, reduced->means);
+    lpca_keep(run, LPCA_KEPT_BASES, reduced->bases);
 }
 
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
@@ -369,10 +409,17 @@ gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
     reduced->members = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
     for (gsize i = 0; i < k; i++)
         g_ptr_array_add(reduced->members, g_array_new(FALSE, FALSE, sizeof(int)));
-    seed_means(reduced);
+    const int stage = reduced->run ? reduced->run->state.stage : LPCA_REDUCED;
+    if (stage < LPCA_CLUSTERING)
+        seed_means(reduced);
+    if (reduced->run)
+        restore(reduced);
     g_ptr_array_set_size(reduced->members, reduced->k);
-    if (!iterate(reduced, error))
-        return FALSE;
-    drop_empty(reduced);
-    return TRUE;
+    if (stage >= LPCA_CLUSTERING)
+        collect(reduced);
+    if (stage > LPCA_CLUSTERING)
+        return TRUE;
+    const struct lpca_state *state = reduced->run ? &reduced->run->state : NULL;
+    return iterate(reduced, state ? state->iteration : 0, state ? state->before : G_MAXDOUBLE,
+                   error);
 }

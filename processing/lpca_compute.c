@@ -106,28 +106,50 @@ const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, flo
 }
 
 struct stage {
+    struct lpca_run *run;
     LpcaBlock func;
     gpointer data;
 };
 
+/* What was read amiss does not count as done. */
 static void stage_block(int block, gpointer data) {
     const struct stage *stage = data;
+    struct lpca_run *run = stage->run;
+    if (run->done && g_atomic_int_get(&run->done[block]))
+        return;
     lpca_use_one_thread();
     stage->func(block, stage->data);
+    if (!run->done)
+        return;
+    g_mutex_lock(&run->lock);
+    if (!run->failed)
+        g_atomic_int_set(&run->done[block], 1);
+    g_mutex_unlock(&run->lock);
+}
+
+static void tell_and_save(const struct pipeline_progress *progress, gpointer data) {
+    const struct lpca_options *options = data;
+    if (options->progress)
+        options->progress(progress, options->data);
+    if (options->unfinished)
+        unfinished_save_if_due(options->unfinished);
 }
 
 gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, LpcaBlock func,
                          gpointer data, GError **error) {
     const struct lobes_options options = {.n_threads = run->options->n_threads,
-                                          .progress = run->options->progress,
-                                          .data = run->options->data,
+                                          .progress = tell_and_save,
+                                          .data = (gpointer)run->options,
                                           .cancellable = run->options->cancellable};
-    struct stage all = {func, data};
-    if (!lobes_parallel(&options, stage, n, stage_block, &all, error))
-        return FALSE;
-    if (run->failed)
+    struct stage all = {run, func, data};
+    const gboolean ended = lobes_parallel(&options, stage, n, stage_block, &all, error);
+    if (ended && run->failed)
         g_propagate_error(error, g_error_copy(run->failed));
-    return run->failed == NULL;
+    if (ended && !run->failed)
+        return TRUE;
+    if (run->options->unfinished)
+        unfinished_save(run->options->unfinished);
+    return FALSE;
 }
 
 /* The rows whose span the clustering works in. */
@@ -174,7 +196,6 @@ static void centre_sample(const struct sample *sample) {
     struct lpca_run *run = sample->run;
     const gsize d = (gsize)run->d;
     g_autofree double *sums = g_new0(double, d);
-    run->mean = g_new(float, d);
     for (int i = 0; i < sample->n; i++)
         for (gsize j = 0; j < d; j++)
             sums[j] += sample->rows[(gsize)i * d + j];
@@ -234,7 +255,6 @@ static gboolean find_axes(struct sample *sample, GError **error) {
     struct lpca_run *run = sample->run;
     const int tiles = (sample->n + TILE - 1) / TILE;
     sample->gram = g_new0(float, (gsize)sample->n *(gsize)sample->n);
-    run->axes = g_new0(float, (gsize)run->r *(gsize)run->d);
     lpca_parallel(run->options->n_threads, tiles * tiles, gram_tile, sample);
     if (!solve_gram(sample, error))
         return FALSE;
@@ -302,14 +322,28 @@ static void share_rows(const struct lpca_run *run) {
 
 static gboolean reduce(struct lpca_run *run, GError **error) {
     const int blocks = (run->end - run->first + LPCA_TEAM_ROWS - 1) / LPCA_TEAM_ROWS;
-    if (!draw_axes(run, error))
-        return FALSE;
+    run->mean = g_new(float, run->d);
+    run->axes = g_new0(float, (gsize)run->r *(gsize)run->d);
     run->rows = g_new(float, (gsize)run->n *(gsize)run->r);
     run->offsets = g_new0(float, run->r);
+    if (run->state.stage < LPCA_REDUCING) {
+        if (!draw_axes(run, error))
+            return FALSE;
+        lpca_enter(run, LPCA_REDUCING);
+    }
+    lpca_keep(run, LPCA_KEPT_MEAN, run->mean);
+    lpca_keep(run, LPCA_KEPT_ROWS, run->rows);
+    if (run->state.stage > LPCA_REDUCING)
+        return TRUE;
+    lpca_keep(run, LPCA_KEPT_AXES, run->axes);
+    lpca_keep_blocks(run, blocks);
     cblas_sgemv(CblasRowMajor, CblasNoTrans, run->r, run->d, 1, run->axes, run->d, run->mean, 1, 0,
                 run->offsets, 1);
     if (!lpca_run_blocks(run, "reduce", blocks, reduce_block, run, error))
         return FALSE;
+    lpca_drop_blocks(run);
+    lpca_enter(run, LPCA_REDUCED);
+    g_clear_pointer(&run->axes, g_free);
     if (run->options->team)
         share_rows(run);
     return TRUE;
@@ -320,8 +354,10 @@ static struct lpca *make(struct lpca_run *run, int n_components, GError **error)
                                    .r = run->r,
                                    .rows = run->rows,
                                    .options = run->options,
+                                   .run = run,
                                    .k = run->options->n_clusters,
                                    .c = n_components};
+    run->state.c = n_components;
     struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_polish(run, &reduced, error) : NULL;
     /* Logarithms are not orthonormal in R, G, B. */
     if (lpca && (lpca->colours == LPCA_LOG || lpca->error < 0) && !lpca_run_error(run, lpca, error))
@@ -332,37 +368,56 @@ static struct lpca *make(struct lpca_run *run, int n_components, GError **error)
 
 /* The fewest components of this clustering that reach the target. */
 static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **error) {
-    while (lpca->n_components > 1) {
-        struct lpca *fewer = lpca_truncated(lpca, lpca->n_components - 1);
-        const gboolean ok = lpca_run_error(run, fewer, error);
-        if (!ok || fewer->error > run->options->target) {
-            lpca_free(fewer);
-            if (!ok)
-                g_clear_pointer(&lpca, lpca_free);
-            break;
-        }
-        lpca_free(lpca);
-        lpca = fewer;
+    struct lpca_state *state = &run->state;
+    gboolean ok = TRUE;
+    if (state->enough == 0) {
+        state->enough = lpca->n_components;
+        state->enough_error = lpca->error;
     }
-    return lpca;
+    while (ok && state->enough > state->few + 1) {
+        const int middle = (state->enough + state->few) / 2;
+        struct lpca *fewer = lpca_truncated(lpca, middle);
+        ok = lpca_run_error(run, fewer, error);
+        if (ok && fewer->error <= run->options->target) {
+            state->enough = middle;
+            state->enough_error = fewer->error;
+        } else if (ok) {
+            state->few = middle;
+        }
+        lpca_free(fewer);
+    }
+    struct lpca *ret = ok ? lpca_truncated(lpca, state->enough) : NULL;
+    if (ret)
+        ret->error = state->enough_error;
+    lpca_leave(run);
+    lpca_free(lpca);
+    return ret;
+}
+
+static struct lpca *not_reached(const struct lpca_run *run, struct lpca *lpca, GError **error) {
+    const struct lpca_options *options = run->options;
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "an error of %.3g %% is not reached with %d clusters of %d components (%.3g %%); "
+                "allow more of them",
+                100 * options->target, lpca->n_clusters, lpca->n_components, 100 * lpca->error);
+    if (options->nearest)
+        *options->nearest =
+            (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
+    lpca_free(lpca);
+    return NULL;
 }
 
 static struct lpca *search(struct lpca_run *run, GError **error) {
     const struct lpca_options *options = run->options;
-    for (int c = 1;; c = MIN(2 * c, options->n_components)) {
+    for (int c = MAX(run->state.c, 1);; c = MIN(2 * c, options->n_components)) {
         struct lpca *lpca = make(run, c, error);
         if (!lpca)
             return NULL;
         if (lpca->error <= options->target)
             return fewest(lpca, run, error);
-        if (c == options->n_components) {
-            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                        "an error of %.3g %% is not reached with %d clusters of %d components "
-                        "(%.3g %%); allow more of them",
-                        100 * options->target, lpca->n_clusters, c, 100 * lpca->error);
-            lpca_free(lpca);
-            return NULL;
-        }
+        lpca_enter(run, LPCA_REDUCED);
+        if (c == options->n_components)
+            return not_reached(run, lpca, error);
         lpca_free(lpca);
     }
 }
@@ -377,8 +432,10 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 polishing = 2 * k * (c + 1) * d + 2 * n * c;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->n_views + c);
+    /* Copied to be written. */
+    const gint64 kept = options->unfinished ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
-           (r * d + n * r + MAX(MAX(reducing, clustering), polishing) + buffers);
+           (r * d + n * r + MAX(MAX(reducing, clustering), polishing) + buffers + kept);
 }
 
 static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_options *options,
@@ -431,6 +488,7 @@ static gboolean check_values(const struct lpca_run *run, GError **error) {
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error) {
     struct lpca *lpca = NULL;
+    g_return_val_if_fail(!options->team || !options->unfinished, NULL);
     if (!check_sizes(btf, options, error))
         return NULL;
     struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
@@ -445,9 +503,11 @@ struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_option
     /* The order of sums, and with it the last bits, would depend on the number of threads. */
     const int threads = openblas_get_num_threads();
     openblas_set_num_threads(1);
+    lpca_resume(&run);
     if (reduce(&run, error))
         lpca = options->target > 0 ? search(&run, error) : make(&run, options->n_components, error);
     openblas_set_num_threads(threads);
+    lpca_leave(&run);
     g_mutex_clear(&run.lock);
     g_clear_error(&run.failed);
     g_free(run.mean);

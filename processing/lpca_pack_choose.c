@@ -10,6 +10,14 @@
 #define TRIES  12    /* times that a step is looked for */
 #define CLOSE  0.995 /* of what is asked for is good enough */
 
+/* How far it is; in the file of unfinished work as it is. */
+struct packing {
+    struct lpca_wish wish;
+    gint32 n, made;      /* components in work; whether they are there, unrounded */
+    double exact;        /* error of those */
+    double found[TRIES]; /* of each step tried, 0: none yet */
+};
+
 struct search {
     const struct btf_matrix *btf;
     const struct lpca_options *options;
@@ -17,6 +25,7 @@ struct search {
     int most;       /* components */
     double exact;   /* error before rounding */
     double nearest; /* errors or sizes that were not good enough: the best of them */
+    struct packing packing;
 };
 
 /* Of the texels' values, as far as the PCA knows them. */
@@ -55,12 +64,13 @@ static struct lpca *by_error(struct search *search, const struct lpca_packer *pa
     search->nearest = INFINITY;
     for (int i = 0; i < TRIES && coarse > fine * 1.002; i++) {
         struct lpca *lpca = lpca_packer_round(packer, step);
-        if (!measure(search, lpca, error)) {
+        lpca->error = search->packing.found[i];
+        if (lpca->error <= 0 && !measure(search, lpca, error)) {
             lpca_free(lpca);
             g_clear_pointer(&best, lpca_free);
             return NULL;
         }
-        const double found = lpca->error;
+        const double found = search->packing.found[i] = lpca->error;
         search->nearest = MIN(search->nearest, found);
         if (found <= search->wish->error) {
             fine = step;
@@ -127,6 +137,27 @@ static gboolean has_enough(const struct search *search, const struct lpca *exact
     return found && found->n_components < exact->n_components;
 }
 
+/* As the file has it, or made anew; it is kept from now on. */
+static struct lpca *compute(struct search *search, const struct lpca_options *options,
+                            GError **error) {
+    struct packing *packing = &search->packing;
+    Unfinished *unfinished = options->unfinished;
+    struct lpca *lpca =
+        unfinished && packing->made
+            ? lpca_kept_whole(unfinished, "exact", search->btf, 1, options->n_components)
+            : NULL;
+    if (lpca)
+        lpca->error = packing->exact;
+    else
+        lpca = lpca_compute(search->btf, options, error);
+    if (!lpca || !unfinished)
+        return lpca;
+    packing->made = TRUE;
+    packing->exact = lpca->error;
+    lpca_keep_whole(unfinished, "exact", lpca);
+    return lpca;
+}
+
 static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
                                    GError **error) {
     struct lpca_options options = *search->options;
@@ -134,7 +165,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     options.n_components = n;
     options.target = 0;
     options.to_pack = TRUE;
-    struct lpca *exact = *ret_exact = lpca_compute(search->btf, &options, error), *ret = NULL;
+    struct lpca *exact = *ret_exact = compute(search, &options, error), *ret = NULL;
     if (!exact || (search->wish->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
         return NULL;
     search->exact = exact->error;
@@ -148,6 +179,54 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     return ret;
 }
 
+/* Components to begin with. */
+static int resume(struct search *search) {
+    struct packing *packing = &search->packing;
+    Unfinished *unfinished = search->options->unfinished;
+    const struct lpca_wish *wish = search->wish;
+    *packing = (struct packing){.wish = *wish, .n = MIN(FIRST, search->most)};
+    if (!unfinished)
+        return packing->n;
+    g_autofree char *what = g_strdup_printf("pack %.17g, %" G_GINT64_FORMAT ", %d", wish->error,
+                                            wish->bytes, wish->n_components);
+    unfinished_begin(unfinished, search->btf, what);
+    const struct packing *found = unfinished_get(unfinished, "packing", sizeof *found);
+    if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes &&
+        found->wish.n_components == wish->n_components && found->n >= 1 && found->n <= search->most)
+        *packing = *found;
+    unfinished_keep(unfinished, "packing", packing, sizeof *packing);
+    return packing->n;
+}
+
+/* What was kept of these components goes. */
+static void next(struct search *search, int n) {
+    struct packing *packing = &search->packing;
+    *packing = (struct packing){.wish = packing->wish, .n = n};
+    if (search->options->unfinished)
+        lpca_drop_whole(search->options->unfinished, "exact");
+}
+
+static struct lpca *find(struct search *search, GError **error) {
+    for (int n = resume(search);; n = MIN(2 * n, search->most)) {
+        g_autoptr(GError) failed = NULL;
+        struct lpca *exact = NULL;
+        struct lpca *lpca = try_components(search, n, &exact, &failed);
+        const gboolean enough = exact && has_enough(search, exact, lpca);
+        const double left = exact ? exact->error : 0;
+        next(search, MIN(2 * n, search->most));
+        lpca_free(exact);
+        if (failed) {
+            g_propagate_error(error, g_steal_pointer(&failed));
+            return NULL;
+        }
+        if (lpca && (enough || n == search->most))
+            return lpca;
+        lpca_free(lpca);
+        if (n == search->most)
+            return not_reached(search, left, n, error);
+    }
+}
+
 struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
                        const struct lpca_wish *wish, GError **error) {
     const gint64 texels = (gint64)btf->width * btf->height;
@@ -156,21 +235,8 @@ struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *
         wish->n_components > 0 ? MIN(wish->n_components, LPCA_MAX_PACKED) : LPCA_MAX_PACKED;
     struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), 0, INFINITY};
     g_return_val_if_fail(options->colours == LPCA_RGB && !options->team, NULL);
-    for (int n = MIN(FIRST, search.most);; n = MIN(2 * n, search.most)) {
-        g_autoptr(GError) failed = NULL;
-        struct lpca *exact = NULL;
-        struct lpca *lpca = try_components(&search, n, &exact, &failed);
-        const gboolean enough = exact && has_enough(&search, exact, lpca);
-        const double left = exact ? exact->error : 0;
-        lpca_free(exact);
-        if (failed) {
-            g_propagate_error(error, g_steal_pointer(&failed));
-            return NULL;
-        }
-        if (lpca && (enough || n == search.most))
-            return lpca;
-        lpca_free(lpca);
-        if (n == search.most)
-            return not_reached(&search, left, n, error);
-    }
+    struct lpca *lpca = find(&search, error);
+    if (options->unfinished)
+        unfinished_drop(options->unfinished, "packing");
+    return lpca;
 }

@@ -108,6 +108,11 @@ static void sum_view(int view, gpointer data) {
     g_autofree float *part = g_new(float, columns);
     g_autofree double *sums = g_new0(double, (gsize)lpca->n_clusters *columns);
     double *squares = polish->squares + (gsize)view * (gsize)lpca->n_clusters;
+    /* Of a view that was begun before something may be there. */
+    if (run->done)
+        memset(squares, 0, sizeof(double) * (gsize)lpca->n_clusters);
+    for (int i = 0; run->done && i < lpca->n_clusters * (c + 1); i++)
+        memset(lpca_brdf(lpca, 0, i) + at, 0, sizeof(float) * columns);
     for (int block = 0; block < blocks(run); block++) {
         struct groups groups;
         group(polish, block, &groups);
@@ -320,8 +325,12 @@ static gboolean sum_views(struct polish *polish, GError **error) {
     struct lpca_run *run = polish->run;
     const struct lpca *lpca = polish->lpca;
     const struct lpca_team *team = run->options->team;
+    lpca_keep(run, LPCA_KEPT_SQUARES, polish->squares);
+    lpca_keep_blocks(run, run->btf->n_views);
+    lpca_parallel(run->options->n_threads, blocks(run), reduced_block, polish);
     if (!lpca_run_blocks(run, "polish", run->btf->n_views, sum_view, polish, error))
         return FALSE;
+    lpca_drop_blocks(run);
     if (team) {
         team->sum_floats(team, lpca->brdfs,
                          (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1) * (gsize)run->d);
@@ -347,12 +356,40 @@ static void sum_error(struct polish *polish) {
     polish->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
 }
 
+/* Blocks of weights that are done are kept: they read everything once more. */
 static gboolean weigh(struct polish *polish, GError **error) {
     struct lpca_run *run = polish->run;
-    if (polish->weigh)
-        return lpca_run_blocks(run, "weights", blocks(run), weigh_block, polish, error);
-    lpca_parallel(run->options->n_threads, blocks(run), turn_weights, polish);
-    sum_error(polish);
+    if (!polish->weigh) {
+        lpca_parallel(run->options->n_threads, blocks(run), turn_weights, polish);
+        sum_error(polish);
+        return TRUE;
+    }
+    lpca_enter(run, LPCA_WEIGHING);
+    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
+    lpca_keep_blocks(run, blocks(run));
+    if (!lpca_run_blocks(run, "weights", blocks(run), weigh_block, polish, error))
+        return FALSE;
+    lpca_drop_blocks(run);
+    return TRUE;
+}
+
+/* Stages that the run has behind it already are left out. */
+static gboolean make(struct polish *polish, GError **error) {
+    struct lpca_run *run = polish->run;
+    lpca_keep(run, LPCA_KEPT_BRDFS, polish->lpca->brdfs);
+    if (run->state.stage < LPCA_WEIGHING && !sum_views(polish, error))
+        return FALSE;
+    if (run->state.stage < LPCA_MADE) {
+        if (!weigh(polish, error))
+            return FALSE;
+        turn(polish);
+        if (run->options->team)
+            share_weights(polish);
+        run->state.error = polish->lpca->error;
+        lpca_enter(run, LPCA_MADE);
+    }
+    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
+    polish->lpca->error = run->state.error;
     return TRUE;
 }
 
@@ -363,16 +400,11 @@ struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduce
     polish.lpca->error = -1;
     polish.lpca->colours = run->options->colours;
     memcpy(polish.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
+    lpca_keep(run, LPCA_KEPT_LABELS, polish.lpca->clusters);
     polish.squares = g_new0(double, reduced->k * run->btf->n_views);
     polish.held = g_new0(double, 2 * reduced->k);
-    lpca_parallel(run->options->n_threads, blocks(run), reduced_block, &polish);
-    if (sum_views(&polish, error) && weigh(&polish, error)) {
-        turn(&polish);
-        if (run->options->team)
-            share_weights(&polish);
-    } else {
+    if (!make(&polish, error))
         g_clear_pointer(&polish.lpca, lpca_free);
-    }
     g_free(polish.squares);
     g_free(polish.held);
     g_free(polish.turns);

@@ -389,13 +389,32 @@ static void cancel_soon(const struct pipeline_progress *progress, gpointer cance
 
 static struct lobes *compute_unfinished(const struct btf_matrix *btf, const char *path,
                                         GCancellable *cancellable) {
+    g_autoptr(Unfinished) unfinished = path ? unfinished_new(path) : NULL;
     const struct lobes_options options = {.model = LOBES_PTM,
                                           .n_threads = 1,
                                           .progress = cancellable ? cancel_soon : NULL,
                                           .data = cancellable,
                                           .cancellable = cancellable,
-                                          .unfinished = path};
+                                          .unfinished = unfinished};
     return lobes_compute(btf, &options, NULL);
+}
+
+/* Changes a value of what is kept, as if it had come out so. */
+static void spoil_kept(const struct btf_matrix *btf, const char *path, gsize n) {
+    g_autoptr(Unfinished) unfinished = unfinished_new(path);
+    const int n_blocks = btf->width * btf->height / 16;
+    unfinished_begin(unfinished, btf, "ptm of 0");
+    const int *found = unfinished_get(unfinished, "blocks", sizeof(int) * (gsize)n_blocks);
+    const float *values = unfinished_get(unfinished, "values", sizeof(float) * n);
+    g_assert_nonnull(found);
+    g_assert_nonnull(values);
+    g_assert_cmpint(found[0], ==, 1);
+    g_autofree int *blocks = g_memdup2(found, sizeof(int) * (gsize)n_blocks);
+    g_autofree float *spoiled = g_memdup2(values, sizeof(float) * n);
+    spoiled[0] = 7;
+    unfinished_keep_flags(unfinished, "blocks", blocks, n_blocks);
+    unfinished_keep(unfinished, "values", spoiled, sizeof(float) * n);
+    unfinished_save(unfinished);
 }
 
 /* Cut off, it goes on with what it had, and ends with the same. */
@@ -408,17 +427,12 @@ static void test_unfinished(void) {
     const gsize n = (gsize)(64 * 64 * btf->n_views * 9);
     struct lobes *whole = compute_unfinished(btf, NULL, NULL);
     g_assert_null(compute_unfinished(btf, path, cancellable));
-    struct exr_file *kept = exr_read(path, NULL);
-    g_assert_nonnull(kept);
-    const float *blocks = exr_part_plane(exr_file_part(kept, "blocks"), "V");
-    g_assert_cmpfloat(blocks[0], ==, 1);
     struct lobes *rest = compute_unfinished(btf, path, NULL);
     g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
     g_assert_cmpfloat(rest->error, ==, whole->error);
     lobes_free(rest);
     /* What was done is not done again: it shows when it is changed. */
-    exr_part_plane(exr_file_part(kept, "values"), "V")[0] = 7;
-    g_assert_true(exr_write(path, kept, EXR_NONE, FALSE, NULL));
+    spoil_kept(btf, path, n);
     rest = compute_unfinished(btf, path, NULL);
     g_assert_cmpfloat(rest->values[0], ==, 7);
     lobes_free(rest);
@@ -433,7 +447,6 @@ static void test_unfinished(void) {
     g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
     lobes_free(rest);
     lobes_free(whole);
-    exr_file_free(kept);
     btf_matrix_free(btf);
     g_unlink(path);
     g_rmdir(dir);
