@@ -116,7 +116,7 @@ gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int
     for (int i = 0; at_once > 0 && i < n; i += at_once) {
         const int rows = MIN(at_once, n - i);
         if (!transfer(scratch->fd, FALSE, (guint8 *)halves, (gsize)rows * row * sizeof *halves,
-                      place(scratch, view, (gsize)(first + i))))
+                      place(scratch, view, (gsize)first + (gsize)i)))
             return io_error(error, "reading");
         for (int j = 0; j < rows; j++)
             exr_half_to_floats(ret + (gsize)places[i + j] * row, halves + (gsize)j * row, row);
