@@ -1,6 +1,6 @@
 #include "directions.h"
 
-#include "triangulation.h"
+#include "processing/triangulation.h"
 
 #include <string.h>
 

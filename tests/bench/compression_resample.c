@@ -1,7 +1,7 @@
 #include "compression_resample.h"
 
 #include "processing/resample.h"
-#include "renderer/triangulation.h"
+#include "processing/triangulation.h"
 
 #include <math.h>
 #include <stdio.h>

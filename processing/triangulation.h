@@ -16,3 +16,7 @@ void triangulation_free(Triangulation *triangulation); /* NULL is ignored */
  * ret_nearest, which inside is the point itself. */
 void triangulation_weights(Triangulation *triangulation, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]);
+
+/* Three corners a triangle, counter-clockwise; ret_n: triangles. Those of points all but on a line
+ * may be slivers. Owned by the object. */
+const int *triangulation_corners(const Triangulation *triangulation, int *ret_n);

@@ -221,3 +221,8 @@ void triangulation_weights(Triangulation *t, const double at[2], int ret_index[3
     }
     on_border(t, at, ret_index, ret_weight, ret_nearest);
 }
+
+const int *triangulation_corners(const Triangulation *t, int *ret_n) {
+    *ret_n = (int)t->triangles->len;
+    return (const int *)(const void *)t->triangles->data;
+}
