@@ -1,4 +1,4 @@
-/* What btf_matrix.c and btf_shared.c share. */
+/* What the files of btf_matrix.h and btf_resample.h share. */
 #pragma once
 
 #include "btf_matrix.h"
@@ -14,3 +14,7 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
 /* A view's directions, holes and values: those of a texel lie stride behind those of the last. */
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error);
+
+/* Of n texels from first on alone; any thread, as reading. */
+gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                                const float *values, GError **error);

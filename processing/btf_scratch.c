@@ -4,7 +4,7 @@
 #include <unistd.h>
 #include <xxhash.h>
 
-#include "btf_matrix.h"
+#include "btf_private.h"
 #include "exr_half.h"
 
 #define PIECE 16384 /* values converted at a time: stays in the cache */
@@ -72,22 +72,28 @@ static gboolean transfer(int fd, gboolean write, guint8 *bytes, gsize n, off_t a
     return TRUE;
 }
 
-gboolean btf_scratch_write(struct btf_scratch *scratch, int view, const float *values,
-                           GError **error) {
+gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                                const float *values, GError **error) {
     guint16 halves[PIECE];
-    const gsize all = scratch->n_texels * scratch->row;
-    off_t at = place(scratch, view, 0);
-    scratch->hashes[view] = 0;
+    const gsize all = (gsize)n * scratch->row;
+    off_t at = place(scratch, view, (gsize)first);
+    if (first == 0)
+        scratch->hashes[view] = 0;
     for (gsize i = 0; i < all; i += PIECE) {
-        const gsize n = MIN(PIECE, all - i);
-        exr_half_from_floats(halves, values + i, n);
+        const gsize part = MIN(PIECE, all - i);
+        exr_half_from_floats(halves, values + i, part);
         scratch->hashes[view] =
-            XXH3_64bits_withSeed(halves, n * sizeof *halves, scratch->hashes[view]);
-        if (!transfer(scratch->fd, TRUE, (guint8 *)halves, n * sizeof *halves, at))
+            XXH3_64bits_withSeed(halves, part * sizeof *halves, scratch->hashes[view]);
+        if (!transfer(scratch->fd, TRUE, (guint8 *)halves, part * sizeof *halves, at))
             return io_error(error, "writing");
-        at += (off_t)(n * sizeof *halves);
+        at += (off_t)(part * sizeof *halves);
     }
     return TRUE;
+}
+
+gboolean btf_scratch_write(struct btf_scratch *scratch, int view, const float *values,
+                           GError **error) {
+    return btf_scratch_write_rows(scratch, view, 0, (int)scratch->n_texels, values, error);
 }
 
 gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first, int n, float *ret,

@@ -120,6 +120,8 @@ static gboolean check(struct import *import, GError **error) {
                                          .height = region->height,
                                          .width_mm = region->width * material->texel_mm,
                                          .height_mm = region->height * material->texel_mm};
+    if (material->grid)
+        import->grid = *material->grid;
     return TRUE;
 }
 
@@ -148,6 +150,22 @@ static Session *create(const struct import *import, const char *path, const char
     return session_create(path, name, &texts, &plan, error);
 }
 
+/* The same with one channel more. */
+static struct exr_part *with_marks(struct exr_part *part, const guint8 *marks) {
+    static const char *const channels[] = {"B", "G", "R", "mark", NULL};
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    struct exr_part *ret = exr_part_new(part->name, part->width, part->height, channels, EXR_HALF);
+    for (int c = 0; c < 3; c++)
+        memcpy(ret->planes[c], part->planes[c], sizeof(float) * n);
+    for (gsize i = 0; i < n; i++)
+        ret->planes[3][i] = marks[i];
+    GPtrArray *attributes = ret->attributes;
+    ret->attributes = part->attributes;
+    part->attributes = attributes;
+    exr_part_free(part);
+    return ret;
+}
+
 static struct exr_part *light_part(const struct import *import, int view, int light,
                                    const float *rgb, int holes) {
     static const char *const channels[] = {"B", "G", "R", NULL};
@@ -167,7 +185,8 @@ static struct exr_part *light_part(const struct import *import, int view, int li
             for (int c = 0; c < 3; c++)
                 part->planes[2 - c][y * r->width + x] = from[c];
         }
-    return part;
+    const guint8 *marks = m->light ? m->light(view, light, part, m->data) : NULL;
+    return marks ? with_marks(part, marks) : part;
 }
 
 static char *view_relative(int view) {
@@ -234,6 +253,7 @@ static struct eigenmaps *new_eigenmaps(const struct import *import) {
         .width = import->grid.width,
         .height = import->grid.height,
         .texel_mm = m->texel_mm,
+        .reference_mm = import->grid.reference_mm,
         .n_views = m->n_views,
         .n_lights = m->n_lights,
         .n_terms = MIN(EIGENMAPS, m->n_views),

@@ -8,6 +8,7 @@
  */
 #pragma once
 
+#include "exr.h"
 #include "pipeline.h"
 
 #define IMPORT_ERROR import_error_quark()
@@ -33,6 +34,10 @@ struct import_region { /* of texels; all 0: everything */
 typedef gboolean (*ImportView)(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                GError **error);
 
+/* Of the view that was filled last: its texels' marks (btf.h), borrowed, NULL if all are 0; and
+ * more to say in the part's header. */
+typedef const guint8 *(*ImportLight)(int view, int light, struct exr_part *part, gpointer data);
+
 struct import_material {
     const char *source; /* of what it is made */
     int width, height;  /* texels */
@@ -42,7 +47,9 @@ struct import_material {
     const float *view_theta_deg, *view_phi_deg;   /* n_views */
     const float *light_theta_deg, *light_phi_deg; /* n_lights */
     ImportView view;
+    ImportLight light; /* may be NULL; region must then be everything */
     gpointer data;
+    const struct session_grid *grid; /* may be NULL: of the above, the reference plane at 0 */
 };
 
 struct import_result {

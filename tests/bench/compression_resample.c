@@ -20,7 +20,7 @@ static void stereographic(float theta_deg, float phi_deg, double ret[2]) {
 
 static struct triples triples_new(const float *theta_deg, const float *phi_deg, int n,
                                   const float *at_theta_deg, const float *at_phi_deg, int n_at) {
-    struct triples ret = {g_new(int, 3 * n_at), g_new(double, 3 * n_at)};
+    struct triples ret = {g_new0(int, 3 * n_at), g_new0(double, 3 * n_at)};
     g_autofree double *points = g_new(double, 2 * n);
     for (int i = 0; i < n; i++)
         stereographic(theta_deg[i], phi_deg[i], points + (gsize)(2 * i));

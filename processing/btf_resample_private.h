@@ -1,0 +1,61 @@
+/* What the files of btf_resample.h share. */
+#pragma once
+
+#include "btf_resample.h"
+#include "direction_mesh.h"
+#include "near_field.h"
+
+#define RESAMPLER_LANES 4 /* R, G, B, and the mark (btf.h) */
+
+/* A direction asked for. */
+struct resampler_target {
+    struct vec3 direction;
+    double point[2];
+    struct direction_guess guess;
+};
+
+/* A mesh without one of its directions, which is asked for instead. */
+struct resampler_left_out {
+    DirectionMesh *mesh;
+    struct direction_guess guess;
+};
+
+/* Everything that is the same for all texels; not changed, any number of threads. */
+struct resampler {
+    const struct near_field *near; /* borrowed */
+    int n_views, n_lights;         /* asked for */
+    gboolean own;                  /* they are the nominal ones, one by one */
+    DirectionMesh *from_views, *from_lights;
+    struct resampler_target *views, *lights; /* in those */
+    DirectionMesh *to_views, *to_lights;
+    double *to_view_points, *to_light_points;
+    struct direction_guess *back_views, *back_lights; /* in those, of each that was measured */
+    struct resampler_left_out *left_views, *left_lights;
+    int left_step; /* left out of every so-many-th texel */
+};
+
+void resampler_init(struct resampler *resampler, const struct near_field *near,
+                    const struct btf_directions *to, gboolean own);
+void resampler_clear(struct resampler *resampler);
+
+/* Of one or many texels. Squares are of R, G, B together. */
+struct resampler_from { /* a view that was measured */
+    double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
+};
+struct resampler_to { /* a view asked for */
+    double moved_deg, most_moved_deg, nominal, norm, held;
+};
+struct resampler_sums {
+    struct resampler_from *from;
+    struct resampler_to *to;
+    double light_moved_deg, light_most_moved_deg;
+    int texels, sampled;
+};
+struct resampler_sums *resampler_sums_new(const struct resampler *resampler);
+void resampler_sums_free(struct resampler_sums *sums); /* NULL is ignored */
+void resampler_sums_add(const struct resampler *resampler, const struct resampler_sums *more,
+                        struct resampler_sums *to);
+
+/* values: views × lights × lanes that were measured; ret: those asked for. Adds to sums. */
+void resampler_texel(const struct resampler *resampler, int texel, const float *values, float *ret,
+                     struct resampler_sums *sums);
