@@ -31,9 +31,10 @@ struct window {
     double x, y;   /* of the mouse */
     double frame_ms;
     float histogram[3 * WINDOW_BINS];
-    gboolean stale;       /* must be drawn again */
-    gboolean panel, help; /* shown */
-    gint64 file_time, mdf_time, looked_us, views_us;
+    gboolean stale;               /* must be drawn again */
+    gboolean panel, help;         /* shown */
+    gint64 file_time, asked_time; /* of the file that is shown, and of that which is being opened */
+    gint64 mdf_time, looked_us, views_us;
     int n_screenshots;
     Live *live; /* NULL: there is nothing to follow */
     int n_live;

@@ -36,7 +36,7 @@ static void ask_mdf(struct window *w) {
 static void ask_method(struct window *w, enum opener_place place, const struct method *method) {
     g_autofree char *path = method_path(method, argument_of(w, method));
     if (place == OPENER_FIRST)
-        w->file_time = time_of(path);
+        w->asked_time = time_of(path);
     opener_ask(w->opener, place, method, path);
 }
 
@@ -45,6 +45,8 @@ void window_set_method(struct window *w, const struct method *method) {
 }
 
 static gboolean take_first(struct window *w, struct opened *o, GError **error) {
+    if (g_strcmp0(o->path, w->material) == 0)
+        w->file_time = w->asked_time; /* good or not: it is not tried again until it changes */
     if (o->error != NULL || !view_set_method(w->view, o->method, o->material, error)) {
         if (o->error != NULL)
             g_propagate_error(error, g_steal_pointer(&o->error));
@@ -52,6 +54,7 @@ static gboolean take_first(struct window *w, struct opened *o, GError **error) {
     }
     o->material = NULL;
     w->method = o->method;
+    w->file_time = w->asked_time;
     g_free(w->material);
     w->material = g_steal_pointer(&o->path);
     return TRUE;
@@ -222,6 +225,8 @@ void window_compare_measured(struct window *w) {
 
 /* Processing replaces the file as a whole, so what is there can be read at once. */
 static void follow_material(struct window *w) {
+    if (opener_is_busy(w->opener))
+        return; /* what is being opened may be another file than what is shown */
     if (w->mdf_time > 0 && time_of(w->options->mdf) != w->mdf_time)
         ask_mdf(w);
     const gint64 changed = time_of(w->material);
