@@ -180,23 +180,6 @@ static double root(double error, double norm) {
     return norm > 0 ? sqrt(error / norm) : 0;
 }
 
-static void add_from(const struct resampler_from *more, struct resampler_from *to) {
-    to->back += more->back;
-    to->back_norm += more->back_norm;
-    to->left_view += more->left_view;
-    to->left_view_norm += more->left_view_norm;
-    to->left_light += more->left_light;
-    to->left_light_norm += more->left_light_norm;
-}
-
-static void add_to(const struct resampler_to *more, struct resampler_to *to) {
-    to->moved_deg += more->moved_deg;
-    to->most_moved_deg = MAX(to->most_moved_deg, more->most_moved_deg);
-    to->nominal += more->nominal;
-    to->norm += more->norm;
-    to->held += more->held;
-}
-
 static void set_from(struct btf_resample_band *band, const struct resampler_from *sums) {
     band->back = root(sums->back, sums->back_norm);
     band->left_out_view = root(sums->left_view, sums->left_view_norm);
@@ -245,11 +228,11 @@ static void fill_from(const struct job *job, struct btf_resample_result *ret) {
         struct resampler_from sums = {0};
         for (int i = 0; i < job->near->n_views; i++)
             if (in_band(band, job->near->view_theta_deg[i])) {
-                add_from(&job->all->from[i], &sums);
+                resampler_from_add(&job->all->from[i], &sums);
                 band->n_views++;
             }
         set_from(band, &sums);
-        add_from(&sums, &whole);
+        resampler_from_add(&sums, &whole);
     }
     set_from(&ret->all, &whole);
 }
@@ -262,11 +245,11 @@ static void fill_to(const struct job *job, struct btf_resample_result *ret) {
         struct resampler_to sums = {0};
         for (int i = 0; i < job->to->n_views; i++)
             if (in_band(band, job->to->view_theta_deg[i])) {
-                add_to(&job->all->to[i], &sums);
+                resampler_to_add(&job->all->to[i], &sums);
                 band->n_views++;
             }
         set_to(band, &sums, (double)job->n_texels * band->n_views, job->resampler.own);
-        add_to(&sums, &whole);
+        resampler_to_add(&sums, &whole);
     }
     set_to(&ret->all, &whole, (double)job->n_texels * job->to->n_views, job->resampler.own);
 }

@@ -53,6 +53,8 @@ struct resampler_sums {
 };
 struct resampler_sums *resampler_sums_new(const struct resampler *resampler);
 void resampler_sums_free(struct resampler_sums *sums); /* NULL is ignored */
+void resampler_from_add(const struct resampler_from *more, struct resampler_from *to);
+void resampler_to_add(const struct resampler_to *more, struct resampler_to *to);
 void resampler_sums_add(const struct resampler *resampler, const struct resampler_sums *more,
                         struct resampler_sums *to);
 

@@ -114,23 +114,29 @@ void resampler_sums_free(struct resampler_sums *sums) {
     g_free(sums);
 }
 
+void resampler_from_add(const struct resampler_from *more, struct resampler_from *to) {
+    to->back += more->back;
+    to->back_norm += more->back_norm;
+    to->left_view += more->left_view;
+    to->left_view_norm += more->left_view_norm;
+    to->left_light += more->left_light;
+    to->left_light_norm += more->left_light_norm;
+}
+
+void resampler_to_add(const struct resampler_to *more, struct resampler_to *to) {
+    to->moved_deg += more->moved_deg;
+    to->most_moved_deg = MAX(to->most_moved_deg, more->most_moved_deg);
+    to->nominal += more->nominal;
+    to->norm += more->norm;
+    to->held += more->held;
+}
+
 void resampler_sums_add(const struct resampler *r, const struct resampler_sums *more,
                         struct resampler_sums *to) {
-    for (int i = 0; i < r->near->n_views; i++) {
-        to->from[i].back += more->from[i].back;
-        to->from[i].back_norm += more->from[i].back_norm;
-        to->from[i].left_view += more->from[i].left_view;
-        to->from[i].left_view_norm += more->from[i].left_view_norm;
-        to->from[i].left_light += more->from[i].left_light;
-        to->from[i].left_light_norm += more->from[i].left_light_norm;
-    }
-    for (int i = 0; i < r->n_views; i++) {
-        to->to[i].moved_deg += more->to[i].moved_deg;
-        to->to[i].most_moved_deg = MAX(to->to[i].most_moved_deg, more->to[i].most_moved_deg);
-        to->to[i].nominal += more->to[i].nominal;
-        to->to[i].norm += more->to[i].norm;
-        to->to[i].held += more->to[i].held;
-    }
+    for (int i = 0; i < r->near->n_views; i++)
+        resampler_from_add(&more->from[i], &to->from[i]);
+    for (int i = 0; i < r->n_views; i++)
+        resampler_to_add(&more->to[i], &to->to[i]);
     to->light_moved_deg += more->light_moved_deg;
     to->light_most_moved_deg = MAX(to->light_most_moved_deg, more->light_most_moved_deg);
     to->texels += more->texels;
