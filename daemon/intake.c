@@ -3,22 +3,16 @@
 #include <math.h>
 
 #include "calib/marks.h"
+#include "intake_darks.h"
 #include "intake_write.h"
 #include "radiance.h"
 
-#define MAX_DARKS (PLAN_MAX_BRACKET + 1)
 /* Eight cameras' sweeps of 1024 x 768 end at once, and are written in a second or two. */
 #define FULL_BYTES ((gsize)512 << 20)
 /* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
 #define BATCH 8
 /* A pixel this far above dark is lit; that many make a laser line. */
 #define LASER_PIXELS 4
-
-struct dark_level {
-    gint64 exposure_us;
-    double mean_dn;
-    float *pixels; /* NULL: not known */
-};
 
 struct job {
     guint generation;
@@ -45,9 +39,7 @@ struct lane {
     Sweep *sweep, *short_sweep;
     gboolean laser_seen;
     GError *error; /* the first, while a shot's frames are being kept */
-    struct dark_level darks[MAX_DARKS];
-    struct dark_level
-        guesses[PLAN_MAX_BRACKET]; /* by sub, for exposures that have no dark frames */
+    struct intake_darks darks;
 };
 
 struct finished {
@@ -62,7 +54,7 @@ struct Intake {
     GAsyncQueue *finished;
     GSource *wake;
     guint generation; /* read by workers */
-    gsize bytes;      /* in the queues; written by workers */
+    gsize bytes;      /* that wait; written by workers */
     int full;         /* read by workers */
 };
 
@@ -82,61 +74,6 @@ static void finished_free(gpointer data) {
     g_free(finished);
 }
 
-static int dark_exposures(const struct session_conf *conf, gint64 ret[MAX_DARKS]) {
-    int n = 0;
-    for (int i = 0; i <= conf->n_exposures; i++) {
-        gint64 us =
-            llround(i < conf->n_exposures ? conf->exposures_us[i] : conf->laser_exposure_us);
-        gboolean known = FALSE;
-        for (int k = 0; k < n; k++)
-            known |= ret[k] == us;
-        if (!known)
-            ret[n++] = us;
-    }
-    return n;
-}
-
-/* Frames at each step, the shortest exposure first. */
-static int frames_a_step(const struct session_conf *conf) {
-    return conf->laser_short_us > 0 ? 2 : 1;
-}
-
-int intake_sweep_step(const struct session_conf *conf, const struct session_shot *shot, int sub) {
-    return MIN(sub / frames_a_step(conf), shot->sweep_steps);
-}
-
-static gboolean is_short(const struct session_conf *conf, const struct session_shot *shot,
-                         int sub) {
-    return conf->laser_short_us > 0 && sub % 2 == 0 &&
-           intake_sweep_step(conf, shot, sub) < shot->sweep_steps;
-}
-
-int intake_n_frames(const struct session_conf *conf, const struct session_shot *shot) {
-    gint64 exposures[MAX_DARKS];
-    switch (shot->kind) {
-    case SHOT_DARK:
-        return dark_exposures(conf, exposures) * conf->dark_frames;
-    case SHOT_SWEEP:
-        return frames_a_step(conf) * shot->sweep_steps + 1;
-    default:
-        return conf->n_exposures;
-    }
-}
-
-gint64 intake_exposure_us(const struct session_conf *conf, const struct session_shot *shot,
-                          int sub) {
-    gint64 exposures[MAX_DARKS];
-    switch (shot->kind) {
-    case SHOT_DARK:
-        dark_exposures(conf, exposures);
-        return exposures[sub / conf->dark_frames];
-    case SHOT_SWEEP:
-        return llround(is_short(conf, shot, sub) ? conf->laser_short_us : conf->laser_exposure_us);
-    default:
-        return llround(conf->exposures_us[sub]);
-    }
-}
-
 static void lane_reset(struct lane *lane) {
     for (int i = 0; i < PLAN_MAX_BRACKET; i++)
         g_clear_pointer(&lane->bracket[i], frame_unref);
@@ -147,48 +84,6 @@ static void lane_reset(struct lane *lane) {
     lane->laser_seen = FALSE;
     lane->n_frames = 0;
     lane->shot = NULL;
-}
-
-/* Where dark frames of two exposures are there, a line through each pixel's; of one, that; else the
- * sensor's nominal black. */
-static void guess_dark(const struct lane *lane, gint64 exposure_us, const Frame *frame,
-                       struct dark_level *ret) {
-    const struct dark_level *known[2] = {NULL, NULL};
-    const gsize n = (gsize)frame->width * frame->height;
-    double sum = 0, along = 0;
-    for (int i = 0, k = 0; i < MAX_DARKS && k < 2; i++)
-        if (lane->darks[i].pixels)
-            known[k++] = &lane->darks[i];
-    if (known[1])
-        along = (double)(exposure_us - known[0]->exposure_us) /
-                (double)(known[1]->exposure_us - known[0]->exposure_us);
-    if (!ret->pixels)
-        ret->pixels = g_new(float, n);
-    for (gsize p = 0; p < n; p++) {
-        double level = known[0] ? known[0]->pixels[p] : frame->black_level;
-        level += known[1] ? along * (known[1]->pixels[p] - level) : 0;
-        ret->pixels[p] = (float)level;
-        sum += level;
-    }
-    ret->mean_dn = sum / (double)n;
-    ret->exposure_us = exposure_us;
-}
-
-static const struct dark_level *dark_at(struct lane *lane, int sub, const Frame *frame) {
-    for (int i = 0; i < MAX_DARKS; i++)
-        if (lane->darks[i].pixels && lane->darks[i].exposure_us == frame->exposure_us)
-            return &lane->darks[i];
-    struct dark_level *guess = &lane->guesses[sub];
-    if (!guess->pixels || guess->exposure_us != frame->exposure_us)
-        guess_dark(lane, frame->exposure_us, frame, guess);
-    return guess;
-}
-
-static void set_dark(struct lane *lane, int index, gint64 exposure_us, float *pixels, double mean) {
-    g_free(lane->darks[index].pixels);
-    lane->darks[index] = (struct dark_level){exposure_us, mean, pixels};
-    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
-        g_clear_pointer(&lane->guesses[i].pixels, g_free);
 }
 
 static void describe(struct lane *lane, const struct job *job, struct intake_file *file) {
@@ -241,19 +136,20 @@ static void take_dark(struct lane *lane, const struct job *job) {
         return;
     float *pixels = g_new(float, n);
     double mean = radiance_mean(lane->sums, conf->dark_frames, n, pixels);
-    set_dark(lane, job->sub / conf->dark_frames, job->frame->exposure_us, pixels, mean);
+    intake_darks_set(&lane->darks, job->sub / conf->dark_frames, job->frame->exposure_us, pixels,
+                     mean);
 }
 
 static void finish_dark(struct lane *lane, const struct job *job) {
-    gint64 exposures[MAX_DARKS];
-    int n = dark_exposures(lane->intake->setup.conf, exposures);
+    gint64 exposures[INTAKE_MAX_DARKS];
+    int n = intake_dark_exposures(lane->intake->setup.conf, exposures);
     struct intake_file file;
     describe(lane, job, &file);
     struct intake_result result = {0};
-    const float *pixels[MAX_DARKS];
+    const float *pixels[INTAKE_MAX_DARKS];
     for (int i = 0; i < n; i++) {
-        pixels[i] = lane->darks[i].pixels;
-        result.dark_dn = MAX(result.dark_dn, lane->darks[i].mean_dn);
+        pixels[i] = lane->darks.levels[i].pixels;
+        result.dark_dn = MAX(result.dark_dn, lane->darks.levels[i].mean_dn);
     }
     file.dark_dn = result.dark_dn;
     result.error = g_steal_pointer(&lane->error);
@@ -300,7 +196,7 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     struct intake_file file;
     describe(lane, job, &file);
     for (int i = 0; i < conf->n_exposures; i++) {
-        const struct dark_level *dark = dark_at(lane, i, lane->bracket[i]);
+        const struct intake_dark *dark = intake_darks_at(&lane->darks, i, lane->bracket[i]);
         darks[i] = dark->pixels;
         file.dark_dn = dark->mean_dn;
     }
@@ -326,7 +222,7 @@ static void finish_sweep(struct lane *lane, const struct job *job) {
     const struct session_conf *conf = lane->intake->setup.conf;
     struct intake_file file;
     describe(lane, job, &file);
-    file.dark_dn = dark_at(lane, 0, job->frame)->mean_dn;
+    file.dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
     if (lane->short_sweep)
         sweep_set_shorter(lane->sweep, lane->short_sweep,
                           conf->laser_exposure_us / conf->laser_short_us);
@@ -344,7 +240,7 @@ static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct s
     const guint16 *pixels[BATCH];
     int count = 0;
     for (int i = 0; i < n; i++)
-        if (is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
+        if (intake_is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
             pixels[count++] = jobs[i]->frame->pixels;
     if (count > 0 && !*sweep)
         *sweep = sweep_new(frame->width, frame->height, jobs[0]->shot->sweep_steps,
@@ -358,7 +254,7 @@ static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *job = jobs[0];
     if (intake_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
-        const struct dark_level *dark = dark_at(lane, 0, job->frame);
+        const struct intake_dark *dark = intake_darks_at(&lane->darks, 0, job->frame);
         gint64 lit = radiance_lit(job->frame, dark->pixels, conf->laser_threshold_dn);
         lane->laser_seen = lit >= LASER_PIXELS;
         return;
@@ -503,10 +399,7 @@ static void lane_free(gpointer data) {
     g_thread_join(lane->thread);
     g_async_queue_unref(lane->queue);
     g_ptr_array_unref(lane->batch);
-    for (int i = 0; i < MAX_DARKS; i++)
-        g_free(lane->darks[i].pixels);
-    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
-        g_free(lane->guesses[i].pixels);
+    intake_darks_clear(&lane->darks);
     g_free(lane);
 }
 
@@ -581,8 +474,8 @@ gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int c
     struct lane *lane = intake->lanes->pdata[camera];
     const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
     const char *name = intake->setup.devices->geometry.cameras[camera].name;
-    gint64 exposures[MAX_DARKS];
-    int n = dark_exposures(intake->setup.conf, exposures);
+    gint64 exposures[INTAKE_MAX_DARKS];
+    int n = intake_dark_exposures(intake->setup.conf, exposures);
     gsize n_pixels = (gsize)format->width * format->height;
     for (int i = 0; i < n; i++) {
         g_autofree float *pixels =
@@ -592,7 +485,7 @@ gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int c
         double sum = 0;
         for (gsize p = 0; p < n_pixels; p++)
             sum += pixels[p];
-        set_dark(lane, i, exposures[i], g_steal_pointer(&pixels), sum / n_pixels);
+        intake_darks_set(&lane->darks, i, exposures[i], g_steal_pointer(&pixels), sum / n_pixels);
     }
     return TRUE;
 }

@@ -76,6 +76,9 @@ gint64 intake_exposure_us(const struct session_conf *conf, const struct session_
 /* The step of a sweep at which a frame is taken, from 0; its number of steps: the one after it. */
 int intake_sweep_step(const struct session_conf *conf, const struct session_shot *shot, int sub);
 
+/* Whether it is one of laser_short_us. */
+gboolean intake_is_short(const struct session_conf *conf, const struct session_shot *shot, int sub);
+
 /* The next frame of a camera, in order of sub; takes a reference of its own. */
 void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,
                   Frame *frame, int retakes, double time_s);
