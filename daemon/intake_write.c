@@ -115,10 +115,11 @@ gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
     exr_set_double(part, "sweep.from_deg", shot->sweep_from_deg);
     exr_set_double(part, "sweep.to_deg", shot->sweep_to_deg);
     exr_set_int(part, "sweep.steps", shot->sweep_steps);
-    sweep_finish_second(sweep, file->conf->laser_threshold_dn, exr_part_plane(part, "second_peak"),
-                        exr_part_plane(part, "width"), exr_part_plane(part, "second_intensity"));
-    sweep_finish(sweep, file->conf->laser_threshold_dn, exr_part_plane(part, "peak"),
-                 exr_part_plane(part, "width"), exr_part_plane(part, "intensity"));
+    const struct sweep_pulses first = {exr_part_plane(part, "peak"), exr_part_plane(part, "width"),
+                                       exr_part_plane(part, "intensity")};
+    const struct sweep_pulses second = {exr_part_plane(part, "second_peak"), NULL,
+                                        exr_part_plane(part, "second_intensity")};
+    sweep_finish_both(sweep, file->conf->laser_threshold_dn, &first, &second);
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
     gboolean ok = write_frame(file, exr, ret_frame, error);

@@ -32,7 +32,7 @@ struct mdf_sweep {
     double from_rad, step_rad;
     const float *peak, *width, *intensity;
     const struct rig_arc *arc;                   /* NULL: an ideal one */
-    const float *second_peak, *second_intensity; /* of sweep_finish_second(); both may be NULL */
+    const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
     const struct laser_lines *lines;             /* NULL: planes by the calibration alone */
 };
 

@@ -372,26 +372,32 @@ static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) 
     samples->full = sweep->ratio * full_of(shorter, i);
 }
 
-struct found {
-    float peak, width, intensity;
-};
+static void tell(const Sweep *sweep, gsize i, const struct sweep_pulse *pulse, double threshold,
+                 const struct sweep_pulses *ret) {
+    const gboolean is_line = pulse && pulse->height >= threshold && pulse->time >= 0;
+    ret->peak[i] = is_line ? (float)pulse->time : -1;
+    ret->intensity[i] = pulse ? MIN((float)pulse->height, full_of(sweep, i)) : 0;
+    if (ret->width)
+        ret->width[i] = is_line ? (float)pulse->width : 0;
+}
 
-static struct found finish_pixel(const Sweep *sweep, gsize i, struct pixel *pixel, double threshold,
-                                 int rank) {
+/* first and second may be NULL. */
+static void finish_pixel(const Sweep *sweep, gsize i, struct pixel *pixel, double threshold,
+                         const struct sweep_pulses *first, const struct sweep_pulses *second) {
+    struct sweep_pulse pulse[2];
     take_samples(sweep, i, pixel);
     if (sweep->shorter)
         replace_saturated(sweep, i, pixel);
-    struct sweep_pulse pulse;
-    if (!sweep_pulse_find(&pixel->samples, rank, &pulse))
-        return (struct found){-1, 0, 0};
-    const float height = MIN((float)pulse.height, full_of(sweep, i));
-    if (!(pulse.height >= threshold) || pulse.time < 0)
-        return (struct found){-1, 0, height};
-    return (struct found){(float)pulse.time, (float)pulse.width, height};
+    const int n =
+        sweep_pulse_find(&pixel->samples, first ? &pulse[0] : NULL, second ? &pulse[1] : NULL);
+    if (first)
+        tell(sweep, i, n > 0 ? &pulse[0] : NULL, threshold, first);
+    if (second)
+        tell(sweep, i, n > 1 ? &pulse[1] : NULL, threshold, second);
 }
 
-static void finish(const Sweep *sweep, int rank, double threshold, float *ret_peak,
-                   float *ret_width, float *ret_intensity) {
+void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
+                       const struct sweep_pulses *ret_second) {
     const Sweep *shorter = sweep->shorter;
     gsize n = (gsize)MAX(sweep->count, 1), n_shorter = shorter ? (gsize)MAX(shorter->count, 1) : 1;
     g_autofree const struct record **longer_records = g_new(const struct record *, n);
@@ -405,19 +411,12 @@ static void finish(const Sweep *sweep, int rank, double threshold, float *ret_pe
             if (shorter)
                 gather(shorter, i / LANES, &pixel.shorter);
         }
-        struct found found = finish_pixel(sweep, i, &pixel, threshold, rank);
-        ret_peak[i] = found.peak;
-        ret_width[i] = found.width;
-        ret_intensity[i] = found.intensity;
+        finish_pixel(sweep, i, &pixel, threshold, ret_first, ret_second);
     }
 }
 
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity) {
-    finish(sweep, 0, threshold, ret_peak, ret_width, ret_intensity);
-}
-
-void sweep_finish_second(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
-                         float *ret_intensity) {
-    finish(sweep, 1, threshold, ret_peak, ret_width, ret_intensity);
+    const struct sweep_pulses first = {ret_peak, ret_width, ret_intensity};
+    sweep_finish_both(sweep, threshold, &first, NULL);
 }

@@ -42,9 +42,14 @@ void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity);
 
-/* The same of each pixel's second brightest pulse: light thrown back by what stands around, or a
- * surface behind an edge; intensity is 0 where there is none. */
-void sweep_finish_second(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
-                         float *ret_intensity);
+struct sweep_pulses {
+    float *peak, *width, *intensity; /* as above; width may be NULL */
+};
+
+/* The same, and that of each pixel's second brightest pulse: light thrown back by what stands
+ * around, or a surface behind an edge; intensity is 0 where there is none. Either may be NULL. Both
+ * together take little longer than one. */
+void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
+                       const struct sweep_pulses *ret_second);
 
 gsize sweep_bytes(const Sweep *sweep); /* it occupies */

@@ -187,7 +187,8 @@ static void measure(const struct sweep_samples *s, const struct span *span,
         between_few(s, span, length, ret);
 }
 
-gboolean sweep_pulse_find(const struct sweep_samples *samples, int rank, struct sweep_pulse *ret) {
+int sweep_pulse_find(const struct sweep_samples *samples, struct sweep_pulse *ret_first,
+                     struct sweep_pulse *ret_second) {
     struct span best[2] = {{0, -1, 0}, {0, -1, 0}};
     int found = 0;
     for (int k = 0; k < samples->n;) {
@@ -199,11 +200,12 @@ gboolean sweep_pulse_find(const struct sweep_samples *samples, int rank, struct 
         } else if (found == 1 || height > samples->value[best[1].top]) {
             best[1] = span;
         }
-        found++;
+        found = MIN(found + 1, 2);
         k = span.last + 1;
     }
-    if (rank < 0 || rank > 1 || found <= rank)
-        return FALSE;
-    measure(samples, &best[rank], ret);
-    return TRUE;
+    if (found > 0 && ret_first)
+        measure(samples, &best[0], ret_first);
+    if (found > 1 && ret_second)
+        measure(samples, &best[1], ret_second);
+    return found;
 }

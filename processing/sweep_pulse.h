@@ -20,6 +20,7 @@ struct sweep_pulse {
     double height;      /* DN, its brightest sample */
 };
 
-/* The brightest pulse (rank 0) or the next (1): another one is told apart where it becomes less
- * than VALLEY (sweep_pulse.c) of the fainter in between. FALSE if there are not as many. */
-gboolean sweep_pulse_find(const struct sweep_samples *samples, int rank, struct sweep_pulse *ret);
+/* The brightest pulse and the next: another one is told apart where it becomes less than VALLEY
+ * (sweep_pulse.c) of the fainter in between. Either may be NULL. How many there are, 2 at most. */
+int sweep_pulse_find(const struct sweep_samples *samples, struct sweep_pulse *ret_first,
+                     struct sweep_pulse *ret_second);

@@ -36,9 +36,9 @@ struct planes {
 };
 
 static void finish(const Sweep *sweep, struct planes *planes) {
-    sweep_finish_second(sweep, THRESHOLD, planes->second_peak, planes->width,
-                        planes->second_intensity);
-    sweep_finish(sweep, THRESHOLD, planes->peak, planes->width, planes->intensity);
+    const struct sweep_pulses first = {planes->peak, planes->width, planes->intensity};
+    const struct sweep_pulses second = {planes->second_peak, NULL, planes->second_intensity};
+    sweep_finish_both(sweep, THRESHOLD, &first, &second);
 }
 
 static void expose(World *world, const struct world_state *state, gint64 us, guint64 key,

@@ -9,6 +9,12 @@ struct pulses {
     double *centre; /* of each pixel */
 };
 
+static void finish_second(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
+                          float *ret_intensity) {
+    const struct sweep_pulses second = {ret_peak, ret_width, ret_intensity};
+    sweep_finish_both(sweep, threshold, NULL, &second);
+}
+
 static double gauss(GRand *random) {
     double u = g_rand_double_range(random, 1e-12, 1), v = g_rand_double(random);
     return sqrt(-2 * log(u)) * cos(2 * G_PI * v);
@@ -164,7 +170,7 @@ static void test_shorter_lacks(void) {
         g_assert_cmpfloat(peak[0], ==, peak[1]);
         g_assert_cmpfloat(width[0], ==, width[1]);
         g_assert_cmpfloat(bright[0], ==, bright[1]);
-        sweep_finish_second(sweep, 20, &peak[1], &width[1], &bright[1]);
+        finish_second(sweep, 20, &peak[1], &width[1], &bright[1]);
         g_assert_cmpfloat(peak[1], ==, -1);
     }
 }
@@ -186,7 +192,7 @@ static void test_shorter_parts(void) {
     sweep_finish(sweep, 20, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 7, 0.3);
     g_assert_cmpfloat(bright, ==, 890);
-    sweep_finish_second(sweep, 20, &peak, &width, &bright);
+    finish_second(sweep, 20, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 3, 0.3);
 }
 
@@ -262,10 +268,10 @@ static void test_second(void) {
     float peak, width, bright;
     sweep_finish(sweep, 15, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 8, 1e-6);
-    sweep_finish_second(sweep, 15, &peak, &width, &bright);
+    finish_second(sweep, 15, &peak, &width, &bright);
     g_assert_cmpfloat_with_epsilon(peak, 3, 1e-6);
     g_assert_cmpfloat(bright, ==, 50);
-    sweep_finish_second(sweep, 60, &peak, &width, &bright);
+    finish_second(sweep, 60, &peak, &width, &bright);
     g_assert_cmpfloat(peak, ==, -1);
 }
 
@@ -275,7 +281,7 @@ static void test_no_second(void) {
     for (guint i = 0; i < G_N_ELEMENTS(values); i++)
         sweep_add(sweep, &values[i]);
     float peak, width, bright;
-    sweep_finish_second(sweep, 15, &peak, &width, &bright);
+    finish_second(sweep, 15, &peak, &width, &bright);
     g_assert_cmpfloat(peak, ==, -1);
     g_assert_cmpfloat(bright, ==, 0);
 }
@@ -333,8 +339,9 @@ static GBytes *leave(const guint16 *frames, int width, int height, int n_frames,
     }
     g_assert_cmpint(sweep_count(sweep), ==, n_frames);
     float *left = g_new(float, 6 * n);
-    sweep_finish(sweep, 50, left, left + n, left + 2 * n);
-    sweep_finish_second(sweep, 50, left + 3 * n, left + 4 * n, left + 5 * n);
+    const struct sweep_pulses first = {left, left + n, left + 2 * n};
+    const struct sweep_pulses second = {left + 3 * n, left + 4 * n, left + 5 * n};
+    sweep_finish_both(sweep, 50, &first, &second);
     return g_bytes_new_take(left, 6 * n * sizeof *left);
 }
 

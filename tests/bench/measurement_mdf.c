@@ -63,9 +63,9 @@ static void take_sweep(World *world, int camera, double turntable_deg,
                      key * 512 + (guint64)position->arc_deg + 7, pixels);
         sweep_add(sweep, pixels);
     }
-    sweep_finish_second(sweep, THRESHOLD_DN, planes->second_peak, planes->width,
-                        planes->second_intensity);
-    sweep_finish(sweep, THRESHOLD_DN, planes->peak, planes->width, planes->intensity);
+    const struct sweep_pulses first = {planes->peak, planes->width, planes->intensity};
+    const struct sweep_pulses second = {planes->second_peak, NULL, planes->second_intensity};
+    sweep_finish_both(sweep, THRESHOLD_DN, &first, &second);
 }
 
 static void compare(const struct bench_setup *setup, const float *measured, const float *truth,
