@@ -37,12 +37,13 @@ struct Sweep {
     int n_frames, count;
     guint16 saturation, margin;
     guint16 *darkest; /* whole vectors */
-    guint32 *last;    /* record of each vector, or NOTHING */
+    guint16
+        *opening; /* likewise: the first frame, of which nothing can be told until there are more */
+    guint32 *last; /* record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
     const Sweep *shorter; /* or NULL */
     float ratio;
-    guint16 first[NOISE_PIXELS]; /* of the first frame */
 };
 
 Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
@@ -56,6 +57,7 @@ Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
     sweep->margin = LEAST_MARGIN;
     sweep->darkest = g_new(guint16, sweep->n_vectors * LANES);
     memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
+    sweep->opening = g_new0(guint16, sweep->n_vectors * LANES);
     sweep->last = g_new(guint32, sweep->n_vectors);
     memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
     sweep->crowded = sweep->n_vectors * (CROWDED + (gsize)n_frames * 3 / 4);
@@ -66,6 +68,7 @@ void sweep_free(Sweep *sweep) {
     if (!sweep)
         return;
     g_free(sweep->darkest);
+    g_free(sweep->opening);
     g_free(sweep->last);
     g_free(sweep->records);
     g_free(sweep);
@@ -76,7 +79,7 @@ int sweep_count(const Sweep *sweep) {
 }
 
 gsize sweep_bytes(const Sweep *sweep) {
-    return sizeof *sweep + sweep->n_vectors * (LANES * sizeof(guint16) + sizeof(guint32)) +
+    return sizeof *sweep + sweep->n_vectors * (2 * LANES * sizeof(guint16) + sizeof(guint32)) +
            sweep->n_records * sizeof(struct record);
 }
 
@@ -210,16 +213,13 @@ static int by_size(const void *a, const void *b) {
 /* From some pixels of the first two frames. */
 static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
-    if (n < FEW_PIXELS || sweep->count > 1)
+    if (n < FEW_PIXELS || sweep->count != 1)
         return;
     int size[NOISE_PIXELS];
     for (gsize i = 0; i < n; i++) {
-        guint16 value = pixels[i * (sweep->n_pixels / n)];
-        size[i] = abs((int)value - (int)sweep->first[i]);
-        sweep->first[i] = value;
+        const gsize at = i * (sweep->n_pixels / n);
+        size[i] = abs((int)MIN(pixels[at], sweep->saturation) - (int)sweep->opening[at]);
     }
-    if (sweep->count == 0)
-        return;
     qsort(size, n, sizeof *size, by_size);
     gsize middle = n / 2;
     double noise = size[middle] / MEDIAN;
@@ -274,6 +274,8 @@ void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
         measure_noise(sweep, frames[k]);
         absorb_whole(sweep, frames + k, some);
         absorb_rest(sweep, frames + k, some);
+        if (sweep->count == 0)
+            memcpy(sweep->opening, sweep->darkest, sizeof(guint16) * sweep->n_vectors * LANES);
         sweep->count += some;
         if (sweep->n_records > sweep->crowded)
             make_room(sweep);
@@ -327,6 +329,11 @@ static float full_of(const Sweep *sweep, gsize i) {
 /* Without those of the shorter exposure. */
 static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
     int n = 0;
+    const float opening = (float)(sweep->opening[i] - (int)sweep->darkest[i]);
+    if (opening > (float)sweep->margin) {
+        pixel->frame[n] = 0;
+        pixel->value[n++] = opening;
+    }
     for (int k = 0; k < pixel->longer.n; k++) {
         const float value = above(sweep, pixel->longer.record[k], i);
         if (value <= (float)sweep->margin)
@@ -399,7 +406,7 @@ static void finish_pixel(const Sweep *sweep, gsize i, struct pixel *pixel, doubl
 void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
                        const struct sweep_pulses *ret_second) {
     const Sweep *shorter = sweep->shorter;
-    gsize n = (gsize)MAX(sweep->count, 1), n_shorter = shorter ? (gsize)MAX(shorter->count, 1) : 1;
+    gsize n = (gsize)sweep->count + 1, n_shorter = shorter ? (gsize)MAX(shorter->count, 1) : 1;
     g_autofree const struct record **longer_records = g_new(const struct record *, n);
     g_autofree const struct record **shorter_records = g_new(const struct record *, n_shorter);
     g_autofree int *frame = g_new(int, n);

@@ -181,6 +181,9 @@ static void measure(const struct sweep_samples *s, const struct span *span,
     struct span part = bright_part(s, span, length);
     if (fit(s, &part, 0.5 * (begin + end), ret))
         return;
+    /* What falls below the first frame's value was taken for background: a flank is missing. */
+    if (s->frame[span->first] == 0)
+        return;
     if (length > 2 || s->value[span->top] >= s->full)
         across_plateau(s, span, length, ret);
     else

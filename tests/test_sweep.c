@@ -231,6 +231,27 @@ static void test_no_peak(void) {
     g_assert_cmpfloat(PEAK_OF(20, 99), ==, -1);
 }
 
+/* The first frame cannot be told from background, nor what falls below it later: what is left of
+ * such a pulse is right or not there. */
+static void test_at_the_start(void) {
+    enum { N = 2000, EARLY = 400 };
+    double centre[N];
+    for (int i = 0; i < N; i++)
+        centre[i] = i < EARLY ? -1 + 5.0 * i / EARLY : 14;
+    for (double sigma = 0.5; sigma < 2.1; sigma += 0.3) {
+        const struct pulses pulses = {N, 1, 24, 4000, sigma, 1200, 60, 4, centre};
+        float peak[N], width[N], bright[N];
+        GRand *random = g_rand_new_with_seed(3);
+        g_autoptr(Sweep) sweep = feed(&pulses, random);
+        g_rand_free(random);
+        sweep_finish(sweep, 40, peak, width, bright);
+        for (int i = 0; i < N; i++) {
+            g_assert_true(peak[i] >= 0 || centre[i] < 1.2);
+            g_assert_true(peak[i] < 0 || fabs(peak[i] - centre[i]) < 0.1);
+        }
+    }
+}
+
 static void test_shapes(void) {
     g_assert_cmpfloat(PEAK_OF(20, 10, 10, 50, 90, 50, 10, 10), ==, 3);
     g_assert_cmpfloat(PEAK_OF(20, 10, 10, 10, 90, 10, 10, 10), ==, 3); /* a single frame */
@@ -379,6 +400,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/sweep/shorter/parts", test_shorter_parts);
     g_test_add_func("/sweep/above-saturation", test_above_saturation);
     g_test_add_func("/sweep/no-peak", test_no_peak);
+    g_test_add_func("/sweep/at-the-start", test_at_the_start);
     g_test_add_func("/sweep/shapes", test_shapes);
     g_test_add_func("/sweep/wide", test_wide);
     g_test_add_func("/sweep/second", test_second);
