@@ -1,18 +1,21 @@
 #include "intake.h"
 
 #include <math.h>
+#include <sys/resource.h>
 
 #include "calib/marks.h"
 #include "intake_darks.h"
 #include "intake_write.h"
 #include "radiance.h"
 
-/* Eight cameras' sweeps of 1024 x 768 end at once, and are written in a second or two. */
 #define FULL_BYTES ((gsize)512 << 20)
 /* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
 #define BATCH 8
 /* A pixel this far above dark is lit; that many make a laser line. */
 #define LASER_PIXELS 4
+/* What moves and triggers goes first, then what takes frames, then what makes files of sweeps. */
+#define TAKE_NICE   5
+#define FINISH_NICE 10
 
 struct job {
     guint generation;
@@ -23,13 +26,29 @@ struct job {
     Frame *frame;
 };
 
-/* A camera's worker. What the worker touches belongs to its thread; batch to the main loop's. */
+/* A sweep all of whose frames were taken. */
+struct ending {
+    struct job job; /* the last; its frame is owned */
+    Sweep *sweep, *short_sweep;
+    double dark_dn;
+    gboolean laser_seen;
+    GError *error;
+    gsize bytes; /* of the sweeps; they count as waiting */
+};
+
+/* A camera's worker. What the worker touches belongs to its thread; batch to the main loop's. To
+ * find the times of eight sweeps of 1024 × 768 that end at once, and to have them on disk, takes
+ * seconds: so that is another thread's work, and frames that come meanwhile find room. */
 struct lane {
     Intake *intake;
     int camera;
     GThread *thread;
     GAsyncQueue *queue; /* of GPtrArray of struct job; an empty one ends the thread */
     GPtrArray *batch;
+    GThreadPool *finisher; /* of one thread, of struct ending */
+    GMutex mutex;
+    GCond finished;
+    int n_endings; /* guarded by mutex */
 
     guint generation;
     const struct session_shot *shot; /* being collected */
@@ -218,19 +237,80 @@ static void finish_lamp(struct lane *lane, const struct job *job) {
     hand_back(lane, job, result);
 }
 
-static void finish_sweep(struct lane *lane, const struct job *job) {
+static void ending_free(struct ending *ending) {
+    frame_unref(ending->job.frame);
+    sweep_free(ending->sweep);
+    sweep_free(ending->short_sweep);
+    g_clear_error(&ending->error);
+    g_free(ending);
+}
+
+static void write_ending(struct lane *lane, struct ending *ending) {
     const struct session_conf *conf = lane->intake->setup.conf;
     struct intake_file file;
-    describe(lane, job, &file);
-    file.dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
-    if (lane->short_sweep)
-        sweep_set_shorter(lane->sweep, lane->short_sweep,
+    describe(lane, &ending->job, &file);
+    file.dark_dn = ending->dark_dn;
+    if (ending->short_sweep)
+        sweep_set_shorter(ending->sweep, ending->short_sweep,
                           conf->laser_exposure_us / conf->laser_short_us);
-    struct intake_result result = {.laser_seen = lane->laser_seen, .error = lane->error};
-    lane->error = NULL;
+    struct intake_result result = {.laser_seen = ending->laser_seen,
+                                   .error = g_steal_pointer(&ending->error)};
     if (!result.error && !result.laser_seen)
-        intake_write_sweep(&file, lane->sweep, &result.frame, &result.error);
-    hand_back(lane, job, result);
+        intake_write_sweep(&file, ending->sweep, &result.frame, &result.error);
+    hand_back(lane, &ending->job, result);
+}
+
+static gboolean is_current(const Intake *intake, const struct job *job) {
+    return job->generation == (guint)g_atomic_int_get(&intake->generation);
+}
+
+static void add_bytes(Intake *intake, gssize bytes) {
+    const gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, bytes);
+    if (bytes < 0 && g_atomic_int_get(&intake->full) &&
+        before + (gsize)bytes <= intake->setup.full_bytes / 2)
+        g_source_set_ready_time(intake->wake, 0);
+}
+
+/* The finisher's; setpriority() is of the calling thread alone, on Linux. */
+static void finish_sweep(gpointer data, gpointer lane_data) {
+    struct ending *ending = data;
+    struct lane *lane = lane_data;
+    const gsize bytes = ending->bytes;
+    setpriority(PRIO_PROCESS, 0, FINISH_NICE);
+    if (is_current(lane->intake, &ending->job))
+        write_ending(lane, ending);
+    ending_free(ending);
+    add_bytes(lane->intake, -(gssize)bytes);
+    g_mutex_lock(&lane->mutex);
+    lane->n_endings--;
+    g_cond_signal(&lane->finished);
+    g_mutex_unlock(&lane->mutex);
+}
+
+static void end_sweep(struct lane *lane, const struct job *job) {
+    struct ending *ending = g_new0(struct ending, 1);
+    ending->job = *job;
+    ending->job.frame = frame_ref(job->frame);
+    ending->sweep = g_steal_pointer(&lane->sweep);
+    ending->short_sweep = g_steal_pointer(&lane->short_sweep);
+    ending->dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
+    ending->laser_seen = lane->laser_seen;
+    ending->error = g_steal_pointer(&lane->error);
+    ending->bytes =
+        sweep_bytes(ending->sweep) + (ending->short_sweep ? sweep_bytes(ending->short_sweep) : 0);
+    add_bytes(lane->intake, (gssize)ending->bytes);
+    g_mutex_lock(&lane->mutex);
+    lane->n_endings++;
+    g_mutex_unlock(&lane->mutex);
+    g_thread_pool_push(lane->finisher, ending, NULL);
+}
+
+/* A camera's results come in the order of its shots. */
+static void await_endings(struct lane *lane) {
+    g_mutex_lock(&lane->mutex);
+    while (lane->n_endings > 0)
+        g_cond_wait(&lane->finished, &lane->mutex);
+    g_mutex_unlock(&lane->mutex);
 }
 
 /* Those of the frames that have one exposure. */
@@ -277,6 +357,8 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
     g_return_if_fail(job->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
     gboolean last = lane->n_frames == intake_n_frames(conf, job->shot);
+    if (last && job->shot->kind != SHOT_SWEEP)
+        await_endings(lane);
     if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
         keep_raw(lane, job);
     switch (job->shot->kind) {
@@ -293,7 +375,7 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
     case SHOT_SWEEP:
         take_sweep(lane, jobs, n);
         if (last)
-            finish_sweep(lane, job);
+            end_sweep(lane, job);
         break;
     }
     if (last)
@@ -302,13 +384,6 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
 
 static gsize job_bytes(const struct job *job) {
     return (gsize)job->frame->width * job->frame->height * sizeof(guint16);
-}
-
-static void job_done(Intake *intake, const struct job *job) {
-    gsize bytes = job_bytes(job);
-    gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, -(gssize)bytes);
-    if (g_atomic_int_get(&intake->full) && before - bytes <= intake->setup.full_bytes / 2)
-        g_source_set_ready_time(intake->wake, 0);
 }
 
 /* Of some jobs, the first ones that are frames of one sweep, which go together; else 1. */
@@ -327,6 +402,7 @@ static guint count_together(const struct lane *lane, struct job *const *jobs, gu
 static gpointer lane_run(gpointer data) {
     struct lane *lane = data;
     Intake *intake = lane->intake;
+    setpriority(PRIO_PROCESS, 0, TAKE_NICE);
     gboolean running = TRUE;
     while (running) {
         g_autoptr(GPtrArray) batch = g_async_queue_pop(lane->queue);
@@ -334,10 +410,10 @@ static gpointer lane_run(gpointer data) {
         for (guint i = 0, n = 0; i < batch->len; i += n) {
             struct job *const *jobs = (struct job *const *)&batch->pdata[i];
             n = count_together(lane, jobs, batch->len - i);
-            if (jobs[0]->generation == (guint)g_atomic_int_get(&intake->generation))
+            if (is_current(intake, jobs[0]))
                 take(lane, jobs, (int)n);
             for (guint k = 0; k < n; k++)
-                job_done(intake, jobs[k]);
+                add_bytes(intake, -(gssize)job_bytes(jobs[k]));
         }
     }
     lane_reset(lane);
@@ -388,6 +464,9 @@ static struct lane *lane_new(Intake *intake, int camera) {
     lane->camera = camera;
     lane->queue = g_async_queue_new();
     lane->batch = g_ptr_array_new_with_free_func(job_free);
+    g_mutex_init(&lane->mutex);
+    g_cond_init(&lane->finished);
+    lane->finisher = g_thread_pool_new(finish_sweep, lane, 1, TRUE, NULL);
     lane->thread =
         g_thread_new(intake->setup.devices->geometry.cameras[camera].name, lane_run, lane);
     return lane;
@@ -397,6 +476,9 @@ static void lane_free(gpointer data) {
     struct lane *lane = data;
     g_async_queue_push(lane->queue, g_ptr_array_new());
     g_thread_join(lane->thread);
+    g_thread_pool_free(lane->finisher, FALSE, TRUE);
+    g_mutex_clear(&lane->mutex);
+    g_cond_clear(&lane->finished);
     g_async_queue_unref(lane->queue);
     g_ptr_array_unref(lane->batch);
     intake_darks_clear(&lane->darks);
@@ -445,12 +527,12 @@ void intake_frame(Intake *intake, const struct session_shot *shot, int camera, i
     struct job *job = g_new0(struct job, 1);
     *job = (struct job){intake->generation, shot, sub, retakes, time_s, frame_ref(frame)};
     gsize bytes = job_bytes(job);
-    gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, (gssize)bytes);
+    add_bytes(intake, (gssize)bytes);
     g_ptr_array_add(lane->batch, job);
     gboolean last = sub + 1 == intake_n_frames(intake->setup.conf, shot);
     if (last || lane->batch->len >= BATCH)
         flush(lane);
-    if (before + bytes < intake->setup.full_bytes)
+    if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
     /* What waits in batches would never make room. */
     for (guint i = 0; i < intake->lanes->len; i++)

@@ -1,6 +1,7 @@
 /*
  * What becomes of accepted frames: dark level, bracket merge, laser sweep, file. One worker thread
- * a camera takes its frames in order; everything else here belongs to the main loop's thread.
+ * a camera takes its frames in order, another one finishes its sweeps meanwhile; everything else
+ * here belongs to the main loop's thread.
  *
  * The files, and with them the contract with processing. Every part has these attributes
  * (session_frame_path() gives the names):
@@ -37,7 +38,8 @@ struct intake_setup {
     struct devices *devices;
     const struct session_conf *conf;
     const char *directory; /* of the session */
-    gsize full_bytes;      /* of frames in the workers' queues at which it is full; 0: 512 MiB */
+    gsize full_bytes; /* of frames and sweeps that wait for workers, at which it is full; 0: 512 MiB
+                       */
     /* Of the marks, and of how straight the sensors are; NULL: none is looked for, and they are. */
     const struct calibration *calibration;
 };
@@ -83,7 +85,7 @@ gboolean intake_is_short(const struct session_conf *conf, const struct session_s
 void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,
                   Frame *frame, int retakes, double time_s);
 
-/* Too much lies in the workers' queues: trigger nothing until room() is called. A virtual clock is
+/* Too much waits for the workers: trigger nothing until room() is called. A virtual clock is
  * held meanwhile, since writing takes no simulated time. */
 gboolean intake_is_full(const Intake *intake);
 

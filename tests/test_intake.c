@@ -162,6 +162,7 @@ struct bench {
     gsize full_bytes;
     Intake *intake;
     int results, rooms;
+    gint64 shots[64]; /* of results, in their order */
     char *path, *sha256;
     gint64 saturated;
     double signal_dn;
@@ -182,7 +183,7 @@ static struct session_shot sweep_shot = {.id = 3,
 
 static void on_result(const struct intake_result *result, gpointer data) {
     struct bench *bench = data;
-    bench->results++;
+    bench->shots[bench->results++ % (int)G_N_ELEMENTS(bench->shots)] = result->shot->id;
     g_free(bench->path);
     g_free(bench->sha256);
     bench->path =
@@ -497,6 +498,30 @@ static void test_discard(void) {
     bench_free(bench);
 }
 
+/* What is made of a sweep meanwhile does not let others pass, and a sweep that was not yet on disk
+ * is forgotten like any other. */
+static void test_order(void) {
+    struct bench *bench = bench_new();
+    static const gint64 shots[] = {3, 2, 3, 3, 1};
+    for (int round = 0; round < 3; round++) {
+        give_sweep(bench, BLACK);
+        give_lamp(bench);
+        give_sweep(bench, BLACK);
+        give_sweep(bench, BLACK);
+        give_dark(bench);
+    }
+    wait_for(bench, 15);
+    for (int i = 0; i < 15; i++)
+        g_assert_cmpint(bench->shots[i], ==, shots[i % 5]);
+    for (int i = 0; i < 4; i++)
+        give_sweep(bench, BLACK);
+    intake_discard(bench->intake);
+    give_lamp(bench);
+    wait_for(bench, 16);
+    check_lamp_file(bench);
+    bench_free(bench);
+}
+
 static void must_not_happen(gpointer data) {
     g_assert_not_reached();
 }
@@ -550,6 +575,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/intake/laser-stays-on", test_laser_stays_on);
     g_test_add_func("/intake/keep-frames", test_keep_frames);
     g_test_add_func("/intake/discard", test_discard);
+    g_test_add_func("/intake/order", test_order);
     g_test_add_func("/intake/full", test_full);
     g_test_add_func("/intake/unwritable", test_unwritable);
     return g_test_run();
