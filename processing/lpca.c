@@ -6,8 +6,9 @@
 #include "exr_half.h"
 #include "lpca_private.h"
 
-#define COLOURS   3
-#define LARGEST_Q 127
+#define COLOURS     3
+#define LARGEST_Q   127
+#define LEAST_LIGHT 0.015F /* of the brightest, what steps of a dark light are made for */
 
 static const char *const kinds[] = {"float", "half", "8bit", "8bit-weights", "packed"};
 
@@ -60,6 +61,7 @@ void lpca_free(struct lpca *lpca) {
     g_free(lpca->weights);
     g_free(lpca->brdfs);
     g_free(lpca->scales);
+    g_free(lpca->light_scales);
     g_free(lpca->weight_scales);
     lpca_packed_free(lpca->packed);
     g_free(lpca);
@@ -130,6 +132,8 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
         memcpy(fewer->weight_scales + (gsize)(k * n_components),
                lpca->weight_scales + (gsize)(k * c), sizeof(float) * (gsize)n_components);
     }
+    if (lpca->light_scales)
+        fewer->light_scales = copy(lpca->light_scales, (gsize)lpca->n_lights);
     fewer->colours = lpca->colours;
     fewer->quantise = lpca->quantise == LPCA_PACKED ? LPCA_FLOAT : lpca->quantise;
     fewer->n_grid = lpca->n_grid;
@@ -160,13 +164,51 @@ static void to_halves(float *values, gsize n) {
     exr_half_to_floats(values, halves, n);
 }
 
-static void to_steps(float *values, gsize n, float *ret_scale) {
+/* How bright a cluster's texels are under a light by one component, at most: with the mean size of
+ * its weights. */
+static void add_brightness(const float *brdf, int n_views, int n_lights, float weight, float *ret) {
+    for (int i = 0; i < n_views * n_lights * COLOURS; i++) {
+        float *most = &ret[i / COLOURS % n_lights];
+        *most = MAX(*most, weight * fabsf(brdf[i]));
+    }
+}
+
+/* By how bright it gets at most under each light. */
+static float *find_light_scales(const struct lpca *lpca) {
+    const int c = lpca->n_components, texels = lpca->width * lpca->height;
+    g_autofree double *squares = g_new0(double, lpca->n_clusters *c);
+    g_autofree int *count = g_new0(int, lpca->n_clusters);
+    float *ret = g_new0(float, lpca->n_lights), largest = 0;
+    for (int x = 0; x < texels; x++) {
+        count[lpca->clusters[x]]++;
+        for (int i = 0; i < c; i++)
+            squares[lpca->clusters[x] * c + i] += pow(lpca->weights[x * c + i], 2);
+    }
+    for (int k = 0; k < lpca->n_clusters; k++)
+        for (int i = 0; i < c && count[k] > 0; i++)
+            add_brightness(lpca_brdf(lpca, k, i + 1), lpca->n_views, lpca->n_lights,
+                           (float)sqrt(squares[k * c + i] / count[k]), ret);
+    for (int l = 0; l < lpca->n_lights; l++)
+        largest = MAX(largest, ret[l]);
+    for (int l = 0; l < lpca->n_lights; l++)
+        ret[l] = largest > 0 ? MAX(ret[l] / largest, LEAST_LIGHT) : 1;
+    return ret;
+}
+
+static float of_light(const struct lpca *lpca, int value) {
+    return lpca->light_scales ? lpca->light_scales[value / COLOURS % lpca->n_lights] : 1;
+}
+
+static void to_steps(const struct lpca *lpca, float *brdf, float *ret_scale) {
+    const int n = lpca_dimensions(lpca->n_views, lpca->n_lights);
     float largest = 0;
-    for (gsize i = 0; i < n; i++)
-        largest = MAX(largest, fabsf(values[i]));
+    for (int i = 0; i < n; i++)
+        largest = MAX(largest, fabsf(brdf[i]) / of_light(lpca, i));
     *ret_scale = largest > 0 ? largest / LARGEST_Q : 1;
-    for (gsize i = 0; i < n; i++)
-        values[i] = roundf(values[i] / *ret_scale) * *ret_scale;
+    for (int i = 0; i < n; i++) {
+        const float step = *ret_scale * of_light(lpca, i);
+        brdf[i] = roundf(brdf[i] / step) * step;
+    }
 }
 
 static void weights_to_steps(struct lpca *lpca) {
@@ -194,6 +236,8 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
     lpca->error = 0;
     if (quantise == LPCA_FLOAT)
         return;
+    if (quantise >= LPCA_8BIT && lpca->n_grid == 0)
+        lpca->light_scales = find_light_scales(lpca);
     if (quantise == LPCA_8BIT_WEIGHTS)
         weights_to_steps(lpca);
     else
@@ -201,7 +245,7 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
                   (gsize)lpca->width * (gsize)lpca->height * (gsize)lpca->n_components);
     for (int i = 0; i < lpca->n_clusters * tables; i++)
         if (quantise >= LPCA_8BIT && i % tables > 0)
-            to_steps(lpca->brdfs + (gsize)i * d, d, &lpca->scales[i]);
+            to_steps(lpca, lpca->brdfs + (gsize)i * d, &lpca->scales[i]);
         else
             to_halves(lpca->brdfs + (gsize)i * d, d);
 }
@@ -213,6 +257,7 @@ gint64 lpca_bytes(const struct lpca *lpca) {
     const gint64 weight = lpca->quantise == LPCA_8BIT_WEIGHTS ? 1 : value;
     const gint64 scales = lpca->quantise == LPCA_8BIT_WEIGHTS ? 8 : 4;
     const gboolean bytes = lpca->quantise == LPCA_8BIT || lpca->quantise == LPCA_8BIT_WEIGHTS;
-    const gint64 brdfs = bytes ? k * (2 * d + c * (d + scales)) : k * (c + 1) * d * value;
+    const gint64 brdfs =
+        bytes ? k * (2 * d + c * (d + scales)) + 4 * lpca->n_lights : k * (c + 1) * d * value;
     return texels * ((k > 256 ? 2 : 1) + c * weight) + brdfs;
 }

@@ -17,16 +17,21 @@
  *   part "weights"          channels "W01" … "Wcc", width × height texels, half (or float): w_i(x)
  *   part "scales"           channel "S", width n_clusters, height c + 1, float
  *   part "means"            channels B G R, width n_lights, height n_clusters · n_views
- *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l: E_{i,k}(v, l) / S_{i,k}
+ *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l:
+ *                           E_{i,k}(v, l) / (S_{i,k} S_l)
  *   part "views", "lights"  channels "phi_deg", "theta_deg", width n, height 1, float
  *   part "weight_scales"    channel "S", width n_clusters, height c, float; 8bit-weights alone
+ *   part "light_scales"     channel "S", width n_lights, height 1, float: S_l; if missing, 1
+ *
  * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
  * float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()), texel_mm,
  * reference_mm (double), mesorig.grid (int) where there is an n_grid, and mesorig.colours (string)
  * = "log" where they are that, see below.
  *
  * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
- * each with a scale of its own; means stay halves, since no small weight makes their steps smaller.
+ * each with a scale of its own, and those of a light with one more, S_l: under grazing light all is
+ * dark, and the steps of bright light would be seen. (Not on a grid: it is drawn with the file's 8
+ * bits.) Means stay halves, since no small weight makes their steps smaller.
  * With 8bit-weights so are the weights of each component of each cluster. EXR has no 8-bit
  * channels: the integers lie in halves, without loss. Else all scales are 1.
  *
@@ -68,6 +73,7 @@ struct lpca {
     float *weights;                         /* height × width × n_components */
     float *brdfs;  /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
     float *scales; /* n_clusters × (n_components + 1): steps of brdfs if 8 bit, else 1 */
+    float *light_scales;  /* n_lights: what steps are multiplied with; NULL: all are 1 */
     float *weight_scales; /* n_clusters × n_components: likewise of weights */
     enum lpca_quantise quantise;
     enum lpca_colours colours;

@@ -73,12 +73,27 @@ static struct exr_part *scales_part(const char *name, const struct lpca *lpca, c
     return part;
 }
 
+static struct exr_part *light_scales_part(const struct lpca *lpca) {
+    static const char *const channels[] = {"S", NULL};
+    struct exr_part *part = exr_part_new("light_scales", lpca->n_lights, 1, channels, EXR_FLOAT);
+    memcpy(part->planes[0], lpca->light_scales, sizeof(float) * (gsize)lpca->n_lights);
+    return part;
+}
+
 static char *table_name(int component) {
     return component == 0 ? g_strdup("means") : g_strdup_printf("E%02d", component);
 }
 
 static gsize table_size(const struct lpca *lpca) {
     return (gsize)lpca->n_views * (gsize)lpca->n_lights;
+}
+
+static float light_scale(const struct lpca *lpca, gsize light) {
+    return lpca->light_scales ? lpca->light_scales[light] : 1;
+}
+
+static float stored(const struct lpca *lpca, float value, float scale, gsize light) {
+    return lpca->quantise >= LPCA_8BIT ? roundf(value / (scale * light_scale(lpca, light))) : value;
 }
 
 static struct exr_part *table_part(const struct lpca *lpca, int component) {
@@ -94,7 +109,8 @@ static struct exr_part *table_part(const struct lpca *lpca, int component) {
         const float *rgb = lpca->brdfs + table * size * COLOURS, scale = lpca->scales[table];
         for (gsize i = 0; i < size * COLOURS; i++)
             part->planes[COLOURS - 1 - i % COLOURS][(gsize)k * size + i / COLOURS] =
-                lpca->quantise >= LPCA_8BIT && component > 0 ? roundf(rgb[i] / scale) : rgb[i];
+                component > 0 ? stored(lpca, rgb[i], scale, (i / COLOURS) % (gsize)lpca->n_lights)
+                              : rgb[i];
     }
     return part;
 }
@@ -112,6 +128,8 @@ struct exr_file *lpca_to_exr(const struct lpca *lpca) {
     if (lpca->quantise == LPCA_8BIT_WEIGHTS)
         exr_file_add(file,
                      scales_part("weight_scales", lpca, lpca->weight_scales, lpca->n_components));
+    if (lpca->light_scales)
+        exr_file_add(file, light_scales_part(lpca));
     for (int i = 0; !packed && i <= lpca->n_components; i++)
         exr_file_add(file, table_part(lpca, i));
     exr_file_add(file,
@@ -230,6 +248,19 @@ static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *fil
     return TRUE;
 }
 
+/* Those that are not there are 1. */
+static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
+    if (!exr_file_part(file, "light_scales"))
+        return TRUE;
+    const float *scales = plane(file, "light_scales", "S", lpca->n_lights, 1);
+    for (int l = 0; scales && l < lpca->n_lights; l++)
+        if (!(scales[l] > 0))
+            return FALSE;
+    if (scales)
+        lpca->light_scales = g_memdup2(scales, sizeof(float) * (gsize)lpca->n_lights);
+    return scales != NULL;
+}
+
 static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, const char *path,
                               GError **error) {
     const int n = lpca->width * lpca->height;
@@ -278,7 +309,9 @@ static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int c
             const gsize table = (gsize)k * tables + (gsize)component;
             for (gsize i = 0; i < size; i++)
                 lpca->brdfs[(table * size + i) * COLOURS + (gsize)c] =
-                    values[(gsize)k * size + i] * lpca->scales[table];
+                    values[(gsize)k * size + i] *
+                    (lpca->scales[table] *
+                     (component > 0 ? light_scale(lpca, i % (gsize)lpca->n_lights) : 1));
         }
     }
     return TRUE;
@@ -293,6 +326,8 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
     if (!lpca->scales || !means || means->width != lpca->n_lights ||
         means->height != (gint64)lpca->n_clusters * lpca->n_views)
         return format_error(path, error, "scales or means are missing or damaged");
+    if (!read_light_scales(lpca, file))
+        return format_error(path, error, "light_scales are damaged");
     lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
     if (!lpca->brdfs)
         return format_error(path, error, "it is larger than memory");

@@ -239,6 +239,7 @@ static struct lpca *like(const struct lpca *lpca, int n_grid) {
     ret->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
     ret->weight_scales = g_memdup2(lpca->weight_scales, sizeof(float) * (gsize)lpca->n_clusters *
                                                             (gsize)lpca->n_components);
+    ret->light_scales = NULL;
     ret->brdfs = g_try_new(float, tables *(gsize)ret->n_views *(gsize)ret->n_lights *COLOURS);
     ret->error = 0;
     return ret;

@@ -50,6 +50,7 @@ static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error)
     floats->clusters = NULL;
     floats->weights = NULL;
     floats->weight_scales = NULL;
+    floats->light_scales = NULL;
     floats->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
     floats->brdfs =
         g_memdup2(lpca->brdfs, sizeof(float) * 3 * tables * lpca->n_views * (gsize)lpca->n_lights);

@@ -232,8 +232,10 @@ static void assert_within_bound(const struct lpca *exact, const struct lpca *rou
             for (int i = 1; i <= c; i++) {
                 const double weight = fabsf(exact->weights[x * c + i - 1]);
                 const double value = fabsf(exact->brdfs[(table + i) * d + j]);
-                const double step = rounded->quantise >= LPCA_8BIT ? rounded->scales[table + i] / 2
-                                                                   : value / 2048 + 1e-7;
+                const double step = rounded->quantise >= LPCA_8BIT
+                                        ? rounded->scales[table + i] *
+                                              rounded->light_scales[j / 3 % exact->n_lights] / 2
+                                        : value / 2048 + 1e-7;
                 const double weight_step =
                     rounded->quantise == LPCA_8BIT_WEIGHTS
                         ? rounded->weight_scales[exact->clusters[x] * c + i - 1] / 2
@@ -281,6 +283,42 @@ static void test_quantised(void) {
     g_rmdir(folder);
 }
 
+/* Relative, under one light, of what rounding makes of a local PCA. */
+static double rounding_under(const struct lpca *exact, const struct lpca *rounded, int light) {
+    const int d = exact->n_views * exact->n_lights * 3;
+    g_autofree float *a = g_new(float, d), *b = g_new(float, d);
+    double off = 0, all = 0;
+    for (int x = 0; x < exact->width * exact->height; x++) {
+        lpca_reconstruct(exact, x, a);
+        lpca_reconstruct(rounded, x, b);
+        for (int j = 0; j < d; j++) {
+            off += j / 3 % exact->n_lights == light ? pow(a[j] - b[j], 2) : 0;
+            all += j / 3 % exact->n_lights == light ? pow(a[j], 2) : 0;
+        }
+    }
+    return sqrt(off / all);
+}
+
+/* What a light at grazing angles leaves is as well rounded, for its size, as what others do. */
+static void test_dark_light(void) {
+    enum { DARK = 2 };
+    struct btf_matrix *btf = mixture(17, 16, 4, 5, 3, 4, 0.05);
+    for (int i = 0; i < 17 * 16 * 4 * 5 * 3; i++)
+        if (i / 3 % 5 == DARK)
+            btf->values[i] *= 0.03F;
+    struct lpca *exact = compute(btf, 3, 4);
+    for (int kind = LPCA_8BIT; kind <= LPCA_8BIT_WEIGHTS; kind++) {
+        struct lpca *rounded = lpca_truncated(exact, 4);
+        lpca_quantise(rounded, (enum lpca_quantise)kind);
+        g_assert_cmpfloat(rounded->light_scales[DARK], <, 0.06);
+        g_assert_cmpfloat(rounding_under(exact, rounded, DARK), <,
+                          2 * rounding_under(exact, rounded, 0));
+        lpca_free(rounded);
+    }
+    lpca_free(exact);
+    btf_matrix_free(btf);
+}
+
 static void write_small(const char *path, enum lpca_quantise quantise) {
     struct btf_matrix *btf = mixture(6, 5, 2, 3, 2, 2, 0.05);
     struct lpca *lpca = compute(btf, 2, 2);
@@ -310,6 +348,8 @@ static void test_truncated_file(void) {
     g_assert_nonnull(strstr(error->message, "lpca.exr"));
     g_rmdir(folder);
 }
+
+#define BAD_LIGHT 16 /* the last fault */
 
 /* Whole EXR files that are not whole local PCAs. */
 static void spoil(struct exr_file *file, int fault) {
@@ -345,8 +385,11 @@ static void spoil(struct exr_file *file, int fault) {
     case 7:
         exr_set_string(clusters, "mesorig.quantise", "4bit");
         break;
-    default:
+    case 8:
         exr_set_string(clusters, "mesorig.kind", "eigenmaps");
+        break;
+    default:
+        exr_part_plane(exr_file_part(file, "light_scales"), "S")[1] = 0;
         break;
     }
 }
@@ -354,9 +397,9 @@ static void spoil(struct exr_file *file, int fault) {
 static void test_hostile(void) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    for (int fault = 0; fault < 16; fault++) {
+    for (int fault = 0; fault < 17; fault++) {
         g_autoptr(GError) error = NULL;
-        write_small(path, LPCA_HALF);
+        write_small(path, fault == BAD_LIGHT ? LPCA_8BIT : LPCA_HALF);
         struct exr_file *file = exr_read(path, &error);
         g_assert_no_error(error);
         spoil(file, fault);
@@ -375,6 +418,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/lpca/dense", test_dense);
     g_test_add_func("/lpca/monotone", test_monotone);
     g_test_add_func("/lpca/threads", test_threads);
+    g_test_add_func("/lpca/dark-light", test_dark_light);
     g_test_add_func("/lpca/target", test_target);
     g_test_add_func("/lpca/edges", test_edges);
     g_test_add_func("/lpca/refused", test_refused);
