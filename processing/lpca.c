@@ -8,7 +8,7 @@
 
 #define COLOURS     3
 #define LARGEST_Q   127
-#define LEAST_LIGHT 0.015F /* of the brightest, what steps of a dark light are made for */
+#define LEAST_LIGHT 1e-3F /* of the brightest, what steps of a dark light are made for */
 
 static const char *const kinds[] = {"float", "half", "8bit", "8bit-weights", "packed"};
 
@@ -80,6 +80,13 @@ static float *copy(const float *values, gsize n) {
     return g_memdup2(values, sizeof(float) * n);
 }
 
+static float *ones(gsize n) {
+    float *ret = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        ret[i] = 1;
+    return ret;
+}
+
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components) {
     const gsize tables = (gsize)n_clusters * (gsize)(n_components + 1);
     const gsize texels = (gsize)btf->width * (gsize)btf->height;
@@ -101,13 +108,9 @@ struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_compon
         .clusters = g_new0(int, texels),
         .weights = g_new0(float, texels *(gsize)n_components),
         .brdfs = g_new0(float, tables *(gsize)lpca_dimensions(btf->n_views, btf->n_lights)),
-        .scales = g_new(float, tables),
-        .weight_scales = g_new(float, (gsize)n_clusters *(gsize)n_components),
+        .scales = ones(tables),
+        .weight_scales = ones((gsize)n_clusters * (gsize)n_components),
     };
-    for (gsize i = 0; i < tables; i++)
-        lpca->scales[i] = 1;
-    for (int i = 0; i < n_clusters * n_components; i++)
-        lpca->weight_scales[i] = 1;
     return lpca;
 }
 
@@ -124,7 +127,14 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
     for (int i = 0; i < texels; i++)
         memcpy(fewer->weights + (gsize)i * (gsize)n_components, lpca->weights + (gsize)i * (gsize)c,
                sizeof(float) * (gsize)n_components);
+    const gsize lights = (gsize)lpca->n_lights;
+    if (lpca->light_scales)
+        fewer->light_scales = ones((gsize)(lpca->n_clusters * (n_components + 1)) * lights);
     for (int k = 0; k < lpca->n_clusters; k++) {
+        if (lpca->light_scales)
+            memcpy(fewer->light_scales + (gsize)(k * (n_components + 1)) * lights,
+                   lpca->light_scales + (gsize)(k * (c + 1)) * lights,
+                   sizeof(float) * lights * (gsize)(n_components + 1));
         memcpy(lpca_brdf(fewer, k, 0), lpca_brdf(lpca, k, 0),
                sizeof(float) * d * (gsize)(n_components + 1));
         memcpy(fewer->scales + (gsize)(k * (n_components + 1)), lpca->scales + (gsize)(k * (c + 1)),
@@ -132,8 +142,6 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
         memcpy(fewer->weight_scales + (gsize)(k * n_components),
                lpca->weight_scales + (gsize)(k * c), sizeof(float) * (gsize)n_components);
     }
-    if (lpca->light_scales)
-        fewer->light_scales = copy(lpca->light_scales, (gsize)lpca->n_lights);
     fewer->colours = lpca->colours;
     fewer->quantise = lpca->quantise == LPCA_PACKED ? LPCA_FLOAT : lpca->quantise;
     fewer->n_grid = lpca->n_grid;
@@ -164,49 +172,24 @@ static void to_halves(float *values, gsize n) {
     exr_half_to_floats(values, halves, n);
 }
 
-/* How bright a cluster's texels are under a light by one component, at most: with the mean size of
- * its weights. */
-static void add_brightness(const float *brdf, int n_views, int n_lights, float weight, float *ret) {
-    for (int i = 0; i < n_views * n_lights * COLOURS; i++) {
-        float *most = &ret[i / COLOURS % n_lights];
-        *most = MAX(*most, weight * fabsf(brdf[i]));
-    }
-}
-
-/* By how bright it gets at most under each light. */
-static float *find_light_scales(const struct lpca *lpca) {
-    const int c = lpca->n_components, texels = lpca->width * lpca->height;
-    g_autofree double *squares = g_new0(double, lpca->n_clusters *c);
-    g_autofree int *count = g_new0(int, lpca->n_clusters);
-    float *ret = g_new0(float, lpca->n_lights), largest = 0;
-    for (int x = 0; x < texels; x++) {
-        count[lpca->clusters[x]]++;
-        for (int i = 0; i < c; i++)
-            squares[lpca->clusters[x] * c + i] += pow(lpca->weights[x * c + i], 2);
-    }
-    for (int k = 0; k < lpca->n_clusters; k++)
-        for (int i = 0; i < c && count[k] > 0; i++)
-            add_brightness(lpca_brdf(lpca, k, i + 1), lpca->n_views, lpca->n_lights,
-                           (float)sqrt(squares[k * c + i] / count[k]), ret);
-    for (int l = 0; l < lpca->n_lights; l++)
-        largest = MAX(largest, ret[l]);
-    for (int l = 0; l < lpca->n_lights; l++)
-        ret[l] = largest > 0 ? MAX(ret[l] / largest, LEAST_LIGHT) : 1;
-    return ret;
-}
-
-static float of_light(const struct lpca *lpca, int value) {
-    return lpca->light_scales ? lpca->light_scales[value / COLOURS % lpca->n_lights] : 1;
-}
-
-static void to_steps(const struct lpca *lpca, float *brdf, float *ret_scale) {
-    const int n = lpca_dimensions(lpca->n_views, lpca->n_lights);
+/* One table. light_scales: of its lights, found here; NULL: all have the table's step. */
+static void to_steps(float *brdf, int n_views, int n_lights, float *ret_scale,
+                     float *light_scales) {
+    const int n = n_views * n_lights * COLOURS;
     float largest = 0;
     for (int i = 0; i < n; i++)
-        largest = MAX(largest, fabsf(brdf[i]) / of_light(lpca, i));
+        largest = MAX(largest, fabsf(brdf[i]));
     *ret_scale = largest > 0 ? largest / LARGEST_Q : 1;
+    for (int l = 0; l < n_lights && light_scales; l++)
+        light_scales[l] = largest > 0 ? LEAST_LIGHT : 1;
+    for (int i = 0; i < n && light_scales && largest > 0; i++) {
+        float *most = &light_scales[i / COLOURS % n_lights];
+        *most = MAX(*most, fabsf(brdf[i]) / largest);
+    }
+    if (light_scales)
+        to_halves(light_scales, (gsize)n_lights);
     for (int i = 0; i < n; i++) {
-        const float step = *ret_scale * of_light(lpca, i);
+        const float step = *ret_scale * (light_scales ? light_scales[i / COLOURS % n_lights] : 1);
         brdf[i] = roundf(brdf[i] / step) * step;
     }
 }
@@ -237,7 +220,7 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
     if (quantise == LPCA_FLOAT)
         return;
     if (quantise >= LPCA_8BIT && lpca->n_grid == 0)
-        lpca->light_scales = find_light_scales(lpca);
+        lpca->light_scales = ones((gsize)lpca->n_clusters * (gsize)tables * (gsize)lpca->n_lights);
     if (quantise == LPCA_8BIT_WEIGHTS)
         weights_to_steps(lpca);
     else
@@ -245,7 +228,9 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
                   (gsize)lpca->width * (gsize)lpca->height * (gsize)lpca->n_components);
     for (int i = 0; i < lpca->n_clusters * tables; i++)
         if (quantise >= LPCA_8BIT && i % tables > 0)
-            to_steps(lpca, lpca->brdfs + (gsize)i * d, &lpca->scales[i]);
+            to_steps(lpca->brdfs + (gsize)i * d, lpca->n_views, lpca->n_lights, &lpca->scales[i],
+                     lpca->light_scales ? lpca->light_scales + (gsize)i * (gsize)lpca->n_lights
+                                        : NULL);
         else
             to_halves(lpca->brdfs + (gsize)i * d, d);
 }
@@ -257,7 +242,7 @@ gint64 lpca_bytes(const struct lpca *lpca) {
     const gint64 weight = lpca->quantise == LPCA_8BIT_WEIGHTS ? 1 : value;
     const gint64 scales = lpca->quantise == LPCA_8BIT_WEIGHTS ? 8 : 4;
     const gboolean bytes = lpca->quantise == LPCA_8BIT || lpca->quantise == LPCA_8BIT_WEIGHTS;
-    const gint64 brdfs =
-        bytes ? k * (2 * d + c * (d + scales)) + 4 * lpca->n_lights : k * (c + 1) * d * value;
+    const gint64 lights = lpca->light_scales ? 2 * lpca->n_lights : 0;
+    const gint64 brdfs = bytes ? k * (2 * d + c * (d + scales + lights)) : k * (c + 1) * d * value;
     return texels * ((k > 256 ? 2 : 1) + c * weight) + brdfs;
 }

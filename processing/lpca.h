@@ -18,10 +18,11 @@
  *   part "scales"           channel "S", width n_clusters, height c + 1, float
  *   part "means"            channels B G R, width n_lights, height n_clusters · n_views
  *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l:
- *                           E_{i,k}(v, l) / (S_{i,k} S_l)
+ *                           E_{i,k}(v, l) / (S_{i,k} S_{i,k,l})
  *   part "views", "lights"  channels "phi_deg", "theta_deg", width n, height 1, float
  *   part "weight_scales"    channel "S", width n_clusters, height c, float; 8bit-weights alone
- *   part "light_scales"     channel "S", width n_lights, height 1, float: S_l; if missing, 1
+ *   part "light_scales"     channel "S", width n_lights, height n_clusters · (c + 1), half: line
+ *                           k · (c + 1) + i, column l: S_{i,k,l}; if missing, 1
  *
  * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
  * float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()), texel_mm,
@@ -29,7 +30,7 @@
  * = "log" where they are that, see below.
  *
  * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
- * each with a scale of its own, and those of a light with one more, S_l: under grazing light all is
+ * each with a scale of its own, and those of a light with one more: under grazing light all is
  * dark, and the steps of bright light would be seen. (Not on a grid: it is drawn with the file's 8
  * bits.) Means stay halves, since no small weight makes their steps smaller.
  * With 8bit-weights so are the weights of each component of each cluster. EXR has no 8-bit
@@ -73,7 +74,7 @@ struct lpca {
     float *weights;                         /* height × width × n_components */
     float *brdfs;  /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
     float *scales; /* n_clusters × (n_components + 1): steps of brdfs if 8 bit, else 1 */
-    float *light_scales;  /* n_lights: what steps are multiplied with; NULL: all are 1 */
+    float *light_scales;  /* n_clusters × (n_components + 1) × n_lights; NULL: all are 1 */
     float *weight_scales; /* n_clusters × n_components: likewise of weights */
     enum lpca_quantise quantise;
     enum lpca_colours colours;

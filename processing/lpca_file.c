@@ -75,8 +75,11 @@ static struct exr_part *scales_part(const char *name, const struct lpca *lpca, c
 
 static struct exr_part *light_scales_part(const struct lpca *lpca) {
     static const char *const channels[] = {"S", NULL};
-    struct exr_part *part = exr_part_new("light_scales", lpca->n_lights, 1, channels, EXR_FLOAT);
-    memcpy(part->planes[0], lpca->light_scales, sizeof(float) * (gsize)lpca->n_lights);
+    const int tables = lpca->n_clusters * (lpca->n_components + 1);
+    struct exr_part *part =
+        exr_part_new("light_scales", lpca->n_lights, tables, channels, EXR_HALF);
+    memcpy(part->planes[0], lpca->light_scales,
+           sizeof(float) * (gsize)lpca->n_lights * (gsize)tables);
     return part;
 }
 
@@ -88,12 +91,10 @@ static gsize table_size(const struct lpca *lpca) {
     return (gsize)lpca->n_views * (gsize)lpca->n_lights;
 }
 
-static float light_scale(const struct lpca *lpca, gsize light) {
-    return lpca->light_scales ? lpca->light_scales[light] : 1;
-}
-
-static float stored(const struct lpca *lpca, float value, float scale, gsize light) {
-    return lpca->quantise >= LPCA_8BIT ? roundf(value / (scale * light_scale(lpca, light))) : value;
+/* Of value i of a table that is not a mean. */
+static float step_of(const struct lpca *lpca, gsize table, gsize i) {
+    const gsize n = (gsize)lpca->n_lights;
+    return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
 }
 
 static struct exr_part *table_part(const struct lpca *lpca, int component) {
@@ -106,11 +107,12 @@ static struct exr_part *table_part(const struct lpca *lpca, int component) {
                      lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
     for (int k = 0; k < lpca->n_clusters; k++) {
         const gsize table = (gsize)k * tables + (gsize)component;
-        const float *rgb = lpca->brdfs + table * size * COLOURS, scale = lpca->scales[table];
+        const float *rgb = lpca->brdfs + table * size * COLOURS;
         for (gsize i = 0; i < size * COLOURS; i++)
             part->planes[COLOURS - 1 - i % COLOURS][(gsize)k * size + i / COLOURS] =
-                component > 0 ? stored(lpca, rgb[i], scale, (i / COLOURS) % (gsize)lpca->n_lights)
-                              : rgb[i];
+                lpca->quantise >= LPCA_8BIT && component > 0
+                    ? roundf(rgb[i] / step_of(lpca, table, i / COLOURS))
+                    : rgb[i];
     }
     return part;
 }
@@ -252,12 +254,14 @@ static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *fil
 static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
     if (!exr_file_part(file, "light_scales"))
         return TRUE;
-    const float *scales = plane(file, "light_scales", "S", lpca->n_lights, 1);
-    for (int l = 0; scales && l < lpca->n_lights; l++)
-        if (!(scales[l] > 0))
+    const int tables = lpca->n_clusters * (lpca->n_components + 1);
+    const gsize n = (gsize)tables * (gsize)lpca->n_lights;
+    const float *scales = plane(file, "light_scales", "S", lpca->n_lights, tables);
+    for (gsize i = 0; scales && i < n; i++)
+        if (!(scales[i] > 0))
             return FALSE;
     if (scales)
-        lpca->light_scales = g_memdup2(scales, sizeof(float) * (gsize)lpca->n_lights);
+        lpca->light_scales = g_memdup2(scales, sizeof(float) * n);
     return scales != NULL;
 }
 
@@ -310,8 +314,7 @@ static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int c
             for (gsize i = 0; i < size; i++)
                 lpca->brdfs[(table * size + i) * COLOURS + (gsize)c] =
                     values[(gsize)k * size + i] *
-                    (lpca->scales[table] *
-                     (component > 0 ? light_scale(lpca, i % (gsize)lpca->n_lights) : 1));
+                    (component > 0 ? step_of(lpca, table, i) : lpca->scales[table]);
         }
     }
     return TRUE;
