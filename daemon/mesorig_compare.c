@@ -8,7 +8,9 @@
 
 #include <math.h>
 
-#define WORST 5 /* views and lights that are told to people */
+#define WORST  5  /* views and lights that are told to people */
+#define SERIES 24 /* characters of the longest name of a model */
+#define LABEL  14 /* and of what tells its sizes apart */
 
 struct compare {
     const char *a, *b, *plot, *curve;
@@ -147,6 +149,14 @@ static void tell(const struct compare *compare) {
         g_print("\nplot       %s\n", compare->plot);
 }
 
+/* In columns of characters, not of bytes. */
+static void tell_point(const struct plot_point *point, double raw, gboolean first) {
+    const int series = SERIES - (int)g_utf8_strlen(point->series, -1);
+    const int label = LABEL - (int)g_utf8_strlen(point->label, -1);
+    g_print("%s%s%*s %s%*s 1:%-8.4g %7.3f %%\n", first ? "\n" : "", point->series, MAX(series, 0),
+            "", point->label, MAX(label, 0), "", raw / point->bytes, 100 * point->error);
+}
+
 static void tell_curve(const struct compare *compare) {
     const double raw = (double)material_info(compare->of_a)->bytes;
     GVariantBuilder builder, list;
@@ -161,8 +171,7 @@ static void tell_curve(const struct compare *compare) {
         add_double(&list, "error", point->error);
         g_variant_builder_close(&list);
         if (!cli_json)
-            g_print("%s%-19s %-10s 1:%-8.4g %7.3f %%\n", i ? "" : "\n", point->series, point->label,
-                    raw / point->bytes, 100 * point->error);
+            tell_point(point, raw, i == 0);
     }
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&builder, "{sv}", "plot", g_variant_new_string(compare->curve));

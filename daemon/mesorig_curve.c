@@ -1,12 +1,18 @@
 #include "mesorig_curve.h"
 
 #include "mesorig_compress.h"
+#include "processing/exr.h"
+#include "processing/lpca_pack.h"
 
-#include <math.h>
+#include <errno.h>
+#include <glib/gstdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #define MOST_TERMS      16
 #define MOST_COMPONENTS 16
+#define COARSEST        4.0 /* step of packed ones, relative to what values are on average */
+#define FINEST          (1.0 / 32)
 
 struct curve {
     const struct btf_matrix *btf;
@@ -32,9 +38,10 @@ static void add_point(struct curve *curve, const char *series, char *label, gint
 }
 
 static void add_lpca(struct curve *curve, const struct lpca *lpca, int components) {
-    const enum lpca_quantise kinds[] = {LPCA_HALF, LPCA_8BIT};
-    static const char *const series[] = {"local PCA, halves", "local PCA, 8 bits"};
-    for (int i = 0; i < 2; i++) {
+    static const enum lpca_quantise kinds[] = {LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS};
+    static const char *const series[] = {"local PCA, halves", "local PCA, 8 bits",
+                                         "local PCA, 8-bit weights"};
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
         struct lpca *fewer = lpca_truncated(lpca, components);
         lpca_quantise(fewer, kinds[i]);
         add_point(curve, series[i], g_strdup_printf("%d × %d", fewer->n_clusters, components),
@@ -60,6 +67,58 @@ static gboolean add_lpcas(struct curve *curve, GError **error) {
         lpca_free(lpca);
     }
     return TRUE;
+}
+
+/* 0 with an error. */
+static gint64 size_on_disk(const struct lpca *lpca, GError **error) {
+    g_autofree char *path = NULL;
+    GStatBuf status = {0};
+    const int file = g_file_open_tmp("mesorig-XXXXXX.exr", &path, error);
+    if (file < 0)
+        return 0;
+    close(file);
+    if (lpca_write(path, lpca, error) && g_stat(path, &status) != 0)
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: %s", path, g_strerror(errno));
+    g_unlink(path);
+    return status.st_size;
+}
+
+static gboolean add_rounded(struct curve *curve, const struct lpca_packer *packer, double step,
+                            const struct lpca_options *options, GError **error) {
+    struct lpca *lpca = lpca_packer_round(packer, step);
+    const gint64 bytes = size_on_disk(lpca, error);
+    const gboolean ok = bytes > 0 && lpca_error_shared(lpca, curve->btf, options, error);
+    if (ok)
+        add_point(curve, "local PCA, packed",
+                  g_strdup_printf(lpca->n_components > 1 ? "%d components" : "%d component",
+                                  lpca->n_components),
+                  bytes, lpca->error);
+    lpca_free(lpca);
+    return ok;
+}
+
+/* One local PCA is rounded to coarser and finer steps. */
+static gboolean add_packed(struct curve *curve, GError **error) {
+    const gint64 texels = (gint64)curve->btf->width * curve->btf->height;
+    const gint64 values = 3 * (gint64)curve->btf->n_views * curve->btf->n_lights;
+    const struct lpca_options options = {.n_clusters = 1,
+                                         .n_components =
+                                             (int)MIN(LPCA_MAX_PACKED, MIN(texels, values)),
+                                         .to_pack = TRUE,
+                                         .progress = curve->progress,
+                                         .data = curve->data,
+                                         .cancellable = curve->cancellable};
+    struct lpca *exact = lpca_compute(curve->btf, &options, error);
+    if (!exact)
+        return FALSE;
+    struct lpca_packer *packer = lpca_packer_new(exact, 0);
+    const double mean = lpca_mean_size(exact);
+    gboolean ok = TRUE;
+    for (double step = COARSEST; ok && step >= FINEST; step /= 2)
+        ok = add_rounded(curve, packer, mean > 0 ? step * mean : 1, &options, error);
+    lpca_packer_free(packer);
+    lpca_free(exact);
+    return ok;
 }
 
 /* The last maps are left out one power of two after the other: they are in order of what they
@@ -108,8 +167,7 @@ static gboolean add_lobes(struct curve *curve, enum lobes_model model, int most,
         if (!lobes)
             return FALSE;
         add_point(curve, names[model],
-                  most > 1 ? g_strdup_printf(k > 1 ? "%d lobes" : "%d lobe", k)
-                           : g_strdup(names[model]),
+                  most > 1 ? g_strdup_printf(k > 1 ? "%d lobes" : "%d lobe", k) : g_strdup(""),
                   lobes_bytes(lobes), lobes->error);
         lobes_free(lobes);
     }
@@ -142,12 +200,12 @@ GArray *curve_measure(const struct btf_matrix *btf, PipelineFunc progress, gpoin
                       GCancellable *cancellable, GError **error) {
     struct curve curve = {btf, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), progress, data,
                           cancellable};
-    const gboolean ok = add_lpcas(&curve, error) && add_eigenmaps(&curve, error) &&
-                        add_lobes(&curve, LOBES_FIELDS, LOBES_MAX_LOBES, error) &&
-                        add_lobes(&curve, LOBES_PTM, 1, error) &&
-                        add_lobes(&curve, LOBES_LAFORTUNE, LOBES_MAX_LOBES, error) &&
-                        add_lobes(&curve, LOBES_WARD, 1, error) &&
-                        add_lobes(&curve, LOBES_ASHIKHMIN, 1, error);
+    const gboolean ok =
+        add_lpcas(&curve, error) && add_packed(&curve, error) && add_eigenmaps(&curve, error) &&
+        add_lobes(&curve, LOBES_FIELDS, LOBES_MAX_LOBES, error) &&
+        add_lobes(&curve, LOBES_PTM, 1, error) &&
+        add_lobes(&curve, LOBES_LAFORTUNE, LOBES_MAX_LOBES, error) &&
+        add_lobes(&curve, LOBES_WARD, 1, error) && add_lobes(&curve, LOBES_ASHIKHMIN, 1, error);
     if (!ok) {
         curve_free(curve.points);
         return NULL;

@@ -3,8 +3,10 @@
 
 #include "mesorig_plot.h"
 
-/* Array of struct plot_point, series by series and in order of size; of local PCAs only those that
- * no other beats in both size and error. Frees what points own with curve_free(). */
+/* Array of struct plot_point, series by series and in order of size; of each series only those that
+ * no other of it beats in both size and error. Sizes are those in a renderer, of packed local PCAs
+ * of their files, written and removed where temporary files are. curve_free() frees it with what
+ * points own. */
 GArray *curve_measure(const struct btf_matrix *btf, PipelineFunc progress, gpointer data,
                       GCancellable *cancellable, GError **error);
 void curve_free(GArray *points); /* NULL is ignored */

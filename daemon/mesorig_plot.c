@@ -47,12 +47,13 @@ void plot_ink(cairo_t *cr) {
     cairo_set_source_rgb(cr, 0.13, 0.14, 0.16);
 }
 
-/* Okabe and Ito's, without yellow, which is lost on white. */
+/* Okabe and Ito's, without yellow, which is lost on white, and with darker ones. */
 void plot_colour(cairo_t *cr, int i) {
-    static const double colours[8][3] = {{0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45},
-                                         {0.80, 0.47, 0.65}, {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00},
-                                         {0.35, 0.35, 0.38}, {0.55, 0.20, 0.10}};
-    const double *c = colours[i % 8];
+    static const double colours[PLOT_COLOURS][3] = {
+        {0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45}, {0.80, 0.47, 0.65},
+        {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00}, {0.35, 0.35, 0.38}, {0.55, 0.20, 0.10},
+        {0.00, 0.00, 0.00}, {0.55, 0.55, 0.10}};
+    const double *c = colours[i % PLOT_COLOURS];
     cairo_set_source_rgb(cr, c[0], c[1], c[2]);
 }
 
@@ -151,135 +152,5 @@ gboolean plot_comparison(const char *path, const struct material_info *a,
     draw_directions(cr, 330, a->view_theta_deg, a->view_phi_deg, c->views, c->n_views, most);
     draw_directions(cr, 950, a->light_theta_deg, a->light_phi_deg, c->lights, c->n_lights, most);
     draw_bar(cr, most);
-    return plot_finish(cr, path, error);
-}
-
-#define LEFT   110.0
-#define RIGHT  (PLOT_WIDTH - 230.0)
-#define TOP    110.0
-#define BOTTOM (PLOT_HEIGHT - 90.0)
-
-/* Both axes are logarithmic. */
-struct axes {
-    double ratio[2], error[2];
-};
-
-static double x_of(const struct axes *axes, double ratio) {
-    return LEFT +
-           (RIGHT - LEFT) * log(ratio / axes->ratio[0]) / log(axes->ratio[1] / axes->ratio[0]);
-}
-
-static double y_of(const struct axes *axes, double error) {
-    return BOTTOM -
-           (BOTTOM - TOP) * log(error / axes->error[0]) / log(axes->error[1] / axes->error[0]);
-}
-
-static void widen(double range[2]) {
-    range[0] /= 1.3;
-    range[1] *= 1.3;
-    if (!(range[1] / range[0] > 2)) {
-        range[0] /= 1.5;
-        range[1] *= 1.5;
-    }
-}
-
-static struct axes fit_axes(double raw_bytes, const struct plot_point *points, int n) {
-    struct axes axes = {{G_MAXDOUBLE, 0}, {G_MAXDOUBLE, 0}};
-    for (int i = 0; i < n; i++) {
-        const double ratio = raw_bytes / points[i].bytes, error = MAX(points[i].error, 1e-6);
-        axes.ratio[0] = MIN(axes.ratio[0], ratio);
-        axes.ratio[1] = MAX(axes.ratio[1], ratio);
-        axes.error[0] = MIN(axes.error[0], error);
-        axes.error[1] = MAX(axes.error[1], error);
-    }
-    widen(axes.ratio);
-    widen(axes.error);
-    return axes;
-}
-
-static void draw_tick(cairo_t *cr, const struct axes *axes, gboolean on_x, double value) {
-    const double *range = on_x ? axes->ratio : axes->error;
-    if (value < range[0] || value > range[1])
-        return;
-    g_autofree char *text =
-        on_x ? g_strdup_printf("1:%g", value) : g_strdup_printf("%g %%", 100 * value);
-    const double x = on_x ? x_of(axes, value) : LEFT, y = on_x ? BOTTOM : y_of(axes, value);
-    cairo_set_source_rgb(cr, 0.88, 0.89, 0.90);
-    cairo_set_line_width(cr, 1);
-    cairo_move_to(cr, x, y);
-    cairo_line_to(cr, on_x ? x : RIGHT, on_x ? TOP : y);
-    cairo_stroke(cr);
-    plot_ink(cr);
-    if (on_x)
-        plot_text(cr, x, BOTTOM + 26, 0.5, text);
-    else
-        plot_text(cr, LEFT - 10, y + 6, 1, text);
-}
-
-static void draw_axes(cairo_t *cr, const struct axes *axes) {
-    static const double steps[] = {1, 2, 5};
-    for (int power = -6; power <= 6; power++)
-        for (int i = 0; i < 3; i++) {
-            draw_tick(cr, axes, TRUE, steps[i] * pow(10, power));
-            draw_tick(cr, axes, FALSE, steps[i] * pow(10, power));
-        }
-    plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5, "size against the BTF in half floats");
-}
-
-/* A series' points are joined, and named at its right end. taken: heights that names stand at. */
-static void draw_series(cairo_t *cr, const struct axes *axes, double raw_bytes,
-                        const struct plot_point *points, int n, int colour, GArray *taken) {
-    int last = 0;
-    plot_colour(cr, colour);
-    cairo_set_line_width(cr, 2.2);
-    for (int i = 0; i < n; i++) {
-        cairo_line_to(cr, x_of(axes, raw_bytes / points[i].bytes),
-                      y_of(axes, MAX(points[i].error, 1e-6)));
-        last = points[i].bytes < points[last].bytes ? i : last;
-    }
-    cairo_stroke(cr);
-    for (int i = 0; i < n; i++) {
-        cairo_arc(cr, x_of(axes, raw_bytes / points[i].bytes),
-                  y_of(axes, MAX(points[i].error, 1e-6)), 4.5, 0, 2 * G_PI);
-        cairo_fill(cr);
-    }
-    double y = y_of(axes, MAX(points[last].error, 1e-6)) + 6;
-    for (guint i = 0; i < taken->len; i++)
-        if (fabs(g_array_index(taken, double, i) - y) < TEXT + 2) {
-            y = g_array_index(taken, double, i) + TEXT + 2;
-            i = (guint)-1; /* again against all */
-        }
-    g_array_append_val(taken, y);
-    plot_text(cr, RIGHT + 14, y, 0, points[0].series);
-    cairo_set_line_width(cr, 0.8);
-    cairo_move_to(cr, RIGHT + 10, y - 6);
-    cairo_line_to(cr, x_of(axes, raw_bytes / points[last].bytes) + 7,
-                  y_of(axes, MAX(points[last].error, 1e-6)));
-    const double dashes[] = {2, 4};
-    cairo_set_dash(cr, dashes, 2, 0);
-    cairo_stroke(cr);
-    cairo_set_dash(cr, NULL, 0, 0);
-}
-
-gboolean plot_curve(const char *path, const char *name, double raw_bytes,
-                    const struct plot_point *points, int n, GError **error) {
-    cairo_t *cr = plot_new(path, error);
-    if (!cr)
-        return FALSE;
-    const struct axes axes = fit_axes(raw_bytes, points, n);
-    g_autoptr(GArray) taken = g_array_new(FALSE, FALSE, sizeof(double));
-    g_autofree char *title = g_strdup_printf("%s: error against size", name);
-    cairo_set_font_size(cr, 24);
-    plot_text(cr, 40, 50, 0, title);
-    cairo_set_font_size(cr, TEXT);
-    plot_text(cr, 40, 82, 0, "relative RMS error of all values");
-    draw_axes(cr, &axes);
-    for (int from = 0, colour = 0; from < n; colour++) {
-        int end = from;
-        while (end < n && g_str_equal(points[end].series, points[from].series))
-            end++;
-        draw_series(cr, &axes, raw_bytes, points + from, end - from, colour, taken);
-        from = end;
-    }
     return plot_finish(cr, path, error);
 }

@@ -28,8 +28,7 @@ struct search {
     struct packing packing;
 };
 
-/* Of the texels' values, as far as the PCA knows them. */
-static double mean_size(const struct lpca *lpca) {
+double lpca_mean_size(const struct lpca *lpca) {
     const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
     double sum = 0;
     for (gsize i = 0; i < d; i++)
@@ -170,7 +169,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
         return NULL;
     search->exact = exact->error;
     struct lpca_packer *packer = lpca_packer_new(exact, options.n_threads);
-    const double mean = mean_size(exact);
+    const double mean = lpca_mean_size(exact);
     if (mean <= 0) /* black: any step will do */
         ret = lpca_packer_round(packer, 1);
     else

@@ -392,7 +392,11 @@ static void test_compress(const char *folder, const char *session) {
     runs(0, &output, "compare", session, "--curve", curve, NULL);
     assert_has(output.out, "reflectance fields");
     assert_has(output.out, "local PCA, 8 bits");
+    assert_has(output.out, "local PCA, packed");
     g_assert_true(g_file_test(curve, G_FILE_TEST_EXISTS));
+    runs(0, &output, "compare", "--json", session, "--curve", curve, NULL);
+    assert_json_lines(output.out);
+    assert_has(output.out, "\"series\": \"local PCA, packed\", \"label\": \"");
     runs(1, &output, "compare", session, fields, "--plot", "/no/such/folder/x.png", NULL);
     runs(1, &output, "compare", session, fields, "--plot", "plot.jpg", NULL);
     runs(1, &output, "compare", fields, "--curve", curve, NULL);

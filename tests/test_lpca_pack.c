@@ -1,9 +1,9 @@
 /* Packed local PCAs: what they cost, what they keep, what they refuse, and how they are drawn. */
-#include "btf_fixture.h"
 #include "processing/exr.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_pack_private.h"
 #include "remove_tree.h"
+#include "waves_fixture.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
@@ -15,22 +15,8 @@
 #define LIGHTS 11
 #define VALUES (VIEWS * LIGHTS * 3)
 
-/* A wavy surface, glossy, in two colours, seen with noise: smooth in every way, as materials are.
- */
 static struct btf_matrix *waves(double noise, gboolean constant) {
-    struct btf_matrix *btf = btf_fixture_new("waves", SIDE_X, SIDE_Y, VIEWS, LIGHTS);
-    GRand *random = g_rand_new_with_seed(3);
-    for (int i = 0; i < SIDE_X * SIDE_Y * VALUES; i++) {
-        const int x = i / VALUES % SIDE_X, y = i / VALUES / SIDE_X, c = i % 3;
-        const double v = i / (3 * LIGHTS) % VIEWS / 9.0, l = i / 3 % LIGHTS / 11.0;
-        const double slope = constant ? 0.1 : 0.4 * sin(0.6 * x) * cos(0.3 * y + 0.5 * v);
-        const double light = fmax(0, 0.8 * (1 - 0.5 * l) + slope * (l - 0.3));
-        const double gloss = pow(fmax(0, 1 - fabs(v - l - slope)), 12);
-        btf->values[i] = (float)(light * (0.5 + 0.2 * c * (x < 12 || constant)) + 0.4 * gloss +
-                                 noise * g_rand_double_range(random, -1, 1));
-    }
-    g_rand_free(random);
-    return btf;
+    return waves_fixture_new(SIDE_X, SIDE_Y, VIEWS, LIGHTS, noise, constant);
 }
 
 /* Written out: what a PCA of one cluster is off by. */
