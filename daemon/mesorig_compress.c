@@ -406,12 +406,12 @@ static void tell(const struct compress *compress, double seconds) {
     g_autofree char *size = g_format_size((guint64)compress->bytes);
     g_autofree char *file = g_format_size((guint64)compress->file_bytes);
     if (compress->quantise == LPCA_PACKED)
-        g_print("%s: done in %s: %s, error %.2f %%, %s on disk, 1:%.0f of the BTF in half floats; "
+        g_print("%s: done in %s: %s, error %.2f %%, %s on disk, 1:%.3g of the BTF in half floats; "
                 "%s unpacked\n",
                 compress->written, time, what, 100 * compress->error, file,
                 (double)compress->raw_bytes / (double)compress->file_bytes, size);
     else
-        g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before %srounding), %s, 1:%.0f of the "
+        g_print("%s: done in %s: %s, error %.2f %% (%.2f %% before %srounding), %s, 1:%.3g of the "
                 "BTF in half floats; %s on disk\n",
                 compress->written, time, what, 100 * compress->error, 100 * compress->exact_error,
                 compress->grid ? "the grid and " : "", size,

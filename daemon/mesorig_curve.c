@@ -1,13 +1,9 @@
 #include "mesorig_curve.h"
 
 #include "mesorig_compress.h"
-#include "processing/exr.h"
 #include "processing/lpca_pack.h"
 
-#include <errno.h>
-#include <glib/gstdio.h>
 #include <string.h>
-#include <unistd.h>
 
 #define MOST_TERMS      16
 #define MOST_COMPONENTS 16
@@ -69,24 +65,10 @@ static gboolean add_lpcas(struct curve *curve, GError **error) {
     return TRUE;
 }
 
-/* 0 with an error. */
-static gint64 size_on_disk(const struct lpca *lpca, GError **error) {
-    g_autofree char *path = NULL;
-    GStatBuf status = {0};
-    const int file = g_file_open_tmp("mesorig-XXXXXX.exr", &path, error);
-    if (file < 0)
-        return 0;
-    close(file);
-    if (lpca_write(path, lpca, error) && g_stat(path, &status) != 0)
-        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: %s", path, g_strerror(errno));
-    g_unlink(path);
-    return status.st_size;
-}
-
 static gboolean add_rounded(struct curve *curve, const struct lpca_packer *packer, double step,
                             const struct lpca_options *options, GError **error) {
     struct lpca *lpca = lpca_packer_round(packer, step);
-    const gint64 bytes = size_on_disk(lpca, error);
+    const gint64 bytes = lpca_packed_bytes(lpca, error);
     const gboolean ok = bytes > 0 && lpca_error_shared(lpca, curve->btf, options, error);
     if (ok)
         add_point(curve, "local PCA, packed",

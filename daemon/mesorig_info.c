@@ -425,11 +425,23 @@ static void print_blocks(const struct exr_file *file) {
             file->parts->len, width, height, texel_mm, error_mm);
 }
 
+/* Parts lie one behind the other: a file that ends too soon lacks some of the last. */
+static gboolean has_its_end(const char *path, const struct exr_file *file, GError **error) {
+    const struct exr_part *last = file->parts->pdata[file->parts->len - 1];
+    struct exr_part *part = exr_read_part(path, last->name, error);
+    exr_part_free(part);
+    return part != NULL;
+}
+
 static int info_exr(const char *path) {
     g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_read_headers(path, &error);
     if (!file)
         return cli_fail(error);
+    if (!has_its_end(path, file, &error)) {
+        exr_file_free(file);
+        return cli_fail(error);
+    }
     if (cli_json) {
         print_exr_json(path, file);
     } else {

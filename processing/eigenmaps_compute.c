@@ -94,7 +94,7 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
         options->target < 0) {
         g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
                     "%d eigen-maps of %d views to an error of %g: there can be 1 to %d, and the "
-                    "error is a number above 0",
+                    "error is a number above 0, or 0 where any will do",
                     maps->n_terms, maps->n_views, options->target, maps->n_views);
         return FALSE;
     }

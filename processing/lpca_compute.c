@@ -431,11 +431,42 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 polishing = 2 * k * (c + 1) * d + 2 * n * c;
+    /* Thrice as it is, with what is turned, and two that are rounded, each with its whole numbers.
+     */
+    const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->n_views + c);
     /* Copied to be written. */
     const gint64 kept = options->unfinished ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
-           (r * d + n * r + MAX(MAX(reducing, clustering), polishing) + buffers + kept);
+           (MAX(r * d + n * r + MAX(MAX(reducing, clustering), polishing), packing) + buffers +
+            kept);
+}
+
+/* Rounded up, so that what is read off is enough. */
+static char *format_need(gint64 bytes) {
+    gint64 unit = 1;
+    while (bytes / unit >= 1000)
+        unit *= 1000;
+    const gint64 step = MAX(unit / 10, 1);
+    return g_format_size((guint64)((bytes + step - 1) / step * step));
+}
+
+/* FALSE with an error, which says what would do. */
+static gboolean check_memory(const struct btf_matrix *btf, const struct lpca_options *options,
+                             GError **error) {
+    const gint64 least = lpca_memory(btf, options);
+    if (options->memory <= 0 || least <= options->memory)
+        return TRUE;
+    /* Given that much, a BTF that is smaller would not stay in a file. */
+    const gint64 values = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
+    g_autofree char *need = format_need(least + (values <= least ? values : 0));
+    g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "%d clusters of %d components for %d × %d texels, %d views and %d lights take %s "
+                "of memory, not %s; allow more, or ask for fewer of them",
+                options->n_clusters, options->n_components, btf->width, btf->height, btf->n_views,
+                btf->n_lights, need, given);
+    return FALSE;
 }
 
 static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_options *options,
@@ -457,17 +488,7 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
                     "%d clusters of %d components for %d × %d texels, %d views and %d lights: %s",
                     options->n_clusters, options->n_components, btf->width, btf->height,
                     btf->n_views, btf->n_lights, what);
-    else if (options->memory > 0 && lpca_memory(btf, options) > options->memory) {
-        g_autofree char *need = g_format_size((guint64)lpca_memory(btf, options));
-        g_autofree char *given = g_format_size((guint64)options->memory);
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                    "%d clusters of %d components for %d × %d texels, %d views and %d lights take "
-                    "%s of memory, not %s; allow more, or ask for fewer of them",
-                    options->n_clusters, options->n_components, btf->width, btf->height,
-                    btf->n_views, btf->n_lights, need, given);
-        return FALSE;
-    }
-    return what == NULL;
+    return what == NULL && check_memory(btf, options, error);
 }
 
 /* What came from a file was looked at when it was read. */

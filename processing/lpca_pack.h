@@ -41,8 +41,9 @@ struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step);
  * chosen by. 0 of a black material. */
 double lpca_mean_size(const struct lpca *lpca);
 
-/* Bytes of what lpca_write() writes, names of parts and the like not counted. LPCA_PACKED. */
-gint64 lpca_packed_bytes(const struct lpca *lpca);
+/* Bytes of what lpca_write() writes, tried where temporary files are; 0 with an error.
+ * LPCA_PACKED. */
+gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error);
 
 /* One cluster of as many components as it takes: the coarsest step that reaches the error of wish,
  * or the finest that fits into its bytes (of the file); the other fields of wish are not used but

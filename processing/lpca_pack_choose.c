@@ -1,7 +1,10 @@
 #include "lpca_choose.h"
 #include "lpca_pack_private.h"
 
+#include <errno.h>
+#include <glib/gstdio.h>
 #include <math.h>
+#include <unistd.h>
 
 #define FIRST  64  /* components that are tried first */
 #define ENOUGH 0.7 /* of the error to reach may be made by leaving out components */
@@ -36,8 +39,19 @@ double lpca_mean_size(const struct lpca *lpca) {
     return sqrt(sum / (double)d);
 }
 
-static gboolean is_small(const struct search *search, struct lpca *lpca) {
-    return search->wish->bytes <= 0 || lpca_packed_bytes(lpca) <= search->wish->bytes;
+gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
+    g_autofree char *path = NULL;
+    GStatBuf status = {0};
+    const int fd = g_file_open_tmp("mesorig-XXXXXX.exr", &path, error);
+    if (fd < 0)
+        return 0;
+    close(fd);
+    struct exr_file *file = lpca_to_exr(lpca);
+    if (exr_write(path, file, EXR_ZIP, FALSE, error) && g_stat(path, &status) != 0)
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: %s", path, g_strerror(errno));
+    exr_file_free(file);
+    g_unlink(path);
+    return status.st_size;
 }
 
 /* FALSE: cancelled, or its file cannot be read. */
@@ -92,20 +106,25 @@ static struct lpca *by_size(struct search *search, const struct lpca_packer *pac
                             GError **error) {
     double fine = log(mean * FINE), coarse = log(mean * COARSE);
     struct lpca *best = NULL;
-    for (int i = 0; i < TRIES; i++) {
-        const double step = (fine + coarse) / 2;
+    gboolean ok = TRUE;
+    for (int i = 0; ok && i < TRIES; i++) {
+        const double step = i == 0 ? coarse : (fine + coarse) / 2;
         struct lpca *lpca = lpca_packer_round(packer, exp(step));
-        if (is_small(search, lpca)) {
+        const gint64 bytes = lpca_packed_bytes(lpca, error);
+        ok = bytes > 0;
+        if (ok && bytes <= search->wish->bytes) {
             coarse = step;
             lpca_free(best);
-            best = lpca;
-        } else {
-            search->nearest = (double)lpca_packed_bytes(lpca);
+            best = g_steal_pointer(&lpca);
+        } else if (ok) {
+            search->nearest = (double)bytes;
             fine = step;
-            lpca_free(lpca);
         }
+        lpca_free(lpca);
+        if (i == 0 && !best)
+            break;
     }
-    if (best && !measure(search, best, error))
+    if (best && (!ok || !measure(search, best, error)))
         g_clear_pointer(&best, lpca_free);
     return best;
 }

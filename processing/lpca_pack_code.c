@@ -108,10 +108,6 @@ static gsize *map_order(int width, int height, gsize *ret_n) {
     return ret;
 }
 
-static gsize map_size(const struct lpca *lpca) {
-    return (gsize)lpca->width * (gsize)lpca->height;
-}
-
 static gsize *tables_of(const struct lpca *lpca, gsize *ret_n) {
     return table_order(lpca->packed, lpca->n_clusters * (lpca->n_components + 1), ret_n);
 }
@@ -134,16 +130,6 @@ static GByteArray *squeeze_maps(const struct lpca *lpca) {
         for (gsize j = 0; j < size; j++)
             values[i * size + j] = lpca->packed->maps[i * size + order[j]];
     return lpca_squeeze(values, size * c);
-}
-
-gint64 lpca_packed_bytes(const struct lpca *lpca) {
-    const struct lpca_packed *packed = lpca->packed;
-    g_autoptr(GByteArray) tables = squeeze_tables(lpca), maps = squeeze_maps(lpca);
-    const gint64 axes =
-        2 * ((gint64)packed->n_views * lpca->n_views + (gint64)packed->n_lights * lpca->n_lights);
-    const gint64 texels = lpca->n_clusters > 1 ? (gint64)map_size(lpca) : 0;
-    return (gint64)tables->len + maps->len + axes + texels + (gint64)sizeof packed->colours +
-           (gint64)sizeof(float) * lpca->n_clusters * (lpca->n_components + 1);
 }
 
 static struct exr_part *one_channel(const char *name, const char *channel, int width, int height,

@@ -320,8 +320,8 @@ static void test_compress(const char *folder, const char *session) {
     assert_has(output.out, "1 eigen-maps");
     /* The same from the matrix as from the views one by one. */
     g_autofree char *maps = g_build_filename(session, "products", "eigenmaps.exr", NULL);
-    g_autofree char *from_views = NULL, *from_matrix = NULL;
-    gsize n_views = 0, n_matrix = 0;
+    g_autofree char *from_views = NULL, *from_matrix = NULL, *packed = NULL;
+    gsize n_views = 0, n_matrix = 0, n_packed = 0;
     runs(0, &output, "compress", session, "-m", "eigenmaps", "-o", other, NULL);
     g_assert_true(g_file_get_contents(maps, &from_views, &n_views, NULL));
     g_assert_true(g_file_get_contents(other, &from_matrix, &n_matrix, NULL));
@@ -364,6 +364,13 @@ static void test_compress(const char *folder, const char *session) {
     runs(0, &output, "compress", session, "-q", "packed", "-e", "40%", "-o", other, NULL);
     assert_has(output.out, "on disk, 1:");
     runs(0, &output, "compare", session, other, NULL);
+    runs(0, &output, "compress", session, "-q", "packed", "-s", "4500B", "-o", other, NULL);
+    g_assert_true(g_file_get_contents(other, &packed, &n_packed, NULL));
+    g_assert_cmpuint(n_packed, <=, 4500);
+    g_assert_true(g_file_set_contents(other, packed, (gssize)n_packed - 10, NULL));
+    runs(1, &output, "info", other, NULL);
+    assert_has(output.err, "not a whole EXR file");
+    runs(1, &output, "compare", session, other, NULL);
     runs(2, &output, "compress", session, "-q", "packed", "-o", other, NULL);
     runs(2, &output, "compress", session, "-q", "packed", "-e", "40%", "--mips", "-o", other, NULL);
     runs(0, &output, "compress", session, "--mips", "-k", "2", "-c", "1", "-o", other, NULL);
@@ -374,6 +381,14 @@ static void test_compress(const char *folder, const char *session) {
     runs(1, &output, "compress", session, "--memory", "1kB", "-k", "1", "-c", "1", "-o", other,
          NULL);
     assert_has(output.err, "of memory, not");
+    /* What is told is enough. */
+    g_autoptr(GRegex) pattern = g_regex_new("take ([0-9.]+)\\s([kM]B)", 0, 0, NULL);
+    g_autoptr(GMatchInfo) match = NULL;
+    g_assert_true(g_regex_match(pattern, output.err, 0, &match));
+    g_autofree char *enough = g_match_info_expand_references(match, "\\1\\2", NULL);
+    g_match_info_free(g_steal_pointer(&match));
+    runs(0, &output, "compress", session, "--memory", enough, "-k", "1", "-c", "1", "-o", other,
+         NULL);
     runs(2, &output, "compress", session, "--memory", "little", NULL);
     runs(2, &output, "compress", session, "--colours", "xyz", NULL);
     runs(2, &output, "compress", session, "--colours", "log", "--grid", "8", NULL);
