@@ -49,6 +49,9 @@ static struct snapshot snapshot_of(const struct view_options *o, const char *mat
                              .reference = o->reference,
                              .settings = s,
                              .environment = o->environment,
+                             .mdf = o->mdf_path,
+                             .normal_map = o->normal_map,
+                             .floor = o->floor,
                              .n_views = done->n_views,
                              .n_planned = done->n_planned};
 }

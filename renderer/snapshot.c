@@ -23,6 +23,14 @@ static char *source_of(const struct snapshot *snapshot) {
                        two ? snapshot->second->title : NULL, NULL);
 }
 
+static char *compare_of(const struct snapshot *snapshot) {
+    if (snapshot->second != NULL && snapshot->how->mode == COMPOSE_SPLIT)
+        return g_strdup_printf("split at %.10g", snapshot->how->at);
+    if (snapshot->second != NULL && snapshot->how->mode == COMPOSE_DIFFERENCE)
+        return g_strdup_printf("difference times %.10g", snapshot->how->gain);
+    return g_strdup("one picture");
+}
+
 static const char *relief_of(const struct view_settings *s) {
     return s->silhouettes && s->shadows ? "silhouettes, shadows"
            : s->silhouettes             ? "silhouettes"
@@ -50,54 +58,80 @@ static char *environment_of(const struct snapshot *snapshot) {
                            snapshot->settings->backdrop ? ", seen behind the shape" : "");
 }
 
+static char *camera_of(const struct view_settings *s) {
+    return g_strdup_printf("azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
+                           s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance,
+                           s->camera_fov_deg);
+}
+
+/* What is not as it is by default, beside the number of samples. */
+static char *drawn_of(const struct snapshot *snapshot) {
+    const struct view_settings *s = snapshot->settings;
+    GString *text = g_string_new(NULL);
+    g_string_printf(text, "%d x %d samples a pixel", s->samples, s->samples);
+    if (s->plain)
+        g_string_append(text, ", one texture times the cosine");
+    if (s->style.nearest)
+        g_string_append(text, ", texels not filtered");
+    if (s->silhouettes && s->visibility.straight)
+        g_string_append(text, ", rays straight");
+    if (s->silhouettes && s->visibility.layers != view_settings_default.visibility.layers)
+        g_string_append_printf(text, ", %d layers", s->visibility.layers);
+    if (s->shadows)
+        g_string_append_printf(text, ", shadow map %d", s->shadow_size);
+    return g_string_free(text, FALSE);
+}
+
+/* A file that is named, without its folder. */
+static char *file_of(const char *path) {
+    return path != NULL ? g_path_get_basename(path) : NULL;
+}
+
+/* value: taken; NULL: there is none. */
+static void tell(GPtrArray *texts, const char *name, char *value) {
+    if (value == NULL)
+        return;
+    g_ptr_array_add(texts, g_strdup(name));
+    g_ptr_array_add(texts, value);
+}
+
+static GPtrArray *texts_of(const struct snapshot *snapshot) {
+    static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
+    const struct view_settings *s = snapshot->settings;
+    GPtrArray *texts = g_ptr_array_new_with_free_func(g_free);
+    tell(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
+    tell(texts, "Material", shown_name(snapshot->material));
+    tell(texts, "Shape", file_of(snapshot->shape));
+    tell(texts, "Floor", snapshot->floor ? g_strdup("of the material") : NULL);
+    tell(texts, "Tiles", g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v));
+    tell(texts, "Light",
+         g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg));
+    tell(texts, "Lamps", lamps_of(s));
+    tell(texts, "Environment", environment_of(snapshot));
+    tell(texts, "Camera", camera_of(s));
+    tell(texts, "Exposure", g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
+    tell(texts, "Relief", g_strdup(relief_of(s)));
+    tell(texts, "Distances", s->silhouettes ? file_of(snapshot->mdf) : NULL);
+    tell(texts, "Rotation", g_strdup(rotations[s->style.rotation]));
+    tell(texts, "Normals", file_of(snapshot->normal_map));
+    tell(texts, "Source", source_of(snapshot));
+    tell(texts, "Compare", compare_of(snapshot));
+    tell(texts, "Drawn", drawn_of(snapshot));
+    if (snapshot->n_planned > 0)
+        tell(texts, "Views",
+             g_strdup_printf("%d of %d; where the nearest to the line of sight is missing, striped",
+                             snapshot->n_views, snapshot->n_planned));
+    g_ptr_array_add(texts, NULL);
+    return texts;
+}
+
 /* Whichever of the pictures is there. */
 static gboolean write_either(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
                              const float *linear, int width, int height, GError **error) {
-    static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
-    const struct view_settings *s = snapshot->settings;
-    g_autofree char *light =
-        g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg);
-    g_autofree char *camera = g_strdup_printf(
-        "azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
-        s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance, s->camera_fov_deg);
-    g_autofree char *tiles = g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v);
-    g_autofree char *exposure =
-        g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient);
-    g_autofree char *lamps = lamps_of(s), *environment = environment_of(snapshot);
-    g_autofree char *name = shown_name(snapshot->material);
-    g_autofree char *source = source_of(snapshot);
-    g_autofree char *views =
-        g_strdup_printf("%d of %d; where the nearest to the line of sight is missing, striped",
-                        snapshot->n_views, snapshot->n_planned);
-    const char *texts[] = {"Software",
-                           "mesorig-view " MESORIG_VERSION,
-                           "Material",
-                           name,
-                           "Shape",
-                           snapshot->shape,
-                           "Tiles",
-                           tiles,
-                           "Light",
-                           light,
-                           "Lamps",
-                           lamps,
-                           "Environment",
-                           environment,
-                           "Camera",
-                           camera,
-                           "Exposure",
-                           exposure,
-                           "Relief",
-                           relief_of(s),
-                           "Rotation",
-                           rotations[s->style.rotation],
-                           "Source",
-                           source,
-                           snapshot->n_planned > 0 ? "Views" : NULL,
-                           views,
-                           NULL};
-    return linear != NULL ? picture_write_exr(path, linear, width, height, texts, error)
-                          : picture_write_png(path, rgb, width, height, texts, error);
+    g_autoptr(GPtrArray) texts = texts_of(snapshot);
+    const char *const *all = (const char *const *)texts->pdata;
+    return linear != NULL ? picture_write_exr(path, linear, width, height, all, error)
+                          : picture_write_png(path, rgb, width, height, all, error);
 }
 
 gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,

@@ -6,11 +6,13 @@
 struct snapshot {
     const char *material; /* path; only its last parts are shown */
     const char *shape;
+    gboolean floor;                      /* under it */
     const struct method *first, *second; /* second: NULL, or what the first is compared with */
     const struct compose *how;
     gboolean reference;                   /* from the whole BTF instead */
     const struct view_settings *settings; /* tiles as they are, not 0 */
     const char *environment;              /* its file, or NULL */
+    const char *mdf, *normal_map;         /* the same */
     int n_views, n_planned;               /* of a session that is being captured; else 0 */
 };
 

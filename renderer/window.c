@@ -41,7 +41,8 @@ gboolean window_save(struct window *w, const char *path, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
     struct view_settings settings = w->settings;
-    settings.samples = MAX(settings.samples, 3);
+    if (!w->options->with_panel)
+        settings.samples = MAX(settings.samples, 3);
     g_autofree guint8 *rgb = w->options->with_panel
                                  ? read_window(w, width, height, error)
                                  : compose_render(w->compose, w->view, w->second, &w->how,
@@ -52,8 +53,11 @@ gboolean window_save(struct window *w, const char *path, GError **error) {
         .first = w->method,
         .second = w->how.mode != COMPOSE_ONE ? w->second_method : NULL,
         .how = &w->how,
-        .settings = &w->settings,
+        .settings = &settings,
         .environment = w->options->environment_path,
+        .mdf = w->options->mdf,
+        .normal_map = w->options->normal_map,
+        .floor = w->options->floor,
     };
     return rgb != NULL && snapshot_write(path, &snapshot, rgb, width, height, error);
 }

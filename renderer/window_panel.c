@@ -51,13 +51,21 @@ static void draw_methods(struct window *w) {
     }
 }
 
-static void draw_shape(struct window *w) {
+static void choose_shape(struct window *w) {
     const char *names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot", w->options->shape};
-    int chosen = 0, n = G_N_ELEMENTS(names) - 1;
-    while (chosen < n && !g_str_equal(names[chosen], w->shape))
+    const int own = G_N_ELEMENTS(names) - 1;
+    int chosen = 0, n = 0;
+    while (!g_str_equal(names[n], names[own]))
+        n++;
+    n = n < own ? own : own + 1; /* a file is chosen as the others are */
+    while (chosen < n - 1 && !g_str_equal(names[chosen], w->shape))
         chosen++;
-    if (ui_choice("shape", names, chosen == n ? n + 1 : n, &chosen))
-        window_set_shape(w, names[chosen], NULL);
+    if (ui_choice("shape", names, n, &chosen))
+        window_set_shape(w, names[chosen], chosen == own ? &w->options->settings : NULL);
+}
+
+static void draw_shape(struct window *w) {
+    choose_shape(w);
     double tiles = log2(w->settings.tiles_u);
     if (ui_slider("tiles, log2", &tiles, -3.0, 8.0, "%.2f"))
         window_scale_tiles(w, exp2(tiles) / w->settings.tiles_u);

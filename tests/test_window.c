@@ -2,228 +2,98 @@
  * screenshots say of themselves. */
 #include "remove_tree.h"
 #include "view_fixture.h"
-#include "x_display.h"
+#include "window_user.h"
 
 #include "processing/eigenmaps.h"
 
-#include <gio/gio.h>
-#include <png.h>
-
-#define PROGRAM BUILD_DIR "/bin/mesorig-view"
-#define SMALL   "--size", "400x300"
-
-struct user {
-    XDisplay *x;
-    char *folder, *session;
-    GSubprocess *program;
-    GDataInputStream *says;
-};
-
-static gboolean start(struct user *u, const char *const *options) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(GSubprocessLauncher) launcher =
-        g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_PIPE);
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_ptr_array_add(argv, PROGRAM);
-    g_ptr_array_add(argv, u->session);
-    for (; options != NULL && *options != NULL; options++)
-        g_ptr_array_add(argv, (gpointer)*options);
-    g_ptr_array_add(argv, NULL);
-    g_subprocess_launcher_set_cwd(launcher, u->folder);
-    g_subprocess_launcher_setenv(launcher, "DISPLAY", x_display_name(u->x), TRUE);
-    g_subprocess_launcher_unsetenv(launcher, "WAYLAND_DISPLAY");
-    u->program = g_subprocess_launcher_spawnv(launcher, (const char *const *)argv->pdata, &error);
-    g_assert_no_error(error);
-    u->says = g_data_input_stream_new(g_subprocess_get_stdout_pipe(u->program));
-    return x_display_wait_window(u->x, 60.0);
-}
-
-static gboolean sit_down(struct user *u, const char *session, const char *const *options) {
-    *u = (struct user){.x = x_display_new()};
-    if (u->x == NULL || !g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE)) {
-        x_display_free(u->x);
-        g_test_skip("no Xvfb, or mesorig-view is not built");
-        return FALSE;
-    }
-    u->folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    u->session = session != NULL ? g_strdup(session) : write_session();
-    g_assert_true(start(u, options));
-    return TRUE;
-}
-
-/* The program ends by itself, soon, and with this code; what it said on the way, g_free(). */
-static char *stand_up(struct user *u, int code) {
-    g_autoptr(GError) error = NULL;
-    char *err = NULL;
-    const gint64 from = g_get_monotonic_time();
-    g_subprocess_communicate_utf8(u->program, NULL, NULL, NULL, &err, &error);
-    g_assert_no_error(error);
-    g_test_message("%sclosed in %.2f s", err, (g_get_monotonic_time() - from) * 1e-6);
-    g_assert_true(g_subprocess_get_if_exited(u->program));
-    g_assert_cmpint(g_subprocess_get_exit_status(u->program), ==, code);
-    g_assert_cmpint(g_get_monotonic_time() - from, <, 30 * G_USEC_PER_SEC);
-    remove_tree(u->folder);
-    remove_tree(u->session);
-    g_object_unref(u->says);
-    g_object_unref(u->program);
-    x_display_free(u->x);
-    g_free(u->folder);
-    g_free(u->session);
-    return err;
-}
-
-static GHashTable *read_texts(const char *path) {
-    GHashTable *texts = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
-    FILE *file = fopen(path, "rb");
-    g_assert_nonnull(file);
-    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
-    png_infop info = png_create_info_struct(png);
-    if (setjmp(png_jmpbuf(png)))
-        g_error("%s is no PNG", path);
-    png_init_io(png, file);
-    png_read_info(png, info);
-    png_textp text = NULL;
-    const int n = png_get_text(png, info, &text, NULL);
-    for (int k = 0; k < n; k++)
-        g_hash_table_insert(texts, g_strdup(text[k].key), g_strdup(text[k].text));
-    png_destroy_read_struct(&png, &info, NULL);
-    fclose(file);
-    return texts;
-}
-
-static gboolean stop_waiting(gpointer deadline) {
-    g_cancellable_cancel(deadline);
-    return G_SOURCE_REMOVE;
-}
-
-static void keep_result(GObject *source, GAsyncResult *result, gpointer data) {
-    *(GAsyncResult **)data = g_object_ref(result);
-}
-
-/* What a screenshot says that is taken by key; that it is there means that all keys and drags
- * before it were dealt with. */
-static GHashTable *look(struct user *u) {
-    g_autoptr(GError) error = NULL;
-    x_display_key(u->x, "s");
-    g_autoptr(GCancellable) deadline = g_cancellable_new();
-    const guint timer = g_timeout_add_seconds(60, stop_waiting, deadline);
-    g_autoptr(GAsyncResult) result = NULL;
-    g_data_input_stream_read_line_async(u->says, G_PRIORITY_DEFAULT, deadline, keep_result,
-                                        &result);
-    while (result == NULL)
-        g_main_context_iteration(NULL, TRUE);
-    g_autofree char *line = g_data_input_stream_read_line_finish(u->says, result, NULL, &error);
-    if (!g_cancellable_is_cancelled(deadline))
-        g_source_remove(timer);
-    g_assert_no_error(error);
-    g_assert_nonnull(line);
-    g_autofree char *path = g_build_filename(u->folder, line, NULL);
-    return read_texts(path);
-}
-
-static const char *said(GHashTable *texts, const char *name) {
-    const char *text = g_hash_table_lookup(texts, name);
-    g_assert_nonnull(text);
-    return text;
-}
-
-/* Until what it was started with is there. */
-static void wait_for_material(struct user *u) {
-    for (int k = 0; k < 1200; k++) {
-        g_autofree char *title = x_display_title(u->x);
-        if (g_str_has_prefix(title, "eigenmaps.exr"))
-            return;
-        g_usleep(50000);
-    }
-    g_assert_not_reached();
-}
+#define SMALL "--size", "400x300"
 
 static double camera(GHashTable *texts, gboolean elevation) {
     double azimuth = NAN, high = NAN;
     g_assert_cmpint(
-        sscanf(said(texts, "Camera"), "azimuth %lf deg, elevation %lf deg", &azimuth, &high), ==,
-        2);
+        sscanf(user_said(texts, "Camera"), "azimuth %lf deg, elevation %lf deg", &azimuth, &high),
+        ==, 2);
     return elevation ? high : azimuth;
 }
 
 static double light(GHashTable *texts, gboolean azimuth) {
     double theta = NAN, phi = NAN;
-    g_assert_cmpint(sscanf(said(texts, "Light"), "theta %lf deg, phi %lf deg", &theta, &phi), ==,
-                    2);
+    g_assert_cmpint(sscanf(user_said(texts, "Light"), "theta %lf deg, phi %lf deg", &theta, &phi),
+                    ==, 2);
     return azimuth ? phi : theta;
 }
 
 static double distance(GHashTable *texts) {
-    const char *at = strstr(said(texts, "Camera"), "distance ");
+    const char *at = strstr(user_said(texts, "Camera"), "distance ");
     g_assert_nonnull(at);
     return g_ascii_strtod(at + strlen("distance "), NULL);
 }
 
 static void test_mouse(void) {
     struct user u;
-    if (!sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
         return;
-    wait_for_material(&u);
-    g_autoptr(GHashTable) before = look(&u);
+    user_wait_for_title(&u, "eigenmaps.exr");
+    g_autoptr(GHashTable) before = user_look(&u);
     x_display_drag(u.x, 1, 360, 200, 50, 20);
-    g_autoptr(GHashTable) turned = look(&u);
+    g_autoptr(GHashTable) turned = user_look(&u);
     g_assert_cmpfloat_with_epsilon(camera(turned, FALSE), camera(before, FALSE) - 20.0, 1e-6);
     g_assert_cmpfloat_with_epsilon(camera(turned, TRUE), camera(before, TRUE) + 8.0, 1e-6);
-    g_assert_cmpstr(said(turned, "Light"), ==, said(before, "Light"));
+    g_assert_cmpstr(user_said(turned, "Light"), ==, user_said(before, "Light"));
     x_display_drag(u.x, 3, 360, 200, -25, 10);
-    g_autoptr(GHashTable) lit = look(&u);
-    g_assert_cmpstr(said(lit, "Camera"), ==, said(turned, "Camera"));
+    g_autoptr(GHashTable) lit = user_look(&u);
+    g_assert_cmpstr(user_said(lit, "Camera"), ==, user_said(turned, "Camera"));
     g_assert_cmpfloat_with_epsilon(light(lit, TRUE), light(before, TRUE) - 10.0, 1e-6);
     g_assert_cmpfloat_with_epsilon(light(lit, FALSE), light(before, FALSE) + 4.0, 1e-6);
     x_display_click(u.x, 4, 360, 200);
-    g_autoptr(GHashTable) nearer = look(&u);
+    g_autoptr(GHashTable) nearer = user_look(&u);
     g_assert_cmpfloat_with_epsilon(distance(nearer), 0.9 * distance(before), 1e-6);
     /* On the panel the mouse is the panel's. */
     x_display_drag(u.x, 1, 30, 14, 0, 200);
-    g_autoptr(GHashTable) same = look(&u);
-    g_assert_cmpstr(said(same, "Camera"), ==, said(nearer, "Camera"));
+    g_autoptr(GHashTable) same = user_look(&u);
+    g_assert_cmpstr(user_said(same, "Camera"), ==, user_said(nearer, "Camera"));
     x_display_key(u.x, "r");
-    g_autoptr(GHashTable) reset = look(&u);
+    g_autoptr(GHashTable) reset = user_look(&u);
     g_assert_cmpfloat_with_epsilon(camera(reset, TRUE), camera(before, TRUE), 1e-6);
-    g_assert_cmpstr(said(reset, "Light"), ==, said(before, "Light"));
+    g_assert_cmpstr(user_said(reset, "Light"), ==, user_said(before, "Light"));
     x_display_key(u.x, "Escape");
-    g_free(stand_up(&u, 0));
+    g_free(user_stand_up(&u, 0));
 }
 
 static void test_keys(void) {
     struct user u;
-    if (!sit_down(&u, NULL, (const char *[]){SMALL, "--shape", "cylinder", NULL}))
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, "--shape", "cylinder", NULL}))
         return;
     static const char *const shapes[][2] = {
         {"1", "plane"},    {"2", "torus"},      {"3", "sphere"},
         {"4", "cylinder"}, {"5", "torus-knot"}, {"0", "cylinder"},
     };
-    wait_for_material(&u);
+    user_wait_for_title(&u, "eigenmaps.exr");
     for (gsize k = 0; k < G_N_ELEMENTS(shapes); k++) {
         x_display_key(u.x, shapes[k][0]);
-        g_autoptr(GHashTable) texts = look(&u);
-        g_assert_cmpstr(said(texts, "Shape"), ==, shapes[k][1]);
+        g_autoptr(GHashTable) texts = user_look(&u);
+        g_assert_cmpstr(user_said(texts, "Shape"), ==, shapes[k][1]);
     }
-    g_autoptr(GHashTable) before = look(&u);
-    g_assert_cmpstr(said(before, "Exposure"), ==, "0.7 EV, ambient 0.05");
-    g_assert_cmpstr(said(before, "Tiles"), ==, "5 x 2");
-    g_assert_cmpstr(said(before, "Relief"), ==, "none");
+    g_autoptr(GHashTable) before = user_look(&u);
+    g_assert_cmpstr(user_said(before, "Exposure"), ==, "0.7 EV, ambient 0.05");
+    g_assert_cmpstr(user_said(before, "Tiles"), ==, "5 x 2");
+    g_assert_cmpstr(user_said(before, "Relief"), ==, "none");
     x_display_key(u.x, "plus");
     x_display_key(u.x, "bracketright");
     x_display_key(u.x, "h");
-    g_autoptr(GHashTable) after = look(&u);
-    g_assert_cmpstr(said(after, "Exposure"), ==, "0.95 EV, ambient 0.05");
-    g_assert_cmpstr(said(after, "Tiles"), ==, "6.25 x 2.5");
-    g_assert_cmpstr(said(after, "Relief"), ==, "shadows");
+    g_autoptr(GHashTable) after = user_look(&u);
+    g_assert_cmpstr(user_said(after, "Exposure"), ==, "0.95 EV, ambient 0.05");
+    g_assert_cmpstr(user_said(after, "Tiles"), ==, "6.25 x 2.5");
+    g_assert_cmpstr(user_said(after, "Relief"), ==, "shadows");
     /* There is no MDF: said, and nothing else changes. */
     x_display_key(u.x, "o");
     x_display_key(u.x, "minus");
-    g_autoptr(GHashTable) last = look(&u);
-    g_assert_cmpstr(said(last, "Relief"), ==, "shadows");
-    g_assert_cmpstr(said(last, "Exposure"), ==, "0.7 EV, ambient 0.05");
+    g_autoptr(GHashTable) last = user_look(&u);
+    g_assert_cmpstr(user_said(last, "Relief"), ==, "shadows");
+    g_assert_cmpstr(user_said(last, "Exposure"), ==, "0.7 EV, ambient 0.05");
     g_usleep(500000);
     x_display_key(u.x, "q");
-    g_autofree char *err = stand_up(&u, 0);
+    g_autofree char *err = user_stand_up(&u, 0);
     g_assert_nonnull(strstr(err, "products/mdf.exr"));
 }
 
@@ -259,9 +129,9 @@ static void test_help(void) {
     struct user u;
     int n;
     const int help_pixels = 100 * 200, panel_pixels = 200 * 300;
-    if (!sit_down(&u, NULL, (const char *[]){"--size", "700x480", NULL}))
+    if (!user_sit_down(&u, NULL, (const char *[]){"--size", "700x480", NULL}))
         return;
-    wait_for_material(&u);
+    user_wait_for_title(&u, "eigenmaps.exr");
     x_display_move(u.x, 690, 470);
     g_autofree guint8 *before = settled(&u, NULL, 0, &n);
     x_display_key(u.x, "F1");
@@ -277,22 +147,22 @@ static void test_help(void) {
     /* The time that a picture took is written in the panel. */
     g_assert_cmpint(count_different(before, again, n), <, 300 * 60);
     x_display_key(u.x, "Escape");
-    g_free(stand_up(&u, 0));
+    g_free(user_stand_up(&u, 0));
 }
 
 /* Asked by the desktop, and the display gone: an end without a crash. */
 static void test_closed(void) {
     struct user u;
-    if (!sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
         return;
-    wait_for_material(&u);
+    user_wait_for_title(&u, "eigenmaps.exr");
     x_display_ask_to_close(u.x);
-    g_free(stand_up(&u, 0));
-    if (!sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
+    g_free(user_stand_up(&u, 0));
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
         return;
-    wait_for_material(&u);
+    user_wait_for_title(&u, "eigenmaps.exr");
     x_display_kill(u.x);
-    g_free(stand_up(&u, 1));
+    g_free(user_stand_up(&u, 1));
 }
 
 /* Eigen-maps that take seconds to open. */
@@ -321,35 +191,35 @@ static char *write_large_session(void) {
 static void test_opening(void) {
     struct user u;
     g_autofree char *session = write_large_session();
-    if (!sit_down(&u, session, (const char *[]){SMALL, NULL}))
+    if (!user_sit_down(&u, session, (const char *[]){SMALL, NULL}))
         return;
     x_display_key(u.x, "3");
-    g_autoptr(GHashTable) early = look(&u);
-    g_assert_cmpstr(said(early, "Shape"), ==, "sphere");
-    g_assert_cmpstr(said(early, "Material"), ==, "fabric-ashikhmin");
-    wait_for_material(&u);
-    g_autoptr(GHashTable) late = look(&u);
-    g_assert_cmpstr(said(late, "Shape"), ==, "sphere");
+    g_autoptr(GHashTable) early = user_look(&u);
+    g_assert_cmpstr(user_said(early, "Shape"), ==, "sphere");
+    g_assert_cmpstr(user_said(early, "Material"), ==, "fabric-ashikhmin");
+    user_wait_for_title(&u, "eigenmaps.exr");
+    g_autoptr(GHashTable) late = user_look(&u);
+    g_assert_cmpstr(user_said(late, "Shape"), ==, "sphere");
     x_display_key(u.x, "Escape");
-    g_free(stand_up(&u, 0));
+    g_free(user_stand_up(&u, 0));
 
     g_autofree char *again = write_large_session();
-    if (!sit_down(&u, again, (const char *[]){SMALL, NULL}))
+    if (!user_sit_down(&u, again, (const char *[]){SMALL, NULL}))
         return;
     x_display_key(u.x, "Escape");
-    g_free(stand_up(&u, 0));
+    g_free(user_stand_up(&u, 0));
 
     g_autofree char *third = write_large_session();
-    if (!sit_down(&u, third, (const char *[]){SMALL, NULL}))
+    if (!user_sit_down(&u, third, (const char *[]){SMALL, NULL}))
         return;
     x_display_ask_to_close(u.x);
-    g_free(stand_up(&u, 0));
+    g_free(user_stand_up(&u, 0));
 
     g_autofree char *fourth = write_large_session();
-    if (!sit_down(&u, fourth, (const char *[]){SMALL, NULL}))
+    if (!user_sit_down(&u, fourth, (const char *[]){SMALL, NULL}))
         return;
     x_display_kill(u.x);
-    g_free(stand_up(&u, 1));
+    g_free(user_stand_up(&u, 1));
 }
 
 int main(int argc, char **argv) {

@@ -2,6 +2,7 @@
 
 #include <signal.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <X11/extensions/XTest.h>
@@ -28,6 +29,11 @@ static char *read_number(int from) {
     return n > 0 ? g_strdup_printf(":%s", text) : NULL;
 }
 
+/* A test that fails leaves no server behind, nor whoever is connected to it. */
+static void die_with_parent(gpointer data) {
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+}
+
 XDisplay *x_display_new(void) {
     const char *const argv[] = {"Xvfb",        "-displayfd", "1",   "-screen",  "0",
                                 "1024x768x24", "-nolisten",  "tcp", "-noreset", NULL};
@@ -36,7 +42,7 @@ XDisplay *x_display_new(void) {
     if (g_spawn_async_with_pipes(NULL, (char **)argv, NULL,
                                  G_SPAWN_SEARCH_PATH | G_SPAWN_DO_NOT_REAP_CHILD |
                                      G_SPAWN_STDERR_TO_DEV_NULL,
-                                 NULL, NULL, &x->server, NULL, &out, NULL, NULL)) {
+                                 die_with_parent, NULL, &x->server, NULL, &out, NULL, NULL)) {
         x->name = read_number(out);
         close(out);
         x->display = x->name != NULL ? XOpenDisplay(x->name) : NULL;
@@ -138,14 +144,17 @@ void x_display_move(XDisplay *x, int to_x, int to_y) {
     settle(x);
 }
 
+void x_display_press(XDisplay *x, int button, gboolean down) {
+    XTestFakeButtonEvent(x->display, (unsigned)button, down, CurrentTime);
+    settle(x);
+}
+
 void x_display_drag(XDisplay *x, int button, int from_x, int from_y, int by_x, int by_y) {
     x_display_move(x, from_x, from_y);
-    XTestFakeButtonEvent(x->display, (unsigned)button, True, CurrentTime);
-    settle(x);
+    x_display_press(x, button, TRUE);
     for (int k = 1; k <= 5; k++)
         x_display_move(x, from_x + by_x * k / 5, from_y + by_y * k / 5);
-    XTestFakeButtonEvent(x->display, (unsigned)button, False, CurrentTime);
-    settle(x);
+    x_display_press(x, button, FALSE);
 }
 
 void x_display_click(XDisplay *x, int button, int at_x, int at_y) {

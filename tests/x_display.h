@@ -21,6 +21,7 @@ char *x_display_title(XDisplay *x); /* of the window, g_free() */
 void x_display_key(XDisplay *x, const char *key);
 /* Relative to the window; button 1 left, 3 right, 4 and 5 the wheel. */
 void x_display_move(XDisplay *x, int to_x, int to_y);
+void x_display_press(XDisplay *x, int button, gboolean down); /* or lets go, where the mouse is */
 void x_display_drag(XDisplay *x, int button, int from_x, int from_y, int by_x, int by_y);
 void x_display_click(XDisplay *x, int button, int at_x, int at_y);
 
