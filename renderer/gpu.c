@@ -1,6 +1,7 @@
 #include "gpu.h"
 #include "shaders.h"
 
+#include <dlfcn.h>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 #include <string.h>
@@ -71,13 +72,27 @@ void gpu_watch(void) {
 #endif
 }
 
+/* What is found stays loaded: libepoxy opens it next. */
+gboolean gpu_find_library(gboolean window, GError **error) {
+    if ((!window && dlopen("libOpenGL.so.0", RTLD_LAZY | RTLD_LOCAL) != NULL) ||
+        dlopen("libGL.so.1", RTLD_LAZY | RTLD_LOCAL) != NULL)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                "there is no OpenGL library here: install libgl1, and Mesa (libgl1-mesa-dri), "
+                "which also draws without a graphics card (%s)",
+                dlerror());
+    return FALSE;
+}
+
 Gpu *gpu_new_headless(GError **error) {
-    static const char advice[] = "install Mesa's EGL (libegl-mesa0, libgl1-mesa-dri), which also "
-                                 "draws without a graphics card";
+    static const char advice[] = "install EGL and Mesa (libegl1, libegl-mesa0, libgl1-mesa-dri), "
+                                 "which also draws without a graphics card";
     if (!epoxy_has_egl()) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_NONE, "there is no EGL library here: %s", advice);
         return NULL;
     }
+    if (!gpu_find_library(FALSE, error))
+        return NULL;
     EGLDisplay display = open_display();
     if (display == EGL_NO_DISPLAY) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,

@@ -17,6 +17,10 @@ enum gpu_error {
 
 typedef struct Gpu Gpu;
 
+/* Whether OpenGL's library is there, and with window that through which libepoxy draws into one:
+ * where it is not, libepoxy would end the program at the first call. */
+gboolean gpu_find_library(gboolean window, GError **error);
+
 /* Through EGL without a surface (Mesa, or a card's device platform); made current. */
 Gpu *gpu_new_headless(GError **error);
 void gpu_free(Gpu *gpu); /* NULL is ignored */

@@ -236,6 +236,8 @@ gboolean view_set_mdf_source(View *view, const struct mdf_source *mdf, GError **
 gboolean view_open_mdf(View *view, const char *path, GError **error) {
     struct mdf_source *mdf = mdf_source_read(path, error);
     gboolean good = mdf != NULL && view_set_mdf_source(view, mdf, error);
+    if (mdf != NULL && !good)
+        g_prefix_error(error, "%s: ", path);
     mdf_source_free(mdf);
     return good;
 }

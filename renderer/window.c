@@ -69,6 +69,8 @@ static void on_glfw_error(int code, const char *text) {
 /* GLFW, like EGL's display, stays initialised as long as the process lives. */
 static GLFWwindow *open_window(const struct window_options *options, GError **error) {
     const char *text = NULL;
+    if (!gpu_find_library(TRUE, error))
+        return NULL;
     glfwSetErrorCallback(on_glfw_error);
     if (!glfwInit()) {
         glfwGetError(&text);

@@ -1,20 +1,38 @@
 /* What mesorig-view says of materials that are torn, incomplete or full of what are no numbers, of
  * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
  * black picture. */
-#include "processing/lobes.h"
+#include "fields_fixture.h"
 #include "processing/lpca_levels.h"
 #include "remove_tree.h"
 #include "renderer/mdf_source.h"
 #include "view_fixture.h"
+#include "x_display.h"
 
+#include <dlfcn.h>
+#include <link.h>
 #include <png.h>
+#include <sched.h>
+#include <sys/mount.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #define VIEWER  BUILD_DIR "/bin/mesorig-view"
 #define MESORIG BUILD_DIR "/bin/mesorig"
 #define CUTS    20 /* places at which a file is torn */
+#define NO_HIDE 77 /* exit code: files cannot be hidden here */
 
-static int run_in(const char *const *environment, const char *const *arguments, char **ret_err) {
+/* In the child, in a name space of its own: what these paths lead to is empty. */
+static void hide(gpointer paths) {
+    gboolean good = unshare(CLONE_NEWNS | (getuid() ? CLONE_NEWUSER : 0)) == 0 &&
+                    mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) == 0;
+    for (const char *const *path = paths; good && *path != NULL; path++)
+        good = mount("/dev/null", *path, NULL, MS_BIND, NULL) == 0;
+    if (!good)
+        _exit(NO_HIDE);
+}
+
+static int run_without(const char *const *hidden, const char *const *environment,
+                       const char *const *arguments, char **ret_err) {
     g_autoptr(GError) error = NULL;
     g_auto(GStrv) all = g_get_environ();
     g_autofree char *out = NULL;
@@ -23,11 +41,15 @@ static int run_in(const char *const *environment, const char *const *arguments, 
         all = environment[k + 1] != NULL
                   ? g_environ_setenv(all, environment[k], environment[k + 1], TRUE)
                   : g_environ_unsetenv(all, environment[k]);
-    g_spawn_sync(NULL, (char **)arguments, all, G_SPAWN_SEARCH_PATH, NULL, NULL, &out, ret_err,
-                 &status, &error);
+    g_spawn_sync(NULL, (char **)arguments, all, G_SPAWN_SEARCH_PATH, hidden != NULL ? hide : NULL,
+                 (gpointer)hidden, &out, ret_err, &status, &error);
     g_assert_no_error(error);
     g_assert_true(WIFEXITED(status));
     return WEXITSTATUS(status);
+}
+
+static int run_in(const char *const *environment, const char *const *arguments, char **ret_err) {
+    return run_without(NULL, environment, arguments, ret_err);
 }
 
 /* Exit code 1, and a sentence that has these words. */
@@ -260,13 +282,13 @@ static void test_products(struct fixture *f, gconstpointer data) {
     remove_tree(session);
 }
 
-static char *write_mdf(const char *session) {
+static char *write_mdf(const char *session, int width, int height) {
     static const char *const channels[] = {"D", NULL};
     struct exr_file *file = exr_file_new();
     for (int k = 0; k < 12; k++) {
         g_autofree char *name = g_strdup_printf("view_%04d", k);
-        struct exr_part *part = exr_part_new(name, 8, 8, channels, EXR_FLOAT);
-        for (int i = 0; i < 64; i++)
+        struct exr_part *part = exr_part_new(name, width, height, channels, EXR_FLOAT);
+        for (int i = 0; i < width * height; i++)
             part->planes[0][i] = 1.0F + (float)((i + k) % 5) / 10.0F;
         exr_set_double(part, "view.theta_deg", k < 6 ? 30.0 : 70.0);
         exr_set_double(part, "view.phi_deg", 60.0 * (k % 6));
@@ -284,7 +306,7 @@ static void test_distances(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL || !have_programs())
         return;
     g_autofree char *session = write_session();
-    g_autofree char *plain = write_mdf(session);
+    g_autofree char *plain = write_mdf(session, 8, 8);
     g_autofree char *maps = g_build_filename(session, "products", "maps.exr", NULL);
     g_autofree char *views = g_build_filename(session, "products", "views.exr", NULL);
     compress(plain, (const char *[]){"--method", "mdf", "-c", "4", "-o", maps, NULL});
@@ -292,6 +314,74 @@ static void test_distances(struct fixture *f, gconstpointer data) {
     check_file(NULL, plain, 12); /* any number of views will do */
     check_file(NULL, maps, 0);
     check_file(NULL, views, 12);
+    remove_tree(session);
+}
+
+#define WIDE 40000 /* texels: more than llvmpipe and today's cards take each way */
+
+static void write_wide_maps(const char *path) {
+    g_autoptr(GError) error = NULL;
+    struct eigenmaps *m = make_material(LIGHT, 1, 3);
+    m->width = WIDE;
+    m->height = m->n_terms = 1;
+    g_free(m->maps);
+    m->maps = g_new0(float, (gsize)m->n_lights *WIDE * 3);
+    eigenmaps_write(path, m, &error);
+    g_assert_no_error(error);
+    eigenmaps_free(m);
+}
+
+static void write_wide_lpca(const char *path, const struct btf_matrix *btf) {
+    g_autoptr(GError) error = NULL;
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .n_threads = 1};
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    lpca->width = WIDE;
+    lpca->height = 1;
+    g_free(lpca->clusters);
+    g_free(lpca->weights);
+    lpca->clusters = g_new0(int, WIDE);
+    lpca->weights = g_new0(float, (gsize)WIDE * lpca->n_components);
+    lpca_quantise(lpca, LPCA_HALF);
+    g_assert_true(lpca_write_levels(path, &lpca, 1, &error));
+    lpca_free(lpca);
+}
+
+static void is_too_wide(const char *path, const GError *error) {
+    g_assert_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE);
+    g_test_message("%s", error->message);
+    g_assert_nonnull(strstr(error->message, path));
+    g_assert_nonnull(strstr(error->message, "40000 × 1 texels"));
+}
+
+/* More than the card takes. */
+static void test_too_wide(struct fixture *f, gconstpointer data) {
+    static const char *const names[] = {"eigenmaps", "fields",       "lpca",
+                                        "lpca-grid", "lpca-revised", NULL};
+    if (f->gpu == NULL)
+        return;
+    g_autofree char *session = write_session(), *mdf = write_mdf(session, WIDE, 1);
+    for (int k = 0; names[k] != NULL; k++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *path = method_path(method_find(names[k]), session);
+        if (g_str_equal(names[k], "eigenmaps"))
+            write_wide_maps(path);
+        else if (g_str_equal(names[k], "fields"))
+            write_fields(path, WIDE, 1);
+        else if (g_str_equal(names[k], "lpca")) {
+            struct btf_matrix *btf = make_btf();
+            write_wide_lpca(path, btf);
+            btf_matrix_free(btf);
+        }
+        g_assert_false(opens(method_find(names[k]), path, &error));
+        is_too_wide(path, error);
+    }
+    g_autoptr(GError) error = NULL, wide = NULL;
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    g_assert_false(view_open_mdf(view, mdf, &wide));
+    is_too_wide(mdf, wide);
+    g_assert_true(gpu_check("what was left", &error));
     remove_tree(session);
 }
 
@@ -309,6 +399,73 @@ static void test_no_gl(struct fixture *f, gconstpointer data) {
     refuses((const char *[]){"EGL_PLATFORM", "x11", "LIBGL_DRIVERS_PATH", "/nonexistent", NULL},
             render, "libgl1-mesa-dri");
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+    remove_tree(dir);
+}
+
+/* Where a library lies; it must be there. */
+static char *find_library(const char *name) {
+    void *library = dlopen(name, RTLD_LAZY | RTLD_LOCAL);
+    struct link_map *map = NULL;
+    if (library == NULL)
+        g_error("%s", dlerror());
+    g_assert_cmpint(dlinfo(library, RTLD_DI_LINKMAP, &map), ==, 0);
+    char *path = realpath(map->l_name, NULL);
+    dlclose(library);
+    return path;
+}
+
+struct missing {
+    const char *libraries[3];
+    const char *said; /* NULL: it draws all the same */
+};
+
+static void check_missing(const struct missing *m, const char *const *environment,
+                          const char *const *arguments) {
+    char *paths[G_N_ELEMENTS(m->libraries)] = {NULL};
+    g_autofree char *err = NULL;
+    for (int k = 0; m->libraries[k] != NULL; k++)
+        paths[k] = find_library(m->libraries[k]);
+    const int code = run_without((const char *const *)paths, environment, arguments, &err);
+    for (int k = 0; paths[k] != NULL; k++)
+        free(paths[k]);
+    g_test_message("without %s: %d: %s", m->libraries[0], code, err);
+    if (code == NO_HIDE) {
+        g_test_skip("files cannot be hidden: no name spaces of mounts");
+        return;
+    }
+    g_assert_cmpint(code, ==, m->said != NULL ? 1 : 0);
+    if (m->said != NULL) {
+        g_assert_true(g_str_has_prefix(err, "mesorig-view: "));
+        g_assert_nonnull(strstr(err, m->said));
+    }
+}
+
+/* Libraries that are not installed. */
+static void test_no_library(struct fixture *f, gconstpointer data) {
+    static const struct missing headless[] = {
+        {{"libEGL.so.1"}, "install EGL and Mesa (libegl1"},
+        {{"libOpenGL.so.0", "libGL.so.1"}, "install libgl1"},
+        {{"libGL.so.1"}, NULL},
+        {{"libOpenGL.so.0"}, NULL},
+        {{"libEGL_mesa.so.0"}, "libegl-mesa0"},
+    };
+    static const struct missing window[] = {
+        {{"libGL.so.1"}, "install libgl1"},
+        {{"libGLX.so.0"}, "install libgl1"},
+        {{"libGLX_mesa.so.0"}, "LIBGL_ALWAYS_SOFTWARE=1"},
+        {{"libEGL.so.1"}, NULL},
+    };
+    if (f->gpu == NULL || !have_programs())
+        return;
+    g_autofree char *dir = write_session();
+    g_autofree char *path = g_build_filename(dir, "out.png", NULL);
+    const char *const render[] = {VIEWER, dir, "-o", path, "--size", "48x32", NULL};
+    const char *const show[] = {VIEWER, dir, "--size", "48x32", "--close-after", "1", NULL};
+    for (gsize k = 0; k < G_N_ELEMENTS(headless); k++)
+        check_missing(&headless[k], NULL, render);
+    g_autoptr(XDisplay) x = x_display_new();
+    for (gsize k = 0; x != NULL && k < G_N_ELEMENTS(window); k++)
+        check_missing(&window[k], (const char *[]){"DISPLAY", x_display_name(x), NULL}, show);
     remove_tree(dir);
 }
 
@@ -373,7 +530,7 @@ static void test_least_gl(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL || !have_programs())
         return;
     g_autofree char *dir = write_session();
-    g_autofree char *mdf = write_mdf(dir);
+    g_autofree char *mdf = write_mdf(dir, 8, 8);
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
     static const char *const least[] = {"MESA_GL_VERSION_OVERRIDE", "3.3", NULL};
     const char *arguments[] = {VIEWER,
@@ -403,7 +560,9 @@ int main(int argc, char **argv) {
 #define ADD(path, function) g_test_add(path, struct fixture, NULL, set_up, function, tear_down)
     ADD("/view-mistakes/products", test_products);
     ADD("/view-mistakes/distances", test_distances);
+    ADD("/view-mistakes/too-wide", test_too_wide);
     ADD("/view-mistakes/no-gl", test_no_gl);
+    ADD("/view-mistakes/no-library", test_no_library);
     ADD("/view-mistakes/shapes", test_shapes);
     ADD("/view-mistakes/least-gl", test_least_gl);
     return g_test_run();
