@@ -13,6 +13,7 @@
 #include "measurement_speed.h"
 #include "processing/mdf_views.h"
 
+#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -160,16 +161,20 @@ static double rms(double squares, gint64 n) {
 }
 
 static void print_view(int view, struct bench_mdf *m) {
-    printf(json ? "%s{\"view_deg\": %.0f, \"rms_texels\": %.4f, \"median_texels\": %.4f, "
-                  "\"mean_texels\": %.4f, \"edge_texels\": %.4f, \"edge_rms_texels\": %.4f, "
-                  "\"coverage\": %.4f, \"outliers\": %.4f, \"outliers_with_edges\": %.4f}"
-                : "%s  MDF from %.0f°: rms %.4f texels, median %.4f, mean %+.4f; %.3f of texels at "
-                  "edges, rms there %.3f; %.4f covered; outliers %.4f, with edges %.4f\n",
-           json && view ? ", " : "", bench_elevation_deg(view), rms(m->squares, m->measured),
-           bench_quantile(m->errors, 0.5), m->sum / (double)MAX(m->measured, 1),
-           part(m->edges, m->edges + m->measured), rms(m->edge_squares, m->edges),
-           part(m->covered, m->seen), part(m->outliers, m->measured),
-           part(m->outliers + m->edge_outliers, m->edges + m->measured));
+    printf(
+        json ? "%s{\"view_deg\": %.0f, \"rms_texels\": %.4f, \"median_texels\": %.4f, "
+               "\"mean_texels\": %.4f, \"edge_texels\": %.4f, \"edge_rms_texels\": %.4f, "
+               "\"coverage\": %.4f, \"coverage_of_shown\": %.4f, \"dark\": %" G_GINT64_FORMAT
+               ", \"outliers\": %.4f, \"outliers_with_edges\": %.4f}"
+             : "%s  MDF from %.0f°: rms %.4f texels, median %.4f, mean %+.4f; %.3f of texels at "
+               "edges, rms there %.3f; %.4f of what is lit covered, %.4f of what also shows (dark: "
+               "%" G_GINT64_FORMAT "); outliers %.4f, with edges %.4f\n",
+        json && view ? ", " : "", bench_elevation_deg(view), rms(m->squares, m->measured),
+        bench_quantile(m->errors, 0.5), m->sum / (double)MAX(m->measured, 1),
+        part(m->edges, m->edges + m->measured), rms(m->edge_squares, m->edges),
+        part(m->covered, m->seen), part(m->covered, m->seen - m->dark), m->dark,
+        part(m->outliers, m->measured),
+        part(m->outliers + m->edge_outliers, m->edges + m->measured));
 }
 
 /* What the views say of each other's outliers, those at edges included. */
@@ -416,6 +421,7 @@ static void measure(const char *material) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     static const char *const materials[] = {"weave", "brick", "peanuts", "brushed"};
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);

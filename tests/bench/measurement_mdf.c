@@ -1,6 +1,7 @@
 #include "measurement_mdf.h"
 
 #include "daemon/radiance.h"
+#include "measurement_shown.h"
 #include "processing/mdf.h"
 #include "processing/sweep.h"
 
@@ -92,6 +93,20 @@ static void compare(const struct bench_setup *setup, const float *measured, cons
     }
 }
 
+/* Lit, but shown by no position in which it is. */
+static gint64 count_dark(const struct bench_setup *setup, int view, double turntable_deg,
+                         const struct bench_positions *positions, const struct bench_mdf *mdf) {
+    const int n = setup->texels * setup->texels;
+    g_autofree guint8 *asked = g_new(guint8, n), *shown = g_new(guint8, n);
+    gint64 dark = 0;
+    for (int i = 0; i < n; i++)
+        asked[i] = mdf->lit[i] > 0 && mdf->distance[i] < 0;
+    bench_shown(setup, view, turntable_deg, positions, mdf->truth, asked, shown);
+    for (int i = 0; i < n; i++)
+        dark += asked[i] && !shown[i];
+    return dark;
+}
+
 void bench_mdf(const struct bench_setup *setup, int view, int steps, struct bench_mdf *ret) {
     g_autoptr(GError) error = NULL;
     g_autoptr(World) world = bench_world(setup, &error);
@@ -145,4 +160,6 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
     ret->lasers = g_steal_pointer(&count);
     ret->edge = g_steal_pointer(&edge);
     ret->lit = g_steal_pointer(&seen);
+    const struct bench_positions positions = {arcs, lasers, POSITIONS, EXPOSURE_US, THRESHOLD_DN};
+    ret->dark += count_dark(setup, view, turntable_deg, &positions, ret);
 }

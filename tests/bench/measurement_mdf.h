@@ -5,7 +5,8 @@
 
 struct bench_mdf {
     gint64 texels, seen, covered; /* seen: by a laser position at least */
-    gint64 measured, outliers;    /* outliers: more than a texel off, without edges */
+    gint64 dark; /* seen, not covered, and shown by no position (measurement_shown.h) */
+    gint64 measured, outliers; /* outliers: more than a texel off, without edges */
     gint64 edges, edge_outliers;
     double squares, edge_squares, sum; /* of errors in texels, without edges and at them */
     GArray *errors;                    /* float: absolute, in texels, without edges */
