@@ -9,6 +9,7 @@
 #include "calibration_radiometry.h"
 #include "calibration_whole.h"
 
+#include <locale.h>
 #include <stdio.h>
 #include <time.h>
 
@@ -141,6 +142,7 @@ static void add_part(GString *all, const char *part, const char *text) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     const GOptionEntry entries[] = {
         {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Print JSON", NULL},
         {"cameras", 0, 0, G_OPTION_ARG_INT, &n_cameras, "Cameras, from 15° to 75°", "N"},

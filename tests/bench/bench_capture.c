@@ -8,6 +8,7 @@
 #include "daemon/capture.h"
 
 #include <glib/gstdio.h>
+#include <locale.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -168,6 +169,7 @@ static void print_result(const char *kind, const struct result *r, gboolean json
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     gboolean json = argc > 1 && strcmp(argv[1], "--json") == 0;
     const char *in = argc > 1 + json ? argv[1 + json] : g_get_tmp_dir();
     g_autofree char *folder = g_build_filename(in, "bench_capture.XXXXXX", NULL);

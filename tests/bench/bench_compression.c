@@ -13,6 +13,7 @@
 #include "processing/lpca.h"
 
 #include <cblas.h>
+#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -193,6 +194,7 @@ static int measure(const struct btf_matrix *btf, GError **error) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
     g_option_context_add_main_entries(context, entries, NULL);

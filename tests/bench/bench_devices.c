@@ -11,6 +11,7 @@
 
 #include "tests/modbus_rig.h"
 
+#include <locale.h>
 #include <modbus/modbus.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -154,6 +155,7 @@ static void print_gige(const struct gige_latency *g, gboolean json) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     gboolean json = argc > 1 && g_str_equal(argv[1], "--json");
     struct result tcp = measure(FALSE), rtu = measure(TRUE);
     struct gige_latency gige;

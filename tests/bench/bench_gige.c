@@ -8,6 +8,7 @@
  */
 #include "tests/gige_rig.h"
 
+#include <locale.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -150,6 +151,7 @@ static void print(struct seat *seats, const struct tally *tally) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     g_autoptr(GOptionContext) options = g_option_context_new(NULL);
     g_autoptr(GError) error = NULL;
     struct seat seats[N_CAMERAS];

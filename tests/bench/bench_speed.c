@@ -9,6 +9,7 @@
 #include "speed_rectify.h"
 #include "speed_sweep.h"
 
+#include <locale.h>
 #include <stdio.h>
 
 static gboolean json, no_sweep, no_rectify;
@@ -91,6 +92,7 @@ static void print_memory(void) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_option_context_add_main_entries(context, entries, NULL);

@@ -9,6 +9,7 @@
 
 #include <fcntl.h>
 #include <glib/gstdio.h>
+#include <locale.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -271,6 +272,7 @@ static void measure_rest(gboolean json) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     gboolean json = FALSE;
     g_autofree char *where = NULL;
     GOptionEntry entries[] = {

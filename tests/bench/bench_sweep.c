@@ -1,6 +1,7 @@
 /* How fast laser frames are absorbed, against copying them. */
 #include "processing/sweep.h"
 
+#include <locale.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,6 +38,7 @@ static double time_sweep(guint16 *const *pictures) {
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     guint16 *pictures[PICTURES], *to = g_new0(guint16, WIDTH * HEIGHT);
     GRand *random = g_rand_new_with_seed(1);
     for (int i = 0; i < PICTURES; i++) {

@@ -25,6 +25,7 @@
 #include "tests/conformance.h"
 #include "usb_u3v.h"
 
+#include <locale.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -344,6 +345,7 @@ static void print_eight(const char *name, const struct eight *e, gboolean json) 
 }
 
 int main(int argc, char **argv) {
+    setlocale(LC_CTYPE, "");
     testbed_enter(argv);
     static gboolean json;
     static double seconds = 5;
