@@ -152,6 +152,8 @@ static void print_json(Session *session, const char *state, const struct session
     add_string(&builder, "session", directory);
     add_string(&builder, "state", state);
     add_string(&builder, "reason", reason);
+    g_autofree char *imported = session_value(session, "imported");
+    add_string(&builder, "imported", imported);
     add_int(&builder, "width", grid->width);
     add_int(&builder, "height", grid->height);
     add_double(&builder, "width_mm", grid->width_mm);
@@ -228,6 +230,9 @@ static void print_session(Session *session, const char *state, const struct sess
     g_print("state      %s\n", state);
     if (reason && *reason)
         g_print("reason     %s\n", reason);
+    g_autofree char *imported = session_value(session, "imported");
+    if (imported)
+        g_print("made of    %s\n", imported);
     if (strcmp(state, "done") != 0)
         g_print("to go on   mesorig resume %s\n", session_path(session));
     g_print("sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm, grid->width,

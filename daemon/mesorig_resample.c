@@ -71,6 +71,7 @@ static void tell_json(const struct job *job, double seconds) {
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&builder, "{sv}", "session", g_variant_new_string(output));
     g_variant_builder_add(&builder, "{sv}", "exact", g_variant_new_boolean(result->exact));
+    g_variant_builder_add(&builder, "{sv}", "mdf", g_variant_new_boolean(result->mdf));
     g_variant_builder_add(&builder, "{sv}", "from_views", g_variant_new_int32(result->n_views));
     g_variant_builder_add(&builder, "{sv}", "from_lights", g_variant_new_int32(result->n_lights));
     g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->made.n_views));
@@ -144,6 +145,8 @@ static void tell(const struct job *job, double seconds) {
             result->n_views, result->n_lights, time);
     if (!result->exact)
         g_print("where cameras and lamps were is not known: all texels had the same directions\n");
+    if (result->mdf)
+        g_print("its MDF is the measured one as it was, with the views it was measured from\n");
     g_print("\nmeasured from  left out: view            light   there and back\n");
     print_table(result->from, &result->all, print_from);
     g_print("\nmade for         moved     at most   too far out%s\n",

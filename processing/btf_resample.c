@@ -317,6 +317,8 @@ static gboolean write_session(struct job *job, const char *path, struct btf_resa
                               GError **error) {
     const gsize n = (gsize)job->n_texels * (gsize)job->to->n_lights;
     const struct session_grid *grid = &job->near->grid;
+    g_autofree char *mdf = g_build_filename(job->source, "products", "mdf.exr", NULL);
+    ret->mdf = g_file_test(mdf, G_FILE_TEST_EXISTS);
     g_autofree char *source =
         g_strdup_printf("%s, resampled to directions “%s”", job->source, job->to->name);
     g_autofree guint8 *marks = job->marks = g_new0(guint8, n);
@@ -336,6 +338,7 @@ static gboolean write_session(struct job *job, const char *path, struct btf_resa
         .light = give_light,
         .data = job,
         .grid = grid,
+        .mdf = ret->mdf ? mdf : NULL,
     };
     job->result = ret;
     return import_material(path, &material, job->progress, &ret->made, error);

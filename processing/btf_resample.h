@@ -2,7 +2,8 @@
  * A BTF in directions that are the same for all of its texels. Each texel was seen and lit from
  * directions of its own (near_field.h); from those its values are interpolated (direction_mesh.h),
  * over the lights of each view and then over views. The result is a session as import.h makes them,
- * with a BTF and eigen-maps and without frames, whose nominal directions are the exact ones.
+ * with a BTF and eigen-maps and without frames, whose nominal directions are the exact ones. An MDF
+ * is copied as it is: it says itself where its views were taken from, on the same texels.
  *
  * How far to believe it is measured on the values themselves:
  *
@@ -37,6 +38,7 @@ struct btf_resample_band {
 struct btf_resample_result {
     struct import_result made;
     gboolean exact;                  /* FALSE: all texels had the nominal directions */
+    gboolean mdf;                    /* there was one; it is the result's, too */
     int n_views, n_lights;           /* that it was made from */
     int sampled;                     /* texels that were predicted without one direction */
     gint64 holes, bounds, predicted; /* in what it was made from (btf_matrix.h) */

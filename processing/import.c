@@ -276,6 +276,21 @@ static gboolean write_eigenmaps(struct import *import, double *ret_error, GError
     return ok;
 }
 
+static gboolean copy_mdf(const struct import *import, GError **error) {
+    static const char relative[] = "products/mdf.exr";
+    if (!import->material->mdf)
+        return TRUE;
+    g_autofree char *path = session_file(import->session, relative);
+    g_autoptr(GFile) from = g_file_new_for_path(import->material->mdf);
+    g_autoptr(GFile) to = g_file_new_for_path(path);
+    if (!g_file_copy(from, to, G_FILE_COPY_TARGET_DEFAULT_PERMS, import->progress->cancellable,
+                     NULL, NULL, error)) {
+        g_prefix_error(error, "%s: cannot be copied: ", import->material->mdf);
+        return FALSE;
+    }
+    return session_add_product(import->session, relative, import->material->source, error);
+}
+
 static gboolean fill(struct import *import, struct import_result *ret, GError **error) {
     const struct import_material *m = import->material;
     import->lights = g_new(int, m->n_lights);
@@ -283,6 +298,7 @@ static gboolean fill(struct import *import, struct import_result *ret, GError **
         import->lights[i] = i;
     const gboolean ok = write_views(import, error) &&
                         write_eigenmaps(import, &ret->eigenmaps_error, error) &&
+                        copy_mdf(import, error) &&
                         session_set_value(import->session, "imported", m->source, error) &&
                         session_set_value(import->session, "state", "done", error);
     g_free(import->lights);

@@ -50,6 +50,7 @@ struct import_material {
     ImportLight light; /* may be NULL; region must then be everything */
     gpointer data;
     const struct session_grid *grid; /* may be NULL: of the above, the reference plane at 0 */
+    const char *mdf; /* NULL, or a file that becomes products/mdf.exr as it is: of these texels */
 };
 
 struct import_result {

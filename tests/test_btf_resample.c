@@ -95,8 +95,49 @@ static void test_own(void) {
         g_assert_cmpfloat(result.all.back, >, after[5] / 2);
         g_assert_cmpfloat(result.all.back, <, 3 * after[5]);
         g_assert_true(result.exact);
+        g_assert_false(result.mdf);
         btf_resample_result_clear(&result);
     }
+}
+
+/* A level face 2 mm below the reference plane, from views that the BTF has not. */
+static void write_mdf(const char *session) {
+    static const char *const channels[] = {"D", NULL};
+    struct rings views = {0};
+    struct exr_file *file = exr_file_new();
+    g_autofree char *path = g_build_filename(session, "products/mdf.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    add_ring(&views, 35, 3, 17);
+    for (int view = 0; view < views.n; view++) {
+        g_autofree char *name = g_strdup_printf("view_%04d", view);
+        struct exr_part *part = exr_part_new(name, SIDE, SIDE, channels, EXR_FLOAT);
+        double camera[3], at[3], v[3];
+        camera_at(&views, view, camera);
+        for (int texel = 0; texel < ALL; texel++) {
+            texel_centre(texel, at);
+            towards(camera, at, v);
+            part->planes[0][texel] = (float)(2 / v[2]);
+        }
+        exr_set_double(part, "view.theta_deg", (double)views.theta[view]);
+        exr_set_double(part, "view.phi_deg", (double)views.phi[view]);
+        exr_set_v3d(part, "view.centre_mm", camera[0], camera[1], camera[2]);
+        exr_set_double(part, "reference_mm", LEVEL_MM);
+        exr_set_double(part, "texel_mm", SIDE_MM / SIDE);
+        exr_file_add(file, part);
+    }
+    exr_write(path, file, EXR_NONE, FALSE, &error);
+    g_assert_no_error(error);
+    exr_file_free(file);
+}
+
+static void check_same_mdf(const char *from, const char *to) {
+    g_autofree char *old_path = g_build_filename(from, "products/mdf.exr", NULL);
+    g_autofree char *new_path = g_build_filename(to, "products/mdf.exr", NULL);
+    g_autofree char *old_bytes = NULL, *new_bytes = NULL;
+    gsize n_old = 0, n_new = 0;
+    g_assert_true(g_file_get_contents(old_path, &old_bytes, &n_old, NULL));
+    g_assert_true(g_file_get_contents(new_path, &new_bytes, &n_new, NULL));
+    g_assert_cmpmem(old_bytes, n_old, new_bytes, n_new);
 }
 
 /* Not known where anything was, as after an import: the papers' directions from other ones. */
@@ -106,6 +147,7 @@ static void test_81(void) {
     struct btf_resample_result result;
     struct btf_directions *to = btf_directions_81();
     g_autofree char *from = make_session("elsewhere", &views, &lights, &wish);
+    write_mdf(from);
     g_autofree char *made = resample(from, "the81", to, &result);
     g_autoptr(GError) error = NULL;
     struct near_field *near = near_field_read(made, &error);
@@ -124,6 +166,8 @@ static void test_81(void) {
     g_assert_cmpfloat(result.all.back, <, 0.03);
     g_assert_cmpfloat(result.all.nominal, <, 0);
     g_assert_false(result.exact);
+    g_assert_true(result.mdf);
+    check_same_mdf(from, made);
     btf_resample_result_clear(&result);
     btf_directions_free(to);
 }
@@ -303,15 +347,21 @@ static void test_command(void) {
     const char *const good[] = {"resample", from, "-o", to, "--json", NULL};
     const char *const again[] = {"resample", from, "-o", to, NULL};
     const char *const compress[] = {"compress", to, "-o", packed, "-k", "2", "-c", "2", NULL};
+    const char *const distances[] = {"compress", to, "-m", "mdf-views", "-o", packed, NULL};
+    const char *const check[] = {"check", to, NULL};
     const char *const process[] = {"process", to, NULL};
     const char *const info[] = {"info", to, NULL};
+    write_mdf(from);
     run_program(none, 2, "-o DIR");
     run_program(wrong, 1, "/nowhere.csv");
     g_assert_false(g_file_test(to, G_FILE_TEST_EXISTS));
     run_program(good, 0, "\"by_view_made\"");
     run_program(again, 1, "exists already");
     run_program(compress, 0, packed);
+    run_program(distances, 0, packed);
+    run_program(check, 0, "0.00 % refuted");
     run_program(info, 0, "12 views");
+    run_program(info, 0, "resampled to directions");
     run_program(process, 1, "imported");
 }
 
