@@ -276,19 +276,21 @@ static gboolean feed_all(const struct import_set *set, const struct run *run, st
 }
 
 /* Peaks of whose pulse the missing picture was a part. */
-static void forget_missing(const struct run *run, double offset, gsize n, const float *width,
-                           float *peak) {
+static void forget_missing(const struct run *run, double offset, gsize n,
+                           const struct sweep_pulses *pulses) {
+    float *peak = pulses->peak;
     for (int k = 0; k < run->steps; k++)
         for (gsize i = 0; run->missing[k] && i < n; i++)
             if (peak[i] >= 0 &&
-                fabs((double)peak[i] + offset - k) < MAX(BESIDE, PULSE * (double)width[i]))
+                fabs((double)peak[i] + offset - k) < MAX(BESIDE, PULSE * (double)pulses->width[i]))
                 peak[i] = -1;
 }
 
 /* Differences of pictures are half a step later than the first of the two. */
 static struct exr_part *sweep_part(const struct import_set *set, const struct run *run,
                                    const struct feed *fed) {
-    static const char *const channels[] = {"intensity", "peak", "width", NULL};
+    static const char *const channels[] = {"intensity",   "peak",  "second_intensity",
+                                           "second_peak", "width", NULL};
     const gboolean line = fed->edge == IMPORT_LINE;
     const double offset = line ? 0 : 0.5;
     const int steps = line ? run->steps : run->steps - 1;
@@ -299,10 +301,14 @@ static struct exr_part *sweep_part(const struct import_set *set, const struct ru
     exr_set_double(part, "sweep.from_deg", from);
     exr_set_double(part, "sweep.to_deg", from + (steps - 1) * run->step_deg);
     exr_set_int(part, "sweep.steps", steps);
-    float *peak = exr_part_plane(part, "peak");
-    sweep_finish(fed->sweep, set->wish->threshold_dn, peak, exr_part_plane(part, "width"),
-                 exr_part_plane(part, "intensity"));
-    forget_missing(run, offset, fed->n, exr_part_plane(part, "width"), peak);
+    g_autofree float *second_width = g_new(float, fed->n);
+    const struct sweep_pulses first = {exr_part_plane(part, "peak"), exr_part_plane(part, "width"),
+                                       exr_part_plane(part, "intensity")};
+    const struct sweep_pulses second = {exr_part_plane(part, "second_peak"), second_width,
+                                        exr_part_plane(part, "second_intensity")};
+    sweep_finish_both(fed->sweep, set->wish->threshold_dn, &first, &second);
+    forget_missing(run, offset, fed->n, &first);
+    forget_missing(run, offset, fed->n, &second);
     return part;
 }
 

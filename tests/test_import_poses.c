@@ -286,6 +286,12 @@ static double arrival(int pixel) {
     return 4 + 15.0 * pixel / PIXELS;
 }
 
+/* Every other pixel sees a line a second time, fainter. */
+static double second_arrival(int pixel) {
+    const double first = arrival(pixel);
+    return pixel % 2 ? first + (first < 11.5 ? 9 : -9) : -1;
+}
+
 #define STEPS 24
 
 static void write_sweep(const char *dir, enum import_edge edge, GString *table, int without) {
@@ -295,7 +301,9 @@ static void write_sweep(const char *dir, enum import_edge edge, GString *table, 
         g_autofree char *name = g_strdup_printf("s%02d.exr", k);
         for (int i = 0; i < PIXELS; i++) {
             const double at = k - arrival(i), part = 0.5 * erfc(at / G_SQRT2);
-            values[i] = (float)(edge == IMPORT_LINE      ? 0.5 * exp(-at * at / 2) + 0.02
+            const double again = i % 2 ? k - second_arrival(i) : INFINITY;
+            const double pulses = 0.5 * exp(-at * at / 2) + 0.2 * exp(-again * again / 2);
+            values[i] = (float)(edge == IMPORT_LINE      ? pulses + 0.02
                                 : edge == IMPORT_DARKENS ? 0.02 + 0.5 * part
                                                          : 0.52 - 0.5 * part);
         }
@@ -314,6 +322,21 @@ static struct exr_part *sweep_file(const char *path) {
     struct exr_part *part = exr_read_part(file, "sweep", NULL);
     g_assert_nonnull(part);
     return part;
+}
+
+/* Whether a time is what was made, or forgotten next to a picture that is missing; −1: none was. */
+static void check_second(const struct exr_part *part, enum import_edge edge, int without) {
+    const float *peak = exr_part_plane(part, "second_peak");
+    const float *intensity = exr_part_plane(part, "second_intensity");
+    for (int i = 0; edge == IMPORT_LINE && i < PIXELS; i++) {
+        const double wanted = second_arrival(i);
+        if (wanted < 0 || (without >= 0 && fabs(wanted - without) < 1.8))
+            g_assert_cmpfloat((double)peak[i], ==, -1);
+        else if (without < 0 || (fabs(wanted - without) > 6 && fabs(arrival(i) - without) > 6)) {
+            g_assert_cmpfloat_with_epsilon((double)peak[i], wanted, 0.08);
+            g_assert_cmpfloat_with_epsilon((double)intensity[i], 0.2 * WHITE, 0.03 * WHITE);
+        }
+    }
 }
 
 /* Of each pixel the sheet's angle is what the pulse, or the edge, was made of. */
@@ -346,6 +369,7 @@ static void test_sweep(gconstpointer data) {
             seen++;
         }
         g_assert_cmpint(seen, >, without >= 0 ? PIXELS * 2 / 5 : PIXELS * 95 / 100);
+        check_second(part, edge, without);
         exr_part_free(part);
     }
 }
