@@ -1,6 +1,7 @@
-/* Tables of poses. */
+/* Tables of poses and of directions. */
 #include "fuzz.h"
 
+#include "processing/btf_directions.h"
 #include "processing/import_poses.h"
 #include "processing/import_table.h"
 
@@ -22,6 +23,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (!table)
         return 0;
     read_cells(table);
+    struct btf_directions *directions = btf_directions_read(path, &error);
+    fuzz_check(directions != NULL, error);
+    btf_directions_free(directions);
     g_autofree char *folder = g_path_get_dirname(path);
     g_autofree char *session = g_strconcat(folder, ".session", NULL);
     const struct import_poses poses = {.table = path,

@@ -5,6 +5,8 @@
 #include "processing/eigenmaps.h"
 #include "processing/exr.h"
 #include "processing/lpca.h"
+#include "processing/mdf_blocks.h"
+#include "processing/mdf_factors.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -89,7 +91,43 @@ static void write_lpca(const char *folder) {
                            .weight_scales = weight_scales};
         lpca_quantise(&all, (enum lpca_quantise)kind);
         g_assert_true(lpca_write(path, &all, NULL));
+        g_free(all.light_scales);
     }
+}
+
+/* Three views of something bent, from which the other two kinds are made. */
+static void write_views(const char *path) {
+    static const char *const channels[] = {"D", "M", NULL};
+    struct exr_file *file = exr_file_new();
+    for (int view = 0; view < 3; view++) {
+        g_autofree char *name = g_strdup_printf("view_%04d", view);
+        struct exr_part *part = exr_part_new(name, 4, SIDE, channels, EXR_FLOAT);
+        for (int i = 0; i < 4 * SIDE; i++)
+            part->planes[0][i] = part->planes[1][i] = i ? (float)((i + view) % 5) : -1;
+        exr_set_double(part, "view.theta_deg", 20 * view);
+        exr_set_double(part, "view.phi_deg", 100 * view);
+        exr_set_v3d(part, "view.centre_mm", 100 * view, 0, 500);
+        exr_set_double(part, "reference_mm", 5);
+        exr_set_double(part, "texel_mm", 0.5);
+        exr_file_add(file, part);
+    }
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
+    exr_file_free(file);
+}
+
+static void write_mdfs(const char *folder) {
+    g_autofree char *views = file_in(folder, "mdf", "views.exr");
+    g_autofree char *blocks_path = file_in(folder, "mdf", "blocks.exr");
+    g_autofree char *factors_path = file_in(folder, "mdf", "factors.exr");
+    write_views(views);
+    struct mdf_table *table = mdf_table_read(views, NULL);
+    struct mdf_blocks *blocks = mdf_blocks_new(table);
+    struct mdf_factors *factors = mdf_factors_compute(table, 3, 1, 0, NULL, NULL);
+    g_assert_true(mdf_blocks_write(blocks_path, blocks, NULL));
+    g_assert_true(mdf_factors_write(factors_path, factors, NULL));
+    mdf_factors_free(factors);
+    mdf_blocks_free(blocks);
+    mdf_table_free(table);
 }
 
 static void write_shape(const char *folder, const char *name, const void *bytes, gsize size) {
@@ -149,6 +187,7 @@ int main(int argc, char **argv) {
     write_exrs(argv[1]);
     write_maps(argv[1]);
     write_lpca(argv[1]);
+    write_mdfs(argv[1]);
     write_shapes(argv[1]);
     return 0;
 }

@@ -1,0 +1,29 @@
+/* Distances: as measured or packed, as blocks, as few maps. */
+#include "fuzz.h"
+
+#include "processing/mdf_blocks.h"
+#include "processing/mdf_factors.h"
+#include "processing/mdf_packed.h"
+#include "processing/mdf_views.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    const char *path = fuzz_file(data, size);
+    struct mdf_views_sums sums;
+    GError *error = NULL;
+    mdf_kind(path);
+    struct mdf_table *table = mdf_table_read(path, &error);
+    fuzz_check(table != NULL, error);
+    mdf_table_free(table);
+    error = NULL;
+    struct mdf_blocks *blocks = mdf_blocks_read(path, &error);
+    fuzz_check(blocks != NULL, error);
+    mdf_blocks_free(blocks);
+    error = NULL;
+    struct mdf_factors *factors = mdf_factors_read(path, &error);
+    fuzz_check(factors != NULL, error);
+    mdf_factors_free(factors);
+    error = NULL;
+    const gboolean ok = mdf_views_check(path, &sums, &error);
+    fuzz_check(ok, error);
+    return 0;
+}
