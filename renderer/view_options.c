@@ -170,7 +170,7 @@ GOptionEntry *view_options_entries(struct view_options *o) {
         {"screenshot", 0, 0, G_OPTION_ARG_FILENAME, &o->screenshot,
          "Write the window's last picture when it closes", "OUT.png"},
         {"with-panel", 0, 0, G_OPTION_ARG_NONE, &o->with_panel,
-         "With --screenshot: the window as it is, with its panel", NULL},
+         "Screenshots show the window as it is, with its panel", NULL},
         {"json", 0, 0, G_OPTION_ARG_NONE, &o->json, "Say what was done as JSON", NULL},
         {"version", 0, 0, G_OPTION_ARG_NONE, &o->version, "Print the version", NULL},
         {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &o->rest, NULL, "MATERIAL"},

@@ -12,8 +12,9 @@
 
 static void set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
+    g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
     g_autofree char *title = g_strdup_printf("%s on %s – light %.0f°, %.0f° – %+.1f EV – F1: help",
-                                             name, w->shape, w->settings.light_theta_deg,
+                                             name, shape, w->settings.light_theta_deg,
                                              w->settings.light_phi_deg, w->settings.exposure_ev);
     glfwSetWindowTitle(w->glfw, title);
 }

@@ -299,12 +299,13 @@ static void test_while_opening(void) {
             g_assert_cmpstr(user_said(meanwhile, "Source"), ==,
                             "eigen-maps, and on the right " METAL);
         give_back(fd);
-        user_wait_for_title(&u, "flat.png");
+        user_wait_for_title(&u, "flat.png on sphere");
         check(&u, "Source", METAL ", and on the right " METAL);
         check(&u, "Normals", "flat.png");
         check(&u, "Shape", "sphere");
         choose(&u, 5, 4, 5); /* that which it was started with */
         check(&u, "Shape", "own.obj");
+        user_wait_for_title(&u, "flat.png on own.obj");
     } else {
         g_test_skip("the file system knows no leases");
     }
