@@ -331,6 +331,8 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
         unfinished_remove(compress->unfinished);
     else if (!g_cancellable_is_cancelled(cancellable))
         unfinished_discard(compress->unfinished);
+    else if (!compress->eigenmaps)
+        g_prefix_error(error, "%s.unfinished keeps what is done: ", compress->written);
     g_clear_pointer(&compress->unfinished, unfinished_free);
     btf_matrix_free(btf);
     GStatBuf status;
@@ -454,9 +456,7 @@ static const GOptionEntry entries[] = {
      "Eigen-BRDFs on a grid of directions with so many samples each way: 4 … 24, 12 is good", "N"},
     {"quantise", 'q', 0, G_OPTION_ARG_STRING, &quantise_option,
      "Numbers in the file; half if not given; 8bit is of eigen-BRDFs alone; packed, with --error "
-     "or "
-     "--size, is smallest, and unpacked to be drawn; mdf-views are half, 8bit or, if not given, "
-     "4bit",
+     "or --size, is smallest, and unpacked to be drawn; mdf-views: half, 8bit, 4bit (default)",
      "float|half|8bit|8bit-weights|packed|4bit"},
     {"colours", 0, 0, G_OPTION_ARG_STRING, &colours_option,
      "What is compressed: colours as they are, or the logarithm of luminance and chroma",

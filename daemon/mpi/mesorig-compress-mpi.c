@@ -4,9 +4,11 @@
 #include "processing/lpca.h"
 #include "team.h"
 
+#include <glib/gstdio.h>
 #include <mpi.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 static int clusters = 32, components = 8, threads;
 static char *quantise_option, *colours_option, *output;
@@ -68,6 +70,16 @@ static void report(const struct lpca *lpca, const struct lpca_team *team, double
     printf("%s\n", text);
 }
 
+/* Before the work; the first rank alone writes. */
+static gboolean check_output(const struct lpca_team *team, GError **error) {
+    g_autofree char *directory = g_path_get_dirname(output);
+    if (team->rank != 0 || g_access(directory, W_OK) == 0)
+        return TRUE;
+    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+                "%s: files cannot be written into that folder", directory);
+    return FALSE;
+}
+
 static gboolean compress(const char *path, const struct lpca_team *team,
                          enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
@@ -80,7 +92,9 @@ static gboolean compress(const char *path, const struct lpca_team *team,
         .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
         .team = team,
     };
-    struct btf_matrix *btf = btf_matrix_read_shared(team, path, tell, (gpointer)team, error);
+    struct btf_matrix *btf = check_output(team, error)
+                                 ? btf_matrix_read_shared(team, path, tell, (gpointer)team, error)
+                                 : NULL;
     struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
     gboolean ok = lpca != NULL;
     if (ok) {
@@ -96,8 +110,8 @@ static gboolean compress(const char *path, const struct lpca_team *team,
     return ok;
 }
 
-/* 2: not understood. */
-static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
+/* 2: not understood, which the first rank says for all. */
+static int parse(int *argc, char ***argv, int rank, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context =
         g_option_context_new("SESSION -o FILE — compress a BTF by several processes");
     g_autoptr(GError) error = NULL;
@@ -107,13 +121,15 @@ static int parse(int *argc, char ***argv, enum lpca_quantise *ret_quantise) {
         what = error->message;
     else if (*argc != 2 || !output)
         what = "one session and -o FILE are needed";
+    else if (threads < 0)
+        what = "--threads is a number of threads, or 0";
     else if (quantise_option &&
              (!lpca_quantise_parse(quantise_option, ret_quantise) || *ret_quantise == LPCA_PACKED))
         what = "--quantise is float, half, 8bit or 8bit-weights";
     else if (colours_option && !g_str_equal(colours_option, "rgb") &&
              !g_str_equal(colours_option, "log"))
         what = "--colours is rgb or log";
-    if (what)
+    if (what && rank == 0)
         fprintf(stderr, "mesorig-compress-mpi: %s\n", what);
     return what ? 2 : 0;
 }
@@ -124,7 +140,7 @@ int main(int argc, char **argv) {
     int level;
     MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &level);
     const struct lpca_team team = mpi_team();
-    const int rc = parse(&argc, &argv, &quantise);
+    const int rc = parse(&argc, &argv, team.rank, &quantise);
     if (rc == 0 && !compress(argv[1], &team, quantise, &error)) {
         fprintf(stderr, "mesorig-compress-mpi: %s\n", error->message);
         /* One may have failed where the others wait for it. */

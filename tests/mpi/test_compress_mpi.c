@@ -107,6 +107,9 @@ static void test_damaged(void) {
     g_assert_false(g_file_test(output, G_FILE_TEST_EXISTS));
     g_assert_cmpint(run(2, "/no/such.session", output, &missing), !=, 0);
     g_assert_nonnull(strstr(missing, "/no/such.session"));
+    g_clear_pointer(&missing, g_free);
+    g_assert_cmpint(run(1, "/no/such.session", "/no/such/lpca.exr", &missing), !=, 0);
+    g_assert_nonnull(strstr(missing, "/no/such: files cannot be written"));
 }
 
 int main(int argc, char **argv) {
