@@ -84,7 +84,7 @@ static GPtrArray *list_views(const Session *session, GError **error) {
 
 static gboolean view_error(const char *path, GError **error, const char *what) {
     g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                "%s: %s; delete the file and process again", path, what);
+                "%s: %s; delete the file and process again, or import again", path, what);
     return FALSE;
 }
 
