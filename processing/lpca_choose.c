@@ -181,6 +181,30 @@ static void leave(const struct choosing *choosing) {
     lpca_drop_whole(choosing->options->unfinished, "best");
 }
 
+static gboolean is_used(const struct lpca *lpca, int component) {
+    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    for (int k = 0; k < lpca->n_clusters; k++) {
+        const float *brdf = lpca_brdf(lpca, k, component);
+        for (gsize i = 0; i < d; i++)
+            if (brdf[i] != 0)
+                return TRUE;
+    }
+    return FALSE;
+}
+
+/* A size may hold more components than a material has a use for. */
+static struct lpca *without_unused(struct lpca *lpca) {
+    int c = lpca->n_components;
+    while (c > 1 && !is_used(lpca, c))
+        c--;
+    if (c == lpca->n_components)
+        return lpca;
+    struct lpca *fewer = lpca_truncated(lpca, c);
+    fewer->error = lpca->error;
+    lpca_free(lpca);
+    return fewer;
+}
+
 struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
                          const struct lpca_wish *wish, GError **error) {
     const gint64 most = MIN((gint64)btf->width * btf->height, LPCA_MAX_CLUSTERS);
@@ -196,5 +220,5 @@ struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options
         g_clear_pointer(&choosing.best, lpca_free);
     else if (!choosing.best)
         return not_reached(&choosing, error);
-    return choosing.best;
+    return ok ? without_unused(choosing.best) : NULL;
 }
