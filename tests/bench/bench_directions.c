@@ -217,7 +217,7 @@ static gboolean time_fields(const struct rings *r, int frames, double *ret_ms, G
     LobesView *shown = view ? lobes_view_new(levels, 1, error) : NULL;
     const gboolean good = shown && view_set_method(view, &methods_lobes[0], shown, error) &&
                           view_set_mesh(view, mesh, error) &&
-                          time_in_turns(&view, &settings, 1, frames, ret_ms, error);
+                          time_in_turns(&view, &settings, 1, frames, ret_ms, NULL, error);
     mesh_free(mesh);
     g_free(fields.values);
     return good;

@@ -148,7 +148,7 @@ static gboolean measure(struct lpca *lpca, View *const *views, int frames, struc
            set(views[REVISED], &method_lpca_revised, lpca_revised_new(&lpca, 1, r->n_grid, error),
                error) &&
            set(views[GRID], &method_lpca_grid, lpca_grid_new(&lpca, 1, r->n_grid, error), error) &&
-           time_in_turns(views, s, N_WAYS, frames, r->ms, error) && compare(views, r, error);
+           time_in_turns(views, s, N_WAYS, frames, r->ms, NULL, error) && compare(views, r, error);
 }
 
 static void tell_json(const struct result *r, gboolean first) {

@@ -249,7 +249,7 @@ static gboolean measure(View *view, const char *shape, int frames, gboolean json
     }
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
     const gboolean good = mesh != NULL && view_set_mesh(view, mesh, error) &&
-                          time_in_turns(views, settings, N_VARIANTS, frames, ms, error);
+                          time_in_turns(views, settings, N_VARIANTS, frames, ms, NULL, error);
     if (good && json)
         report_json(shape, mesh, ms);
     else if (good)
