@@ -7,12 +7,19 @@
 
 #include "lobes_private.h"
 
-#define COLOURS  3
-#define LINEAR   4    /* 1, x, y, z */
-#define DENSE    3000 /* directions all over the hemisphere */
-#define MEASURED 3.0  /* what a measured direction counts beside all of those together, per n */
-#define NEAR     1e-3 /* what staying near the smooth interpolant counts */
-#define BLOCK    8    /* texels a thread compares at a time */
+#define COLOURS 3
+#define LINEAR  4    /* 1, x, y, z */
+#define DENSE   3000 /* directions all over the hemisphere */
+#define NEAR    1e-3 /* what staying near the smooth interpolant counts */
+#define BLOCK   8    /* texels a thread compares at a time */
+
+/* What measured directions count beside all of those together. Where many of them lie midway
+ * between samples, as the rings of the papers' 81 do on a grid of 12, these would swing to meet
+ * them. So they count less, down to LEAST, until no sample is more than MOST_GAIN times the values'
+ * size. */
+#define MEASURED  3.0
+#define LEAST     0.05
+#define MOST_GAIN 2.6
 
 void resample_direction(double s, double t, float ret[3]) {
     const double a = 2 * CLAMP(s, 0, 1) - 1, b = 2 * CLAMP(t, 0, 1) - 1;
@@ -165,29 +172,75 @@ static float *grid_directions(int n_grid) {
     return ret;
 }
 
-static void fill_equations(const struct smooth *smooth, int n_grid, double *matrix, double *right) {
-    const gsize samples = (gsize)n_grid * (gsize)n_grid, n = (gsize)smooth->n;
+/* Normal equations of the samples: matrix × samples = right × values. */
+struct equations {
+    gsize samples, n;
+    double *matrix, *right;
+};
+
+static struct equations equations_new(int n_grid, int n) {
+    const gsize samples = (gsize)n_grid * (gsize)n_grid;
+    return (struct equations){samples, (gsize)n, g_new0(double, samples *samples),
+                              g_new0(double, samples *(gsize)n)};
+}
+
+static void equations_clear(struct equations *equations) {
+    g_free(equations->matrix);
+    g_free(equations->right);
+}
+
+/* To be what the smooth interpolant is, all over the hemisphere. */
+static struct equations follow_smooth(const struct smooth *smooth, int n_grid) {
+    struct equations ret = equations_new(n_grid, smooth->n);
     g_autofree float *dense = dense_directions(), *grid = grid_directions(n_grid);
     g_autofree double *at_dense = smooth_at(smooth, dense, DENSE);
-    g_autofree double *at_grid = smooth_at(smooth, grid, (int)samples);
-    g_autofree double *one = g_new0(double, n);
+    g_autofree double *at_grid = smooth_at(smooth, grid, (int)ret.samples);
     for (gsize i = 0; i < DENSE; i++)
-        add_equation(n_grid, dense + 3 * i, 1.0 / DENSE, at_dense + i * n, (int)n, matrix, right);
-    for (gsize i = 0; i < n; i++) {
+        add_equation(n_grid, dense + 3 * i, 1.0 / DENSE, at_dense + i * ret.n, (int)ret.n,
+                     ret.matrix, ret.right);
+    for (gsize i = 0; i < ret.samples; i++) {
+        const double near = NEAR / (double)ret.samples;
+        ret.matrix[i * ret.samples + i] += near;
+        cblas_daxpy((int)ret.n, near, at_grid + i * ret.n, 1, ret.right + i * ret.n, 1);
+    }
+    return ret;
+}
+
+/* To be the measured values where they were measured. */
+static struct equations follow_measured(const struct smooth *smooth, int n_grid) {
+    struct equations ret = equations_new(n_grid, smooth->n);
+    g_autofree double *one = g_new0(double, ret.n);
+    for (gsize i = 0; i < ret.n; i++) {
         one[i] = 1;
-        add_equation(n_grid, smooth->directions + 3 * i, MEASURED / (double)n, one, (int)n, matrix,
-                     right);
+        add_equation(n_grid, smooth->directions + 3 * i, 1 / (double)ret.n, one, (int)ret.n,
+                     ret.matrix, ret.right);
         one[i] = 0;
     }
-    for (gsize i = 0; i < samples; i++) {
-        matrix[i * samples + i] += NEAR / (double)samples;
-        cblas_daxpy((int)n, NEAR / (double)samples, at_grid + i * n, 1, right + i * n, 1);
-    }
+    return ret;
+}
+
+/* Samples × n, the measured values counting so much beside the others. */
+static double *solve(const struct equations *smooth, const struct equations *measured,
+                     double weight) {
+    const gsize samples = smooth->samples, n = smooth->n;
+    g_autofree double *matrix = g_memdup2(smooth->matrix, sizeof(double) * samples * samples);
+    double *ret = g_memdup2(smooth->right, sizeof(double) * samples * n);
+    cblas_daxpy((int)(samples * samples), weight, measured->matrix, 1, matrix, 1);
+    cblas_daxpy((int)(samples * n), weight, measured->right, 1, ret, 1);
+    LAPACKE_dposv(LAPACK_ROW_MAJOR, 'U', (int)samples, (int)n, matrix, (int)samples, ret, (int)n);
+    return ret;
+}
+
+/* How much larger than the values a sample can get. */
+static double gain_of(const double *rows, gsize samples, gsize n) {
+    double most = 0;
+    for (gsize i = 0; i < samples; i++)
+        most = MAX(most, cblas_dasum((int)n, rows + i * n, 1));
+    return most;
 }
 
 float *resample_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
                          gboolean lights, GError **error) {
-    const int samples = n_grid * n_grid;
     gboolean ok = n >= 1 && n <= 4096 && n_grid >= RESAMPLE_MIN_GRID && n_grid <= RESAMPLE_MAX_GRID;
     for (int i = 0; ok && i < n; i++)
         ok = isfinite(theta_deg[i]) && isfinite(phi_deg[i]) && fabsf(theta_deg[i]) <= 90;
@@ -201,14 +254,21 @@ float *resample_operator(const float *theta_deg, const float *phi_deg, int n, in
                     n, n_grid, RESAMPLE_MIN_GRID, RESAMPLE_MAX_GRID);
         return NULL;
     }
-    g_autofree double *matrix = g_new0(double, samples *samples);
-    g_autofree double *right = g_new0(double, samples *n);
-    fill_equations(&smooth, n_grid, matrix, right);
+    struct equations everywhere = follow_smooth(&smooth, n_grid);
+    struct equations measured = follow_measured(&smooth, n_grid);
+    const gsize samples = everywhere.samples, values = everywhere.n;
     smooth_clear(&smooth);
-    LAPACKE_dposv(LAPACK_ROW_MAJOR, 'U', samples, n, matrix, samples, right, n);
-    float *ret = g_new(float, samples *n);
-    for (int i = 0; i < samples * n; i++)
-        ret[i] = (float)right[i];
+    double *rows = solve(&everywhere, &measured, MEASURED);
+    for (double w = MEASURED; w > LEAST && gain_of(rows, samples, values) > MOST_GAIN; w /= 2) {
+        g_free(rows);
+        rows = solve(&everywhere, &measured, w / 2);
+    }
+    equations_clear(&everywhere);
+    equations_clear(&measured);
+    float *ret = g_new(float, samples *values);
+    for (gsize i = 0; i < samples * values; i++)
+        ret[i] = (float)rows[i];
+    g_free(rows);
     return ret;
 }
 

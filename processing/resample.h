@@ -14,7 +14,7 @@
  * hemisphere (|ω − ω_i| as kernel, and a linear part); below the lowest of them the value of that
  * elevation holds, for lights in proportion to the cosine, since reflectances hold n·l. The samples
  * are those whose bilinear interpolant comes nearest to that everywhere, and to the measured values
- * where they were measured. Pure functions, any thread.
+ * where they were measured, as far as no sample swings for it. Pure functions, any thread.
  */
 #pragma once
 
