@@ -80,21 +80,14 @@ static gboolean format_error(const char *path, GError **error, const char *what)
     return FALSE;
 }
 
-static gboolean all_finite(const float *values, gsize n) {
-    for (gsize i = 0; i < n; i++)
-        if (!isfinite(values[i]))
-            return FALSE;
-    return TRUE;
-}
-
 static gboolean read_directions(const struct exr_file *file, const char *name, const char *path,
                                 float **ret_theta_deg, float **ret_phi_deg, int *ret_n,
                                 GError **error) {
     const struct exr_part *part = exr_file_part(file, name);
     const float *theta = part ? exr_part_plane(part, "theta_deg") : NULL;
     const float *phi = part ? exr_part_plane(part, "phi_deg") : NULL;
-    if (!theta || !phi || part->height != 1 || !all_finite(theta, (gsize)part->width) ||
-        !all_finite(phi, (gsize)part->width)) {
+    if (!theta || !phi || part->height != 1 || !exr_all_finite(theta, (gsize)part->width) ||
+        !exr_all_finite(phi, (gsize)part->width)) {
         g_autofree char *what = g_strdup_printf("part %s is missing or damaged", name);
         return format_error(path, error, what);
     }
@@ -125,7 +118,7 @@ static gboolean read_head(struct eigenmaps *maps, const struct exr_file *file, c
     if (!(maps->texel_mm > 0) || !isfinite(maps->texel_mm) || !isfinite(maps->reference_mm))
         return format_error(path, error, "texel_mm or reference_mm makes no sense");
     if (weights->width != maps->n_views || maps->n_terms > MAX_MAPS ||
-        !all_finite(plane, (gsize)maps->n_views * (gsize)maps->n_terms))
+        !exr_all_finite(plane, (gsize)maps->n_views * (gsize)maps->n_terms))
         return format_error(path, error, "the weights do not fit the views");
     maps->weights = g_memdup2(plane, (gsize)maps->n_views * (gsize)maps->n_terms * sizeof(float));
     return TRUE;
@@ -142,7 +135,7 @@ static gboolean read_map(struct eigenmaps *maps, const struct exr_file *file, in
     float *rgb = maps->maps + n * COLOURS * (gsize)(term * maps->n_lights + light);
     for (int c = 0; c < COLOURS; c++) {
         const float *plane = exr_part_plane(part, channels[c]);
-        if (!plane || !all_finite(plane, n))
+        if (!plane || !exr_all_finite(plane, n))
             return format_error(path, error, name);
         for (gsize i = 0; i < n; i++)
             rgb[COLOURS * i + (gsize)c] = plane[i];

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -98,6 +99,13 @@ static struct exr_attribute *set(struct exr_part *part, const char *name, enum e
     g_clear_pointer(&attribute->string, g_free);
     attribute->kind = kind;
     return attribute;
+}
+
+gboolean exr_all_finite(const float *values, gsize n) {
+    for (gsize i = 0; i < n; i++)
+        if (!isfinite(values[i]))
+            return FALSE;
+    return TRUE;
 }
 
 void exr_set_string(struct exr_part *part, const char *name, const char *value) {

@@ -56,6 +56,7 @@ struct exr_part *exr_part_new(const char *name, int width, int height, const cha
                               enum exr_type type);
 void exr_part_free(struct exr_part *part);
 float *exr_part_plane(const struct exr_part *part, const char *channel); /* NULL: no such */
+gboolean exr_all_finite(const float *values, gsize n);
 
 void exr_set_string(struct exr_part *part, const char *name, const char *value);
 void exr_set_int(struct exr_part *part, const char *name, int value);

@@ -94,12 +94,13 @@ static gboolean eye_of(const char *path, const struct exr_part *part, const stru
         g_prefix_error(error, "%s: part %s: ", path, part->name);
         return FALSE;
     }
+    const gsize n = (gsize)plane->width * (gsize)plane->height;
     if (ret->distance && part->width == plane->width && part->height == plane->height &&
-        ret->centre_mm[2] > plane->reference_mm)
+        ret->centre_mm[2] > plane->reference_mm && exr_all_finite(ret->distance, n))
         return TRUE;
     g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                "%s: part %s is no view of this MDF: it has no channel D, other texels, or its "
-                "camera is below the reference plane",
+                "%s: part %s is no view of this MDF: it has no channel D, other texels, distances "
+                "that are no numbers, or its camera is below the reference plane",
                 path, part->name);
     return FALSE;
 }

@@ -261,6 +261,16 @@ static void test_damaged(void) {
         g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
         g_unlink(path);
     }
+    static const float no_numbers[] = {NAN, INFINITY, -INFINITY};
+    for (int i = 0; i < 3; i++) {
+        g_autoptr(GError) error = NULL;
+        scene->distance[1][7] = no_numbers[i];
+        g_autofree char *path = write_mdf(scene, plane.texel_mm, "D");
+        struct mdf_views_sums sums;
+        g_assert_false(mdf_views_check(path, &sums, &error));
+        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_unlink(path);
+    }
     g_autoptr(GError) error = NULL;
     struct mdf_views_sums sums;
     g_assert_false(mdf_views_check("/nonexistent.exr", &sums, &error));
