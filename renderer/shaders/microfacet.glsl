@@ -1,18 +1,13 @@
 // How microfacets follow a normal n that is not the surface's, z: the squares of x and y of the half
 // vector seen from the frame of the facets, both times w, its z, and w (seed 003); see enum
-// method_rotation. What is rotated exactly is still of length 1, so that y need not be worked out;
-// that x is to be divided by 1 − n_y² is left to who divides anyway.
+// method_rotation. To be exact both axes have to be divided by the root of w = 1 − n_y²: that is left
+// to who divides anyway.
 vec4 facet_half(vec3 h, vec3 n, int how) {
     float z = dot(n, h);
     if (how == 2)
         return vec4(h.xy * h.xy, z, 1.0);
-    float x = n.z * h.x - n.x * h.z;
-    if (how == 1) {
-        float y = -n.x * n.y * h.x + (1.0 - n.y * n.y) * h.y - n.y * n.z * h.z;
-        return vec4(x * x, y * y, z, 1.0);
-    }
-    float w = 1.0000001 - n.y * n.y; // not 0 where n = ±y
-    return vec4(x * x, (1.0 - z * z) * w - x * x, z, w);
+    vec2 p = vec2(n.z * h.x - n.x * h.z, h.y - n.y * z);
+    return vec4(p * p, z, how == 1 ? 1.0 : 1.0000001 - n.y * n.y); // not 0 where n = ±y
 }
 
 // Diffuse and specular, in the frame whose x is the direction of U.
