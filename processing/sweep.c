@@ -11,6 +11,7 @@
 #define NOISE_PIXELS 1024  /* by which it is measured */
 #define NOISE_MARGIN 6     /* its standard deviations; the darkest of many is two or three below */
 #define MEDIAN       0.954 /* of the difference of two normal deviates, its size */
+#define DARKEST      2.5   /* standard deviations that the darkest of many is below the mean */
 #define CROWDED      8     /* records a vector that are no cause to look for noise among them */
 
 /* Pixels side by side, of which all samples are kept if one is lit: a vector. Comparisons
@@ -36,6 +37,7 @@ struct Sweep {
     gsize n_pixels, n_vectors;
     int n_frames, count;
     guint16 saturation, margin;
+    float pedestal; /* what the darkest of a pixel's samples is below their mean, without a line */
     guint16 *darkest; /* whole vectors */
     guint16
         *opening; /* likewise: the first frame, of which nothing can be told until there are more */
@@ -224,6 +226,7 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     gsize middle = n / 2;
     double noise = size[middle] / MEDIAN;
     sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
+    sweep->pedestal = (float)(DARKEST * noise);
 }
 
 /* Whether any pixel of a record is still above the margin, now that its background is known. */
@@ -334,19 +337,29 @@ static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
         pixel->frame[n] = 0;
         pixel->value[n++] = opening;
     }
-    for (int k = 0; k < pixel->longer.n; k++) {
-        const float value = above(sweep, pixel->longer.record[k], i);
-        if (value <= (float)sweep->margin)
-            continue;
-        pixel->frame[n] = (int)pixel->longer.record[k]->frame;
-        pixel->value[n++] = value;
+    const struct history *history = &pixel->longer;
+    float before = 0, next = history->n > 0 ? above(sweep, history->record[0], i) : 0;
+    for (int k = 0; k < history->n; k++) {
+        const struct record *record = history->record[k];
+        const float value = next;
+        next = k + 1 < history->n ? above(sweep, history->record[k + 1], i) : 0;
+        const gboolean follows = k > 0 && history->record[k - 1]->frame + 1 == record->frame;
+        const gboolean leads =
+            k + 1 < history->n && record->frame + 1 == history->record[k + 1]->frame;
+        const float margin = (float)sweep->margin;
+        if (value > margin || (follows && before > margin) || (leads && next > margin)) {
+            pixel->frame[n] = (int)record->frame;
+            pixel->value[n++] = value;
+        }
+        before = value;
     }
     pixel->samples = (struct sweep_samples){.frame = pixel->frame,
                                             .value = pixel->value,
                                             .n = n,
                                             .count = sweep->count,
                                             .full = full_of(sweep, i),
-                                            .margin = (float)sweep->margin};
+                                            .margin = (float)sweep->margin,
+                                            .pedestal = sweep->pedestal};
 }
 
 /* Saturated samples become those of the shorter exposure, if it has all of them. */

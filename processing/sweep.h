@@ -5,8 +5,9 @@
  *
  * A line lights each pixel in a few frames only: those samples are kept and all others forgotten,
  * but for each pixel's darkest value, its background. What is above background by less than noise
- * does not count; the noise is measured in the first two frames (at least 4 DN are taken for it).
- * Feed frames in order; a frame may be fed once only. One thread at a time.
+ * is no line, and counts only just before and after one, where it was kept; the noise is measured
+ * in the first two frames (at least 4 DN are taken for it). Feed frames in order; a frame may be
+ * fed once only. One thread at a time.
  */
 #pragma once
 

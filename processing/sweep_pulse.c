@@ -7,7 +7,8 @@
 #define FAINT    0.6f  /* of the margin: what samples below it are on average next to a pulse */
 #define READ_DN  5.0f  /* where noise of light begins to count more than that of reading */
 #define MOST_LOG 20    /* of a pulse, in DN: no more is believed */
-#define DOUBT    1.3   /* of the margin: samples that should be fainter may be missing */
+#define DOUBT    1.3   /* of the margin: samples that should be fainter may be missing, */
+#define KNOWN    0.4   /* but where the next ones are known, too */
 
 /* Samples first … last are one pulse's; top is the first of the brightest. */
 struct span {
@@ -81,44 +82,75 @@ struct gaussian {
 
 /* Whether noise rather than the pulse decides if a sample that far off is among those that are
  * left: to fit it would draw the pulse its way. */
-static gboolean is_uncertain(const struct sweep_samples *s, const struct gaussian *g, double t,
-                             double height) {
-    double least = MAX(WINGS * height, DOUBT * (double)s->margin), off = t - g->time;
+static gboolean is_uncertain(const struct gaussian *g, double t, double height, double faint) {
+    double least = MAX(WINGS * height, faint), off = t - g->time;
     return height * exp(-0.5 * off * off / (g->width * g->width)) < least;
 }
 
 /* In logarithms a Gaussian is a parabola (Guo 2011): each sample counts by the inverse of its
  * logarithm's variance, which the noise of reading and of light give. Saturated samples say nothing
  * but that the pulse is there. */
-static gboolean fit_once(const struct sweep_samples *s, const struct span *part, double middle,
-                         gboolean again, struct gaussian *g) {
-    struct sums sums = {0};
-    double height = again ? exp(MIN(g->c[0] - 0.25 * g->c[1] * g->c[1] / g->c[2], MOST_LOG)) : 0;
-    int used = 0;
-    for (int k = part->first; k <= part->last; k++) {
-        double t = s->frame[k] - middle, y = s->value[k];
-        if (y >= s->full || (again && is_uncertain(s, g, t, height)))
-            continue;
-        double model = again ? exp(MIN(g->c[0] + (g->c[1] + g->c[2] * t) * t, MOST_LOG)) : y;
-        double gain = s->gain ? s->gain[k] : 1;
-        add_sample(&sums, t, log(y), model * model / (gain * (model + gain * READ_DN)));
-        used++;
-    }
-    if (used < 3 || !solve(&sums, g->c) || !(g->c[2] < 0))
+static double weight_of(const struct sweep_samples *s, int k, double value) {
+    const double gain = s->gain ? s->gain[k] : 1;
+    return value * value / (gain * (value + gain * READ_DN));
+}
+
+static gboolean solve_for(const struct sums *sums, int used, struct gaussian *g) {
+    if (used < 3 || !solve(sums, g->c) || !(g->c[2] < 0))
         return FALSE;
     g->time = -g->c[1] / (2 * g->c[2]);
     g->width = sqrt(-0.5 / g->c[2]);
-    return s->frame[part->first] - 1 <= middle + g->time &&
-           middle + g->time <= s->frame[part->last] + 1;
+    return TRUE;
+}
+
+/* By the logarithms of what is well above background. */
+static gboolean fit_first(const struct sweep_samples *s, const struct span *part, double middle,
+                          struct gaussian *g) {
+    struct sums sums = {0};
+    int used = 0;
+    for (int k = part->first; k <= part->last; k++) {
+        const double y = s->value[k];
+        if (y >= s->full || y <= s->margin)
+            continue;
+        add_sample(&sums, s->frame[k] - middle, log(y), weight_of(s, k, y));
+        used++;
+    }
+    return solve_for(&sums, used, g);
+}
+
+/* Nearer to it: by what a Gaussian's logarithm would have to be for each sample, which noise does
+ * not bend as it bends the sample's own, and which there is of dark ones as well. */
+static gboolean fit_again(const struct sweep_samples *s, const struct span *part, double middle,
+                          struct gaussian *g) {
+    const struct gaussian old = *g;
+    const double height = exp(MIN(old.c[0] - 0.25 * old.c[1] * old.c[1] / old.c[2], MOST_LOG));
+    const gboolean known = s->value[part->first] <= s->margin && s->value[part->last] <= s->margin;
+    const double faint = (known ? KNOWN : DOUBT) * (double)s->margin;
+    struct sums sums = {0};
+    int used = 0;
+    for (int k = part->first; k <= part->last; k++) {
+        const double t = s->frame[k] - middle;
+        if (s->value[k] >= s->full || is_uncertain(&old, t, height, faint))
+            continue;
+        const double level = MIN(old.c[0] + (old.c[1] + old.c[2] * t) * t, MOST_LOG);
+        const double model = exp(level), y = (double)(s->value[k] - s->pedestal);
+        add_sample(&sums, t, level + (y - model) / model, weight_of(s, k, model));
+        used++;
+    }
+    return solve_for(&sums, used, g);
+}
+
+static gboolean is_inside(const struct sweep_samples *s, const struct span *part, double time) {
+    return s->frame[part->first] - 1 <= time && time <= s->frame[part->last] + 1;
 }
 
 static gboolean fit(const struct sweep_samples *s, const struct span *part, double middle,
                     struct sweep_pulse *ret) {
     struct gaussian first, better;
-    if (!fit_once(s, part, middle, FALSE, &first))
+    if (!fit_first(s, part, middle, &first) || !is_inside(s, part, middle + first.time))
         return FALSE;
     better = first;
-    if (!fit_once(s, part, middle, TRUE, &better))
+    if (!fit_again(s, part, middle, &better) || !is_inside(s, part, middle + better.time))
         better = first;
     ret->time = middle + better.time;
     ret->width = better.width;
@@ -127,7 +159,8 @@ static gboolean fit(const struct sweep_samples *s, const struct span *part, doub
 
 /* A sample that is left out for being faint is not 0 in logarithms. */
 static double value_at(const struct sweep_samples *s, const struct span *span, int k) {
-    return k >= span->first && k <= span->last ? (double)s->value[k] : FAINT * s->margin;
+    return k >= span->first && k <= span->last && s->value[k] > s->margin ? (double)s->value[k]
+                                                                          : FAINT * s->margin;
 }
 
 /* One or two samples alone: the Gaussian through three, some of which are background. */

@@ -5,14 +5,16 @@
 
 #include <glib.h>
 
-/* A pixel's samples above its background, in order of time; others were not above it. */
+/* A pixel's samples above its background, in order of time, and, where they are known, those just
+ * before and after. */
 struct sweep_samples {
     const int *frame;
     const float *value; /* DN above background */
     const float *gain;  /* of each, what its DN were multiplied by; NULL: nothing */
     int n, count;       /* count: frames there were */
     float full;         /* values from here on are saturated */
-    float margin;       /* values up to here are left out */
+    float margin;       /* values up to here are not yet a line */
+    float pedestal;     /* what background is, in these values */
 };
 
 struct sweep_pulse {

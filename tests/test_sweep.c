@@ -6,8 +6,13 @@
 struct pulses {
     int width, height, frames, saturation;
     double sigma, amplitude, background, noise;
-    double *centre; /* of each pixel */
+    double *centre;   /* of each pixel */
+    double electrons; /* a DN; 0: light itself has no noise */
 };
+
+static double variance_of(const struct pulses *pulses, double light) {
+    return pulses->noise * pulses->noise + (pulses->electrons > 0 ? light / pulses->electrons : 0);
+}
 
 static void finish_second(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                           float *ret_intensity) {
@@ -27,8 +32,10 @@ static Sweep *feed(const struct pulses *pulses, GRand *random) {
     for (int t = 0; t < pulses->frames; t++) {
         for (int i = 0; i < n; i++) {
             double u = (t - pulses->centre[i]) / pulses->sigma;
-            double value = pulses->background + pulses->amplitude * exp(-0.5 * u * u) +
-                           (pulses->noise > 0 ? pulses->noise * gauss(random) : 0);
+            double light = pulses->amplitude * exp(-0.5 * u * u);
+            double value =
+                pulses->background + light +
+                (pulses->noise > 0 ? sqrt(variance_of(pulses, light)) * gauss(random) : 0);
             pixels[i] = (guint16)lround(CLAMP(value, 0, pulses->saturation));
         }
         sweep_add(sweep, pixels);
@@ -279,6 +286,28 @@ static void test_wide(void) {
     g_assert_cmpfloat(fabs(result.mean_width - 3), <, 0.2);
 }
 
+/* Cramér's and Rao's, of a pulse in the middle of the sweep; rounding is noise as well. */
+static double bound_of(const struct pulses *pulses) {
+    double sum = 0;
+    for (int k = -20; k <= 20; k++) {
+        const double t = (k + 0.25) / pulses->sigma, light = pulses->amplitude * exp(-0.5 * t * t);
+        sum += pow(light * t / pulses->sigma, 2) / (variance_of(pulses, light) + 1 / 12.0);
+    }
+    return 1 / sqrt(sum);
+}
+
+/* Faint ones too: what a pulse has that is hardly brighter than noise counts as well. */
+static void test_faint(void) {
+    g_autofree double *centre = random_centres(64 * 64, 10, 50);
+    for (double sigma = 0.7; sigma < 2.1; sigma += 0.3) {
+        const struct pulses pulses = {64, 64, 60, 4095, sigma, 20, 70, 1.1, centre, 3.7};
+        const struct result result = measure(&pulses, 10);
+        g_test_message("%.1f frames: %.2f times the bound", sigma, result.rms / bound_of(&pulses));
+        g_assert_cmpint(result.missing, ==, 0);
+        g_assert_cmpfloat(result.rms, <, 1.4 * bound_of(&pulses));
+    }
+}
+
 /* Light that another surface throws back comes at another time. */
 static void test_second(void) {
     static const guint16 values[] = {10, 10, 40, 60, 40, 10, 10, 50,
@@ -403,6 +432,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/sweep/at-the-start", test_at_the_start);
     g_test_add_func("/sweep/shapes", test_shapes);
     g_test_add_func("/sweep/wide", test_wide);
+    g_test_add_func("/sweep/faint", test_faint);
     g_test_add_func("/sweep/second", test_second);
     g_test_add_func("/sweep/no-second", test_no_second);
     g_test_add_func("/sweep/noise-alone", test_noise_alone);
