@@ -1,6 +1,7 @@
 #include "window_private.h"
 
 #include "picture.h"
+#include "series.h"
 #include "snapshot.h"
 
 #include <epoxy/gl.h>
@@ -52,6 +53,8 @@ gboolean window_save(struct window *w, const char *path, GError **error) {
         .material = w->material,
         .shape = w->shape,
         .first = w->method,
+        .n_views = w->live != NULL && w->planned != NULL ? series_count(w->planned) : 0,
+        .n_planned = w->live != NULL && w->planned != NULL ? (int)w->planned->len : 0,
         .second = w->how.mode != COMPOSE_ONE ? w->second_method : NULL,
         .how = &w->how,
         .settings = &settings,

@@ -38,7 +38,8 @@ struct window {
     int n_screenshots;
     Live *live; /* NULL: there is nothing to follow */
     int n_live;
-    GArray *planned; /* of struct live_view, or NULL */
+    struct eigenmaps *live_maps; /* the last that came; NULL: none yet */
+    GArray *planned;             /* of struct live_view, or NULL */
     Opener *opener;
     gboolean first_open;           /* what it was started with was opened, or could not be */
     enum compose_mode second_mode; /* once what is being opened as the second is there */

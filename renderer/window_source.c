@@ -40,8 +40,26 @@ static void ask_method(struct window *w, enum opener_place place, const struct m
     opener_ask(w->opener, place, method, path);
 }
 
+static void show_live(struct window *w) {
+    g_autoptr(GError) error = NULL;
+    const gboolean good = view_set_material(w->view, w->live_maps, &error);
+    if (good) {
+        w->method = methods[0];
+        g_free(w->material);
+        w->material = method_path(w->method, w->session);
+        w->file_time = time_of(w->material);
+        w->stale = TRUE;
+    }
+    window_say(w, good ? NULL : error->message);
+}
+
+/* While a session is captured its eigen-maps are those of the views that are there. */
 void window_set_method(struct window *w, const struct method *method) {
-    ask_method(w, OPENER_FIRST, method);
+    g_autofree char *product = w->live_maps != NULL ? method_path(methods[0], w->session) : NULL;
+    if (method == methods[0] && product != NULL && time_of(product) < 0)
+        show_live(w);
+    else
+        ask_method(w, OPENER_FIRST, method);
 }
 
 static gboolean take_first(struct window *w, struct opened *o, GError **error) {
@@ -234,19 +252,6 @@ static void follow_material(struct window *w) {
         window_set_method(w, w->method);
 }
 
-static void show_live(struct window *w, struct eigenmaps *maps) {
-    g_autoptr(GError) error = NULL;
-    const gboolean good = view_set_material(w->view, maps, &error);
-    if (good) {
-        w->method = methods[0];
-        g_free(w->material);
-        w->material = method_path(w->method, w->session);
-        w->file_time = time_of(w->material);
-        w->stale = TRUE;
-    }
-    window_say(w, good ? NULL : error->message);
-}
-
 /* Until there are eigen-maps of the whole. */
 static void follow_live(struct window *w) {
     g_autoptr(GError) error = NULL;
@@ -256,9 +261,12 @@ static void follow_live(struct window *w) {
         window_say(w, error->message);
     if (maps == NULL)
         return;
+    const gboolean other = w->live_maps != NULL && w->method != methods[0]; /* was chosen since */
     w->n_live = n_views;
-    show_live(w, maps);
-    eigenmaps_free(maps);
+    eigenmaps_free(w->live_maps);
+    w->live_maps = maps;
+    if (!other)
+        show_live(w);
     g_autofree char *product = method_path(methods[0], w->session);
     if (time_of(product) >= 0)
         g_clear_pointer(&w->live, live_free);
@@ -311,6 +319,7 @@ void window_open_first(struct window *w) {
 void window_clear_sources(struct window *w) {
     opener_free(w->opener);
     live_free(w->live);
+    eigenmaps_free(w->live_maps);
     g_clear_pointer(&w->planned, g_array_unref);
     measured_clear(&w->measured);
     glDeleteTextures(1, &w->measured_texture);

@@ -1,28 +1,13 @@
 /* Pictures of a session while its views come, and where they say that one is missing. */
-#include "processing/session.h"
+#include "capturing_fixture.h"
 #include "remove_tree.h"
 #include "renderer/live.h"
 #include "renderer/series.h"
-#include "view_fixture.h"
 
 #include <gio/gio.h>
 #include <png.h>
 
-#define N_RINGS 2
-#define N_PHI   4
-#define N       (N_RINGS * N_PHI)
 #define PROGRAM BUILD_DIR "/bin/mesorig-view"
-
-/* As make_material() has its views. */
-static double theta_of(int view) {
-    const int ring = 1 + view / N_PHI;
-    return 85.0 / N_RINGS * ring;
-}
-
-static double phi_of(int view) {
-    const int k = view % N_PHI;
-    return 360.0 / N_PHI * k;
-}
 
 static void test_parse(void) {
     int percent[SERIES_MAX];
@@ -83,32 +68,6 @@ static void test_stripes(struct fixture *f, gconstpointer data) {
         views[k].measured = TRUE;
     view_set_planned(view, views, N);
     g_assert_cmpint(pixels_that_differ(view, &s, plain), ==, 0);
-}
-
-static char *new_session(const char *folder) {
-    g_autoptr(GError) error = NULL;
-    static const struct session_texts texts = {
-        .rig_conf = "", .session_conf = "", .calibration = ""};
-    struct session_direction views[N] = {0};
-    for (int k = 0; k < N; k++) {
-        views[k].index = k;
-        views[k].theta_deg = theta_of(k);
-        views[k].phi_deg = phi_of(k);
-    }
-    const struct session_plan plan = {.grid = {W, H, 50, 50, 5, 5}, .views = views, .n_views = N};
-    char *path = g_build_filename(folder, "a.session", NULL);
-    g_autoptr(Session) session = session_create(path, "a", &texts, &plan, &error);
-    g_assert_no_error(error);
-    g_autofree char *btf = g_build_filename(path, "products", "btf", NULL);
-    g_assert_cmpint(g_mkdir_with_parents(btf, 0755), ==, 0);
-    return path;
-}
-
-static void move_view(const char *from, const char *session, int view) {
-    g_autofree char *name = g_strdup_printf("view_%04d.exr", view);
-    g_autofree char *old = g_build_filename(from, name, NULL);
-    g_autofree char *new = g_build_filename(session, "products", "btf", name, NULL);
-    g_assert_cmpint(g_rename(old, new), ==, 0);
 }
 
 static void wait_for_file(const char *path) {

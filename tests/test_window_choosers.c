@@ -1,7 +1,8 @@
 /* Choosers and sliders of the window's panel by the mouse, which finds them on
  * the picture as a user does; what came of it is read from screenshots. */
+#include "capturing_fixture.h"
 #include "fields_fixture.h"
-#include "view_fixture.h"
+#include "remove_tree.h"
 #include "window_user.h"
 
 #include <fcntl.h>
@@ -368,10 +369,49 @@ static void test_split(void) {
     g_free(user_stand_up(&u, 0));
 }
 
+/* A screenshot says how many views are there. */
+static void wait_for_views(struct user *u, int n) {
+    const gint64 until = g_get_monotonic_time() + DEADLINE_S * G_USEC_PER_SEC;
+    g_autofree char *expected = g_strdup_printf("%d of %d", n, N);
+    gboolean there = FALSE;
+    while (!there && g_get_monotonic_time() < until) {
+        g_autoptr(GHashTable) texts = user_look(u);
+        there = g_str_has_prefix(user_said(texts, "Views"), expected);
+    }
+    g_assert_true(there);
+}
+
+/* What is chosen while views come stays; eigen-maps of those that are there can be had back. */
+static void test_while_capturing(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *session = new_session(folder), *made = write_btf(GREY, N_RINGS, N_PHI);
+    g_autofree char *fields = g_build_filename(session, "products", "fields.exr", NULL);
+    struct user u;
+    write_fields(fields, W, H);
+    move_view(made, session, 0);
+    if (user_sit_down(&u, session, (const char *[]){WINDOW, "--size", "400x600", NULL})) {
+        user_wait_for_title(&u, "eigenmaps.exr");
+        choose(&u, 3, 0, 4);
+        wait_for_source(&u, "reflectance fields");
+        for (int view = 1; view < 5; view++) {
+            move_view(made, session, view);
+            wait_for_views(&u, view + 1); /* looked for once a second, as new eigen-maps are */
+        }
+        check(&u, "Source", "reflectance fields");
+        choose(&u, 3, 0, 0);
+        wait_for_source(&u, "eigen-maps");
+        x_display_key(u.x, "Escape");
+        g_free(user_stand_up(&u, 0));
+    }
+    remove_tree(made);
+    remove_tree(folder);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/window-choosers/choosers", test_choosers);
     g_test_add_func("/window-choosers/while-opening", test_while_opening);
     g_test_add_func("/window-choosers/split", test_split);
+    g_test_add_func("/window-choosers/while-capturing", test_while_capturing);
     return g_test_run();
 }
