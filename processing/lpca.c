@@ -80,7 +80,7 @@ static float *copy(const float *values, gsize n) {
     return g_memdup2(values, sizeof(float) * n);
 }
 
-static float *ones(gsize n) {
+float *lpca_ones(gsize n) {
     float *ret = g_new(float, n);
     for (gsize i = 0; i < n; i++)
         ret[i] = 1;
@@ -108,8 +108,8 @@ struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_compon
         .clusters = g_new0(int, texels),
         .weights = g_new0(float, texels *(gsize)n_components),
         .brdfs = g_new0(float, tables *(gsize)lpca_dimensions(btf->n_views, btf->n_lights)),
-        .scales = ones(tables),
-        .weight_scales = ones((gsize)n_clusters * (gsize)n_components),
+        .scales = lpca_ones(tables),
+        .weight_scales = lpca_ones((gsize)n_clusters * (gsize)n_components),
     };
     return lpca;
 }
@@ -129,7 +129,7 @@ struct lpca *lpca_truncated(const struct lpca *lpca, int n_components) {
                sizeof(float) * (gsize)n_components);
     const gsize lights = (gsize)lpca->n_lights;
     if (lpca->light_scales)
-        fewer->light_scales = ones((gsize)(lpca->n_clusters * (n_components + 1)) * lights);
+        fewer->light_scales = lpca_ones((gsize)(lpca->n_clusters * (n_components + 1)) * lights);
     for (int k = 0; k < lpca->n_clusters; k++) {
         if (lpca->light_scales)
             memcpy(fewer->light_scales + (gsize)(k * (n_components + 1)) * lights,
@@ -220,7 +220,8 @@ void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise) {
     if (quantise == LPCA_FLOAT)
         return;
     if (quantise >= LPCA_8BIT && lpca->n_grid == 0)
-        lpca->light_scales = ones((gsize)lpca->n_clusters * (gsize)tables * (gsize)lpca->n_lights);
+        lpca->light_scales =
+            lpca_ones((gsize)lpca->n_clusters * (gsize)tables * (gsize)lpca->n_lights);
     if (quantise == LPCA_8BIT_WEIGHTS)
         weights_to_steps(lpca);
     else

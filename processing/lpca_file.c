@@ -343,13 +343,6 @@ static gboolean read_tables(struct lpca *lpca, const struct exr_file *file, cons
     return TRUE;
 }
 
-static float *ones(gsize n) {
-    float *ret = g_new(float, n);
-    for (gsize i = 0; i < n; i++)
-        ret[i] = 1;
-    return ret;
-}
-
 static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, const char *path,
                             GError **error) {
     const int tables = lpca->n_components + 1;
@@ -365,8 +358,8 @@ static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, cons
             return format_error(path, error, "a scale is not above 0");
     if (!packed->scales || !lpca_packed_read_parts(lpca, file))
         return format_error(path, error, "what is packed is missing or damaged");
-    lpca->scales = ones(n);
-    lpca->weight_scales = ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
+    lpca->scales = lpca_ones(n);
+    lpca->weight_scales = lpca_ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
     lpca->weights =
         g_try_new(float, (gsize)lpca->width *(gsize)lpca->height *(gsize)lpca->n_components);
     lpca->brdfs = g_try_new(float, n *table_size(lpca) * COLOURS);
