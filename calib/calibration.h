@@ -13,6 +13,7 @@
  */
 #pragma once
 
+#include "colour.h"
 #include "photon_transfer.h"
 #include "radiometry.h"
 
@@ -93,15 +94,6 @@ struct calibration_mark { /* with rig.marks; standard errors */
     double centre_mm[3], reflectance[3];
 };
 
-/* What brings a white balanced R G B (1 1 1: the tile's reflectance of one) to CIE XYZ under the
- * light that the chart's values are given for. */
-struct calibration_colour {
-    gboolean known;
-    double matrix[9], error[9]; /* rows X Y Z */
-    double residual;            /* RMS of the patches' ΔE*ab */
-    int patches;
-};
-
 struct calibration {
     struct rig rig;
     struct calibration_part parts[CALIBRATION_PARTS];
@@ -113,7 +105,7 @@ struct calibration {
     struct radiometry_lamp lamp_radiometry[RIG_MAX_LAMPS];
     struct calibration_noise noise[RIG_MAX_CAMERAS];
     struct calibration_mark marks[RIG_MAX_MARKS];
-    struct calibration_colour colour;
+    struct colour_matrix colour;
     GKeyFile *extra; /* sections that are not ours */
 };
 

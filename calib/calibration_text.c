@@ -99,7 +99,7 @@ static const struct field mark_fields[] = {
     {NULL},
 };
 
-#define COLOUR(member) offsetof(struct calibration_colour, member)
+#define COLOUR(member) offsetof(struct colour_matrix, member)
 static const struct field colour_fields[] = {
     {"matrix", COLOUR(matrix), 9, FALSE, -100, 100},
     {"error", COLOUR(error), 9, FALSE, 0, 100},
@@ -133,7 +133,7 @@ static const struct group {
      sizeof(struct calibration_noise), noise_fields},
     {"mark errors", offsetof(struct rig, n_marks), offsetof(struct calibration, marks),
      sizeof(struct calibration_mark), mark_fields},
-    {"colour", NONE, offsetof(struct calibration, colour), sizeof(struct calibration_colour),
+    {"colour", NONE, offsetof(struct calibration, colour), sizeof(struct colour_matrix),
      colour_fields},
 };
 

@@ -83,7 +83,7 @@ static gboolean invert(const struct colour_patch *patches, int n, double ret[9])
 }
 
 static void fit_row(const struct colour_patch *patches, int n, const double inverse[9], int row,
-                    struct calibration_colour *ret) {
+                    struct colour_matrix *ret) {
     double right[3] = {0}, squares = 0;
     for (int i = 0; i < n; i++)
         for (int a = 0; a < 3; a++)
@@ -99,10 +99,10 @@ static void fit_row(const struct colour_patch *patches, int n, const double inve
         ret->error[3 * row + a] = sqrt(squares / (n - 3) * inverse[4 * a]);
 }
 
-gboolean colour_fit(const struct colour_patch *patches, int n, struct calibration_colour *ret,
+gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error) {
     static const double grey[3] = {1, 1, 1};
-    struct calibration_colour found = {.known = TRUE, .patches = n};
+    struct colour_matrix found = {.known = TRUE, .patches = n};
     double inverse[9], white[3], sum = 0;
     if (!check_patches(patches, n, error))
         return FALSE;

@@ -4,11 +4,20 @@
  */
 #pragma once
 
-#include "calibration.h"
+#include <glib.h>
 
 struct colour_patch {
     double rgb[3]; /* reflectance as the camera sees it, white balanced: 1 is a perfect white */
     double xyz[3]; /* as measured, Y = 1 for a perfect white */
+};
+
+/* What brings a white balanced R G B (1 1 1: the tile's reflectance of one) to CIE XYZ under the
+ * light that the chart's values are given for. */
+struct colour_matrix {
+    gboolean known;
+    double matrix[9], error[9]; /* rows X Y Z */
+    double residual;            /* RMS of the patches' ΔE*ab */
+    int patches;
 };
 
 #define COLOUR_ERROR colour_error_quark()
@@ -22,7 +31,7 @@ enum colour_error {
 /* Least squares for XYZ = matrix · RGB, each patch weighted so that errors count about as they are
  * seen (CIE L*: in proportion to Y^(−2/3)). Refused where the patches lie more than 10 ΔE*ab (CIE
  * 1976; white: that of equal RGB) off on average. */
-gboolean colour_fit(const struct colour_patch *patches, int n, struct calibration_colour *ret,
+gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error);
 
 /* CIE 1976. */

@@ -14,7 +14,7 @@
 
 #include <glib.h>
 
-#include "vec.h"
+#include "base/vec.h"
 
 #define RIG_MAX_CAMERAS 16
 #define RIG_MAX_LAMPS   16

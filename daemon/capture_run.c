@@ -372,7 +372,7 @@ static void on_frame(const struct session_shot *shot, int camera, int sub, Frame
     capture->frames++;
     if (shot->kind != SHOT_DARK &&
         (shot->kind != SHOT_SWEEP ||
-         intake_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
+         shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
         struct view *view = &capture->views[camera];
         frame_unref(view->frame);
         view->frame = frame_ref(frame);

@@ -7,7 +7,7 @@
 #include "drivers/v4l2/v4l2.h"
 #include "sim/devices.h"
 
-#include "json.h"
+#include "base/json.h"
 
 /* Every driver there is. A new one is written in drivers/ and named here. */
 static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modbus_axis_driver,

@@ -160,12 +160,12 @@ static void take_dark(struct lane *lane, const struct job *job) {
 }
 
 static void finish_dark(struct lane *lane, const struct job *job) {
-    gint64 exposures[INTAKE_MAX_DARKS];
-    int n = intake_dark_exposures(lane->intake->setup.conf, exposures);
+    gint64 exposures[SHOT_MAX_DARKS];
+    int n = shot_dark_exposures(lane->intake->setup.conf, exposures);
     struct intake_file file;
     describe(lane, job, &file);
     struct intake_result result = {0};
-    const float *pixels[INTAKE_MAX_DARKS];
+    const float *pixels[SHOT_MAX_DARKS];
     for (int i = 0; i < n; i++) {
         pixels[i] = lane->darks.levels[i].pixels;
         result.dark_dn = MAX(result.dark_dn, lane->darks.levels[i].mean_dn);
@@ -320,7 +320,7 @@ static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct s
     const guint16 *pixels[BATCH];
     int count = 0;
     for (int i = 0; i < n; i++)
-        if (intake_is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
+        if (shot_is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
             pixels[count++] = jobs[i]->frame->pixels;
     if (count > 0 && !*sweep)
         *sweep = sweep_new(frame->width, frame->height, jobs[0]->shot->sweep_steps,
@@ -333,7 +333,7 @@ static void absorb(Sweep **sweep, struct job *const *jobs, int n, const struct s
 static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
     const struct session_conf *conf = lane->intake->setup.conf;
     const struct job *job = jobs[0];
-    if (intake_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
+    if (shot_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
         const struct intake_dark *dark = intake_darks_at(&lane->darks, 0, job->frame);
         gint64 lit = radiance_lit(job->frame, dark->pixels, conf->laser_threshold_dn);
         lane->laser_seen = lit >= LASER_PIXELS;
@@ -356,7 +356,7 @@ static void take(struct lane *lane, struct job *const *jobs, int n) {
     /* Frames come in order; another one would be mixed up with its neighbours. */
     g_return_if_fail(job->sub == lane->n_frames + n - 1);
     lane->n_frames += n;
-    gboolean last = lane->n_frames == intake_n_frames(conf, job->shot);
+    gboolean last = lane->n_frames == shot_n_frames(conf, job->shot);
     if (last && job->shot->kind != SHOT_SWEEP)
         await_endings(lane);
     if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
@@ -394,7 +394,7 @@ static guint count_together(const struct lane *lane, struct job *const *jobs, gu
     if (first->shot->kind == SHOT_SWEEP)
         while (n < most && n < BATCH && jobs[n]->shot == first->shot &&
                jobs[n]->generation == first->generation && jobs[n]->sub == first->sub + (int)n &&
-               intake_sweep_step(conf, first->shot, jobs[n]->sub) < first->shot->sweep_steps)
+               shot_sweep_step(conf, first->shot, jobs[n]->sub) < first->shot->sweep_steps)
             n++;
     return MAX(n, 1);
 }
@@ -529,7 +529,7 @@ void intake_frame(Intake *intake, const struct session_shot *shot, int camera, i
     gsize bytes = job_bytes(job);
     add_bytes(intake, (gssize)bytes);
     g_ptr_array_add(lane->batch, job);
-    gboolean last = sub + 1 == intake_n_frames(intake->setup.conf, shot);
+    gboolean last = sub + 1 == shot_n_frames(intake->setup.conf, shot);
     if (last || lane->batch->len >= BATCH)
         flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
@@ -556,8 +556,8 @@ gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int c
     struct lane *lane = intake->lanes->pdata[camera];
     const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
     const char *name = intake->setup.devices->geometry.cameras[camera].name;
-    gint64 exposures[INTAKE_MAX_DARKS];
-    int n = intake_dark_exposures(intake->setup.conf, exposures);
+    gint64 exposures[SHOT_MAX_DARKS];
+    int n = shot_dark_exposures(intake->setup.conf, exposures);
     gsize n_pixels = (gsize)format->width * format->height;
     for (int i = 0; i < n; i++) {
         g_autofree float *pixels =

@@ -30,7 +30,7 @@
 #pragma once
 
 #include "calib/calibration.h"
-#include "plan.h"
+#include "shot_frames.h"
 
 typedef struct Intake Intake;
 
@@ -68,18 +68,6 @@ Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *
 /* Drops what is under way and waits for the workers. NULL is ignored. */
 void intake_free(Intake *intake);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Intake, intake_free)
-
-/* How many frames a camera takes for a shot, and at which exposure each; sub counts from 0. Those
- * of a sweep end with one from its middle, taken after the laser was switched off. */
-int intake_n_frames(const struct session_conf *conf, const struct session_shot *shot);
-gint64 intake_exposure_us(const struct session_conf *conf, const struct session_shot *shot,
-                          int sub);
-
-/* The step of a sweep at which a frame is taken, from 0; its number of steps: the one after it. */
-int intake_sweep_step(const struct session_conf *conf, const struct session_shot *shot, int sub);
-
-/* Whether it is one of laser_short_us. */
-gboolean intake_is_short(const struct session_conf *conf, const struct session_shot *shot, int sub);
 
 /* The next frame of a camera, in order of sub; takes a reference of its own. */
 void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,

@@ -2,20 +2,6 @@
 
 #include <math.h>
 
-int intake_dark_exposures(const struct session_conf *conf, gint64 ret[INTAKE_MAX_DARKS]) {
-    int n = 0;
-    for (int i = 0; i <= conf->n_exposures; i++) {
-        gint64 us =
-            llround(i < conf->n_exposures ? conf->exposures_us[i] : conf->laser_exposure_us);
-        gboolean known = FALSE;
-        for (int k = 0; k < n; k++)
-            known |= ret[k] == us;
-        if (!known)
-            ret[n++] = us;
-    }
-    return n;
-}
-
 /* Where dark frames of two exposures are there, a line through each pixel's; of one, that; else the
  * sensor's nominal black. */
 static void guess_dark(const struct intake_darks *darks, gint64 exposure_us, const Frame *frame,
@@ -23,7 +9,7 @@ static void guess_dark(const struct intake_darks *darks, gint64 exposure_us, con
     const struct intake_dark *known[2] = {NULL, NULL};
     const gsize n = (gsize)frame->width * frame->height;
     double sum = 0, along = 0;
-    for (int i = 0, k = 0; i < INTAKE_MAX_DARKS && k < 2; i++)
+    for (int i = 0, k = 0; i < SHOT_MAX_DARKS && k < 2; i++)
         if (darks->levels[i].pixels)
             known[k++] = &darks->levels[i];
     if (known[1])
@@ -42,7 +28,7 @@ static void guess_dark(const struct intake_darks *darks, gint64 exposure_us, con
 }
 
 const struct intake_dark *intake_darks_at(struct intake_darks *darks, int sub, const Frame *frame) {
-    for (int i = 0; i < INTAKE_MAX_DARKS; i++)
+    for (int i = 0; i < SHOT_MAX_DARKS; i++)
         if (darks->levels[i].pixels && darks->levels[i].exposure_us == frame->exposure_us)
             return &darks->levels[i];
     struct intake_dark *guess = &darks->guesses[sub];
@@ -60,7 +46,7 @@ void intake_darks_set(struct intake_darks *darks, int index, gint64 exposure_us,
 }
 
 void intake_darks_clear(struct intake_darks *darks) {
-    for (int i = 0; i < INTAKE_MAX_DARKS; i++)
+    for (int i = 0; i < SHOT_MAX_DARKS; i++)
         g_clear_pointer(&darks->levels[i].pixels, g_free);
     for (int i = 0; i < PLAN_MAX_BRACKET; i++)
         g_clear_pointer(&darks->guesses[i].pixels, g_free);

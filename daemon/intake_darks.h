@@ -1,9 +1,7 @@
 /* Each camera's dark levels, by exposure, as the intake subtracts them. One thread at a time. */
 #pragma once
 
-#include "plan.h"
-
-#define INTAKE_MAX_DARKS (PLAN_MAX_BRACKET + 1)
+#include "shot_frames.h"
 
 struct intake_dark {
     gint64 exposure_us;
@@ -12,15 +10,11 @@ struct intake_dark {
 };
 
 struct intake_darks {
-    struct intake_dark levels[INTAKE_MAX_DARKS];
+    struct intake_dark levels[SHOT_MAX_DARKS];
     struct intake_dark guesses[PLAN_MAX_BRACKET]; /* by sub, for exposures that have none */
 };
 
-/* The exposures that a dark shot has, each once: those of the bracket, that of the lasers. How many
- * there are. */
-int intake_dark_exposures(const struct session_conf *conf, gint64 ret[INTAKE_MAX_DARKS]);
-
-/* Takes pixels. index: of intake_dark_exposures(). */
+/* Takes pixels. index: of shot_dark_exposures(). */
 void intake_darks_set(struct intake_darks *darks, int index, gint64 exposure_us, float *pixels,
                       double mean_dn);
 

@@ -24,12 +24,12 @@ static enum exr_compression compression_of(const struct intake_file *file) {
 }
 
 static char *exposures_text(const struct intake_file *file) {
-    int n = file->shot->kind == SHOT_SWEEP ? 2 : intake_n_frames(file->conf, file->shot);
+    int n = file->shot->kind == SHOT_SWEEP ? 2 : shot_n_frames(file->conf, file->shot);
     GString *text = g_string_new(NULL);
     gint64 before = -1;
     for (int i = 0; i < n; i++) {
         gint64 us = file->bracket ? file->bracket[i]->exposure_us
-                                  : intake_exposure_us(file->conf, file->shot, i);
+                                  : shot_exposure_us(file->conf, file->shot, i);
         if (us != before)
             g_string_append_printf(text, "%s%" G_GINT64_FORMAT, text->len ? ";" : "", us);
         before = us;
@@ -79,7 +79,7 @@ gboolean intake_write_lamp(const struct intake_file *file, const float *radiance
         exr_set_double(part, "mesorig.shorter_from", file->shorter_from);
     fill(part, radiance);
     if (file->saturated > 0)
-        radiance_mark(file->bracket, intake_n_frames(file->conf, file->shot),
+        radiance_mark(file->bracket, shot_n_frames(file->conf, file->shot),
                       exr_part_plane(part, "saturated"));
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
@@ -139,10 +139,10 @@ gboolean intake_write_raw(const struct intake_file *file, int sub, GError **erro
     }
     /* Those of a sweep come faster than they can be compressed. */
     const gboolean sweep = file->shot->kind == SHOT_SWEEP;
-    const int step = sweep ? intake_sweep_step(file->conf, file->shot, sub) : sub;
-    const int last = intake_n_frames(file->conf, file->shot) - 1;
-    const gboolean is_short = sweep && intake_exposure_us(file->conf, file->shot, sub) <
-                                           intake_exposure_us(file->conf, file->shot, last);
+    const int step = sweep ? shot_sweep_step(file->conf, file->shot, sub) : sub;
+    const int last = shot_n_frames(file->conf, file->shot) - 1;
+    const gboolean is_short = sweep && shot_exposure_us(file->conf, file->shot, sub) <
+                                           shot_exposure_us(file->conf, file->shot, last);
     g_autofree char *path =
         g_strdup_printf("%s/%04d%s.exr", folder, step, is_short ? "_short" : "");
     struct exr_part *part = part_new(file, "frame", mono_channels,

@@ -38,7 +38,8 @@ struct job {
     struct cameras_result *result;
     GArray *pictures; /* struct cameras_picture */
     GArray *sources;  /* struct source, of pictures */
-    struct work_stage stage;
+    const struct work *work;
+    gint64 begun_us;
 };
 
 static void clear_source(gpointer data) {
@@ -153,7 +154,7 @@ static struct picture *read_picture(int i, gpointer data, GError **error) {
 
 static gboolean on_step(int step, int n, gpointer data) {
     const struct job *job = data;
-    return work_tell(&job->stage, "boards", step, n);
+    return work_tell(job->work, "boards", step, n, job->begun_us, NULL);
 }
 
 static gboolean gather(struct job *job, GError **error) {
@@ -210,10 +211,10 @@ static void keep_turntable(struct job *job) {
     g_key_file_set_value(job->calibration->extra, "turntable", "board_tilts_deg", tilts->str);
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    job->stage = work_stage(progress, progress_data, cancellable);
+    job->work = work;
+    job->begun_us = g_get_monotonic_time();
     if (!gather(job, error))
         return FALSE;
     const struct cameras_task task = {
@@ -267,7 +268,7 @@ static void tell(const struct job *job, double seconds) {
 static int run_job(struct job *job) {
     g_autoptr(GError) error = NULL;
     double seconds = 0;
-    const gboolean ok = work_run(work, job, &seconds, &error);
+    const gboolean ok = cli_work_run(work, job, &seconds, &error);
     if (ok)
         tell(job, seconds);
     return ok ? CLI_DONE : cli_fail(error);

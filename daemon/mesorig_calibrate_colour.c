@@ -14,7 +14,7 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static void tell(const struct calibration_colour *colour) {
+static void tell(const struct colour_matrix *colour) {
     GVariantBuilder builder;
     if (!cli_json) {
         g_print("%s: %d patches, %.2f ΔE*ab RMS\n", output_option, colour->patches,

@@ -149,12 +149,11 @@ static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError
     return TRUE;
 }
 
-static gboolean measure(struct job *job, PipelineFunc progress, gpointer progress_data,
-                        GCancellable *cancellable, GError **error) {
-    const struct work_stage stage = work_stage(progress, progress_data, cancellable);
+static gboolean measure(struct job *job, const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
     for (guint i = 0; i < job->frames->len; i++) {
         const struct calibrate_frame *frame = job->frames->pdata[i];
-        if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
+        if (g_cancellable_set_error_if_cancelled(work->cancellable, error) ||
             !calibrate_check_sum(frame, error))
             return FALSE;
         struct exr_part *part = exr_read_part(frame->path, "sweep", error);
@@ -162,7 +161,7 @@ static gboolean measure(struct job *job, PipelineFunc progress, gpointer progres
         exr_part_free(part);
         if (!ok)
             return FALSE;
-        work_tell(&stage, "laser", (int)i + 1, (int)job->frames->len);
+        work_tell(work, "laser", (int)i + 1, (int)job->frames->len, begun_us, NULL);
     }
     return TRUE;
 }
@@ -259,10 +258,9 @@ static struct laser_arc arc_known(const struct calibration *calibration) {
                               MAX(hypot(arc->centre_mm[0], arc->centre_mm[1]), 0.05)};
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    if (!gather(job, error) || !measure(job, progress, progress_data, cancellable, error))
+    if (!gather(job, error) || !measure(job, work, error))
         return FALSE;
     const struct laser_arc known = arc_known(job->calibration);
     if (!laser_fit(&job->calibration->rig, (const struct laser_point *)(gpointer)job->points->data,
@@ -347,7 +345,7 @@ static void tell(const struct job *job, double seconds) {
 static int run_job(struct job *job) {
     g_autoptr(GError) error = NULL;
     double seconds = 0;
-    const gboolean ok = work_run(work, job, &seconds, &error);
+    const gboolean ok = cli_work_run(work, job, &seconds, &error);
     if (ok)
         tell(job, seconds);
     return ok ? CLI_DONE : cli_fail(error);

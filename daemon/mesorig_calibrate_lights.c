@@ -49,7 +49,8 @@ struct job {
     GArray *sights;
     GPtrArray *rejected;
     struct lamps_result result;
-    struct work_stage stage;
+    const struct work *work;
+    gint64 begun_us;
     int done, total;
 };
 
@@ -79,8 +80,8 @@ static int index_of(const struct job *job, const struct calibrate_frame *frame) 
 
 static gboolean step(struct job *job, GError **error) {
     job->done++;
-    work_tell(&job->stage, "lights", MIN(job->done, job->total), job->total);
-    return !g_cancellable_set_error_if_cancelled(job->stage.cancellable, error);
+    return work_tell(job->work, "lights", MIN(job->done, job->total), job->total, job->begun_us,
+                     error);
 }
 
 /* Every n-th of each lamp's, so that no lamp has many more than are of use. */
@@ -288,10 +289,10 @@ static void keep(struct job *job) {
     part->degrees_of_freedom = found->degrees_of_freedom;
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    job->stage = work_stage(progress, progress_data, cancellable);
+    job->work = work;
+    job->begun_us = g_get_monotonic_time();
     if (!gather(job, error))
         return FALSE;
     if (!(job->target.kind == LAMP_POLES ? measure_poles : measure_balls)(job, error)) {
@@ -382,7 +383,7 @@ static void tell(const struct job *job, double seconds) {
 static int run_job(struct job *job) {
     g_autoptr(GError) error = NULL;
     double seconds = 0;
-    const gboolean ok = work_run(work, job, &seconds, &error);
+    const gboolean ok = cli_work_run(work, job, &seconds, &error);
     if (ok)
         tell(job, seconds);
     return ok ? CLI_DONE : cli_fail(error);

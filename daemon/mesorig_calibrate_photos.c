@@ -127,18 +127,17 @@ static gboolean write_lights(const struct job *job, GError **error) {
     return g_file_set_contents(job->output, text->str, (gssize)text->len, error);
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    const struct work_stage stage = work_stage(progress, progress_data, cancellable);
+    const gint64 begun_us = g_get_monotonic_time();
     if (!list(job, error))
         return FALSE;
     for (guint i = 0; i < job->names->len; i++) {
         g_autoptr(Picture) picture = vision_read(job->names->pdata[i], error);
-        if (!picture || g_cancellable_set_error_if_cancelled(cancellable, error))
+        if (!picture || g_cancellable_set_error_if_cancelled(work->cancellable, error))
             return FALSE;
         measure(job, picture);
-        work_tell(&stage, "lights", (int)i + 1, (int)job->names->len);
+        work_tell(work, "lights", (int)i + 1, (int)job->names->len, begun_us, NULL);
     }
     if (job->lights->len > 0)
         return write_lights(job, error);
@@ -202,7 +201,7 @@ static void tell(const struct job *job) {
 static int run_job(struct job *job) {
     g_autoptr(GError) error = NULL;
     double seconds = 0;
-    if (!work_run(work, job, &seconds, &error))
+    if (!cli_work_run(work, job, &seconds, &error))
         return cli_fail(error);
     tell(job);
     return CLI_DONE;

@@ -24,18 +24,11 @@ struct job {
     struct calibration *calibration;
     struct tile_options options;
     struct tile_result result;
-    struct work_stage stage;
 };
 
-static gboolean on_progress(const char *stage, int done, int total, gpointer data) {
-    const struct job *job = data;
-    return work_tell(&job->stage, stage, done, total);
-}
-
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    job->stage = work_stage(progress, progress_data, cancellable);
+    job->options.work = work;
     return tile_session(job->session, job->calibration, &job->options, &job->result, error) &&
            calibration_write(job->calibration, output_option, error);
 }
@@ -138,13 +131,13 @@ static gboolean begin(struct job *job, GError **error) {
 
 static int run_job(const char *path) {
     g_autoptr(GError) error = NULL;
-    struct job job = {.options = {.progress = on_progress, .data = &job}};
+    struct job job = {0};
     double seconds = 0;
     parse_reflectance(job.options.reflectance);
     parse_tile(&job.options);
     job.session = session_open(path, SESSION_READ, &error);
     const gboolean ok =
-        job.session && begin(&job, &error) && work_run(work, &job, &seconds, &error);
+        job.session && begin(&job, &error) && cli_work_run(work, &job, &seconds, &error);
     if (ok)
         tell(&job, seconds);
     session_close(job.session);

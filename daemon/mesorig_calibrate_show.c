@@ -113,7 +113,7 @@ static void show_radiometry(const struct calibration *calibration) {
                     rig->marks[m].reflectance[1], calibration->marks[m].reflectance[1]);
 }
 
-static void show_colour(const struct calibration_colour *colour) {
+static void show_colour(const struct colour_matrix *colour) {
     for (int i = 0; colour->known && i < 9; i += 3)
         g_print("  colour: %c = %+.4f R %+.4f G %+.4f B\n", "XYZ"[i / 3], colour -> matrix[i],
                 colour -> matrix[i + 1], colour -> matrix[i + 2]);

@@ -1,5 +1,6 @@
 /* check: whether what was measured can be: energy, reciprocity, views that agree on the surface. */
 #include "mesorig_check.h"
+#include "base/data_error.h"
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
 #include "processing/mdf_views.h"
@@ -14,10 +15,8 @@ struct check {
     struct mdf_views_sums mdf;
 };
 
-static gboolean check_btf(struct check *check, PipelineFunc progress, gpointer data,
-                          GCancellable *cancellable, GError **error) {
-    check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, progress, data,
-                                        cancellable, error);
+static gboolean check_btf(struct check *check, const struct work *work, GError **error) {
+    check->btf = btf_matrix_read_within(G_GINT64_CONSTANT(1) << 30, check->path, work, error);
     if (!check->btf)
         return FALSE;
     check->energy = energy_compute(check->btf, check->texel, error);
@@ -25,21 +24,20 @@ static gboolean check_btf(struct check *check, PipelineFunc progress, gpointer d
            (!check->plot || plot_energy(check->plot, check->btf, check->energy, error));
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct check *check = data;
     g_autofree char *btf = g_build_filename(check->path, "products", "btf", NULL);
     g_autofree char *mdf = g_build_filename(check->path, "products", "mdf.exr", NULL);
     gboolean has_btf = g_file_test(btf, G_FILE_TEST_IS_DIR);
     check->has_mdf = g_file_test(mdf, G_FILE_TEST_IS_REGULAR);
     if (!has_btf && !check->has_mdf) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: there is neither products/btf nor products/mdf.exr; `mesorig process %s` "
                     "makes them",
                     check->path, check->path);
         return FALSE;
     }
-    if (has_btf && !check_btf(check, progress, progress_data, cancellable, error))
+    if (has_btf && !check_btf(check, work, error))
         return FALSE;
     return !check->has_mdf || mdf_views_check(mdf, &check->mdf, error);
 }
@@ -160,7 +158,7 @@ static int run(const struct command *command, int argc, char **argv) {
     if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
         return CLI_USAGE;
     struct check check = {.path = argv[1], .plot = plot_option, .texel = texel_option};
-    gboolean ok = work_run(work, &check, &seconds, &error);
+    gboolean ok = cli_work_run(work, &check, &seconds, &error);
     if (ok)
         tell(&check);
     btf_matrix_free(check.btf);

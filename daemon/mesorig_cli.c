@@ -1,7 +1,7 @@
 #include "mesorig_cli.h"
 
-#include "drivers/config.h"
-#include "json.h"
+#include "base/config.h"
+#include "base/json.h"
 
 #include <stdio.h>
 #include <string.h>

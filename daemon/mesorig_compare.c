@@ -1,4 +1,5 @@
 /* compare: how far two forms of a material are from each other, or all models of one. */
+#include "base/data_error.h"
 #include "mesorig_cli.h"
 #include "mesorig_curve.h"
 #include "mesorig_plot.h"
@@ -20,37 +21,31 @@ struct compare {
     GArray *points;
 };
 
-static gboolean work_compare(PipelineFunc progress, gpointer progress_data,
-                             GCancellable *cancellable, gpointer data, GError **error) {
+static gboolean work_compare(const struct work *work, gpointer data, GError **error) {
     struct compare *compare = data;
-    const struct lobes_options options = {
-        .progress = progress, .data = progress_data, .cancellable = cancellable};
-    compare->of_a = material_open(compare->a, progress, progress_data, cancellable, error);
-    compare->of_b = compare->of_a
-                        ? material_open(compare->b, progress, progress_data, cancellable, error)
-                        : NULL;
+    compare->of_a = material_open(compare->a, work, error);
+    compare->of_b = compare->of_a ? material_open(compare->b, work, error) : NULL;
     if (!compare->of_b)
         return FALSE;
-    compare->comparison = compare_materials(compare->of_a, compare->of_b, &options, error);
+    compare->comparison = compare_materials(compare->of_a, compare->of_b, work, error);
     return compare->comparison &&
            (!compare->plot ||
             plot_comparison(compare->plot, material_info(compare->of_a),
                             material_info(compare->of_b), compare->comparison, error));
 }
 
-static gboolean work_curve(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                           gpointer data, GError **error) {
+static gboolean work_curve(const struct work *work, gpointer data, GError **error) {
     struct compare *compare = data;
-    compare->of_a = material_open(compare->a, progress, progress_data, cancellable, error);
+    compare->of_a = material_open(compare->a, work, error);
     if (!compare->of_a)
         return FALSE;
     const struct btf_matrix *btf = material_btf(compare->of_a);
     if (!btf) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: a curve is made of a session with its BTF", compare->a);
         return FALSE;
     }
-    compare->points = curve_measure(btf, progress, progress_data, cancellable, error);
+    compare->points = curve_measure(btf, work, error);
     return compare->points &&
            plot_curve(compare->curve, btf->name, (double)material_info(compare->of_a)->bytes,
                       &g_array_index(compare->points, struct plot_point, 0),
@@ -233,7 +228,7 @@ static int run(const struct command *command, int argc, char **argv) {
     }
     struct compare compare = {argv[1], argv[2], plot_option, curve_option};
     const gboolean ok =
-        work_run(curve_option ? work_curve : work_compare, &compare, &seconds, &error);
+        cli_work_run(curve_option ? work_curve : work_compare, &compare, &seconds, &error);
     if (ok && curve_option)
         tell_curve(&compare);
     else if (ok)

@@ -1,4 +1,7 @@
 #include "mesorig_compress.h"
+#include "base/data_error.h"
+#include "processing/btf_checkpoint.h"
+#include "processing/direction_grid.h"
 
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
@@ -9,8 +12,8 @@
 #include "processing/lpca_choose.h"
 #include "processing/lpca_levels.h"
 #include "processing/lpca_pack.h"
+#include "processing/lpca_resample.h"
 #include "processing/mdf_factors.h"
-#include "processing/resample.h"
 #include "report.h"
 
 #include <glib/gstdio.h>
@@ -41,7 +44,7 @@ struct compress {
     gint64 memory; /* 0: any */
     gboolean mips;
     const char *output; /* NULL: products/lpca.exr */
-    Unfinished *unfinished;
+    Checkpoint *checkpoint;
     struct rounding rounding;
     /* found */
     char *written;
@@ -76,14 +79,15 @@ static struct lpca *compute_rounded(struct compress *compress, const struct btf_
         return NULL;
     compress->exact_error = lpca->error;
     if (compress->grid > 0) {
-        struct lpca *resampled = resample_lpca(lpca, compress->grid, error);
+        struct lpca *resampled = lpca_resample(lpca, compress->grid, error);
         lpca_free(lpca);
         lpca = resampled;
     }
     if (!lpca)
         return NULL;
     lpca_quantise(lpca, compress->quantise);
-    compress->error = compress->grid > 0 ? resample_error(lpca, btf, 0) : lpca_error(lpca, btf, 0);
+    compress->error =
+        compress->grid > 0 ? lpca_resample_error(lpca, btf, 0) : lpca_error(lpca, btf, 0);
     return lpca;
 }
 
@@ -91,9 +95,9 @@ static struct lpca *compute_rounded(struct compress *compress, const struct btf_
 static struct lpca *compute(struct compress *compress, const struct btf_matrix *btf,
                             struct lpca_options *options, GError **error) {
     struct rounding *rounding = &compress->rounding;
-    const struct rounding *found = unfinished_get(compress->unfinished, "rounding", sizeof *found);
+    const struct rounding *found = checkpoint_get(compress->checkpoint, "rounding", sizeof *found);
     *rounding = found ? *found : (struct rounding){0, options->target};
-    unfinished_keep(compress->unfinished, "rounding", rounding, sizeof *rounding);
+    checkpoint_keep(compress->checkpoint, "rounding", rounding, sizeof *rounding);
     for (; rounding->times < MOST_ROUNDING; rounding->times++) {
         options->target = rounding->target;
         struct lpca *lpca = compute_rounded(compress, btf, options, error);
@@ -107,7 +111,7 @@ static struct lpca *compute(struct compress *compress, const struct btf_matrix *
             break;
         rounding->target = MIN(sqrt(left), compress->exact_error) * (1 - 1e-6);
     }
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; quantise "
                 "less or use more clusters",
                 100 * compress->target, compress->grid ? " and the grid" : "",
@@ -152,7 +156,7 @@ static gboolean add_levels(struct compress *compress, const struct btf_matrix *b
         fixed.clusters = now.n_clusters = MIN(compress->used_clusters, half->width * half->height);
         now.n_components = compress->used_components;
         fixed.target = now.target = 0;
-        now.unfinished = NULL; /* a third of the work in all */
+        now.checkpoint = NULL; /* a third of the work in all */
         struct lpca *lpca = compute_rounded(&fixed, half, &now, error);
         struct btf_matrix *next = lpca ? btf_matrix_halved(half) : NULL;
         btf_matrix_free(half);
@@ -167,8 +171,7 @@ static gboolean add_levels(struct compress *compress, const struct btf_matrix *b
 }
 
 static gboolean make_lpca(struct compress *compress, const struct btf_matrix *btf,
-                          PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                          GError **error) {
+                          const struct work *work, GError **error) {
     struct lpca_options options = {
         .n_clusters = compress->clusters ? compress->clusters : MIN(CLUSTERS, compress->texels),
         .n_components = compress->components ? compress->components
@@ -177,10 +180,8 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
                             : MIN(COMPONENTS, 3 * btf->n_views * btf->n_lights),
         .target = compress->target,
         .colours = compress->colours,
-        .progress = progress,
-        .data = progress_data,
-        .cancellable = cancellable,
-        .unfinished = compress->unfinished,
+        .work = *work,
+        .checkpoint = compress->checkpoint,
     };
     if (compress->memory > 0) {
         const gint64 values =
@@ -216,7 +217,7 @@ static gboolean eigenmaps_memory(const struct compress *compress, const struct b
     g_autofree char *size = g_format_size((guint64)column);
     g_autofree char *given = g_format_size((guint64)compress->memory);
     g_set_error(
-        error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        error, DATA_ERROR, DATA_ERROR_INVALID,
         "%d eigen-maps of %d × %d texels and %d lights take %s of memory each, and one view "
         "as much, which is more than %s; allow more",
         terms, btf->width, btf->height, btf->n_lights, size, given);
@@ -224,16 +225,15 @@ static gboolean eigenmaps_memory(const struct compress *compress, const struct b
 }
 
 static gboolean make_eigenmaps(struct compress *compress, const struct btf_matrix *btf,
-                               PipelineFunc progress, gpointer progress_data,
-                               GCancellable *cancellable, GError **error) {
+                               const struct work *work, GError **error) {
     const int terms = compress->components   ? compress->components
                       : compress->target > 0 ? btf->n_views
                                              : MIN(4, btf->n_views);
     struct eigenmaps_options options = {.target = compress->target};
     if (!eigenmaps_memory(compress, btf, terms, &options.memory, error))
         return FALSE;
-    struct eigenmaps *maps = compress_eigenmaps(btf, terms, &options, progress, progress_data,
-                                                cancellable, &compress->error, error);
+    struct eigenmaps *maps =
+        compress_eigenmaps(btf, terms, &options, work, &compress->error, error);
     if (!maps)
         return FALSE;
     compress->exact_error = compress->error;
@@ -258,7 +258,7 @@ static gboolean note_lobes(struct compress *compress, struct lobes *const *level
         compress->bytes += lobes_bytes(levels[level]);
     if (compress->target <= 0 || lobes->error <= compress->target)
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "an error of %.3g %% is not reached by %s (%.3g %%); use lpca",
                 100 * compress->target, lobes_model_name(compress->model), 100 * lobes->error);
     return FALSE;
@@ -266,14 +266,11 @@ static gboolean note_lobes(struct compress *compress, struct lobes *const *level
 
 /* What lobes need is few numbers: with -c as many a texel as are asked for. */
 static gboolean make_lobes(struct compress *compress, const struct btf_matrix *btf,
-                           PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                           GError **error) {
+                           const struct work *work, GError **error) {
     const struct lobes_options options = {.model = compress->model,
                                           .n_lobes = compress->components,
-                                          .unfinished = compress->unfinished,
-                                          .progress = progress,
-                                          .data = progress_data,
-                                          .cancellable = cancellable};
+                                          .checkpoint = compress->checkpoint,
+                                          .work = *work};
     struct lobes *levels[LOBES_MAX_LEVELS] = {NULL};
     int n;
     if (compress->mips)
@@ -289,28 +286,27 @@ static gboolean make_lobes(struct compress *compress, const struct btf_matrix *b
 }
 
 /* Everything that the result depends on beside the BTF. */
-static void begin_unfinished(struct compress *compress, const struct btf_matrix *btf) {
-    g_autofree char *path = g_strconcat(compress->written, ".unfinished", NULL);
+static void begin_checkpoint(struct compress *compress, const struct btf_matrix *btf) {
+    g_autofree char *path = g_strconcat(compress->written, ".checkpoint", NULL);
     g_autofree char *what =
         g_strdup_printf("%s %d × %d, error %.17g, %s, colours %d, grid %d, %" G_GINT64_FORMAT
                         " bytes in %" G_GINT64_FORMAT,
                         method_name(compress), compress->clusters, compress->components,
                         compress->target, lpca_quantise_name(compress->quantise), compress->colours,
                         compress->grid, compress->size, compress->memory);
-    compress->unfinished = unfinished_new(path);
-    unfinished_begin(compress->unfinished, btf, what);
-    if (unfinished_note(compress->unfinished))
-        g_printerr("%s\n", unfinished_note(compress->unfinished));
+    compress->checkpoint = checkpoint_new(path);
+    btf_checkpoint_begin(compress->checkpoint, btf, what);
+    if (checkpoint_note(compress->checkpoint))
+        g_printerr("%s\n", checkpoint_note(compress->checkpoint));
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct compress *compress = data;
     if (compress->output && !check_output(compress->output, error))
         return FALSE;
     /* What is left of the limit is for the work. */
-    struct btf_matrix *btf = btf_matrix_read_within(compress->memory / 2, compress->path, progress,
-                                                    progress_data, cancellable, error);
+    struct btf_matrix *btf =
+        btf_matrix_read_within(compress->memory / 2, compress->path, work, error);
     if (!btf)
         return FALSE;
     g_autofree char *name = g_strdup_printf("%s.exr", method_name(compress));
@@ -322,18 +318,17 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     compress->holes = btf->holes;
     compress->bounds = btf->bounds;
     compress->raw_bytes = (gint64)compress->texels * btf->n_views * btf->n_lights * 3 * 2;
-    begin_unfinished(compress, btf);
+    begin_checkpoint(compress, btf);
     const gboolean ok = (compress->lobes       ? make_lobes
                          : compress->eigenmaps ? make_eigenmaps
-                                               : make_lpca)(compress, btf, progress, progress_data,
-                                                            cancellable, error);
+                                               : make_lpca)(compress, btf, work, error);
     if (ok)
-        unfinished_remove(compress->unfinished);
-    else if (!g_cancellable_is_cancelled(cancellable))
-        unfinished_discard(compress->unfinished);
+        checkpoint_remove(compress->checkpoint);
+    else if (!g_cancellable_is_cancelled(work->cancellable))
+        checkpoint_discard(compress->checkpoint);
     else if (!compress->eigenmaps)
-        g_prefix_error(error, "%s.unfinished keeps what is done: ", compress->written);
-    g_clear_pointer(&compress->unfinished, unfinished_free);
+        g_prefix_error(error, "%s.checkpoint keeps what is done: ", compress->written);
+    g_clear_pointer(&compress->checkpoint, checkpoint_free);
     btf_matrix_free(btf);
     GStatBuf status;
     if (ok && g_stat(compress->written, &status) == 0)
@@ -564,7 +559,7 @@ static int run(const struct command *command, int argc, char **argv) {
     compress.colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB;
     if (compress.size > 0 && clusters_option > 0)
         return cli_usage(command, "--size chooses the clusters: leave out -k");
-    if (grid_option != 0 && (grid_option < RESAMPLE_MIN_GRID || grid_option > RESAMPLE_MAX_GRID))
+    if (grid_option != 0 && (grid_option < DIRECTION_GRID_MIN || grid_option > DIRECTION_GRID_MAX))
         return cli_usage(command, "--grid is 4 to 24");
     if ((compress.lobes || compress.eigenmaps) &&
         (compress.size > 0 || grid_option > 0 || colours_option))
@@ -589,7 +584,7 @@ static int run(const struct command *command, int argc, char **argv) {
     compress.clusters = MAX(clusters_option, 0);
     compress.components = MAX(components_option, 0);
     compress.output = output_option;
-    const gboolean ok = work_run(work, &compress, &seconds, &error);
+    const gboolean ok = cli_work_run(work, &compress, &seconds, &error);
     if (ok)
         tell(&compress, seconds);
     g_free(compress.written);

@@ -6,9 +6,8 @@
 
 /* Eigen-maps of a whole matrix; stage "eigenmaps". progress may not be NULL. */
 struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
-                                     const struct eigenmaps_options *options, PipelineFunc progress,
-                                     gpointer data, GCancellable *cancellable, double *ret_error,
-                                     GError **error);
+                                     const struct eigenmaps_options *options,
+                                     const struct work *work, double *ret_error, GError **error);
 
 /* --method=mdf or mdf-views. */
 enum compress_mdf_kind {

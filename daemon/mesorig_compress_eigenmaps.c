@@ -6,9 +6,8 @@
 
 struct columns {
     const struct btf_matrix *btf;
-    PipelineFunc progress;
-    gpointer data;
-    GCancellable *cancellable;
+    const struct work *work;
+    gint64 begun_us;
     int asked;
 };
 
@@ -17,11 +16,9 @@ static gboolean give_column(int view, float *ret_column, gpointer data, GError *
     const struct btf_matrix *btf = columns->btf;
     const gsize texels = (gsize)btf->width * (gsize)btf->height, n = 3 * (gsize)btf->n_lights;
     columns->asked++;
-    const struct pipeline_progress now = {"eigenmaps", MIN(columns->asked, btf->n_views),
-                                          btf->n_views, -1};
-    if (g_cancellable_set_error_if_cancelled(columns->cancellable, error))
+    if (!work_tell(columns->work, "eigenmaps", MIN(columns->asked, btf->n_views), btf->n_views,
+                   columns->begun_us, error))
         return FALSE;
-    columns->progress(&now, columns->data);
     g_autofree float *buffer = btf->values ? NULL : g_new(float, ROWS *n);
     for (gsize first = 0; first < texels; first += ROWS) {
         const gsize rows = MIN(ROWS, texels - first);
@@ -59,10 +56,9 @@ static struct eigenmaps *new_eigenmaps(const struct btf_matrix *btf, int n_terms
 }
 
 struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
-                                     const struct eigenmaps_options *options, PipelineFunc progress,
-                                     gpointer data, GCancellable *cancellable, double *ret_error,
-                                     GError **error) {
-    struct columns columns = {btf, progress, data, cancellable, 0};
+                                     const struct eigenmaps_options *options,
+                                     const struct work *work, double *ret_error, GError **error) {
+    struct columns columns = {.btf = btf, .work = work, .begun_us = g_get_monotonic_time()};
     struct eigenmaps *maps = new_eigenmaps(btf, n_terms);
     if (!eigenmaps_compute_with(maps, options, give_column, &columns, ret_error, error))
         g_clear_pointer(&maps, eigenmaps_free);

@@ -18,26 +18,25 @@ struct job {
     int width, height, n_measured, n_traced, n_terms;
     gint64 bytes, file_bytes;
     double texel_mm, error_mm, most_mm;
+    gint64 begun_us;
 };
 
-static struct mdf_factors *factor(struct job *job, struct mdf_table *table,
-                                  const struct work_stage *stage, GError **error) {
+static struct mdf_factors *factor(struct job *job, struct mdf_table *table, const struct work *work,
+                                  GError **error) {
     const struct compress_mdf *asked = job->asked;
     const int most = asked->terms > 0    ? asked->terms
                      : asked->target > 0 ? MDF_FACTORS_MAX_TERMS
                                          : TERMS;
     mdf_table_add_grazing(table);
-    if (!work_tell(stage, "maps", 1, 3)) {
-        g_cancellable_set_error_if_cancelled(stage->cancellable, error);
+    if (!work_tell(work, "maps", 1, 3, job->begun_us, error))
         return NULL;
-    }
     return mdf_factors_compute(table, job->n_measured, most, asked->target * table->texel_mm,
-                               stage->cancellable, error);
+                               work->cancellable, error);
 }
 
-static gboolean make_factors(struct job *job, struct mdf_table *table,
-                             const struct work_stage *stage, GError **error) {
-    struct mdf_factors *factors = factor(job, table, stage, error);
+static gboolean make_factors(struct job *job, struct mdf_table *table, const struct work *work,
+                             GError **error) {
+    struct mdf_factors *factors = factor(job, table, work, error);
     gboolean ok = factors != NULL;
     if (ok) {
         struct mdf_table *is = mdf_factors_table(factors);
@@ -46,9 +45,8 @@ static gboolean make_factors(struct job *job, struct mdf_table *table,
         job->bytes = mdf_factors_bytes(factors);
         job->error_mm = mdf_table_difference(table, job->n_measured, is, &job->most_mm);
         mdf_table_free(is);
-        ok = work_tell(stage, "maps", 2, 3)
-                 ? mdf_factors_write(job->asked->output, factors, error)
-                 : !g_cancellable_set_error_if_cancelled(stage->cancellable, error);
+        ok = work_tell(work, "maps", 2, 3, job->begun_us, error) &&
+             mdf_factors_write(job->asked->output, factors, error);
     }
     mdf_factors_free(factors);
     return ok;
@@ -77,10 +75,9 @@ static gboolean make_blocks(struct job *job, const struct mdf_table *table, GErr
     return ok;
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    const struct work_stage stage = work_stage(progress, progress_data, cancellable);
+    job->begun_us = g_get_monotonic_time();
     struct mdf_table *table = mdf_table_read(job->from, error);
     if (!table)
         return FALSE;
@@ -89,7 +86,7 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     job->n_measured = table->n_views;
     job->texel_mm = table->texel_mm;
     const enum compress_mdf_kind kind = job->asked->kind;
-    const gboolean ok = kind == COMPRESS_MDF_MAPS   ? make_factors(job, table, &stage, error)
+    const gboolean ok = kind == COMPRESS_MDF_MAPS   ? make_factors(job, table, work, error)
                         : kind == COMPRESS_MDF_4BIT ? make_blocks(job, table, error)
                                                     : make_views(job, table, error);
     GStatBuf status;
@@ -163,7 +160,7 @@ int compress_mdf(const struct compress_mdf *asked) {
     job.from = g_file_test(asked->path, G_FILE_TEST_IS_DIR)
                    ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
                    : g_strdup(asked->path);
-    const gboolean ok = work_run(work, &job, &seconds, &error);
+    const gboolean ok = cli_work_run(work, &job, &seconds, &error);
     if (ok)
         tell(&job, seconds);
     g_free(job.from);

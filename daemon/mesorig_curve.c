@@ -13,9 +13,7 @@
 struct curve {
     const struct btf_matrix *btf;
     GArray *points;
-    PipelineFunc progress;
-    gpointer data;
-    GCancellable *cancellable;
+    const struct work *work;
 };
 
 void curve_free(GArray *points) {
@@ -50,11 +48,8 @@ static gboolean add_lpcas(struct curve *curve, GError **error) {
     const int texels = curve->btf->width * curve->btf->height;
     const int values = 3 * curve->btf->n_views * curve->btf->n_lights;
     for (int k = 1; k <= 64 && (k == 1 || k <= texels / 16); k *= 4) {
-        const struct lpca_options options = {.n_clusters = k,
-                                             .n_components = MIN(MOST_COMPONENTS, values),
-                                             .progress = curve->progress,
-                                             .data = curve->data,
-                                             .cancellable = curve->cancellable};
+        const struct lpca_options options = {
+            .n_clusters = k, .n_components = MIN(MOST_COMPONENTS, values), .work = *curve->work};
         struct lpca *lpca = lpca_compute(curve->btf, &options, error);
         if (!lpca)
             return FALSE;
@@ -87,9 +82,7 @@ static gboolean add_packed(struct curve *curve, GError **error) {
                                          .n_components =
                                              (int)MIN(LPCA_MAX_PACKED, MIN(texels, values)),
                                          .to_pack = TRUE,
-                                         .progress = curve->progress,
-                                         .data = curve->data,
-                                         .cancellable = curve->cancellable};
+                                         .work = *curve->work};
     struct lpca *exact = lpca_compute(curve->btf, &options, error);
     if (!exact)
         return FALSE;
@@ -108,11 +101,10 @@ static gboolean add_packed(struct curve *curve, GError **error) {
 static gboolean add_eigenmaps(struct curve *curve, GError **error) {
     const struct btf_matrix *btf = curve->btf;
     const int most = MIN(MOST_TERMS, btf->n_views);
-    const struct lobes_options options = {.cancellable = curve->cancellable};
+    const struct work quiet = {.cancellable = curve->work->cancellable};
     double ignored;
     struct eigenmaps *maps =
-        compress_eigenmaps(btf, most, &(struct eigenmaps_options){0}, curve->progress, curve->data,
-                           curve->cancellable, &ignored, error);
+        compress_eigenmaps(btf, most, &(struct eigenmaps_options){0}, curve->work, &ignored, error);
     if (!maps)
         return FALSE;
     Material *of_maps = material_of_eigenmaps("", maps);
@@ -121,7 +113,7 @@ static gboolean add_eigenmaps(struct curve *curve, GError **error) {
     gboolean ok = TRUE;
     for (int n = 1; ok && n <= most; n *= 2) {
         maps->n_terms = n;
-        struct comparison *c = compare_materials(of_btf, of_maps, &options, error);
+        struct comparison *c = compare_materials(of_btf, of_maps, &quiet, error);
         ok = c != NULL;
         if (c)
             add_point(curve, "eigen-maps", g_strdup_printf(n > 1 ? "%d terms" : "%d term", n),
@@ -140,11 +132,7 @@ static gboolean add_lobes(struct curve *curve, enum lobes_model model, int most,
     static const char *const names[LOBES_MODELS] = {"reflectance fields", "polynomials",
                                                     "Lafortune", "Ward", "Ashikhmin–Shirley"};
     for (int k = 1; k <= most; k++) {
-        const struct lobes_options options = {.model = model,
-                                              .n_lobes = k,
-                                              .progress = curve->progress,
-                                              .data = curve->data,
-                                              .cancellable = curve->cancellable};
+        const struct lobes_options options = {.model = model, .n_lobes = k, .work = *curve->work};
         struct lobes *lobes = lobes_compute(curve->btf, &options, error);
         if (!lobes)
             return FALSE;
@@ -178,10 +166,8 @@ static void keep_best(GArray *points) {
     g_array_set_size(points, kept);
 }
 
-GArray *curve_measure(const struct btf_matrix *btf, PipelineFunc progress, gpointer data,
-                      GCancellable *cancellable, GError **error) {
-    struct curve curve = {btf, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), progress, data,
-                          cancellable};
+GArray *curve_measure(const struct btf_matrix *btf, const struct work *work, GError **error) {
+    struct curve curve = {btf, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), work};
     const gboolean ok =
         add_lpcas(&curve, error) && add_packed(&curve, error) && add_eigenmaps(&curve, error) &&
         add_lobes(&curve, LOBES_FIELDS, LOBES_MAX_LOBES, error) &&

@@ -33,11 +33,9 @@ struct job {
     struct export_surface_result surface;
 };
 
-static gboolean work_btf(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                         gpointer data, GError **error) {
+static gboolean work_btf(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    const struct export_progress to = {progress, progress_data, cancellable};
-    return export_bonn(job->session, output, job->kind, components ? components : COMPONENTS, &to,
+    return export_bonn(job->session, output, job->kind, components ? components : COMPONENTS, work,
                        &job->btf, error);
 }
 
@@ -71,17 +69,15 @@ static int export_btf(const struct command *command, struct job *job) {
         return cli_usage(command, "--format is bdi, fmf or dfmf");
     if (components < 0 || components > LPCA_MAX_COMPONENTS)
         return cli_usage(command, "--components is 1 to %d", LPCA_MAX_COMPONENTS);
-    if (!work_run(work_btf, job, &seconds, &error))
+    if (!cli_work_run(work_btf, job, &seconds, &error))
         return cli_fail(error);
     tell_btf(job, seconds);
     return CLI_DONE;
 }
 
-static gboolean work_surface(PipelineFunc progress, gpointer progress_data,
-                             GCancellable *cancellable, gpointer data, GError **error) {
+static gboolean work_surface(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    const struct export_progress to = {progress, progress_data, cancellable};
-    return export_surface(job->session, output, &job->options, &to, &job->surface, error);
+    return export_surface(job->session, output, &job->options, work, &job->surface, error);
 }
 
 static void tell_surface(const struct job *job, double seconds) {
@@ -116,7 +112,7 @@ static int export_shape(const struct command *command, struct job *job, enum exp
         return cli_usage(command, "--views is 1 to 255");
     job->options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
-    if (!work_run(work_surface, job, &seconds, &error))
+    if (!cli_work_run(work_surface, job, &seconds, &error))
         return cli_fail(error);
     tell_surface(job, seconds);
     return CLI_DONE;

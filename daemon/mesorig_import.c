@@ -34,8 +34,7 @@ static const GOptionEntry entries[] = {
 };
 
 typedef gboolean (*Import)(const char *path, const char *source, const struct import_wish *wish,
-                           const struct import_progress *progress, struct import_result *ret,
-                           GError **error);
+                           const struct work *work, struct import_result *ret, GError **error);
 
 static const struct kind {
     const char *name;
@@ -53,11 +52,9 @@ struct job {
     struct import_result result;
 };
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    const struct import_progress to = {progress, progress_data, cancellable};
-    return job->kind->import(output, job->source, &job->wish, &to, &job->result, error);
+    return job->kind->import(output, job->source, &job->wish, work, &job->result, error);
 }
 
 static void tell(const struct job *job, double seconds) {
@@ -98,11 +95,9 @@ struct poses_job {
     struct import_poses_result result;
 };
 
-static gboolean work_poses(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                           gpointer data, GError **error) {
+static gboolean work_poses(const struct work *work, gpointer data, GError **error) {
     struct poses_job *job = data;
-    const struct import_progress to = {progress, progress_data, cancellable};
-    return import_poses(output, &job->poses, &to, &job->result, error);
+    return import_poses(output, &job->poses, work, &job->result, error);
 }
 
 static void tell_poses(const struct import_poses_result *result, double seconds) {
@@ -172,7 +167,7 @@ static int run_poses(const struct command *command, const char *table) {
         return cli_usage(command, "--cfa is mono, rggb, bggr, grbg or gbrg");
     if (edge && !parse_edge(edge, &job.poses.edge))
         return cli_usage(command, "--edge is line, darkens or lightens");
-    if (!work_run(work_poses, &job, &seconds, &error))
+    if (!cli_work_run(work_poses, &job, &seconds, &error))
         return cli_fail(error);
     tell_poses(&job.result, seconds);
     return CLI_DONE;
@@ -199,7 +194,7 @@ static int run(const struct command *command, int argc, char **argv) {
         return cli_usage(command, "--region needs X,Y,WIDTH,HEIGHT in texels");
     job.source = argv[2];
     job.wish.texel_mm = texel_mm;
-    if (!work_run(work, &job, &seconds, &error))
+    if (!cli_work_run(work, &job, &seconds, &error))
         return cli_fail(error);
     tell(&job, seconds);
     return CLI_DONE;

@@ -250,7 +250,7 @@ static const char *state_text(const char *state, const struct counts *counts) {
     if (counts->planned == 0)
         return "done";
     if (!state || strcmp(state, "running") == 0)
-        return "unfinished";
+        return "checkpoint";
     return state;
 }
 

@@ -1,4 +1,6 @@
 #include "mesorig_process.h"
+#include "base/data_error.h"
+#include "processing/pipeline.h"
 
 #include "calib/calibration.h"
 #include "devices.h"
@@ -75,13 +77,12 @@ struct process {
     struct pipeline_result result;
 };
 
-static gboolean run_pipeline(PipelineFunc progress, gpointer progress_data,
-                             GCancellable *cancellable, gpointer data, GError **error) {
+static gboolean run_pipeline(const struct work *work, gpointer data, GError **error) {
     struct process *process = data;
     g_autoptr(Session) session = session_open(process->directory, SESSION_READ, error);
     g_autofree char *imported = session ? session_value(session, "imported") : NULL;
     if (imported)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: it was imported from %s as a finished BTF; there is nothing to process",
                     process->directory, imported);
     if (!session || imported)
@@ -91,9 +92,7 @@ static gboolean run_pipeline(PipelineFunc progress, gpointer progress_data,
         .follow = process->follow,
         .n_eigenmaps = 4,
         .calibration = process->calibration,
-        .progress = progress,
-        .data = progress_data,
-        .cancellable = cancellable,
+        .work = *work,
     };
     return pipeline_run(process->directory, &options, &process->result, error);
 }
@@ -101,7 +100,7 @@ static gboolean run_pipeline(PipelineFunc progress, gpointer progress_data,
 static int run_process(struct process *process) {
     g_autoptr(GError) error = NULL;
     double seconds = 0;
-    if (!work_run(run_pipeline, process, &seconds, &error))
+    if (!cli_work_run(run_pipeline, process, &seconds, &error))
         return cli_fail(error);
     tell_result(&process->result, seconds);
     return CLI_DONE;

@@ -1,7 +1,7 @@
 /* resample: a BTF in directions that are the same for all texels. */
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
-#include "processing/btf_resample.h"
+#include "processing/near_field_correction.h"
 #include "report.h"
 
 #include <math.h>
@@ -21,27 +21,27 @@ static const GOptionEntry entries[] = {
 struct job {
     const char *session;
     struct btf_directions *to; /* NULL: its own */
-    struct btf_resample_result result;
+    struct near_field_correction_result result;
 };
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
+static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    const struct import_progress to = {progress, progress_data, cancellable};
-    return btf_resample(job->session, output, job->to, threads, &to, &job->result, error);
+    struct work threaded = *work;
+    threaded.n_threads = threads;
+    return near_field_correct(job->session, output, job->to, &threaded, &job->result, error);
 }
 
 static void add_double(GVariantBuilder *builder, const char *name, double value) {
     g_variant_builder_add(builder, "{sv}", name, g_variant_new_double(value));
 }
 
-static void add_from(GVariantBuilder *builder, const struct btf_resample_band *band) {
+static void add_from(GVariantBuilder *builder, const struct near_field_correction_band *band) {
     add_double(builder, "left_out_view", band->left_out_view);
     add_double(builder, "left_out_light", band->left_out_light);
     add_double(builder, "back", band->back);
 }
 
-static void add_to(GVariantBuilder *builder, const struct btf_resample_band *band) {
+static void add_to(GVariantBuilder *builder, const struct near_field_correction_band *band) {
     add_double(builder, "moved_deg", band->moved_deg);
     add_double(builder, "most_moved_deg", band->most_moved_deg);
     add_double(builder, "held", band->held);
@@ -50,11 +50,13 @@ static void add_to(GVariantBuilder *builder, const struct btf_resample_band *ban
 }
 
 static GVariant *bands_variant(const GArray *bands,
-                               void (*add)(GVariantBuilder *, const struct btf_resample_band *)) {
+                               void (*add)(GVariantBuilder *,
+                                           const struct near_field_correction_band *)) {
     GVariantBuilder list;
     g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
     for (guint i = 0; i < bands->len; i++) {
-        const struct btf_resample_band *band = &g_array_index(bands, struct btf_resample_band, i);
+        const struct near_field_correction_band *band =
+            &g_array_index(bands, struct near_field_correction_band, i);
         GVariantBuilder one;
         g_variant_builder_init(&one, G_VARIANT_TYPE_VARDICT);
         add_double(&one, "theta_deg", band->theta_deg);
@@ -66,7 +68,7 @@ static GVariant *bands_variant(const GArray *bands,
 }
 
 static void tell_json(const struct job *job, double seconds) {
-    const struct btf_resample_result *result = &job->result;
+    const struct near_field_correction_result *result = &job->result;
     GVariantBuilder builder;
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&builder, "{sv}", "session", g_variant_new_string(output));
@@ -99,12 +101,12 @@ static int padded(const char *name, int width) {
     return width + (int)strlen(name) - (int)g_utf8_strlen(name, -1);
 }
 
-static void print_from(const char *name, const struct btf_resample_band *band) {
+static void print_from(const char *name, const struct near_field_correction_band *band) {
     g_print("%-*s %11.2f %% %16.2f %% %14.2f %%\n", padded(name, 13), name,
             100 * band->left_out_view, 100 * band->left_out_light, 100 * band->back);
 }
 
-static void print_to(const char *name, const struct btf_resample_band *band) {
+static void print_to(const char *name, const struct near_field_correction_band *band) {
     g_print("%-*s %6.2f° %10.2f° %12.1f %%", padded(name, 13), name, band->moved_deg,
             band->most_moved_deg, 100 * band->held);
     if (band->nominal >= 0)
@@ -112,17 +114,18 @@ static void print_to(const char *name, const struct btf_resample_band *band) {
     g_print("\n");
 }
 
-static void print_table(const GArray *bands, const struct btf_resample_band *all,
-                        void (*print)(const char *, const struct btf_resample_band *)) {
+static void print_table(const GArray *bands, const struct near_field_correction_band *all,
+                        void (*print)(const char *, const struct near_field_correction_band *)) {
     for (guint i = 0; i < bands->len; i++) {
-        const struct btf_resample_band *band = &g_array_index(bands, struct btf_resample_band, i);
+        const struct near_field_correction_band *band =
+            &g_array_index(bands, struct near_field_correction_band, i);
         g_autofree char *name = g_strdup_printf("%.3g°", band->theta_deg);
         print(name, band);
     }
     print("all", all);
 }
 
-static void tell_marks(const struct btf_resample_result *result) {
+static void tell_marks(const struct near_field_correction_result *result) {
     if (result->holes > 0)
         g_print("%" G_GINT64_FORMAT " holes were filled from the texels around them\n",
                 result->holes);
@@ -134,7 +137,7 @@ static void tell_marks(const struct btf_resample_result *result) {
 }
 
 static void tell(const struct job *job, double seconds) {
-    const struct btf_resample_result *result = &job->result;
+    const struct near_field_correction_result *result = &job->result;
     g_autofree char *time = report_duration(seconds);
     if (cli_json) {
         tell_json(job, seconds);
@@ -178,12 +181,12 @@ static int run(const struct command *command, int argc, char **argv) {
     job.session = argv[1];
     if (!read_directions(&job, &error))
         return cli_fail(error);
-    const gboolean ok = work_run(work, &job, &seconds, &error);
+    const gboolean ok = cli_work_run(work, &job, &seconds, &error);
     btf_directions_free(job.to);
     if (!ok)
         return cli_fail(error);
     tell(&job, seconds);
-    btf_resample_result_clear(&job.result);
+    near_field_correction_result_clear(&job.result);
     return CLI_DONE;
 }
 

@@ -7,18 +7,18 @@
 #include <glib-unix.h>
 #include <signal.h>
 
-struct work {
+struct bar {
     Progress *progress;
     char *stage;
     gint64 json_us;
 };
 
-static void print_json_progress(struct work *work, const struct pipeline_progress *progress) {
+static void print_json_progress(struct bar *bar, const struct work_progress *progress) {
     const gint64 now_us = g_get_monotonic_time();
     GVariantBuilder builder;
-    if (progress->done < progress->total && now_us < work->json_us + G_USEC_PER_SEC)
+    if (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC)
         return;
-    work->json_us = now_us;
+    bar->json_us = now_us;
     g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
     g_variant_builder_add(&builder, "{sv}", "stage", g_variant_new_string(progress->stage));
     g_variant_builder_add(&builder, "{sv}", "done", g_variant_new_int32(progress->done));
@@ -27,18 +27,18 @@ static void print_json_progress(struct work *work, const struct pipeline_progres
     cli_print_json(g_variant_builder_end(&builder));
 }
 
-static void on_progress(const struct pipeline_progress *progress, gpointer data) {
-    struct work *work = data;
+static void on_progress(const struct work_progress *progress, gpointer data) {
+    struct bar *bar = data;
     if (cli_json) {
-        print_json_progress(work, progress);
+        print_json_progress(bar, progress);
         return;
     }
-    if (g_strcmp0(progress->stage, work->stage) != 0) {
-        progress_free(work->progress);
+    if (g_strcmp0(progress->stage, bar->stage) != 0) {
+        progress_free(bar->progress);
         g_autofree char *what = g_strdup_printf("%-9s", progress->stage);
-        work->progress = progress_new(what);
-        g_free(work->stage);
-        work->stage = g_strdup(progress->stage);
+        bar->progress = progress_new(what);
+        g_free(bar->stage);
+        bar->stage = g_strdup(progress->stage);
     }
     g_autoptr(GString) text = g_string_new(NULL);
     g_string_append_printf(text, "%d/%d", progress->done, progress->total);
@@ -47,7 +47,7 @@ static void on_progress(const struct pipeline_progress *progress, gpointer data)
         g_string_append_printf(text, ", %s left", left);
     }
     const double fraction = progress->total > 0 ? (double)progress->done / progress->total : 0;
-    progress_show(work->progress, fraction, text->str, progress->done == progress->total);
+    progress_show(bar->progress, fraction, text->str, progress->done == progress->total);
 }
 
 /* The work has no main loop: the signals get a thread with one. */
@@ -72,33 +72,22 @@ static void attach(GMainContext *context, GSource *source, GSourceFunc func, gpo
     g_source_unref(source);
 }
 
-struct work_stage work_stage(PipelineFunc progress, gpointer data, GCancellable *cancellable) {
-    return (struct work_stage){progress, data, cancellable, g_get_monotonic_time()};
-}
-
-gboolean work_tell(const struct work_stage *stage, const char *name, int done, int total) {
-    const double so_far = (double)(g_get_monotonic_time() - stage->begun_us) / G_USEC_PER_SEC;
-    const struct pipeline_progress progress = {
-        name, done, total, done > total / 20 ? so_far * (total - done) / done : -1};
-    stage->progress(&progress, stage->data);
-    return !g_cancellable_is_cancelled(stage->cancellable);
-}
-
-gboolean work_run(WorkFunc func, gpointer data, double *ret_seconds, GError **error) {
+gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError **error) {
     g_autoptr(GMainContext) context = g_main_context_new();
     g_autoptr(GMainLoop) loop = g_main_loop_new(context, FALSE);
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     const gint64 begun_us = g_get_monotonic_time();
-    struct work work = {0};
+    struct bar bar = {0};
     for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
         attach(context, g_unix_signal_source_new(numbers[i]), on_signal, cancellable);
     GThread *thread = g_thread_new("signals", wait_for_signals, loop);
-    const gboolean ok = func(on_progress, &work, cancellable, data, error);
+    const struct work work = {.progress = on_progress, .data = &bar, .cancellable = cancellable};
+    const gboolean ok = func(&work, data, error);
     attach(context, g_idle_source_new(), quit_loop, loop);
     g_thread_join(thread);
-    progress_free(work.progress);
-    g_free(work.stage);
+    progress_free(bar.progress);
+    g_free(bar.stage);
     *ret_seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
     return ok;
 }

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "intake.h"
+#include "shot_frames.h"
 
 #define DEG(rad) ((rad) * (180 / G_PI))
 #define RAD(deg) ((deg) * (G_PI / 180))
@@ -257,7 +257,7 @@ static void count(const struct plan_build *b, struct plan *plan) {
         const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
         if (shot->state != SHOT_PLANNED)
             continue;
-        int n = intake_n_frames(b->conf, shot);
+        int n = shot_n_frames(b->conf, shot);
         plan->n_frames += n * __builtin_popcount(shot->cameras);
         plan->bytes += bytes_of(b, shot, n);
     }

@@ -1,6 +1,6 @@
 #include "plan_private.h"
 
-#include "intake.h"
+#include "shot_frames.h"
 
 /*
  * The sequencer's time, as it is predicted. Before each picture everything is prepared at once:
@@ -42,14 +42,14 @@ static double to_middle_s(const struct session_shot *shot, const struct rig_timi
 
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
                    const struct rig_timing *timing) {
-    int n = intake_n_frames(conf, shot);
+    int n = shot_n_frames(conf, shot);
     double readout_s = plan_readout_s(shot, timing);
     double sum_s = (n - 1) * readout_s + n * slowest_s(shot, timing->trigger_us);
 
     if (shot->state == SHOT_SKIPPED)
         return 0;
     for (int i = 0; i < n; i++)
-        sum_s += intake_exposure_us(conf, shot, i) / 1e6;
+        sum_s += shot_exposure_us(conf, shot, i) / 1e6;
     if (shot->kind == SHOT_SWEEP)
         sum_s += (shot->sweep_steps - 1) * MAX(0, step_s(shot, timing) - readout_s) +
                  MAX(0, to_middle_s(shot, timing) - readout_s);

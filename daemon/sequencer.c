@@ -98,7 +98,7 @@ static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot
         goal.lamp = shot->device;
     if (shot->kind == SHOT_SWEEP) {
         int unit = rig_laser_unit(&seq->devices->timing, shot->device);
-        int step = intake_sweep_step(seq->conf, shot, sub);
+        int step = shot_sweep_step(seq->conf, shot, sub);
         goal.laser = step < shot->sweep_steps ? unit : -1;
         goal.sweep = unit;
         goal.sweep_deg = sweep_at_deg(shot, step);
@@ -125,7 +125,7 @@ static gboolean begin_shot(Sequencer *seq) {
         return FALSE;
     seq->shot = seq->shots->pdata[seq->next++];
     seq->sub = 0;
-    seq->n_subs = intake_n_frames(seq->conf, seq->shot);
+    seq->n_subs = shot_n_frames(seq->conf, seq->shot);
     seq->pending = seq->shot->cameras;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
         seq->eyes[c].refused = seq->eyes[c].retakes = seq->eyes[c].shortened = 0;
@@ -133,7 +133,7 @@ static gboolean begin_shot(Sequencer *seq) {
 }
 
 static gint64 exposure_us(const Sequencer *seq, int camera) {
-    gint64 us = intake_exposure_us(seq->conf, seq->shot, seq->sub);
+    gint64 us = shot_exposure_us(seq->conf, seq->shot, seq->sub);
     return seq->sub == 0 ? us >> (2 * seq->eyes[camera].shortened) : us;
 }
 

@@ -10,8 +10,8 @@
  */
 #pragma once
 
+#include "base/options.h"
 #include "clock.h"
-#include "options.h"
 
 #define DEVICE_ERROR device_error_quark()
 GQuark device_error_quark(void);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "btf_missing.h"
 #include "exr_half.h"
 
@@ -117,7 +118,7 @@ static gboolean check_frame(const struct input *input, const struct exr_part *fr
         return FALSE;
     }
     if (exr_get_int(frame, "mesorig.shot", &shot, NULL) && shot != (int)input->shot) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: it says that it is of shot %d, the session says shot %d", input->path,
                     shot, (int)input->shot);
         return FALSE;
@@ -125,7 +126,7 @@ static gboolean check_frame(const struct input *input, const struct exr_part *fr
     *cfa = *cfa ? *cfa : g_strdup(found);
     if (strcmp(found, *cfa) == 0)
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: it was taken through a colour filter %s, others of this camera through %s",
                 input->path, found, *cfa);
     return FALSE;
@@ -202,7 +203,7 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
     exr_half_to_floats(mosaic, mosaics->half[i], mosaics->n_pixels);
     int holes = rectify_apply(rectify, mosaic, rgb, marks);
     if (holes > MOST_HOLES * n) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: %d of %d texels show pixels that are not numbers", light->input.path,
                     holes, n);
         return NULL;
@@ -330,7 +331,7 @@ gboolean btf_read_view(const char *path, const int *lights, int n_lights,
         g_autofree char *name = g_strdup_printf("light_%04d", lights[i]);
         ok = copy_light(exr_file_part(file, name), grid, ret_rgb + size * (gsize)i);
         if (!ok)
-            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "%s: part %s is missing or is not %d × %d texels; delete the file and "
                         "process again",
                         path, name, grid->width, grid->height);

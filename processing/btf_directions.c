@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "import_private.h"
-#include "import_table.h"
+#include "base/data_error.h"
+#include "base/text_table.h"
 
 #define MOST     4096
 #define LOWEST   89.0 /* degrees: below there is nothing to be measured */
@@ -49,57 +49,56 @@ static gboolean same(double theta_a, double phi_a, double theta_b, double phi_b)
     return hypot(theta_a - theta_b, across) < SAME_DEG;
 }
 
-static gboolean add(const ImportTable *table, int row, double theta, double phi, struct list *to,
+static gboolean add(const TextTable *table, int row, double theta, double phi, struct list *to,
                     GError **error) {
-    const char *path = import_table_path(table);
-    const int line = import_table_line(table, row);
+    const char *path = text_table_path(table);
+    const int line = text_table_line(table, row);
     for (guint i = 0; i < to->theta->len; i++)
         if (same(theta, phi, (double)g_array_index(to->theta, float, i),
                  (double)g_array_index(to->phi, float, i)))
-            return import_fail(path, line, error, "the direction θ %g°, φ %g° is there already",
-                               theta, phi);
+            return data_error_fail(path, line, error, "the direction θ %g°, φ %g° is there already",
+                                   theta, phi);
     if (to->theta->len >= MOST)
-        return import_fail(path, line, error, "there are more than %d directions", MOST);
+        return data_error_fail(path, line, error, "there are more than %d directions", MOST);
     const float pair[] = {(float)theta, (float)phi};
     g_array_append_val(to->theta, pair[0]);
     g_array_append_val(to->phi, pair[1]);
     return TRUE;
 }
 
-static gboolean read_row(const ImportTable *table, int row, const int columns[3],
-                         struct list *views, struct list *lights, GError **error) {
-    const char *of = import_table_text(table, row, columns[0]);
+static gboolean read_row(const TextTable *table, int row, const int columns[3], struct list *views,
+                         struct list *lights, GError **error) {
+    const char *of = text_table_text(table, row, columns[0]);
     const gboolean both = strcmp(of, "both") == 0;
     const gboolean view = both || strcmp(of, "view") == 0, light = both || strcmp(of, "light") == 0;
     double theta, phi;
     if (!view && !light)
-        return import_fail(import_table_path(table), import_table_line(table, row), error,
-                           "“%s” is none of view, light, both", of);
-    if (!import_table_number(table, row, columns[1], NAN, &theta, error) ||
-        !import_table_number(table, row, columns[2], NAN, &phi, error))
+        return data_error_fail(text_table_path(table), text_table_line(table, row), error,
+                               "“%s” is none of view, light, both", of);
+    if (!text_table_number(table, row, columns[1], NAN, &theta, error) ||
+        !text_table_number(table, row, columns[2], NAN, &phi, error))
         return FALSE;
     if (!(theta >= 0 && theta <= LOWEST) || !(fabs(phi) <= 720))
-        return import_fail(import_table_path(table), import_table_line(table, row), error,
-                           "θ must be 0 to %g°, φ −720 to 720°", LOWEST);
+        return data_error_fail(text_table_path(table), text_table_line(table, row), error,
+                               "θ must be 0 to %g°, φ −720 to 720°", LOWEST);
     return (!view || add(table, row, theta, phi, views, error)) &&
            (!light || add(table, row, theta, phi, lights, error));
 }
 
-static gboolean read_rows(const ImportTable *table, struct list *views, struct list *lights,
+static gboolean read_rows(const TextTable *table, struct list *views, struct list *lights,
                           GError **error) {
-    const char *path = import_table_path(table);
-    const int columns[] = {import_table_column(table, "of"),
-                           import_table_column(table, "theta_deg"),
-                           import_table_column(table, "phi_deg")};
+    const char *path = text_table_path(table);
+    const int columns[] = {text_table_column(table, "of"), text_table_column(table, "theta_deg"),
+                           text_table_column(table, "phi_deg")};
     if (columns[0] < 0 || columns[1] < 0 || columns[2] < 0)
-        return import_fail(path, 0, error,
-                           "a table of directions has the columns of, theta_deg and phi_deg");
-    for (int row = 0; row < import_table_rows(table); row++)
+        return data_error_fail(path, 0, error,
+                               "a table of directions has the columns of, theta_deg and phi_deg");
+    for (int row = 0; row < text_table_rows(table); row++)
         if (!read_row(table, row, columns, views, lights, error))
             return FALSE;
     if (views->theta->len == 0 || lights->theta->len == 0)
-        return import_fail(path, 0, error, "there is no %s in it",
-                           views->theta->len == 0 ? "view" : "light");
+        return data_error_fail(path, 0, error, "there is no %s in it",
+                               views->theta->len == 0 ? "view" : "light");
     return TRUE;
 }
 
@@ -109,7 +108,7 @@ static struct list new_list(void) {
 }
 
 struct btf_directions *btf_directions_read(const char *path, GError **error) {
-    g_autoptr(ImportTable) table = import_table_read(path, error);
+    g_autoptr(TextTable) table = text_table_read(path, error);
     if (!table)
         return NULL;
     struct list views = new_list(), lights = new_list();

@@ -1,7 +1,7 @@
 /* Sets of directions that a BTF is wanted in. Any thread. */
 #pragma once
 
-#include "import.h"
+#include "base/data_error.h"
 
 struct btf_directions {
     char *name; /* what is said of it */
@@ -17,6 +17,6 @@ void btf_directions_free(struct btf_directions *directions); /* NULL is ignored 
 struct btf_directions *btf_directions_81(void);
 
 /* A table (import_table.h) with columns of, theta_deg and phi_deg; of: "view", "light" or "both".
- * IMPORT_ERROR_DATA with file and line: θ not within 0 … 89°, a direction twice, none of a kind,
+ * DATA_ERROR_INVALID with file and line: θ not within 0 … 89°, a direction twice, none of a kind,
  * more than 4096. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

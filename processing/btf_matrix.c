@@ -2,6 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "btf.h"
 #include "btf_private.h"
 
@@ -73,7 +74,7 @@ static GPtrArray *list_views(const Session *session, GError **error) {
         if (g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr"))
             g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
     if (paths->len == 0) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: there is no BTF yet; “mesorig process” makes it", folder);
         g_clear_pointer(&paths, g_ptr_array_unref);
         return NULL;
@@ -83,7 +84,7 @@ static GPtrArray *list_views(const Session *session, GError **error) {
 }
 
 static gboolean view_error(const char *path, GError **error, const char *what) {
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: %s; delete the file and process again, or import again", path, what);
     return FALSE;
 }
@@ -122,7 +123,7 @@ static gboolean begin(struct btf_matrix *btf, gint64 memory, const struct exr_fi
     }
     btf->values = g_try_new0(float, (gsize)bytes / sizeof(float));
     if (!btf->values)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "a BTF of %d × %d texels, %d views and %d lights needs %.1f GiB of memory; "
                     "“mesorig compress --memory” takes less",
                     btf->width, btf->height, btf->n_views, btf->n_lights,
@@ -226,23 +227,16 @@ static gboolean add_view(struct btf_matrix *btf, const struct exr_file *file, in
 }
 
 static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
-                           PipelineFunc progress, gpointer data, GCancellable *cancellable,
-                           GError **error) {
-    const gint64 begun = g_get_monotonic_time();
+                           const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
     gboolean ok = TRUE;
     for (int view = 0; ok && view < btf->n_views; view++) {
         const char *path = g_ptr_array_index(paths, (guint)view);
-        if (g_cancellable_set_error_if_cancelled(cancellable, error))
-            return FALSE;
         struct exr_file *file = exr_read(path, error);
         ok = file && (view > 0 || begin(btf, memory, file, path, error)) &&
              add_view(btf, file, view, path, error);
         exr_file_free(file);
-        const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
-        const struct pipeline_progress now = {"read", view + 1, btf->n_views,
-                                              spent / (view + 1) * (btf->n_views - view - 1)};
-        if (ok && progress)
-            progress(&now, data);
+        ok = ok && work_tell(work, "read", view + 1, btf->n_views, begun_us, error);
     }
     return ok;
 }
@@ -266,17 +260,15 @@ struct btf_matrix *btf_open(const char *path, GPtrArray **ret_paths, GError **er
     return btf;
 }
 
-struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpointer data,
-                                   GCancellable *cancellable, GError **error) {
-    return btf_matrix_read_within(0, path, progress, data, cancellable, error);
+struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error) {
+    return btf_matrix_read_within(0, path, work, error);
 }
 
-struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, PipelineFunc progress,
-                                          gpointer data, GCancellable *cancellable,
+struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
     struct btf_matrix *btf = btf_open(path, &paths, error);
-    if (btf && !read_views(btf, memory, paths, progress, data, cancellable, error))
+    if (btf && !read_views(btf, memory, paths, work, error))
         g_clear_pointer(&btf, btf_matrix_free);
     return btf;
 }

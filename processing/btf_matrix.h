@@ -7,8 +7,8 @@
  */
 #pragma once
 
-#include "lpca_team.h"
-#include "pipeline.h"
+#include "base/team.h"
+#include "base/work.h"
 
 struct btf_scratch;
 
@@ -34,20 +34,19 @@ void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
 /* Of a session directory, or of its products/btf. Views that are not there are left out; a view
  * whose lights or texels are other than those of the first is refused, as are infinite values.
  * A picture that is nothing but holes becomes black. Stage "read". */
-struct btf_matrix *btf_matrix_read(const char *path, PipelineFunc progress, gpointer data,
-                                   GCancellable *cancellable, GError **error);
+struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
 /* The same; if values would take more than memory bytes (0: any number), they are kept in a file
  * without a name in products/ of the session, or if that cannot be written, where temporary files
  * are. It takes 2 bytes a value and is gone with the matrix. */
-struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, PipelineFunc progress,
-                                          gpointer data, GCancellable *cancellable, GError **error);
+struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
+                                          GError **error);
 
 /* For a team (lpca_team.h) in which all call this: values hold the rows of a rank's own texels
  * alone. Each view is read by one rank, which deals its texels out. An error of one is an error of
  * all. */
-struct btf_matrix *btf_matrix_read_shared(const struct lpca_team *team, const char *path,
-                                          PipelineFunc progress, gpointer data, GError **error);
+struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
+                                          const struct work *work, GError **error);
 
 /* What n texels from first on show to a view: n rows of n_lights × 3 floats, each *ret_stride
  * behind the one before. They lie in memory, or else in buffer (n × n_lights × 3). NULL if the file

@@ -1,4 +1,4 @@
-/* What the files of btf_matrix.h and btf_resample.h share. */
+/* What the files of btf_matrix.h and near_field_correction.h share. */
 #pragma once
 
 #include "btf_matrix.h"

@@ -2,10 +2,12 @@
 
 #include "btf_private.h"
 
+#include "base/data_error.h"
+
 #define COLOURS 3
 
 struct shared {
-    const struct lpca_team *team;
+    const struct team *team;
     struct btf_matrix *btf;
     const GPtrArray *paths;
     int first, end; /* texels of this rank */
@@ -14,11 +16,11 @@ struct shared {
 };
 
 /* FALSE on all ranks if it is on one. */
-static gboolean all_ok(const struct lpca_team *team, gboolean ok, GError **error) {
+static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
     double failed = !ok;
     team->sum_doubles(team, &failed, 1);
     if (ok && failed > 0)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "another of the %d processes could not read its part", team->n_ranks);
     return failed == 0;
 }
@@ -66,16 +68,16 @@ static gboolean take_part(struct shared *shared, GError **error) {
     shared->starts = g_new0(gsize, shared->team->n_ranks + 1);
     for (int rank = 0; rank < shared->team->n_ranks; rank++) {
         int first, end;
-        lpca_team_part(shared->team, rank, btf->width * btf->height, LPCA_TEAM_ROWS, &first, &end);
+        team_part(shared->team, rank, btf->width * btf->height, TEAM_ROWS, &first, &end);
         shared->starts[rank + 1] = (gsize)end * n;
     }
-    lpca_team_part(shared->team, shared->team->rank, btf->width * btf->height, LPCA_TEAM_ROWS,
-                   &shared->first, &shared->end);
+    team_part(shared->team, shared->team->rank, btf->width * btf->height, TEAM_ROWS, &shared->first,
+              &shared->end);
     const gsize mine = (gsize)(shared->end - shared->first);
     shared->mine = g_new(float, mine *n + 1);
     btf->values = g_try_new0(float, mine *n *(gsize)btf->n_views + 1);
     if (!btf->values)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%" G_GSIZE_FORMAT " texels do not fit into memory; take more processes", mine);
     return btf->values != NULL;
 }
@@ -94,10 +96,9 @@ static void share_directions(const struct shared *shared) {
     btf->predicted = (gint64)marks[3];
 }
 
-static gboolean read_shared(struct shared *shared, PipelineFunc progress, gpointer data,
-                            GError **error) {
+static gboolean read_shared(struct shared *shared, const struct work *work, GError **error) {
     struct btf_matrix *btf = shared->btf;
-    const gint64 begun = g_get_monotonic_time();
+    const gint64 begun_us = g_get_monotonic_time();
     const int step = shared->team->n_ranks;
     if (!all_ok(shared->team, read_lights(shared, error) && take_part(shared, error), error))
         return FALSE;
@@ -107,23 +108,19 @@ static gboolean read_shared(struct shared *shared, PipelineFunc progress, gpoint
         if (!read_round(shared, view, buffer, error))
             return FALSE;
         const int done = MIN(view + step, btf->n_views);
-        const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
-        const struct pipeline_progress now = {"read", done, btf->n_views,
-                                              spent / done * (btf->n_views - done)};
-        if (progress)
-            progress(&now, data);
+        work_tell(work, "read", done, btf->n_views, begun_us, NULL);
     }
     share_directions(shared);
     return TRUE;
 }
 
-struct btf_matrix *btf_matrix_read_shared(const struct lpca_team *team, const char *path,
-                                          PipelineFunc progress, gpointer data, GError **error) {
+struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
+                                          const struct work *work, GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
     struct shared shared = {team, btf_open(path, &paths, error)};
     shared.paths = paths;
     if (!all_ok(team, shared.btf != NULL, error) || !shared.btf ||
-        !read_shared(&shared, progress, data, error))
+        !read_shared(&shared, work, error))
         g_clear_pointer(&shared.btf, btf_matrix_free);
     g_free(shared.starts);
     g_free(shared.mine);

@@ -1,5 +1,7 @@
 #include "catalogue.h"
 
+#include "base/data_error.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -42,7 +44,7 @@ static gboolean check_devices(const GPtrArray *directions, int n, const char *wh
         const struct session_direction *direction = g_ptr_array_index(directions, i);
         if (direction->device >= 0 && direction->device < n)
             continue;
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: its plan names %s %d, but its calibration has %d", path, what,
                     direction->device, n);
         return FALSE;
@@ -60,7 +62,7 @@ static gboolean check_shots(const struct catalogue *catalogue, GError **error) {
         if (shot->kind == SHOT_DARK ||
             (shot->device >= 0 && shot->device < n && (!sweeps || shot->sweep_steps >= 2)))
             continue;
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: shot %" G_GINT64_FORMAT " makes no sense (device %d of %d, %d steps)",
                     catalogue->directory, shot->id, shot->device, n, shot->sweep_steps);
         return FALSE;
@@ -106,7 +108,7 @@ static gboolean check_grid(const struct session_grid *grid, const char *path, GE
         grid->width_mm > 0 && grid->height_mm > 0 && isfinite(grid->width_mm) &&
         isfinite(grid->height_mm) && isfinite(grid->reference_mm) && isfinite(grid->depth_mm))
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: %d × %d texels of %g × %g mm are no grid", path, grid->width, grid->height,
                 grid->width_mm, grid->height_mm);
     return FALSE;
@@ -137,7 +139,7 @@ static gboolean load_calibration(struct catalogue *catalogue, Session *session, 
 static gboolean load_reference(struct catalogue *catalogue, Session *session, GError **error) {
     g_autofree char *text = session_value(session, LASER_REFERENCE_KEY);
     if (text && !laser_reference_from_text(text, &catalogue->reference)) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: its value %s, “%s”, is not five numbers: height, its error, x and y of "
                     "the hole, radius",
                     catalogue->directory, LASER_REFERENCE_KEY, text);

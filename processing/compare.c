@@ -1,9 +1,10 @@
 #include "compare.h"
 
+#include "base/data_error.h"
+#include "base/direction.h"
+
 #include <math.h>
 #include <string.h>
-
-#include "lobes_private.h"
 
 #define COLOURS 3
 #define BLOCKS  64
@@ -95,7 +96,7 @@ static void add_value(struct sums *to, const float *a, const float *b, double *l
         to->all += (double)a[c] * a[c];
         *largest = MAX(*largest, fabs(rest));
     }
-    to->luminance += fabsf(lobes_luminance(a) - lobes_luminance(b));
+    to->luminance += fabsf(rgb_luminance(a) - rgb_luminance(b));
     compare_lab(a, lab_a);
     compare_lab(b, lab_b);
     to->delta_e += compare_delta_e(lab_a, lab_b);
@@ -161,8 +162,8 @@ static gboolean same_directions(const float *theta_a, const float *phi_a, const 
                                 const float *phi_b, int n) {
     for (int i = 0; i < n; i++) {
         float a[3], b[3];
-        lobes_direction(theta_a[i], phi_a[i], a);
-        lobes_direction(theta_b[i], phi_b[i], b);
+        direction_from_deg(theta_a[i], phi_a[i], a);
+        direction_from_deg(theta_b[i], phi_b[i], b);
         const float away = hypotf(hypotf(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
         if (!(away < SAME * (float)G_PI / 180))
             return FALSE;
@@ -184,7 +185,7 @@ static gboolean check(const struct material_info *a, const struct material_info 
                               b->light_phi_deg, a->n_lights))
         what = "they have different lights";
     if (what)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s (%d × %d texels, %d views, %d lights) and %s (%d × %d, %d, %d) cannot be "
                     "compared: %s",
                     a->label, a->width, a->height, a->n_views, a->n_lights, b->label, b->width,
@@ -192,9 +193,8 @@ static gboolean check(const struct material_info *a, const struct material_info 
     return what == NULL;
 }
 
-struct comparison *compare_materials(const Material *a, const Material *b,
-                                     const struct lobes_options *options, GError **error) {
-    const struct lobes_options none = {0};
+struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
+                                     GError **error) {
     struct run run = {a, b, material_info(a)};
     struct comparison *ret = NULL;
     if (!check(run.info, material_info(b), error))
@@ -202,8 +202,7 @@ struct comparison *compare_materials(const Material *a, const Material *b,
     run.n_blocks = MIN(BLOCKS, run.info->width * run.info->height);
     run.sums = g_new0(struct sums, run.n_blocks * (run.info->n_views + run.info->n_lights));
     run.largest = g_new0(double, run.n_blocks);
-    if (lobes_parallel(options ? options : &none, "compare", run.n_blocks, compare_block, &run,
-                       error))
+    if (work_parallel(work, "compare", run.n_blocks, compare_block, &run, error))
         ret = summarise(&run);
     g_free(run.sums);
     g_free(run.largest);

@@ -19,9 +19,9 @@ struct comparison {
 };
 
 /* Both must have the same texels and directions (to 0.01°), else the error says what differs.
- * options: threads, progress (stage "compare") and cancellable are used; NULL: none. */
-struct comparison *compare_materials(const Material *a, const Material *b,
-                                     const struct lobes_options *options, GError **error);
+ * Stage "compare"; work may be NULL. */
+struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
+                                     GError **error);
 void comparison_free(struct comparison *comparison); /* NULL is ignored */
 
 /* From linear sRGB, 1 being white, to CIE L*a*b* under D65; negative values count as 0. */

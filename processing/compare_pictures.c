@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include "base/data_error.h"
 #include "compare.h"
 #include "exr.h"
 #include "import_private.h"
@@ -52,7 +53,7 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
     struct import_picture *second = first ? import_picture_read(b, error) : NULL;
     gboolean ok = second != NULL;
     if (ok && (first->width != second->width || first->height != second->height)) {
-        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s has %d × %d pixels, %s %d × %d: render them alike", a, first->width,
                     first->height, b, second->width, second->height);
         ok = FALSE;

@@ -21,6 +21,6 @@ struct picture_comparison {
  */
 gboolean compare_is_picture(const char *path);
 
-/* Of the same size; 8 bits are sRGB, EXR is linear. IMPORT_ERROR_DATA if one cannot be read. */
+/* Of the same size; 8 bits are sRGB, EXR is linear. DATA_ERROR_INVALID if one cannot be read. */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);

@@ -17,7 +17,7 @@
  */
 #pragma once
 
-#include "calib/vec.h"
+#include "base/vec.h"
 #include <glib.h>
 
 typedef struct DirectionMesh DirectionMesh;

@@ -3,7 +3,8 @@
 #include <math.h>
 
 #include "eigenmaps_private.h"
-#include "pipeline.h"
+
+#include "base/data_error.h"
 
 #define CHUNK   EIGENMAPS_CHUNK
 #define COLOURS 3
@@ -14,7 +15,7 @@ gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *
         return FALSE;
     for (gsize i = 0; i < job->rows; i++)
         if (!isfinite(ret[i])) {
-            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "view %d: value %" G_GSIZE_FORMAT " is not a number; make its BTF again",
                         view, i);
             return FALSE;
@@ -25,7 +26,7 @@ gboolean eigenmaps_get_column(const struct eigenmaps_job *job, int view, float *
 float *eigenmaps_new_columns(const struct eigenmaps_job *job, int n, GError **error) {
     float *ret = g_try_new(float, job->rows *(gsize)n);
     if (!ret)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "not enough memory for %d columns of %" G_GSIZE_FORMAT " values", n, job->rows);
     return ret;
 }
@@ -41,7 +42,7 @@ gsize eigenmaps_widen(const float *columns, gsize rows, int n_columns, gsize fro
 gboolean eigenmaps_eigenvectors(double *matrix, int n, double *ret_values, GError **error) {
     int info = LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, ret_values);
     if (info != 0)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "the eigenvectors of %d columns were not found (dsyev: %d)", n, info);
     return info == 0;
 }
@@ -57,7 +58,7 @@ int eigenmaps_fewest(const double *squares, int n, double rest, double target, d
 }
 
 gboolean eigenmaps_missed(const struct eigenmaps_job *job, double reached, GError **error) {
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "an error of %.3g %% is not reached with %d eigen-maps (%.3g %%); allow more",
                 100 * job->options->target, job->maps->n_terms, 100 * reached);
     return FALSE;
@@ -92,7 +93,7 @@ gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_o
                                 GError **error) {
     if (maps->n_terms < 1 || maps->n_terms > maps->n_views || !isfinite(options->target) ||
         options->target < 0) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%d eigen-maps of %d views to an error of %g: there can be 1 to %d, and the "
                     "error is a number above 0, or 0 where any will do",
                     maps->n_terms, maps->n_views, options->target, maps->n_views);

@@ -87,7 +87,7 @@ static gboolean make_sketch(struct randomised *r, GError **error) {
         float *to = r->sketch + (gsize)view * SKETCH;
         if (!eigenmaps_get_column(r->job, view, r->columns, error))
             return FALSE;
-        lpca_parallel(0, SEGMENTS, sketch_segment, r);
+        work_for_each(0, SEGMENTS, sketch_segment, r);
         for (gsize i = 0; i < SKETCH; i++) {
             double sum = 0;
             for (gsize segment = 0; segment < SEGMENTS; segment++)
@@ -158,7 +158,7 @@ static gboolean project(struct randomised *r, GError **error) {
                 r->factors[j * r->slots + i] =
                     (float)r->directions[(gsize)j * r->n_views + view + i];
         }
-        lpca_parallel(0, SEGMENTS, project_segment, r);
+        work_for_each(0, SEGMENTS, project_segment, r);
     }
     return TRUE;
 }
@@ -185,7 +185,7 @@ static gboolean solve(struct randomised *r, GError **error) {
     g_free(r->turned);
     r->gram = g_new0(double, SEGMENTS *square);
     r->turned = g_new(double, n);
-    lpca_parallel(0, SEGMENTS, gram_segment, r);
+    work_for_each(0, SEGMENTS, gram_segment, r);
     for (gsize segment = 1; segment < SEGMENTS; segment++)
         for (gsize i = 0; i < square; i++)
             r->gram[i] += r->gram[segment * square + i];
@@ -227,7 +227,7 @@ static void take(struct randomised *r) {
     r->factors = g_new(float, (gsize)terms *n);
     for (int i = 0; i < terms * n; i++)
         r->factors[i] = (float)(signs[i / n] * turn[i]);
-    lpca_parallel(0, SEGMENTS, turn_segment, r);
+    work_for_each(0, SEGMENTS, turn_segment, r);
     maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
 }
 

@@ -1,5 +1,7 @@
 #include "energy.h"
 
+#include "base/data_error.h"
+
 #include <math.h>
 
 #define SAME_DEG 1.0
@@ -204,7 +206,7 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
     int n_texels = btf->width * btf->height;
     g_return_val_if_fail(btf->n_views > 0 && btf->n_lights > 0, NULL);
     if (texel < -1 || texel >= n_texels) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: there is no texel %d; there are 0 … %d", btf->name, texel, n_texels - 1);
         return NULL;
     }

@@ -27,6 +27,6 @@ struct energy {
     double texel_asymmetry; /* the same of all texels alone, which parallax and shadows add to */
 };
 
-/* texel: −1 for the one in the middle. PIPELINE_ERROR_DATA if there is no such texel. */
+/* texel: −1 for the one in the middle. DATA_ERROR_INVALID if there is no such texel. */
 struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **error);
 void energy_free(struct energy *energy); /* NULL is ignored */

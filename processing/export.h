@@ -4,14 +4,9 @@
  */
 #pragma once
 
+#include "base/work.h"
 #include "bonn.h"
-#include "pipeline.h"
-
-struct export_progress {
-    PipelineFunc func; /* may be NULL; from the calling thread */
-    gpointer data;
-    GCancellable *cancellable; /* may be NULL */
-};
+#include "session.h"
 
 struct export_bonn_result {
     int n_views, n_lights, width, height;
@@ -22,5 +17,4 @@ struct export_bonn_result {
  * more. BDI takes the memory of two views, the others that of the whole BTF. Stages "export";
  * "read" and those of lpca.h. */
 gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind, int n_components,
-                     const struct export_progress *progress, struct export_bonn_result *ret,
-                     GError **error);
+                     const struct work *work, struct export_bonn_result *ret, GError **error);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "btf.h"
 #include "exr.h"
 #include "lpca.h"
@@ -25,8 +26,8 @@ static void source_clear(struct source *source) {
 }
 
 static gboolean fail(const char *path, GError **error, const char *what) {
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: %s; process the session again",
-                path, what);
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: %s; process the session again", path,
+                what);
     return FALSE;
 }
 
@@ -41,7 +42,7 @@ static gboolean find_views(struct source *source, GError **error) {
             g_ptr_array_add(source->paths, g_steal_pointer(&path));
     }
     if (views && source->paths->len == 0)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: there is no BTF yet; “mesorig process” makes it",
                     session_path(source->session));
     return views && source->paths->len > 0;
@@ -130,19 +131,8 @@ static gboolean read_view(const struct source *source, const char *path, float *
     return ok;
 }
 
-static gboolean tell(const struct export_progress *progress, int done, int total, gint64 begun_us,
-                     GError **error) {
-    const double spent = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
-    const struct pipeline_progress now = {"export", done, total, spent / done * (total - done)};
-    if (g_cancellable_set_error_if_cancelled(progress->cancellable, error))
-        return FALSE;
-    if (progress->func)
-        progress->func(&now, progress->data);
-    return TRUE;
-}
-
-static gboolean write_views(const struct source *source, const char *file,
-                            const struct export_progress *progress, GError **error) {
+static gboolean write_views(const struct source *source, const char *file, const struct work *work,
+                            GError **error) {
     const struct bonn_header *header = &source->header;
     const gint64 begun_us = g_get_monotonic_time();
     const gsize n = (gsize)header->width * (gsize)header->height * (gsize)header->n_lights;
@@ -153,7 +143,7 @@ static gboolean write_views(const struct source *source, const char *file,
     for (int view = 0; view < header->n_views; view++)
         if (!read_view(source, source->paths->pdata[view], rgb, error) ||
             !bonn_writer_view(writer, view, rgb, error) ||
-            !tell(progress, view + 1, header->n_views, begun_us, error))
+            !work_tell(work, "export", view + 1, header->n_views, begun_us, error))
             return FALSE;
     return bonn_writer_finish(writer, error);
 }
@@ -203,15 +193,11 @@ static gboolean write_lpca(const char *file, const struct bonn_header *header,
 }
 
 static gboolean write_factored(const char *session, const struct source *source, const char *file,
-                               int n_components, const struct export_progress *progress,
-                               double *ret_error, GError **error) {
-    const struct lpca_options options = {.n_clusters = 1,
-                                         .n_components = n_components,
-                                         .progress = progress->func,
-                                         .data = progress->data,
-                                         .cancellable = progress->cancellable};
-    struct btf_matrix *btf =
-        btf_matrix_read(session, progress->func, progress->data, progress->cancellable, error);
+                               int n_components, const struct work *work, double *ret_error,
+                               GError **error) {
+    const struct lpca_options options = {
+        .n_clusters = 1, .n_components = n_components, .work = *work};
+    struct btf_matrix *btf = btf_matrix_read(session, work, error);
     struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
     if (lpca)
         *ret_error = lpca_error(lpca, btf, 0);
@@ -222,15 +208,14 @@ static gboolean write_factored(const char *session, const struct source *source,
 }
 
 gboolean export_bonn(const char *session, const char *file, enum bonn_kind kind, int n_components,
-                     const struct export_progress *progress, struct export_bonn_result *ret,
-                     GError **error) {
+                     const struct work *work, struct export_bonn_result *ret, GError **error) {
     struct source source;
     *ret = (struct export_bonn_result){0};
     gboolean ok = open_source(&source, session, kind, error);
     if (ok && (kind == BONN_BDI || kind == BONN_BDI_SPARSE))
-        ok = write_views(&source, file, progress, error);
+        ok = write_views(&source, file, work, error);
     else if (ok)
-        ok = write_factored(session, &source, file, n_components, progress, &ret->error, error);
+        ok = write_factored(session, &source, file, n_components, work, &ret->error, error);
     ret->n_views = source.header.n_views;
     ret->n_lights = source.header.n_lights;
     ret->width = source.header.width;

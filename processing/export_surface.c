@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "exr.h"
 #include "surface_points.h"
 
@@ -228,13 +229,12 @@ static gboolean check_map(const struct surface *surface, const struct map *map, 
                           gboolean layered, GError **error) {
     const int texels = surface->grid.width * surface->grid.height;
     if (map->holes == texels) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: its MDF has seen nothing",
-                    session);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: its MDF has seen nothing", session);
         return FALSE;
     }
     if (layered || map->stacked <= MOST_STACKED * (texels - map->holes))
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: it is no height field: %d of %d texels have structure below structure; export "
                 "points, or the upper layer with --layered",
                 session, map->stacked, texels - map->holes);
@@ -267,12 +267,11 @@ static gboolean write_map(const struct surface *surface, const char *session, co
 }
 
 gboolean export_surface(const char *session, const char *file,
-                        const struct export_surface_options *options,
-                        const struct export_progress *progress, struct export_surface_result *ret,
-                        GError **error) {
+                        const struct export_surface_options *options, const struct work *work,
+                        struct export_surface_result *ret, GError **error) {
     struct surface surface;
     *ret = (struct export_surface_result){0};
-    gboolean ok = surface_read(session, progress, &surface, error);
+    gboolean ok = surface_read(session, work, &surface, error);
     const int least = options->least_views > 0 ? options->least_views : MIN(2, surface.n_views);
     if (ok && options->what == EXPORT_POINTS)
         ok = write_points(&surface, file, least, ret, error);

@@ -34,6 +34,5 @@ struct export_surface_result {
  * Where more than a twentieth of the texels has structure below structure it is no height field,
  * and maps are refused unless asked for. */
 gboolean export_surface(const char *session, const char *file,
-                        const struct export_surface_options *options,
-                        const struct export_progress *progress, struct export_surface_result *ret,
-                        GError **error);
+                        const struct export_surface_options *options, const struct work *work,
+                        struct export_surface_result *ret, GError **error);

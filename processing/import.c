@@ -7,41 +7,17 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "btf.h"
 #include "eigenmaps.h"
 #include "exr.h"
 
 #define EIGENMAPS 4
 
-G_DEFINE_QUARK(import_error, import_error)
-
-void import_report(const char *file, int line, GError **error, const char *format, ...) {
-    va_list arguments;
-    va_start(arguments, format);
-    g_autofree char *message = g_strdup_vprintf(format, arguments);
-    va_end(arguments);
-    if (line > 0)
-        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_DATA, "%s:%d: %s", file, line, message);
-    else
-        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_DATA, "%s: %s", file, message);
-}
-
-gboolean import_tell(const struct import_progress *progress, const char *stage, int done, int total,
-                     gint64 begun_us, GError **error) {
-    const double spent = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
-    const struct pipeline_progress now = {stage, done, total,
-                                          done > 0 ? spent / done * (total - done) : -1};
-    if (g_cancellable_set_error_if_cancelled(progress->cancellable, error))
-        return FALSE;
-    if (progress->func)
-        progress->func(&now, progress->data);
-    return TRUE;
-}
-
 static gboolean fail_errno(const char *path, GError **error) {
     const int saved = errno;
     const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
-    g_set_error(error, IMPORT_ERROR, exists ? IMPORT_ERROR_EXISTS : IMPORT_ERROR_IO,
+    g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
                 exists ? "%s: exists already; take another name: %s" : "%s: cannot be made: %s",
                 path, g_strerror(saved));
     return FALSE;
@@ -94,7 +70,7 @@ gboolean import_place_end(struct import_place *place, Session *session, gboolean
 
 struct import {
     const struct import_material *material;
-    const struct import_progress *progress;
+    const struct work *work;
     struct import_region region;
     struct session_grid grid;
     Session *session;
@@ -113,9 +89,9 @@ static gboolean check(struct import *import, GError **error) {
     if (region->x < 0 || region->y < 0 || region->width < 1 || region->height < 1 ||
         region->width > material->width - region->x ||
         region->height > material->height - region->y)
-        return import_fail(material->source, 0, error,
-                           "%d × %d texels at %d, %d do not lie within its %d × %d", region->width,
-                           region->height, region->x, region->y, material->width, material->height);
+        return data_error_fail(
+            material->source, 0, error, "%d × %d texels at %d, %d do not lie within its %d × %d",
+            region->width, region->height, region->x, region->y, material->width, material->height);
     import->grid = (struct session_grid){.width = region->width,
                                          .height = region->height,
                                          .width_mm = region->width * material->texel_mm,
@@ -206,9 +182,9 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
     for (int light = 0; ok && light < m->n_lights; light++) {
         import->holes += holes[light];
         ok = (double)holes[light] <= IMPORT_MOST_HOLES * (double)n ||
-             import_fail(m->source, 0, error,
-                         "%d of %zu texels of view %d, light %d are missing or no numbers",
-                         holes[light], n, view, light);
+             data_error_fail(m->source, 0, error,
+                             "%d of %zu texels of view %d, light %d are missing or no numbers",
+                             holes[light], n, view, light);
         exr_file_add(file,
                      light_part(import, view, light, rgb + 3 * n * (gsize)light, holes[light]));
     }
@@ -224,11 +200,11 @@ static gboolean write_views(struct import *import, GError **error) {
     g_autofree float *rgb = g_try_new(float, 3 * n);
     g_autofree int *holes = g_new0(int, m->n_lights);
     if (!rgb)
-        return import_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
-                           3 * (double)n * sizeof(float) / (1 << 30));
+        return data_error_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
+                               3 * (double)n * sizeof(float) / (1 << 30));
     for (int view = 0; view < m->n_views; view++)
         if (!write_view(import, view, rgb, holes, error) ||
-            !import_tell(import->progress, "import", view + 1, m->n_views, import->begun_us, error))
+            !work_tell(import->work, "import", view + 1, m->n_views, import->begun_us, error))
             return FALSE;
     return TRUE;
 }
@@ -239,8 +215,8 @@ static gboolean give_column(int view, float *ret_column, gpointer data, GError *
     g_autofree char *relative = view_relative(view);
     g_autofree char *path = session_file(import->session, relative);
     import->asked++;
-    return import_tell(import->progress, "eigenmaps", MIN(import->asked, n_views), n_views,
-                       import->begun_us, error) &&
+    return work_tell(import->work, "eigenmaps", MIN(import->asked, n_views), n_views,
+                     import->begun_us, error) &&
            btf_read_view(path, import->lights, import->material->n_lights, &import->grid,
                          ret_column, error);
 }
@@ -283,8 +259,8 @@ static gboolean copy_mdf(const struct import *import, GError **error) {
     g_autofree char *path = session_file(import->session, relative);
     g_autoptr(GFile) from = g_file_new_for_path(import->material->mdf);
     g_autoptr(GFile) to = g_file_new_for_path(path);
-    if (!g_file_copy(from, to, G_FILE_COPY_TARGET_DEFAULT_PERMS, import->progress->cancellable,
-                     NULL, NULL, error)) {
+    if (!g_file_copy(from, to, G_FILE_COPY_TARGET_DEFAULT_PERMS, import->work->cancellable, NULL,
+                     NULL, error)) {
         g_prefix_error(error, "%s: cannot be copied: ", import->material->mdf);
         return FALSE;
     }
@@ -318,10 +294,8 @@ static char *name_of(const char *path) {
 }
 
 gboolean import_material(const char *path, const struct import_material *material,
-                         const struct import_progress *progress, struct import_result *ret,
-                         GError **error) {
-    struct import import = {
-        .material = material, .progress = progress, .begun_us = g_get_monotonic_time()};
+                         const struct work *work, struct import_result *ret, GError **error) {
+    struct import import = {.material = material, .work = work, .begun_us = g_get_monotonic_time()};
     struct import_place place;
     g_autofree char *name = name_of(path);
     *ret = (struct import_result){0};

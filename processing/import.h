@@ -8,22 +8,10 @@
  */
 #pragma once
 
+#include "base/data_error.h"
+#include "base/work.h"
 #include "exr.h"
-#include "pipeline.h"
-
-#define IMPORT_ERROR import_error_quark()
-GQuark import_error_quark(void);
-enum import_error {
-    IMPORT_ERROR_DATA,   /* a table or a picture: says which file, line and what */
-    IMPORT_ERROR_EXISTS, /* the session */
-    IMPORT_ERROR_IO,
-};
-
-struct import_progress {
-    PipelineFunc func; /* stages "import", "eigenmaps"; may be NULL; from the calling thread */
-    gpointer data;
-    GCancellable *cancellable; /* may be NULL */
-};
+#include "session.h"
 
 struct import_region { /* of texels; all 0: everything */
     int x, y, width, height;
@@ -61,8 +49,7 @@ struct import_result {
 
 /* path must not exist. More holes than half of a picture are an error. */
 gboolean import_material(const char *path, const struct import_material *material,
-                         const struct import_progress *progress, struct import_result *ret,
-                         GError **error);
+                         const struct work *work, struct import_result *ret, GError **error);
 
 /* What is said of a file that does not say it itself. */
 struct import_wish {
@@ -72,19 +59,16 @@ struct import_wish {
 
 /* A ".btf" of Bonn, see bonn.h. Where its values do not hold n·l they are multiplied by it. */
 gboolean import_bonn(const char *path, const char *file, const struct import_wish *wish,
-                     const struct import_progress *progress, struct import_result *ret,
-                     GError **error);
+                     const struct work *work, struct import_result *ret, GError **error);
 
 /* A folder of pictures (JPEG, PNG, TIFF, EXR) whose names hold the keys tl, pl, tv, pv with θ and φ
  * of light and view in degrees, in any order, as Bonn's UBO2003 has them. Every light must be there
  * for every view; what is missing, double, or of another size is an error. */
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
-                         const struct import_progress *progress, struct import_result *ret,
-                         GError **error);
+                         const struct work *work, struct import_result *ret, GError **error);
 
 /* A list of lights (".lp") as programs for reflectance transformation imaging have it: the number
  * of pictures, then a line a picture: its name and x y z of the direction to its light. Seen from
  * above. Names are looked for beside the list. */
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
-                    const struct import_progress *progress, struct import_result *ret,
-                    GError **error);
+                    const struct work *work, struct import_result *ret, GError **error);

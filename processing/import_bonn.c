@@ -18,8 +18,7 @@ static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer dat
 }
 
 gboolean import_bonn(const char *path, const char *file, const struct import_wish *wish,
-                     const struct import_progress *progress, struct import_result *ret,
-                     GError **error) {
+                     const struct work *work, struct import_result *ret, GError **error) {
     g_autoptr(BonnFile) btf = bonn_open(file, error);
     if (!btf)
         return FALSE;
@@ -40,5 +39,5 @@ gboolean import_bonn(const char *path, const char *file, const struct import_wis
         .view = give_view,
         .data = btf,
     };
-    return import_material(path, &material, progress, ret, error);
+    return import_material(path, &material, work, ret, error);
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "exr.h"
 #include "sweep.h"
 
@@ -33,13 +34,13 @@ static gboolean check_size(const struct import_set *set, const struct import_row
     const struct import_camera *seen = &set->cameras[row->camera];
     const char *camera = set->known->rig.cameras[row->camera].name;
     if (picture->width != seen->width || picture->height != seen->height)
-        return import_fail(set->table, row->line, error,
-                           "%s has %d × %d pixels, camera %s has %d × %d", row->name,
-                           picture->width, picture->height, camera, seen->width, seen->height);
+        return data_error_fail(set->table, row->line, error,
+                               "%s has %d × %d pixels, camera %s has %d × %d", row->name,
+                               picture->width, picture->height, camera, seen->width, seen->height);
     if (picture->grey == seen->doubled)
-        return import_fail(set->table, row->line, error,
-                           "%s is %s, the first picture of camera %s is not", row->name,
-                           picture->grey ? "grey" : "in colour", camera);
+        return data_error_fail(set->table, row->line, error,
+                               "%s is %s, the first picture of camera %s is not", row->name,
+                               picture->grey ? "grey" : "in colour", camera);
     return TRUE;
 }
 
@@ -48,7 +49,7 @@ static struct import_picture *read_picture(const struct import_set *set,
     g_autoptr(GError) found = NULL;
     struct import_picture *picture = import_picture_read(row->path, &found);
     if (!picture)
-        import_report(set->table, row->line, error, "%s", found->message);
+        data_error_set(set->table, row->line, error, "%s", found->message);
     else if (!check_size(set, row, picture, error))
         g_clear_pointer(&picture, import_picture_free);
     return picture;
@@ -64,7 +65,7 @@ gboolean import_frames_prepare(struct import_set *set, GError **error) {
             continue;
         struct import_picture *picture = import_picture_read(row->path, &found);
         if (!picture)
-            return import_fail(set->table, row->line, error, "%s", found->message);
+            return data_error_fail(set->table, row->line, error, "%s", found->message);
         *seen = (struct import_camera){TRUE, !picture->grey, camera->width, camera->height};
         const gboolean ok = check_size(set, row, picture, error);
         import_picture_free(picture);
@@ -126,8 +127,8 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
                               gsize n, GError **error) {
     set->ret->not_numbers += (gint64)bad;
     return (double)bad <= IMPORT_MOST_HOLES * (double)n ||
-           import_fail(set->table, row->line, error, "%zu of the %zu pixels of %s are no numbers",
-                       bad, n, row->name);
+           data_error_fail(set->table, row->line, error,
+                           "%zu of the %zu pixels of %s are no numbers", bad, n, row->name);
 }
 
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
@@ -183,14 +184,15 @@ static double usual_step(const struct import_row *rows, int n) {
 static gboolean find_steps(const struct import_set *set, struct run *run, GError **error) {
     const struct import_row *rows = run->rows, *first = &rows[0], *last = &rows[run->n - 1];
     if (run->n < 4)
-        return import_fail(set->table, first->line, error,
-                           "a sweep of %d pictures tells nothing; 4 are the least", run->n);
+        return data_error_fail(set->table, first->line, error,
+                               "a sweep of %d pictures tells nothing; 4 are the least", run->n);
     run->from_deg = first->sweep_deg;
     run->step_deg = usual_step(rows, run->n);
     const double steps = (last->sweep_deg - first->sweep_deg) / run->step_deg + 1;
     if (!(steps < 2.0 * run->n))
-        return import_fail(set->table, last->line, error,
-                           "the sweep that begins at line %d is not evenly spaced", first->line);
+        return data_error_fail(set->table, last->line, error,
+                               "the sweep that begins at line %d is not evenly spaced",
+                               first->line);
     run->steps = (int)lround(steps);
     run->step_deg = (last->sweep_deg - first->sweep_deg) / (run->steps - 1);
     run->missing = g_new(gboolean, run->steps);
@@ -200,9 +202,10 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
         const double at = (rows[i].sweep_deg - run->from_deg) / run->step_deg;
         const int k = (int)lround(at);
         if (fabs(at - k) > UNEVEN || !run->missing[k])
-            return import_fail(set->table, rows[i].line, error,
-                               "the sweep that begins at line %d steps by %g°, but %s is at %g°",
-                               first->line, run->step_deg, rows[i].name, rows[i].sweep_deg);
+            return data_error_fail(
+                set->table, rows[i].line, error,
+                "the sweep that begins at line %d steps by %g°, but %s is at %g°", first->line,
+                run->step_deg, rows[i].name, rows[i].sweep_deg);
         run->missing[k] = FALSE;
     }
     return TRUE;
@@ -212,10 +215,11 @@ static gboolean check_missing(const struct import_set *set, const struct run *ru
     const int missing = run->steps - run->n;
     for (int k = 1; k < run->steps; k++)
         if (run->missing[k] && (run->missing[k - 1] || missing > MOST_MISSING * run->steps))
-            return import_fail(set->table, run->rows[0].line, error,
-                               "of the sweep that begins here %d of %d pictures are missing, such "
-                               "as that at %g°",
-                               missing, run->steps, run->from_deg + k * run->step_deg);
+            return data_error_fail(
+                set->table, run->rows[0].line, error,
+                "of the sweep that begins here %d of %d pictures are missing, such "
+                "as that at %g°",
+                missing, run->steps, run->from_deg + k * run->step_deg);
     set->ret->n_missing += missing;
     return TRUE;
 }
@@ -342,11 +346,11 @@ static gboolean agree(const struct import_set *set, const struct run *run,
     }
     return (shot->sweep_steps == steps && shot->sweep_from_deg == from &&
             shot->sweep_to_deg == to) ||
-           import_fail(set->table, run->rows->line, error,
-                       "the sweep that begins here goes from %g° to %g° in %d steps, for another "
-                       "camera from %g° to %g° in %d",
-                       from, to, steps, shot->sweep_from_deg, shot->sweep_to_deg,
-                       shot->sweep_steps);
+           data_error_fail(
+               set->table, run->rows->line, error,
+               "the sweep that begins here goes from %g° to %g° in %d steps, for another "
+               "camera from %g° to %g° in %d",
+               from, to, steps, shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps);
 }
 
 /* A camera's part of a shot begins at a row; returns how many rows it has. */
@@ -387,8 +391,7 @@ static gboolean write_one(const struct import_set *set, guint first, int n,
     return ok;
 }
 
-gboolean import_frames_write(struct import_set *set, const struct import_progress *progress,
-                             GError **error) {
+gboolean import_frames_write(struct import_set *set, const struct work *work, GError **error) {
     const gint64 begun_us = g_get_monotonic_time();
     struct session_frame frames[RIG_MAX_CAMERAS];
     gboolean ok = TRUE;
@@ -407,7 +410,7 @@ gboolean import_frames_write(struct import_set *set, const struct import_progres
             g_free(frames[k].path);
             g_free(frames[k].sha256);
         }
-        ok = ok && import_tell(progress, "import", (int)i, (int)set->rows->len, begun_us, error);
+        ok = ok && work_tell(work, "import", (int)i, (int)set->rows->len, begun_us, error);
     }
     return ok;
 }

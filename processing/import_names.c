@@ -1,6 +1,8 @@
 /* Pictures that say by themselves, or in a list, from where they were seen and lit. */
 #include "import_private.h"
 
+#include "base/data_error.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -109,7 +111,7 @@ static gboolean report_missing(const struct pictures *pictures, GError **error) 
         &g_array_index(pictures->views, struct direction, first / n_lights);
     const struct direction *light =
         &g_array_index(pictures->lights, struct direction, first % n_lights);
-    return import_fail(
+    return data_error_fail(
         pictures->source, 0, error,
         "%u of %u views × %u lights have no picture, the first seen from θ %g° φ %g° "
         "and lit from θ %g° φ %g°",
@@ -134,8 +136,9 @@ static gboolean arrange(struct pictures *pictures, GError **error) {
             &pictures->of[index_of(pictures->views, &named->view) * pictures->lights->len +
                           index_of(pictures->lights, &named->light)];
         if (*at)
-            return import_fail(pictures->source, named->line, error,
-                               "%s is of the same view and light as %s", named->path, (*at)->path);
+            return data_error_fail(pictures->source, named->line, error,
+                                   "%s is of the same view and light as %s", named->path,
+                                   (*at)->path);
         *at = named;
     }
     return report_missing(pictures, error);
@@ -148,10 +151,11 @@ static gboolean add_named(struct pictures *pictures, const char *folder, const c
         return TRUE;
     if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) || !find_key(name, "tv", &tv) ||
         !find_key(name, "pv", &pv))
-        return import_fail(folder, 0, error,
-                           "the name “%s” does not say its directions; expected are tl, pl, tv and "
-                           "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
-                           name);
+        return data_error_fail(
+            folder, 0, error,
+            "the name “%s” does not say its directions; expected are tl, pl, tv and "
+            "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
+            name);
     struct named *named = g_new0(struct named, 1);
     *named = (struct named){g_build_filename(folder, name, NULL), direction(tv, pv),
                             direction(tl, pl), 0};
@@ -174,8 +178,8 @@ static gboolean list_folder(struct pictures *pictures, const char *folder, GErro
     for (guint i = 0; ok && i < names->len; i++)
         ok = add_named(pictures, folder, names->pdata[i], error);
     if (ok && pictures->all->len == 0)
-        ok = import_fail(folder, 0, error,
-                         "there is no .jpg, .png, .tif or .exr picture in that folder");
+        ok = data_error_fail(folder, 0, error,
+                             "there is no .jpg, .png, .tif or .exr picture in that folder");
     return ok;
 }
 
@@ -186,14 +190,14 @@ static gboolean parse_light(const char *list, int line, char **words, struct dir
         char *end;
         d[i] = g_ascii_strtod(words[i], &end);
         if (end == words[i] || *end || !isfinite(d[i]))
-            return import_fail(list, line, error, "“%s” is no number", words[i]);
+            return data_error_fail(list, line, error, "“%s” is no number", words[i]);
         length += d[i] * d[i];
     }
     length = sqrt(length);
     if (length < LEAST_LENGTH || d[2] <= 0)
-        return import_fail(list, line, error,
-                           "%g %g %g is no direction to a light above the sample", d[0], d[1],
-                           d[2]);
+        return data_error_fail(list, line, error,
+                               "%g %g %g is no direction to a light above the sample", d[0], d[1],
+                               d[2]);
     const double deg = 180 / G_PI;
     *ret = direction(acos(CLAMP(d[2] / length, -1, 1)) * deg, atan2(d[1], d[0]) * deg);
     return TRUE;
@@ -208,7 +212,7 @@ static gboolean parse_line(struct pictures *pictures, const char *list, int line
     for (int i = 2; i >= 0; i--) {
         char *blank = strrchr(g_strchomp(copy), ' ');
         if (!blank)
-            return import_fail(list, line, error, "a picture's name and x, y, z are expected");
+            return data_error_fail(list, line, error, "a picture's name and x, y, z are expected");
         *blank = '\0';
         words[i] = blank + 1;
     }
@@ -221,7 +225,7 @@ static gboolean parse_line(struct pictures *pictures, const char *list, int line
     if (!parse_light(list, line, words, &named->light, error))
         return FALSE;
     return g_file_test(named->path, G_FILE_TEST_IS_REGULAR) ||
-           import_fail(list, line, error, "there is no picture %s", named->path);
+           data_error_fail(list, line, error, "there is no picture %s", named->path);
 }
 
 static gboolean read_list(struct pictures *pictures, const char *list, GError **error) {
@@ -229,27 +233,27 @@ static gboolean read_list(struct pictures *pictures, const char *list, GError **
     g_autofree char *text = NULL;
     char *end;
     if (!g_file_get_contents(list, &text, NULL, &found))
-        return import_fail(list, 0, error, "%s", found->message);
+        return data_error_fail(list, 0, error, "%s", found->message);
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
     const gint64 n = g_ascii_strtoll(lines[0] ? lines[0] : "", &end, 10);
     if (!lines[0] || end == lines[0] || *g_strstrip(end) || n < 1 || n > MOST_RTI)
-        return import_fail(list, 1, error, "the number of pictures is expected");
+        return data_error_fail(list, 1, error, "the number of pictures is expected");
     for (int i = 1; lines[i]; i++)
         if (*g_strstrip(lines[i]) && !parse_line(pictures, list, i + 1, lines[i], error))
             return FALSE;
     return pictures->all->len == n ||
-           import_fail(list, 1, error, "it says that there are %d pictures, but lists %u", (int)n,
-                       pictures->all->len);
+           data_error_fail(list, 1, error, "it says that there are %d pictures, but lists %u",
+                           (int)n, pictures->all->len);
 }
 
 static gboolean check_size(const struct pictures *pictures, const struct named *named,
                            const struct import_picture *picture, GError **error) {
     if (picture->width == pictures->width && picture->height == pictures->height)
         return TRUE;
-    return import_fail(named->line ? pictures->source : named->path, named->line, error,
-                       "%s has %d × %d pixels, the first picture %d × %d",
-                       named->line ? named->path : "it", picture->width, picture->height,
-                       pictures->width, pictures->height);
+    return data_error_fail(named->line ? pictures->source : named->path, named->line, error,
+                           "%s has %d × %d pixels, the first picture %d × %d",
+                           named->line ? named->path : "it", picture->width, picture->height,
+                           pictures->width, pictures->height);
 }
 
 static gboolean copy_picture(const struct pictures *pictures, const struct named *named, float *to,
@@ -267,9 +271,9 @@ static gboolean copy_picture(const struct pictures *pictures, const struct named
     }
     import_picture_free(picture);
     *ret_holes = holes;
-    return ok &&
-           ((double)holes <= IMPORT_MOST_HOLES * (double)n ||
-            import_fail(named->path, 0, error, "%d of its %zu pixels are no numbers", holes, n));
+    return ok && ((double)holes <= IMPORT_MOST_HOLES * (double)n ||
+                  data_error_fail(named->path, 0, error, "%d of its %zu pixels are no numbers",
+                                  holes, n));
 }
 
 static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer data, GError **error) {
@@ -305,8 +309,7 @@ static gboolean first_size(struct pictures *pictures, GError **error) {
 }
 
 static gboolean make(struct pictures *pictures, const char *path, const struct import_wish *wish,
-                     const struct import_progress *progress, struct import_result *ret,
-                     GError **error) {
+                     const struct work *work, struct import_result *ret, GError **error) {
     g_autofree float *view_theta = NULL, *view_phi = NULL, *light_theta = NULL, *light_phi = NULL;
     if (!arrange(pictures, error) || !first_size(pictures, error))
         return FALSE;
@@ -327,27 +330,25 @@ static gboolean make(struct pictures *pictures, const char *path, const struct i
         .view = give_view,
         .data = pictures,
     };
-    return import_material(path, &material, progress, ret, error);
+    return import_material(path, &material, work, ret, error);
 }
 
 gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
-                         const struct import_progress *progress, struct import_result *ret,
-                         GError **error) {
+                         const struct work *work, struct import_result *ret, GError **error) {
     struct pictures pictures;
     pictures_init(&pictures, folder);
     const gboolean ok =
-        list_folder(&pictures, folder, error) && make(&pictures, path, wish, progress, ret, error);
+        list_folder(&pictures, folder, error) && make(&pictures, path, wish, work, ret, error);
     pictures_clear(&pictures);
     return ok;
 }
 
 gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
-                    const struct import_progress *progress, struct import_result *ret,
-                    GError **error) {
+                    const struct work *work, struct import_result *ret, GError **error) {
     struct pictures pictures;
     pictures_init(&pictures, list);
     const gboolean ok =
-        read_list(&pictures, list, error) && make(&pictures, path, wish, progress, ret, error);
+        read_list(&pictures, list, error) && make(&pictures, path, wish, work, ret, error);
     pictures_clear(&pictures);
     return ok;
 }

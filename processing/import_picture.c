@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "base/data_error.h"
 #include "calib/vision.h"
 #include "exr.h"
 
@@ -54,7 +55,7 @@ static struct import_picture *read_exr(const char *path, GError **error) {
         return NULL;
     struct import_picture *picture = file->parts->len ? from_part(file->parts->pdata[0]) : NULL;
     if (!picture)
-        import_report(path, 0, error, "there are neither R, G and B in it nor Y");
+        data_error_set(path, 0, error, "there are neither R, G and B in it nor Y");
     exr_file_free(file);
     return picture;
 }
@@ -71,7 +72,7 @@ struct import_picture *import_picture_read(const char *path, GError **error) {
             g_clear_pointer(&picture, import_picture_free);
     }
     if (!picture)
-        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_DATA, "%s",
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s",
                     found ? found->message : "it cannot be read");
     return picture;
 }

@@ -1,5 +1,7 @@
 #include "import_poses_private.h"
 
+#include "base/data_error.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -37,77 +39,78 @@ struct columns {
     int file, camera, lamp, laser, turntable, arc, exposure, sweep;
 };
 
-static gboolean find_columns(const ImportTable *table, struct columns *ret, GError **error) {
-    *ret = (struct columns){.file = import_table_column(table, "file"),
-                            .camera = import_table_column(table, "camera"),
-                            .lamp = import_table_column(table, "lamp"),
-                            .laser = import_table_column(table, "laser"),
-                            .turntable = import_table_column(table, "turntable_deg"),
-                            .arc = import_table_column(table, "arc_deg"),
-                            .exposure = import_table_column(table, "exposure_ms"),
-                            .sweep = import_table_column(table, "sweep_deg")};
+static gboolean find_columns(const TextTable *table, struct columns *ret, GError **error) {
+    *ret = (struct columns){.file = text_table_column(table, "file"),
+                            .camera = text_table_column(table, "camera"),
+                            .lamp = text_table_column(table, "lamp"),
+                            .laser = text_table_column(table, "laser"),
+                            .turntable = text_table_column(table, "turntable_deg"),
+                            .arc = text_table_column(table, "arc_deg"),
+                            .exposure = text_table_column(table, "exposure_ms"),
+                            .sweep = text_table_column(table, "sweep_deg")};
     if (ret->file < 0 || ret->camera < 0 || (ret->lamp < 0 && ret->laser < 0))
-        return import_fail(import_table_path(table), 0, error,
-                           "its head needs the columns file, camera, and lamp or laser");
+        return data_error_fail(text_table_path(table), 0, error,
+                               "its head needs the columns file, camera, and lamp or laser");
     return TRUE;
 }
 
 /* Which camera, and which lamp or laser. */
-static gboolean read_devices(const struct import_set *set, const ImportTable *table,
+static gboolean read_devices(const struct import_set *set, const TextTable *table,
                              const struct columns *columns, int index, struct import_row *row,
                              GError **error) {
     const struct rig *rig = &set->known->rig;
-    const char *camera = import_table_text(table, index, columns->camera);
-    const char *lamp = import_table_text(table, index, columns->lamp);
-    const char *laser = import_table_text(table, index, columns->laser);
+    const char *camera = text_table_text(table, index, columns->camera);
+    const char *lamp = text_table_text(table, index, columns->lamp);
+    const char *laser = text_table_text(table, index, columns->laser);
     row->sweep = *laser != '\0';
     row->camera = find_camera(rig, camera);
     row->device = row->sweep ? find_laser(rig, laser) : find_lamp(rig, lamp);
     if (row->camera < 0)
-        return import_fail(set->table, row->line, error, "camera “%s” is not in %s", camera,
-                           set->wish->calibration);
+        return data_error_fail(set->table, row->line, error, "camera “%s” is not in %s", camera,
+                               set->wish->calibration);
     if ((*lamp != '\0') == row->sweep)
-        return import_fail(set->table, row->line, error, "either a lamp or a laser is expected");
+        return data_error_fail(set->table, row->line, error,
+                               "either a lamp or a laser is expected");
     if (row->device < 0)
-        return import_fail(set->table, row->line, error, "%s “%s” is not in %s",
-                           row->sweep ? "laser" : "lamp", row->sweep ? laser : lamp,
-                           set->wish->calibration);
+        return data_error_fail(set->table, row->line, error, "%s “%s” is not in %s",
+                               row->sweep ? "laser" : "lamp", row->sweep ? laser : lamp,
+                               set->wish->calibration);
     return TRUE;
 }
 
-static gboolean read_row(const struct import_set *set, const ImportTable *table,
+static gboolean read_row(const struct import_set *set, const TextTable *table,
                          const struct columns *columns, int index, struct import_row *row,
                          GError **error) {
     g_autofree char *folder = g_path_get_dirname(set->table);
-    row->line = import_table_line(table, index);
-    row->name = import_table_text(table, index, columns->file);
+    row->line = text_table_line(table, index);
+    row->name = text_table_text(table, index, columns->file);
     row->path = g_canonicalize_filename(row->name, folder);
-    if (!import_table_number(table, index, columns->turntable, 0, &row->turntable_deg, error) ||
-        !import_table_number(table, index, columns->arc, 0, &row->arc_deg, error) ||
-        !import_table_number(table, index, columns->exposure, 1, &row->exposure_ms, error) ||
-        !import_table_number(table, index, columns->sweep, NAN, &row->sweep_deg, error) ||
+    if (!text_table_number(table, index, columns->turntable, 0, &row->turntable_deg, error) ||
+        !text_table_number(table, index, columns->arc, 0, &row->arc_deg, error) ||
+        !text_table_number(table, index, columns->exposure, 1, &row->exposure_ms, error) ||
+        !text_table_number(table, index, columns->sweep, NAN, &row->sweep_deg, error) ||
         !read_devices(set, table, columns, index, row, error))
         return FALSE;
     if (!*row->name || !g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
-        return import_fail(set->table, row->line, error, "there is no picture %s", row->path);
+        return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
     if (!(row->exposure_ms > 0))
-        return import_fail(set->table, row->line, error, "an exposure of %g ms makes no sense",
-                           row->exposure_ms);
+        return data_error_fail(set->table, row->line, error, "an exposure of %g ms makes no sense",
+                               row->exposure_ms);
     return !row->sweep || isfinite(row->sweep_deg) ||
-           import_fail(set->table, row->line, error, "a picture of a sweep needs sweep_deg");
+           data_error_fail(set->table, row->line, error, "a picture of a sweep needs sweep_deg");
 }
 
 static void clear_row(gpointer data) {
     g_free(((struct import_row *)data)->path);
 }
 
-static gboolean read_rows(struct import_set *set, const ImportTable *table, GError **error) {
+static gboolean read_rows(struct import_set *set, const TextTable *table, GError **error) {
     struct columns columns;
     if (!find_columns(table, &columns, error))
         return FALSE;
-    if (import_table_rows(table) > MOST_ROWS)
-        return import_fail(set->table, 0, error, "it has more than %d rows", MOST_ROWS);
-    for (int i = 0; i < import_table_rows(table); i++) {
+    if (text_table_rows(table) > MOST_ROWS)
+        return data_error_fail(set->table, 0, error, "it has more than %d rows", MOST_ROWS);
+    for (int i = 0; i < text_table_rows(table); i++) {
         struct import_row row = {0};
         const gboolean ok = read_row(set, table, &columns, i, &row, error);
         g_array_append_val(set->rows, row);
@@ -217,9 +220,9 @@ static gboolean check_double(const struct import_set *set, GError **error) {
         const struct import_row *b = &g_array_index(set->rows, struct import_row, i);
         if (a->shot == b->shot && a->camera == b->camera &&
             (!a->sweep || a->sweep_deg == b->sweep_deg))
-            return import_fail(set->table, b->line, error,
-                               "it says the same of %s as line %d says of %s", b->name, a->line,
-                               a->name);
+            return data_error_fail(set->table, b->line, error,
+                                   "it says the same of %s as line %d says of %s", b->name, a->line,
+                                   a->name);
     }
     return TRUE;
 }
@@ -247,7 +250,7 @@ static gboolean check_lights(const struct import_set *set, GError **error) {
         const struct session_direction *light =
             &g_array_index(set->lights, struct session_direction, i % n_lights);
         if (any[i / n_lights] && !there[i])
-            return import_fail(
+            return data_error_fail(
                 set->table, 0, error,
                 "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g",
                 set->known->rig.cameras[view->device].name, view->turntable_deg,
@@ -275,15 +278,14 @@ static Session *create(const struct import_set *set, const char *path, const cha
     return session_create(path, name, &texts, &plan, error);
 }
 
-static gboolean fill(struct import_set *set, const struct import_progress *progress,
-                     GError **error) {
-    return import_frames_write(set, progress, error) &&
+static gboolean fill(struct import_set *set, const struct work *work, GError **error) {
+    return import_frames_write(set, work, error) &&
            session_set_value(set->session, "imported_frames", set->table, error) &&
            session_set_value(set->session, "state", "done", error);
 }
 
-static gboolean make(struct import_set *set, const char *path,
-                     const struct import_progress *progress, GError **error) {
+static gboolean make(struct import_set *set, const char *path, const struct work *work,
+                     GError **error) {
     g_autofree char *name = g_path_get_basename(path);
     struct import_place place;
     if (g_str_has_suffix(name, ".session"))
@@ -293,13 +295,12 @@ static gboolean make(struct import_set *set, const char *path,
         !import_frames_prepare(set, error) || !import_place_begin(&place, path, error))
         return FALSE;
     set->session = create(set, place.session, name, error);
-    const gboolean ok = set->session && fill(set, progress, error);
+    const gboolean ok = set->session && fill(set, work, error);
     return import_place_end(&place, set->session, ok, error);
 }
 
-gboolean import_poses(const char *path, const struct import_poses *poses,
-                      const struct import_progress *progress, struct import_poses_result *ret,
-                      GError **error) {
+gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,
+                      struct import_poses_result *ret, GError **error) {
     struct import_set set = {.wish = poses,
                              .table = poses->table,
                              .ret = ret,
@@ -308,11 +309,11 @@ gboolean import_poses(const char *path, const struct import_poses *poses,
                              .lights = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
                              .lasers = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
                              .shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot))};
-    g_autoptr(ImportTable) table = import_table_read(poses->table, error);
+    g_autoptr(TextTable) table = text_table_read(poses->table, error);
     *ret = (struct import_poses_result){0};
     g_array_set_clear_func(set.rows, clear_row);
     const gboolean ok = table && (set.known = calibration_read(poses->calibration, error)) &&
-                        read_rows(&set, table, error) && make(&set, path, progress, error);
+                        read_rows(&set, table, error) && make(&set, path, work, error);
     ret->n_views = (int)set.views->len;
     ret->n_lights = (int)set.lights->len;
     ret->n_lasers = (int)set.lasers->len;

@@ -44,6 +44,5 @@ struct import_poses_result {
     gint64 not_numbers; /* pixels */
 };
 
-gboolean import_poses(const char *path, const struct import_poses *poses,
-                      const struct import_progress *progress, struct import_poses_result *ret,
-                      GError **error);
+gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,
+                      struct import_poses_result *ret, GError **error);

@@ -1,10 +1,10 @@
 /* What the sources of import_poses.h share. */
 #pragma once
 
+#include "base/text_table.h"
 #include "calib/calibration.h"
 #include "import_poses.h"
 #include "import_private.h"
-#include "import_table.h"
 
 #define IMPORT_WHITE_DN 4095
 
@@ -44,5 +44,4 @@ gboolean import_frames_prepare(struct import_set *set, GError **error);
 gboolean import_frames_plan(struct import_set *set, GError **error);
 
 /* Files and rows of all shots; stage "import". */
-gboolean import_frames_write(struct import_set *set, const struct import_progress *progress,
-                             GError **error);
+gboolean import_frames_write(struct import_set *set, const struct work *work, GError **error);

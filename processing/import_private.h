@@ -5,13 +5,8 @@
 
 #define IMPORT_MOST_HOLES 0.5 /* of a picture */
 
-/* Always FALSE, "FILE: …" or "FILE:LINE: …" (line from 1; 0: none). */
-void import_report(const char *file, int line, GError **error, const char *format, ...)
-    G_GNUC_PRINTF(4, 5);
-#define import_fail(...) (import_report(__VA_ARGS__), FALSE)
-
 /* A picture in colour. EXR: R, G, B of the first part, or a grey "Y" as all three; else what OpenCV
- * reads. NULL: IMPORT_ERROR_DATA. */
+ * reads. NULL: DATA_ERROR_INVALID. */
 struct import_picture {
     int width, height;
     gboolean grey;
@@ -29,7 +24,3 @@ gboolean import_place_begin(struct import_place *place, const char *path, GError
 /* Closes it, and moves it to its name; or removes it. */
 gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
                           GError **error);
-
-/* Tells how far it is; FALSE: it was cancelled. */
-gboolean import_tell(const struct import_progress *progress, const char *stage, int done, int total,
-                     gint64 begun_us, GError **error);

@@ -1,8 +1,8 @@
 #include "inputs.h"
 
-#include <string.h>
+#include "base/data_error.h"
 
-G_DEFINE_QUARK(pipeline_error, pipeline_error)
+#include <string.h>
 
 #define REMEDY "; `mesorig resume` takes it again"
 
@@ -15,7 +15,7 @@ static gboolean check_sum(const struct input *input, GError **error) {
     g_autoptr(GError) cause = NULL;
     g_autoptr(GMappedFile) file = g_mapped_file_new(input->path, FALSE, &cause);
     if (!file) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: the session lists this frame, but: %s" REMEDY, input->path,
                     cause->message);
         return FALSE;
@@ -27,7 +27,7 @@ static gboolean check_sum(const struct input *input, GError **error) {
                                     g_mapped_file_get_length(file));
     if (strcmp(sum, input->sha256) == 0)
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: the file (%" G_GSIZE_FORMAT " bytes) is not the one the session committed: "
                 "its SHA-256 differs" REMEDY,
                 input->path, g_mapped_file_get_length(file));
@@ -37,7 +37,7 @@ static gboolean check_sum(const struct input *input, GError **error) {
 static gboolean check_part(const struct input *input, const struct exr_part *part,
                            const char *const *channels, GError **error) {
     if (part->width != input->width || part->height != input->height) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: it has %d × %d pixels, but the session's calibration says that its camera "
                     "has %d × %d",
                     input->path, part->width, part->height, input->width, input->height);
@@ -45,7 +45,7 @@ static gboolean check_part(const struct input *input, const struct exr_part *par
     }
     for (int i = 0; channels[i]; i++)
         if (!exr_part_plane(part, channels[i])) {
-            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "%s: part %s has no channel %s" REMEDY, input->path, part->name,
                         channels[i]);
             return FALSE;
@@ -60,12 +60,12 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     g_autoptr(GError) cause = NULL;
     struct exr_file *file = exr_read(input->path, &cause);
     if (!file) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s" REMEDY, cause->message);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s" REMEDY, cause->message);
         return NULL;
     }
     struct exr_part *part = NULL;
     if (file->parts->len == 0)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: no parts" REMEDY, input->path);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no parts" REMEDY, input->path);
     else if (check_part(input, g_ptr_array_index(file->parts, 0), channels, error))
         part = g_ptr_array_steal_index(file->parts, 0);
     exr_file_free(file);

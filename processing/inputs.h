@@ -4,8 +4,8 @@
  */
 #pragma once
 
+#include "base/data_error.h"
 #include "exr.h"
-#include "pipeline.h"
 
 struct input {
     char *path;   /* absolute */
@@ -16,7 +16,7 @@ struct input {
 
 void input_clear(struct input *input);
 
-/* The first part of the file. PIPELINE_ERROR_DATA if checksum or size differ from the session's, if
+/* The first part of the file. DATA_ERROR_INVALID if checksum or size differ from the session's, if
  * the file cannot be read, or if one of the channels (NULL-terminated) is missing. */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 

@@ -3,7 +3,7 @@
 #include <glib.h>
 #include <math.h>
 
-#include "robust.h"
+#include "base/robust.h"
 
 #define AROUND 21  /* frames with lines: a slip that lasts for more than half of them is seen */
 #define MANY   4.0 /* standard errors: beyond them two differ */

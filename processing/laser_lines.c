@@ -4,9 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/robust.h"
 #include "laser_frames.h"
-#include "mdf.h"
-#include "robust.h"
 
 #define MARK_MM      0.5 /* kept off marks, beyond their radius */
 #define LEAST_PIXELS 64  /* of a sweep */
@@ -157,7 +156,7 @@ static int by_frame(const void *a, const void *b) {
     return x->frame != y->frame ? x->frame - y->frame : (x->off > y->off) - (x->off < y->off);
 }
 
-static void collect(const LaserRegion *region, const struct mdf_sweep *sweep,
+static void collect(const LaserRegion *region, const struct laser_sweep *sweep,
                     struct search *search) {
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 in_sample = rig_turn(source, -region->turntable_rad);
@@ -318,14 +317,14 @@ static gboolean find(struct search *search, const struct laser_known *known,
     return FALSE;
 }
 
-static void set_beam(const struct mdf_sweep *sweep, struct laser_lines *lines) {
+static void set_beam(const struct laser_sweep *sweep, struct laser_lines *lines) {
     const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
     lines->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
     const struct vec3 way = vec3_scale(lines->source_mm, -1);
     lines->beam = vec3_unit(vec3_sub(way, vec3_scale(axis, vec3_dot(way, axis))));
 }
 
-void laser_lines_find(const LaserRegion *region, const struct mdf_sweep *sweep, int n_frames,
+void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret) {
     const struct laser_known least = {hypot(known->turn_rad, LEAST_KNOWN_RAD),
                                       hypot(known->roll_rad, LEAST_KNOWN_RAD)};
@@ -358,7 +357,7 @@ static double turn_at(const struct laser_lines *lines, double frame) {
     return a + (b - a) * (at - k);
 }
 
-struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct mdf_sweep *sweep,
+struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
                                    double frame) {
     const gboolean has = lines && lines->turn_rad;
     const double told = sweep->from_rad + frame * sweep->step_rad;

@@ -42,7 +42,17 @@ struct laser_known {
     double turn_rad, roll_rad;
 };
 
-struct mdf_sweep;
+/* A sweep as sweep_finish() left it, in the camera's pixels; frame k was taken at sweep angle
+ * from + k·step. */
+struct laser_sweep {
+    const struct rig_laser *laser;
+    double arc_rad;
+    double from_rad, step_rad;
+    const float *peak, *width, *intensity;
+    const struct rig_arc *arc;                   /* NULL: an ideal one */
+    const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
+    const struct laser_lines *lines;             /* NULL: planes by the calibration alone */
+};
 
 struct laser_lines {
     int n_frames;
@@ -60,10 +70,10 @@ struct laser_lines {
 };
 
 /* n_frames: of the sweep. Without enough pixels that saw the line turn_rad is NULL. */
-void laser_lines_find(const LaserRegion *region, const struct mdf_sweep *sweep, int n_frames,
+void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
                       const struct laser_known *known, struct laser_lines *ret);
 void laser_lines_clear(struct laser_lines *lines);
 
 /* The sheet at a time between frames, by calibration and lines. */
-struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct mdf_sweep *sweep,
+struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
                                    double frame);

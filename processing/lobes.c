@@ -4,6 +4,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/data_error.h"
+#include "base/direction.h"
+#include "btf_checkpoint.h"
 #include "exr_half.h"
 
 #define COLOURS    3
@@ -23,17 +26,6 @@ gboolean lobes_model_parse(const char *name, enum lobes_model *ret) {
             return TRUE;
         }
     return FALSE;
-}
-
-float lobes_luminance(const float rgb[3]) {
-    return 0.2126F * rgb[0] + 0.7152F * rgb[1] + 0.0722F * rgb[2];
-}
-
-void lobes_direction(float theta_deg, float phi_deg, float ret[3]) {
-    const double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
-    ret[0] = (float)(sin(theta) * cos(phi));
-    ret[1] = (float)(sin(theta) * sin(phi));
-    ret[2] = (float)cos(theta);
 }
 
 void lobes_free(struct lobes *lobes) {
@@ -67,7 +59,7 @@ struct run {
 static float *directions(const float *theta_deg, const float *phi_deg, int n) {
     float *ret = g_new(float, 3 * n);
     for (int i = 0; i < n; i++)
-        lobes_direction(theta_deg[i], phi_deg[i], ret + (gsize)(3 * i));
+        direction_from_deg(theta_deg[i], phi_deg[i], ret + (gsize)(3 * i));
     return ret;
 }
 
@@ -136,7 +128,7 @@ static void split(const float *rgb, int n, float *ret_row, float ret_colour[3]) 
     for (int i = 0; i < n; i++) {
         const float *value = rgb + (gsize)i * COLOURS;
         const gboolean there = is_there(value);
-        ret_row[i] = there ? lobes_luminance(value) : NAN;
+        ret_row[i] = there ? rgb_luminance(value) : NAN;
         for (int c = 0; there && c < COLOURS; c++)
             sums[c] += value[c];
         all += there ? ret_row[i] : 0;
@@ -325,7 +317,7 @@ static struct lobes *lobes_new(const struct btf_matrix *btf, const struct lobes_
 }
 
 static gboolean data_error(GError **error, const char *what) {
-    g_set_error_literal(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, what);
+    g_set_error_literal(error, DATA_ERROR, DATA_ERROR_INVALID, what);
     return FALSE;
 }
 
@@ -340,7 +332,7 @@ static gboolean check(const struct btf_matrix *btf, const struct lobes_options *
         return data_error(error, "there is no such model, or not with so many lobes: 1 to 3");
     for (gint64 i = 0; i < texels * values; i++)
         if (isinf(btf->values[i])) {
-            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "view %d, texel (%d, %d) is infinite; make that view's BTF again",
                         (int)(i % values / COLOURS / btf->n_lights), (int)(i / values % btf->width),
                         (int)(i / values / btf->width));
@@ -351,46 +343,46 @@ static gboolean check(const struct btf_matrix *btf, const struct lobes_options *
 
 /* What the file has becomes the run's; and from now on the run's is kept. */
 static void keep(struct run *run) {
-    Unfinished *unfinished = run->options->unfinished;
+    Checkpoint *checkpoint = run->options->checkpoint;
     const struct lobes *lobes = run->lobes;
     const gsize flags = sizeof(int) * (gsize)run->n_blocks;
     const gsize values = sizeof(float) * (gsize)(lobes_bytes(lobes) / 2);
     g_autofree char *what =
         g_strdup_printf("%s of %d", lobes_model_name(lobes->model), lobes->n_lobes);
-    unfinished_begin(unfinished, run->btf, what);
-    const int *done = unfinished_get(unfinished, "blocks", flags);
-    const float *found = unfinished_get(unfinished, "values", values);
+    btf_checkpoint_begin(checkpoint, run->btf, what);
+    const int *done = checkpoint_get(checkpoint, "blocks", flags);
+    const float *found = checkpoint_get(checkpoint, "values", values);
     if (done && found) {
         memcpy(run->done, done, flags);
         memcpy(lobes->values, found, values);
     }
-    unfinished_keep_flags(unfinished, "blocks", run->done, run->n_blocks);
-    unfinished_keep(unfinished, "values", lobes->values, values);
+    checkpoint_keep_flags(checkpoint, "blocks", run->done, run->n_blocks);
+    checkpoint_keep(checkpoint, "values", lobes->values, values);
 }
 
-static void tell_and_save(const struct pipeline_progress *progress, gpointer data) {
+static void tell_and_save(const struct work_progress *progress, gpointer data) {
     const struct lobes_options *options = data;
-    if (options->progress)
-        options->progress(progress, options->data);
-    if (options->unfinished)
-        unfinished_save_if_due(options->unfinished);
+    if (options->work.progress)
+        options->work.progress(progress, options->work.data);
+    if (options->checkpoint)
+        checkpoint_save_if_due(options->checkpoint);
 }
 
 static gboolean fit_blocks(struct run *run, GError **error) {
-    Unfinished *unfinished = run->options->unfinished;
-    struct lobes_options options = *run->options;
-    options.progress = tell_and_save;
-    options.data = (gpointer)run->options;
+    Checkpoint *checkpoint = run->options->checkpoint;
+    struct work work = run->options->work;
+    work.progress = tell_and_save;
+    work.data = (gpointer)run->options;
     run->n_blocks = (run->lobes->width * run->lobes->height + BLOCK - 1) / BLOCK;
     run->done = g_new0(int, run->n_blocks);
-    if (unfinished)
+    if (checkpoint)
         keep(run);
-    const gboolean ok = lobes_parallel(&options, "fit", run->n_blocks, fit_block, run, error);
-    if (unfinished && !ok)
-        unfinished_save(unfinished);
-    if (unfinished) {
-        unfinished_drop(unfinished, "blocks");
-        unfinished_drop(unfinished, "values");
+    const gboolean ok = work_parallel(&work, "fit", run->n_blocks, fit_block, run, error);
+    if (checkpoint && !ok)
+        checkpoint_save(checkpoint);
+    if (checkpoint) {
+        checkpoint_drop(checkpoint, "blocks");
+        checkpoint_drop(checkpoint, "values");
     }
     g_free(run->done);
     return ok;
@@ -404,9 +396,9 @@ static gboolean fit_all(struct run *run, GError **error) {
     run->polynomial = pseudo_inverse(run->lights, run->btf->n_lights);
     const gboolean ok = fit_blocks(run, error);
     if (ok) {
-        run->lobes->exact_error = lobes_error(run->lobes, run->btf, run->options->n_threads);
+        run->lobes->exact_error = lobes_error(run->lobes, run->btf, run->options->work.n_threads);
         to_halves(run->lobes);
-        lobes_error(run->lobes, run->btf, run->options->n_threads);
+        lobes_error(run->lobes, run->btf, run->options->work.n_threads);
     }
     lobes_start_free(run->start);
     g_free(run->polynomial);

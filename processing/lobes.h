@@ -73,14 +73,11 @@ struct lobes {
 
 struct lobes_options {
     enum lobes_model model;
-    int n_lobes;           /* 0: 2, as the seed has it; ignored by models without lobes */
-    int n_threads;         /* 0: one a processor */
-    PipelineFunc progress; /* may be NULL; called from the calling thread */
-    gpointer data;
-    GCancellable *cancellable; /* may be NULL */
+    int n_lobes; /* 0: 2, as the seed has it; ignored by models without lobes */
+    struct work work;
     /* NULL, or where what is done is kept, now and then and when the work is cancelled. Of the same
      * BTF and model the next call goes on from there, with the same result. */
-    Unfinished *unfinished;
+    Checkpoint *checkpoint;
 };
 
 void lobes_free(struct lobes *lobes); /* NULL is ignored */

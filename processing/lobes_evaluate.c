@@ -1,5 +1,7 @@
 #include "lobes_private.h"
 
+#include "base/direction.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -97,11 +99,11 @@ struct measured {
 static struct measured measured_directions(const struct lobes *lobes) {
     struct measured ret = {g_new(float, 3 * lobes->n_views), g_new(float, 3 * lobes->n_lights)};
     for (int i = 0; i < lobes->n_views; i++)
-        lobes_direction(lobes->view_theta_deg[i], lobes->view_phi_deg[i],
-                        ret.views + (gsize)(3 * i));
+        direction_from_deg(lobes->view_theta_deg[i], lobes->view_phi_deg[i],
+                           ret.views + (gsize)(3 * i));
     for (int i = 0; i < lobes->n_lights; i++)
-        lobes_direction(lobes->light_theta_deg[i], lobes->light_phi_deg[i],
-                        ret.lights + (gsize)(3 * i));
+        direction_from_deg(lobes->light_theta_deg[i], lobes->light_phi_deg[i],
+                           ret.lights + (gsize)(3 * i));
     return ret;
 }
 
@@ -147,8 +149,8 @@ static void compare_block(int block, gpointer data) {
             sums[1] += isnan(truth[i]) ? 0 : (double)truth[i] * truth[i];
         }
         for (int i = 0; i < n; i++) {
-            const float y = lobes_luminance(truth + (gsize)(i * COLOURS));
-            const float there = lobes_luminance(values + (gsize)(i * COLOURS));
+            const float y = rgb_luminance(truth + (gsize)(i * COLOURS));
+            const float there = rgb_luminance(values + (gsize)(i * COLOURS));
             sums[2] += isnan(y) ? 0 : fabsf(y - there);
             sums[3] += !isnan(y);
         }
@@ -157,11 +159,11 @@ static void compare_block(int block, gpointer data) {
 
 double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_threads) {
     const int blocks = (lobes->width * lobes->height + BLOCK - 1) / BLOCK;
-    const struct lobes_options options = {.n_threads = n_threads};
+    const struct work work = {.n_threads = n_threads};
     g_autofree double *sums = g_new0(double, 4 * blocks);
     struct comparison to = {lobes, btf, measured_directions(lobes), sums};
     double all[4] = {0};
-    lobes_parallel(&options, "", blocks, compare_block, &to, NULL);
+    work_parallel(&work, "", blocks, compare_block, &to, NULL);
     for (int i = 0; i < 4 * blocks; i++)
         all[i % 4] += sums[i];
     lobes->error = all[1] > 0 ? sqrt(all[0] / all[1]) : 0;

@@ -19,7 +19,7 @@ int lobes_compute_levels(const struct btf_matrix *btf, const struct lobes_option
         if (!ret_levels[n])
             break;
         n++;
-        now.unfinished = NULL;
+        now.checkpoint = NULL;
         struct btf_matrix *half = btf_matrix_halved(of);
         btf_matrix_free(made);
         of = made = half;

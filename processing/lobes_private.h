@@ -1,20 +1,11 @@
 /* What the files of lobes.h share. */
 #pragma once
 
+#include "base/direction.h"
 #include "exr.h"
 #include "lobes.h"
 
 #define LOBES_MAX_PARAMETERS (4 * LOBES_MAX_LOBES + 1)
-
-float lobes_luminance(const float rgb[3]);
-/* A unit vector from angles in degrees. */
-void lobes_direction(float theta_deg, float phi_deg, float ret[3]);
-
-/* Calls func for 0 … n − 1, each once, in any thread and order, while the calling thread tells of
- * stage. FALSE when cancelled; what has begun is waited for. */
-typedef void (*LobesBlock)(int block, gpointer data);
-gboolean lobes_parallel(const struct lobes_options *options, const char *stage, int n,
-                        LobesBlock func, gpointer data, GError **error);
 
 /*
  * Many small non-linear least-squares problems of one kind at once: Levenberg–Marquardt with eight

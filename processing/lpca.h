@@ -42,9 +42,9 @@
  */
 #pragma once
 
+#include "base/team.h"
+#include "btf_checkpoint.h"
 #include "btf_matrix.h"
-#include "lpca_team.h"
-#include "unfinished.h"
 
 #define LPCA_MAX_CLUSTERS   1024
 #define LPCA_MAX_COMPONENTS 64
@@ -90,18 +90,15 @@ struct lpca_nearest {
 
 struct lpca_options {
     int n_clusters, n_components;
-    double target;         /* 0, or the error to reach: n_components is then the most it may take */
-    int n_threads;         /* 0: one a processor */
-    PipelineFunc progress; /* may be NULL; called from the calling thread */
-    gpointer data;
-    GCancellable *cancellable; /* may be NULL */
+    double target; /* 0, or the error to reach: n_components is then the most it may take */
+    struct work work;
     enum lpca_colours colours;
-    gint64 memory;                /* 0, or bytes that must do beside the BTF's values */
-    const struct lpca_team *team; /* NULL: this process is alone */
-    gboolean to_pack; /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
+    gint64 memory;           /* 0, or bytes that must do beside the BTF's values */
+    const struct team *team; /* NULL: this process is alone */
+    gboolean to_pack;        /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
     /* NULL, or where what is done is kept, now and then and when the work is cancelled or fails.
      * The same call goes on from there, with the same result. Not with a team. */
-    Unfinished *unfinished;
+    Checkpoint *checkpoint;
     struct lpca_nearest *nearest; /* may be NULL: filled where a target is not reached */
 };
 
@@ -114,7 +111,7 @@ void lpca_free(struct lpca *lpca); /* NULL is ignored */
  * the error says how near it came.
  *
  * With a team every rank calls this, btf->values being the rows of its part of the texels alone
- * (LPCA_TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;
+ * (TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;
  * other numbers do as their sums are rounded. */
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error);

@@ -1,10 +1,12 @@
 #include "lpca_choose.h"
 
+#include "base/data_error.h"
+#include "btf_checkpoint.h"
 #include "lpca_private.h"
 
 #define PATIENCE 2 /* more clusters are tried so often without getting better */
 
-/* How far a choice is; in the file of unfinished work as it is. */
+/* How far a choice is; in the checkpoint as it is. */
 struct choice {
     struct lpca_wish wish;
     gint32 clusters, worse;            /* to be tried next, and how often that did not help */
@@ -69,7 +71,7 @@ static struct lpca *too_small(const struct btf_matrix *btf, const struct lpca_wi
                               GError **error) {
     g_autofree char *wanted = g_format_size((guint64)wish->bytes);
     g_autofree char *least = g_format_size((guint64)size_of(btf, wish, 1, 1));
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s is too little: one cluster of one component takes %s", wanted, least);
     return NULL;
 }
@@ -81,7 +83,7 @@ static struct lpca *not_reached(const struct choosing *choosing, GError **error)
     g_autofree char *size = g_format_size((guint64)takes);
     g_autofree char *limit =
         g_format_size((guint64)(wish->bytes > 0 ? wish->bytes : raw_bytes(choosing->btf)));
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "an error of %.3g %% is not reached within %s%s: what came nearest is %.3g %%, by "
                 "%d %s of %d %s, which take %s; allow a larger error (that of the values as they "
                 "are, with the capture's noise)",
@@ -100,16 +102,16 @@ static gboolean is_better(const struct choosing *choosing, const struct lpca *on
 
 static void keep_best(struct choosing *choosing) {
     const struct lpca *best = choosing->best;
-    Unfinished *unfinished = choosing->options->unfinished;
+    Checkpoint *checkpoint = choosing->options->checkpoint;
     choosing->choice.best =
         (struct lpca_nearest){best->n_clusters, best->n_components, best->error};
-    if (unfinished)
-        lpca_keep_whole(unfinished, "best", best);
+    if (checkpoint)
+        lpca_keep_whole(checkpoint, "best", best);
 }
 
 /* Limits of memory end the search where something was found already. */
 static gboolean may_end(const struct choosing *choosing, const GError *failed) {
-    return g_error_matches(failed, PIPELINE_ERROR, PIPELINE_ERROR_DATA) &&
+    return g_error_matches(failed, DATA_ERROR, DATA_ERROR_INVALID) &&
            choosing->choice.best.n_clusters + choosing->choice.nearest.n_clusters > 0;
 }
 
@@ -149,19 +151,19 @@ static gboolean try_clusters(struct choosing *choosing, GError **error) {
 
 /* From what the file has, or from the beginning. */
 static void resume(struct choosing *choosing) {
-    Unfinished *unfinished = choosing->options->unfinished;
+    Checkpoint *checkpoint = choosing->options->checkpoint;
     const struct lpca_wish *wish = choosing->wish;
     choosing->choice = (struct choice){.wish = *wish, .clusters = 1};
-    if (!unfinished)
+    if (!checkpoint)
         return;
     g_autofree char *what =
         g_strdup_printf("choose %.17g, %" G_GINT64_FORMAT ", %d, %d, %d", wish->error, wish->bytes,
                         wish->n_components, (int)wish->quantise, wish->n_grid);
-    unfinished_begin(unfinished, choosing->btf, what);
-    const struct choice *found = unfinished_get(unfinished, "choice", sizeof *found);
+    btf_checkpoint_begin(checkpoint, choosing->btf, what);
+    const struct choice *found = checkpoint_get(checkpoint, "choice", sizeof *found);
     if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes) {
         const struct lpca_nearest *best = &found->best;
-        choosing->best = lpca_kept_whole(unfinished, "best", choosing->btf, best->n_clusters,
+        choosing->best = lpca_kept_whole(checkpoint, "best", choosing->btf, best->n_clusters,
                                          best->n_components);
         if (choosing->best || best->n_clusters == 0)
             choosing->choice = *found;
@@ -169,16 +171,16 @@ static void resume(struct choosing *choosing) {
     if (choosing->best) {
         choosing->best->error = choosing->choice.best.error;
         choosing->best->colours = choosing->options->colours;
-        lpca_keep_whole(unfinished, "best", choosing->best);
+        lpca_keep_whole(checkpoint, "best", choosing->best);
     }
-    unfinished_keep(unfinished, "choice", &choosing->choice, sizeof choosing->choice);
+    checkpoint_keep(checkpoint, "choice", &choosing->choice, sizeof choosing->choice);
 }
 
 static void leave(const struct choosing *choosing) {
-    if (!choosing->options->unfinished)
+    if (!choosing->options->checkpoint)
         return;
-    unfinished_drop(choosing->options->unfinished, "choice");
-    lpca_drop_whole(choosing->options->unfinished, "best");
+    checkpoint_drop(choosing->options->checkpoint, "choice");
+    lpca_drop_whole(choosing->options->checkpoint, "best");
 }
 
 static gboolean is_used(const struct lpca *lpca, int component) {

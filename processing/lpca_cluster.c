@@ -42,21 +42,21 @@ static int draw(GRand *random, const double *shares, int n, double all) {
 
 /* Ranks do blocks from *ret_first to before *ret_end, and then tell each other. */
 static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *ret_end) {
-    const struct lpca_team *team = reduced->options->team;
+    const struct team *team = reduced->options->team;
     const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
-    lpca_team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
+    team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
 }
 
 /* An array of a value of size bytes a row, which ranks have filled in their blocks. */
 static void share_rows(const struct lpca_reduced *reduced, void *values, gsize size) {
-    const struct lpca_team *team = reduced->options->team;
+    const struct team *team = reduced->options->team;
     const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
     if (!team)
         return;
     g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
     for (int i = 0; i < team->n_ranks; i++) {
         int first, end;
-        lpca_team_part(team, i, blocks, 1, &first, &end);
+        team_part(team, i, blocks, 1, &first, &end);
         starts[i + 1] = (gsize)MIN(end * BLOCK, reduced->n) * size;
     }
     team->share(team, values, starts);
@@ -93,7 +93,7 @@ static void seed_means(struct lpca_reduced *reduced) {
         struct seeding seeding = {reduced, mean, seeds == 0, from, nearest};
         double all = 0;
         memcpy(mean, reduced->rows + (gsize)next * r, sizeof(float) * r);
-        lpca_parallel(reduced->options->n_threads, end - from, seed_block, &seeding);
+        work_for_each(reduced->options->work.n_threads, end - from, seed_block, &seeding);
         share_rows(reduced, nearest, sizeof *nearest);
         for (int i = 0; i < reduced->n; i++)
             all += nearest[i];
@@ -175,7 +175,7 @@ static double assign(struct lpca_reduced *reduced, int c, float *errors) {
     to.factors = g_new(float, factors *(gsize)reduced->r);
     to.offsets = g_new(float, factors);
     prepare(&to);
-    lpca_parallel(reduced->options->n_threads, end - to.from, assign_block, &to);
+    work_for_each(reduced->options->work.n_threads, end - to.from, assign_block, &to);
     share_rows(reduced, errors, sizeof *errors);
     share_rows(reduced, reduced->labels, sizeof *reduced->labels);
     for (int i = 0; i < reduced->n; i++)
@@ -284,25 +284,25 @@ static void update_cluster(int block, gpointer data) {
 
 /* An array of size floats a cluster, likewise. */
 static void share_clusters(const struct lpca_reduced *reduced, float *values, gsize size) {
-    const struct lpca_team *team = reduced->options->team;
+    const struct team *team = reduced->options->team;
     if (!team)
         return;
     g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
     for (int i = 0; i < team->n_ranks; i++) {
         int first, end;
-        lpca_team_part(team, i, reduced->k, 1, &first, &end);
+        team_part(team, i, reduced->k, 1, &first, &end);
         starts[i + 1] = (gsize)end * size * sizeof(float);
     }
     team->share(team, values, starts);
 }
 
 static void update(struct lpca_reduced *reduced, enum axes axes) {
-    const struct lpca_team *team = reduced->options->team;
+    const struct team *team = reduced->options->team;
     const gsize r = (gsize)reduced->r;
     struct update all = {reduced, axes};
     int end;
-    lpca_team_part(team, team ? team->rank : 0, reduced->k, 1, &all.from, &end);
-    lpca_parallel(reduced->options->n_threads, end - all.from, update_cluster, &all);
+    team_part(team, team ? team->rank : 0, reduced->k, 1, &all.from, &end);
+    work_for_each(reduced->options->work.n_threads, end - all.from, update_cluster, &all);
     share_clusters(reduced, reduced->means, r);
     if (axes != NO_AXES)
         share_clusters(reduced, reduced->bases, (gsize)reduced->c * r);
@@ -330,11 +330,11 @@ static void drop_empty(struct lpca_reduced *reduced) {
 static gboolean tell(const struct lpca_reduced *reduced, int done, gint64 begun, GError **error) {
     const int total = MEANS_ITERATIONS + MOST_ITERATIONS;
     const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
-    const struct pipeline_progress progress = {"cluster", done, total,
-                                               done > 0 ? spent / done * (total - done) : -1};
-    if (reduced->options->progress)
-        reduced->options->progress(&progress, reduced->options->data);
-    return !g_cancellable_set_error_if_cancelled(reduced->options->cancellable, error);
+    const struct work_progress progress = {"cluster", done, total,
+                                           done > 0 ? spent / done * (total - done) : -1};
+    if (reduced->options->work.progress)
+        reduced->options->work.progress(&progress, reduced->options->work.data);
+    return !g_cancellable_set_error_if_cancelled(reduced->options->work.cancellable, error);
 }
 
 /* Between two iterations. */
@@ -350,10 +350,10 @@ static void keep(const struct lpca_reduced *reduced, int iteration, double befor
 /* FALSE when cancelled. */
 static gboolean tell_and_save(const struct lpca_reduced *reduced, int done, gint64 begun,
                               GError **error) {
-    Unfinished *unfinished = reduced->run ? reduced->options->unfinished : NULL;
+    Checkpoint *checkpoint = reduced->run ? reduced->options->checkpoint : NULL;
     const gboolean ok = tell(reduced, done, begun, error);
-    if (unfinished)
-        (ok ? unfinished_save_if_due : unfinished_save)(unfinished);
+    if (checkpoint)
+        (ok ? checkpoint_save_if_due : checkpoint_save)(checkpoint);
     return ok;
 }
 

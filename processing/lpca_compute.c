@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "lobes_private.h"
+#include "base/data_error.h"
 #include "lpca_pack.h"
 #include "lpca_private.h"
 
@@ -13,36 +13,6 @@
 #define TILE    128 /* of the Gram matrix */
 #define STRIP   256 /* columns of the axes made at a time */
 #define COLOURS 3
-
-void lpca_use_one_thread(void) {
-    static GMutex mutex;
-    g_mutex_lock(&mutex);
-    openblas_set_num_threads(1);
-    g_mutex_unlock(&mutex);
-}
-
-struct parallel {
-    LpcaBlock func;
-    gpointer data;
-};
-
-static void run_block(gpointer number, gpointer data) {
-    const struct parallel *parallel = data;
-    lpca_use_one_thread();
-    parallel->func(GPOINTER_TO_INT(number) - 1, parallel->data);
-}
-
-void lpca_parallel(int n_threads, int n, LpcaBlock func, gpointer data) {
-    struct parallel parallel = {func, data};
-    const int threads = n_threads > 0 ? n_threads : (int)g_get_num_processors();
-    const int before = openblas_get_num_threads();
-    lpca_use_one_thread();
-    GThreadPool *pool = g_thread_pool_new(run_block, &parallel, threads, FALSE, NULL);
-    for (int i = 0; i < n; i++)
-        g_thread_pool_push(pool, GINT_TO_POINTER(i + 1), NULL);
-    g_thread_pool_free(pool, FALSE, TRUE);
-    openblas_set_num_threads(before);
-}
 
 void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
     g_autofree float *tau = g_new0(float, n), *diagonal = g_new0(float, n);
@@ -56,13 +26,6 @@ void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
     for (int i = 0; drop && i < n; i++)
         if (!(diagonal[i] > 1e-6F * largest))
             memset(rows + (gsize)i * (gsize)length, 0, sizeof(float) * (gsize)length);
-}
-
-void lpca_team_part(const struct lpca_team *team, int rank, int n, int step, int *ret_first,
-                    int *ret_end) {
-    const int ranks = team ? team->n_ranks : 1, blocks = (n + step - 1) / step;
-    *ret_first = MIN(n, (int)((gint64)blocks * rank / ranks) * step);
-    *ret_end = MIN(n, (int)((gint64)blocks * (rank + 1) / ranks) * step);
 }
 
 /* Of what could not be read 0; takes failed. */
@@ -107,7 +70,7 @@ const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, flo
 
 struct stage {
     struct lpca_run *run;
-    LpcaBlock func;
+    WorkBlock func;
     gpointer data;
 };
 
@@ -117,7 +80,7 @@ static void stage_block(int block, gpointer data) {
     struct lpca_run *run = stage->run;
     if (run->done && g_atomic_int_get(&run->done[block]))
         return;
-    lpca_use_one_thread();
+    work_use_one_blas_thread();
     stage->func(block, stage->data);
     if (!run->done)
         return;
@@ -127,28 +90,27 @@ static void stage_block(int block, gpointer data) {
     g_mutex_unlock(&run->lock);
 }
 
-static void tell_and_save(const struct pipeline_progress *progress, gpointer data) {
+static void tell_and_save(const struct work_progress *progress, gpointer data) {
     const struct lpca_options *options = data;
-    if (options->progress)
-        options->progress(progress, options->data);
-    if (options->unfinished)
-        unfinished_save_if_due(options->unfinished);
+    if (options->work.progress)
+        options->work.progress(progress, options->work.data);
+    if (options->checkpoint)
+        checkpoint_save_if_due(options->checkpoint);
 }
 
-gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, LpcaBlock func,
+gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
                          gpointer data, GError **error) {
-    const struct lobes_options options = {.n_threads = run->options->n_threads,
-                                          .progress = tell_and_save,
-                                          .data = (gpointer)run->options,
-                                          .cancellable = run->options->cancellable};
+    struct work work = run->options->work;
+    work.progress = tell_and_save;
+    work.data = (gpointer)run->options;
     struct stage all = {run, func, data};
-    const gboolean ended = lobes_parallel(&options, stage, n, stage_block, &all, error);
+    const gboolean ended = work_parallel(&work, stage, n, stage_block, &all, error);
     if (ended && run->failed)
         g_propagate_error(error, g_error_copy(run->failed));
     if (ended && !run->failed)
         return TRUE;
-    if (run->options->unfinished)
-        unfinished_save(run->options->unfinished);
+    if (run->options->checkpoint)
+        checkpoint_save(run->options->checkpoint);
     return FALSE;
 }
 
@@ -236,7 +198,7 @@ static gboolean solve_gram(struct sample *sample, GError **error) {
     const int info = LAPACKE_ssyevr(LAPACK_COL_MAJOR, 'V', 'I', 'U', m, sample->gram, m, 0, 0,
                                     m - wanted + 1, m, 0, &found, values, vectors, m, support);
     if (info != 0) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "the principal axes of %d texels were not found (ssyevr: %d)", m, info);
         return FALSE;
     }
@@ -255,11 +217,12 @@ static gboolean find_axes(struct sample *sample, GError **error) {
     struct lpca_run *run = sample->run;
     const int tiles = (sample->n + TILE - 1) / TILE;
     sample->gram = g_new0(float, (gsize)sample->n *(gsize)sample->n);
-    lpca_parallel(run->options->n_threads, tiles * tiles, gram_tile, sample);
+    work_for_each(run->options->work.n_threads, tiles * tiles, gram_tile, sample);
     if (!solve_gram(sample, error))
         return FALSE;
     if (sample->found > 0) {
-        lpca_parallel(run->options->n_threads, (run->d + STRIP - 1) / STRIP, axes_strip, sample);
+        work_for_each(run->options->work.n_threads, (run->d + STRIP - 1) / STRIP, axes_strip,
+                      sample);
         lpca_orthonormalise(run->axes, sample->found, run->d, TRUE);
     }
     return TRUE;
@@ -292,7 +255,7 @@ static gboolean draw_axes(struct lpca_run *run, GError **error) {
 
 static void reduce_block(int block, gpointer data) {
     struct lpca_run *run = data;
-    const int from = run->first + block * LPCA_TEAM_ROWS, n = MIN(LPCA_TEAM_ROWS, run->end - from);
+    const int from = run->first + block * TEAM_ROWS, n = MIN(TEAM_ROWS, run->end - from);
     const gsize r = (gsize)run->r;
     float *to = run->rows + (gsize)from * r;
     g_autofree float *buffer = g_new(float, (gsize)n *(gsize)run->columns);
@@ -310,18 +273,18 @@ static void reduce_block(int block, gpointer data) {
 
 /* All ranks get the rows of all. */
 static void share_rows(const struct lpca_run *run) {
-    const struct lpca_team *team = run->options->team;
+    const struct team *team = run->options->team;
     g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
     for (int i = 0; i < team->n_ranks; i++) {
         int first, end;
-        lpca_team_part(team, i, run->n, LPCA_TEAM_ROWS, &first, &end);
+        team_part(team, i, run->n, TEAM_ROWS, &first, &end);
         starts[i + 1] = (gsize)end * (gsize)run->r * sizeof(float);
     }
     team->share(team, run->rows, starts);
 }
 
 static gboolean reduce(struct lpca_run *run, GError **error) {
-    const int blocks = (run->end - run->first + LPCA_TEAM_ROWS - 1) / LPCA_TEAM_ROWS;
+    const int blocks = (run->end - run->first + TEAM_ROWS - 1) / TEAM_ROWS;
     run->mean = g_new(float, run->d);
     run->axes = g_new0(float, (gsize)run->r *(gsize)run->d);
     run->rows = g_new(float, (gsize)run->n *(gsize)run->r);
@@ -396,7 +359,7 @@ static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **err
 
 static struct lpca *not_reached(const struct lpca_run *run, struct lpca *lpca, GError **error) {
     const struct lpca_options *options = run->options;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "an error of %.3g %% is not reached with %d clusters of %d components (%.3g %%); "
                 "allow more of them",
                 100 * options->target, lpca->n_clusters, lpca->n_components, 100 * lpca->error);
@@ -427,7 +390,7 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 d = lpca_dimensions(btf->n_views, btf->n_lights), c = options->n_components;
     const gint64 r = reduced_to((int)d, (int)c), samples = samples_of((int)n, (int)r);
     const gint64 threads =
-        options->n_threads > 0 ? options->n_threads : (gint64)g_get_num_processors();
+        options->work.n_threads > 0 ? options->work.n_threads : (gint64)g_get_num_processors();
     const gint64 reducing = samples * (d + samples) + 2 * samples * r;
     const gint64 clustering = 2 * n * (r + 2);
     const gint64 polishing = 2 * k * (c + 1) * d + 2 * n * c;
@@ -436,7 +399,7 @@ gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *opti
     const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
     const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->n_views + c);
     /* Copied to be written. */
-    const gint64 kept = options->unfinished ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
+    const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
     return (gint64)sizeof(float) *
            (MAX(r * d + n * r + MAX(MAX(reducing, clustering), polishing), packing) + buffers +
             kept);
@@ -461,7 +424,7 @@ static gboolean check_memory(const struct btf_matrix *btf, const struct lpca_opt
     const gint64 values = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
     g_autofree char *need = format_need(least + (values <= least ? values : 0));
     g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%d clusters of %d components for %d × %d texels, %d views and %d lights take %s "
                 "of memory, not %s; allow more, or ask for fewer of them",
                 options->n_clusters, options->n_components, btf->width, btf->height, btf->n_views,
@@ -484,7 +447,7 @@ static gboolean check_sizes(const struct btf_matrix *btf, const struct lpca_opti
     else if (!isfinite(options->target) || options->target < 0)
         what = "the error to reach must be a number above 0";
     if (what)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%d clusters of %d components for %d × %d texels, %d views and %d lights: %s",
                     options->n_clusters, options->n_components, btf->width, btf->height,
                     btf->n_views, btf->n_lights, what);
@@ -497,7 +460,7 @@ static gboolean check_values(const struct lpca_run *run, GError **error) {
     for (gsize i = 0; run->btf->values && i < n; i++)
         if (!isfinite(run->btf->values[i])) {
             const int texel = run->first + (int)(i / d);
-            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "view %d, texel (%d, %d) is not a number; make that view's BTF again",
                         (int)(i % d) / run->columns, texel % run->btf->width,
                         texel / run->btf->width);
@@ -509,15 +472,15 @@ static gboolean check_values(const struct lpca_run *run, GError **error) {
 struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
                           GError **error) {
     struct lpca *lpca = NULL;
-    g_return_val_if_fail(!options->team || !options->unfinished, NULL);
+    g_return_val_if_fail(!options->team || !options->checkpoint, NULL);
     if (!check_sizes(btf, options, error))
         return NULL;
     struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
     run.d = lpca_dimensions(btf->n_views, btf->n_lights);
     run.columns = run.d / btf->n_views;
     run.r = reduced_to(run.d, options->n_components);
-    lpca_team_part(options->team, options->team ? options->team->rank : 0, run.n, LPCA_TEAM_ROWS,
-                   &run.first, &run.end);
+    team_part(options->team, options->team ? options->team->rank : 0, run.n, TEAM_ROWS, &run.first,
+              &run.end);
     if (!check_values(&run, error))
         return NULL;
     g_mutex_init(&run.lock);

@@ -250,7 +250,7 @@ static void map_weights(int component, gpointer data) {
 static void map_all(const struct lpca *lpca, float *maps, gboolean forward, int n_threads) {
     g_autofree float *rows = lpca_cosines(lpca->height), *columns = lpca_cosines(lpca->width);
     struct mapping mapping = {lpca, rows, columns, maps, forward};
-    lpca_parallel(n_threads, lpca->n_components, map_weights, &mapping);
+    work_for_each(n_threads, lpca->n_components, map_weights, &mapping);
 }
 
 struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads) {
@@ -263,7 +263,7 @@ struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads) {
     packer->maps = g_new(float, (gsize)lpca->n_components *(gsize)lpca->width *(gsize)lpca->height);
     find_axes(lpca, &packer->axes);
     packer->turns = make_turns(&packer->axes, lpca->n_views, lpca->n_lights);
-    lpca_parallel(n_threads, n_tables(lpca), turn_table, packer);
+    work_for_each(n_threads, n_tables(lpca), turn_table, packer);
     map_all(packer->lpca, packer->maps, TRUE, n_threads);
     return packer;
 }
@@ -391,6 +391,6 @@ void lpca_unpack(struct lpca *lpca, int n_threads) {
         maps[i] = (float)(lpca->packed->maps[i] * lpca->packed->step);
     map_all(lpca, maps, FALSE, n_threads);
     struct unpacking unpacking = {lpca, make_turns(lpca->packed, lpca->n_views, lpca->n_lights)};
-    lpca_parallel(n_threads, n_tables(lpca), unpack_table, &unpacking);
+    work_for_each(n_threads, n_tables(lpca), unpack_table, &unpacking);
     clear_turns(&unpacking.turns);
 }

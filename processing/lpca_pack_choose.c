@@ -1,3 +1,5 @@
+#include "base/data_error.h"
+#include "btf_checkpoint.h"
 #include "lpca_choose.h"
 #include "lpca_pack_private.h"
 
@@ -13,7 +15,7 @@
 #define TRIES  12    /* times that a step is looked for */
 #define CLOSE  0.995 /* of what is asked for is good enough */
 
-/* How far it is; in the file of unfinished work as it is. */
+/* How far it is; in the checkpoint as it is. */
 struct packing {
     struct lpca_wish wish;
     gint32 n, made;      /* components in work; whether they are there, unrounded */
@@ -133,7 +135,7 @@ static struct lpca *not_reached(const struct search *search, double exact, int c
                                 GError **error) {
     const struct lpca_wish *wish = search->wish;
     if (wish->error > 0)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "an error of %.3g %% is not reached: %d components alone make %.3g %%, rounded "
                     "%.3g %%; allow a larger one",
                     100 * wish->error, components, 100 * exact,
@@ -141,7 +143,7 @@ static struct lpca *not_reached(const struct search *search, double exact, int c
     else {
         g_autofree char *wanted = g_format_size((guint64)wish->bytes);
         g_autofree char *least = g_format_size((guint64)search->nearest);
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s is too little: even rounded coarsely it takes %s", wanted, least);
     }
     return NULL;
@@ -159,20 +161,20 @@ static gboolean has_enough(const struct search *search, const struct lpca *exact
 static struct lpca *compute(struct search *search, const struct lpca_options *options,
                             GError **error) {
     struct packing *packing = &search->packing;
-    Unfinished *unfinished = options->unfinished;
+    Checkpoint *checkpoint = options->checkpoint;
     struct lpca *lpca =
-        unfinished && packing->made
-            ? lpca_kept_whole(unfinished, "exact", search->btf, 1, options->n_components)
+        checkpoint && packing->made
+            ? lpca_kept_whole(checkpoint, "exact", search->btf, 1, options->n_components)
             : NULL;
     if (lpca)
         lpca->error = packing->exact;
     else
         lpca = lpca_compute(search->btf, options, error);
-    if (!lpca || !unfinished)
+    if (!lpca || !checkpoint)
         return lpca;
     packing->made = TRUE;
     packing->exact = lpca->error;
-    lpca_keep_whole(unfinished, "exact", lpca);
+    lpca_keep_whole(checkpoint, "exact", lpca);
     return lpca;
 }
 
@@ -187,7 +189,7 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
     if (!exact || (search->wish->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
         return NULL;
     search->exact = exact->error;
-    struct lpca_packer *packer = lpca_packer_new(exact, options.n_threads);
+    struct lpca_packer *packer = lpca_packer_new(exact, options.work.n_threads);
     const double mean = lpca_mean_size(exact);
     if (mean <= 0) /* black: any step will do */
         ret = lpca_packer_round(packer, 1);
@@ -200,19 +202,19 @@ static struct lpca *try_components(struct search *search, int n, struct lpca **r
 /* Components to begin with. */
 static int resume(struct search *search) {
     struct packing *packing = &search->packing;
-    Unfinished *unfinished = search->options->unfinished;
+    Checkpoint *checkpoint = search->options->checkpoint;
     const struct lpca_wish *wish = search->wish;
     *packing = (struct packing){.wish = *wish, .n = MIN(FIRST, search->most)};
-    if (!unfinished)
+    if (!checkpoint)
         return packing->n;
     g_autofree char *what = g_strdup_printf("pack %.17g, %" G_GINT64_FORMAT ", %d", wish->error,
                                             wish->bytes, wish->n_components);
-    unfinished_begin(unfinished, search->btf, what);
-    const struct packing *found = unfinished_get(unfinished, "packing", sizeof *found);
+    btf_checkpoint_begin(checkpoint, search->btf, what);
+    const struct packing *found = checkpoint_get(checkpoint, "packing", sizeof *found);
     if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes &&
         found->wish.n_components == wish->n_components && found->n >= 1 && found->n <= search->most)
         *packing = *found;
-    unfinished_keep(unfinished, "packing", packing, sizeof *packing);
+    checkpoint_keep(checkpoint, "packing", packing, sizeof *packing);
     return packing->n;
 }
 
@@ -220,8 +222,8 @@ static int resume(struct search *search) {
 static void next(struct search *search, int n) {
     struct packing *packing = &search->packing;
     *packing = (struct packing){.wish = packing->wish, .n = n};
-    if (search->options->unfinished)
-        lpca_drop_whole(search->options->unfinished, "exact");
+    if (search->options->checkpoint)
+        lpca_drop_whole(search->options->checkpoint, "exact");
 }
 
 static struct lpca *find(struct search *search, GError **error) {
@@ -254,7 +256,7 @@ struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *
     struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), 0, INFINITY};
     g_return_val_if_fail(options->colours == LPCA_RGB && !options->team, NULL);
     struct lpca *lpca = find(&search, error);
-    if (options->unfinished)
-        unfinished_drop(options->unfinished, "packing");
+    if (options->checkpoint)
+        checkpoint_drop(options->checkpoint, "packing");
     return lpca;
 }

@@ -242,7 +242,7 @@ static void weigh_block(int block, gpointer data) {
 static double *covariances(const struct polish *polish) {
     const struct lpca *lpca = polish->lpca;
     const gsize c = (gsize)lpca->n_components, n = (gsize)lpca->n_clusters * c * c;
-    const struct lpca_team *team = polish->run->options->team;
+    const struct team *team = polish->run->options->team;
     double *ret = g_new0(double, n);
     for (int x = polish->run->first; x < polish->run->end; x++) {
         double *to = ret + (gsize)lpca->clusters[x] * c * c;
@@ -304,18 +304,18 @@ static void turn(struct polish *polish) {
     const struct lpca_options *options = polish->run->options;
     g_free(polish->turns);
     polish->turns = covariances(polish);
-    lpca_parallel(options->n_threads, polish->lpca->n_clusters, turn_axes, polish);
-    lpca_parallel(options->n_threads, blocks(polish->run), turn_weights, polish);
+    work_for_each(options->work.n_threads, polish->lpca->n_clusters, turn_axes, polish);
+    work_for_each(options->work.n_threads, blocks(polish->run), turn_weights, polish);
 }
 
 /* All ranks get the weights of all. */
 static void share_weights(const struct polish *polish) {
     const struct lpca_run *run = polish->run;
-    const struct lpca_team *team = run->options->team;
+    const struct team *team = run->options->team;
     g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
     for (int i = 0; i < team->n_ranks; i++) {
         int first, end;
-        lpca_team_part(team, i, run->n, LPCA_TEAM_ROWS, &first, &end);
+        team_part(team, i, run->n, TEAM_ROWS, &first, &end);
         starts[i + 1] = (gsize)end * (gsize)polish->lpca->n_components * sizeof(float);
     }
     team->share(team, polish->lpca->weights, starts);
@@ -324,10 +324,10 @@ static void share_weights(const struct polish *polish) {
 static gboolean sum_views(struct polish *polish, GError **error) {
     struct lpca_run *run = polish->run;
     const struct lpca *lpca = polish->lpca;
-    const struct lpca_team *team = run->options->team;
+    const struct team *team = run->options->team;
     lpca_keep(run, LPCA_KEPT_SQUARES, polish->squares);
     lpca_keep_blocks(run, run->btf->n_views);
-    lpca_parallel(run->options->n_threads, blocks(run), reduced_block, polish);
+    work_for_each(run->options->work.n_threads, blocks(run), reduced_block, polish);
     if (!lpca_run_blocks(run, "polish", run->btf->n_views, sum_view, polish, error))
         return FALSE;
     lpca_drop_blocks(run);
@@ -339,7 +339,7 @@ static gboolean sum_views(struct polish *polish, GError **error) {
     }
     if (!polish->weigh)
         polish->turns = covariances(polish);
-    lpca_parallel(run->options->n_threads, lpca->n_clusters, finish_cluster, polish);
+    work_for_each(run->options->work.n_threads, lpca->n_clusters, finish_cluster, polish);
     return TRUE;
 }
 
@@ -360,7 +360,7 @@ static void sum_error(struct polish *polish) {
 static gboolean weigh(struct polish *polish, GError **error) {
     struct lpca_run *run = polish->run;
     if (!polish->weigh) {
-        lpca_parallel(run->options->n_threads, blocks(run), turn_weights, polish);
+        work_for_each(run->options->work.n_threads, blocks(run), turn_weights, polish);
         sum_error(polish);
         return TRUE;
     }
@@ -482,8 +482,8 @@ gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
     struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
     run.d = lpca_dimensions(btf->n_views, btf->n_lights);
     run.columns = run.d / btf->n_views;
-    lpca_team_part(options->team, options->team ? options->team->rank : 0, run.n, LPCA_TEAM_ROWS,
-                   &run.first, &run.end);
+    team_part(options->team, options->team ? options->team->rank : 0, run.n, TEAM_ROWS, &run.first,
+              &run.end);
     g_mutex_init(&run.lock);
     const gboolean ok = lpca_run_error(&run, lpca, error);
     g_mutex_clear(&run.lock);
@@ -492,7 +492,7 @@ gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
 }
 
 double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads) {
-    const struct lpca_options options = {.n_threads = n_threads};
+    const struct lpca_options options = {.work.n_threads = n_threads};
     g_autoptr(GError) error = NULL;
     if (!lpca_error_shared(lpca, btf, &options, &error))
         lpca->error = NAN;

@@ -9,21 +9,12 @@ float *lpca_ones(gsize n); /* g_free() */
 struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
 float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* 0: the mean */
 
-/* A thread that multiplies beside others: OpenBLAS on OpenMP keeps a number of threads for each
- * thread that calls it, and would start a team in each of ours. */
-void lpca_use_one_thread(void);
-
-/* Calls func for 0 … n − 1, each once, in any thread and order. Results are the same with any
- * number of threads if each writes only what is its own. */
-typedef void (*LpcaBlock)(int block, gpointer data);
-void lpca_parallel(int n_threads, int n, LpcaBlock func, gpointer data);
-
 /* A whole one, which stays where it is until it is dropped; and one of the same BTF as the file has
  * it but for its colours and error, or NULL. */
-void lpca_keep_whole(Unfinished *unfinished, const char *name, const struct lpca *lpca);
-struct lpca *lpca_kept_whole(const Unfinished *unfinished, const char *name,
+void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
+struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
                              const struct btf_matrix *btf, int n_clusters, int n_components);
-void lpca_drop_whole(Unfinished *unfinished, const char *name);
+void lpca_drop_whole(Checkpoint *checkpoint, const char *name);
 
 /* Of lpca->packed; NULL is ignored. */
 void lpca_packed_free(struct lpca_packed *packed);
@@ -53,7 +44,7 @@ struct lpca_reduced {
 gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error);
 void lpca_reduced_clear(struct lpca_reduced *reduced);
 
-/* How far lpca_compute() is; what is kept of it (lpca_options.unfinished) depends on that. */
+/* How far lpca_compute() is; what is kept of it (lpca_options.checkpoint) depends on that. */
 enum lpca_stage {
     LPCA_BEGUN,
     LPCA_REDUCING, /* some blocks of rows */
@@ -109,7 +100,7 @@ struct lpca_run {
     int *done; /* of the stage's blocks, or NULL: nothing is kept */
 };
 
-/* lpca_unfinished.c, which does nothing where options->unfinished is NULL. run->state becomes that
+/* lpca_checkpoint.c, which does nothing where options->checkpoint is NULL. run->state becomes that
  * of the file, if it is of this call, or that of one that begins. */
 void lpca_resume(struct lpca_run *run);
 /* From now on nothing is kept: what lpca_keep() was given may be freed. */
@@ -134,7 +125,7 @@ void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const
 
 /* A stage of n blocks in all threads: FALSE if it was cancelled or failed; what is kept is saved.
  */
-gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, LpcaBlock func,
+gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
                          gpointer data, GError **error);
 
 /* From a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of all

@@ -62,8 +62,9 @@ struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *op
     struct regroup regroup = {lpca, ret, &reduced};
     ret->colours = lpca->colours;
     memcpy(ret->clusters, reduced.labels, sizeof(int) * (gsize)n);
-    lpca_parallel(options->n_threads, reduced.k, turn_cluster, &regroup);
-    lpca_parallel(options->n_threads, (n + LPCA_BLOCK - 1) / LPCA_BLOCK, turn_weights, &regroup);
+    work_for_each(options->work.n_threads, reduced.k, turn_cluster, &regroup);
+    work_for_each(options->work.n_threads, (n + LPCA_BLOCK - 1) / LPCA_BLOCK, turn_weights,
+                  &regroup);
     lpca_reduced_clear(&reduced);
     return ret;
 }

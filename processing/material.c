@@ -127,12 +127,11 @@ static Material *open_exr(const char *path, const char *label, GError **error) {
     return NULL;
 }
 
-Material *material_open(const char *path, PipelineFunc progress, gpointer data,
-                        GCancellable *cancellable, GError **error) {
+Material *material_open(const char *path, const struct work *work, GError **error) {
     g_autofree char *label = g_path_get_basename(path);
     if (!g_file_test(path, G_FILE_TEST_IS_DIR))
         return open_exr(path, label, error);
-    struct btf_matrix *btf = btf_matrix_read(path, progress, data, cancellable, error);
+    struct btf_matrix *btf = btf_matrix_read(path, work, error);
     return btf ? material_of_btf(label, btf) : NULL;
 }
 

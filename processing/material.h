@@ -20,8 +20,7 @@ struct material_info {
 
 /* A session directory, its products/btf, or an EXR that “mesorig compress” or “mesorig process”
  * wrote. progress, stage "read", is told of BTFs alone and may be NULL. */
-Material *material_open(const char *path, PipelineFunc progress, gpointer data,
-                        GCancellable *cancellable, GError **error);
+Material *material_open(const char *path, const struct work *work, GError **error);
 void material_free(Material *material); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Material, material_free)
 

@@ -106,7 +106,7 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
-static float intersect(const MdfView *view, const struct mdf_sweep *sweep, float peak,
+static float intersect(const MdfView *view, const struct laser_sweep *sweep, float peak,
                        gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
         return -1;
@@ -166,7 +166,7 @@ static float brightness(const float *dn, gsize pixel) {
 }
 
 static void find_near(const MdfView *view, const struct phases *phases,
-                      const struct mdf_sweep *sweep, float x, float y, struct nears *ret) {
+                      const struct laser_sweep *sweep, float x, float y, struct nears *ret) {
     int r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
     *ret = (struct nears){.n = 0};
     for (int v = j - r + 1; v <= j + r; v++)
@@ -261,7 +261,7 @@ static void resample(const MdfView *view, struct nears *all, struct mdf_candidat
         ret[1] = (struct mdf_candidate){.mm = second.mm, .dn = second.dn};
 }
 
-static void intersect_all(MdfView *view, const struct mdf_sweep *sweep) {
+static void intersect_all(MdfView *view, const struct laser_sweep *sweep) {
     gsize n_pixels = (gsize)view->camera.width * (gsize)view->camera.height;
     for (gsize i = 0; i < n_pixels; i++) {
         view->pixel_mm[0][i] = intersect(view, sweep, sweep->peak[i], i);
@@ -270,7 +270,7 @@ static void intersect_all(MdfView *view, const struct mdf_sweep *sweep) {
     }
 }
 
-int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep) {
+int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
     intersect_all(view, sweep);
     struct phases phases = find_phases(view);

@@ -24,20 +24,8 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
 void mdf_view_free(MdfView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
 
-/* A sweep as sweep_finish() left it, in the camera's pixels; frame k was taken at sweep angle
- * from + k·step. */
-struct mdf_sweep {
-    const struct rig_laser *laser;
-    double arc_rad;
-    double from_rad, step_rad;
-    const float *peak, *width, *intensity;
-    const struct rig_arc *arc;                   /* NULL: an ideal one */
-    const float *second_peak, *second_intensity; /* of the second pulse; both may be NULL */
-    const struct laser_lines *lines;             /* NULL: planes by the calibration alone */
-};
-
 /* At most MDF_MAX_SWEEPS. Returns how many texels it saw. */
-int mdf_view_add(MdfView *view, const struct mdf_sweep *sweep);
+int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
 /* Of each texel, row by row: the distance in mm (−1: not seen; of four sweeps or more by one alone,
  * unless it continues the surface around, counts as that), the number of laser positions it is the

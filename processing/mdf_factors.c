@@ -1,11 +1,11 @@
 #include "mdf_factors.h"
 
+#include "base/data_error.h"
+
 #include <cblas.h>
 #include <lapacke.h>
 #include <math.h>
 #include <string.h>
-
-#include "pipeline.h"
 
 #define MOST_MAP 255
 #define ROUNDS   6    /* of what the factors say of unseen texels */
@@ -62,7 +62,7 @@ static gboolean solve(struct work *work, GError **error) {
         wide[i] = gram[i];
     const int info = LAPACKE_dsyev(LAPACK_COL_MAJOR, 'V', 'U', v, wide, v, values);
     if (info != 0) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "the principal views of an MDF were not found (dsyev: %d)", info);
         return FALSE;
     }
@@ -176,7 +176,7 @@ static gboolean fit_weights(struct mdf_factors *factors, const struct work *work
         b[i] = right[i];
     const int info = LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', m, work->n_views, a, m, b, m);
     if (info != 0) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "the weights of an MDF's maps were not found (dposv: %d)", info);
         return FALSE;
     }
@@ -240,7 +240,7 @@ static struct mdf_factors *search(const struct work *work, int most, double targ
         if (factors->error_mm <= target_mm)
             return factors;
         if (n == most)
-            g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                         "an error of %.3g mm is not reached with %d maps of distances (%.3g mm); "
                         "allow more",
                         target_mm, n, factors->error_mm);
@@ -259,8 +259,8 @@ static gboolean check(const struct mdf_table *table, int n_measured, int n_terms
     else if (n_measured < 1 || n_measured > table->n_views)
         what = "one view at least must have been measured";
     if (what)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                    "%d maps of distances for %d views: %s", n_terms, table->n_views, what);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%d maps of distances for %d views: %s",
+                    n_terms, table->n_views, what);
     return what == NULL;
 }
 

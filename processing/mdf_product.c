@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "mdf_views.h"
 
 static const char *const channels[] = {"D", "M", "N", "O", "P", "S", NULL};
@@ -46,7 +47,7 @@ static gboolean check_sweep(const struct mdf_input *input, const struct exr_part
     if (fabs(from * degree - input->from_rad) < 1e-9 && fabs(to * degree - input->to_rad) < 1e-9 &&
         steps == input->steps)
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: swept from %g° to %g° in %d steps, but the session's plan says %g° to %g° in "
                 "%d",
                 input->input.path, from, to, steps, input->from_rad / degree,
@@ -69,17 +70,17 @@ static gboolean add_sweep(MdfView *view, const LaserRegion *region, const struct
         return FALSE;
     gboolean ok = check_sweep(input, part, error);
     if (ok) {
-        struct mdf_sweep sweep = {.arc = input->arc,
-                                  .laser = input->laser,
-                                  .arc_rad = input->arc_rad,
-                                  .from_rad = input->from_rad,
-                                  .step_rad =
-                                      (input->to_rad - input->from_rad) / (input->steps - 1),
-                                  .peak = exr_part_plane(part, "peak"),
-                                  .width = exr_part_plane(part, "width"),
-                                  .intensity = exr_part_plane(part, "intensity"),
-                                  .second_peak = exr_part_plane(part, "second_peak"),
-                                  .second_intensity = exr_part_plane(part, "second_intensity")};
+        struct laser_sweep sweep = {.arc = input->arc,
+                                    .laser = input->laser,
+                                    .arc_rad = input->arc_rad,
+                                    .from_rad = input->from_rad,
+                                    .step_rad =
+                                        (input->to_rad - input->from_rad) / (input->steps - 1),
+                                    .peak = exr_part_plane(part, "peak"),
+                                    .width = exr_part_plane(part, "width"),
+                                    .intensity = exr_part_plane(part, "intensity"),
+                                    .second_peak = exr_part_plane(part, "second_peak"),
+                                    .second_intensity = exr_part_plane(part, "second_intensity")};
         struct laser_lines lines;
         laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
         sweep.lines = &lines;

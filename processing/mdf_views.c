@@ -2,9 +2,9 @@
 
 #include <math.h>
 
+#include "base/data_error.h"
 #include "exr.h"
 #include "mdf_views_private.h"
-#include "pipeline.h"
 
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm) {
@@ -98,7 +98,7 @@ static gboolean eye_of(const char *path, const struct exr_part *part, const stru
     if (ret->distance && part->width == plane->width && part->height == plane->height &&
         ret->centre_mm[2] > plane->reference_mm && exr_all_finite(ret->distance, n))
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: part %s is no view of this MDF: it has no channel D, other texels, distances "
                 "that are no numbers, or its camera is below the reference plane",
                 path, part->name);
@@ -108,7 +108,7 @@ static gboolean eye_of(const char *path, const struct exr_part *part, const stru
 static gboolean plane_of(const char *path, const struct exr_file *file, struct mdf_plane *ret,
                          GError **error) {
     if (file->parts->len == 0) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: no views", path);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no views", path);
         return FALSE;
     }
     const struct exr_part *first = g_ptr_array_index(file->parts, 0);
@@ -118,8 +118,7 @@ static gboolean plane_of(const char *path, const struct exr_file *file, struct m
         exr_get_double(first, "reference_mm", &ret->reference_mm, error) && ret->texel_mm > 0)
         return TRUE;
     if (error && !*error)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: texel_mm is not positive",
-                    path);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: texel_mm is not positive", path);
     else
         g_prefix_error(error, "%s: ", path);
     return FALSE;

@@ -1,7 +1,7 @@
 /* What one view says of another's point: shared by mdf_views.c and mdf_settle.c. Any thread. */
 #pragma once
 
-#include "calib/vec.h"
+#include "base/vec.h"
 #include "mdf_views.h"
 
 #define MDF_TOLERANCE  0.33 /* of a texel: closer is the same surface */

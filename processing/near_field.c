@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "btf.h"
 #include "btf_private.h"
 
@@ -21,8 +22,8 @@ void near_field_free(struct near_field *near_field) {
 }
 
 static gboolean damaged(const char *path, GError **error, const char *what) {
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                "%s: %s; delete the file and process again", path, what);
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: %s; delete the file and process again",
+                path, what);
     return FALSE;
 }
 

@@ -6,7 +6,7 @@
  */
 #pragma once
 
-#include "calib/vec.h"
+#include "base/vec.h"
 #include "exr.h"
 #include "session.h"
 
@@ -21,7 +21,7 @@ struct near_field {
     struct vec3 *camera_mm, *lamp_mm;
 };
 
-/* Of a session with a BTF, from its files' headers alone. PIPELINE_ERROR_DATA: they do not fit each
+/* Of a session with a BTF, from its files' headers alone. DATA_ERROR_INVALID: they do not fit each
  * other, or a place is not finite or not above the reference plane; some say where, some do not. */
 struct near_field *near_field_read(const char *session, GError **error);
 void near_field_free(struct near_field *near_field); /* NULL is ignored */

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sys/resource.h>
 
+#include "base/data_error.h"
 #include "catalogue.h"
 #include "eigenmaps.h"
 #include "mdf_product.h"
@@ -73,9 +74,9 @@ static void work(gpointer data, gpointer unused) {
 }
 
 static void report(struct run *run, const char *name, int done, int total, double left_s) {
-    struct pipeline_progress progress = {name, done, total, left_s};
-    if (run->options->progress)
-        run->options->progress(&progress, run->options->data);
+    struct work_progress progress = {name, done, total, left_s};
+    if (run->options->work.progress)
+        run->options->work.progress(&progress, run->options->work.data);
 }
 
 static int count_made(const struct run *run, enum stage stage) {
@@ -142,7 +143,8 @@ static struct task *next_task(struct run *run, enum stage stage, int view) {
 }
 
 static GThreadPool *new_pool(const struct run *run, GError **error) {
-    int n = run->options->n_threads > 0 ? run->options->n_threads : (int)g_get_num_processors();
+    int n = run->options->work.n_threads > 0 ? run->options->work.n_threads
+                                             : (int)g_get_num_processors();
     return g_thread_pool_new(work, NULL, n, FALSE, error);
 }
 
@@ -219,7 +221,7 @@ static gboolean check_complete(const struct run *run, GError **error) {
     int waiting = count_waiting(run);
     if (run->options->follow || waiting == 0)
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                 "%s: frames of %d of %d views are missing; `mesorig resume %s` takes them. With "
                 "--follow processing waits for them, or leaves these views out if the capture was "
                 "aborted",
@@ -368,7 +370,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     for (int view = 0; view < run->n_views; view++)
         ret->n_predicted += run->missing[view];
     if (n_lights > 0 && ret->n_views == 0) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: of each view more than %g %% of its %d pictures under lights were left "
                     "out by the plan, so that there is no BTF",
                     session_path(run->session), 100 * BTF_MOST_MISSING, n_lights);
@@ -476,13 +478,13 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
     run.cancellable = g_cancellable_new();
     run.finished = g_async_queue_new();
     gulong forward = 0;
-    if (options->cancellable)
-        forward = g_cancellable_connect(options->cancellable, G_CALLBACK(forward_cancel),
+    if (options->work.cancellable)
+        forward = g_cancellable_connect(options->work.cancellable, G_CALLBACK(forward_cancel),
                                         run.cancellable, NULL);
     gboolean ok = begin(&run, &found) && make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && finish(&run, ret, &found);
-    if (options->cancellable)
-        g_cancellable_disconnect(options->cancellable, forward);
+    if (options->work.cancellable)
+        g_cancellable_disconnect(options->work.cancellable, forward);
     end(&run);
     if (!ok)
         g_propagate_error(error, g_steal_pointer(&found));

@@ -34,14 +34,8 @@
  */
 #pragma once
 
+#include "base/work.h"
 #include "session.h"
-
-struct pipeline_progress {
-    const char *stage; /* "btf", "mdf", "eigenmaps" */
-    int done, total;
-    double left_s; /* −1: not known */
-};
-typedef void (*PipelineFunc)(const struct pipeline_progress *progress, gpointer data);
 
 struct pipeline_options {
     gboolean follow; /* wait for what is missing until the capture has ended */
@@ -50,10 +44,7 @@ struct pipeline_options {
      * same rig; NULL: the session's. Where it knows nothing of the lamps' light, what marks said of
      * it during the capture is not used. */
     const char *calibration;
-    int n_threads;         /* 0: one a processor */
-    PipelineFunc progress; /* may be NULL; called from the calling thread */
-    gpointer data;
-    GCancellable *cancellable; /* may be NULL */
+    struct work work;
 };
 
 struct pipeline_result {
@@ -68,13 +59,6 @@ struct pipeline_result {
      * sweeps of which laser position (−1: none was seen). */
     int line_sweeps, lines_found, lines_disagree, line_worst_position;
     double lines_rms_deg, lines_worst_deg;
-};
-
-#define PIPELINE_ERROR pipeline_error_quark()
-GQuark pipeline_error_quark(void);
-enum pipeline_error {
-    PIPELINE_ERROR_INCOMPLETE, /* frames are missing and follow was not asked for */
-    PIPELINE_ERROR_DATA,       /* a frame does not fit its session: size, NaN, checksum */
 };
 
 /* Runs in the calling thread and a pool of its own. What is up to date is not made again: every

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "demosaic.h"
-#include "pipeline.h"
 
 #define SPACING_PX  0.25  /* of the points by which a texel is gathered */
 #define MOST_EXCESS 10.0f /* of a colour, over what the others would have it */
@@ -63,7 +63,7 @@ void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, 
 static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError **error) {
     static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
     if (!g_strv_contains(names, cfa)) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "colour filter \"%s\" is not known; there are mono, rggb, bggr, grbg, gbrg",
                     cfa);
         return FALSE;
@@ -303,7 +303,7 @@ static gboolean check_outside(const Rectify *rectify, const struct rig_camera *c
                               double turntable_rad, GError **error) {
     if (rectify->n_outside * 100.0 <= rectify->n_texels)
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "camera %s at turntable %.6g°: %d of %d texels lie outside of its %d × %d pixels; "
                 "point it at the sample and calibrate it, or make [sample] smaller in the session",
                 camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,

@@ -18,7 +18,7 @@
 typedef struct Rectify Rectify;
 
 /* cfa: "mono", "rggb", "bggr", "grbg" or "gbrg"; a mono camera gives three colours alike. Texels
- * outside of the picture are holes; more than 1 % of them are PIPELINE_ERROR_DATA. radiometry: of
+ * outside of the picture are holes; more than 1 % of them are DATA_ERROR_INVALID. radiometry: of
  * the camera; NULL or not known: nominal vignetting, colours alike. */
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                      const char *cfa, double turntable_rad, const struct session_grid *grid,

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "exr.h"
 #include "mdf_views.h"
 #include "rectify.h"
@@ -91,7 +92,7 @@ static gboolean add_view(struct surface *surface, const struct exr_part *part, i
     if (!distance || !own || part->width != surface->grid.width ||
         part->height != surface->grid.height || !exr_get_v3d(part, "view.centre_mm", eye, NULL) ||
         !isfinite(eye[0] + eye[1] + eye[2])) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: part %s is no view of an MDF of %d × %d texels; process the session again",
                     path, part->name, surface->grid.width, surface->grid.height);
         return FALSE;
@@ -109,24 +110,22 @@ static gboolean add_view(struct surface *surface, const struct exr_part *part, i
     return TRUE;
 }
 
-static gboolean read_views(struct surface *surface, const char *path,
-                           const struct export_progress *progress, GError **error) {
+static gboolean read_views(struct surface *surface, const char *path, const struct work *work,
+                           GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
     struct exr_file *file = exr_read(path, error);
     gboolean ok = file != NULL;
     surface->n_views = ok ? (int)file->parts->len : 0;
     for (int i = 0; ok && i < surface->n_views; i++) {
-        const struct pipeline_progress now = {"points", i + 1, surface->n_views, -1};
-        ok = !g_cancellable_set_error_if_cancelled(progress->cancellable, error) &&
-             add_view(surface, file->parts->pdata[i], i, path, error);
-        if (ok && progress->func)
-            progress->func(&now, progress->data);
+        ok = add_view(surface, file->parts->pdata[i], i, path, error) &&
+             work_tell(work, "points", i + 1, surface->n_views, begun_us, error);
     }
     exr_file_free(file);
     return ok;
 }
 
-gboolean surface_read(const char *session, const struct export_progress *progress,
-                      struct surface *ret, GError **error) {
+gboolean surface_read(const char *session, const struct work *work, struct surface *ret,
+                      GError **error) {
     *ret = (struct surface){.points = g_array_new(FALSE, FALSE, sizeof(struct surface_point))};
     g_autoptr(Session) from = session_open(session, SESSION_READ, error);
     if (!from || !session_grid(from, &ret->grid, error))
@@ -134,11 +133,11 @@ gboolean surface_read(const char *session, const struct export_progress *progres
     g_autofree char *path = session_file(from, "products/mdf.exr");
     ret->texel_mm = ret->grid.width_mm / ret->grid.width;
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: there is no MDF; a session with laser positions has one when it is "
                     "processed",
                     path);
         return FALSE;
     }
-    return read_views(ret, path, progress, error);
+    return read_views(ret, path, work, error);
 }

@@ -1,7 +1,7 @@
 /* The points that an MDF's views saw, with normals: what export_surface.h is made of. */
 #pragma once
 
-#include "calib/vec.h"
+#include "base/vec.h"
 #include "export_surface.h"
 
 struct surface_point {
@@ -17,6 +17,6 @@ struct surface {
     GArray *points; /* of struct surface_point */
 };
 
-gboolean surface_read(const char *session, const struct export_progress *progress,
-                      struct surface *ret, GError **error);
+gboolean surface_read(const char *session, const struct work *work, struct surface *ret,
+                      GError **error);
 void surface_clear(struct surface *surface);

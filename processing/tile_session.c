@@ -92,12 +92,13 @@ struct run {
     GArray *cells;
     struct tile_fit fit;
     struct tile_result *ret;
+    gint64 begun_us;
     gboolean stopped;
 };
 
 static gboolean goes_on(struct run *run, const char *stage, guint done) {
-    if (run->options->progress &&
-        !run->options->progress(stage, (int)done, (int)run->frames.inputs->len, run->options->data))
+    if (!work_tell(run->options->work, stage, (int)done, (int)run->frames.inputs->len,
+                   run->begun_us, NULL))
         run->stopped = TRUE;
     return !run->stopped;
 }
@@ -296,6 +297,7 @@ gboolean tile_session(Session *session, struct calibration *calibration,
                       .options = options,
                       .rejected = g_ptr_array_new_with_free_func(g_free),
                       .cells = g_array_new(FALSE, FALSE, sizeof(struct tile_cell)),
+                      .begun_us = g_get_monotonic_time(),
                       .ret = ret};
     struct rig before = calibration->rig;
     memset(ret, 0, sizeof *ret);

@@ -6,15 +6,14 @@
  */
 #pragma once
 
+#include "base/work.h"
 #include "calib/calibration.h"
 #include "session.h"
 
 struct tile_options {
     double reflectance[3];      /* of the tile, at the cameras' red, green, blue */
     double width_mm, height_mm; /* of the tile; 0: the session's sample */
-    /* May be NULL; FALSE ends it: G_IO_ERROR_CANCELLED. */
-    gboolean (*progress)(const char *stage, int done, int total, gpointer data);
-    gpointer data;
+    const struct work *work;    /* may be NULL */
 };
 
 struct tile_result {

@@ -1,5 +1,6 @@
 #include "backdrop.h"
 
+#include "base/direction.h"
 #include "camera.h"
 #include "gpu.h"
 #include "programs.h"
@@ -101,7 +102,7 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
 static void set_ground(const Backdrop *backdrop, guint program, const struct view_settings *s,
                        const Relief *relief) {
     float light[3];
-    camera_direction(s->light_theta_deg, s->light_phi_deg, light);
+    direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
     glUniform3fv(glGetUniformLocation(program, "foot"), 1, backdrop->foot);
     glUniform1f(glGetUniformLocation(program, "corner"), backdrop->corner);
     glUniform1f(glGetUniformLocation(program, "radius"), backdrop->radius);

@@ -1,5 +1,7 @@
 #include "camera.h"
 
+#include "base/direction.h"
+
 #include <cglm/cglm.h>
 
 #define MARGIN 0.92 /* of the picture's width or height that a shape fills */
@@ -9,18 +11,11 @@ struct axes {
     vec3 right, up, back;
 };
 
-void camera_direction(double theta_deg, double phi_deg, float ret[3]) {
-    double theta = theta_deg * G_PI / 180.0, phi = phi_deg * G_PI / 180.0;
-    ret[0] = sin(theta) * cos(phi);
-    ret[1] = sin(theta) * sin(phi);
-    ret[2] = cos(theta);
-}
-
 /* The vertical axis of the picture is never along the line of sight: it leans with the elevation.
  */
 static void find_axes(const struct view_settings *s, struct axes *ret) {
-    camera_direction(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, ret->back);
-    camera_direction(-s->camera_elevation_deg, s->camera_azimuth_deg, ret->up);
+    direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, ret->back);
+    direction_from_deg(-s->camera_elevation_deg, s->camera_azimuth_deg, ret->up);
     glm_vec3_cross(ret->up, ret->back, ret->right);
 }
 

@@ -12,6 +12,3 @@ void camera_matrix(const struct view_settings *settings, double radius, double r
  * sets distance and pan. */
 void camera_fit(struct view_settings *settings, const float *points, guint n, double radius,
                 double aspect);
-
-/* Of a far light or the line of sight; polar angle from +z. */
-void camera_direction(double theta_deg, double phi_deg, float ret[3]);

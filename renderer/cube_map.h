@@ -1,7 +1,7 @@
 /* Cube maps that tell something of every direction. */
 #pragma once
 
-#include "calib/vec.h"
+#include "base/vec.h"
 #include <glib.h>
 
 /* The direction of the centre of texel (i, j) of a face of size texels each way, faces in the order

@@ -14,7 +14,7 @@
  */
 #pragma once
 
-#include "calib/vec.h"
+#include "base/vec.h"
 #include <glib.h>
 
 #define DIRECTIONS_ERROR directions_error_quark()

@@ -51,11 +51,11 @@ GArray *live_views(const char *session, GError **error) {
     g_autoptr(GPtrArray) planned = opened != NULL ? session_views(opened, error) : NULL;
     if (planned == NULL)
         return NULL;
-    GArray *views = g_array_new(FALSE, FALSE, sizeof(struct live_view));
+    GArray *views = g_array_new(FALSE, FALSE, sizeof(struct planned_view));
     for (guint k = 0; k < planned->len; k++) {
         const struct session_direction *direction = planned->pdata[k];
-        const struct live_view view = {direction->theta_deg, direction->phi_deg,
-                                       is_made(session, direction->index)};
+        const struct planned_view view = {direction->theta_deg, direction->phi_deg,
+                                          is_made(session, direction->index)};
         g_array_append_val(views, view);
     }
     return views;

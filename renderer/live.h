@@ -4,17 +4,13 @@
  */
 #pragma once
 
+#include "hatching.h"
 #include "processing/eigenmaps.h"
 
 /* Waits for the result; any thread. *ret_n_views: how many there are. */
 struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError **error);
 
-struct live_view {
-    double theta_deg, phi_deg;
-    gboolean measured;
-};
-
-/* Of the plan; a GArray of struct live_view, or NULL with an error if it is no session. */
+/* Of the plan; a GArray of struct planned_view, or NULL with an error if it is no session. */
 GArray *live_views(const char *session, GError **error);
 
 typedef struct Live Live; /* belongs to one thread */

@@ -2,7 +2,7 @@
 
 #include "direction_table.h"
 #include "gpu.h"
-#include "processing/resample.h"
+#include "processing/direction_grid.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -120,7 +120,7 @@ static void add_sky(const struct lobes *lobes, int slice, int texel, const float
     for (int k = 0; k < SKY * SKY; k++) {
         const int row = k / SKY;
         float light[3], rgb[3];
-        resample_direction((k % SKY + 0.5) / SKY, (row + 0.5) / SKY, light);
+        direction_grid_direction((k % SKY + 0.5) / SKY, (row + 0.5) / SKY, light);
         lobes_evaluate(lobes, slice, texel, view, light, rgb);
         for (int c = 0; c < COLOURS; c++)
             ret[c] += CLAMP(rgb[c], 0, HALF_MAX / 2) * 2 / (SKY * SKY);

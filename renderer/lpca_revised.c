@@ -3,7 +3,8 @@
 #include "cube_map.h"
 #include "gpu.h"
 #include "lpca_texels.h"
-#include "processing/resample.h"
+#include "processing/direction_grid.h"
+#include "processing/lpca_resample.h"
 
 #include <epoxy/gl.h>
 #include <math.h>
@@ -31,7 +32,7 @@ static struct lpca *as_floats(const struct lpca *lpca) {
 /* Three bytes are stored as four, three halves as eight. */
 static int fitting(const struct lpca *lpca) {
     int n = MOST;
-    while (n > RESAMPLE_MIN_GRID &&
+    while (n > DIRECTION_GRID_MIN &&
            lpca->n_clusters * (8.0 + 4.0 * lpca->n_components) * n * n * (n * n + 1.0) >
                (double)LPCA_REVISED_BYTES)
         n--;
@@ -42,7 +43,7 @@ static int fitting(const struct lpca *lpca) {
 static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error) {
     g_autofree struct lpca *floats = as_floats(lpca);
     if (lpca->n_grid == 0)
-        return resample_lpca(floats, n_grid ? n_grid : fitting(lpca), error);
+        return lpca_resample(floats, n_grid ? n_grid : fitting(lpca), error);
     const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
     floats->name = NULL;
     floats->view_theta_deg = floats->view_phi_deg = NULL;
@@ -159,7 +160,7 @@ static gboolean upload(LpcaRevised *r, struct lpca *grid, GError **error) {
 
 static void square_of(struct vec3 d, double ret[2]) {
     const float at[3] = {(float)d.x, (float)d.y, (float)d.z};
-    resample_square(at, &ret[0], &ret[1]);
+    direction_grid_square(at, &ret[0], &ret[1]);
 }
 
 static void fill_view(struct vec3 direction, gpointer data, float ret[4]) {

@@ -1,7 +1,9 @@
 /* An MDF of any of the kinds that mdf_kind() tells, read and made ready to be put on the card. */
 #pragma once
 
-#include "view.h"
+#include "processing/mdf_blocks.h"
+#include "processing/mdf_factors.h"
+#include "processing/mdf_packed.h"
 
 struct mdf_source {
     enum mdf_kind kind;

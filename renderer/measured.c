@@ -1,5 +1,6 @@
 #include "measured.h"
 
+#include "base/direction.h"
 #include "camera.h"
 
 #include <math.h>
@@ -13,7 +14,7 @@ static int nearest(const float *theta_deg, const float *phi_deg, int n, const fl
     double most = -2.0;
     for (int k = 0; k < n; k++) {
         float d[3];
-        camera_direction(theta_deg[k], phi_deg[k], d);
+        direction_from_deg(theta_deg[k], phi_deg[k], d);
         const double dot = d[0] * wanted[0] + d[1] * wanted[1] + d[2] * wanted[2];
         if (dot > most) {
             most = dot;
@@ -26,8 +27,8 @@ static int nearest(const float *theta_deg, const float *phi_deg, int n, const fl
 static void find(const Reference *reference, const struct view_settings *s, struct measured *ret) {
     const struct reference_info info = reference_info(reference);
     float view[3], light[3];
-    camera_direction(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, view);
-    camera_direction(s->light_theta_deg, s->light_phi_deg, light);
+    direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, view);
+    direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
     ret->view = nearest(info.view_theta_deg, info.view_phi_deg, info.n_views, view);
     ret->light = nearest(info.light_theta_deg, info.light_phi_deg, info.n_lights, light);
     ret->view_theta_deg = info.view_theta_deg[ret->view];
@@ -97,8 +98,8 @@ gboolean measured_compare(const Reference *reference, View *view,
     s.samples = 1;
     s.style.nearest = TRUE;
     find(reference, &s, ret);
-    camera_direction(ret->view_theta_deg, ret->view_phi_deg, to_view);
-    camera_direction(ret->light_theta_deg, ret->light_phi_deg, to_light);
+    direction_from_deg(ret->view_theta_deg, ret->view_phi_deg, to_view);
+    direction_from_deg(ret->light_theta_deg, ret->light_phi_deg, to_light);
     g_autofree float *measured = read_measured(reference, ret, error);
     g_autofree float *drawn = measured != NULL ? view_render_flat(view, &s, to_view, to_light,
                                                                   info.width, info.height, error)

@@ -136,7 +136,8 @@ static gboolean open_live(const struct view_options *o, View *view, struct rende
     eigenmaps_free(maps);
     g_autoptr(GArray) planned = good ? live_views(o->rest[0], NULL) : NULL;
     if (planned != NULL) { /* else it has a BTF and no plan */
-        view_set_planned(view, (const struct live_view *)(const void *)planned->data, planned->len);
+        view_set_planned(view, (const struct planned_view *)(const void *)planned->data,
+                         planned->len);
         ret->n_planned = (int)planned->len;
     }
     return good;

@@ -7,7 +7,7 @@
 
 #include "method.h"
 
-#include "calib/vec.h"
+#include "base/vec.h"
 
 enum microfacet_model { MICROFACET_WARD, MICROFACET_ASHIKHMIN };
 

@@ -1,5 +1,6 @@
 #include "programs.h"
 
+#include "base/direction.h"
 #include "camera.h"
 #include "gpu.h"
 
@@ -73,7 +74,7 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
 void programs_set_lamps(guint program, const struct view_settings *s) {
     float towards[VIEW_MAX_LAMPS][3], colours[VIEW_MAX_LAMPS][3];
     for (int k = 0; k < s->n_lamps; k++) {
-        camera_direction(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
+        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
         memcpy(colours[k], s->lamps[k].rgb, sizeof colours[k]);
     }
     glUniform1f(glGetUniformLocation(program, "lamp"), (float)s->lamp);

@@ -1,6 +1,5 @@
 #include "relief.h"
 
-#include "camera.h"
 #include "gpu.h"
 #include "shadow_maps.h"
 
@@ -18,7 +17,7 @@ struct Relief {
     int n_further;
     guint seen;
     float light[3], radius;
-    float rights[VIEW_MAX_LAMPS][3]; /* see shadow_maps_right() */
+    float rights[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_right() */
 };
 
 Relief *relief_new(GError **error) {
@@ -87,36 +86,32 @@ static gboolean find_first(Relief *relief, const struct shadow_scene *scene, GEr
 }
 
 /* Of many lamps each gives little: together they take no more than four maps of full size do. */
-static gboolean find_further(Relief *relief, const struct view_settings *s,
+static gboolean find_further(Relief *relief, const struct relief_scene *from,
                              struct shadow_scene *scene, GError **error) {
-    float towards[VIEW_MAX_LAMPS][3];
-    relief->n_further = s->n_lamps;
-    if (s->n_lamps == 0)
+    relief->n_further = from->n_further;
+    if (from->n_further == 0)
         return TRUE;
     if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
         return FALSE;
-    scene->size /= s->n_lamps <= 4 ? 1 : s->n_lamps <= 16 ? 2 : 4;
-    for (int k = 0; k < s->n_lamps; k++) {
-        camera_direction(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
-        shadow_maps_right(towards[k], relief->rights[k]);
-    }
-    return shadow_maps_find(relief->further, relief->lamp, scene, (const float(*)[3])towards,
-                            s->n_lamps, error);
+    scene->size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
+    for (int k = 0; k < from->n_further; k++)
+        shadow_maps_right(from->further[k], relief->rights[k]);
+    return shadow_maps_find(relief->further, relief->lamp, scene, from->further, from->n_further,
+                            error);
 }
 
 /* A lamp that is off, as an environment has it, casts none. */
-static gboolean find_shadows(Relief *relief, const struct view_settings *s,
-                             const struct visibility_scene *seen, const struct relief_scene *from,
-                             GError **error) {
-    struct shadow_scene scene = {*seen, from->radius, from->serial, s->shadow_size};
+static gboolean find_shadows(Relief *relief, const struct visibility_scene *seen,
+                             const struct relief_scene *from, GError **error) {
+    struct shadow_scene scene = {*seen, from->radius, from->serial, from->shadow_size};
     scene.casting.n_indices = from->n_casting;
-    relief->shadows = s->lamp > 0.0;
+    relief->shadows = from->lit;
     return (!relief->shadows || find_first(relief, &scene, error)) &&
-           find_further(relief, s, &scene, error);
+           find_further(relief, from, &scene, error);
 }
 
-static gboolean check(const Relief *relief, const struct view_settings *s, GError **error) {
-    if (!s->silhouettes || relief->mdf != NULL)
+static gboolean check(const Relief *relief, const struct relief_scene *from, GError **error) {
+    if (!from->silhouettes || relief->mdf != NULL)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                 "silhouettes need the material's distances, an mdf.exr: “mesorig process” makes it "
@@ -124,29 +119,28 @@ static gboolean check(const Relief *relief, const struct view_settings *s, GErro
     return FALSE;
 }
 
-gboolean relief_prepare(Relief *relief, const struct view_settings *s,
-                        const struct relief_scene *from, GError **error) {
+gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
     struct visibility_scene scene = {
-        .mdf = s->silhouettes ? relief->mdf : relief->smooth,
+        .mdf = from->silhouettes ? relief->mdf : relief->smooth,
         .array = from->array,
         .n_indices = from->n_indices,
         .sight = {from->eye[0], from->eye[1], from->eye[2], 1.0f},
         .tiles = {from->tiles[0], from->tiles[1]},
         .width = from->width,
         .height = from->height,
-        .options = s->visibility,
+        .options = from->visibility,
     };
-    if (!check(relief, s, error))
+    if (!check(relief, from, error))
         return FALSE;
     memcpy(scene.projection, from->projection, sizeof from->projection);
     memcpy(relief->light, from->light, sizeof from->light);
     relief->radius = from->radius;
-    relief->silhouettes = s->silhouettes;
+    relief->silhouettes = from->silhouettes;
     relief->shadows = FALSE;
     relief->n_further = 0;
-    if (s->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
+    if (from->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
         return FALSE;
-    return !s->shadows || find_shadows(relief, s, &scene, from, error);
+    return !from->shadows || find_shadows(relief, &scene, from, error);
 }
 
 static void bind_texture(guint program, const char *name, int unit, GLenum target, guint texture) {

@@ -6,7 +6,9 @@
  */
 #pragma once
 
-#include "view.h"
+#include "visibility.h"
+
+#define RELIEF_MAX_LAMPS 64
 
 typedef struct Relief Relief; /* belongs to the thread of the GL context */
 
@@ -30,12 +32,19 @@ struct relief_scene {
     float projection[16], eye[3], light[3], tiles[2];
     int width, height;
     guint serial; /* another one for each mesh */
+    /* Silhouettes and the shadows of every lamp; silhouettes need an MDF. */
+    gboolean silhouettes, shadows;
+    gboolean lit; /* by the first lamp: one that is off casts no shadow */
+    int n_further;
+    float further[RELIEF_MAX_LAMPS][3]; /* unit vectors towards further lamps */
+    int shadow_size; /* of the first lamp's map, each way; of more than 4 further ones a half, of
+                        more than 16 a quarter */
+    struct visibility_options visibility;
 };
 
-/* As settings say; binds framebuffers of its own. Shadow maps are kept while lamp, mesh, tiles, MDF
+/* Binds framebuffers of its own. Shadow maps are kept while lamp, mesh, tiles, MDF
  * and what is asked of them stay the same. */
-gboolean relief_prepare(Relief *relief, const struct view_settings *settings,
-                        const struct relief_scene *scene, GError **error);
+gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError **error);
 
 #define RELIEF_FURTHER_UNIT 14 /* of the shadow maps of further lamps */
 

@@ -25,7 +25,7 @@ int series_parse(const char *text, int ret_percent[SERIES_MAX]) {
 int series_count(const GArray *views) {
     int n = 0;
     for (guint k = 0; k < views->len; k++)
-        n += g_array_index(views, struct live_view, k).measured;
+        n += g_array_index(views, struct planned_view, k).measured;
     return n;
 }
 

@@ -15,8 +15,8 @@ enum series_error {
 /* "20,40,100": rising percentages, 1 … 100. Returns how many; 0: text is none of that. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
-/* Waits until that share of the planned views is there: struct live_view of all. The session need
- * not be there at first. wait_s: so long without a new view is an error. */
+/* Waits until that share of the planned views is there: struct planned_view of all. The session
+ * need not be there at first. wait_s: so long without a new view is an error. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
 int series_count(const GArray *views); /* of those that are there */

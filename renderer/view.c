@@ -1,10 +1,11 @@
 #include "view.h"
 
 #include "backdrop.h"
+#include "base/direction.h"
 #include "camera.h"
 #include "eigenmaps_view.h"
 #include "gpu.h"
-#include "marks.h"
+#include "hatching.h"
 #include "mdf_source.h"
 #include "mesh_shape.h"
 #include "programs.h"
@@ -38,7 +39,7 @@ struct View {
     Programs *programs; /* of the method */
     Relief *relief;
     Backdrop *backdrop;
-    Marks *marks;
+    Hatching *hatching;
     guint plain_program, geometry_program, resolve_program;
     guint array, vertices, shapes, indices, empty_array;
     guint n_indices, n_casting, serial;
@@ -130,7 +131,7 @@ View *view_new(const struct eigenmaps *material, GError **error) {
     view->radius = view->reach = 1.0;
     if (!make_programs(view, error) || (view->relief = relief_new(error)) == NULL ||
         (view->backdrop = backdrop_new(error)) == NULL ||
-        (view->marks = marks_new(error)) == NULL ||
+        (view->hatching = hatching_new(error)) == NULL ||
         (material != NULL && !view_set_material(view, material, error)))
         return NULL;
     make_array(view);
@@ -145,7 +146,7 @@ void view_free(View *view) {
     programs_free(view->programs);
     relief_free(view->relief);
     backdrop_free(view->backdrop);
-    marks_free(view->marks);
+    hatching_free(view->hatching);
     const guint programs[] = {view->plain_program, view->geometry_program, view->resolve_program};
     for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
         glDeleteProgram(programs[k]);
@@ -321,7 +322,7 @@ static gboolean look(const View *view, const struct view_settings *s, int width,
     double aspect = (double)width / height;
     view_fit(view, &fitted, aspect);
     camera_matrix(&fitted, view->radius, view->reach, aspect, ret->projection, ret->eye);
-    camera_direction(s->light_theta_deg, s->light_phi_deg, ret->light);
+    direction_from_deg(s->light_theta_deg, s->light_phi_deg, ret->light);
     ret->tiles[0] = s->tiles_u > 0.0 ? s->tiles_u : view->tiles_u;
     ret->tiles[1] = s->tiles_v > 0.0 ? s->tiles_v : view->tiles_v;
     struct relief_scene scene = {.array = view->array,
@@ -330,12 +331,20 @@ static gboolean look(const View *view, const struct view_settings *s, int width,
                                  .radius = view->radius,
                                  .width = width,
                                  .height = height,
-                                 .serial = view->serial};
+                                 .serial = view->serial,
+                                 .silhouettes = s->silhouettes,
+                                 .shadows = s->shadows,
+                                 .lit = s->lamp > 0.0,
+                                 .n_further = s->n_lamps,
+                                 .shadow_size = s->shadow_size,
+                                 .visibility = s->visibility};
+    for (int k = 0; k < s->n_lamps; k++)
+        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, scene.further[k]);
     memcpy(scene.projection, ret->projection, sizeof scene.projection);
     memcpy(scene.eye, ret->eye, sizeof scene.eye);
     memcpy(scene.light, ret->light, sizeof scene.light);
     memcpy(scene.tiles, ret->tiles, sizeof scene.tiles);
-    return relief_prepare(view->relief, s, &scene, error);
+    return relief_prepare(view->relief, &scene, error);
 }
 
 static void begin(const struct gpu_target *target) {
@@ -392,17 +401,17 @@ static gboolean draw_geometry(View *view, const struct view_settings *s, enum vi
     return TRUE;
 }
 
-void view_set_planned(View *view, const struct live_view *views, guint n) {
-    marks_set(view->marks, views, n);
+void view_set_planned(View *view, const struct planned_view *views, guint n) {
+    hatching_set(view->hatching, views, n);
 }
 
-static gboolean draw_marks(View *view, const struct view_settings *s, guint framebuffer, int width,
-                           int height, GError **error) {
-    if (!marks_any(view->marks))
+static gboolean draw_hatching(View *view, const struct view_settings *s, guint framebuffer,
+                              int width, int height, GError **error) {
+    if (!hatching_any(view->hatching))
         return TRUE;
     if (!draw_geometry(view, s, VIEW_GEOMETRY_VIEW, width, height, error))
         return FALSE;
-    marks_draw(view->marks, view->geometry.colour, framebuffer, width, height);
+    hatching_draw(view->hatching, view->geometry.colour, framebuffer, width, height);
     return TRUE;
 }
 
@@ -421,7 +430,7 @@ gboolean view_draw(View *view, const struct view_settings *s, guint framebuffer,
         !draw_scene(view, s, width * samples, height * samples, error))
         return FALSE;
     resolve(view, s, samples, framebuffer, width, height);
-    return draw_marks(view, s, framebuffer, width, height, error) && gpu_check("drawing", error);
+    return draw_hatching(view, s, framebuffer, width, height, error) && gpu_check("drawing", error);
 }
 
 static float *read_floats(const struct gpu_target *target, GError **error) {

@@ -1,17 +1,20 @@
 /* A material on a mesh, as a picture. Needs a current GL context, of which it changes the state. */
 #pragma once
 
+#include "hatching.h"
+#include "mdf_source.h"
 #include "method.h"
 #include "processing/eigenmaps.h"
 #include "processing/mdf_blocks.h"
 #include "processing/mdf_factors.h"
 #include "processing/mdf_packed.h"
+#include "relief.h"
 #include "scene.h"
 #include "visibility.h"
 
 /* Far away; its light, like that of the first, is 1 where a white diffuser
  * that it lights from its normal is. */
-#define VIEW_MAX_LAMPS 64
+#define VIEW_MAX_LAMPS RELIEF_MAX_LAMPS
 struct view_lamp {
     double theta_deg, phi_deg;
     float rgb[3];
@@ -71,7 +74,6 @@ gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error);
 gboolean view_set_mdf_factors(View *view, const struct mdf_factors *mdf, GError **error);
 gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *mdf, GError **error);
 /* Of any of the kinds that mdf_kind() tells; see mdf_source.h. */
-struct mdf_source;
 gboolean view_set_mdf_source(View *view, const struct mdf_source *mdf, GError **error);
 gboolean view_open_mdf(View *view, const char *path, GError **error);
 
@@ -86,9 +88,8 @@ struct view_memory {
 struct view_memory view_memory(const View *view);
 
 /* Of a session that is still being captured: where the nearest of these views is missing, pictures
- * are striped (marks.h). 0: no stripes. Copies. */
-struct live_view;
-void view_set_planned(View *view, const struct live_view *views, guint n);
+ * are striped (hatching.h). 0: no stripes. Copies. */
+void view_set_planned(View *view, const struct planned_view *views, guint n);
 
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
  * height); what draws does that by itself, but anew for every picture. */

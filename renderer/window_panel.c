@@ -96,7 +96,7 @@ static gboolean nearest_is_measured(const struct window *w, double theta_deg, do
     double best = -2.0;
     gboolean measured = TRUE;
     for (guint k = 0; k < w->planned->len; k++) {
-        const struct live_view *v = &g_array_index(w->planned, struct live_view, k);
+        const struct planned_view *v = &g_array_index(w->planned, struct planned_view, k);
         const double dot =
             cos(v->theta_deg * deg) * cos(theta_deg * deg) +
             sin(v->theta_deg * deg) * sin(theta_deg * deg) * cos((v->phi_deg - phi_deg) * deg);
@@ -117,7 +117,7 @@ static void draw_views(struct window *w) {
     g_autoptr(GArray) dots = g_array_new(FALSE, FALSE, sizeof(struct ui_dot));
     guint there = 0;
     for (guint k = 0; k < w->planned->len; k++) {
-        const struct live_view *v = &g_array_index(w->planned, struct live_view, k);
+        const struct planned_view *v = &g_array_index(w->planned, struct planned_view, k);
         const struct ui_dot dot = {v->theta_deg, v->phi_deg,
                                    v->measured ? UI_DOT_THERE : UI_DOT_MISSING};
         there += v->measured;

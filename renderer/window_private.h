@@ -39,7 +39,7 @@ struct window {
     Live *live; /* NULL: there is nothing to follow */
     int n_live;
     struct eigenmaps *live_maps; /* the last that came; NULL: none yet */
-    GArray *planned;             /* of struct live_view, or NULL */
+    GArray *planned;             /* of struct planned_view, or NULL */
     Opener *opener;
     gboolean first_open;           /* what it was started with was opened, or could not be */
     enum compose_mode second_mode; /* once what is being opened as the second is there */

@@ -82,7 +82,7 @@ static void mark_views(struct window *w) {
     View *const both[2] = {w->view, w->second};
     for (int k = 0; k < 2; k++)
         if (both[k] != NULL && w->planned != NULL)
-            view_set_planned(both[k], (const struct live_view *)(const void *)w->planned->data,
+            view_set_planned(both[k], (const struct planned_view *)(const void *)w->planned->data,
                              w->planned->len);
     w->stale = TRUE;
 }

@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "drivers/options.h"
+#include "base/options.h"
 
 /* Diffuse albedo, and a layer of gloss (Ward's anisotropic lobe, bounded form): gloss is its
  * albedo, along and across its roughness in the direction of the tangent and across it. */

@@ -1,6 +1,6 @@
 #include "world_private.h"
 
-#include "drivers/options.h"
+#include "base/options.h"
 
 #include <string.h>
 

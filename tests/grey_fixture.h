@@ -103,7 +103,7 @@ static inline double grey_error(int seed, gboolean calibrated) {
     g_autofree char *folder = grey_folder();
     g_autoptr(GError) error = NULL;
     struct tile_result result;
-    struct pipeline_options options = {.n_threads = 2};
+    struct pipeline_options options = {.work.n_threads = 2};
     struct pipeline_result made;
     struct session_grid grid;
     double worst = 0;

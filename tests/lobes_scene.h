@@ -2,8 +2,8 @@
 #pragma once
 
 #include "formula_fixture.h"
+#include "processing/direction_grid.h"
 #include "processing/lobes_levels.h"
-#include "processing/resample.h"
 #include "renderer/directions.h"
 #include "renderer/lobes_view.h"
 #include "renderer/microfacet.h"
@@ -60,7 +60,7 @@ static void sky_value(const struct scene *s, int view, int texel, double share, 
     for (int k = 0; k < 16; k++) {
         const int row = k / 4;
         float l[3];
-        resample_direction((0.5 + k % 4) / 4, (0.5 + row) / 4, l);
+        direction_grid_direction((0.5 + k % 4) / 4, (0.5 + row) / 4, l);
         slice_value(s, p->n_slices > 1 ? view : 0, texel, v, l, share * s->ambient / 8, ret);
     }
 }

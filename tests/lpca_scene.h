@@ -2,8 +2,8 @@
 #pragma once
 
 #include "formula_fixture.h"
+#include "processing/direction_grid.h"
 #include "processing/lpca.h"
-#include "processing/resample.h"
 #include "renderer/directions.h"
 #include "rings.h"
 
@@ -198,8 +198,8 @@ static gboolean direction_shares(const struct scene *s, const float *v, const fl
     if (!snap(v, 256, view) || !snap(l, s->revised ? 512 : 256, light))
         return FALSE;
     if (s->revised) {
-        resample_weights(s->lpca->n_grid, v, g->index, g->weight);
-        resample_weights(s->lpca->n_grid, light, h->index, h->weight);
+        direction_grid_weights(s->lpca->n_grid, v, g->index, g->weight);
+        direction_grid_weights(s->lpca->n_grid, light, h->index, h->weight);
         return TRUE;
     }
     directions_weights(s->views, vec_of(view), g);

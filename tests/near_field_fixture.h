@@ -4,8 +4,8 @@
  */
 #pragma once
 
-#include "processing/btf_resample.h"
 #include "processing/exr.h"
+#include "processing/near_field_correction.h"
 #include "remove_tree.h"
 
 #include <math.h>
@@ -168,13 +168,13 @@ static inline char *make_session(const char *name, const struct rings *views,
     return path;
 }
 
-static const struct import_progress quiet;
+static const struct work quiet = {.n_threads = 2};
 
 static inline char *resample(const char *session, const char *name, const struct btf_directions *to,
-                             struct btf_resample_result *ret) {
+                             struct near_field_correction_result *ret) {
     char *path = g_strdup_printf("%s/%s.session", near_folder, name);
     g_autoptr(GError) error = NULL;
-    btf_resample(session, path, to, 2, &quiet, ret, &error);
+    near_field_correct(session, path, to, &quiet, ret, &error);
     g_assert_no_error(error);
     return path;
 }

@@ -5,6 +5,7 @@
  */
 #pragma once
 
+#include "base/data_error.h"
 #include "processing/pipeline.h"
 
 #include "analytic.h"
@@ -210,7 +211,8 @@ static inline void set_state(const struct fixture *fixture, const char *state) {
 static inline struct pipeline_result process(const struct fixture *fixture, int n_threads,
                                              gboolean follow) {
     g_autoptr(GError) error = NULL;
-    struct pipeline_options options = {.n_eigenmaps = 2, .n_threads = n_threads, .follow = follow};
+    struct pipeline_options options = {
+        .n_eigenmaps = 2, .work.n_threads = n_threads, .follow = follow};
     struct pipeline_result result;
     pipeline_run(fixture->path, &options, &result, &error);
     g_assert_no_error(error);
@@ -222,7 +224,7 @@ static inline void process_fails(const struct fixture *fixture, int code, const 
     struct pipeline_options options = {.n_eigenmaps = 2};
     struct pipeline_result result;
     g_assert_false(pipeline_run(fixture->path, &options, &result, &error));
-    g_assert_error(error, PIPELINE_ERROR, code);
+    g_assert_error(error, DATA_ERROR, code);
     if (!strstr(error->message, says))
         g_error("\"%s\" does not say %s", error->message, says);
 }

@@ -1,5 +1,5 @@
 /* mesorig as a shell sees it: what it prints, and its exit codes. */
-#include "daemon/json.h"
+#include "base/json.h"
 #include "processing/exr.h"
 
 #include <gio/gio.h>

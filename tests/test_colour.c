@@ -28,7 +28,7 @@ static void matrix(void) {
     g_autoptr(GRand) random = g_rand_new_with_seed(5);
     for (int trial = 0; trial < 40; trial++) {
         struct colour_patch patches[24];
-        struct calibration_colour found;
+        struct colour_matrix found;
         g_autoptr(GError) error = NULL;
         for (int i = 0; i < 24; i++) {
             double rgb[3];
@@ -53,7 +53,7 @@ static void matrix(void) {
 }
 
 static void refused(const struct colour_patch *patches, int n, enum colour_error code) {
-    struct calibration_colour found = {0};
+    struct colour_matrix found = {0};
     g_autoptr(GError) error = NULL;
     g_assert_false(colour_fit(patches, n, &found, &error));
     g_assert_error(error, COLOUR_ERROR, (int)code);
@@ -106,10 +106,10 @@ static void session(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GString) text = g_string_new("# six patches\n\n"), objects = g_string_new(NULL);
     struct tile_result result;
-    struct pipeline_options options = {.n_threads = 2};
+    struct pipeline_options options = {.work.n_threads = 2};
     struct pipeline_result made;
     struct colour_patch patches[N_PATCHES];
-    struct calibration_colour found;
+    struct colour_matrix found;
     g_string_append(objects,
                     "[sample]\nkind=flat\nwidth_mm=48\nheight_mm=48\nbase_mm=1\nalbedo=0.03\n");
     for (int i = 0; i < N_PATCHES; i++) {

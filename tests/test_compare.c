@@ -1,3 +1,4 @@
+#include "base/data_error.h"
 #include "processing/compare.h"
 #include "processing/compare_pictures.h"
 
@@ -150,7 +151,7 @@ static void test_kinds(void) {
     struct eigenmaps *maps = exact_maps(btf);
     g_assert_true(lpca_write(path, lpca, &error));
     lpca_free(lpca);
-    Material *material = material_open(path, NULL, NULL, NULL, &error);
+    Material *material = material_open(path, NULL, &error);
     struct comparison *c = compare_materials(of_btf, material, NULL, &error);
     g_assert_no_error(error);
     g_assert_cmpstr(material_info(material)->kind, ==, "lpca");
@@ -159,7 +160,7 @@ static void test_kinds(void) {
     material_free(material);
     g_assert_true(eigenmaps_write(path, maps, &error));
     eigenmaps_free(maps);
-    material = material_open(path, NULL, NULL, NULL, &error);
+    material = material_open(path, NULL, &error);
     c = compare_materials(of_btf, material, NULL, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(c->all.error, <, 1e-3);
@@ -167,7 +168,7 @@ static void test_kinds(void) {
     material_free(material);
     g_assert_true(lobes_write(path, lobes, &error));
     lobes_free(lobes);
-    material = material_open(path, NULL, NULL, NULL, &error);
+    material = material_open(path, NULL, &error);
     c = compare_materials(of_btf, material, NULL, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat_with_epsilon(c->all.error, lobes_error, 1e-6);
@@ -184,7 +185,7 @@ static void assert_refused(int width, int n_views, float turn_deg, const char *w
     g_autoptr(Material) a = material_of_btf("a", new_btf(4, 3, 3, 4));
     g_autoptr(Material) b = material_of_btf("b", other);
     g_assert_null(compare_materials(a, b, NULL, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, what));
 }
 
@@ -195,7 +196,7 @@ static void test_refused(void) {
     assert_refused(5, 3, 0, "different texels");
     assert_refused(4, 2, 0, "different views");
     assert_refused(4, 3, 0.1F, "different lights");
-    g_assert_null(material_open(path, NULL, NULL, NULL, &error));
+    g_assert_null(material_open(path, NULL, &error));
     g_clear_error(&error);
     static const char *const channels[] = {"R", NULL};
     for (int i = 0; i < 2; i++) {
@@ -206,7 +207,7 @@ static void test_refused(void) {
         exr_file_add(file, part);
         g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
         exr_file_free(file);
-        g_assert_null(material_open(path, NULL, NULL, NULL, &error));
+        g_assert_null(material_open(path, NULL, &error));
         g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
         g_clear_error(&error);
     }

@@ -1,5 +1,5 @@
+#include "base/options.h"
 #include "drivers/frame.h"
-#include "drivers/options.h"
 
 #include <glib/gstdio.h>
 #include <locale.h>

@@ -19,16 +19,13 @@ static const char *const names[] = {
     "Ashikhmin–Shirley",        "Lafortune",         "Ward", "eigen-maps",  "local PCA, 8 bits",
     "local PCA, 8-bit weights", "local PCA, halves", PACKED, "polynomials", "reflectance fields"};
 
-static void ignore_progress(const struct pipeline_progress *progress, gpointer data) {
-}
-
 static struct btf_matrix *waves(gboolean constant) {
     return waves_fixture_new(WIDTH, HEIGHT, VIEWS, LIGHTS, constant ? 0 : 0.002, constant);
 }
 
 static GArray *measure(const struct btf_matrix *btf) {
     g_autoptr(GError) error = NULL;
-    GArray *points = curve_measure(btf, ignore_progress, NULL, NULL, &error);
+    GArray *points = curve_measure(btf, NULL, &error);
     g_assert_no_error(error);
     return points;
 }
@@ -154,7 +151,7 @@ static void test_constant(void) {
     remove_tree(folder);
 }
 
-static void cancel_packed(const struct pipeline_progress *progress, gpointer data) {
+static void cancel_packed(const struct work_progress *progress, gpointer data) {
     if (g_str_equal(progress->stage, "weights")) /* of packed ones alone */
         g_cancellable_cancel(data);
 }
@@ -163,7 +160,9 @@ static void test_cancelled(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     struct btf_matrix *btf = waves(FALSE);
-    g_assert_null(curve_measure(btf, cancel_packed, cancellable, cancellable, &error));
+    const struct work work = {
+        .progress = cancel_packed, .data = cancellable, .cancellable = cancellable};
+    g_assert_null(curve_measure(btf, &work, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
     btf_matrix_free(btf);
 }

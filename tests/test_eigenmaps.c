@@ -1,3 +1,4 @@
+#include "base/data_error.h"
 #include "processing/eigenmaps.h"
 
 #include "processing/exr.h"
@@ -251,7 +252,7 @@ static void test_target(void) {
         options.target = fewer * 0.99;
         g_assert_false(
             eigenmaps_compute_with(maps, &options, give_column, &matrix, &error, &failed));
-        g_assert_error(failed, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(failed, DATA_ERROR, DATA_ERROR_INVALID);
         g_assert_nonnull(strstr(failed->message, "with 2 eigen-maps"));
         eigenmaps_free(maps);
     }
@@ -272,7 +273,7 @@ static void test_refused(void) {
     for (guint i = 0; i < G_N_ELEMENTS(terms); i++) {
         struct eigenmaps *maps = new_maps(3, 3, 2, 4, terms[i]);
         g_assert_false(eigenmaps_compute(maps, give_column, &matrix, &ret, &error));
-        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
         g_clear_error(&error);
         eigenmaps_free(maps);
     }
@@ -282,7 +283,7 @@ static void test_refused(void) {
     g_clear_error(&error);
     matrix.values[2] = NAN;
     g_assert_false(eigenmaps_compute(maps, give_column, &matrix, &ret, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "view 2"));
     eigenmaps_free(maps);
     g_free(matrix.values);

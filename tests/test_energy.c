@@ -1,3 +1,4 @@
+#include "base/data_error.h"
 #include "processing/energy.h"
 
 #include <math.h>
@@ -109,7 +110,7 @@ static void test_no_such_texel(void) {
     for (int texel = -2; texel <= SIDE * SIDE; texel += SIDE * SIDE + 2) {
         g_autoptr(GError) error = NULL;
         g_assert_null(energy_compute(btf, texel, &error));
-        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     }
     btf_matrix_free(btf);
 }

@@ -5,7 +5,7 @@
 #include <glib/gstdio.h>
 #include <string.h>
 
-#include "daemon/json.h"
+#include "base/json.h"
 #include "operator.h"
 #include "processing/session.h"
 

@@ -1,4 +1,5 @@
 /* What others have measured, made into sessions; and sessions written for others. */
+#include "base/data_error.h"
 #include "processing/bonn.h"
 #include "processing/eigenmaps.h"
 #include "processing/export.h"
@@ -14,8 +15,8 @@
 #define HEIGHT 4
 #define TEXELS (WIDTH * HEIGHT)
 
-static const struct import_progress quietly = {NULL, NULL, NULL};
-static const struct export_progress silent = {NULL, NULL, NULL};
+static const struct work quietly = {0};
+static const struct work silent = {0};
 
 static char *in_folder(const char *name) {
     return g_build_filename(folder, name, NULL);
@@ -60,7 +61,7 @@ static void write_set(const char *dir) {
 
 static struct btf_matrix *read_back(const char *path) {
     g_autoptr(GError) error = NULL;
-    struct btf_matrix *btf = btf_matrix_read(path, NULL, NULL, NULL, &error);
+    struct btf_matrix *btf = btf_matrix_read(path, NULL, &error);
     g_assert_no_error(error);
     return btf;
 }
@@ -344,7 +345,7 @@ static void test_exists(void) {
     const struct import_wish wish = {0}, outside = {.region = {3, 0, WIDTH, HEIGHT}};
     write_set(dir);
     g_assert_false(import_pictures(dir, dir, &wish, &quietly, &result, &error));
-    g_assert_error(error, IMPORT_ERROR, IMPORT_ERROR_EXISTS);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
     g_clear_error(&error);
     g_autofree char *path = fresh("outside");
     g_assert_false(import_pictures(path, dir, &outside, &quietly, &result, &error));
@@ -357,7 +358,7 @@ static void test_cancelled(void) {
     g_autofree char *dir = new_folder(), *path = fresh("cancelled");
     struct import_result result;
     const struct import_wish wish = {0};
-    const struct import_progress progress = {NULL, NULL, cancellable};
+    const struct work progress = {.cancellable = cancellable};
     write_set(dir);
     g_cancellable_cancel(cancellable);
     g_assert_false(import_pictures(path, dir, &wish, &progress, &result, &error));

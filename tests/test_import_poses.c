@@ -3,10 +3,10 @@
  * devices, its frames are written as pictures, and what is processed from these has to be what was
  * processed from those.
  */
+#include "base/text_table.h"
 #include "daemon/devices.h"
 #include "processing/catalogue.h"
 #include "processing/import_poses.h"
-#include "processing/import_table.h"
 #include "processing/lpca.h"
 
 #include "session_fixture.h"
@@ -17,7 +17,7 @@
 #define PIXELS  (SIDE * SIDE)
 #define WHITE   4095
 
-static const struct import_progress quietly = {NULL, NULL, NULL};
+static const struct work quietly = {0};
 static const struct session_grid grid = {8, 8, 50, 50, 5, 5};
 static char *calibration;
 

@@ -256,15 +256,15 @@ static void wait_for(struct bench *bench, int results) {
 }
 
 static void give_dark(struct bench *bench) {
-    g_assert_cmpint(intake_n_frames(&bench->conf, &dark_shot), ==, 4); /* 1 and 4 ms, twice */
+    g_assert_cmpint(shot_n_frames(&bench->conf, &dark_shot), ==, 4); /* 1 and 4 ms, twice */
     for (int i = 0; i < 4; i++)
-        give(bench, &dark_shot, i, dark_frame(intake_exposure_us(&bench->conf, &dark_shot, i)));
+        give(bench, &dark_shot, i, dark_frame(shot_exposure_us(&bench->conf, &dark_shot, i)));
 }
 
 static void give_lamp(struct bench *bench) {
-    g_assert_cmpint(intake_n_frames(&bench->conf, &lamp_shot), ==, 2);
+    g_assert_cmpint(shot_n_frames(&bench->conf, &lamp_shot), ==, 2);
     for (int i = 0; i < 2; i++)
-        give(bench, &lamp_shot, i, shot_frame(intake_exposure_us(&bench->conf, &lamp_shot, i)));
+        give(bench, &lamp_shot, i, shot_frame(shot_exposure_us(&bench->conf, &lamp_shot, i)));
 }
 
 static struct exr_part *read_part(struct bench *bench, const char *name) {
@@ -420,13 +420,13 @@ static void test_short_sweep(void) {
     struct bench *bench = bench_new();
     bench->conf.laser_short_us = 250;
     bench->conf.keep_laser_frames = TRUE;
-    const int n = intake_n_frames(&bench->conf, &sweep_shot);
+    const int n = shot_n_frames(&bench->conf, &sweep_shot);
     g_assert_cmpint(n, ==, 2 * sweep_shot.sweep_steps + 1);
     give_dark(bench);
     for (int sub = 0; sub < n - 1; sub++) {
-        const gint64 us = intake_exposure_us(&bench->conf, &sweep_shot, sub);
+        const gint64 us = shot_exposure_us(&bench->conf, &sweep_shot, sub);
         g_assert_cmpint(us, ==, sub % 2 ? 4000 : 250);
-        g_assert_cmpint(intake_sweep_step(&bench->conf, &sweep_shot, sub), ==, sub / 2);
+        g_assert_cmpint(shot_sweep_step(&bench->conf, &sweep_shot, sub), ==, sub / 2);
         const int step = sub / 2;
         Frame *frame = flat_frame(BLACK, us);
         for (int i = 0; i < PIXELS - 1; i++) {
@@ -435,8 +435,8 @@ static void test_short_sweep(void) {
         }
         give(bench, &sweep_shot, sub, frame);
     }
-    g_assert_cmpint(intake_exposure_us(&bench->conf, &sweep_shot, n - 1), ==, 4000);
-    g_assert_cmpint(intake_sweep_step(&bench->conf, &sweep_shot, n - 1), ==, 20);
+    g_assert_cmpint(shot_exposure_us(&bench->conf, &sweep_shot, n - 1), ==, 4000);
+    g_assert_cmpint(shot_sweep_step(&bench->conf, &sweep_shot, n - 1), ==, 20);
     give(bench, &sweep_shot, n - 1, flat_frame(BLACK, 4000));
     wait_for(bench, 2);
     g_assert_false(bench->laser_seen);

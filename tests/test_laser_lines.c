@@ -120,14 +120,14 @@ static struct rig rig_of(const struct sweep *sweep) {
     return rig;
 }
 
-static struct mdf_sweep seen_by(const struct sweep *sweep, const struct rig *rig) {
-    return (struct mdf_sweep){.laser = &rig->lasers[0],
-                              .arc_rad = sweep->arc,
-                              .from_rad = from_deg * DEGREE,
-                              .step_rad = step_deg * DEGREE,
-                              .peak = sweep->peak,
-                              .width = sweep->width,
-                              .intensity = sweep->intensity};
+static struct laser_sweep seen_by(const struct sweep *sweep, const struct rig *rig) {
+    return (struct laser_sweep){.laser = &rig->lasers[0],
+                                .arc_rad = sweep->arc,
+                                .from_rad = from_deg * DEGREE,
+                                .step_rad = step_deg * DEGREE,
+                                .peak = sweep->peak,
+                                .width = sweep->width,
+                                .intensity = sweep->intensity};
 }
 
 static void find(const struct sweep *sweep, const struct laser_reference *reference,
@@ -135,7 +135,7 @@ static void find(const struct sweep *sweep, const struct laser_reference *refere
     const struct rig rig = rig_of(sweep);
     g_autoptr(LaserRegion) region =
         laser_region_new(&rig, &rig.cameras[0], sweep->turntable, reference);
-    const struct mdf_sweep seen = seen_by(sweep, &rig);
+    const struct laser_sweep seen = seen_by(sweep, &rig);
     laser_lines_find(region, &seen, N_STEPS, known, ret);
 }
 
@@ -191,7 +191,7 @@ struct merged {
 static struct merged measure(const struct sweep *sweep, const struct laser_lines *lines) {
     const struct rig rig = rig_of(sweep);
     g_autoptr(MdfView) view = mdf_view_new(&rig.cameras[0], sweep->turntable, &grid);
-    struct mdf_sweep seen = seen_by(sweep, &rig);
+    struct laser_sweep seen = seen_by(sweep, &rig);
     seen.lines = lines;
     mdf_view_add(view, &seen);
     float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
@@ -323,7 +323,7 @@ static void test_nothing(void) {
     static const float bad[] = {-1, NAN, INFINITY, -INFINITY, 1e30F};
     g_autofree struct sweep *sweep = new_sweep();
     const struct rig rig = rig_of(sweep);
-    const struct mdf_sweep seen = seen_by(sweep, &rig);
+    const struct laser_sweep seen = seen_by(sweep, &rig);
     struct laser_lines lines;
     shoot(sweep);
     find(sweep, &none, &well, &lines);

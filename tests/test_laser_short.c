@@ -75,8 +75,9 @@ static void find_saturated(const struct rig *rig, const struct planes *planes, g
     }
 }
 
-static void compare(const struct rig *rig, const struct mdf_sweep *sweep, const struct truth *truth,
-                    const gboolean *saturated, int kind, struct figures *ret) {
+static void compare(const struct rig *rig, const struct laser_sweep *sweep,
+                    const struct truth *truth, const gboolean *saturated, int kind,
+                    struct figures *ret) {
     g_autoptr(MdfView) view = mdf_view_new(&rig->cameras[0], turntable_deg * DEGREE, &grid);
     float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
     mdf_view_add(view, sweep);
@@ -100,15 +101,15 @@ static void take(World *world, const struct rig *rig, int position, struct figur
     g_autofree struct planes *planes = g_new(struct planes, 1);
     g_autofree struct truth *truth = g_new(struct truth, 1);
     gboolean saturated[N_TEXELS];
-    struct mdf_sweep sweep = {.laser = &rig->lasers[laser],
-                              .arc_rad = arc_deg * DEGREE,
-                              .from_rad = -half,
-                              .step_rad = 2 * half / (N_STEPS - 1),
-                              .peak = planes->peak,
-                              .width = planes->width,
-                              .intensity = planes->intensity,
-                              .second_peak = planes->second_peak,
-                              .second_intensity = planes->second_intensity};
+    struct laser_sweep sweep = {.laser = &rig->lasers[laser],
+                                .arc_rad = arc_deg * DEGREE,
+                                .from_rad = -half,
+                                .step_rad = 2 * half / (N_STEPS - 1),
+                                .peak = planes->peak,
+                                .width = planes->width,
+                                .intensity = planes->intensity,
+                                .second_peak = planes->second_peak,
+                                .second_intensity = planes->second_intensity};
     struct world_sensor sensor;
     world_sensor(world, 0, &sensor);
     const int saturation = radiance_saturation(sensor.bits);

@@ -30,18 +30,18 @@ struct planes {
 };
 
 /* The sheet passes REACH_MM on both sides of the middle; the first laser has slipped. */
-static struct mdf_sweep take(World *world, const struct rig *rig, int position,
-                             struct planes *planes) {
+static struct laser_sweep take(World *world, const struct rig *rig, int position,
+                               struct planes *planes) {
     const int laser = position % 2;
     const double arc_deg = 20 + 45.0 * position;
     const double half = atan(REACH_MM / 480.0) * (laser ? 0.55 : 0.9);
-    struct mdf_sweep sweep = {.laser = &rig->lasers[laser],
-                              .arc_rad = arc_deg * DEGREE,
-                              .from_rad = -half,
-                              .step_rad = 2 * half / (N_STEPS - 1),
-                              .peak = planes->peak,
-                              .width = planes->width,
-                              .intensity = planes->intensity};
+    struct laser_sweep sweep = {.laser = &rig->lasers[laser],
+                                .arc_rad = arc_deg * DEGREE,
+                                .from_rad = -half,
+                                .step_rad = 2 * half / (N_STEPS - 1),
+                                .peak = planes->peak,
+                                .width = planes->width,
+                                .intensity = planes->intensity};
     struct world_sensor sensor;
     world_sensor(world, 0, &sensor);
     g_autoptr(Sweep) frames = sweep_new(SIDE, SIDE, N_STEPS, radiance_saturation(sensor.bits));
@@ -89,7 +89,7 @@ static void test_slipped(void) {
     g_autoptr(MdfView) without = mdf_view_new(&rig.cameras[0], turntable_deg * DEGREE, &grid);
     g_autofree struct planes *planes = g_new(struct planes, 1);
     for (int position = 0; position < POSITIONS; position++) {
-        struct mdf_sweep sweep = take(world, &rig, position, planes);
+        struct laser_sweep sweep = take(world, &rig, position, planes);
         struct laser_lines lines;
         const double slip = position % 2 ? 0 : SLIP_DEG * DEGREE;
         laser_lines_find(region, &sweep, N_STEPS, &known, &lines);

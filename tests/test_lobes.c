@@ -1,5 +1,7 @@
+#include "base/data_error.h"
 #include "processing/lobes.h"
 
+#include "processing/btf_checkpoint.h"
 #include "processing/exr.h"
 
 #include <glib/gstdio.h>
@@ -309,7 +311,7 @@ static void test_threads(void) {
     struct lobes *first = NULL;
     fill(btf, LOBES_FIELDS, 0.02);
     for (int threads = 1; threads <= 3; threads++) {
-        const struct lobes_options options = {LOBES_FIELDS, .n_threads = threads};
+        const struct lobes_options options = {LOBES_FIELDS, .work.n_threads = threads};
         struct lobes *lobes = lobes_compute(btf, &options, NULL);
         const gsize size = sizeof(float) * (gsize)(63 * lobes->n_slices * lobes->n_values);
         if (first)
@@ -382,68 +384,68 @@ static void test_holes(void) {
     }
 }
 
-static void cancel_soon(const struct pipeline_progress *progress, gpointer cancellable) {
+static void cancel_soon(const struct work_progress *progress, gpointer cancellable) {
     if (progress->done > 0)
         g_cancellable_cancel(cancellable);
 }
 
-static struct lobes *compute_unfinished(const struct btf_matrix *btf, const char *path,
+static struct lobes *compute_checkpoint(const struct btf_matrix *btf, const char *path,
                                         GCancellable *cancellable) {
-    g_autoptr(Unfinished) unfinished = path ? unfinished_new(path) : NULL;
+    g_autoptr(Checkpoint) checkpoint = path ? checkpoint_new(path) : NULL;
     const struct lobes_options options = {.model = LOBES_PTM,
-                                          .n_threads = 1,
-                                          .progress = cancellable ? cancel_soon : NULL,
-                                          .data = cancellable,
-                                          .cancellable = cancellable,
-                                          .unfinished = unfinished};
+                                          .work.n_threads = 1,
+                                          .work.progress = cancellable ? cancel_soon : NULL,
+                                          .work.data = cancellable,
+                                          .work.cancellable = cancellable,
+                                          .checkpoint = checkpoint};
     return lobes_compute(btf, &options, NULL);
 }
 
 /* Changes a value of what is kept, as if it had come out so. */
 static void spoil_kept(const struct btf_matrix *btf, const char *path, gsize n) {
-    g_autoptr(Unfinished) unfinished = unfinished_new(path);
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(path);
     const int n_blocks = btf->width * btf->height / 16;
-    unfinished_begin(unfinished, btf, "ptm of 0");
-    const int *found = unfinished_get(unfinished, "blocks", sizeof(int) * (gsize)n_blocks);
-    const float *values = unfinished_get(unfinished, "values", sizeof(float) * n);
+    btf_checkpoint_begin(checkpoint, btf, "ptm of 0");
+    const int *found = checkpoint_get(checkpoint, "blocks", sizeof(int) * (gsize)n_blocks);
+    const float *values = checkpoint_get(checkpoint, "values", sizeof(float) * n);
     g_assert_nonnull(found);
     g_assert_nonnull(values);
     g_assert_cmpint(found[0], ==, 1);
     g_autofree int *blocks = g_memdup2(found, sizeof(int) * (gsize)n_blocks);
     g_autofree float *spoiled = g_memdup2(values, sizeof(float) * n);
     spoiled[0] = 7;
-    unfinished_keep_flags(unfinished, "blocks", blocks, n_blocks);
-    unfinished_keep(unfinished, "values", spoiled, sizeof(float) * n);
-    unfinished_save(unfinished);
+    checkpoint_keep_flags(checkpoint, "blocks", blocks, n_blocks);
+    checkpoint_keep(checkpoint, "values", spoiled, sizeof(float) * n);
+    checkpoint_save(checkpoint);
 }
 
 /* Cut off, it goes on with what it had, and ends with the same. */
-static void test_unfinished(void) {
+static void test_checkpoint(void) {
     g_autofree char *dir = g_dir_make_tmp("lobes-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "unfinished.exr", NULL);
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     struct btf_matrix *btf = new_btf(64, 64, 1, RINGS);
     fill(btf, LOBES_FIELDS, 0.1);
     const gsize n = (gsize)(64 * 64 * btf->n_views * 9);
-    struct lobes *whole = compute_unfinished(btf, NULL, NULL);
-    g_assert_null(compute_unfinished(btf, path, cancellable));
-    struct lobes *rest = compute_unfinished(btf, path, NULL);
+    struct lobes *whole = compute_checkpoint(btf, NULL, NULL);
+    g_assert_null(compute_checkpoint(btf, path, cancellable));
+    struct lobes *rest = compute_checkpoint(btf, path, NULL);
     g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
     g_assert_cmpfloat(rest->error, ==, whole->error);
     lobes_free(rest);
     /* What was done is not done again: it shows when it is changed. */
     spoil_kept(btf, path, n);
-    rest = compute_unfinished(btf, path, NULL);
+    rest = compute_checkpoint(btf, path, NULL);
     g_assert_cmpfloat(rest->values[0], ==, 7);
     lobes_free(rest);
     /* Of something else, or damaged, it counts as nothing. */
     btf->values[0] += 0.5F;
-    rest = compute_unfinished(btf, path, NULL);
+    rest = compute_checkpoint(btf, path, NULL);
     g_assert_cmpfloat(rest->values[0], !=, 7);
     lobes_free(rest);
     g_assert_true(g_file_set_contents(path, "cut off", -1, NULL));
     btf->values[0] -= 0.5F;
-    rest = compute_unfinished(btf, path, NULL);
+    rest = compute_checkpoint(btf, path, NULL);
     g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
     lobes_free(rest);
     lobes_free(whole);
@@ -460,10 +462,10 @@ static void test_refused(void) {
     struct btf_matrix *btf = new_btf(5, 4, 1, 1);
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_assert_null(lobes_compute(btf, &bad[i], &error));
-        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
         g_clear_error(&error);
     }
-    const struct lobes_options options = {LOBES_FIELDS, .cancellable = cancelled};
+    const struct lobes_options options = {LOBES_FIELDS, .work.cancellable = cancelled};
     g_cancellable_cancel(cancelled);
     g_assert_null(lobes_compute(btf, &options, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
@@ -471,7 +473,7 @@ static void test_refused(void) {
     btf->values[(7 * 49 + 10) * 3] = INFINITY; /* texel (2, 1), view 1 */
     const struct lobes_options good = {LOBES_PTM};
     g_assert_null(lobes_compute(btf, &good, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "view 1, texel (2, 1)"));
     btf_matrix_free(btf);
 }
@@ -587,7 +589,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/lobes/threads", test_threads);
     g_test_add_func("/lobes/edges", test_edges);
     g_test_add_func("/lobes/holes", test_holes);
-    g_test_add_func("/lobes/unfinished", test_unfinished);
+    g_test_add_func("/lobes/checkpoint", test_checkpoint);
     g_test_add_func("/lobes/refused", test_refused);
     g_test_add_func("/lobes/file", test_file);
     g_test_add_func("/lobes/hostile", test_hostile);

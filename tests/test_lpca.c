@@ -1,3 +1,4 @@
+#include "base/data_error.h"
 #include "processing/lpca.h"
 
 #include "lpca_fixture.h"
@@ -131,7 +132,7 @@ static void test_threads(void) {
     struct btf_matrix *btf = mixture(30, 27, 5, 9, 6, 5, 0.05);
     struct lpca *first = NULL;
     for (int threads = 1; threads <= 4; threads++) {
-        const struct lpca_options options = {6, 4, .n_threads = threads};
+        const struct lpca_options options = {6, 4, .work.n_threads = threads};
         struct lpca *lpca = lpca_compute(btf, &options, NULL);
         g_assert_nonnull(lpca);
         if (first) {
@@ -161,7 +162,7 @@ static void test_target(void) {
     lpca_free(lpca);
     options.target = 1e-5;
     g_assert_null(lpca_compute(btf, &options, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "is not reached"));
     btf_matrix_free(btf);
 }
@@ -202,10 +203,10 @@ static void test_refused(void) {
     struct btf_matrix *btf = mixture(5, 4, 2, 3, 2, 2, 0.1);
     for (guint i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_assert_null(lpca_compute(btf, &bad[i], &error));
-        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
         g_clear_error(&error);
     }
-    const struct lpca_options options = {2, 2, .cancellable = cancelled};
+    const struct lpca_options options = {2, 2, .work.cancellable = cancelled};
     g_cancellable_cancel(cancelled);
     g_assert_null(lpca_compute(btf, &options, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
@@ -214,7 +215,7 @@ static void test_refused(void) {
     g_assert_null(lpca_compute(btf, &bad[0], NULL));
     const struct lpca_options good = {2, 2};
     g_assert_null(lpca_compute(btf, &good, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "view 1, texel (2, 1)"));
     btf_matrix_free(btf);
 }

@@ -1,4 +1,5 @@
 /* Packed local PCAs: what they cost, what they keep, what they refuse, and how they are drawn. */
+#include "base/data_error.h"
 #include "processing/exr.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_pack_private.h"
@@ -175,15 +176,15 @@ static void test_refused(void) {
     struct lpca_options options = {0};
     struct lpca_wish wish = {.error = 0.01, .n_components = 8};
     g_assert_null(lpca_pack(btf, &options, &wish, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "8 components alone"));
     g_clear_error(&error);
     wish = (struct lpca_wish){.bytes = 20};
     g_assert_null(lpca_pack(btf, &options, &wish, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "too little"));
     g_clear_error(&error);
-    options.cancellable = cancelled;
+    options.work.cancellable = cancelled;
     g_cancellable_cancel(cancelled);
     g_assert_null(lpca_pack(btf, &options, &wish, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);

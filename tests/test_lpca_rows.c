@@ -1,5 +1,6 @@
 /* Where the rows of a local PCA come from: memory, a file, the memories of several processes; and
  * in which colours. */
+#include "base/data_error.h"
 #include "btf_fixture.h"
 #include "processing/exr_half.h"
 #include "processing/lpca.h"
@@ -104,7 +105,7 @@ static void test_memory(void) {
     struct lpca_options options = {2, 2, .memory = 1000};
     g_autoptr(GError) error = NULL;
     g_assert_null(lpca_compute(btf, &options, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "allow more, or ask for fewer"));
     g_clear_error(&error);
     options.memory = lpca_memory(btf, &options);
@@ -137,7 +138,7 @@ static void meet(struct table *table) {
     g_mutex_unlock(&table->lock);
 }
 
-static void sum_floats(const struct lpca_team *team, float *values, gsize n) {
+static void sum_floats(const struct team *team, float *values, gsize n) {
     struct table *table = team->data;
     g_autofree float *copy = g_memdup2(values, sizeof(float) * n);
     table->given[team->rank] = copy;
@@ -150,7 +151,7 @@ static void sum_floats(const struct lpca_team *team, float *values, gsize n) {
     meet(table);
 }
 
-static void sum_doubles(const struct lpca_team *team, double *values, gsize n) {
+static void sum_doubles(const struct team *team, double *values, gsize n) {
     struct table *table = team->data;
     g_autofree double *copy = g_memdup2(values, sizeof(double) * n);
     table->given[team->rank] = copy;
@@ -163,7 +164,7 @@ static void sum_doubles(const struct lpca_team *team, double *values, gsize n) {
     meet(table);
 }
 
-static void share(const struct lpca_team *team, void *all, const gsize *starts) {
+static void share(const struct team *team, void *all, const gsize *starts) {
     struct table *table = team->data;
     table->given[team->rank] = all;
     meet(table);
@@ -175,7 +176,7 @@ static void share(const struct lpca_team *team, void *all, const gsize *starts) 
 }
 
 struct member {
-    struct lpca_team team;
+    struct team team;
     const struct btf_matrix *whole;
     struct lpca *lpca;
 };
@@ -185,9 +186,8 @@ static gpointer work(gpointer data) {
     struct btf_matrix part = *member->whole;
     const gsize d = VIEWS * LIGHTS * 3;
     int first, end;
-    const struct lpca_options options = {6, 4, .n_threads = 1, .team = &member->team};
-    lpca_team_part(&member->team, member->team.rank, part.width * part.height, LPCA_TEAM_ROWS,
-                   &first, &end);
+    const struct lpca_options options = {6, 4, .work.n_threads = 1, .team = &member->team};
+    team_part(&member->team, member->team.rank, part.width * part.height, TEAM_ROWS, &first, &end);
     part.values =
         g_memdup2(part.values + (gsize)first * d, sizeof(float) * MAX(1, (gsize)(end - first) * d));
     member->lpca = lpca_compute(&part, &options, NULL);

@@ -1,5 +1,6 @@
 /* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
 #include "lpca_scene.h"
+#include "processing/lpca_resample.h"
 #include "renderer/lpca_grid.h"
 #include "renderer/lpca_revised.h"
 #include "renderer/lpca_view.h"
@@ -58,7 +59,7 @@ static void check_revised(int n_clusters, int n_components, gboolean nearest, do
                           gboolean from_grid) {
     g_autoptr(GError) error = NULL;
     struct lpca *lpca = make_lpca(n_clusters, n_components);
-    struct lpca *grid = resample_lpca(lpca, n, &error);
+    struct lpca *grid = lpca_resample(lpca, n, &error);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     struct view_settings settings;
     g_autoptr(View) view = view_new(NULL, &error);
@@ -181,9 +182,9 @@ static void test_agree(struct fixture *f, gconstpointer data) {
     view_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     g_assert_no_error(error);
     for (gsize k = 0; k < G_N_ELEMENTS(grids); k++) {
-        struct lpca *grid = resample_lpca(lpca, grids[k], &error);
+        struct lpca *grid = lpca_resample(lpca, grids[k], &error);
         lpca_quantise(grid, LPCA_8BIT);
-        const double reported = resample_error(grid, btf, 0);
+        const double reported = lpca_resample_error(grid, btf, 0);
         view_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
                         &error);
         g_assert_no_error(error);

@@ -67,8 +67,8 @@ static void sweep(struct world *world, const struct line_laser *laser, double ar
 static void add(MdfView *view, const struct world *world, const struct line_laser *laser,
                 double arc) {
     struct rig_laser rig = laser_to_rig(laser, "laser");
-    struct mdf_sweep seen = {&rig,        arc,          FROM_DEG * DEGREE, STEP_DEG * DEGREE,
-                             world->peak, world->width, world->intensity,  NULL};
+    struct laser_sweep seen = {&rig,        arc,          FROM_DEG * DEGREE, STEP_DEG * DEGREE,
+                               world->peak, world->width, world->intensity,  NULL};
     mdf_view_add(view, &seen);
 }
 
@@ -267,15 +267,15 @@ static void test_ghosts(void) {
         sweep(ghost, &laser, arc, 0, NULL);
         for (int k = 0; k < SIDE * SIDE; k++)
             world->intensity[k] = 700;
-        struct mdf_sweep seen = {.laser = &rig,
-                                 .arc_rad = arc,
-                                 .from_rad = FROM_DEG * DEGREE,
-                                 .step_rad = STEP_DEG * DEGREE,
-                                 .peak = ghost->peak,
-                                 .width = ghost->width,
-                                 .intensity = ghost->intensity,
-                                 .second_peak = world->peak,
-                                 .second_intensity = world->intensity};
+        struct laser_sweep seen = {.laser = &rig,
+                                   .arc_rad = arc,
+                                   .from_rad = FROM_DEG * DEGREE,
+                                   .step_rad = STEP_DEG * DEGREE,
+                                   .peak = ghost->peak,
+                                   .width = ghost->width,
+                                   .intensity = ghost->intensity,
+                                   .second_peak = world->peak,
+                                   .second_intensity = world->intensity};
         mdf_view_add(view, &seen);
     }
     float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];

@@ -1,4 +1,5 @@
 /* Distances in fewer bytes: against closed forms, and against how a card reads them. */
+#include "base/data_error.h"
 #include "gpu_fixture.h"
 #include "processing/exr.h"
 #include "processing/mdf_blocks.h"
@@ -156,7 +157,7 @@ static void test_odd(void) {
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_autoptr(GError) error = NULL;
         g_assert_null(mdf_factors_compute(t, bad[i][1], bad[i][0], 0, NULL, &error));
-        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     }
     mdf_table_free(t);
 }

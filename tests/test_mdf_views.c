@@ -1,3 +1,4 @@
+#include "base/data_error.h"
 #include "processing/mdf_views.h"
 
 #include "processing/exr.h"
@@ -258,7 +259,7 @@ static void test_damaged(void) {
         g_autofree char *path = write_mdf(scene, texel_mm[i], i == 0 ? "N" : "D");
         struct mdf_views_sums sums;
         g_assert_false(mdf_views_check(path, &sums, &error));
-        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
         g_unlink(path);
     }
     static const float no_numbers[] = {NAN, INFINITY, -INFINITY};
@@ -268,7 +269,7 @@ static void test_damaged(void) {
         g_autofree char *path = write_mdf(scene, plane.texel_mm, "D");
         struct mdf_views_sums sums;
         g_assert_false(mdf_views_check(path, &sums, &error));
-        g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
         g_unlink(path);
     }
     g_autoptr(GError) error = NULL;

@@ -1,4 +1,5 @@
 /* From a session's frames to its products: whole, again, in part, while they come, and refused. */
+#include "base/data_error.h"
 #include "pipeline_fixture.h"
 
 #include "processing/eigenmaps.h"
@@ -175,9 +176,9 @@ static void test_retaken(struct fixture *fixture, gconstpointer unused) {
 }
 
 static void test_missing(struct fixture *fixture, gconstpointer unused) {
-    process_fails(fixture, PIPELINE_ERROR_INCOMPLETE, "4 of 4 views");
+    process_fails(fixture, DATA_ERROR_INCOMPLETE, "4 of 4 views");
     capture(fixture, 0, N_LIGHTS + N_LASERS, NULL);
-    process_fails(fixture, PIPELINE_ERROR_INCOMPLETE, "2 of 4 views");
+    process_fails(fixture, DATA_ERROR_INCOMPLETE, "2 of 4 views");
     set_state(fixture, "aborted");
     struct pipeline_result result = process(fixture, 2, TRUE);
     g_assert_cmpint(result.n_views, ==, 2);
@@ -219,7 +220,7 @@ static gpointer capture_slowly(gpointer data) {
     return NULL;
 }
 
-static void count_reports(const struct pipeline_progress *progress, gpointer data) {
+static void count_reports(const struct work_progress *progress, gpointer data) {
     struct follower *follower = data;
     g_assert_cmpint(progress->done, <=, progress->total);
     g_assert_true(progress->left_s >= 0 || progress->left_s == -1);
@@ -230,7 +231,7 @@ static void test_follow(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(GError) error = NULL;
     struct follower follower = {fixture, 0};
     struct pipeline_options options = {
-        .n_eigenmaps = 2, .follow = TRUE, .progress = count_reports, .data = &follower};
+        .n_eigenmaps = 2, .follow = TRUE, .work.progress = count_reports, .work.data = &follower};
     struct pipeline_result result;
     set_state(fixture, "running");
     GThread *thread = g_thread_new("capture", capture_slowly, fixture);
@@ -253,7 +254,7 @@ static void test_cancel(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     struct pipeline_options options = {
-        .n_eigenmaps = 2, .follow = TRUE, .cancellable = cancellable};
+        .n_eigenmaps = 2, .follow = TRUE, .work.cancellable = cancellable};
     struct pipeline_result result;
     GThread *thread = g_thread_new("cancel", cancel_soon, cancellable);
     g_assert_false(pipeline_run(fixture->path, &options, &result, &error));
@@ -274,12 +275,12 @@ static void test_damaged(struct fixture *fixture, gconstpointer unused) {
         gsize length;
         g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
         g_assert_true(g_file_set_contents(path, bytes, (gssize)length / 2, NULL));
-        process_fails(fixture, PIPELINE_ERROR_DATA, relative);
+        process_fails(fixture, DATA_ERROR_INVALID, relative);
         bytes[length / 2] ^= 1;
         g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
-        process_fails(fixture, PIPELINE_ERROR_DATA, "SHA-256");
+        process_fails(fixture, DATA_ERROR_INVALID, "SHA-256");
         g_unlink(path);
-        process_fails(fixture, PIPELINE_ERROR_DATA, relative);
+        process_fails(fixture, DATA_ERROR_INVALID, relative);
         bytes[length / 2] ^= 1;
         g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
     }
@@ -300,9 +301,9 @@ static void other_shot(struct exr_part *part, const struct session_shot *shot) {
 
 static void test_mixed_up(struct fixture *fixture, gconstpointer unused) {
     capture(fixture, 0, fixture->n_shots, other_shot);
-    process_fails(fixture, PIPELINE_ERROR_DATA, "77");
+    process_fails(fixture, DATA_ERROR_INVALID, "77");
     capture(fixture, 0, fixture->n_shots, other_sweep);
-    process_fails(fixture, PIPELINE_ERROR_DATA, "000004");
+    process_fails(fixture, DATA_ERROR_INVALID, "000004");
     /* A picture of another camera. */
     capture(fixture, 0, fixture->n_shots, NULL);
     struct exr_part *part =
@@ -313,7 +314,7 @@ static void test_mixed_up(struct fixture *fixture, gconstpointer unused) {
     frames[1] = write_frame(fixture, part, &fixture->shots[0], 1);
     session_commit_shot(session, 1, SHOT_DONE, frames, 2, NULL, NULL);
     g_clear_pointer(&session, session_close);
-    process_fails(fixture, PIPELINE_ERROR_DATA, "8 × 8");
+    process_fails(fixture, DATA_ERROR_INVALID, "8 × 8");
     for (int i = 0; i < 2; i++) {
         g_free(frames[i].path);
         g_free(frames[i].sha256);

@@ -1,4 +1,5 @@
 /* Laser positions whose lines are elsewhere than told, and surfaces that no camera saw. */
+#include "base/data_error.h"
 #include "pipeline_fixture.h"
 
 #include "processing/laser_lines.h"
@@ -48,7 +49,7 @@ static void test_slipped(struct fixture *fixture, gconstpointer unused) {
     check_mdf(fixture);
     check_against_calibration(fixture);
     set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28");
-    process_fails(fixture, PIPELINE_ERROR_DATA, "2.2;0.01;28;28");
+    process_fails(fixture, DATA_ERROR_INVALID, "2.2;0.01;28;28");
 }
 
 /* No camera saw a line in the middle of its pictures, with the turntable as it was first. */

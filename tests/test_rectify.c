@@ -1,3 +1,4 @@
+#include "base/data_error.h"
 #include "processing/rectify.h"
 
 #include "analytic.h"
@@ -186,7 +187,7 @@ static void test_outside(void) {
     struct pinhole pinhole = camera_at(15, 5000);
     struct rig_camera camera = pinhole_to_rig(&pinhole, "cam7");
     g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "cam7"));
     g_assert_nonnull(strstr(error->message, "calibrate"));
     g_clear_error(&error);
@@ -194,14 +195,14 @@ static void test_outside(void) {
     camera = pinhole_to_rig(&pinhole, "cam7");
     camera.translation_mm.z = -650; /* behind the camera */
     g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_clear_error(&error);
     camera.translation_mm.z = NAN;
     g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_clear_error(&error);
     g_assert_null(rectify_new(&camera, NULL, "xtrans", 0, &grid, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
 }
 
 int main(int argc, char **argv) {

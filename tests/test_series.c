@@ -40,9 +40,9 @@ static void test_stripes(struct fixture *f, gconstpointer data) {
     struct mesh *mesh = scene_plane();
     g_autoptr(View) view = make_view(GREY, N_RINGS, N_PHI, mesh);
     mesh_free(mesh);
-    struct live_view views[N];
+    struct planned_view views[N];
     for (int k = 0; k < N; k++)
-        views[k] = (struct live_view){theta_of(k), phi_of(k), k % 3 != 0};
+        views[k] = (struct planned_view){theta_of(k), phi_of(k), k % 3 != 0};
     struct view_settings s = bare_settings();
     s.camera_fov_deg = 1.0;
     s.camera_distance = 0.0;

@@ -1,5 +1,6 @@
 /* Points and maps of a structure that is known by formula, seen by cameras that are so, too. */
-#include "calib/vec.h"
+#include "base/data_error.h"
+#include "base/vec.h"
 #include "processing/export_surface.h"
 
 #include "session_fixture.h"
@@ -10,7 +11,7 @@
 #define TEXEL_MM  (SIZE_MM / SIDE)
 #define VIEWS     9
 
-static const struct export_progress silent = {NULL, NULL, NULL};
+static const struct work silent = {0};
 
 typedef double (*Inside)(struct vec3 p); /* below 0: in the structure */
 
@@ -172,7 +173,7 @@ static void test_no_height_field(void) {
     g_autofree char *file = g_build_filename(folder, "bridge.exr", NULL);
     struct export_surface_result result;
     g_assert_false(export_as(path, file, EXPORT_HEIGHT, FALSE, &result, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "it is no height field"));
     g_assert_false(g_file_test(file, G_FILE_TEST_EXISTS));
     g_clear_error(&error);

@@ -113,7 +113,7 @@ static void write_lpca(const char *path, const struct btf_matrix *btf) {
     g_autoptr(GError) error = NULL;
     struct btf_matrix *half = btf_matrix_halved(btf);
     const struct btf_matrix *const levels[2] = {btf, half};
-    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .n_threads = 1};
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .work.n_threads = 1};
     struct lpca *lpca[2];
     for (int k = 0; k < 2; k++) {
         lpca[k] = lpca_compute(levels[k], &options, &error);
@@ -128,7 +128,7 @@ static void write_lpca(const char *path, const struct btf_matrix *btf) {
 
 static void write_lobes(const char *path, const struct btf_matrix *btf, enum lobes_model model) {
     g_autoptr(GError) error = NULL;
-    const struct lobes_options options = {.model = model, .n_lobes = 1, .n_threads = 1};
+    const struct lobes_options options = {.model = model, .n_lobes = 1, .work.n_threads = 1};
     struct lobes *lobes = lobes_compute(btf, &options, &error);
     g_assert_no_error(error);
     g_assert_true(lobes_write(path, lobes, &error));
@@ -333,7 +333,7 @@ static void write_wide_maps(const char *path) {
 
 static void write_wide_lpca(const char *path, const struct btf_matrix *btf) {
     g_autoptr(GError) error = NULL;
-    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .n_threads = 1};
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .work.n_threads = 1};
     struct lpca *lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
     lpca->width = WIDE;

@@ -1,7 +1,7 @@
 /* The simulated world against formulas of its own: light, shadow, laser, noise; and what it
  * refuses. */
+#include "base/config.h"
 #include "calib/rig.h"
-#include "drivers/config.h"
 #include "world_fixture.h"
 
 #include <png.h>

@@ -1,6 +1,7 @@
 /* Local PCA of a BTF by several processes, each with some of its texels in memory: docs/slurm.md.
  */
-#include "daemon/json.h"
+#include "base/data_error.h"
+#include "base/json.h"
 #include "processing/lpca.h"
 #include "team.h"
 
@@ -29,10 +30,10 @@ static const GOptionEntry entries[] = {
 };
 
 /* The first rank speaks for all, a line a stage and a tenth of it. */
-static void tell(const struct pipeline_progress *progress, gpointer data) {
+static void tell(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
-    const struct lpca_team *team = data;
+    const struct team *team = data;
     const int tenth = progress->total > 0 ? 10 * progress->done / progress->total : 10;
     if (team->rank != 0 || json || (g_strcmp0(stage, progress->stage) == 0 && tenth == told))
         return;
@@ -45,8 +46,7 @@ static void tell(const struct pipeline_progress *progress, gpointer data) {
     fputc('\n', stderr);
 }
 
-static void report(const struct lpca *lpca, const struct lpca_team *team, double exact,
-                   double seconds) {
+static void report(const struct lpca *lpca, const struct team *team, double exact, double seconds) {
     GVariantBuilder builder;
     if (!json) {
         g_autofree char *size = g_format_size((guint64)lpca_bytes(lpca));
@@ -71,30 +71,27 @@ static void report(const struct lpca *lpca, const struct lpca_team *team, double
 }
 
 /* Before the work; the first rank alone writes. */
-static gboolean check_output(const struct lpca_team *team, GError **error) {
+static gboolean check_output(const struct team *team, GError **error) {
     g_autofree char *directory = g_path_get_dirname(output);
     if (team->rank != 0 || g_access(directory, W_OK) == 0)
         return TRUE;
-    g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                 "%s: files cannot be written into that folder", directory);
     return FALSE;
 }
 
-static gboolean compress(const char *path, const struct lpca_team *team,
-                         enum lpca_quantise quantise, GError **error) {
+static gboolean compress(const char *path, const struct team *team, enum lpca_quantise quantise,
+                         GError **error) {
     const double begun = MPI_Wtime();
     struct lpca_options options = {
         .n_clusters = clusters,
         .n_components = components,
-        .n_threads = threads,
-        .progress = tell,
-        .data = (gpointer)team,
+        .work = {.n_threads = threads, .progress = tell, .data = (gpointer)team},
         .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
         .team = team,
     };
-    struct btf_matrix *btf = check_output(team, error)
-                                 ? btf_matrix_read_shared(team, path, tell, (gpointer)team, error)
-                                 : NULL;
+    struct btf_matrix *btf =
+        check_output(team, error) ? btf_matrix_read_shared(team, path, &options.work, error) : NULL;
     struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
     gboolean ok = lpca != NULL;
     if (ok) {
@@ -139,7 +136,7 @@ int main(int argc, char **argv) {
     g_autoptr(GError) error = NULL;
     int level;
     MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &level);
-    const struct lpca_team team = mpi_team();
+    const struct team team = mpi_team();
     const int rc = parse(&argc, &argv, team.rank, &quantise);
     if (rc == 0 && !compress(argv[1], &team, quantise, &error)) {
         fprintf(stderr, "mesorig-compress-mpi: %s\n", error->message);

@@ -11,22 +11,22 @@ static void sum(void *values, gsize n, gsize size, MPI_Datatype type) {
                       MPI_SUM, MPI_COMM_WORLD);
 }
 
-static void sum_floats(const struct lpca_team *team, float *values, gsize n) {
+static void sum_floats(const struct team *team, float *values, gsize n) {
     sum(values, n, sizeof *values, MPI_FLOAT);
 }
 
-static void sum_doubles(const struct lpca_team *team, double *values, gsize n) {
+static void sum_doubles(const struct team *team, double *values, gsize n) {
     sum(values, n, sizeof *values, MPI_DOUBLE);
 }
 
-static void share(const struct lpca_team *team, void *all, const gsize *starts) {
+static void share(const struct team *team, void *all, const gsize *starts) {
     for (int rank = 0; rank < team->n_ranks; rank++)
         for (gsize i = starts[rank]; i < starts[rank + 1]; i += PIECE)
             MPI_Bcast((guint8 *)all + i, (int)MIN(PIECE, starts[rank + 1] - i), MPI_BYTE, rank,
                       MPI_COMM_WORLD);
 }
 
-static void deal(const struct lpca_team *team, int root, const float *all, const gsize *starts,
+static void deal(const struct team *team, int root, const float *all, const gsize *starts,
                  float *ret_mine) {
     for (int rank = 0; rank < team->n_ranks; rank++)
         for (gsize i = starts[rank]; i < starts[rank + 1]; i += PIECE) {
@@ -41,8 +41,8 @@ static void deal(const struct lpca_team *team, int root, const float *all, const
         }
 }
 
-struct lpca_team mpi_team(void) {
-    struct lpca_team team = {
+struct team mpi_team(void) {
+    struct team team = {
         .sum_floats = sum_floats, .sum_doubles = sum_doubles, .share = share, .deal = deal};
     MPI_Comm_rank(MPI_COMM_WORLD, &team.rank);
     MPI_Comm_size(MPI_COMM_WORLD, &team.n_ranks);

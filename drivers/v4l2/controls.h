@@ -6,7 +6,7 @@
 
 #include "node.h"
 
-#include "drivers/options.h"
+#include "base/options.h"
 
 struct video_range {
     guint32 id; /* 0: the device has no such control */

@@ -14,7 +14,7 @@
 #include "sim/virtual/gige.h"
 #include "sim/virtual/modbus.h"
 
-#include "drivers/config.h"
+#include "base/config.h"
 
 typedef struct VirtualRig VirtualRig;
 

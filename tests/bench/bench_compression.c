@@ -154,7 +154,7 @@ struct stages {
 };
 
 /* What was before the first word of a stage belongs to the one before. */
-static void note(const struct pipeline_progress *progress, gpointer data) {
+static void note(const struct work_progress *progress, gpointer data) {
     struct stages *stages = data;
     stages->seconds[stages->n - 1] += seconds_since(stages->last);
     stages->last = g_get_monotonic_time();
@@ -170,8 +170,10 @@ static void print_stages(const struct stages *stages) {
 
 static int measure(const struct btf_matrix *btf, GError **error) {
     struct stages stages = {.n = 1, .names = {"sample"}};
-    const struct lpca_options options = {
-        .n_clusters = clusters, .n_components = components, .progress = note, .data = &stages};
+    const struct lpca_options options = {.n_clusters = clusters,
+                                         .n_components = components,
+                                         .work.progress = note,
+                                         .work.data = &stages};
     const int threads = (int)g_get_num_processors();
     const double gflops = peak(threads);
     const gint64 start = stages.last = g_get_monotonic_time();
@@ -221,8 +223,7 @@ int main(int argc, char **argv) {
         btf_matrix_free(like);
         return ret;
     }
-    struct btf_matrix *btf =
-        session ? btf_matrix_read(session, NULL, NULL, NULL, &error) : synthetic();
+    struct btf_matrix *btf = session ? btf_matrix_read(session, NULL, &error) : synthetic();
     int rc = 1;
     if (btf && dump && !write_rows(btf))
         fprintf(stderr, "%s: cannot be written\n", dump);

@@ -42,7 +42,7 @@ struct stages {
     struct spent starts[MOST_STAGES + 1];
 };
 
-static void note(const struct pipeline_progress *progress, gpointer data) {
+static void note(const struct work_progress *progress, gpointer data) {
     struct stages *stages = data;
     const char *name = g_intern_string(progress->stage);
     if (stages->names[stages->n - 1] == name || stages->n == MOST_STAGES)
@@ -114,7 +114,7 @@ static struct spent needed_time(const struct btf_matrix *btf, int components) {
     for (gsize i = 0; i < n; i++)
         needed.factors[i] = (float)(i % 17) - 8;
     const struct spent start = now();
-    lpca_parallel(0, (btf->width * btf->height + BLOCK - 1) / BLOCK, needed_block, &needed);
+    work_for_each(0, (btf->width * btf->height + BLOCK - 1) / BLOCK, needed_block, &needed);
     g_free(needed.factors);
     return since(start);
 }
@@ -143,8 +143,10 @@ int bench_disk(struct btf_matrix *like, float (*value)(int, int, int, int), int 
                int components, gboolean json) {
     g_autoptr(GError) error = NULL;
     struct stages stages = {.n = 1, .names = {"sample"}};
-    const struct lpca_options options = {
-        .n_clusters = clusters, .n_components = components, .progress = note, .data = &stages};
+    const struct lpca_options options = {.n_clusters = clusters,
+                                         .n_components = components,
+                                         .work.progress = note,
+                                         .work.data = &stages};
     struct lpca *lpca = NULL;
     if (bench_fill(like, value, &error)) {
         const struct spent before = needed_time(like, components);

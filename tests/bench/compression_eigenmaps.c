@@ -8,16 +8,12 @@
 
 #define TERMS 4
 
-static void ignore(const struct pipeline_progress *progress, gpointer data) {
-}
-
 static gboolean measure(const struct btf_matrix *btf, enum eigenmaps_method method, int columns,
                         double *ret_cpu_s, double *ret_error, GError **error) {
     const gsize column = (gsize)btf_matrix_bytes(btf->width, btf->height, 1, btf->n_lights);
     const struct eigenmaps_options options = {.memory = (gsize)columns * column, .method = method};
     const double begun = (double)clock();
-    struct eigenmaps *maps =
-        compress_eigenmaps(btf, TERMS, &options, ignore, NULL, NULL, ret_error, error);
+    struct eigenmaps *maps = compress_eigenmaps(btf, TERMS, &options, NULL, ret_error, error);
     *ret_cpu_s = ((double)clock() - begun) / CLOCKS_PER_SEC;
     const gboolean ok = maps != NULL;
     eigenmaps_free(maps);

@@ -1,5 +1,6 @@
 #include "compression_fields.h"
 
+#include "base/direction.h"
 #include "processing/lobes_private.h"
 
 #include <cminpack.h>
@@ -39,12 +40,12 @@ static void take_problems(struct problems *p, struct btf_matrix *btf, int n) {
     p->rows = g_new(float, p->n *samples);
     p->starts = g_new(float, p->n *PARAMETERS);
     for (int i = 0; i < samples; i++)
-        lobes_direction(btf->light_theta_deg[i], btf->light_phi_deg[i], p->lights + 3 * i);
+        direction_from_deg(btf->light_theta_deg[i], btf->light_phi_deg[i], p->lights + 3 * i);
     for (int i = 0; i < p->n; i++) {
         const gsize from = (gsize)((double)all * i / p->n); /* all over the sample and the views */
         for (int light = 0; light < samples; light++)
             p->rows[i * samples + light] =
-                lobes_luminance(btf->values + (from * (gsize)samples + (gsize)light) * 3);
+                rgb_luminance(btf->values + (from * (gsize)samples + (gsize)light) * 3);
     }
     p->fit = (struct lobes_fit){LOBES_FIELDS, LOBES, 1, samples, p->lights, p->lights};
     struct lobes_start *start = lobes_start_new(&p->fit);
@@ -237,7 +238,7 @@ int bench_fields(char *const *sessions, int fits, gboolean json) {
     for (int i = 0; sessions[i]; i++) {
         g_autoptr(GError) error = NULL;
         struct problems problems = {0};
-        struct btf_matrix *btf = btf_matrix_read(sessions[i], NULL, NULL, NULL, &error);
+        struct btf_matrix *btf = btf_matrix_read(sessions[i], NULL, &error);
         if (!btf) {
             fprintf(stderr, "%s\n", error->message);
             return 1;

@@ -375,9 +375,8 @@ int bench_rate(char *const *sessions, int every, gboolean json) {
     if (json)
         printf("{\"materials\": [");
     for (guint i = 0; !error && i < n; i += 2) {
-        struct btf_matrix *noisy = btf_matrix_read(sessions[i], NULL, NULL, NULL, &error);
-        struct btf_matrix *quiet =
-            noisy ? btf_matrix_read(sessions[i + 1], NULL, NULL, NULL, &error) : NULL;
+        struct btf_matrix *noisy = btf_matrix_read(sessions[i], NULL, &error);
+        struct btf_matrix *quiet = noisy ? btf_matrix_read(sessions[i + 1], NULL, &error) : NULL;
         if (json && i > 0)
             printf(", ");
         if (quiet) {

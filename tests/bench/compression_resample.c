@@ -1,6 +1,6 @@
 #include "compression_resample.h"
 
-#include "processing/resample.h"
+#include "processing/lpca_resample.h"
 #include "processing/triangulation.h"
 
 #include <math.h>
@@ -77,9 +77,10 @@ static double nine_pairs(const struct lpca *lpca, const struct btf_matrix *truth
 static void print_grid(const struct lpca *lpca, int n_grid, const struct btf_matrix *at,
                        const struct btf_matrix *between, double nine, gboolean json) {
     const gint64 start = g_get_monotonic_time();
-    struct lpca *grid = resample_lpca(lpca, n_grid, NULL);
+    struct lpca *grid = lpca_resample(lpca, n_grid, NULL);
     const double seconds = (double)(g_get_monotonic_time() - start) / G_USEC_PER_SEC;
-    const double here = resample_error(grid, at, 0), there = resample_error(grid, between, 0);
+    const double here = lpca_resample_error(grid, at, 0),
+                 there = lpca_resample_error(grid, between, 0);
     printf(json ? "%s{\"grid\": %d, \"seconds\": %.2f, \"error\": %.5f, \"between\": %.5f, "
                   "\"ratio\": %.3f}"
                 : "%s  grid of %2d (%.2f s): %.4f at, %.4f between, %.2f of nine pairs\n",
@@ -109,9 +110,8 @@ int bench_resample(char *const *sessions, int clusters, int components, gboolean
     if (json)
         printf("{\"materials\": [");
     for (int i = 0; sessions[i] && sessions[i + 1]; i += 2) {
-        struct btf_matrix *at = btf_matrix_read(sessions[i], NULL, NULL, NULL, &error);
-        struct btf_matrix *between =
-            at ? btf_matrix_read(sessions[i + 1], NULL, NULL, NULL, &error) : NULL;
+        struct btf_matrix *at = btf_matrix_read(sessions[i], NULL, &error);
+        struct btf_matrix *between = at ? btf_matrix_read(sessions[i + 1], NULL, &error) : NULL;
         printf(json && i ? ", " : "");
         const gboolean ok = measure(at, between, clusters, components, json, &error);
         btf_matrix_free(at);

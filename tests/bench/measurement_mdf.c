@@ -129,16 +129,16 @@ void bench_mdf(const struct bench_setup *setup, int view, int steps, struct benc
         double from, to;
         find_range(&rig, &grid, &position, RAD(turntable_deg), &from, &to);
         take_sweep(world, view, turntable_deg, &position, from, to, steps, &planes);
-        struct mdf_sweep sweep = {.arc = &rig.arc,
-                                  .laser = &rig.lasers[position.laser],
-                                  .arc_rad = RAD(position.arc_deg),
-                                  .from_rad = from,
-                                  .step_rad = (to - from) / (steps - 1),
-                                  .peak = peak,
-                                  .width = width,
-                                  .intensity = intensity,
-                                  .second_peak = second_peak,
-                                  .second_intensity = second};
+        struct laser_sweep sweep = {.arc = &rig.arc,
+                                    .laser = &rig.lasers[position.laser],
+                                    .arc_rad = RAD(position.arc_deg),
+                                    .from_rad = from,
+                                    .step_rad = (to - from) / (steps - 1),
+                                    .peak = peak,
+                                    .width = width,
+                                    .intensity = intensity,
+                                    .second_peak = second_peak,
+                                    .second_intensity = second};
         mdf_view_add(mdf, &sweep);
         arcs[i] = position.arc_deg;
         lasers[i] = position.laser;

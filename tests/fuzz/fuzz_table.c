@@ -1,16 +1,16 @@
 /* Tables of poses and of directions. */
 #include "fuzz.h"
 
+#include "base/text_table.h"
 #include "processing/btf_directions.h"
 #include "processing/import_poses.h"
-#include "processing/import_table.h"
 
-static void read_cells(const ImportTable *table) {
-    const int column = import_table_column(table, "turntable_deg");
-    for (int row = 0; row < import_table_rows(table); row++) {
+static void read_cells(const TextTable *table) {
+    const int column = text_table_column(table, "turntable_deg");
+    for (int row = 0; row < text_table_rows(table); row++) {
         double value = 0;
         GError *error = NULL;
-        const gboolean ok = import_table_number(table, row, column, 1, &value, &error);
+        const gboolean ok = text_table_number(table, row, column, 1, &value, &error);
         fuzz_check(ok, error);
     }
 }
@@ -18,7 +18,7 @@ static void read_cells(const ImportTable *table) {
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file_in_folder("poses.csv", data, size);
     GError *error = NULL;
-    g_autoptr(ImportTable) table = import_table_read(path, &error);
+    g_autoptr(TextTable) table = text_table_read(path, &error);
     fuzz_check(table != NULL, error);
     if (!table)
         return 0;

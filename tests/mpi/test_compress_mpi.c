@@ -4,11 +4,11 @@
 
 #include "../session_fixture.h"
 
-#define SIDE   40 /* 1600 texels: seven blocks of LPCA_TEAM_ROWS */
+#define SIDE   40 /* 1600 texels: seven blocks of TEAM_ROWS */
 #define VIEWS  3
 #define LIGHTS 4
 
-static const struct import_progress quietly = {NULL, NULL, NULL};
+static const struct work quietly = {0};
 
 static float value(int view, int light, int texel, int colour) {
     const double x = texel % SIDE, y = texel / SIDE; /* NOLINT(bugprone-integer-division) */
@@ -72,7 +72,7 @@ static void test_ranks(void) {
     g_autofree char *session = make_session();
     g_autofree char *output = g_build_filename(folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
-    struct btf_matrix *btf = btf_matrix_read(session, NULL, NULL, NULL, &error);
+    struct btf_matrix *btf = btf_matrix_read(session, NULL, &error);
     g_assert_no_error(error);
     const struct lpca_options options = {5, 4};
     struct lpca *alone = lpca_compute(btf, &options, &error);

@@ -23,10 +23,12 @@
  */
 #pragma once
 
+#include "base/work.h"
 #include "btf_directions.h"
+#include "import.h"
 
 /* Views of an elevation (to a degree). */
-struct btf_resample_band {
+struct near_field_correction_band {
     double theta_deg;
     int n_views;
     double left_out_view, left_out_light, back; /* of those that were measured */
@@ -35,22 +37,22 @@ struct btf_resample_band {
     double held; /* of values in the result: that lie beyond what is extrapolated */
 };
 
-struct btf_resample_result {
+struct near_field_correction_result {
     struct import_result made;
     gboolean exact;                  /* FALSE: all texels had the nominal directions */
     gboolean mdf;                    /* there was one; it is the result's, too */
     int n_views, n_lights;           /* that it was made from */
     int sampled;                     /* texels that were predicted without one direction */
     gint64 holes, bounds, predicted; /* in what it was made from (btf_matrix.h) */
-    GArray *from, *to;               /* of struct btf_resample_band; those measured, those made */
-    struct btf_resample_band all;    /* θ −1 */
+    GArray *from, *to; /* of struct near_field_correction_band; those measured, those made */
+    struct near_field_correction_band all; /* θ −1 */
     double light_moved_deg, light_most_moved_deg;
 };
-void btf_resample_result_clear(struct btf_resample_result *result);
+void near_field_correction_result_clear(struct near_field_correction_result *result);
 
 /* to: NULL: the session's own nominal directions. path must not exist. Takes the memory of some
  * views, and 8 bytes on disk for each value and direction, of source and result, while it runs.
  * Stages "read", "resample", "import", "eigenmaps". */
-gboolean btf_resample(const char *session, const char *path, const struct btf_directions *to,
-                      int n_threads, const struct import_progress *progress,
-                      struct btf_resample_result *ret, GError **error);
+gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
+                            const struct work *work, struct near_field_correction_result *ret,
+                            GError **error);

@@ -1,4 +1,4 @@
-#include "marks.h"
+#include "hatching.h"
 
 #include "directions.h"
 #include "gpu.h"
@@ -8,37 +8,37 @@
 
 #define CELLS 256 /* of the hemisphere's square, each way */
 
-struct Marks {
+struct Hatching {
     guint program, missing, array;
     gboolean any;
 };
 
-Marks *marks_new(GError **error) {
-    static const char *const names[] = {"screen.vert", "directions.glsl", "marks.frag", NULL};
-    g_autoptr(Marks) marks = g_new0(Marks, 1);
-    if ((marks->program = gpu_program(names, error)) == 0)
+Hatching *hatching_new(GError **error) {
+    static const char *const names[] = {"screen.vert", "directions.glsl", "hatching.frag", NULL};
+    g_autoptr(Hatching) hatching = g_new0(Hatching, 1);
+    if ((hatching->program = gpu_program(names, error)) == 0)
         return NULL;
-    glGenVertexArrays(1, &marks->array);
-    marks->missing = gpu_texture(GL_R8, CELLS, CELLS, 0);
-    return g_steal_pointer(&marks);
+    glGenVertexArrays(1, &hatching->array);
+    hatching->missing = gpu_texture(GL_R8, CELLS, CELLS, 0);
+    return g_steal_pointer(&hatching);
 }
 
-void marks_free(Marks *marks) {
-    if (marks == NULL)
+void hatching_free(Hatching *hatching) {
+    if (hatching == NULL)
         return;
-    glDeleteProgram(marks->program);
-    glDeleteTextures(1, &marks->missing);
-    glDeleteVertexArrays(1, &marks->array);
-    g_free(marks);
+    glDeleteProgram(hatching->program);
+    glDeleteTextures(1, &hatching->missing);
+    glDeleteVertexArrays(1, &hatching->array);
+    g_free(hatching);
 }
 
-static struct vec3 unit(const struct live_view *view) {
+static struct vec3 unit(const struct planned_view *view) {
     const double theta = view->theta_deg * G_PI / 180.0, phi = view->phi_deg * G_PI / 180.0;
     return vec3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
 }
 
-static gboolean nearest_is_missing(const struct live_view *views, const struct vec3 *units, guint n,
-                                   struct vec3 d) {
+static gboolean nearest_is_missing(const struct planned_view *views, const struct vec3 *units,
+                                   guint n, struct vec3 d) {
     double best = -2.0;
     gboolean missing = FALSE;
     for (guint k = 0; k < n; k++) {
@@ -51,15 +51,15 @@ static gboolean nearest_is_missing(const struct live_view *views, const struct v
     return missing;
 }
 
-void marks_set(Marks *marks, const struct live_view *views, guint n) {
+void hatching_set(Hatching *hatching, const struct planned_view *views, guint n) {
     g_autofree struct vec3 *units = g_new(struct vec3, MAX(n, 1));
     g_autofree guint8 *cells = g_new(guint8, CELLS * CELLS);
-    marks->any = FALSE;
+    hatching->any = FALSE;
     for (guint k = 0; k < n; k++) {
         units[k] = unit(&views[k]);
-        marks->any |= !views[k].measured;
+        hatching->any |= !views[k].measured;
     }
-    if (!marks->any)
+    if (!hatching->any)
         return;
     for (int j = 0; j < CELLS; j++)
         for (int i = 0; i < CELLS; i++) {
@@ -68,30 +68,31 @@ void marks_set(Marks *marks, const struct live_view *views, guint n) {
             cells[j * CELLS + i] = nearest_is_missing(views, units, n, d) ? 255 : 0;
         }
     glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, marks->missing);
+    glBindTexture(GL_TEXTURE_2D, hatching->missing);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, CELLS, CELLS, GL_RED, GL_UNSIGNED_BYTE, cells);
 }
 
-gboolean marks_any(const Marks *marks) {
-    return marks->any;
+gboolean hatching_any(const Hatching *hatching) {
+    return hatching->any;
 }
 
-void marks_draw(const Marks *marks, guint directions, guint framebuffer, int width, int height) {
-    const guint textures[2] = {directions, marks->missing};
+void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer, int width,
+                   int height) {
+    const guint textures[2] = {directions, hatching->missing};
     static const char *const names[2] = {"seen_from", "missing"};
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);
     glDisable(GL_DEPTH_TEST);
     glEnable(GL_BLEND);
     glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
-    glUseProgram(marks->program);
+    glUseProgram(hatching->program);
     for (int k = 0; k < 2; k++) {
         glActiveTexture(GL_TEXTURE0 + k);
         glBindTexture(GL_TEXTURE_2D, textures[k]);
-        glUniform1i(glGetUniformLocation(marks->program, names[k]), k);
+        glUniform1i(glGetUniformLocation(hatching->program, names[k]), k);
     }
-    glBindVertexArray(marks->array);
+    glBindVertexArray(hatching->array);
     glDrawArrays(GL_TRIANGLES, 0, 3);
     glBindVertexArray(0);
     glDisable(GL_BLEND);

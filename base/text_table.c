@@ -1,18 +1,18 @@
-#include "import_table.h"
+#include "base/text_table.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "import_private.h"
+#include "base/data_error.h"
 
-struct ImportTable {
+struct TextTable {
     char *path;
     GPtrArray *names; /* of char * */
     GPtrArray *rows;  /* of GPtrArray of char * */
     GArray *lines;    /* of int */
 };
 
-void import_table_free(ImportTable *table) {
+void text_table_free(TextTable *table) {
     if (!table)
         return;
     g_free(table->path);
@@ -45,46 +45,46 @@ static GPtrArray *split(const char *text) {
     }
 }
 
-static gboolean take_head(ImportTable *table, GPtrArray *fields, int line, GError **error) {
+static gboolean take_head(TextTable *table, GPtrArray *fields, int line, GError **error) {
     for (guint i = 0; i < fields->len; i++)
         for (guint k = 0; k < i; k++)
             if (strcmp(fields->pdata[i], fields->pdata[k]) == 0)
-                return import_fail(table->path, line, error, "there are two columns “%s”",
-                                   (char *)fields->pdata[i]);
+                return data_error_fail(table->path, line, error, "there are two columns “%s”",
+                                       (char *)fields->pdata[i]);
     table->names = g_ptr_array_ref(fields);
     return TRUE;
 }
 
-static gboolean take_line(ImportTable *table, char *text, int line, GError **error) {
+static gboolean take_line(TextTable *table, char *text, int line, GError **error) {
     if (!*g_strstrip(text) || *text == '#')
         return TRUE;
     g_autoptr(GPtrArray) fields = split(text);
     if (!fields)
-        return import_fail(table->path, line, error, "a quote is not closed");
+        return data_error_fail(table->path, line, error, "a quote is not closed");
     if (!table->names)
         return take_head(table, fields, line, error);
     if (fields->len != table->names->len)
-        return import_fail(table->path, line, error, "it has %u fields, the head %u", fields->len,
-                           table->names->len);
+        return data_error_fail(table->path, line, error, "it has %u fields, the head %u",
+                               fields->len, table->names->len);
     g_ptr_array_add(table->rows, g_steal_pointer(&fields));
     g_array_append_val(table->lines, line);
     return TRUE;
 }
 
-ImportTable *import_table_read(const char *path, GError **error) {
+TextTable *text_table_read(const char *path, GError **error) {
     g_autoptr(GError) found = NULL;
     g_autofree char *text = NULL;
-    g_autoptr(ImportTable) table = g_new0(ImportTable, 1);
+    g_autoptr(TextTable) table = g_new0(TextTable, 1);
     gsize length = 0;
     table->path = g_strdup(path);
     table->rows = g_ptr_array_new_with_free_func((GDestroyNotify)g_ptr_array_unref);
     table->lines = g_array_new(FALSE, FALSE, sizeof(int));
     if (!g_file_get_contents(path, &text, &length, &found)) {
-        import_report(path, 0, error, "%s", found->message);
+        data_error_set(path, 0, error, "%s", found->message);
         return NULL;
     }
     if (strlen(text) != length || !g_utf8_validate(text, -1, NULL)) {
-        import_report(path, 0, error, "it is no table, which is text in UTF-8");
+        data_error_set(path, 0, error, "it is no table, which is text in UTF-8");
         return NULL;
     }
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
@@ -92,47 +92,47 @@ ImportTable *import_table_read(const char *path, GError **error) {
         if (!take_line(table, lines[i], i + 1, error))
             return NULL;
     if (table->rows->len == 0) {
-        import_report(path, 0, error, "there are no rows in it");
+        data_error_set(path, 0, error, "there are no rows in it");
         return NULL;
     }
     return g_steal_pointer(&table);
 }
 
-const char *import_table_path(const ImportTable *table) {
+const char *text_table_path(const TextTable *table) {
     return table->path;
 }
 
-int import_table_rows(const ImportTable *table) {
+int text_table_rows(const TextTable *table) {
     return (int)table->rows->len;
 }
 
-int import_table_line(const ImportTable *table, int row) {
+int text_table_line(const TextTable *table, int row) {
     return g_array_index(table->lines, int, row);
 }
 
-int import_table_column(const ImportTable *table, const char *name) {
+int text_table_column(const TextTable *table, const char *name) {
     for (guint i = 0; i < table->names->len; i++)
         if (strcmp(table->names->pdata[i], name) == 0)
             return (int)i;
     return -1;
 }
 
-const char *import_table_text(const ImportTable *table, int row, int column) {
+const char *text_table_text(const TextTable *table, int row, int column) {
     const GPtrArray *fields = table->rows->pdata[row];
     return column < 0 ? "" : fields->pdata[column];
 }
 
-gboolean import_table_number(const ImportTable *table, int row, int column, double otherwise,
-                             double *ret, GError **error) {
-    const char *text = import_table_text(table, row, column);
+gboolean text_table_number(const TextTable *table, int row, int column, double otherwise,
+                           double *ret, GError **error) {
+    const char *text = text_table_text(table, row, column);
     char *end;
     *ret = otherwise;
     if (!*text)
         return TRUE;
     *ret = g_ascii_strtod(text, &end);
     return (end != text && !*end && isfinite(*ret)) ||
-           import_fail(table->path, import_table_line(table, row), error,
-                       "“%s” in column %s is no "
-                       "number",
-                       text, (char *)table->names->pdata[column]);
+           data_error_fail(table->path, text_table_line(table, row), error,
+                           "“%s” in column %s is no "
+                           "number",
+                           text, (char *)table->names->pdata[column]);
 }

@@ -77,7 +77,7 @@ static void trace_sample(const char *name, const char *sample, double better) {
     const struct wish wish = {.nowhere = TRUE, .spoil = trace_part};
     g_autofree char *to_name = g_strconcat(name, "-to", NULL);
     double before[6] = {0}, after[6] = {0}, norm[6] = {0};
-    struct btf_resample_result result;
+    struct near_field_correction_result result;
     g_autoptr(World) near = traced_world("near.conf", sample, CAMERA_MM, LAMP_MM);
     near_world.world = near;
     near_world.views = &views;
@@ -95,7 +95,7 @@ static void trace_sample(const char *name, const char *sample, double better) {
     g_test_message("%s: said: back %.2f %%, left out %.2f and %.2f %%", name, 100 * result.all.back,
                    100 * result.all.left_out_view, 100 * result.all.left_out_light);
     g_assert_cmpfloat(after[5], <, before[5] / (better * better));
-    btf_resample_result_clear(&result);
+    near_field_correction_result_clear(&result);
 }
 
 static void test_traced_diffuse(void) {

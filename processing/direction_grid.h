@@ -18,28 +18,23 @@
  */
 #pragma once
 
-#include "lpca.h"
+#include <glib.h>
 
-#define RESAMPLE_MIN_GRID 4
-#define RESAMPLE_MAX_GRID 24
+#define DIRECTION_GRID_MIN 4
+#define DIRECTION_GRID_MAX 24
 
 /* Ω and its inverse; directions are unit vectors, and below the horizon count as in it. */
-void resample_direction(double s, double t, float ret[3]);
-void resample_square(const float direction[3], double *ret_s, double *ret_t);
+void direction_grid_direction(double s, double t, float ret[3]);
+void direction_grid_square(const float direction[3], double *ret_s, double *ret_t);
 
 /* The four samples around a direction and what each counts: not negative, sum 1. */
-void resample_weights(int n_grid, const float direction[3], int ret_index[4], float ret_weight[4]);
+void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
+                            float ret_weight[4]);
 
 /* n_grid² rows of n: samples = this × values at the n directions. lights: see above. g_free(). NULL
  * with an error for a grid out of bounds, no directions, or what are none. */
-float *resample_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
-                         gboolean lights, GError **error);
+float *direction_grid_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
+                               gboolean lights, GError **error);
 
-/* A local PCA whose views and lights are the samples of such a grid (lpca->n_grid says so), with
- * the clusters and weights it had; LPCA_FLOAT and LPCA_RGB, from one that is. Eigen-BRDFs are no
- * longer exactly orthonormal. Its error is 0: resample_error() knows it. */
-struct lpca *resample_lpca(const struct lpca *lpca, int n_grid, GError **error);
-
-/* ‖X − X̂‖_F / ‖X‖_F of a resampled one at the directions of btf, which need not be those that it
- * was made from; also kept in its error. */
-double resample_error(struct lpca *resampled, const struct btf_matrix *btf, int n_threads);
+/* Polar angle and azimuth of each of the n_grid² samples, in degrees; g_free() both. */
+void direction_grid_angles(int n_grid, float **ret_theta_deg, float **ret_phi_deg);

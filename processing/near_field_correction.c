@@ -1,13 +1,13 @@
-#include "btf_resample.h"
+#include "near_field_correction.h"
 
 #include <math.h>
 #include <string.h>
 
+#include "base/data_error.h"
 #include "btf.h"
 #include "btf_private.h"
-#include "btf_resample_private.h"
 #include "import_private.h"
-#include "lobes_private.h"
+#include "texel_resampler.h"
 
 #define LANES   RESAMPLER_LANES
 #define COLOURS 3
@@ -15,7 +15,7 @@
 #define BAND    1.0 /* degrees */
 
 struct job {
-    const struct import_progress *progress;
+    const struct work *work;
     const struct near_field *near;
     const struct btf_directions *to;
     struct resampler resampler;
@@ -27,13 +27,13 @@ struct job {
     GError *error;             /* of the first block that failed */
     GCancellable *cancellable; /* then cancelled; or by the user's */
     const char *source;        /* the session's path */
-    const struct btf_resample_result *result;
+    const struct near_field_correction_result *result;
     float *rgb;     /* of the view that is written: texels × 3 a light */
     guint8 *marks;  /* and lights × texels */
     gboolean *some; /* of each light: whether it has marks */
 };
 
-void btf_resample_result_clear(struct btf_resample_result *result) {
+void near_field_correction_result_clear(struct near_field_correction_result *result) {
     g_clear_pointer(&result->from, g_array_unref);
     g_clear_pointer(&result->to, g_array_unref);
 }
@@ -66,19 +66,20 @@ static gboolean read_view(struct job *job, struct btf_matrix *btf, int view, con
     return ok;
 }
 
-static gboolean read_views(struct job *job, struct btf_resample_result *ret, GError **error) {
+static gboolean read_views(struct job *job, struct near_field_correction_result *ret,
+                           GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
     struct btf_matrix *btf = btf_open(job->source, &paths, error);
     const gint64 begun = g_get_monotonic_time();
     gboolean ok = btf != NULL;
     if (ok && btf->n_views != job->near->n_views) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_INCOMPLETE,
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
                     "%s: its BTF is being made just now; wait until that has ended", job->source);
         ok = FALSE;
     }
     for (int view = 0; ok && view < btf->n_views; view++)
         ok = read_view(job, btf, view, g_ptr_array_index(paths, (guint)view), error) &&
-             import_tell(job->progress, "read", view + 1, btf->n_views, begun, error);
+             work_tell(job->work, "read", view + 1, btf->n_views, begun, error);
     ret->holes = btf ? btf->holes : 0;
     ret->bounds = btf ? btf->bounds : 0;
     ret->predicted = btf ? btf->predicted : 0;
@@ -145,19 +146,17 @@ static void cancel_too(GCancellable *users, gpointer ours) {
     g_cancellable_cancel(ours);
 }
 
-static gboolean resample_texels(struct job *job, int n_threads, GError **error) {
+static gboolean resample_texels(struct job *job, GError **error) {
     const int n_blocks = (job->n_texels + BLOCK - 1) / BLOCK;
-    GCancellable *users = job->progress->cancellable;
+    GCancellable *users = job->work->cancellable;
     job->cancellable = g_cancellable_new();
     const gulong id =
         users ? g_cancellable_connect(users, G_CALLBACK(cancel_too), job->cancellable, NULL) : 0;
-    const struct lobes_options options = {.n_threads = n_threads,
-                                          .progress = job->progress->func,
-                                          .data = job->progress->data,
-                                          .cancellable = job->cancellable};
+    struct work work = *job->work;
+    work.cancellable = job->cancellable;
     job->sums = g_new0(struct resampler_sums *, n_blocks);
     job->all = resampler_sums_new(&job->resampler);
-    gboolean ok = lobes_parallel(&options, "resample", n_blocks, resample_block, job, error);
+    gboolean ok = work_parallel(&work, "resample", n_blocks, resample_block, job, error);
     if (users)
         g_cancellable_disconnect(users, id);
     if (job->error) {
@@ -180,13 +179,13 @@ static double root(double error, double norm) {
     return norm > 0 ? sqrt(error / norm) : 0;
 }
 
-static void set_from(struct btf_resample_band *band, const struct resampler_from *sums) {
+static void set_from(struct near_field_correction_band *band, const struct resampler_from *sums) {
     band->back = root(sums->back, sums->back_norm);
     band->left_out_view = root(sums->left_view, sums->left_view_norm);
     band->left_out_light = root(sums->left_light, sums->left_light_norm);
 }
 
-static void set_to(struct btf_resample_band *band, const struct resampler_to *sums,
+static void set_to(struct near_field_correction_band *band, const struct resampler_to *sums,
                    double n /* texels of all its views */, gboolean own) {
     band->moved_deg = sums->moved_deg / n;
     band->most_moved_deg = sums->most_moved_deg;
@@ -201,7 +200,7 @@ static int by_angle(const void *a, const void *b) {
 
 /* Elevations, the nearly same ones together. */
 static GArray *elevations(const float *theta_deg, int n) {
-    GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct btf_resample_band));
+    GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct near_field_correction_band));
     g_autofree double *sorted = g_new(double, n);
     for (int i = 0; i < n; i++)
         sorted[i] = (double)theta_deg[i];
@@ -209,22 +208,24 @@ static GArray *elevations(const float *theta_deg, int n) {
     for (int i = 0; i < n; i++)
         if (i == 0 ||
             sorted[i] >
-                g_array_index(bands, struct btf_resample_band, bands->len - 1).theta_deg + BAND) {
-            const struct btf_resample_band band = {.theta_deg = sorted[i], .nominal = -1};
+                g_array_index(bands, struct near_field_correction_band, bands->len - 1).theta_deg +
+                    BAND) {
+            const struct near_field_correction_band band = {.theta_deg = sorted[i], .nominal = -1};
             g_array_append_val(bands, band);
         }
     return bands;
 }
 
-static gboolean in_band(const struct btf_resample_band *band, float theta_deg) {
+static gboolean in_band(const struct near_field_correction_band *band, float theta_deg) {
     return (double)theta_deg >= band->theta_deg && (double)theta_deg <= band->theta_deg + BAND;
 }
 
-static void fill_from(const struct job *job, struct btf_resample_result *ret) {
+static void fill_from(const struct job *job, struct near_field_correction_result *ret) {
     struct resampler_from whole = {0};
     ret->from = elevations(job->near->view_theta_deg, job->near->n_views);
     for (guint k = 0; k < ret->from->len; k++) {
-        struct btf_resample_band *band = &g_array_index(ret->from, struct btf_resample_band, k);
+        struct near_field_correction_band *band =
+            &g_array_index(ret->from, struct near_field_correction_band, k);
         struct resampler_from sums = {0};
         for (int i = 0; i < job->near->n_views; i++)
             if (in_band(band, job->near->view_theta_deg[i])) {
@@ -237,11 +238,12 @@ static void fill_from(const struct job *job, struct btf_resample_result *ret) {
     set_from(&ret->all, &whole);
 }
 
-static void fill_to(const struct job *job, struct btf_resample_result *ret) {
+static void fill_to(const struct job *job, struct near_field_correction_result *ret) {
     struct resampler_to whole = {0};
     ret->to = elevations(job->to->view_theta_deg, job->to->n_views);
     for (guint k = 0; k < ret->to->len; k++) {
-        struct btf_resample_band *band = &g_array_index(ret->to, struct btf_resample_band, k);
+        struct near_field_correction_band *band =
+            &g_array_index(ret->to, struct near_field_correction_band, k);
         struct resampler_to sums = {0};
         for (int i = 0; i < job->to->n_views; i++)
             if (in_band(band, job->to->view_theta_deg[i])) {
@@ -254,14 +256,14 @@ static void fill_to(const struct job *job, struct btf_resample_result *ret) {
     set_to(&ret->all, &whole, (double)job->n_texels * job->to->n_views, job->resampler.own);
 }
 
-static void fill_result(const struct job *job, struct btf_resample_result *ret) {
+static void fill_result(const struct job *job, struct near_field_correction_result *ret) {
     ret->exact = job->near->camera_mm != NULL;
     ret->n_views = job->near->n_views;
     ret->n_lights = job->near->n_lights;
     ret->sampled = job->all->sampled;
     ret->light_moved_deg = job->all->light_moved_deg / job->n_texels;
     ret->light_most_moved_deg = job->all->light_most_moved_deg;
-    ret->all = (struct btf_resample_band){.theta_deg = -1, .n_views = job->to->n_views};
+    ret->all = (struct near_field_correction_band){.theta_deg = -1, .n_views = job->to->n_views};
     fill_from(job, ret);
     fill_to(job, ret);
 }
@@ -292,7 +294,7 @@ static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer dat
 
 static const guint8 *give_light(int view, int light, struct exr_part *part, gpointer data) {
     const struct job *job = data;
-    const struct btf_resample_result *result = job->result;
+    const struct near_field_correction_result *result = job->result;
     const guint8 *marks = job->marks + (gsize)light * (gsize)job->n_texels;
     int bounds = 0, shorter = 0, predicted = 0;
     for (int i = 0; job->some[light] && i < job->n_texels; i++) {
@@ -313,8 +315,8 @@ static const guint8 *give_light(int view, int light, struct exr_part *part, gpoi
     return job->some[light] ? marks : NULL;
 }
 
-static gboolean write_session(struct job *job, const char *path, struct btf_resample_result *ret,
-                              GError **error) {
+static gboolean write_session(struct job *job, const char *path,
+                              struct near_field_correction_result *ret, GError **error) {
     const gsize n = (gsize)job->n_texels * (gsize)job->to->n_lights;
     const struct session_grid *grid = &job->near->grid;
     g_autofree char *mdf = g_build_filename(job->source, "products", "mdf.exr", NULL);
@@ -341,7 +343,7 @@ static gboolean write_session(struct job *job, const char *path, struct btf_resa
         .mdf = ret->mdf ? mdf : NULL,
     };
     job->result = ret;
-    return import_material(path, &material, job->progress, &ret->made, error);
+    return import_material(path, &material, job->work, &ret->made, error);
 }
 
 static struct btf_directions *own_directions(const struct near_field *near) {
@@ -369,17 +371,17 @@ static gboolean open_scratch(struct job *job, const char *path, GError **error) 
     return job->made != NULL;
 }
 
-static gboolean run(struct job *job, const char *path, gboolean own, int n_threads,
-                    struct btf_resample_result *ret, GError **error) {
+static gboolean run(struct job *job, const char *path, gboolean own,
+                    struct near_field_correction_result *ret, GError **error) {
     if (g_file_test(path, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, IMPORT_ERROR, IMPORT_ERROR_EXISTS,
-                    "%s: exists already; take another name", path);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
+                    path);
         return FALSE;
     }
     if (!open_scratch(job, path, error) || !read_views(job, ret, error))
         return FALSE;
     resampler_init(&job->resampler, job->near, job->to, own);
-    gboolean ok = resample_texels(job, n_threads, error);
+    gboolean ok = resample_texels(job, error);
     g_clear_pointer(&job->measured, btf_scratch_free);
     if (ok)
         fill_result(job, ret);
@@ -389,27 +391,27 @@ static gboolean run(struct job *job, const char *path, gboolean own, int n_threa
     return ok;
 }
 
-gboolean btf_resample(const char *session, const char *path, const struct btf_directions *to,
-                      int n_threads, const struct import_progress *progress,
-                      struct btf_resample_result *ret, GError **error) {
-    *ret = (struct btf_resample_result){0};
+gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
+                            const struct work *work, struct near_field_correction_result *ret,
+                            GError **error) {
+    *ret = (struct near_field_correction_result){0};
     struct near_field *near = near_field_read(session, error);
     if (!near)
         return FALSE;
     struct btf_directions *own = to ? NULL : own_directions(near);
-    struct job job = {.progress = progress,
+    struct job job = {.work = work,
                       .near = near,
                       .to = to ? to : own,
                       .n_texels = near->grid.width * near->grid.height,
                       .source = session};
     g_mutex_init(&job.mutex);
-    const gboolean ok = run(&job, path, to == NULL, n_threads, ret, error);
+    const gboolean ok = run(&job, path, to == NULL, ret, error);
     g_mutex_clear(&job.mutex);
     btf_scratch_free(job.measured);
     btf_scratch_free(job.made);
     btf_directions_free(own);
     near_field_free(near);
     if (!ok)
-        btf_resample_result_clear(ret);
+        near_field_correction_result_clear(ret);
     return ok;
 }

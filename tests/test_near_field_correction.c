@@ -77,7 +77,7 @@ static void test_own(void) {
         const struct wish wish = {.width = widths[k]};
         g_autofree char *from_name = g_strdup_printf("from%d", k);
         g_autofree char *to_name = g_strdup_printf("to%d", k);
-        struct btf_resample_result result;
+        struct near_field_correction_result result;
         double before[6], after[6];
         g_autofree char *from = make_session(from_name, &views, &lights, &wish);
         g_autofree char *to = resample(from, to_name, NULL, &result);
@@ -96,7 +96,7 @@ static void test_own(void) {
         g_assert_cmpfloat(result.all.back, <, 3 * after[5]);
         g_assert_true(result.exact);
         g_assert_false(result.mdf);
-        btf_resample_result_clear(&result);
+        near_field_correction_result_clear(&result);
     }
 }
 
@@ -144,7 +144,7 @@ static void check_same_mdf(const char *from, const char *to) {
 static void test_81(void) {
     const struct rings views = twelve(0), lights = twelve(15);
     const struct wish wish = {.width = 0.5, .nowhere = TRUE};
-    struct btf_resample_result result;
+    struct near_field_correction_result result;
     struct btf_directions *to = btf_directions_81();
     g_autofree char *from = make_session("elsewhere", &views, &lights, &wish);
     write_mdf(from);
@@ -168,7 +168,7 @@ static void test_81(void) {
     g_assert_false(result.exact);
     g_assert_true(result.mdf);
     check_same_mdf(from, made);
-    btf_resample_result_clear(&result);
+    near_field_correction_result_clear(&result);
     btf_directions_free(to);
 }
 
@@ -204,7 +204,7 @@ static int count_marks(const struct exr_part *part, int mark, int *ret_first) {
 static void test_marks(void) {
     const struct rings views = twelve(0), lights = twelve(15);
     const struct wish wish = {.width = 0.5, .spoil = spoil_marks};
-    struct btf_resample_result result;
+    struct near_field_correction_result result;
     int hole = -1, bound = -1, said = 0;
     g_autofree char *from = make_session("marked", &views, &lights, &wish);
     g_autofree char *made = resample(from, "marked-to", NULL, &result);
@@ -235,7 +235,7 @@ static void test_marks(void) {
     g_assert_cmpint(said, ==, ALL);
     g_assert_cmpint(result.predicted, ==, ALL);
     exr_file_free(file);
-    btf_resample_result_clear(&result);
+    near_field_correction_result_clear(&result);
 }
 
 static gboolean spoil_place(struct exr_part *part, int view, int light) {
@@ -259,8 +259,8 @@ static gboolean spoil_angle(struct exr_part *part, int view, int light) {
 static void refuse(const char *session, const char *name, const char *what) {
     g_autofree char *path = g_strdup_printf("%s/%s", near_folder, name);
     g_autoptr(GError) error = NULL;
-    struct btf_resample_result result;
-    g_assert_false(btf_resample(session, path, NULL, 1, &quiet, &result, &error));
+    struct near_field_correction_result result;
+    g_assert_false(near_field_correct(session, path, NULL, &quiet, &result, &error));
     g_assert_nonnull(error);
     if (!strstr(error->message, what))
         g_error("“%s” does not say “%s”", error->message, what);
@@ -297,7 +297,7 @@ static void test_refused(void) {
     refuse(whole, "nothing", "view_0001.exr");
 }
 
-static void on_progress(const struct pipeline_progress *progress, gpointer cancellable) {
+static void on_progress(const struct work_progress *progress, gpointer cancellable) {
     if (!g_str_equal(progress->stage, "read"))
         g_cancellable_cancel(cancellable);
 }
@@ -309,9 +309,10 @@ static void test_cancelled(void) {
     g_autofree char *path = g_build_filename(near_folder, "cancelled", NULL);
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     g_autoptr(GError) error = NULL;
-    const struct import_progress progress = {on_progress, cancellable, cancellable};
-    struct btf_resample_result result;
-    g_assert_false(btf_resample(from, path, NULL, 1, &progress, &result, &error));
+    const struct work progress = {
+        .n_threads = 1, .progress = on_progress, .data = cancellable, .cancellable = cancellable};
+    struct near_field_correction_result result;
+    g_assert_false(near_field_correct(from, path, NULL, &progress, &result, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
     g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
 }

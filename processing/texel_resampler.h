@@ -1,7 +1,7 @@
-/* What the files of btf_resample.h share. */
+/* The values of each texel in directions common to all, see near_field_correction.h. */
 #pragma once
 
-#include "btf_resample.h"
+#include "btf_directions.h"
 #include "direction_mesh.h"
 #include "near_field.h"
 

@@ -2,6 +2,8 @@
 
 #include "lpca_private.h"
 
+#include "btf_checkpoint.h"
+
 #define KEPT_FORM 1 /* raised when what is kept changes */
 
 static const char *const names[] = {
@@ -58,7 +60,7 @@ static gsize size_of(const struct lpca_run *run, enum lpca_kept what) {
 static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *found,
                          const struct lpca_state *call) {
     struct lpca_run like = *run;
-    const Unfinished *unfinished = run->options->unfinished;
+    const Checkpoint *checkpoint = run->options->checkpoint;
     if (found->form != call->form || found->n_clusters != call->n_clusters ||
         found->n_components != call->n_components || found->colours != call->colours ||
         found->to_pack != call->to_pack || found->target != call->target ||
@@ -70,7 +72,7 @@ static gboolean is_whole(const struct lpca_run *run, const struct lpca_state *fo
     const guint needed = kept_by[found->stage] & ~(found->stage == LPCA_POLISHING ? begun : 0);
     for (int i = 0; i < LPCA_KEPT_KINDS; i++)
         if (needed & 1U << i &&
-            !unfinished_get(unfinished, names[i], size_of(&like, (enum lpca_kept)i)))
+            !checkpoint_get(checkpoint, names[i], size_of(&like, (enum lpca_kept)i)))
             return FALSE;
     return TRUE;
 }
@@ -84,63 +86,63 @@ void lpca_resume(struct lpca_run *run) {
                                     .to_pack = options->to_pack,
                                     .target = options->target};
     run->state = call;
-    if (!options->unfinished)
+    if (!options->checkpoint)
         return;
     g_autofree char *what =
         g_strdup_printf("lpca %d × %d, colours %d, %d, error %.17g", options->n_clusters,
                         options->n_components, options->colours, options->to_pack, options->target);
-    unfinished_begin(options->unfinished, run->btf, what);
+    btf_checkpoint_begin(options->checkpoint, run->btf, what);
     const struct lpca_state *found =
-        unfinished_get(options->unfinished, "lpca.state", sizeof run->state);
+        checkpoint_get(options->checkpoint, "lpca.state", sizeof run->state);
     if (found && is_whole(run, found, &call))
         run->state = *found;
     else
         lpca_leave(run);
-    unfinished_keep(options->unfinished, "lpca.state", &run->state, sizeof run->state);
+    checkpoint_keep(options->checkpoint, "lpca.state", &run->state, sizeof run->state);
 }
 
 void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values) {
-    Unfinished *unfinished = run->options->unfinished;
+    Checkpoint *checkpoint = run->options->checkpoint;
     const gsize size = size_of(run, what);
-    if (!unfinished)
+    if (!checkpoint)
         return;
-    gconstpointer found = unfinished_get(unfinished, names[what], size);
+    gconstpointer found = checkpoint_get(checkpoint, names[what], size);
     if (found)
         memcpy(values, found, size);
-    unfinished_keep(unfinished, names[what], values, size);
+    checkpoint_keep(checkpoint, names[what], values, size);
 }
 
 void lpca_enter(struct lpca_run *run, enum lpca_stage stage) {
     run->state.stage = (gint32)stage;
-    for (int i = 0; run->options->unfinished && i < LPCA_KEPT_KINDS; i++)
+    for (int i = 0; run->options->checkpoint && i < LPCA_KEPT_KINDS; i++)
         if (!(kept_by[stage] & 1U << i))
-            unfinished_drop(run->options->unfinished, names[i]);
+            checkpoint_drop(run->options->checkpoint, names[i]);
 }
 
 void lpca_keep_blocks(struct lpca_run *run, int n) {
-    Unfinished *unfinished = run->options->unfinished;
-    if (!unfinished)
+    Checkpoint *checkpoint = run->options->checkpoint;
+    if (!checkpoint)
         return;
     const gsize size = sizeof(int) * (gsize)n;
-    const int *found = unfinished_get(unfinished, "lpca.blocks", size);
+    const int *found = checkpoint_get(checkpoint, "lpca.blocks", size);
     run->done = found ? g_memdup2(found, size) : g_new0(int, n);
-    unfinished_keep_flags(unfinished, "lpca.blocks", run->done, n);
+    checkpoint_keep_flags(checkpoint, "lpca.blocks", run->done, n);
 }
 
 void lpca_drop_blocks(struct lpca_run *run) {
     if (!run->done)
         return;
-    unfinished_drop(run->options->unfinished, "lpca.blocks");
+    checkpoint_drop(run->options->checkpoint, "lpca.blocks");
     g_clear_pointer(&run->done, g_free);
 }
 
 void lpca_leave(struct lpca_run *run) {
-    if (!run->options->unfinished)
+    if (!run->options->checkpoint)
         return;
     for (int i = 0; i < LPCA_KEPT_KINDS; i++)
-        unfinished_drop(run->options->unfinished, names[i]);
-    unfinished_drop(run->options->unfinished, "lpca.state");
-    unfinished_drop(run->options->unfinished, "lpca.blocks");
+        checkpoint_drop(run->options->checkpoint, names[i]);
+    checkpoint_drop(run->options->checkpoint, "lpca.state");
+    checkpoint_drop(run->options->checkpoint, "lpca.blocks");
     g_clear_pointer(&run->done, g_free);
 }
 
@@ -161,16 +163,16 @@ static void pieces(const struct lpca *lpca, struct piece ret[PIECES]) {
         (struct piece){"brdfs", lpca->brdfs, sizeof(float) * (gsize)lpca->n_clusters * (c + 1) * d};
 }
 
-void lpca_keep_whole(Unfinished *unfinished, const char *name, const struct lpca *lpca) {
+void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca) {
     struct piece all[PIECES];
     pieces(lpca, all);
     for (int i = 0; i < PIECES; i++) {
         g_autofree char *full = g_strdup_printf("%s.%s", name, all[i].name);
-        unfinished_keep(unfinished, full, all[i].values, all[i].size);
+        checkpoint_keep(checkpoint, full, all[i].values, all[i].size);
     }
 }
 
-struct lpca *lpca_kept_whole(const Unfinished *unfinished, const char *name,
+struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
                              const struct btf_matrix *btf, int n_clusters, int n_components) {
     struct piece all[PIECES];
     if (n_clusters < 1 || n_components < 1)
@@ -179,7 +181,7 @@ struct lpca *lpca_kept_whole(const Unfinished *unfinished, const char *name,
     pieces(lpca, all);
     for (int i = 0; lpca && i < PIECES; i++) {
         g_autofree char *full = g_strdup_printf("%s.%s", name, all[i].name);
-        gconstpointer found = unfinished_get(unfinished, full, all[i].size);
+        gconstpointer found = checkpoint_get(checkpoint, full, all[i].size);
         if (found)
             memcpy(all[i].values, found, all[i].size);
         else
@@ -188,10 +190,10 @@ struct lpca *lpca_kept_whole(const Unfinished *unfinished, const char *name,
     return lpca;
 }
 
-void lpca_drop_whole(Unfinished *unfinished, const char *name) {
+void lpca_drop_whole(Checkpoint *checkpoint, const char *name) {
     static const char *const parts[PIECES] = {"clusters", "weights", "brdfs"};
     for (int i = 0; i < PIECES; i++) {
         g_autofree char *full = g_strdup_printf("%s.%s", name, parts[i]);
-        unfinished_drop(unfinished, full);
+        checkpoint_drop(checkpoint, full);
     }
 }

@@ -1,4 +1,6 @@
-#include "processing/resample.h"
+#include "base/data_error.h"
+#include "processing/direction_grid.h"
+#include "processing/lpca_resample.h"
 
 #include "processing/exr.h"
 #include "processing/lpca_choose.h"
@@ -20,9 +22,9 @@ static void test_map(void) {
         const double s = uniform(random, 0, 1), t = uniform(random, 0, 1);
         double s2, t2;
         float d[3];
-        resample_direction(s, t, d);
+        direction_grid_direction(s, t, d);
         g_assert_cmpfloat_with_epsilon(d[0] * d[0] + d[1] * d[1] + d[2] * d[2], 1, 1e-5);
-        resample_square(d, &s2, &t2);
+        direction_grid_square(d, &s2, &t2);
         g_assert_cmpfloat_with_epsilon(s2, s, 1e-3);
         g_assert_cmpfloat_with_epsilon(t2, t, 1e-3);
         counts[MIN((int)(4 * d[2]), 3) + (d[0] > d[1] ? 4 : 0)]++;
@@ -31,13 +33,13 @@ static void test_map(void) {
         g_assert_cmpint(ABS(counts[i] - 1000), <, 150);
     g_rand_free(random);
     float d[3];
-    resample_direction(0.75, 0.625, d); /* a = ½, b = ¼: ρ = ½, φ = π/8 */
+    direction_grid_direction(0.75, 0.625, d); /* a = ½, b = ¼: ρ = ½, φ = π/8 */
     g_assert_cmpfloat_with_epsilon(d[0], 0.5 * sqrt(1.75) * cos(G_PI / 8), 1e-6);
     g_assert_cmpfloat_with_epsilon(d[1], 0.5 * sqrt(1.75) * sin(G_PI / 8), 1e-6);
     g_assert_cmpfloat_with_epsilon(d[2], 0.75, 1e-6);
     double s, t;
     const float below[3] = {0, -0.8F, -0.6F};
-    resample_square(below, &s, &t);
+    direction_grid_square(below, &s, &t);
     g_assert_cmpfloat_with_epsilon(s, 0.5, 1e-6);
     g_assert_cmpfloat_with_epsilon(t, 0, 1e-6);
 }
@@ -67,7 +69,7 @@ static double at(const double *samples, int n_grid, const float d[3]) {
     int index[4];
     float weight[4];
     double sum = 0, all = 0;
-    resample_weights(n_grid, d, index, weight);
+    direction_grid_weights(n_grid, d, index, weight);
     for (int k = 0; k < 4; k++) {
         g_assert_cmpint(index[k], >=, 0);
         g_assert_cmpint(index[k], <, n_grid * n_grid);
@@ -86,8 +88,8 @@ static void test_operator(void) {
     const int n = rings(&theta, &phi);
     double before = 1;
     for (int n_grid = 8; n_grid <= 16; n_grid += 4) {
-        g_autofree float *views = resample_operator(theta, phi, n, n_grid, FALSE, NULL);
-        g_autofree float *lights = resample_operator(theta, phi, n, n_grid, TRUE, NULL);
+        g_autofree float *views = direction_grid_operator(theta, phi, n, n_grid, FALSE, NULL);
+        g_autofree float *lights = direction_grid_operator(theta, phi, n, n_grid, TRUE, NULL);
         g_autofree double *samples = g_new0(double, n_grid *n_grid);
         g_autofree double *ones = g_new0(double, n_grid *n_grid);
         g_autofree double *faded = g_new0(double, n_grid *n_grid);
@@ -125,13 +127,14 @@ static void test_operator(void) {
 static void test_refused(void) {
     static const float theta[] = {10, 100}, phi[] = {0, 50}, nan[] = {NAN, 0};
     g_autoptr(GError) error = NULL;
-    g_assert_null(resample_operator(theta, phi, 0, 12, FALSE, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
-    g_assert_null(resample_operator(theta, phi, 1, 3, FALSE, NULL));
-    g_assert_null(resample_operator(theta, phi, 1, 1000, FALSE, NULL));
-    g_assert_null(resample_operator(theta, phi, 2, 12, FALSE, NULL));
-    g_assert_null(resample_operator(theta, nan, 1, 12, FALSE, NULL));
-    g_autofree float *one = resample_operator(theta, phi, 1, 8, FALSE, NULL); /* one view is all */
+    g_assert_null(direction_grid_operator(theta, phi, 0, 12, FALSE, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_null(direction_grid_operator(theta, phi, 1, 3, FALSE, NULL));
+    g_assert_null(direction_grid_operator(theta, phi, 1, 1000, FALSE, NULL));
+    g_assert_null(direction_grid_operator(theta, phi, 2, 12, FALSE, NULL));
+    g_assert_null(direction_grid_operator(theta, nan, 1, 12, FALSE, NULL));
+    g_autofree float *one =
+        direction_grid_operator(theta, phi, 1, 8, FALSE, NULL); /* one view is all */
     for (int i = 0; i < 64; i++)
         g_assert_cmpfloat_with_epsilon(one[i], 1, 0.05);
 }
@@ -165,23 +168,23 @@ static void test_lpca(void) {
     struct btf_matrix *btf = new_btf(6);
     const struct lpca_options options = {.n_clusters = 2, .n_components = 4};
     struct lpca *lpca = lpca_compute(btf, &options, &error);
-    struct lpca *grid = resample_lpca(lpca, 10, &error);
+    struct lpca *grid = lpca_resample(lpca, 10, &error);
     g_assert_no_error(error);
     g_assert_cmpint(grid->n_grid, ==, 10);
     g_assert_cmpint(grid->n_views, ==, 100);
-    const double found = resample_error(grid, btf, 0);
+    const double found = lpca_resample_error(grid, btf, 0);
     g_assert_cmpfloat(found, <, lpca->error + 0.04);
     lpca_quantise(grid, LPCA_8BIT);
-    const double rounded = resample_error(grid, btf, 0);
+    const double rounded = lpca_resample_error(grid, btf, 0);
     g_assert_cmpfloat(rounded, <, found + 0.01);
     g_assert_true(lpca_write(path, grid, &error));
     struct lpca *back = lpca_read(path, &error);
     g_assert_no_error(error);
     g_assert_cmpint(back->n_grid, ==, 10);
     g_assert_true(back->error == rounded);
-    g_assert_cmpfloat_with_epsilon(resample_error(back, btf, 0), rounded, 1e-6);
-    g_assert_null(resample_lpca(lpca, 100, &error));
-    g_assert_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA);
+    g_assert_cmpfloat_with_epsilon(lpca_resample_error(back, btf, 0), rounded, 1e-6);
+    g_assert_null(lpca_resample(lpca, 100, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     lpca_free(back);
     lpca_free(grid);
     lpca_free(lpca);

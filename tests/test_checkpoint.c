@@ -1,8 +1,9 @@
 /* Long work that is cut off, by a cancellation or by a kill: it goes on, and ends with the same
  * bits. */
-#include "processing/unfinished.h"
+#include "processing/checkpoint.h"
 
 #include "lpca_fixture.h"
+#include "processing/btf_checkpoint.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_pack.h"
 
@@ -17,8 +18,8 @@ struct fixture {
 };
 
 static void set_up(struct fixture *fixture, gconstpointer unused) {
-    fixture->dir = g_dir_make_tmp("mesorig-unfinished-XXXXXX", NULL);
-    fixture->path = g_build_filename(fixture->dir, "lpca.exr.unfinished", NULL);
+    fixture->dir = g_dir_make_tmp("mesorig-checkpoint-XXXXXX", NULL);
+    fixture->path = g_build_filename(fixture->dir, "lpca.exr.checkpoint", NULL);
     fixture->btf = mixture(36, 31, 5, 7, 6, 7, 0.05);
 }
 
@@ -31,22 +32,22 @@ static void tear_down(struct fixture *fixture, gconstpointer unused) {
 }
 
 static void assert_note(const struct fixture *fixture, const char *what, const char *has) {
-    g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
-    unfinished_begin(unfinished, fixture->btf, what);
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
+    btf_checkpoint_begin(checkpoint, fixture->btf, what);
     if (!has) {
-        g_assert_null(unfinished_note(unfinished));
+        g_assert_null(checkpoint_note(checkpoint));
         return;
     }
-    g_assert_nonnull(strstr(unfinished_note(unfinished), fixture->path));
-    g_assert_nonnull(strstr(unfinished_note(unfinished), has));
+    g_assert_nonnull(strstr(checkpoint_note(checkpoint), fixture->path));
+    g_assert_nonnull(strstr(checkpoint_note(checkpoint), has));
 }
 
 static void save_two(const struct fixture *fixture, const double *values, const int *flags) {
-    g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
-    unfinished_begin(unfinished, fixture->btf, "work");
-    unfinished_keep_flags(unfinished, "flags", flags, 5);
-    unfinished_keep(unfinished, "values", values, sizeof(double) * 3);
-    unfinished_save(unfinished);
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
+    btf_checkpoint_begin(checkpoint, fixture->btf, "work");
+    checkpoint_keep_flags(checkpoint, "flags", flags, 5);
+    checkpoint_keep(checkpoint, "values", values, sizeof(double) * 3);
+    checkpoint_save(checkpoint);
 }
 
 /* Every byte comes back, also what as a float is not a number; sizes are asked. */
@@ -55,18 +56,18 @@ static void test_file(struct fixture *fixture, gconstpointer unused) {
     const int flags[5] = {1, 0, 1, 1, 0};
     assert_note(fixture, "work", NULL);
     save_two(fixture, values, flags);
-    g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
-    unfinished_begin(unfinished, fixture->btf, "work");
-    unfinished_begin(unfinished, fixture->btf, "other work, of which the first call knows");
-    g_assert_nonnull(strstr(unfinished_note(unfinished), "going on"));
-    g_assert_cmpmem(unfinished_get(unfinished, "values", sizeof values), sizeof values, values,
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
+    btf_checkpoint_begin(checkpoint, fixture->btf, "work");
+    btf_checkpoint_begin(checkpoint, fixture->btf, "other work, of which the first call knows");
+    g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
+    g_assert_cmpmem(checkpoint_get(checkpoint, "values", sizeof values), sizeof values, values,
                     sizeof values);
-    g_assert_cmpmem(unfinished_get(unfinished, "flags", sizeof flags), sizeof flags, flags,
+    g_assert_cmpmem(checkpoint_get(checkpoint, "flags", sizeof flags), sizeof flags, flags,
                     sizeof flags);
-    g_assert_null(unfinished_get(unfinished, "values", sizeof values - 8));
-    g_assert_null(unfinished_get(unfinished, "more", 4));
-    unfinished_remove(unfinished);
-    g_assert_null(unfinished_get(unfinished, "values", sizeof values));
+    g_assert_null(checkpoint_get(checkpoint, "values", sizeof values - 8));
+    g_assert_null(checkpoint_get(checkpoint, "more", 4));
+    checkpoint_remove(checkpoint);
+    g_assert_null(checkpoint_get(checkpoint, "values", sizeof values));
     g_assert_false(g_file_test(fixture->path, G_FILE_TEST_EXISTS));
 }
 
@@ -75,18 +76,18 @@ static void test_discarded(struct fixture *fixture, gconstpointer unused) {
     const double values[3] = {1, 2, 3};
     const int flags[5] = {0};
     save_two(fixture, values, flags);
-    g_autoptr(Unfinished) other = unfinished_new(fixture->path);
-    unfinished_begin(other, fixture->btf, "other work");
-    unfinished_discard(other);
+    g_autoptr(Checkpoint) other = checkpoint_new(fixture->path);
+    btf_checkpoint_begin(other, fixture->btf, "other work");
+    checkpoint_discard(other);
     g_assert_true(g_file_test(fixture->path, G_FILE_TEST_EXISTS));
-    g_autoptr(Unfinished) same = unfinished_new(fixture->path);
-    unfinished_begin(same, fixture->btf, "work");
-    unfinished_discard(same);
+    g_autoptr(Checkpoint) same = checkpoint_new(fixture->path);
+    btf_checkpoint_begin(same, fixture->btf, "work");
+    checkpoint_discard(same);
     g_assert_false(g_file_test(fixture->path, G_FILE_TEST_EXISTS));
-    unfinished_keep(other, "values", values, sizeof values);
-    unfinished_save(other);
+    checkpoint_keep(other, "values", values, sizeof values);
+    checkpoint_save(other);
     g_assert_true(g_file_test(fixture->path, G_FILE_TEST_EXISTS));
-    unfinished_discard(other);
+    checkpoint_discard(other);
     g_assert_false(g_file_test(fixture->path, G_FILE_TEST_EXISTS));
 }
 
@@ -125,7 +126,7 @@ struct interrupt {
     GCancellable *cancellable;
 };
 
-static void interrupt(const struct pipeline_progress *progress, gpointer data) {
+static void interrupt(const struct work_progress *progress, gpointer data) {
     struct interrupt *interrupt = data;
     if (strcmp(progress->stage, interrupt->stage) != 0 || ++interrupt->heard != interrupt->at)
         return;
@@ -182,19 +183,19 @@ static int run_to_end(const struct fixture *fixture, Work work, const char *stag
                       struct lpca **ret) {
     for (int runs = 1;; runs++) {
         g_autoptr(GCancellable) cancellable = g_cancellable_new();
-        g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
+        g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
         g_autoptr(GError) error = NULL;
         struct interrupt cut = {stage, at, 0, FALSE, cancellable};
-        struct lpca_options options = {.n_threads = 2,
-                                       .progress = interrupt,
-                                       .data = &cut,
-                                       .cancellable = cancellable,
-                                       .unfinished = unfinished};
-        unfinished_set_period(unfinished, 0);
+        struct lpca_options options = {.work.n_threads = 2,
+                                       .work.progress = interrupt,
+                                       .work.data = &cut,
+                                       .work.cancellable = cancellable,
+                                       .checkpoint = checkpoint};
+        checkpoint_set_period(checkpoint, 0);
         g_assert_cmpint(runs, <, 200);
         *ret = work(fixture->btf, &options, &error);
         if (runs > 1)
-            g_assert_nonnull(strstr(unfinished_note(unfinished), "going on"));
+            g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
         if (*ret)
             return runs;
         g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
@@ -202,7 +203,7 @@ static int run_to_end(const struct fixture *fixture, Work work, const char *stag
 }
 
 static void check(const struct fixture *fixture, Work work, const char *stage, int at) {
-    struct lpca_options options = {.n_threads = 1};
+    struct lpca_options options = {.work.n_threads = 1};
     struct lpca *whole = work(fixture->btf, &options, NULL), *pieces = NULL;
     g_assert_nonnull(whole);
     const int runs = run_to_end(fixture, work, stage, at, &pieces);
@@ -225,16 +226,16 @@ static void test_cancelled(struct fixture *fixture, gconstpointer unused) {
 
 /* One word a stage, at its end, is heard for certain: of that word a run is cut off once. */
 static void check_once(const struct fixture *fixture, Work work, const char *stage, int at) {
-    struct lpca_options options = {.n_threads = 1};
+    struct lpca_options options = {.work.n_threads = 1};
     struct lpca *whole = work(fixture->btf, &options, NULL);
     for (int last = 0; last < 2; last++) {
         g_autoptr(GCancellable) cancellable = g_cancellable_new();
-        g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
+        g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
         struct interrupt cut = {stage, last ? -1 : at, 0, FALSE, cancellable};
-        struct lpca_options now = {.progress = interrupt,
-                                   .data = &cut,
-                                   .cancellable = cancellable,
-                                   .unfinished = unfinished};
+        struct lpca_options now = {.work.progress = interrupt,
+                                   .work.data = &cut,
+                                   .work.cancellable = cancellable,
+                                   .checkpoint = checkpoint};
         struct lpca *lpca = work(fixture->btf, &now, NULL);
         g_test_message("%s, %d: %d words", stage, at, cut.heard);
         g_assert_cmpint(lpca != NULL, ==, last);
@@ -261,8 +262,8 @@ static void test_stages(struct fixture *fixture, gconstpointer unused) {
     check_once(fixture, pack, "check", 2);
 }
 
-static gpointer copy_of(const Unfinished *unfinished, const char *name, gsize size) {
-    gconstpointer found = unfinished_get(unfinished, name, size);
+static gpointer copy_of(const Checkpoint *checkpoint, const char *name, gsize size) {
+    gconstpointer found = checkpoint_get(checkpoint, name, size);
     g_assert_nonnull(found);
     return g_memdup2(found, size);
 }
@@ -290,59 +291,59 @@ static void undo(const struct fixture *fixture, int to_pack, int n_blocks,
                                       "lpca.squares", "lpca.means", "lpca.bases"};
     g_autofree char *what = g_strdup_printf("lpca 6 × 5, colours 0, %d, error 0", to_pack);
     guint n_spoiled = 0;
-    g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
     g_autoptr(GPtrArray) copies = g_ptr_array_new_with_free_func(g_free);
-    unfinished_begin(unfinished, fixture->btf, what);
-    g_assert_nonnull(strstr(unfinished_note(unfinished), "going on"));
-    g_autofree int *done = copy_of(unfinished, "lpca.blocks", sizeof(int) * (gsize)n_blocks);
+    btf_checkpoint_begin(checkpoint, fixture->btf, what);
+    g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
+    g_autofree int *done = copy_of(checkpoint, "lpca.blocks", sizeof(int) * (gsize)n_blocks);
     for (int i = 0; i < n_blocks; i++) {
         g_assert_cmpint(done[i], ==, 1);
         done[i] = i % 2 == 0;
     }
-    unfinished_keep_flags(unfinished, "lpca.blocks", done, n_blocks);
+    checkpoint_keep_flags(checkpoint, "lpca.blocks", done, n_blocks);
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
         for (gsize bytes = 4; bytes < 1 << 20; bytes += 4) {
-            if (!unfinished_get(unfinished, all[i], bytes))
+            if (!checkpoint_get(checkpoint, all[i], bytes))
                 continue;
-            char *copy = copy_of(unfinished, all[i], bytes);
+            char *copy = copy_of(checkpoint, all[i], bytes);
             g_ptr_array_add(copies, copy);
             if (g_strv_contains(spoiled, all[i])) {
                 spoil(all[i], (float *)(gpointer)copy, bytes);
                 n_spoiled++;
             }
-            unfinished_keep(unfinished, all[i], copy, bytes);
+            checkpoint_keep(checkpoint, all[i], copy, bytes);
             break;
         }
     g_assert_cmpuint(n_spoiled, ==, g_strv_length((char **)(gpointer)spoiled));
-    unfinished_save(unfinished);
+    checkpoint_save(checkpoint);
 }
 
 static void cut_off(const struct fixture *fixture, Work work, const char *stage) {
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
-    g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
     struct interrupt cut = {stage, 1, 0, FALSE, cancellable};
-    struct lpca_options options = {.n_threads = 1,
-                                   .progress = interrupt,
-                                   .data = &cut,
-                                   .cancellable = cancellable,
-                                   .unfinished = unfinished};
+    struct lpca_options options = {.work.n_threads = 1,
+                                   .work.progress = interrupt,
+                                   .work.data = &cut,
+                                   .work.cancellable = cancellable,
+                                   .checkpoint = checkpoint};
     g_assert_null(work(fixture->btf, &options, NULL));
 }
 
 static void check_middle(const struct fixture *fixture, Work work, const char *stage, int n_blocks,
                          const char *const spoiled[]) {
-    struct lpca_options options = {.n_threads = 1};
+    struct lpca_options options = {.work.n_threads = 1};
     struct lpca *whole = work(fixture->btf, &options, NULL);
     cut_off(fixture, work, stage);
     undo(fixture, options.to_pack, n_blocks, spoiled);
-    g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
-    options.unfinished = unfinished;
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
+    options.checkpoint = checkpoint;
     struct lpca *rest = work(fixture->btf, &options, NULL);
     assert_same(rest, whole);
     g_assert_true(rest->error == whole->error);
     lpca_free(rest);
     lpca_free(whole);
-    unfinished_remove(unfinished);
+    checkpoint_remove(checkpoint);
 }
 
 static void test_middle(struct fixture *fixture, gconstpointer unused) {
@@ -355,20 +356,22 @@ static void test_middle(struct fixture *fixture, gconstpointer unused) {
 
 /* In a process of its own, which is killed. */
 static void work_and_die(const struct fixture *fixture) {
-    g_autoptr(Unfinished) unfinished = unfinished_new(g_getenv("MESORIG_TEST_PATH"));
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(g_getenv("MESORIG_TEST_PATH"));
     struct interrupt cut = {g_getenv("MESORIG_TEST_STAGE"), 1, 0, TRUE, NULL};
-    struct lpca_options options = {
-        .n_threads = 2, .progress = interrupt, .data = &cut, .unfinished = unfinished};
+    struct lpca_options options = {.work.n_threads = 2,
+                                   .work.progress = interrupt,
+                                   .work.data = &cut,
+                                   .checkpoint = checkpoint};
     if (strcmp(cut.stage, "cluster") == 0)
         cut.at = 5;
-    unfinished_set_period(unfinished, 0);
+    checkpoint_set_period(checkpoint, 0);
     weighed(fixture->btf, &options, NULL);
     g_assert_not_reached();
 }
 
 static void test_killed(struct fixture *fixture, gconstpointer unused) {
     static const char *const stages[] = {"cluster", "polish", "weights"};
-    struct lpca_options options = {.n_threads = 1};
+    struct lpca_options options = {.work.n_threads = 1};
     if (g_test_subprocess()) {
         work_and_die(fixture);
         return;
@@ -379,14 +382,14 @@ static void test_killed(struct fixture *fixture, gconstpointer unused) {
         g_setenv("MESORIG_TEST_STAGE", stages[i], TRUE);
         g_test_trap_subprocess(NULL, 60 * G_USEC_PER_SEC, G_TEST_SUBPROCESS_DEFAULT);
         g_assert_false(g_test_trap_has_passed());
-        g_autoptr(Unfinished) unfinished = unfinished_new(fixture->path);
-        options.unfinished = unfinished;
+        g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
+        options.checkpoint = checkpoint;
         struct lpca *rest = weighed(fixture->btf, &options, NULL);
-        g_assert_nonnull(strstr(unfinished_note(unfinished), "going on"));
+        g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
         assert_same(rest, whole);
         g_assert_true(rest->error == whole->error);
         lpca_free(rest);
-        unfinished_remove(unfinished);
+        checkpoint_remove(checkpoint);
     }
     lpca_free(whole);
 }
@@ -396,10 +399,10 @@ int main(int argc, char **argv) {
         const char *name;
         void (*func)(struct fixture *fixture, gconstpointer unused);
     } tests[] = {
-        {"/unfinished/file", test_file},       {"/unfinished/discarded", test_discarded},
-        {"/unfinished/refused", test_refused}, {"/unfinished/cancelled", test_cancelled},
-        {"/unfinished/stages", test_stages},   {"/unfinished/middle", test_middle},
-        {"/unfinished/killed", test_killed},
+        {"/checkpoint/file", test_file},       {"/checkpoint/discarded", test_discarded},
+        {"/checkpoint/refused", test_refused}, {"/checkpoint/cancelled", test_cancelled},
+        {"/checkpoint/stages", test_stages},   {"/checkpoint/middle", test_middle},
+        {"/checkpoint/killed", test_killed},
     };
     g_test_init(&argc, &argv, NULL);
     for (gsize i = 0; i < G_N_ELEMENTS(tests); i++)

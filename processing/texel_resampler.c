@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "btf.h"
-#include "btf_resample_private.h"
+#include "texel_resampler.h"
 
 #define LANES        RESAMPLER_LANES
 #define COLOURS      3
@@ -144,7 +144,7 @@ void resampler_sums_add(const struct resampler *r, const struct resampler_sums *
 }
 
 /* One texel's directions, how it was measured in them, and what is on the way. */
-struct work {
+struct texel_work {
     const struct resampler *r;
     int texel;
     struct vec3 *views;                        /* n_views */
@@ -180,7 +180,7 @@ static void combine(const struct direction_share *share, const float *values, co
 }
 
 /* The same lamps at the same places as for the view whose shares there are. */
-static gboolean same_lights(const struct work *w, int view) {
+static gboolean same_lights(const struct texel_work *w, int view) {
     const struct near_field *near = w->r->near;
     const gsize n = (gsize)near->n_lights;
     return w->lights_of >= 0 && (!near->lamp_mm || memcmp(near->lamp_mm + (gsize)view * n,
@@ -188,7 +188,7 @@ static gboolean same_lights(const struct work *w, int view) {
                                                           n * sizeof *near->lamp_mm) == 0);
 }
 
-static void take_lights(struct work *w, int view) {
+static void take_lights(struct texel_work *w, int view) {
     const struct resampler *r = w->r;
     if (same_lights(w, view))
         return;
@@ -205,7 +205,7 @@ static void take_lights(struct work *w, int view) {
 }
 
 /* Marks apart; what is asked for is mostly a hole where more than half of it was. */
-static void take_values(struct work *w, const float *values) {
+static void take_values(struct texel_work *w, const float *values) {
     const gsize n = (gsize)w->r->near->n_views * (gsize)w->r->near->n_lights;
     memcpy(w->values, values, sizeof(float) * n * LANES);
     for (gsize i = 0; i < n; i++) {
@@ -238,7 +238,7 @@ static void finish(const struct resampler *r, const guint8 *marks, float *ret) {
 }
 
 /* Lights of each view, then views. */
-static void forward(struct work *w, float *ret) {
+static void forward(struct texel_work *w, float *ret) {
     const struct resampler *r = w->r;
     const gsize n_lights = (gsize)r->n_lights, n_from = (gsize)r->near->n_lights;
     g_autofree guint8 *half = NULL, *marks = NULL;
@@ -272,7 +272,7 @@ static void forward(struct work *w, float *ret) {
 }
 
 /* Neither a hole nor made of the pictures of other lights, which would flatter. */
-static gboolean was_measured(const struct work *w, gsize i) {
+static gboolean was_measured(const struct texel_work *w, gsize i) {
     return w->values[i * LANES + COLOURS] == 0 && !(w->marks && w->marks[i] & BTF_MARK_PREDICTED);
 }
 
@@ -285,7 +285,7 @@ static void add_difference(const float *a, const float *b, double *error, double
 }
 
 /* What the result says of what was measured. */
-static void back(struct work *w, const float *made, struct resampler_sums *sums) {
+static void back(struct texel_work *w, const float *made, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     const int row = r->n_lights * LANES;
     const gsize n_from = (gsize)r->near->n_lights;
@@ -327,7 +327,7 @@ static float *weights_without(const struct resampler_left_out *left, int n, cons
 }
 
 /* Each view predicted by the others. */
-static void predict_views(struct work *w, struct resampler_sums *sums) {
+static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
     const int row = near->n_lights * LANES;
     g_autofree float *predicted = g_new0(float, row);
@@ -346,7 +346,7 @@ static void predict_views(struct work *w, struct resampler_sums *sums) {
 }
 
 /* What is seen under each light by what is under the others. */
-static void predict_lights(struct work *w, struct resampler_sums *sums) {
+static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
     const gsize n = (gsize)near->n_lights;
     take_lights(w, 0);
@@ -375,7 +375,7 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     return 2 * asin(MIN(sqrt(best) / 2, 1)) / DEGREE;
 }
 
-static void add_moved(const struct work *w, struct resampler_sums *sums) {
+static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->n_lights);
     int held = 0;
@@ -396,7 +396,8 @@ static void add_moved(const struct work *w, struct resampler_sums *sums) {
     }
 }
 
-static void add_nominal(const struct work *w, const float *made, struct resampler_sums *sums) {
+static void add_nominal(const struct texel_work *w, const float *made,
+                        struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     for (int view = 0; view < r->n_views; view++)
         for (int i = 0; i < r->n_lights; i++) {
@@ -408,7 +409,7 @@ static void add_nominal(const struct work *w, const float *made, struct resample
         }
 }
 
-static void begin(struct work *w) {
+static void begin(struct texel_work *w) {
     const struct resampler *r = w->r;
     const gsize n_views = (gsize)r->near->n_views, n_lights = (gsize)r->near->n_lights;
     const gsize most = MAX(n_views, (gsize)r->n_views) * MAX(n_lights, (gsize)r->n_lights);
@@ -432,7 +433,7 @@ static void begin(struct work *w) {
                              &w->view_shares[i]);
 }
 
-static void end(struct work *w) {
+static void end(struct texel_work *w) {
     g_free(w->views);
     g_free(w->view_points);
     g_free(w->light_points);
@@ -448,7 +449,7 @@ static void end(struct work *w) {
 
 void resampler_texel(const struct resampler *r, int texel, const float *values, float *ret,
                      struct resampler_sums *sums) {
-    struct work w = {.r = r, .texel = texel};
+    struct texel_work w = {.r = r, .texel = texel};
     begin(&w);
     take_values(&w, values);
     forward(&w, ret);

@@ -3,22 +3,21 @@
 
 #include <glib.h>
 
-#define LPCA_TEAM_ROWS 256 /* texels are shared out in multiples of these */
+#define TEAM_ROWS 256 /* texels are shared out in multiples of these */
 
 /* What they say to each other. All of them call the same in the same order; each waits for all. */
-struct lpca_team {
+struct team {
     int rank, n_ranks;
     gpointer data;
     /* Element by element, over all ranks; all get the result. */
-    void (*sum_floats)(const struct lpca_team *team, float *values, gsize n);
-    void (*sum_doubles)(const struct lpca_team *team, double *values, gsize n);
+    void (*sum_floats)(const struct team *team, float *values, gsize n);
+    void (*sum_doubles)(const struct team *team, double *values, gsize n);
     /* Rank i has filled bytes starts[i] … starts[i + 1] − 1 of all; then all have everything. */
-    void (*share)(const struct lpca_team *team, void *all, const gsize *starts);
+    void (*share)(const struct team *team, void *all, const gsize *starts);
     /* The root alone has all; rank i gets values starts[i] … starts[i + 1] − 1 of it. */
-    void (*deal)(const struct lpca_team *team, int root, const float *all, const gsize *starts,
+    void (*deal)(const struct team *team, int root, const float *all, const gsize *starts,
                  float *ret_mine);
 };
 
 /* Which of n things, in multiples of a step, are a rank's: from *ret_first to before *ret_end. */
-void lpca_team_part(const struct lpca_team *team, int rank, int n, int step, int *ret_first,
-                    int *ret_end);
+void team_part(const struct team *team, int rank, int n, int step, int *ret_first, int *ret_end);

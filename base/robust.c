@@ -1,4 +1,4 @@
-#include "robust.h"
+#include "base/robust.h"
 
 #include <glib.h>
 #include <math.h>

@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "config.h"
+#include "base/config.h"
 
 enum option_type {
     OPTION_BOOL,    /* gboolean: yes/no, true/false */

@@ -1,0 +1,24 @@
+/* Tables of text: a head that names the columns, then a line a row; fields separated by commas or
+ * semicolons, those with such in them in double quotes; # begins a comment. Any thread. */
+#pragma once
+
+#include <gio/gio.h>
+
+typedef struct TextTable TextTable;
+
+/* DATA_ERROR_INVALID with file and line: no head, a column twice, a row of another length. */
+TextTable *text_table_read(const char *path, GError **error);
+void text_table_free(TextTable *table); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(TextTable, text_table_free)
+
+const char *text_table_path(const TextTable *table);
+int text_table_rows(const TextTable *table);
+int text_table_line(const TextTable *table, int row);            /* of the file, from 1 */
+int text_table_column(const TextTable *table, const char *name); /* −1: there is none */
+
+/* "" where there is no such column (−1). */
+const char *text_table_text(const TextTable *table, int row, int column);
+
+/* otherwise: where the field is empty or there is no such column. FALSE: it is no number. */
+gboolean text_table_number(const TextTable *table, int row, int column, double otherwise,
+                           double *ret, GError **error);

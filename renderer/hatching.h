@@ -1,0 +1,27 @@
+/*
+ * Where a picture shows what is not measured yet: fine stripes over each point that is seen from a
+ * direction whose nearest planned view is not there, so that what is seen is interpolated.
+ */
+#pragma once
+
+#include <glib.h>
+
+struct planned_view {
+    double theta_deg, phi_deg;
+    gboolean measured;
+};
+
+typedef struct Hatching Hatching; /* belongs to the thread of the GL context */
+
+Hatching *hatching_new(GError **error);
+void hatching_free(Hatching *hatching); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Hatching, hatching_free)
+
+void hatching_set(Hatching *hatching, const struct planned_view *views,
+                  guint n);                      /* copies; 0: no marks */
+gboolean hatching_any(const Hatching *hatching); /* whether a view is missing */
+
+/* directions: a texture as view_render_geometry() has it for VIEW_GEOMETRY_VIEW, as large as the
+ * framebuffer. */
+void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer, int width,
+                   int height);
