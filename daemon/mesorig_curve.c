@@ -167,7 +167,9 @@ static void keep_best(GArray *points) {
 }
 
 GArray *curve_measure(const struct btf_matrix *btf, const struct work *work, GError **error) {
-    struct curve curve = {btf, g_array_new(FALSE, TRUE, sizeof(struct plot_point)), work};
+    static const struct work none;
+    struct curve curve = {btf, g_array_new(FALSE, TRUE, sizeof(struct plot_point)),
+                          work ? work : &none};
     const gboolean ok =
         add_lpcas(&curve, error) && add_packed(&curve, error) && add_eigenmaps(&curve, error) &&
         add_lobes(&curve, LOBES_FIELDS, LOBES_MAX_LOBES, error) &&
