@@ -78,7 +78,8 @@ static gboolean read_devices(const struct import_set *set, const ImportTable *ta
 static gboolean read_row(const struct import_set *set, const ImportTable *table,
                          const struct columns *columns, int index, struct import_row *row,
                          GError **error) {
-    g_autofree char *folder = g_path_get_dirname(set->table);
+    g_autofree char *table_path = g_canonicalize_filename(set->table, NULL);
+    g_autofree char *folder = g_path_get_dirname(table_path);
     row->line = import_table_line(table, index);
     row->name = import_table_text(table, index, columns->file);
     row->path = g_canonicalize_filename(row->name, folder);
