@@ -71,7 +71,12 @@ char *calibration_checksum(const char *const *checksums, int n) {
 gboolean calibration_write(const struct calibration *calibration, const char *path,
                            GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
+    g_autoptr(Calibration) readable = calibration_from_text(text, path, error);
 
+    if (!readable) {
+        g_prefix_error(error, "the calibration is not written, since it could not be read back: ");
+        return FALSE;
+    }
     return g_file_set_contents_full(
         path, text, -1, G_FILE_SET_CONTENTS_CONSISTENT | G_FILE_SET_CONTENTS_DURABLE, 0666, error);
 }

@@ -53,7 +53,7 @@ static const struct field laser_fields[] = {
     {"position_mm", LASER(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"axis", LASER(axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"normal", LASER(normal), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
-    {"stretch", LASER(stretch), 1, FALSE, -0.5, 0.5, TRUE},
+    {"stretch", LASER(stretch), 1, FALSE, -RIG_MOST_STRETCH, RIG_MOST_STRETCH, TRUE},
     {NULL},
 };
 

@@ -144,6 +144,25 @@ static void test_random_damage(void) {
     g_rand_free(rand);
 }
 
+/* What could not be read back is refused before anything is written over. */
+static void test_unreadable(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = example();
+    g_autofree char *folder = g_dir_make_tmp("mesorig-calibration-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "rig.calibration", NULL);
+
+    g_assert_true(calibration_write(calibration, path, &error));
+    calibration->parts[CALIBRATION_CAMERAS].residual_rms = NAN;
+    g_assert_false(calibration_write(calibration, path, &error));
+    g_assert_error(error, RIG_ERROR, RIG_ERROR_VALUE);
+    g_assert_nonnull(strstr(error->message, "[part cameras] residual_rms: is not a finite"));
+    g_assert_nonnull(strstr(error->message, "is not written"));
+    g_autoptr(Calibration) back = calibration_read(path, NULL);
+    g_assert_nonnull(back);
+    g_unlink(path);
+    g_assert_cmpint(g_rmdir(folder), ==, 0);
+}
+
 static void test_files(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(Calibration) calibration = example();
@@ -187,6 +206,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibration/cut", test_cut);
     g_test_add_func("/calibration/nonsense", test_nonsense);
     g_test_add_func("/calibration/random damage", test_random_damage);
+    g_test_add_func("/calibration/unreadable", test_unreadable);
     g_test_add_func("/calibration/files", test_files);
     g_test_add_func("/calibration/other rig", test_other_rig);
     return g_test_run();
