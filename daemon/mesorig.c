@@ -30,6 +30,7 @@ static const struct command *find(const char *name) {
 int main(int argc, char **argv) {
     setlocale(LC_CTYPE, "");
     cli_print_readably();
+    cli_check_output_at_exit();
     bus_errors_register();
     if (argc < 2) {
         print_help();

@@ -22,8 +22,13 @@ extern char *cli_address, *cli_bus;
 extern const GOptionEntry cli_link_entries[];
 
 /* Sees to it that g_print() and g_printerr() write "×" as "x", not as "?", where the locale has no
- * such letters, as in a container or over a bare serial line. */
+ * such letters, as in a container or over a bare serial line, and that control characters and
+ * bidirectional overrides, which files and databases of others may hold, reach no terminal. */
 void cli_print_readably(void);
+
+/* Sees to it that a program whose output could not be written, say to a full disk, tells so as it
+ * ends and exits with CLI_FAILED. */
+void cli_check_output_at_exit(void);
 
 /* Parses options: the command's own (may be NULL), those of the daemon if link, and --json. What
  * stays in argv are arguments, of which there must be min … max. FALSE: usage was told. */

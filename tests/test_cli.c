@@ -1,6 +1,7 @@
 /* mesorig as a shell sees it: what it prints, and its exit codes. */
 #include "daemon/json.h"
 #include "processing/exr.h"
+#include "processing/session.h"
 
 #include <gio/gio.h>
 #include <glib/gstdio.h>
@@ -500,6 +501,56 @@ static void test_history(void) {
     remove_tree(folder);
 }
 
+/* Nothing that a session or a file holds makes a terminal do anything. */
+static void test_controls(void) {
+    static const char hostile[] = "a\033[2Jb\rc\x07"
+                                  "d\xc2\x9b"
+                                  "31me\u202ef";
+    static const char *const channels[] = {"Y", NULL};
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *exr = g_build_filename(folder, "a.exr", NULL);
+    struct output output = {0};
+    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    Session *open = session_open(session, SESSION_PRODUCTS, NULL);
+    g_assert_true(session_set_value(open, "imported", hostile, NULL));
+    session_close(open);
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, exr_part_new(hostile, 2, 2, channels, EXR_HALF));
+    g_assert_true(exr_write(exr, file, EXR_ZIP, FALSE, NULL));
+    exr_file_free(file);
+    const char *const paths[] = {session, exr};
+    for (int i = 0; i < 2; i++) {
+        runs(0, &output, "info", paths[i], NULL);
+        assert_has(output.out, "a\uFFFD[2Jb\uFFFDc\uFFFDd\uFFFD31me\uFFFDf");
+        runs(0, &output, "info", "--json", paths[i], NULL);
+        assert_has(output.out, "a\\u001b[2Jb\\u000dc\\u0007d\\u009b31m");
+        g_assert_true(is_json(output.out));
+    }
+    runs(1, &output, "info", hostile, NULL);
+    assert_has(output.err, "a\uFFFD[2Jb\uFFFDc");
+    clear(&output);
+    remove_tree(folder);
+}
+
+/* What could not be written is told, whoever wrote it: a command, its JSON, its help. */
+static void test_output_full(void) {
+    static const char *const lines[] = {"drivers", "drivers --json", "--help", "--version",
+                                        "drivers --help"};
+    for (gsize i = 0; i < G_N_ELEMENTS(lines); i++) {
+        g_autofree char *script = g_strdup_printf(MESORIG " %s >/dev/full", lines[i]);
+        char *argv[] = {(char *)"/bin/sh", (char *)"-c", script, NULL};
+        g_autofree char *told = NULL;
+        int status = -1;
+        g_assert_true(g_spawn_sync(NULL, argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, NULL, &told,
+                                   &status, NULL));
+        g_test_message("%s: %s", lines[i], told);
+        g_assert_true(WIFEXITED(status));
+        g_assert_cmpint(WEXITSTATUS(status), ==, 1);
+        assert_has(told, "standard output could not be written");
+    }
+}
+
 /* In a locale without its letters, what is said stays readable, and JSON stays UTF-8. */
 static void test_plain_letters(void) {
     struct output output = {0};
@@ -576,6 +627,8 @@ int main(int argc, char **argv) {
     g_test_add_func("/cli/plan", test_plan);
     g_test_add_func("/cli/info", test_info);
     g_test_add_func("/cli/history", test_history);
+    g_test_add_func("/cli/controls", test_controls);
+    g_test_add_func("/cli/output-full", test_output_full);
     g_test_add_func("/cli/plain-letters", test_plain_letters);
     g_test_add_func("/cli/capture", test_capture);
     g_test_add_func("/cli/interrupt", test_interrupt);
