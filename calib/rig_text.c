@@ -35,7 +35,7 @@ static const struct field camera_fields[] = {
     {"rotation", CAMERA(rotation), 9, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"translation_mm", CAMERA(translation_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"vignetting", CAMERA(vignetting), 1, FALSE, -1, 1},
-    {"response", CAMERA(response), 1, FALSE, G_MINDOUBLE, G_MAXDOUBLE},
+    {"response", CAMERA(response), 1, FALSE, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE},
     {NULL},
 };
 
@@ -44,7 +44,7 @@ static const struct field lamp_fields[] = {
     {"position_mm", LAMP(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"aim", LAMP(aim), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"exponent", LAMP(exponent), 1, FALSE, 0, 1e6},
-    {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, G_MAXDOUBLE},
+    {"intensity", LAMP(intensity), 1, FALSE, RIG_LEAST_INTENSITY, RIG_MOST_INTENSITY},
     {NULL},
 };
 

@@ -59,8 +59,8 @@ static const struct option lamp_options[] = {
     DISTANCE,
     {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
      .help = "Its intensity falls with the cosine of the angle off its axis to this power"},
-    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, 1e6, "1", .offset = PLACE(intensity),
-     .help = "Radiant intensity along its axis"},
+    {"intensity", OPTION_DOUBLE, "W/sr", RIG_LEAST_INTENSITY, RIG_MOST_INTENSITY, "1",
+     .offset = PLACE(intensity), .help = "Radiant intensity along its axis"},
     {NULL},
 };
 
@@ -73,8 +73,8 @@ static const struct option camera_options[] = {
     {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
      .help = "Height of its pictures"},
     {"focal_px", OPTION_DOUBLE, "px", 1, 1e6, .offset = PLACE(focal_px), .help = "Focal length"},
-    {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", 1e-6, 1e12, "1", .offset = PLACE(response),
-     .help = "Counts a second for a radiance of one, at no gain"},
+    {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1",
+     .offset = PLACE(response), .help = "Counts a second for a radiance of one, at no gain"},
     {"k1", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k1), .help = "Radial distortion"},
     {"k2", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k2), .help = "Radial distortion"},
     {"k3", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k3), .help = "Radial distortion"},

@@ -117,6 +117,11 @@ static void test_nonsense(void) {
     assert_refused("covariance=9.9999999999999995e-07;", "covariance=", "not as many numbers");
     assert_refused("cameras=2", "cameras=1", "sections");
     assert_refused("fx_px=333.25", "fx_px=", "[camera 0] fx_px");
+    assert_refused("response=6000", "response=1e308", "[camera 0] response: is out of range");
+    assert_refused("[end]", "[camera residuals 0]\ndx_px=0.1;nan\n[end]",
+                   "[camera residuals 0] dx_px: is not a list of finite numbers");
+    assert_refused("[end]", "[laser steps]\ntilt_deg=0.1;1e999\n[end]",
+                   "[laser steps] tilt_deg: is not a list of finite numbers");
 }
 
 /* Bytes changed at random: refused, or read as something that can be written and read again. */
