@@ -227,6 +227,21 @@ static gboolean check_frame(const struct reader *r, GError **error) {
     return FALSE;
 }
 
+/* The first line, from 1, that is neither empty, a comment, a [group] nor key=value; 0: none is.
+ * The parser's own message quotes it, but a path may name any file that only this program may read.
+ */
+static int bad_line(const char *text) {
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+
+    for (int i = 0; lines[i]; i++) {
+        const char *line = g_strstrip(lines[i]);
+        const gboolean group = *line == '[' && g_str_has_suffix(line, "]");
+        if (*line && *line != '#' && *line != '=' && !group && !strchr(line, '='))
+            return i + 1;
+    }
+    return 0;
+}
+
 gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autoptr(GError) cause = NULL;
@@ -234,8 +249,12 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     struct rig read = {0};
 
     if (!g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, &cause)) {
-        g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT, "%s: not a calibration file: %s", r.path,
-                    cause->message);
+        const int line = bad_line(text);
+        g_autofree char *where = line > 0 ? g_strdup_printf(":%d", line) : g_strdup("");
+        g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
+                    "%s%s: not a calibration file: there is what is neither a [group] nor "
+                    "key=value",
+                    r.path, where);
         return FALSE;
     }
     if (!check_frame(&r, error) || !read_rig(&r, &read, error))

@@ -130,8 +130,9 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
     if (!is_key(key)) {
         syntax_error(error, config, line,
-                     "[%s]: \"%s\" is not a key: letters, digits, '_', '-' and '.' make one",
-                     section->group, key);
+                     "[%s]: what stands before '=' is not a key: letters, digits, '_', '-' and "
+                     "'.' make one",
+                     section->group);
         return FALSE;
     }
     struct section_data *data = (struct section_data *)data_of(section);

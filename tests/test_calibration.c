@@ -124,6 +124,21 @@ static void test_nonsense(void) {
                    "[laser steps] tilt_deg: is not a list of finite numbers");
 }
 
+/* Of a file that is none, nothing is quoted: it may be one that others must not read. */
+static void test_not_quoted(void) {
+    static const char *const texts[] = {"root:secret:0\n", "[a]\n\nsecret\n", "secret=1\n[a]\n",
+                                        "[a]\nEncoding=secret\n"};
+    static const char *const where[] = {"x:1: not", "x:3: not", "x: not", "x: not"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
+        g_autoptr(GError) error = NULL;
+        g_assert_null(calibration_from_text(texts[i], "x", &error));
+        g_assert_error(error, RIG_ERROR, RIG_ERROR_FORMAT);
+        g_assert_null(strstr(error->message, "secret"));
+        g_assert_nonnull(strstr(error->message, where[i]));
+    }
+}
+
 /* Bytes changed at random: refused, or read as something that can be written and read again. */
 static void test_random_damage(void) {
     g_autoptr(Calibration) calibration = example();
@@ -210,6 +225,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibration/is a rig", test_is_a_rig);
     g_test_add_func("/calibration/cut", test_cut);
     g_test_add_func("/calibration/nonsense", test_nonsense);
+    g_test_add_func("/calibration/not quoted", test_not_quoted);
     g_test_add_func("/calibration/random damage", test_random_damage);
     g_test_add_func("/calibration/unreadable", test_unreadable);
     g_test_add_func("/calibration/files", test_files);
