@@ -16,16 +16,15 @@
 
 #include "vec.h"
 
-#define RIG_MAX_CAMERAS     16
-#define RIG_MAX_LAMPS       16
-#define RIG_LEAST_RESPONSE  1e-6 /* DN/s per W/(sr m²), as in a rig file */
-#define RIG_MOST_RESPONSE   1e12
-#define RIG_LEAST_INTENSITY 1e-6 /* W/sr */
-#define RIG_MOST_INTENSITY  1e6
-#define RIG_MOST_STRETCH    0.5 /* of a sweep, either way */
-#define RIG_MAX_LASERS      16
-#define RIG_MAX_MARKS       16
-#define RIG_NAME            32
+#define RIG_MAX_CAMERAS    16
+#define RIG_MAX_LAMPS      16
+#define RIG_LEAST_RESPONSE 1e-6 /* DN/s per W/(sr m²), as in a rig file */
+#define RIG_MOST_RESPONSE  1e12
+#define RIG_MOST_INTENSITY 1e6 /* W/sr */
+#define RIG_MOST_STRETCH   0.5 /* of a sweep, either way */
+#define RIG_MAX_LASERS     16
+#define RIG_MAX_MARKS      16
+#define RIG_NAME           32
 
 /* A pinhole with Brown distortion, OpenCV's convention: the centre of the top left pixel is (0, 0),
  * x right, y down; x' = x/z of the point in camera coordinates (z forward). */

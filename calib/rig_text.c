@@ -44,7 +44,7 @@ static const struct field lamp_fields[] = {
     {"position_mm", LAMP(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"aim", LAMP(aim), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"exponent", LAMP(exponent), 1, FALSE, 0, 1e6},
-    {"intensity", LAMP(intensity), 1, FALSE, RIG_LEAST_INTENSITY, RIG_MOST_INTENSITY},
+    {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, RIG_MOST_INTENSITY},
     {NULL},
 };
 
@@ -250,11 +250,10 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
 
     if (!g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, &cause)) {
         const int line = bad_line(text);
-        g_autofree char *where = line > 0 ? g_strdup_printf(":%d", line) : g_strdup("");
+        g_autofree char *what =
+            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("there is what is");
         g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
-                    "%s%s: not a calibration file: there is what is neither a [group] nor "
-                    "key=value",
-                    r.path, where);
+                    "%s: not a calibration file: %s neither a [group] nor key=value", r.path, what);
         return FALSE;
     }
     if (!check_frame(&r, error) || !read_rig(&r, &read, error))

@@ -59,8 +59,8 @@ static const struct option lamp_options[] = {
     DISTANCE,
     {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
      .help = "Its intensity falls with the cosine of the angle off its axis to this power"},
-    {"intensity", OPTION_DOUBLE, "W/sr", RIG_LEAST_INTENSITY, RIG_MOST_INTENSITY, "1",
-     .offset = PLACE(intensity), .help = "Radiant intensity along its axis"},
+    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),
+     .help = "Radiant intensity along its axis"},
     {NULL},
 };
 

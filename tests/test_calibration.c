@@ -128,7 +128,8 @@ static void test_nonsense(void) {
 static void test_not_quoted(void) {
     static const char *const texts[] = {"root:secret:0\n", "[a]\n\nsecret\n", "secret=1\n[a]\n",
                                         "[a]\nEncoding=secret\n"};
-    static const char *const where[] = {"x:1: not", "x:3: not", "x: not", "x: not"};
+    static const char *const where[] = {"x: not a calibration file: line 1 is", "file: line 3 is",
+                                        "x: not", "x: not"};
 
     for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
         g_autoptr(GError) error = NULL;
