@@ -387,7 +387,10 @@ static void evaluate(Axis *axis, const struct modbus_job *job) {
         priv->progress_us = clock_now_us(axis->device.clock);
     if (moving)
         priv->still_us = clock_now_us(axis->device.clock);
-    if (priv->faulty && (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
+    /* A drive whose own watchdog has stopped it says so as a fault: it stands all the same. */
+    gboolean halted = priv->phase == STOPPING && !moving && !axis_is_homed(axis);
+    if (priv->faulty && !halted &&
+        (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
         stalled(axis,
                 "the drive reports a fault (status 0x%04x) at %.3f°; see its display, then "
                 "home it",
