@@ -426,6 +426,13 @@ void virtual_modbus_set_input(VirtualModbus *device, int index, gboolean on) {
     g_mutex_unlock(&device->mutex);
 }
 
+void virtual_modbus_set_coil(VirtualModbus *device, int index, gboolean on) {
+    g_return_if_fail(index >= 0 && index < VIRTUAL_MODBUS_BITS);
+    g_mutex_lock(&device->mutex);
+    device->mapping->tab_bits[index] = on != FALSE;
+    g_mutex_unlock(&device->mutex);
+}
+
 void virtual_modbus_set_plain(VirtualModbus *device, int index, guint16 value) {
     g_return_if_fail(index >= 0 && VIRTUAL_MODBUS_PLAIN + index < N_REGISTERS);
     g_mutex_lock(&device->mutex);

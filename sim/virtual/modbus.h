@@ -61,5 +61,7 @@ struct virtual_modbus_state {
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret);
 
 void virtual_modbus_set_input(VirtualModbus *device, int index, gboolean on);
+/* Switched beside the line, as by a program that has ended since. */
+void virtual_modbus_set_coil(VirtualModbus *device, int index, gboolean on);
 void virtual_modbus_set_plain(VirtualModbus *device, int index, guint16 value);
 void virtual_modbus_set_drive_fault(VirtualModbus *device, gboolean faulty);
