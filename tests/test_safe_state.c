@@ -1,6 +1,7 @@
 /* What is left of a rig when something else has failed: `mesorigd --safe-state` with each device
  * gone, its section broken or its line held; and the guardian, after any end of the daemon. The
  * laser and each other device is a virtual one with a line of its own, which tells what it does. */
+#include "find_guardian.h"
 #include "sim/virtual/modbus.h"
 
 #include <fcntl.h>
@@ -365,23 +366,6 @@ static void test_no_file(struct fixture *fixture, gconstpointer data) {
     assert_says(fixture, "names no laser, no lamps and no axis");
 }
 
-/* The process id of the rig's guardian, or 0. */
-static pid_t find_guardian(struct fixture *fixture) {
-    g_autoptr(GDir) proc = g_dir_open("/proc", 0, NULL);
-    const char *name;
-    while ((name = g_dir_read_name(proc))) {
-        g_autofree char *path = g_build_filename("/proc", name, "cmdline", NULL);
-        g_autofree char *words = NULL;
-        gsize n = 0;
-        if (!g_ascii_isdigit(*name) || !g_file_get_contents(path, &words, &n, NULL) || n < 20)
-            continue;
-        const char *option = words + strlen(words) + 1;
-        if (strcmp(option, "--guardian") == 0 && strcmp(option + 11, fixture->rig) == 0)
-            return (pid_t)g_ascii_strtoll(name, NULL, 10);
-    }
-    return 0;
-}
-
 static void die_with_us(gpointer unused) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
 }
@@ -400,7 +384,7 @@ static void start_daemon(struct fixture *fixture) {
     for (int i = 0; i < 3000 && !g_file_test(fixture->socket, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     g_assert_true(g_file_test(fixture->socket, G_FILE_TEST_EXISTS));
-    g_assert_cmpint(find_guardian(fixture), !=, 0);
+    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
     g_usleep(G_USEC_PER_SEC * 3 / 2); /* it is watching, and has heard of the daemon */
 }
 
@@ -413,9 +397,9 @@ static gint64 wait_for_dark(struct fixture *fixture) {
 }
 
 static void wait_for_guardian_end(struct fixture *fixture) {
-    for (int i = 0; i < 3000 && find_guardian(fixture); i++)
+    for (int i = 0; i < 3000 && find_guardian(fixture->rig); i++)
         g_usleep(10000);
-    g_assert_cmpint(find_guardian(fixture), ==, 0);
+    g_assert_cmpint(find_guardian(fixture->rig), ==, 0);
 }
 
 static void test_death(struct fixture *fixture, gconstpointer data) {
@@ -442,7 +426,7 @@ static void test_death_and_gone(struct fixture *fixture, gconstpointer data) {
     start_daemon(fixture);
     light_up(fixture);
     g_clear_pointer(&fixture->devices[gone], virtual_modbus_free);
-    kill(find_guardian(fixture), SIGTERM);
+    kill(find_guardian(fixture->rig), SIGTERM);
     g_subprocess_send_signal(fixture->daemon, SIGKILL);
     const gint64 took_us = wait_for_dark(fixture);
     g_test_message("dark after %.3f s", (double)took_us / 1e6);
@@ -485,11 +469,12 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
 static void test_guardian_killed(struct fixture *fixture, gconstpointer data) {
     start_daemon(fixture);
     g_usleep(10 * G_USEC_PER_SEC);
-    const pid_t first = find_guardian(fixture);
+    const pid_t first = find_guardian(fixture->rig);
     kill(first, SIGKILL);
-    for (int i = 0; i < 500 && (find_guardian(fixture) == first || !find_guardian(fixture)); i++)
+    for (int i = 0;
+         i < 500 && (find_guardian(fixture->rig) == first || !find_guardian(fixture->rig)); i++)
         g_usleep(10000);
-    g_assert_cmpint(find_guardian(fixture), !=, 0);
+    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
     g_usleep(G_USEC_PER_SEC / 2);
     light_up(fixture);
     g_subprocess_send_signal(fixture->daemon, SIGKILL);
