@@ -625,6 +625,24 @@ static void watchdog_refused(void) {
     end(&bench);
 }
 
+/* Left on by a program that could not reach it any more: a section whose watchdog is wrong switches
+ * it off all the same. */
+static void watchdog_dark_first(void) {
+    struct bench bench;
+    begin(&bench, FALSE);
+    open_laser(&bench, "coil = 9\n");
+    laser_set(bench.laser, TRUE, NULL);
+    expect(&bench, TRUE);
+    fail_with(&bench, (struct virtual_modbus_faults){.cut = TRUE});
+    g_clear_pointer(&bench.laser, laser_close);
+    g_assert_true(state_of(&bench).coils[9]);
+    fail_with(&bench, (struct virtual_modbus_faults){0});
+    open_refused(&bench, "coil = 9\nwatchdog_register = 6\nwatchdog_after_s = 0.1\n", CONFIG_ERROR,
+                 CONFIG_ERROR_VALUE, "watchdog_scale: 0.1 s × 1 is not a number from 1 to 65535");
+    g_assert_false(state_of(&bench).coils[9]);
+    end(&bench);
+}
+
 /* The board was without power, came back and has forgotten its timeout: no light without it. */
 static void watchdog_forgotten(void) {
     struct bench bench;
@@ -799,6 +817,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/modbus/watchdog/lamps", watchdog_lamps);
     g_test_add_func("/modbus/watchdog/axis", watchdog_axis);
     g_test_add_func("/modbus/watchdog/refused", watchdog_refused);
+    g_test_add_func("/modbus/watchdog/dark-first", watchdog_dark_first);
     g_test_add_func("/modbus/watchdog/forgotten", watchdog_forgotten);
     g_test_add_func("/modbus/door", door);
     g_test_add_func("/modbus/bad-configuration", bad_configuration);

@@ -200,12 +200,11 @@ static gboolean relays_open(struct relays *relays, const struct device *device,
                             void (*lost)(gpointer device, GError *error), GError **error) {
     relays->device = device;
     relays->lost = lost;
-    if (!check_watchdog(relays, error))
-        return FALSE;
     relays->bus = modbus_bus_get(&relays->link, device, error);
     if (!relays->bus)
         return FALSE;
-    if (relays_off(relays, error) && check_shared(relays, error) &&
+    /* Dark first, whatever else is wrong with the section. */
+    if (relays_off(relays, error) && check_watchdog(relays, error) && check_shared(relays, error) &&
         modbus_watchdog_arm(&relays->watchdog, relays->bus, &relays->link, error)) {
         all_relays = g_list_prepend(all_relays, relays);
         return TRUE;
