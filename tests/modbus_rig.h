@@ -34,7 +34,7 @@ static inline char *rig_section(const char *bus, const char *header, const char 
     "stop = 2=3\nclear = 2=4\nwatchdog = 5=1\nwatchdog_ms = 50\npoll_ms = 5\nstart_ms = 150\n"     \
     "stall_ms = 150\n"
 
-#define RIG_AFTER "watchdog_after_s = 0.6\nwatchdog_scale = 10\n"
+#define RIG_AFTER "watchdog_after_s = 1\nwatchdog_scale = 10\n"
 
 /* Lamps and laser again, going off by themselves in each of the two ways. */
 static inline void rig_conformance_watchdog(const char *bus, const char *name, gboolean pulses) {
