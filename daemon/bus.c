@@ -149,6 +149,19 @@ static void hold_clock(Bus *bus, gboolean hold) {
     (hold ? clock_hold : clock_release)(bus->devices->clock);
 }
 
+/* What shines on when this program dies is for whoever runs the rig to know before it does. */
+static void warn_of_lasers(const struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        const Laser *laser = devices->lasers[i];
+        if (rig_laser_unit(&devices->timing, i) == i && !laser->driver->simulated &&
+            laser->watchdog_s == 0)
+            g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
+                      "stops or the line is cut: give it one, or wire an interlock relay; see "
+                      "\"Watchdogs of devices\" in docs/safety.md",
+                      laser->device.name, laser->device.info->name);
+    }
+}
+
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     if (!need_free(bus, error) || !need_absolute(path, error))
         return FALSE;
@@ -165,6 +178,7 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
         return FALSE;
     }
     bus->is_safe = FALSE;
+    warn_of_lasers(bus->devices);
     hold_clock(bus, TRUE);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
