@@ -100,6 +100,10 @@ static void changed(Capture *capture, gpointer data) {
 }
 
 gboolean bus_need_rig(Bus *bus, GError **error) {
+    if (bus->ending) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is being closed", bus->rig_path);
+        return FALSE;
+    }
     if (!bus->devices)
         g_set_error(error, BUS_ERROR, BUS_ERROR_NO_RIG, "no rig is open: call OpenRig first");
     return bus->devices != NULL;
@@ -145,6 +149,19 @@ static void hold_clock(Bus *bus, gboolean hold) {
     (hold ? clock_hold : clock_release)(bus->devices->clock);
 }
 
+/* What shines on when this program dies is for whoever runs the rig to know before it does. */
+static void warn_of_lasers(const struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        const Laser *laser = devices->lasers[i];
+        if (rig_laser_unit(&devices->timing, i) == i && !laser->driver->simulated &&
+            laser->watchdog_s == 0)
+            g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
+                      "stops or the line is cut: give it one, or wire an interlock relay; see "
+                      "\"Watchdogs of devices\" in docs/safety.md",
+                      laser->device.name, laser->device.info->name);
+    }
+}
+
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     if (!need_free(bus, error) || !need_absolute(path, error))
         return FALSE;
@@ -156,6 +173,12 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     bus->devices = devices_open(path, error);
     if (!bus->devices)
         return FALSE;
+    if (guardian_is_needed(bus->devices) && !(bus->guardian = guardian_start(path, error))) {
+        g_clear_pointer(&bus->devices, devices_close);
+        return FALSE;
+    }
+    bus->is_safe = FALSE;
+    warn_of_lasers(bus->devices);
     hold_clock(bus, TRUE);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
@@ -164,11 +187,19 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
 }
 
 void bus_close_rig(Bus *bus) {
+    g_autoptr(GError) error = NULL;
+    if (bus->ending)
+        return; /* from within bus_end(), which runs the main loop */
     g_clear_pointer(&bus->follower, follower_free);
     end_capture(bus);
     bus_drop_thumbnails(bus);
+    if (bus->guardian && !bus->is_safe && !bus_end(bus, &error))
+        g_warning("the rig is NOT safe: %s", error->message);
     hold_clock(bus, FALSE);
+    guardian_set_busy(bus->guardian, TRUE); /* who does not answer is waited for once more */
     g_clear_pointer(&bus->devices, devices_close);
+    guardian_end(bus->guardian, bus->is_safe);
+    bus->guardian = NULL;
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);
     g_hash_table_remove_all(bus->faults);
@@ -181,9 +212,12 @@ GVariant *bus_validate(Bus *bus, const char *session_path, const char *directory
         (*directory && !need_absolute(directory, error)) ||
         !session_conf_load(&conf, session_path, error))
         return NULL;
+    if (!bus->capture)
+        guardian_set_busy(bus->guardian, TRUE); /* a large plan takes a while */
     struct plan *plan =
         *directory ? capture_validate(bus->devices, &conf, directory, error)
                    : plan_build(&conf, &bus->devices->geometry, &bus->devices->timing, error);
+    guardian_set_busy(bus->guardian, FALSE);
     GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
     plan_free(plan);
     session_conf_clear(&conf);
@@ -282,6 +316,7 @@ gboolean bus_start(Bus *bus, const char *session_path, const char *directory, GV
     struct session_conf conf = {0};
     struct start_options chosen;
     const gboolean begins = session_path != NULL;
+    bus->is_safe = FALSE;
     if (!bus_need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error))
         return FALSE;
     const gboolean good = check_options(options, &chosen, error);
@@ -298,9 +333,11 @@ gboolean bus_start(Bus *bus, const char *session_path, const char *directory, GV
         return FALSE;
     g_clear_pointer(&bus->follower, follower_free);
     g_hash_table_remove_all(bus->faults);
+    guardian_set_busy(bus->guardian, TRUE); /* a large plan takes a while */
     Capture *capture = begins
                            ? start_calibrated(bus, &conf, directory, calibration, &callbacks, error)
                            : capture_resume(bus->devices, directory, &callbacks, error);
+    guardian_set_busy(bus->guardian, FALSE);
     if (begins)
         session_conf_clear(&conf);
     if (capture)
@@ -343,7 +380,11 @@ gboolean bus_end(Bus *bus, GError **error) {
     if (!bus->devices)
         return TRUE;
     end_capture(bus);
-    return devices_make_safe(bus->devices, error);
+    hold_clock(bus, FALSE);
+    bus->ending = TRUE;
+    bus->is_safe = devices_secure(bus->devices, error);
+    bus->ending = FALSE;
+    return bus->is_safe;
 }
 
 void bus_free(Bus *bus) {

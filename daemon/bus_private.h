@@ -7,6 +7,7 @@
 #include "bus.h"
 #include "capture.h"
 #include "follower.h"
+#include "guardian.h"
 #include "rig1-bus.h"
 
 struct Bus {
@@ -14,6 +15,9 @@ struct Bus {
     char *address;
     struct devices *devices; /* NULL: closed */
     char *rig_path;
+    Guardian *guardian; /* NULL: all is simulated */
+    gboolean ending;    /* the rig is being made safe for good: nothing begins any more */
+    gboolean is_safe;   /* it has been, and was read back */
     gboolean holds_clock;
     Capture *capture; /* NULL: nothing under way, not even paused */
     char *directory;  /* of the session that is or was captured */
