@@ -45,7 +45,7 @@ static const GDBusErrorEntry session_names[] = {
 static const GDBusErrorEntry plan_names[] = {
     {PLAN_ERROR_NO_CAMERA, NAME("PlanNoCamera")}, {PLAN_ERROR_NO_LAMP, NAME("PlanNoLamp")},
     {PLAN_ERROR_NO_LASER, NAME("PlanNoLaser")},   {PLAN_ERROR_LIMITS, NAME("PlanLimits")},
-    {PLAN_ERROR_BLOCKED, NAME("PlanBlocked")},
+    {PLAN_ERROR_BLOCKED, NAME("PlanBlocked")},    {PLAN_ERROR_SIZE, NAME("PlanSize")},
 };
 
 static const GDBusErrorEntry rig_names[] = {
