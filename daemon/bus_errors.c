@@ -15,6 +15,8 @@ static const GDBusErrorEntry bus_names[] = {
     {BUS_ERROR_UNKNOWN, NAME("Unknown")},
     {BUS_ERROR_NO_PICTURE, NAME("NoPicture")},
     {BUS_ERROR_FAILED, NAME("Failed")},
+    {BUS_ERROR_LIMIT, NAME("Limit")},
+    {BUS_ERROR_CANCELLED, NAME("Cancelled")},
 };
 
 static const GDBusErrorEntry config_names[] = {

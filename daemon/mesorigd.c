@@ -1,6 +1,7 @@
 /* mesorigd: holds the devices of a rig, runs sessions, and is told what to do over D-Bus. */
 #include "bus.h"
 #include "devices.h"
+#include "preparer.h"
 
 #include <glib-unix.h>
 #include <locale.h>
@@ -18,7 +19,7 @@ struct daemon {
 };
 
 static char *bus_kind, *listen_address, *rig_path, *safe_path;
-static gboolean exit_with_client, version;
+static gboolean exit_with_client, prepare, version;
 
 static const GOptionEntry entries[] = {
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Be on this bus: system or session", "BUS"},
@@ -29,6 +30,8 @@ static const GOptionEntry entries[] = {
      "With --listen: end when the client has gone that opened the rig", NULL},
     {"safe-state", 0, 0, G_OPTION_ARG_FILENAME, &safe_path,
      "Switch lamps and lasers of this rig off, stop its axes, and end", "RIG"},
+    {"prepare", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_NONE, &prepare,
+     "Work for the mesorigd that has started this one", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
     {NULL},
 };
@@ -201,6 +204,8 @@ int main(int argc, char **argv) {
         g_print("mesorigd %s\n", MESORIG_VERSION);
         return 0;
     }
+    if (prepare)
+        return preparer_child();
     if (safe_path)
         return safe_state(safe_path);
     if (bus_kind && listen_address)
