@@ -115,15 +115,19 @@ gboolean bus_need_capture(Bus *bus, GError **error) {
     return bus->capture != NULL;
 }
 
-static gboolean need_free(Bus *bus, GError **error) {
+gboolean bus_need_free(Bus *bus, GError **error) {
+    const char *beginning = bus_jobs_beginning(bus);
     if (bus->capture)
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
                     "%s is being captured (%s): Abort it, or wait for its end", bus->directory,
                     bus_rig1_get_state(bus->object));
-    return !bus->capture;
+    else if (beginning)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "%s is about to begin: Abort it, or wait for its end", beginning);
+    return !bus->capture && !beginning;
 }
 
-static gboolean need_absolute(const char *path, GError **error) {
+gboolean bus_need_absolute(const char *path, GError **error) {
     if (g_path_is_absolute(path))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH, "“%s” is not an absolute path", path);
@@ -163,7 +167,7 @@ static void warn_of_lasers(const struct devices *devices) {
 }
 
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
-    if (!need_free(bus, error) || !need_absolute(path, error))
+    if (!bus_need_free(bus, error) || !bus_need_absolute(path, error))
         return FALSE;
     if (bus->devices) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is open: call CloseRig first",
@@ -190,6 +194,7 @@ void bus_close_rig(Bus *bus) {
     g_autoptr(GError) error = NULL;
     if (bus->ending)
         return; /* from within bus_end(), which runs the main loop */
+    bus_jobs_stop_all(bus, "the rig was closed meanwhile");
     g_clear_pointer(&bus->follower, follower_free);
     end_capture(bus);
     bus_drop_thumbnails(bus);
@@ -204,73 +209,6 @@ void bus_close_rig(Bus *bus) {
     g_clear_pointer(&bus->directory, g_free);
     g_hash_table_remove_all(bus->faults);
     show_nothing(bus);
-}
-
-GVariant *bus_validate(Bus *bus, const char *session_path, const char *directory, GError **error) {
-    struct session_conf conf = {0};
-    if (!bus_need_rig(bus, error) || !need_absolute(session_path, error) ||
-        (*directory && !need_absolute(directory, error)) ||
-        !session_conf_load(&conf, session_path, error))
-        return NULL;
-    if (!bus->capture)
-        guardian_set_busy(bus->guardian, TRUE); /* a large plan takes a while */
-    struct plan *plan =
-        *directory ? capture_validate(bus->devices, &conf, directory, error)
-                   : plan_build(&conf, &bus->devices->geometry, &bus->devices->timing, error);
-    guardian_set_busy(bus->guardian, FALSE);
-    GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
-    plan_free(plan);
-    session_conf_clear(&conf);
-    return report;
-}
-
-struct start_options {
-    gboolean process;
-    char *calibration; /* path; NULL: nominal geometry */
-};
-
-static gboolean check_options(GVariant *options, struct start_options *ret, GError **error) {
-    GVariantIter iter;
-    const char *key;
-    g_autoptr(GVariant) value = NULL;
-    *ret = (struct start_options){0};
-    g_variant_iter_init(&iter, options);
-    while (g_variant_iter_next(&iter, "{&sv}", &key, &value)) {
-        if (strcmp(key, "process") == 0 && g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
-            ret->process = g_variant_get_boolean(value);
-        } else if (strcmp(key, "calibration") == 0 &&
-                   g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
-            g_free(ret->calibration);
-            ret->calibration = g_variant_dup_string(value, NULL);
-        } else {
-            g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                        "no such option, or not of its type: %s (there are: process, a boolean, "
-                        "and calibration, a string)",
-                        key);
-            return FALSE;
-        }
-        g_clear_pointer(&value, g_variant_unref);
-    }
-    return TRUE;
-}
-
-/* In place of what the rig file names, for a session that begins now. */
-static Capture *start_calibrated(Bus *bus, const struct session_conf *conf, const char *directory,
-                                 char *calibration, const struct capture_callbacks *callbacks,
-                                 GError **error) {
-    char *own = bus->devices->calibration_path;
-    if (calibration && !need_absolute(calibration, error))
-        return NULL;
-    if (calibration && !g_file_test(calibration, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: there is no such calibration",
-                    calibration);
-        return NULL;
-    }
-    if (calibration)
-        bus->devices->calibration_path = calibration;
-    Capture *capture = capture_start(bus->devices, conf, directory, callbacks, error);
-    bus->devices->calibration_path = own;
-    return capture;
 }
 
 /* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
@@ -290,7 +228,7 @@ static void write_control(Bus *bus) {
         g_message("other terminals will not find this session by its folder: %s", error->message);
 }
 
-static void begin(Bus *bus, Capture *capture, const char *directory, gboolean process) {
+static void show_beginning(Bus *bus, Capture *capture, const char *directory, gboolean process) {
     struct capture_status status;
     g_autoptr(GError) error = NULL;
     g_free(bus->directory);
@@ -310,44 +248,23 @@ static void begin(Bus *bus, Capture *capture, const char *directory, gboolean pr
     changed(capture, bus);
 }
 
-gboolean bus_start(Bus *bus, const char *session_path, const char *directory, GVariant *options,
-                   GError **error) {
+gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
+                   gboolean process, GError **error) {
     const struct capture_callbacks callbacks = {changed, event, bus};
-    struct session_conf conf = {0};
-    struct start_options chosen;
-    const gboolean begins = session_path != NULL;
     bus->is_safe = FALSE;
-    if (!bus_need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error))
-        return FALSE;
-    const gboolean good = check_options(options, &chosen, error);
-    g_autofree char *calibration = chosen.calibration;
-    if (!good)
-        return FALSE;
-    if (calibration && !begins) {
-        g_set_error_literal(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                            "a session that goes on keeps the calibration it was begun with");
-        return FALSE;
-    }
-    if (begins &&
-        (!need_absolute(session_path, error) || !session_conf_load(&conf, session_path, error)))
-        return FALSE;
     g_clear_pointer(&bus->follower, follower_free);
     g_hash_table_remove_all(bus->faults);
-    guardian_set_busy(bus->guardian, TRUE); /* a large plan takes a while */
-    Capture *capture = begins
-                           ? start_calibrated(bus, &conf, directory, calibration, &callbacks, error)
-                           : capture_resume(bus->devices, directory, &callbacks, error);
-    guardian_set_busy(bus->guardian, FALSE);
-    if (begins)
-        session_conf_clear(&conf);
+    Capture *capture = resumed ? capture_go_on(bus->devices, directory, warning, &callbacks, error)
+                               : capture_begin(bus->devices, directory, &callbacks, error);
     if (capture)
-        begin(bus, capture, directory, chosen.process);
+        show_beginning(bus, capture, directory, process);
     return capture != NULL;
 }
 
 gboolean bus_make_safe(Bus *bus, GError **error) {
     if (!bus_need_rig(bus, error))
         return FALSE;
+    bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
     hold_clock(bus, FALSE);
     if (bus->capture)
         capture_abort(bus->capture);
@@ -363,6 +280,9 @@ Bus *bus_new(const char *address) {
     g_object_set_data(G_OBJECT(bus->object), "bus", bus);
     bus->address = g_strdup(address);
     bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    bus->jobs = g_ptr_array_new();
+    memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
+    bus->queue = bus_queue_new(bus);
     bus_answer_calls(bus);
     show_nothing(bus);
     return bus;
@@ -377,6 +297,7 @@ static void unexport(GDBusInterfaceSkeleton *skeleton) {
 }
 
 gboolean bus_end(Bus *bus, GError **error) {
+    bus_jobs_stop_all(bus, "mesorigd ends");
     if (!bus->devices)
         return TRUE;
     end_capture(bus);
@@ -392,10 +313,12 @@ void bus_free(Bus *bus) {
         return;
     bus->func = NULL;
     bus_close_rig(bus);
+    bus_queue_close(bus->queue);
     unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
     g_object_set_data(G_OBJECT(bus->object), "bus", NULL);
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);
+    g_ptr_array_unref(bus->jobs);
     g_free(bus->address);
     g_free(bus);
 }
@@ -415,6 +338,8 @@ static void connection_closed(GDBusConnection *connection, gboolean by_peer, GEr
     if (g_dbus_interface_skeleton_has_connection(object, connection))
         g_dbus_interface_skeleton_unexport_from_connection(object, connection);
     Bus *bus = g_object_get_data(object, "bus");
+    if (bus)
+        bus_jobs_stop_client(bus, connection);
     if (!bus || bus->client != connection)
         return;
     bus->client = NULL;
@@ -426,6 +351,7 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error) {
     GDBusInterfaceSkeleton *skeleton = G_DBUS_INTERFACE_SKELETON(bus->object);
     if (!g_dbus_interface_skeleton_export(skeleton, connection, BUS_PATH, error))
         return FALSE;
+    bus_queue_guard(bus->queue, connection);
     g_signal_connect_object(connection, "closed", G_CALLBACK(connection_closed), skeleton, 0);
     return TRUE;
 }

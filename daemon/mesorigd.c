@@ -1,6 +1,7 @@
 /* mesorigd: holds the devices of a rig, runs sessions, and is told what to do over D-Bus. */
 #include "bus.h"
 #include "guardian.h"
+#include "preparer.h"
 #include "safe_state.h"
 
 #include <glib-unix.h>
@@ -19,7 +20,7 @@ struct daemon {
 };
 
 static char *bus_kind, *listen_address, *rig_path, *safe_path, *guardian_path;
-static gboolean exit_with_client, version;
+static gboolean exit_with_client, prepare, version;
 
 static const GOptionEntry entries[] = {
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Be on this bus: system or session", "BUS"},
@@ -32,6 +33,8 @@ static const GOptionEntry entries[] = {
      "Switch lamps and lasers of this rig off, stop its axes, and end", "RIG"},
     {"guardian", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_FILENAME, &guardian_path,
      "Make this rig safe when the daemon that has started this has gone", "RIG"},
+    {"prepare", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_NONE, &prepare,
+     "Work for the mesorigd that has started this one", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
     {NULL},
 };
@@ -200,6 +203,8 @@ int main(int argc, char **argv) {
         g_print("mesorigd %s\n", MESORIG_VERSION);
         return 0;
     }
+    if (prepare)
+        return preparer_child();
     if (safe_path)
         return safe_state(safe_path);
     if (guardian_path)
