@@ -4,17 +4,20 @@
 #include "follower.h"
 #include "mesorig_cli.h"
 
+#include "base/input_file.h"
+
 #include <glib/gstdio.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <unistd.h>
 
-#define START_WAIT_MS   15000
-#define LONGEST_FOLDER  80 /* a socket's path is 107 bytes at most */
-#define STALE_AFTER_S   60
-#define ASK_WAIT_MS     5000
-#define CALL_TIMEOUT_MS 600000 /* opening a rig may take its time */
+#define START_WAIT_MS     15000
+#define LONGEST_FOLDER    80 /* a socket's path is 107 bytes at most */
+#define STALE_AFTER_S     60
+#define ASK_WAIT_MS       5000
+#define MAX_CONTROL_BYTES 4096
+#define CALL_TIMEOUT_MS   600000 /* opening a rig may take its time */
 
 struct Link {
     GDBusConnection *connection;
@@ -147,8 +150,8 @@ static Link *link_to_private(GError **error) {
 
 static Link *link_by_directory(const char *directory, GError **error) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
-    g_autofree char *text = NULL;
-    if (g_file_get_contents(path, &text, NULL, NULL)) {
+    g_autofree char *text = input_file_read_text(path, MAX_CONTROL_BYTES, NULL);
+    if (text) {
         g_strstrip(text);
         const gboolean bus = strcmp(text, "system") == 0 || strcmp(text, "session") == 0;
         Link *link = bus ? link_on_bus(text, NULL) : link_to(text, NULL);
