@@ -56,7 +56,7 @@ static void assert_values(const BonnFile *file, const float *wanted, double tole
     g_autofree float *rgb = g_new(float, n);
     g_autofree int *missing = g_new(int, header->n_lights);
     for (int view = 0; view < header->n_views; view++) {
-        bonn_read_view(file, view, rgb, missing);
+        g_assert_true(bonn_read_view(file, view, rgb, missing, NULL));
         for (gsize i = 0; i < n; i++)
             g_assert_cmpfloat_with_epsilon((double)rgb[i], (double)wanted[(gsize)view * n + i],
                                            tolerance);
@@ -216,7 +216,7 @@ static void read_all(const BonnFile *file) {
     g_autofree float *rgb = g_new(float, n);
     g_autofree int *holes = g_new(int, header->n_lights);
     for (int view = 0; view < header->n_views; view++) {
-        bonn_read_view(file, view, rgb, holes);
+        g_assert_true(bonn_read_view(file, view, rgb, holes, NULL));
         for (gsize i = 0; i < n; i++)
             g_assert_true(isfinite(rgb[i]));
     }
@@ -308,7 +308,8 @@ static void test_not_finite(void) {
     patch(bdi, path, -4, 0x7c003c00);
     g_autoptr(BonnFile) file = bonn_open(path, &error);
     g_assert_no_error(error);
-    bonn_read_view(file, VIEWS - 1, rgb, holes);
+    g_assert_true(bonn_read_view(file, VIEWS - 1, rgb, holes, &error));
+    g_assert_no_error(error);
     g_assert_cmpint(holes[LIGHTS - 2], ==, 0);
     g_assert_cmpint(holes[LIGHTS - 1], ==, 1);
     g_assert_cmpfloat(rgb[LIGHTS * TEXELS * 3 - 3], ==, 0);
