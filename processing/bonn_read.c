@@ -220,7 +220,7 @@ static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, f
                          GError **error) {
     const gsize n_lights = (gsize)file->header.n_lights;
     g_autofree guint16 *halves = g_new(guint16, n_lights * BONN_CHANNELS);
-    g_autofree float *abrdf = g_new(float, n_lights *BONN_CHANNELS);
+    g_autofree float *abrdf = g_new0(float, n_lights *BONN_CHANNELS);
     for (gsize texel = 0; texel < n; texel++) {
         if (!read_abrdf(file, view, first + texel, halves, abrdf, error))
             return FALSE;
