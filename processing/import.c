@@ -6,9 +6,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
-#include "base/input_file.h"
 #include "btf.h"
 #include "eigenmaps.h"
 #include "exr.h"
@@ -283,19 +281,14 @@ static gboolean copy_mdf(const struct import *import, GError **error) {
     if (!import->material->mdf)
         return TRUE;
     g_autofree char *path = session_file(import->session, relative);
-    const int fd = input_file_open(import->material->mdf, G_MAXINT64, NULL, error);
-    if (fd < 0)
-        return FALSE;
-    g_autofree char *opened = g_strdup_printf("/proc/self/fd/%d", fd);
-    g_autoptr(GFile) from = g_file_new_for_path(opened);
+    g_autoptr(GFile) from = g_file_new_for_path(import->material->mdf);
     g_autoptr(GFile) to = g_file_new_for_path(path);
-    const gboolean copied = g_file_copy(from, to, G_FILE_COPY_TARGET_DEFAULT_PERMS,
-                                        import->progress->cancellable, NULL, NULL, error);
-    close(fd);
-    if (!copied)
+    if (!g_file_copy(from, to, G_FILE_COPY_TARGET_DEFAULT_PERMS, import->progress->cancellable,
+                     NULL, NULL, error)) {
         g_prefix_error(error, "%s: cannot be copied: ", import->material->mdf);
-    return copied &&
-           session_add_product(import->session, relative, import->material->source, error);
+        return FALSE;
+    }
+    return session_add_product(import->session, relative, import->material->source, error);
 }
 
 static gboolean fill(struct import *import, struct import_result *ret, GError **error) {
