@@ -1,10 +1,8 @@
 #include "config.h"
 
-#include <errno.h>
-#include <fcntl.h>
+#include "base/input_file.h"
+
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #define MAX_BYTES (1024 * 1024)
 
@@ -280,54 +278,31 @@ static void too_long(GError **error, const char *path) {
                 "%s: longer than 1 MiB: this is not a configuration file", path);
 }
 
-static gboolean read_file(const char *path, GByteArray *to, GError **error) {
-    /* Not blocking, so that a path that is a pipe is refused and not waited for. */
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    struct stat st;
-    int failed = fd < 0 || fstat(fd, &st) < 0 ? errno : S_ISREG(st.st_mode) ? 0 : EINVAL;
-    guint8 buffer[16384];
-    ssize_t n = 1;
-    while (!failed && n > 0 && to->len <= MAX_BYTES) {
-        n = read(fd, buffer, sizeof buffer);
-        if (n < 0)
-            failed = errno;
-        else
-            g_byte_array_append(to, buffer, (guint)n);
-    }
-    if (fd >= 0)
-        close(fd);
-    if (failed) {
-        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(failed), "cannot read %s: %s",
-                    path, failed == EINVAL ? "not a plain file" : g_strerror(failed));
-        return FALSE;
-    }
-    if (to->len > MAX_BYTES) {
-        too_long(error, path);
-        return FALSE;
-    }
-    return TRUE;
+static char *read_file(const char *path, gsize *ret_length, GError **error) {
+    GError *why = NULL;
+    char *text = input_file_read(path, MAX_BYTES, ret_length, &why);
+    if (!text)
+        input_file_propagate(why, CONFIG_ERROR, -1, CONFIG_ERROR_SYNTAX, error);
+    return text;
 }
 
 Config *config_load(const char *path, GError **error) {
     g_return_val_if_fail(path, NULL);
-    g_autoptr(GByteArray) bytes = g_byte_array_new();
-    if (!read_file(path, bytes, error))
-        return NULL;
-    gsize length = bytes->len;
-    g_byte_array_append(bytes, (const guint8 *)"", 1);
-    return config_new((char *)g_byte_array_free(g_steal_pointer(&bytes), FALSE), length, path,
-                      FALSE, error);
+    gsize length;
+    char *text = read_file(path, &length, error);
+    return text ? config_new(text, length, path, FALSE, error) : NULL;
 }
 
 Config *config_load_lenient(const char *path, GError **error) {
     g_return_val_if_fail(path, NULL);
-    g_autoptr(GByteArray) bytes = g_byte_array_new();
-    if (!read_file(path, bytes, error))
+    gsize length;
+    g_autofree char *bytes = read_file(path, &length, error);
+    if (!bytes)
         return NULL;
-    for (guint i = 0; i < bytes->len; i++)
-        if (bytes->data[i] == '\0')
-            bytes->data[i] = '\1'; /* a control character, which the line is refused for */
-    char *text = g_utf8_make_valid((const char *)bytes->data, bytes->len);
+    for (gsize i = 0; i < length; i++)
+        if (bytes[i] == '\0')
+            bytes[i] = '\1'; /* a control character, which the line is refused for */
+    char *text = g_utf8_make_valid(bytes, (gssize)length);
     return config_new(text, strlen(text), path, TRUE, error);
 }
 

@@ -1,11 +1,15 @@
 #include "exr.h"
 #include "exr_half.h"
 #include "exr_private.h"
+
+#include "base/input_file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <openexr.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 /* What OpenEXRCore writes goes through here: few large writes, and errno kept for the message. */
@@ -349,6 +353,22 @@ static gboolean write_beside(const char *path, const char *beside, const struct 
     return rc == EXR_ERR_SUCCESS;
 }
 
+#define MOST_LINES 32 /* of a chunk */
+
+/* Pixels that are all alike compress to a file that is too short for what it holds. */
+static gboolean may_be_read(const char *path, const struct exr_file *file) {
+    guint64 planes = 0, chunk = 0;
+    struct stat status;
+
+    for (guint i = 0; i < file->parts->len; i++) {
+        const struct exr_part *part = g_ptr_array_index(file->parts, i);
+
+        planes += exr_plane_bytes(part);
+        chunk = MAX(chunk, exr_chunk_bytes(part, MOST_LINES));
+    }
+    return stat(path, &status) != 0 || planes + chunk <= input_file_memory((guint64)status.st_size);
+}
+
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error) {
     g_autofree char *beside = g_strconcat(path, ".part", NULL);
@@ -356,7 +376,9 @@ gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compr
     g_return_val_if_fail(compression <= EXR_PIZ, FALSE);
     if (!check(path, file, error))
         return FALSE;
-    if (!write_beside(path, beside, file, compression, sync, error)) {
+    if (!write_beside(path, beside, file, compression, sync, error) ||
+        (compression != EXR_NONE && !may_be_read(beside, file) &&
+         !write_beside(path, beside, file, EXR_NONE, sync, error))) {
         unlink(beside);
         return FALSE;
     }

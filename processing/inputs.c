@@ -13,24 +13,20 @@ void input_clear(struct input *input) {
 
 static gboolean check_sum(const struct input *input, GError **error) {
     g_autoptr(GError) cause = NULL;
-    g_autoptr(GMappedFile) file = g_mapped_file_new(input->path, FALSE, &cause);
-    if (!file) {
+    gint64 bytes = 0;
+    g_autofree char *sum = exr_sha256(input->path, &bytes, &cause);
+    if (!sum) {
         g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
                     "%s: the session lists this frame, but: %s" REMEDY, input->path,
                     cause->message);
         return FALSE;
     }
-    if (!input->sha256 || !*input->sha256)
-        return TRUE;
-    g_autofree char *sum =
-        g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)g_mapped_file_get_contents(file),
-                                    g_mapped_file_get_length(file));
-    if (strcmp(sum, input->sha256) == 0)
+    if (!input->sha256 || !*input->sha256 || strcmp(sum, input->sha256) == 0)
         return TRUE;
     g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                "%s: the file (%" G_GSIZE_FORMAT " bytes) is not the one the session committed: "
+                "%s: the file (%" G_GINT64_FORMAT " bytes) is not the one the session committed: "
                 "its SHA-256 differs" REMEDY,
-                input->path, g_mapped_file_get_length(file));
+                input->path, bytes);
     return FALSE;
 }
 
