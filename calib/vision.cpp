@@ -190,6 +190,33 @@ void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, in
     }
 }
 
+void take_corners(const std::vector<cv::Point2f> &corners, double scale, double *ret_xy_px) {
+    for (gsize i = 0; i < corners.size(); i++) {
+        ret_xy_px[2 * i] = ((double)corners[i].x + 0.5) / scale - 0.5;
+        ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
+    }
+}
+
+bool find_by_sectors(const cv::Mat &bytes, cv::Size inner, double scale, double *ret_xy_px) {
+    std::vector<cv::Point2f> corners;
+    cv::Mat scaled = bytes;
+    if (scale != 1)
+        cv::resize(bytes, scaled, {}, scale, scale, scale > 1 ? cv::INTER_CUBIC : cv::INTER_AREA);
+    if (!cv::findChessboardCornersSB(scaled, inner, corners, cv::CALIB_CB_NORMALIZE_IMAGE))
+        return false;
+    take_corners(corners, scale, ret_xy_px);
+    return true;
+}
+
+/* Finds boards that the other misses, by the outlines of their dark squares. */
+bool find_by_squares(const cv::Mat &bytes, cv::Size inner, double *ret_xy_px) {
+    std::vector<cv::Point2f> corners;
+    if (!cv::findChessboardCorners(bytes, inner, corners))
+        return false;
+    take_corners(corners, 1, ret_xy_px);
+    return true;
+}
+
 cv::Mat rows_of(const double *points, int n, int first) {
     cv::Mat m(n, 1, CV_64FC2);
     for (int i = 0; i < n; i++)
@@ -290,19 +317,13 @@ GArray *vision_find_markers(const struct picture *picture, const char *dictionar
 gboolean vision_find_chessboard(const struct picture *picture, int columns, int rows,
                                 double *ret_xy_px, GError **error) {
     return guarded(error, picture->name, [&] {
-        cv::Mat bytes = to_bytes(picture);
-        const int scale = enlargement(bytes);
-        if (scale > 1)
-            cv::resize(bytes, bytes, {}, scale, scale, cv::INTER_CUBIC);
-        std::vector<cv::Point2f> corners;
-        if (!cv::findChessboardCornersSB(bytes, {columns - 1, rows - 1}, corners,
-                                         cv::CALIB_CB_NORMALIZE_IMAGE))
-            return false;
-        for (gsize i = 0; i < corners.size(); i++) {
-            ret_xy_px[2 * i] = ((double)corners[i].x + 0.5) / scale - 0.5;
-            ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
-        }
-        return true;
+        const cv::Mat bytes = to_bytes(picture);
+        const cv::Size inner = {columns - 1, rows - 1};
+        const double enlarged = enlargement(bytes);
+        return find_by_sectors(bytes, inner, enlarged, ret_xy_px) ||
+               (enlarged > 1 && find_by_sectors(bytes, inner, 1, ret_xy_px)) ||
+               find_by_sectors(bytes, inner, 0.5, ret_xy_px) ||
+               find_by_squares(bytes, inner, ret_xy_px);
     });
 }
 
