@@ -282,6 +282,21 @@ static void wrong_circle(void) {
     assert_said(out, "circle.png: ball 1 has a brighter highlight beside it, at 18");
 }
 
+/* As of a ball on a dark table: only the upper half of its outline is before something bright. */
+static void half_an_outline(void) {
+    const struct xyz truth = polar(45, 300);
+    const struct ball given = {one.x + 1.6, one.y - 2.3, one.r + 1.9};
+    struct scene *scene = scene_new(0.01);
+    begin();
+    for (int i = 0; i < SIZE * (int)one.y; i++)
+        scene->light[i] = 0.05;
+    paint(scene, &one, &(struct lamp){truth, FALSE, 3, 20}, 1, 0.01);
+    save(scene, "half.png");
+    g_autofree char *out = calibrate(0, &given, 1, FALSE);
+    assert_said(out, "ball 1: its outline is seen at 203.");
+    assert_right(out, "half.png", truth);
+}
+
 static void paint_three(const char *name, const struct lamp *others, const struct lamp *last) {
     struct scene *scene = scene_new(0.05);
     for (int i = 0; i < 3; i++)
@@ -347,6 +362,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/light-photographs/dusty", dusty);
     g_test_add_func("/light-photographs/two-highlights", two_highlights);
     g_test_add_func("/light-photographs/wrong-circle", wrong_circle);
+    g_test_add_func("/light-photographs/half-an-outline", half_an_outline);
     g_test_add_func("/light-photographs/contradictions", contradictions);
     g_test_add_func("/light-photographs/near-lamp", near_lamp);
     int result = g_test_run();
