@@ -15,7 +15,7 @@
 #define EDGES       3    /* of a ray, strongest first: the ball shows edges too */
 #define NEIGHBOURS  3.0  /* times less sure than by residuals: neighbouring edges err alike */
 #define AGREE       0.01 /* of the radius */
-#define SMALLEST_PX 20   /* radius: around smaller ones any edge is as good as another */
+#define SMALLEST_PX 32   /* radius: around smaller ones any edge is as good as another */
 #define ROUNDS      5    /* of fitting and leaving out */
 #define FLOOR_PX    0.1  /* a fit is hardly better than that */
 #define MOST_STEPS  4096
