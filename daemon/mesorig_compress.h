@@ -23,5 +23,6 @@ struct compress_mdf {
     int terms;                   /* maps; 0: not asked for */
     double target;               /* of maps: RMS in texels, 0: none */
     const char *output;
+    const char *made_by; /* what session_add_product_file() is told */
 };
 int compress_mdf(const struct compress_mdf *asked);

@@ -81,7 +81,8 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
                      gpointer data, GError **error) {
     struct job *job = data;
     const struct work_stage stage = work_stage(progress, progress_data, cancellable);
-    struct mdf_table *table = mdf_table_read(job->from, error);
+    struct mdf_table *table =
+        session_check_product(job->from, error) ? mdf_table_read(job->from, error) : NULL;
     if (!table)
         return FALSE;
     job->width = table->width;
@@ -89,9 +90,10 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     job->n_measured = table->n_views;
     job->texel_mm = table->texel_mm;
     const enum compress_mdf_kind kind = job->asked->kind;
-    const gboolean ok = kind == COMPRESS_MDF_MAPS   ? make_factors(job, table, &stage, error)
-                        : kind == COMPRESS_MDF_4BIT ? make_blocks(job, table, error)
-                                                    : make_views(job, table, error);
+    const gboolean ok = (kind == COMPRESS_MDF_MAPS   ? make_factors(job, table, &stage, error)
+                         : kind == COMPRESS_MDF_4BIT ? make_blocks(job, table, error)
+                                                     : make_views(job, table, error)) &&
+                        session_add_product_file(job->asked->output, job->asked->made_by, error);
     GStatBuf status;
     if (ok && g_stat(job->asked->output, &status) == 0)
         job->file_bytes = status.st_size;

@@ -247,10 +247,12 @@ static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArra
     return ok;
 }
 
-struct btf_matrix *btf_open(const char *path, GPtrArray **ret_paths, GError **error) {
+struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_paths,
+                            GError **error) {
     struct session_grid grid;
     g_autoptr(Session) session = open_session(path, error);
     if (!session || !session_grid(session, &grid, error) ||
+        (verify && !session_check_products(session, "products/btf/", error)) ||
         !(*ret_paths = list_views(session, error)))
         return NULL;
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
@@ -275,7 +277,7 @@ struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, Pipel
                                           gpointer data, GCancellable *cancellable,
                                           GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct btf_matrix *btf = btf_open(path, &paths, error);
+    struct btf_matrix *btf = btf_open(path, TRUE, &paths, error);
     if (btf && !read_views(btf, memory, paths, progress, data, cancellable, error))
         g_clear_pointer(&btf, btf_matrix_free);
     return btf;
