@@ -4,12 +4,14 @@
 #include "mesorig_work.h"
 #include "processing/eigenmaps.h"
 #include "processing/exr.h"
+#include "processing/file_lock.h"
 #include "processing/lobes_levels.h"
 #include "processing/lpca.h"
 #include "processing/lpca_choose.h"
 #include "processing/lpca_levels.h"
 #include "processing/lpca_pack.h"
 #include "processing/mdf_factors.h"
+#include "processing/new_file.h"
 #include "processing/resample.h"
 #include "report.h"
 
@@ -295,19 +297,13 @@ static void begin_unfinished(struct compress *compress, const struct btf_matrix 
         g_printerr("%s\n", unfinished_note(compress->unfinished));
 }
 
-static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
-                     gpointer data, GError **error) {
-    struct compress *compress = data;
-    if (compress->output && !check_output(compress->output, error))
-        return FALSE;
+static gboolean compress_btf(struct compress *compress, PipelineFunc progress,
+                             gpointer progress_data, GCancellable *cancellable, GError **error) {
     /* What is left of the limit is for the work. */
     struct btf_matrix *btf = btf_matrix_read_within(compress->memory / 2, compress->path, progress,
                                                     progress_data, cancellable, error);
     if (!btf)
         return FALSE;
-    g_autofree char *name = g_strdup_printf("%s.exr", method_name(compress));
-    compress->written = compress->output ? g_strdup(compress->output)
-                                         : g_build_filename(btf->directory, "products", name, NULL);
     compress->texels = btf->width * btf->height;
     compress->views = btf->n_views;
     compress->lights = btf->n_lights;
@@ -330,6 +326,38 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     GStatBuf status;
     if (ok && g_stat(compress->written, &status) == 0)
         compress->file_bytes = status.st_size;
+    return ok;
+}
+
+/* Where to, if that can be written. */
+static char *place(const struct compress *compress, GError **error) {
+    if (compress->output)
+        return check_output(compress->output, error) ? g_strdup(compress->output) : NULL;
+    g_autofree char *directory = btf_matrix_session(compress->path);
+    g_autofree char *name = g_strdup_printf("%s.exr", method_name(compress));
+    g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
+    return session ? g_build_filename(directory, "products", name, NULL) : NULL;
+}
+
+int compress_lock(const char *path, char **ret_lock, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
+    g_autofree char *prefix = g_strconcat(name, ".", NULL);
+    *ret_lock = g_strconcat(path, ".lock", NULL);
+    const int lock = file_lock_take(*ret_lock, path, error);
+    if (lock >= 0)
+        new_file_remove_left(folder, "", prefix);
+    return lock;
+}
+
+static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable *cancellable,
+                     gpointer data, GError **error) {
+    struct compress *compress = data;
+    g_autofree char *lock_path = NULL;
+    compress->written = place(compress, error);
+    const int lock = compress->written ? compress_lock(compress->written, &lock_path, error) : -1;
+    const gboolean ok =
+        lock >= 0 && compress_btf(compress, progress, progress_data, cancellable, error);
+    file_lock_give(lock, lock_path);
     return ok;
 }
 

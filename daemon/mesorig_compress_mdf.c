@@ -2,6 +2,7 @@
 #include "mesorig_cli.h"
 #include "mesorig_compress.h"
 #include "mesorig_work.h"
+#include "processing/file_lock.h"
 #include "processing/mdf_blocks.h"
 #include "processing/mdf_factors.h"
 #include "processing/mdf_packed.h"
@@ -165,7 +166,10 @@ int compress_mdf(const struct compress_mdf *asked) {
     job.from = g_file_test(asked->path, G_FILE_TEST_IS_DIR)
                    ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
                    : g_strdup(asked->path);
-    const gboolean ok = work_run(work, &job, &seconds, &error);
+    g_autofree char *lock_path = NULL;
+    const int lock = compress_lock(asked->output, &lock_path, &error);
+    const gboolean ok = lock >= 0 && work_run(work, &job, &seconds, &error);
+    file_lock_give(lock, lock_path);
     if (ok)
         tell(&job, seconds);
     g_free(job.from);

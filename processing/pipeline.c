@@ -10,6 +10,7 @@
 #include "eigenmaps.h"
 #include "file_lock.h"
 #include "mdf_product.h"
+#include "new_file.h"
 
 #define POLL_US      (G_USEC_PER_SEC / 2)
 #define MDF_WRITE_US (30 * G_USEC_PER_SEC) /* at most so often while a capture is followed */
@@ -357,10 +358,17 @@ static gboolean make_eigenmaps(struct columns *columns, double *ret_error, GErro
         return TRUE;
     }
     columns->run->eigenmaps_made = TRUE;
-    return compute_eigenmaps(columns, path, ret_error, error) &&
-           session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
-           set_number(session, "eigenmaps_error", *ret_error, error) &&
-           session_set_value(session, "eigenmaps_inputs", inputs, error);
+    g_autofree char *lock_path = g_strconcat(path, ".lock", NULL);
+    const int lock = file_lock_take(lock_path, path, error); /* compress -o may write it, too */
+    if (lock < 0)
+        return FALSE;
+    new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
+    const gboolean ok = compute_eigenmaps(columns, path, ret_error, error) &&
+                        session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
+                        set_number(session, "eigenmaps_error", *ret_error, error) &&
+                        session_set_value(session, "eigenmaps_inputs", inputs, error);
+    file_lock_give(lock, lock_path);
+    return ok;
 }
 
 static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GError **error) {
@@ -427,8 +435,13 @@ static gboolean make_folders(struct run *run, GError **error) {
     g_autofree char *path = session_file(run->session, "products/btf");
     run->lock_path = session_file(run->session, SESSION_PROCESS_LOCK);
     if (g_mkdir_with_parents(path, 0777) == 0) {
+        const char *directory = session_path(run->session);
         run->lock = file_lock_take(run->lock_path, "the products of this session", error);
-        return run->lock >= 0;
+        if (run->lock < 0)
+            return FALSE;
+        new_file_remove_left(directory, "products/btf", "");
+        new_file_remove_left(directory, "products", "mdf.exr.");
+        return TRUE;
     }
     int code = errno;
     g_set_error(error, G_IO_ERROR, (gint)g_io_error_from_errno(code), "%s: %s", path,

@@ -197,6 +197,7 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
 
 /* Compares every committed frame's size with its file, and the checksum if thorough, of dark
  * frames, which others are made with, and of those that were noted. Frames that fail are forgotten
- * and their shots planned again, with all their frames; each is told in an event. Capture only.
- * ret_lost: how many frames failed; may be NULL. */
+ * and their shots planned again, with all their frames; each is told in an event. What killed
+ * captures have left of unfinished files is removed. Capture only. ret_lost: how many frames
+ * failed; may be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

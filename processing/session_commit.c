@@ -1,5 +1,7 @@
 #include "session_private.h"
 
+#include "new_file.h"
+
 #include <math.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -19,7 +21,7 @@ static gint64 size_of(const Session *session, const char *relative) {
     g_autofree char *file = session_file(session, relative);
     struct stat status;
 
-    return stat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
+    return lstat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
 }
 
 static gboolean check_frame(const Session *session, gint64 shot, const struct session_frame *frame,
@@ -190,6 +192,8 @@ gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GErr
     if (!session_may(session, SESSION_CAPTURE, error) ||
         !(frames = session_frames(session, error)) || !(suspected = suspects(session, error)))
         return FALSE;
+    new_file_remove_left(session->path, "frames", "");
+    new_file_remove_left(session->path, "laser", "");
     why = g_new0(char *, frames->len + 1);
     for (guint i = 0; i < frames->len; i++) {
         const struct session_frame *frame = g_ptr_array_index(frames, i);
