@@ -41,7 +41,7 @@ static const GDBusErrorEntry device_names[] = {
 static const GDBusErrorEntry session_names[] = {
     {SESSION_ERROR_IO, NAME("SessionIO")},         {SESSION_ERROR_FORMAT, NAME("SessionFormat")},
     {SESSION_ERROR_LOCKED, NAME("SessionLocked")}, {SESSION_ERROR_EXISTS, NAME("SessionExists")},
-    {SESSION_ERROR_FULL, NAME("SessionFull")},
+    {SESSION_ERROR_FULL, NAME("SessionFull")},     {SESSION_ERROR_DAMAGED, NAME("SessionDamaged")},
 };
 
 static const GDBusErrorEntry plan_names[] = {

@@ -41,7 +41,8 @@ static gboolean work(PipelineFunc progress, gpointer progress_data, GCancellable
     }
     if (has_btf && !check_btf(check, progress, progress_data, cancellable, error))
         return FALSE;
-    return !check->has_mdf || mdf_views_check(mdf, &check->mdf, error);
+    return !check->has_mdf ||
+           (session_check_product(mdf, error) && mdf_views_check(mdf, &check->mdf, error));
 }
 
 static void add_double(GVariantBuilder *to, const char *name, double value) {

@@ -4,7 +4,10 @@
 
 G_DEFINE_QUARK(pipeline_error, pipeline_error)
 
+/* What resume looks at are files that are gone or not as they were committed. */
 #define REMEDY "; `mesorig resume` takes it again"
+#define DELETE                                                                                     \
+    ", although it is as it was committed; delete it, and `mesorig resume` takes it again"
 
 void input_clear(struct input *input) {
     g_clear_pointer(&input->path, g_free);
@@ -25,8 +28,8 @@ static gboolean check_sum(const struct input *input, GError **error) {
         return TRUE;
     g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
                 "%s: the file (%" G_GINT64_FORMAT " bytes) is not the one the session committed: "
-                "its SHA-256 differs" REMEDY,
-                input->path, bytes);
+                "its SHA-256 is %s, the session has %s" REMEDY,
+                input->path, bytes, sum, input->sha256);
     return FALSE;
 }
 
@@ -42,7 +45,7 @@ static gboolean check_part(const struct input *input, const struct exr_part *par
     for (int i = 0; channels[i]; i++)
         if (!exr_part_plane(part, channels[i])) {
             g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA,
-                        "%s: part %s has no channel %s" REMEDY, input->path, part->name,
+                        "%s: part %s has no channel %s" DELETE, input->path, part->name,
                         channels[i]);
             return FALSE;
         }
@@ -56,12 +59,12 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     g_autoptr(GError) cause = NULL;
     struct exr_file *file = exr_read(input->path, &cause);
     if (!file) {
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s" REMEDY, cause->message);
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s" DELETE, cause->message);
         return NULL;
     }
     struct exr_part *part = NULL;
     if (file->parts->len == 0)
-        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: no parts" REMEDY, input->path);
+        g_set_error(error, PIPELINE_ERROR, PIPELINE_ERROR_DATA, "%s: no parts" DELETE, input->path);
     else if (check_part(input, g_ptr_array_index(file->parts, 0), channels, error))
         part = g_ptr_array_steal_index(file->parts, 0);
     exr_file_free(file);

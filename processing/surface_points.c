@@ -140,5 +140,6 @@ gboolean surface_read(const char *session, const struct export_progress *progres
                     path);
         return FALSE;
     }
-    return read_views(ret, path, progress, error);
+    return session_check_products(from, "products/mdf.exr", error) &&
+           read_views(ret, path, progress, error);
 }

@@ -191,9 +191,9 @@ static void test_json(void) {
 }
 
 static void test_usage(void) {
-    static const char *const commands[] = {"plan",  "capture", "resume",  "status",   "watch",
-                                           "pause", "abort",   "safe",    "continue", "process",
-                                           "info",  "drivers", "compress"};
+    static const char *const commands[] = {"plan",  "capture", "resume",   "status",   "watch",
+                                           "pause", "abort",   "safe",     "continue", "process",
+                                           "info",  "drivers", "compress", "verify"};
     struct output output = {0};
     runs(2, &output, NULL);
     assert_has(output.out, "Commands:");

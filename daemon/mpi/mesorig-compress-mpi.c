@@ -101,7 +101,8 @@ static gboolean compress(const char *path, const struct lpca_team *team,
         const double exact = lpca->error;
         lpca_quantise(lpca, quantise);
         ok = lpca_error_shared(lpca, btf, &options, error) &&
-             (team->rank != 0 || lpca_write(output, lpca, error));
+             (team->rank != 0 || (lpca_write(output, lpca, error) &&
+                                  session_add_product_file(output, "compress", error)));
         if (ok && team->rank == 0)
             report(lpca, team, exact, MPI_Wtime() - begun);
     }
