@@ -1,10 +1,8 @@
 #include "base/config.h"
 
-#include <errno.h>
-#include <fcntl.h>
+#include "base/input_file.h"
+
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #define MAX_BYTES (1024 * 1024)
 
@@ -27,6 +25,7 @@ struct Config {
     char *path, *text;
     GArray *sections;     /* of struct config_section */
     GHashTable *by_group; /* "class name" -> struct section_data; keys owned */
+    GArray *problems;     /* of struct config_problem; NULL: the first one ends it */
 };
 
 G_DEFINE_QUARK(config_error, config_error)
@@ -49,6 +48,10 @@ static void section_clear(gpointer data) {
     g_free(section->group);
     g_free(section->class_name);
     g_free(section->name);
+}
+
+static void problem_clear(gpointer data) {
+    g_free(((struct config_problem *)data)->message);
 }
 
 static void G_GNUC_PRINTF(4, 5)
@@ -130,8 +133,9 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     const char *key = g_strstrip(text), *value = g_strstrip(equals + 1);
     if (!is_key(key)) {
         syntax_error(error, config, line,
-                     "[%s]: \"%s\" is not a key: letters, digits, '_', '-' and '.' make one",
-                     section->group, key);
+                     "[%s]: what stands before '=' is not a key: letters, digits, '_', '-' and "
+                     "'.' make one",
+                     section->group);
         return FALSE;
     }
     struct section_data *data = (struct section_data *)data_of(section);
@@ -171,6 +175,44 @@ static gboolean parse_line(Config *config, char *text, int line, GError **error)
     return add_section(config, g_strstrip(text + 1), line, error);
 }
 
+static gboolean is_heading(const char *text) {
+    return *text == '[' || (!strchr(text, '=') && strpbrk(text, "[]"));
+}
+
+/* "driver" once more: the heading between the two is missing. */
+static gboolean is_second_driver(const Config *config, const char *text) {
+    gsize length = strcspn(text, " \t=");
+    if (config->sections->len == 0 || length != 6 || strncmp(text, "driver", 6) != 0)
+        return FALSE;
+    const struct config_section *last =
+        &g_array_index(config->sections, struct config_section, config->sections->len - 1);
+    return config_value(last, "driver", NULL) != NULL;
+}
+
+/* A section for what follows a heading that cannot be used: not to be taken for the one before. */
+static void add_mended_section(Config *config, const char *heading, int line) {
+    g_autofree char *plain = g_strdup(heading);
+    g_strstrip(g_strdelimit(plain, "[]", ' '));
+    g_autofree char *text =
+        g_strdup_printf("%s (line %d)", *plain ? plain : CONFIG_NO_HEADING, line);
+    add_section(config, text, line, NULL);
+}
+
+/* Leaves out what is wrong, and remembers it. */
+static void parse_line_leniently(Config *config, char *text, int line) {
+    g_autofree char *copy = g_strdup(g_strstrip(text));
+    gboolean second = is_second_driver(config, text);
+    g_autoptr(GError) error = NULL;
+    if (parse_line(config, copy, line, &error))
+        return;
+    struct config_problem problem = {g_strdup(error->message), line};
+    g_array_append_val(config->problems, problem);
+    if (second || is_heading(text))
+        add_mended_section(config, second ? "" : text, line);
+    if (second)
+        parse_line(config, text, line, NULL);
+}
+
 static int line_at(const char *text, const char *at) {
     int line = 1;
     for (; text < at; text++)
@@ -198,15 +240,22 @@ static gboolean parse(Config *config, gsize length, GError **error) {
         if (!next)
             next = end;
         *next = '\0';
-        if (!parse_line(config, start, line, error))
+        if (config->problems)
+            parse_line_leniently(config, start, line);
+        else if (!parse_line(config, start, line, error))
             return FALSE;
     }
     return TRUE;
 }
 
 /* Takes ownership of text, which is NUL-terminated and may hold other NULs, to be refused. */
-static Config *config_new(char *text, gsize length, const char *path, GError **error) {
+static Config *config_new(char *text, gsize length, const char *path, gboolean lenient,
+                          GError **error) {
     Config *config = g_new0(Config, 1);
+    if (lenient) {
+        config->problems = g_array_new(FALSE, TRUE, sizeof(struct config_problem));
+        g_array_set_clear_func(config->problems, problem_clear);
+    }
     config->path = g_strdup(path);
     config->text = text;
     config->sections = g_array_new(FALSE, TRUE, sizeof(struct config_section));
@@ -229,43 +278,38 @@ static void too_long(GError **error, const char *path) {
                 "%s: longer than 1 MiB: this is not a configuration file", path);
 }
 
-static gboolean read_file(const char *path, GByteArray *to, GError **error) {
-    /* Not blocking, so that a path that is a pipe is refused and not waited for. */
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    struct stat st;
-    int failed = fd < 0 || fstat(fd, &st) < 0 ? errno : S_ISREG(st.st_mode) ? 0 : EINVAL;
-    guint8 buffer[16384];
-    ssize_t n = 1;
-    while (!failed && n > 0 && to->len <= MAX_BYTES) {
-        n = read(fd, buffer, sizeof buffer);
-        if (n < 0)
-            failed = errno;
-        else
-            g_byte_array_append(to, buffer, (guint)n);
-    }
-    if (fd >= 0)
-        close(fd);
-    if (failed) {
-        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(failed), "cannot read %s: %s",
-                    path, failed == EINVAL ? "not a plain file" : g_strerror(failed));
-        return FALSE;
-    }
-    if (to->len > MAX_BYTES) {
-        too_long(error, path);
-        return FALSE;
-    }
-    return TRUE;
+static char *read_file(const char *path, gsize *ret_length, GError **error) {
+    GError *why = NULL;
+    char *text = input_file_read(path, MAX_BYTES, ret_length, &why);
+    if (!text)
+        input_file_propagate(why, CONFIG_ERROR, -1, CONFIG_ERROR_SYNTAX, error);
+    return text;
 }
 
 Config *config_load(const char *path, GError **error) {
     g_return_val_if_fail(path, NULL);
-    g_autoptr(GByteArray) bytes = g_byte_array_new();
-    if (!read_file(path, bytes, error))
+    gsize length;
+    char *text = read_file(path, &length, error);
+    return text ? config_new(text, length, path, FALSE, error) : NULL;
+}
+
+Config *config_load_lenient(const char *path, GError **error) {
+    g_return_val_if_fail(path, NULL);
+    gsize length;
+    g_autofree char *bytes = read_file(path, &length, error);
+    if (!bytes)
         return NULL;
-    gsize length = bytes->len;
-    g_byte_array_append(bytes, (const guint8 *)"", 1);
-    return config_new((char *)g_byte_array_free(g_steal_pointer(&bytes), FALSE), length, path,
-                      error);
+    for (gsize i = 0; i < length; i++)
+        if (bytes[i] == '\0')
+            bytes[i] = '\1'; /* a control character, which the line is refused for */
+    char *text = g_utf8_make_valid(bytes, (gssize)length);
+    return config_new(text, strlen(text), path, TRUE, error);
+}
+
+const struct config_problem *config_problems(const Config *config, gsize *ret_n) {
+    *ret_n = config->problems ? config->problems->len : 0;
+    return config->problems ? (const struct config_problem *)(gpointer)config->problems->data
+                            : NULL;
 }
 
 Config *config_parse(const char *text, const char *path, GError **error) {
@@ -275,7 +319,7 @@ Config *config_parse(const char *text, const char *path, GError **error) {
         too_long(error, path);
         return NULL;
     }
-    return config_new(g_strdup(text), length, path, error);
+    return config_new(g_strdup(text), length, path, FALSE, error);
 }
 
 void config_free(Config *config) {
@@ -283,6 +327,7 @@ void config_free(Config *config) {
         return;
     g_hash_table_unref(config->by_group);
     g_array_unref(config->sections);
+    g_clear_pointer(&config->problems, g_array_unref);
     g_free(config->path);
     g_free(config->text);
     g_free(config);

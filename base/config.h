@@ -32,6 +32,22 @@ struct config_section {
 /* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. */
 Config *config_load(const char *path, GError **error);
 
+/* What a line of a file is wrong with, that was read all the same. */
+struct config_problem {
+    char *message; /* "FILE:LINE: what is wrong" */
+    int line;
+};
+
+/* As much of it as can be understood, for what must not depend on the rest: every other line is
+ * left out and told. A heading that is broken or given before begins a section of its own, named
+ * after its line; so does a second "driver" in a section, whose class is CONFIG_NO_HEADING and
+ * which may lack its first keys. Fails only if the file cannot be read. */
+#define CONFIG_NO_HEADING "unnamed"
+Config *config_load_lenient(const char *path, GError **error);
+
+/* Of config_load_lenient(), in file order; NULL for any other. Owned by the Config. */
+const struct config_problem *config_problems(const Config *config, gsize *ret_n);
+
 /* The same from memory; path is used in messages and for relative paths. */
 Config *config_parse(const char *text, const char *path, GError **error);
 

@@ -12,6 +12,8 @@ void json_append_string(GString *to, const char *text) {
             g_string_append(to, "\\n");
         else if ((unsigned char)*at < 0x20 || *at == 0x7f)
             g_string_append_printf(to, "\\u%04x", (unsigned)*at);
+        else if ((unsigned char)*at == 0xc2 && (unsigned char)at[1] < 0xa0) /* U+0080 … U+009F */
+            g_string_append_printf(to, "\\u%04x", (unsigned)(unsigned char)*++at);
         else
             g_string_append_c(to, *at);
     }

@@ -244,6 +244,24 @@ static gboolean parse_option(const struct option *option, const struct config_se
     return FALSE;
 }
 
+gboolean options_check_key(const struct option *table, const struct config_section *section,
+                           const char *const *also, const char *key, GError **error) {
+    if (!is_known(table, also, key)) {
+        unknown_key(table, section, also, key, error);
+        return FALSE;
+    }
+    for (const struct option *option = table; option && option->name; option++) {
+        if (strcmp(option->name, key) != 0)
+            continue;
+        const struct option alone[] = {*option, {NULL}};
+        g_autofree char *target = g_malloc0(option->offset + sizeof(struct option_doubles));
+        gboolean good = parse_option(option, section, target, error);
+        options_clear(alone, target);
+        return good;
+    }
+    return TRUE;
+}
+
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error) {
     for (const char *const *key = config_keys(section); *key; key++) {

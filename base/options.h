@@ -41,6 +41,10 @@ struct option {
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error);
 
+/* Checks one key of a section: whether the table or also has it, and its value. */
+gboolean options_check_key(const struct option *table, const struct config_section *section,
+                           const char *const *also, const char *key, GError **error);
+
 /* Fills target with the defaults alone; keys without one are left zero. */
 void options_defaults(const struct option *table, gpointer target);
 

@@ -4,6 +4,9 @@
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/input_file.h"
+
+#define MAX_BYTES (64 << 20)
 
 struct TextTable {
     char *path;
@@ -72,18 +75,17 @@ static gboolean take_line(TextTable *table, char *text, int line, GError **error
 }
 
 TextTable *text_table_read(const char *path, GError **error) {
-    g_autoptr(GError) found = NULL;
-    g_autofree char *text = NULL;
+    GError *found = NULL;
+    g_autofree char *text = input_file_read_text(path, MAX_BYTES, &found);
     g_autoptr(TextTable) table = g_new0(TextTable, 1);
-    gsize length = 0;
     table->path = g_strdup(path);
     table->rows = g_ptr_array_new_with_free_func((GDestroyNotify)g_ptr_array_unref);
     table->lines = g_array_new(FALSE, FALSE, sizeof(int));
-    if (!g_file_get_contents(path, &text, &length, &found)) {
-        data_error_set(path, 0, error, "%s", found->message);
+    if (!text) {
+        input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
         return NULL;
     }
-    if (strlen(text) != length || !g_utf8_validate(text, -1, NULL)) {
+    if (!g_utf8_validate(text, -1, NULL)) {
         data_error_set(path, 0, error, "it is no table, which is text in UTF-8");
         return NULL;
     }

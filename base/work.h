@@ -9,7 +9,7 @@
 #include <gio/gio.h>
 
 struct work_progress {
-    const char *stage; /* "btf", "mdf", "eigenmaps", "read", … */
+    const char *stage; /* "verify", "btf", "mdf", "eigenmaps", "read", … */
     int done, total;
     double left_s; /* −1: not known */
 };

@@ -15,8 +15,38 @@ struct ball_outline { /* in the picture, y down */
 gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
                               struct vec3 *ret);
 
-/* Where the rays from n ≥ 2 balls' highlights meet, in units of the balls' (equal) radius, from the
- * first ball's centre. highlights: x, y of each. FALSE: they are as good as parallel.
- * ret_miss: root mean square of how far the rays pass from there. */
-gboolean ball_light_place(const struct ball_outline *balls, const double (*highlights_px)[2], int n,
-                          struct vec3 *ret, double *ret_miss);
+/* The same of a highlight that extends, by second moments: the mean of its light's directions,
+ * which lies further outwards than the direction of its middle. */
+gboolean ball_light_mean_direction(const struct ball_outline *ball, double x_px, double y_px,
+                                   double xx_px2, double xy_px2, double yy_px2, struct vec3 *ret);
+
+/* How far the direction may be off, root mean square: of a highlight and an outline known with
+ * these standard deviations (of a centre each way and of the radius). */
+double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
+                            double y_px, double highlight_px);
+
+#define BALL_LIGHT_MOST 16
+
+struct ball_ray {          /* where a ball shows the light, in units of the balls' (equal) radius */
+    struct vec3 from;      /* on the ball; any origin */
+    struct vec3 direction; /* unit */
+    double sigma_rad;      /* root mean square */
+};
+
+struct ball_light {
+    struct vec3 direction;          /* mean of the rays that agree */
+    double sigma_rad;               /* root mean square */
+    gboolean placed;                /* the rays tell where the light is, not only its direction */
+    struct vec3 place, place_error; /* radii; standard deviations */
+    double miss;                    /* root mean square of how far the rays pass from there */
+    gboolean left_out[BALL_LIGHT_MOST];
+    double off_rad[BALL_LIGHT_MOST]; /* each ray from what the others say */
+};
+
+/* What light 1 … BALL_LIGHT_MOST rays agree on: a place, or a direction if it is too far away. Rays
+ * that contradict the majority are left out. FALSE: there is no majority; off_rad is from the
+ * nearest other ray. */
+gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret);
+
+/* Cramer's rule for a symmetric positive matrix; FALSE: it is nearly singular. */
+gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret);

@@ -237,7 +237,9 @@ struct Work {
         for (int l = 0; l < b->n_lays; l++) {
             if (of_lay[(gsize)l] == 0)
                 continue;
-            if (b->lays[l].fixed_height)
+            if (b->lays[l].fixed)
+                problem.SetParameterBlockConstant(lays[(gsize)l].data());
+            else if (b->lays[l].fixed_height)
                 problem.SetManifold(lays[(gsize)l].data(), new ceres::SubsetManifold(6, {5}));
             add_mean_angle(l);
         }

@@ -32,6 +32,7 @@ struct bundle_camera {
 struct bundle_lay {
     double rotation[9], place[3]; /* t_x, t_y, h */
     gboolean fixed_height;
+    gboolean fixed; /* all of it */
 };
 
 struct bundle_stop {

@@ -1,5 +1,7 @@
 #include "calibration.h"
 
+#include "base/input_file.h"
+
 #include <gio/gio.h>
 #include <string.h>
 
@@ -71,21 +73,23 @@ char *calibration_checksum(const char *const *checksums, int n) {
 gboolean calibration_write(const struct calibration *calibration, const char *path,
                            GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
+    g_autoptr(Calibration) readable = calibration_from_text(text, path, error);
 
+    if (!readable) {
+        g_prefix_error(error, "the calibration is not written, since it could not be read back: ");
+        return FALSE;
+    }
     return g_file_set_contents_full(
         path, text, -1, G_FILE_SET_CONTENTS_CONSISTENT | G_FILE_SET_CONTENTS_DURABLE, 0666, error);
 }
 
 struct calibration *calibration_read(const char *path, GError **error) {
-    g_autofree char *text = NULL;
-    gsize length = 0;
+    GError *why = NULL;
+    g_autofree char *text = input_file_read_text(path, MAX_BYTES, &why);
 
-    if (!g_file_get_contents(path, &text, &length, error))
-        return NULL;
-    if (length <= MAX_BYTES && strlen(text) == length)
+    if (text)
         return calibration_from_text(text, path, error);
-    g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT, "%s: not a calibration file: %s", path,
-                length > MAX_BYTES ? "it is larger than 16 MiB" : "it has bytes that are no text");
+    input_file_propagate(why, RIG_ERROR, -1, RIG_ERROR_FORMAT, error);
     return NULL;
 }
 

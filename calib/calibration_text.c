@@ -298,7 +298,30 @@ static gboolean is_rigs(const char *group) {
     return FALSE;
 }
 
-static void keep_extra(const struct reader *r, GKeyFile *to) {
+/* Lists of numbers for reports: residuals, steps of a sweep, the turntable's errors, lamps over
+ * time. */
+static gboolean is_numbers(const char *group) {
+    static const char *const lists[] = {"laser steps", "turntable", "lamp drift"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(lists); i++)
+        if (strcmp(group, lists[i]) == 0)
+            return TRUE;
+    return g_str_has_prefix(group, "camera residuals ");
+}
+
+static gboolean are_finite(const char *list) {
+    g_auto(GStrv) words = g_strsplit(list, ";", -1);
+
+    for (char **word = words; *word; word++) {
+        char *rest;
+        const double number = g_ascii_strtod(*word, &rest);
+        if (rest == *word || *rest || !isfinite(number))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean keep_extra(const struct reader *r, GKeyFile *to, GError **error) {
     g_auto(GStrv) names = g_key_file_get_groups(r->file, NULL);
 
     for (char **name = names; *name; name++) {
@@ -307,9 +330,14 @@ static void keep_extra(const struct reader *r, GKeyFile *to) {
         g_auto(GStrv) keys = g_key_file_get_keys(r->file, *name, NULL, NULL);
         for (char **key = keys; key && *key; key++) {
             g_autofree char *value = g_key_file_get_value(r->file, *name, *key, NULL);
+            if (is_numbers(*name) && !are_finite(value))
+                return fields_refuse(r->path, *name, *key, error,
+                                     "is not a list of finite numbers; calibrate again or restore "
+                                     "the file");
             g_key_file_set_value(to, *name, *key, value);
         }
     }
+    return TRUE;
 }
 
 static gboolean read_all(struct reader *r, struct calibration *to, GError **error) {
@@ -319,8 +347,7 @@ static gboolean read_all(struct reader *r, struct calibration *to, GError **erro
     for (gsize i = 0; i < G_N_ELEMENTS(groups); i++)
         if (!read_group(r, to, &groups[i], error))
             return FALSE;
-    keep_extra(r, to->extra);
-    return check_covariances(r, to, error);
+    return keep_extra(r, to->extra, error) && check_covariances(r, to, error);
 }
 
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error) {

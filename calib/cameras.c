@@ -9,11 +9,6 @@
 #define FAR             0.2 /* of the width, for a camera known from the rig file alone */
 #define LEAST_CORNERS   6   /* of a picture */
 #define LEAST_PICTURES  3   /* of a camera, to be refined */
-#define OUTLIER         4.5 /* times the noise: 4e-5 of all, if noise is all there is */
-#define OUTLIER_PX      0.1 /* and so far at least */
-#define TYPICAL         20  /* residuals' worth of a camera's noise in a picture's */
-#define ROUNDS          4
-#define MOST_REJECTED   0.4 /* of a picture's corners, before all of it is */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 
@@ -35,7 +30,7 @@ void cameras_result_free(struct cameras_result *result) {
     g_free(result);
 }
 
-static gboolean progress(struct cameras_work *work, GError **error) {
+gboolean cameras_progress(struct cameras_work *work, GError **error) {
     const struct cameras_task *task = work->task;
     work->step = MIN(work->step + 1, work->steps);
     if (!task->progress || task->progress(work->step, work->steps, task->data))
@@ -61,7 +56,7 @@ static void work_init(struct cameras_work *work, struct calibration *calibration
                                   .task = task,
                                   .nominal = calibration->rig,
                                   .free_boards = free_boards,
-                                  .steps = (free_boards ? 1 : 2) * n + ROUNDS};
+                                  .steps = (free_boards ? 1 : 2) * n + CAMERAS_ROUNDS};
     work->seen = g_new0(struct seen, n + 1);
     work->observations = g_array_new(FALSE, TRUE, sizeof(struct bundle_observation));
     work->observed_in = g_array_new(FALSE, FALSE, sizeof(int));
@@ -86,6 +81,7 @@ static void work_clear(struct cameras_work *work) {
         g_free(work->seen[i].checksum);
         g_free(work->seen[i].why);
         g_clear_pointer(&work->seen[i].corners, g_array_unref);
+        g_clear_pointer(&work->seen[i].set_aside, g_array_unref);
     }
     g_free(work->seen);
     g_array_unref(work->observations);
@@ -196,7 +192,7 @@ static gboolean for_each(struct each *each, GError **error) {
         if (end != (gpointer)each->work)
             first = end;
         else
-            progress(each->work, &first);
+            cameras_progress(each->work, &first);
     }
     g_thread_pool_free(pool, first != NULL, TRUE);
     for (gpointer rest; (rest = g_async_queue_try_pop(each->done));)
@@ -258,119 +254,6 @@ static gboolean look_everywhere(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-static double residual(const struct bundle *bundle, const struct bundle_observation *o,
-                       double ret_d[2]) {
-    double px[2] = {0, 0};
-    const gboolean seen = bundle_project(bundle, o->camera, o->stop, o->board_mm, px);
-    ret_d[0] = px[0] - o->seen_px[0];
-    ret_d[1] = px[1] - o->seen_px[1];
-    const double u = o->whiten[0][0] * ret_d[0] + o->whiten[0][1] * ret_d[1];
-    const double v = o->whiten[1][0] * ret_d[0] + o->whiten[1][1] * ret_d[1];
-    return seen ? hypot(u, v) : G_MAXDOUBLE;
-}
-
-static int n_parameters(const struct cameras_work *work) {
-    return 15 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
-           (work->free_boards ? 0 : work->bundle.n_stops);
-}
-
-/* What corners differ by from where they should be says how noisy each camera is; what differs by
- * far more is no noise. */
-static void weigh(struct cameras_work *work) {
-    struct bundle *b = &work->bundle;
-    double sum[RIG_MAX_CAMERAS] = {0}, n[RIG_MAX_CAMERAS] = {0}, d[2];
-    double used = 0;
-    for (int i = 0; i < b->n_observations; i++) {
-        struct bundle_observation *o = &b->observations[i];
-        const double r = residual(b, o, d);
-        o->rejected = r > OUTLIER * b->cameras[o->camera].noise * (b->robust > 0 ? 2 : 1) &&
-                      hypot(d[0], d[1]) > OUTLIER_PX;
-        if (o->rejected)
-            continue;
-        sum[o->camera] += r * r;
-        n[o->camera] += 2;
-        used += 2;
-    }
-    const double share = MAX(1 - n_parameters(work) / MAX(used, 1), 0.05);
-    for (int c = 0; c < b->n_cameras; c++)
-        if (n[c] > 0)
-            b->cameras[c].noise = sqrt(MAX(sum[c] / n[c] / share, 1e-6));
-}
-
-/* Some pictures are noisier than others of their camera: darker, or more oblique. Few corners tell
- * little about that: then what the camera's others tell counts more. */
-static void weigh_pictures(struct cameras_work *work) {
-    struct bundle *b = &work->bundle;
-    const int n = work->task->n_pictures;
-    g_autofree double *sum = g_new0(double, n + 1), *count = g_new0(double, n + 1);
-    double d[2];
-    for (int i = 0; i < b->n_observations; i++) {
-        const struct bundle_observation *o = &b->observations[i];
-        const int picture = g_array_index(work->observed_in, int, i);
-        if (o->rejected)
-            continue;
-        const double r = residual(b, o, d) / b->cameras[o->camera].noise;
-        sum[picture] += r * r;
-        count[picture] += 2;
-    }
-    for (int i = 0; i < b->n_observations; i++) {
-        const int picture = g_array_index(work->observed_in, int, i);
-        b->observations[i].noise = sqrt((TYPICAL + sum[picture]) / (TYPICAL + count[picture]));
-    }
-}
-
-/* A picture most of whose corners are off shows something else, or was taken elsewhere. */
-static void drop_pictures(struct cameras_work *work) {
-    const int n = work->task->n_pictures;
-    g_autofree int *rejected = g_new0(int, n + 1), *all = g_new0(int, n + 1);
-    for (guint i = 0; i < work->observations->len; i++) {
-        const int picture = g_array_index(work->observed_in, int, i);
-        all[picture]++;
-        rejected[picture] += work->bundle.observations[i].rejected;
-    }
-    for (int i = 0; i < n; i++) {
-        if (all[i] == 0 || rejected[i] <= MOST_REJECTED * all[i])
-            continue;
-        g_autofree char *why = g_strdup_printf(
-            "%d of its %d corners are not where all other pictures say they must be; "
-            "did something move?",
-            rejected[i], all[i]);
-        g_clear_pointer(&work->seen[i].why, g_free);
-        set_why(&work->seen[i], why);
-        for (guint k = 0; k < work->observations->len; k++)
-            if (g_array_index(work->observed_in, int, k) == i)
-                work->bundle.observations[k].rejected = TRUE;
-        g_clear_pointer(&work->seen[i].corners, g_array_unref);
-    }
-}
-
-/* Which lays are flat on the turntable: these say where its top is. */
-static void fix_heights(struct cameras_work *work) {
-    for (int l = 0; l < work->bundle.n_lays; l++) {
-        struct bundle_lay *lay = &work->bundle.lays[l];
-        lay->fixed_height = !work->free_boards && cameras_tilt_rad(lay) < RAD(2);
-        if (lay->fixed_height)
-            lay->place[2] = work->task->board.thickness_mm;
-    }
-}
-
-static gboolean refine(struct cameras_work *work, GError **error) {
-    fix_unknown(work);
-    fix_heights(work);
-    cameras_set_observations(work);
-    for (int round = 0; round < ROUNDS; round++) {
-        work->bundle.robust = round == 0 ? 3 : 0;
-        if (!bundle_solve(&work->bundle, error))
-            return FALSE;
-        weigh(work);
-        weigh_pictures(work);
-        drop_pictures(work);
-        if (!progress(work, error))
-            return FALSE;
-    }
-    return bundle_solve(&work->bundle, error) && bundle_covariance(&work->bundle, error);
-}
-
 static void give_residuals(const struct cameras_work *work, struct cameras_result *to) {
     const struct bundle *b = &work->bundle;
     double sum = 0, d[2] = {0, 0};
@@ -379,7 +262,7 @@ static void give_residuals(const struct cameras_work *work, struct cameras_resul
         const struct bundle_observation *o = &b->observations[i];
         if (o->rejected)
             continue;
-        residual(b, o, d);
+        cameras_residual(b, o, d);
         const struct cameras_residual r = {o->camera,
                                            g_array_index(work->observed_in, int, i),
                                            (float)o->seen_px[0],
@@ -414,7 +297,7 @@ static struct cameras_result *new_result(const struct cameras_work *work) {
     return to;
 }
 
-static void set_camera(struct rig_camera *to, const struct bundle_camera *from) {
+void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from) {
     to->fx_px = from->intrinsics[0];
     to->fy_px = from->intrinsics[1];
     to->cx_px = from->intrinsics[2];
@@ -439,7 +322,7 @@ static void count_camera(const struct cameras_work *work, int camera,
         double d[2] = {0, 0};
         if (o->rejected || o->camera != camera)
             continue;
-        residual(b, o, d);
+        cameras_residual(b, o, d);
         sum += d[0] * d[0] + d[1] * d[1];
         to->points++;
     }
@@ -471,16 +354,21 @@ static struct cameras_result *give(struct cameras_work *work) {
     struct calibration_part *part =
         calibration_set_part(calibration, CALIBRATION_CAMERAS, method, used, sum, rejected);
     part->residual_rms = result->rms_px;
-    part->degrees_of_freedom = MAX(2 * (int)result->residuals->len - n_parameters(work), 0);
+    part->degrees_of_freedom = MAX(2 * (int)result->residuals->len - cameras_n_parameters(work), 0);
     for (int c = 0; c < work->bundle.n_cameras; c++) {
         const struct bundle_camera *from = &work->bundle.cameras[c];
         struct calibration_camera *to = &calibration->cameras[c];
-        set_camera(&calibration->rig.cameras[c], from);
+        cameras_take_camera(&calibration->rig.cameras[c], from);
         memcpy(to->covariance, from->covariance, sizeof to->covariance);
         count_camera(work, c, to);
         to->known = TRUE;
     }
     return result;
+}
+
+static gboolean refine(struct cameras_work *work, GError **error) {
+    fix_unknown(work);
+    return cameras_refine(work, error) && cameras_check_majority(work, error);
 }
 
 static gboolean calibrate(struct cameras_work *work, GError **error) {

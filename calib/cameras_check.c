@@ -55,6 +55,47 @@ static const char *first_reason(const struct cameras_work *work, int camera) {
     return "it has no pictures";
 }
 
+static int n_set_aside(const struct cameras_work *work, int camera) {
+    int n = 0;
+    for (int i = 0; i < work->task->n_pictures; i++)
+        n += work->seen[i].camera == camera && work->seen[i].set_aside;
+    return n;
+}
+
+/* The geometry that a minority agrees on may be an accident: the others may be the good ones. */
+static gboolean check_photographs(const struct cameras_work *work, GError **error) {
+    const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
+    const int contradict = n_set_aside(work, 0);
+    return (used >= LEAST_PICTURES && 2 * used >= all) ||
+           cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                          "only %d of %d photographs agree on one lens, but at least half of them "
+                          "and %d must: the "
+                          "board was not found in %d, and %d contradict the others; for one, %s; "
+                          "take out photographs of another board, camera, zoom or focus, or give "
+                          "more",
+                          used, all, LEAST_PICTURES, all - used - contradict, contradict,
+                          first_reason(work, 0));
+}
+
+/* On the turntable a leaning board turns away from cameras: only pictures that show it count.
+ */
+gboolean cameras_check_majority(const struct cameras_work *work, GError **error) {
+    if (work->free_boards)
+        return check_photographs(work, error);
+    for (int c = 0; c < work->bundle.n_cameras; c++) {
+        const int used = cameras_pictures_of(work, c), contradict = n_set_aside(work, c);
+        if (contradict > used)
+            return cameras_refuse(
+                error, CAMERAS_ERROR_FIT,
+                "camera %s: %d of the %d pictures in which it sees the board contradict the "
+                "others: the camera or the board moved between them, or sessions are given that "
+                "do not belong together; for one, %s",
+                work->nominal.cameras[c].name, contradict, used + contradict,
+                first_reason(work, c));
+    }
+    return TRUE;
+}
+
 static gboolean check_camera(const struct cameras_work *work, int camera, GError **error) {
     int all = 0;
     const int good = cameras_pictures_of(work, camera);

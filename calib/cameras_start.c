@@ -40,12 +40,12 @@ void cameras_start(struct cameras_work *work) {
 
 /* x, y on the board and x', y' of the viewing ray, as vision_pose() wants them. */
 static double *normalised(const struct cameras_work *work, const struct seen *seen) {
-    const struct rig_camera *camera = &work->nominal.cameras[seen->camera];
+    struct rig_camera own = work->nominal.cameras[seen->camera];
     double *points = g_new(double, 4 * seen->corners->len);
+    cameras_take_camera(&own, &work->bundle.cameras[seen->camera]);
+    own.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     for (guint i = 0; i < seen->corners->len; i++) {
         const struct corner *corner = &g_array_index(seen->corners, struct corner, i);
-        struct rig_camera own = *camera;
-        own.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
         const struct vec3 ray = rig_pixel_ray(&own, corner->x_px, corner->y_px);
         board_corner_mm(&work->task->board, corner->id, points + 4 * i);
         points[4 * i + 2] = ray.x / ray.z;
@@ -89,6 +89,11 @@ static int by_size(gconstpointer a, gconstpointer b) {
     return (*x > *y) - (*x < *y);
 }
 
+double cameras_median(GArray *values) {
+    g_array_sort(values, by_size);
+    return g_array_index(values, double, values->len / 2);
+}
+
 /* Median distance between where corners of a lay should be and where they are. */
 static double median_error(const struct cameras_work *work, int lay) {
     g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
@@ -103,11 +108,10 @@ static double median_error(const struct cameras_work *work, int lay) {
             g_array_append_val(errors, error);
         }
     }
-    g_array_sort(errors, by_size);
-    return errors->len ? g_array_index(errors, double, errors->len / 2) : G_MAXDOUBLE;
+    return errors->len ? cameras_median(errors) : G_MAXDOUBLE;
 }
 
-static gboolean start_lay(struct cameras_work *work, int lay) {
+gboolean cameras_start_lay(struct cameras_work *work, int lay) {
     struct bundle_lay best = {0}, *to = &work->bundle.lays[lay];
     double least = G_MAXDOUBLE;
     int tried = 0;
@@ -158,7 +162,7 @@ static void drop_lay(struct cameras_work *work, int lay) {
 
 gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
     for (int lay = 0; lay < work->bundle.n_lays; lay++) {
-        if (start_lay(work, lay))
+        if (cameras_start_lay(work, lay))
             continue;
         if (!work->free_boards)
             return refuse_lay(work, lay, error);

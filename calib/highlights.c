@@ -8,14 +8,34 @@
 #define FLAT        0.998 /* of the brightest: as bright as it */
 #define FLAT_PIXELS 7     /* so many are as bright only where the spot is cut off */
 #define SIGHT_PX    0.03  /* standard deviation of a middle */
+#define CLIPPED_PX  0.1   /* the same where only a saturated spot's border tells it */
+#define SPECK       4     /* spots of fewer pixels are dust or hot pixels */
+#define STREAK      4.0   /* times longer than wide: a hair or a scratch */
+#define COMPARABLE  0.3   /* of the chosen spot's energy: another that may as well be the lamp */
+#define MOST_SPOTS  256   /* looked at, brightest first */
 #define SLANT       0.3   /* cosine at which a highlight is too near to the ball's rim */
 #define SPOT_SHARE  0.2   /* of a ball's picture, that a spot may take up */
 
-struct spot {
+#define NOWHERE 0 /* label of pixels that belong to no spot */
+
+struct window {
     const struct picture *picture;
-    int left, top, width, height; /* of the window */
-    float *values;                /* above the background; −1: not in the circle */
-    guint8 *in;
+    int left, top, width, height;
+    float *values;   /* −G_MAXFLOAT: not in the circle */
+    guint16 *labels; /* which spot a pixel belongs to */
+    int *members;    /* the spots' pixels, one spot after the other */
+    int n_members;
+    float level, floor;
+};
+
+struct spot {
+    guint16 label;
+    int first, pixels;      /* in members */
+    float height;           /* of the peak above the level */
+    double energy;          /* sum of squares above the level: brightness and size both count */
+    struct highlight light; /* in the window */
+    double aspect;          /* length to width */
+    gboolean halo, cut;
 };
 
 static int compare(gconstpointer a, gconstpointer b) {
@@ -23,122 +43,236 @@ static int compare(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-static gboolean cut(struct spot *s, double x, double y, double r) {
-    s->left = (int)ceil(x - r);
-    s->top = (int)ceil(y - r);
-    s->width = (int)floor(x + r) - s->left + 1;
-    s->height = (int)floor(y + r) - s->top + 1;
-    if (s->left < 0 || s->top < 0 || s->width < 5 || s->height < 5 ||
-        s->left + s->width > s->picture->width || s->top + s->height > s->picture->height)
+static gboolean cut(struct window *w, double x, double y, double r) {
+    w->left = (int)ceil(x - r);
+    w->top = (int)ceil(y - r);
+    w->width = (int)floor(x + r) - w->left + 1;
+    w->height = (int)floor(y + r) - w->top + 1;
+    if (w->left < 0 || w->top < 0 || w->width < 5 || w->height < 5 ||
+        w->left + w->width > w->picture->width || w->top + w->height > w->picture->height)
         return FALSE;
-    s->values = g_new(float, (gsize)s->width *(gsize)s->height);
-    s->in = g_new0(guint8, (gsize)s->width * (gsize)s->height);
-    for (int j = 0; j < s->height; j++)
-        for (int i = 0; i < s->width; i++) {
-            float value = s->picture->values[(s->top + j) * s->picture->width + s->left + i];
-            gboolean inside = hypot(s->left + i - x, s->top + j - y) <= r && isfinite(value);
-            s->values[j * s->width + i] = inside ? value : -G_MAXFLOAT;
+    w->values = g_new(float, (gsize)w->width *(gsize)w->height);
+    w->labels = g_new0(guint16, (gsize)w->width * (gsize)w->height);
+    w->members = g_new(int, (gsize)w->width *(gsize)w->height);
+    for (int j = 0; j < w->height; j++)
+        for (int i = 0; i < w->width; i++) {
+            float value = w->picture->values[(w->top + j) * w->picture->width + w->left + i];
+            gboolean inside = hypot(w->left + i - x, w->top + j - y) <= r && isfinite(value);
+            w->values[j * w->width + i] = inside ? value : -G_MAXFLOAT;
         }
     return TRUE;
 }
 
 /* Median, and how far values usually are from it: 1.4826 times the median of distances is σ. */
-static void background(const struct spot *s, float *ret_level, float *ret_noise) {
-    int n = 0, all = s->width * s->height;
+static void background(struct window *w) {
+    int n = 0, all = w->width * w->height;
     g_autofree float *sorted = g_new(float, all);
     for (int i = 0; i < all; i++)
-        if (s->values[i] > -G_MAXFLOAT)
-            sorted[n++] = s->values[i];
+        if (w->values[i] > -G_MAXFLOAT)
+            sorted[n++] = w->values[i];
     qsort(sorted, (gsize)n, sizeof *sorted, compare);
-    *ret_level = sorted[n / 2];
+    w->level = sorted[n / 2];
     for (int i = 0; i < n; i++)
-        sorted[i] = fabsf(sorted[i] - *ret_level);
+        sorted[i] = fabsf(sorted[i] - w->level);
     qsort(sorted, (gsize)n, sizeof *sorted, compare);
-    *ret_noise = 1.4826f * sorted[n / 2];
+    w->floor = MAX((float)ABOVE_NOISE * 1.4826f * sorted[n / 2], 0.05f * fabsf(w->level));
 }
 
-static int brightest(const struct spot *s) {
-    int best = 0;
-    for (int i = 1; i < s->width * s->height; i++)
-        if (s->values[i] > s->values[best])
+/* The brightest pixel that belongs to no spot yet. */
+static int brightest(const struct window *w) {
+    int best = -1;
+    for (int i = 0; i < w->width * w->height; i++)
+        if (w->labels[i] == NOWHERE && (best < 0 || w->values[i] > w->values[best]))
             best = i;
     return best;
 }
 
-/* Marks what hangs together with the peak; returns how many pixels. */
-static int grow(struct spot *s, int peak, float least) {
-    g_autofree int *stack = g_new(int, s->width * s->height);
-    int n = 0, count = 0;
-    stack[n++] = peak;
-    s->in[peak] = 1;
-    while (n > 0) {
-        int at = stack[--n], x = at % s->width, y = at / s->width;
-        count++;
+/* Labels what hangs together with the peak, and tells what else it touches. */
+static void grow(struct window *w, int peak, struct spot *spot) {
+    const float least = w->level + (float)EDGE * spot->height;
+    spot->first = w->n_members;
+    w->members[w->n_members++] = peak;
+    w->labels[peak] = spot->label;
+    while (spot->first + spot->pixels < w->n_members) {
+        int at = w->members[spot->first + spot->pixels++], x = at % w->width, y = at / w->width;
         for (int k = 0; k < 9; k++) {
-            int i = x + k % 3 - 1, j = y + k / 3 - 1;
-            if (i < 0 || j < 0 || i >= s->width || j >= s->height)
+            int i = x + k % 3 - 1, j = y + k / 3 - 1, next = j * w->width + i;
+            if (i < 0 || j < 0 || i >= w->width || j >= w->height || w->values[next] < least) {
+                spot->cut |= i < 0 || j < 0 || i >= w->width || j >= w->height ||
+                             !(w->values[next] > -G_MAXFLOAT);
                 continue;
-            int next = j * s->width + i;
-            if (!s->in[next] && s->values[next] >= least) {
-                s->in[next] = 1;
-                stack[n++] = next;
+            }
+            spot->halo |= w->labels[next] != NOWHERE && w->labels[next] != spot->label;
+            if (w->labels[next] == NOWHERE) {
+                w->labels[next] = spot->label;
+                w->members[w->n_members++] = next;
             }
         }
     }
-    return count;
+}
+
+/* The middle and the extent of the spot's light above a share of its peak; in the window. */
+static void weigh(const struct window *w, const struct spot *spot, double share,
+                  struct highlight *ret) {
+    const float least = w->level + (float)share * spot->height;
+    double sum = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+    for (int k = 0; k < spot->pixels; k++) {
+        const int i = w->members[spot->first + k];
+        if (!(w->values[i] > least))
+            continue;
+        const double weight = (double)(w->values[i] - least);
+        const int column = i % w->width, row = i / w->width;
+        sum += weight;
+        x += weight * column;
+        y += weight * row;
+        xx += weight * column * column;
+        xy += weight * column * row;
+        yy += weight * row * row;
+    }
+    ret->x_px = x / sum;
+    ret->y_px = y / sum;
+    ret->xx_px2 = MAX(0, xx / sum - ret->x_px * ret->x_px);
+    ret->xy_px2 = xy / sum - ret->x_px * ret->y_px;
+    ret->yy_px2 = MAX(0, yy / sum - ret->y_px * ret->y_px);
+}
+
+/* From second moments of its pixels, each of which is a square. */
+static double aspect(const struct window *w, const struct spot *spot) {
+    double x = 0, y = 0, xx = 1.0 / 12, yy = 1.0 / 12, xy = 0;
+    const int *members = w->members + spot->first, n = spot->pixels;
+    for (int k = 0; k < n; k++) {
+        x += (double)(members[k] % w->width) / n;
+        y += (double)(int)(members[k] / w->width) / n;
+    }
+    for (int k = 0; k < n; k++) {
+        double dx = members[k] % w->width - x, dy = (int)(members[k] / w->width) - y;
+        xx += dx * dx / n;
+        yy += dy * dy / n;
+        xy += dx * dy / n;
+    }
+    double mean = (xx + yy) / 2, apart = hypot((xx - yy) / 2, xy);
+    return sqrt((mean + apart) / (mean - apart));
+}
+
+static void describe(const struct window *w, struct spot *spot) {
+    for (int k = 0; k < spot->pixels; k++)
+        spot->energy += pow((double)(w->values[w->members[spot->first + k]] - w->level), 2);
+    spot->aspect = aspect(w, spot);
+    weigh(w, spot, EDGE, &spot->light);
+}
+
+/* Every spot of its own, brightest first; what touches a brighter one is that one's halo. */
+static GArray *find_spots(struct window *w) {
+    GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
+    guint16 label = NOWHERE + 1;
+    int peak;
+    while (label <= MOST_SPOTS && (peak = brightest(w)) >= 0) {
+        struct spot spot = {.label = label++, .height = w->values[peak] - w->level};
+        if (!(spot.height > w->floor))
+            break;
+        grow(w, peak, &spot);
+        if (spot.halo)
+            continue;
+        describe(w, &spot);
+        g_array_append_val(spots, spot);
+    }
+    return spots;
 }
 
 /* Pixels of the spot that are as bright as the brightest of their phase of a colour filter, each of
  * which may be cut off at a value of its own. */
-static int flat_pixels(const struct spot *s) {
+static int flat_pixels(const struct window *w, const struct spot *spot) {
     float most[4] = {0};
     int count = 0;
     for (int pass = 0; pass < 2; pass++)
-        for (int i = 0; i < s->width * s->height; i++) {
-            int phase = 2 * (i / s->width & 1) + (i % s->width & 1);
-            if (s->in[i] && pass == 0)
-                most[phase] = fmaxf(most[phase], s->values[i]);
-            else if (s->in[i])
-                count += s->values[i] >= (float)FLAT * most[phase];
+        for (int k = 0; k < spot->pixels; k++) {
+            const int i = w->members[spot->first + k];
+            int phase = 2 * (i / w->width & 1) + (i % w->width & 1);
+            if (pass == 0)
+                most[phase] = fmaxf(most[phase], w->values[i]);
+            else
+                count += w->values[i] >= (float)FLAT * most[phase];
         }
     return count;
 }
 
-static const char *centroid(struct spot *s, double most_px, double *ret_x, double *ret_y) {
-    float level, noise;
-    background(s, &level, &noise);
-    int peak = brightest(s);
-    float height = s->values[peak] - level, least = level + (float)EDGE * height;
-    if (!(height > (float)ABOVE_NOISE * noise) || !(height > 0.05f * fabsf(level)))
-        return "shows no lamp: nothing in it is brighter than the rest";
-    int count = grow(s, peak, least);
-    double sum = 0, x = 0, y = 0;
-    for (int i = 0; i < s->width * s->height; i++) {
-        if (!s->in[i])
-            continue;
-        double weight = (double)(s->values[i] - least);
-        sum += weight;
-        int column = i % s->width, row = i / s->width;
-        x += weight * column;
-        y += weight * row;
+/* How far the middle moves as less and less of the border counts: glare and a lamp that is not
+ * round show so. */
+static double spread_px(const struct window *w, const struct spot *spot) {
+    static const double shares[] = {0.35, 0.5, 0.7, 0.9};
+    double sum = 0;
+    for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
+        struct highlight of;
+        weigh(w, spot, shares[i], &of);
+        sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
     }
-    if (flat_pixels(s) >= FLAT_PIXELS)
-        return "is saturated where it shows the lamp; expose less";
-    if (count > most_px)
-        return "shows a spot too large to be a lamp; is the ball glossy, the lamp far enough?";
-    *ret_x = s->left + x / sum;
-    *ret_y = s->top + y / sum;
+    return sqrt(sum / G_N_ELEMENTS(shares));
+}
+
+static gboolean may_be_lamp(const struct spot *spot) {
+    return spot->pixels >= SPECK && spot->aspect < STREAK;
+}
+
+/* NULL, or why not to believe in the best spot. */
+static char *why_not(const struct window *w, const GArray *spots, const struct spot *best,
+                     const struct spot *other, double most_px) {
+    if (!best)
+        return g_strdup(spots->len > 0 ? "shows no lamp: what is bright in it are specks or streaks"
+                                       : "shows no lamp: nothing in it is brighter than the rest");
+    const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
+    if (best->pixels > most_px)
+        return g_strdup("shows a spot too large to be a lamp; is the ball glossy, the lamp far "
+                        "enough?");
+    if (best->cut)
+        return g_strdup_printf("shows the lamp at the edge of where it is looked for, at %.1f, "
+                               "%.1f px; is the ball where it is said to be?",
+                               x, y);
+    if (other && other->energy > COMPARABLE * best->energy)
+        return g_strdup_printf("shows two highlights, at %.1f, %.1f and at %.1f, %.1f px, either "
+                               "of which may be the lamp; cover what else shines",
+                               x, y, w->left + other->light.x_px, w->top + other->light.y_px);
     return NULL;
 }
 
-const char *highlight_find(const struct picture *picture, double x_px, double y_px,
-                           double radius_px, double most_px, double *ret_x, double *ret_y) {
-    struct spot spot = {.picture = picture};
-    if (!cut(&spot, x_px, y_px, radius_px))
-        return "is not wholly in the picture";
-    const char *why = centroid(&spot, most_px, ret_x, ret_y);
-    g_free(spot.values);
-    g_free(spot.in);
+static const struct spot *choose(const struct window *w, const GArray *spots, double most_px,
+                                 char **ret_why) {
+    const struct spot *best = NULL, *other = NULL;
+    for (guint i = 0; i < spots->len; i++) {
+        const struct spot *spot = &g_array_index(spots, struct spot, i);
+        if (!may_be_lamp(spot))
+            continue;
+        if (!best || spot->energy > best->energy) {
+            other = best;
+            best = spot;
+        } else if (!other || spot->energy > other->energy) {
+            other = spot;
+        }
+    }
+    *ret_why = why_not(w, spots, best, other, most_px);
+    return *ret_why ? NULL : best;
+}
+
+char *highlight_find(const struct picture *picture, double x_px, double y_px, double radius_px,
+                     double most_px, struct highlight *ret) {
+    struct window window = {.picture = picture};
+    if (!cut(&window, x_px, y_px, radius_px))
+        return g_strdup("is not wholly in the picture");
+    background(&window);
+    g_autoptr(GArray) spots = find_spots(&window);
+    char *why;
+    const struct spot *spot = choose(&window, spots, most_px, &why);
+    if (spot) {
+        const gboolean saturated = flat_pixels(&window, spot) >= FLAT_PIXELS;
+        *ret = spot->light;
+        ret->x_px += window.left;
+        ret->y_px += window.top;
+        ret->sigma_px = hypot(saturated ? CLIPPED_PX : SIGHT_PX, spread_px(&window, spot));
+        ret->energy = spot->energy;
+        ret->saturated = saturated;
+    }
+    g_free(window.values);
+    g_free(window.labels);
+    g_free(window.members);
     return why;
 }
 
@@ -179,7 +313,8 @@ static void measure_ball(const struct rig *rig, const struct lamp_target *target
     struct vec3 eye = vec3_unit(vec3_sub(rig_camera_centre_mm(camera), centre));
     struct vec3 lamp_mm = rig_lamp_position_mm(&rig->arc, &rig->lamps[from->lamp], from->arc_rad);
     struct vec3 lamp = vec3_unit(vec3_sub(lamp_mm, centre));
-    double radius = target->marks[mark].size_mm, x, y, at_x, at_y;
+    double radius = target->marks[mark].size_mm, x, y;
+    struct highlight found;
     struct outline ball, reach;
     if (sqrt(MAX(0, (1 + vec3_dot(eye, lamp)) / 2)) < SLANT ||
         !is_free(target, mark, from->turntable_rad, lamp_mm) ||
@@ -189,15 +324,17 @@ static void measure_ball(const struct rig *rig, const struct lamp_target *target
         !lamp_highlight_px(camera, centre, radius, lamp_mm, &x, &y))
         return;
     double most_px = MAX(SPOT_SHARE * G_PI * ball.radius_px * ball.radius_px, 9);
-    const char *why = highlight_find(from->picture, x, y, reach.radius_px, most_px, &at_x, &at_y);
+    g_autofree char *why = highlight_find(from->picture, x, y, reach.radius_px, most_px, &found);
+    if (!why && found.saturated) /* a rig's exposures are its own: it need not make do */
+        why = g_strdup("is saturated where it shows the lamp; expose less");
     if (why) {
         g_ptr_array_add(rejected,
                         g_strdup_printf("%s: ball %d %s", from->picture->name, mark + 1, why));
         return;
     }
-    struct lamp_sight sight = {
-        from->index,   from->lamp, from->camera, mark,    from->turntable_rad,
-        from->arc_rad, at_x,       at_y,         SIGHT_PX};
+    struct lamp_sight sight = {from->index, from->lamp,          from->camera,
+                               mark,        from->turntable_rad, from->arc_rad,
+                               found.x_px,  found.y_px,          SIGHT_PX};
     g_array_append_val(sights, sight);
 }
 

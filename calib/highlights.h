@@ -19,7 +19,17 @@ gboolean highlights_measure(const struct rig *rig, const struct lamp_target *tar
                             const struct highlight_picture *from, double reach_mm, GArray *sights,
                             GPtrArray *rejected, GError **error);
 
-/* The middle of the brightest spot within radius_px of a point; NULL, or why there is none to
- * believe in. most_px: spots of more pixels are no mirror image. */
-const char *highlight_find(const struct picture *picture, double x_px, double y_px,
-                           double radius_px, double most_px, double *ret_x, double *ret_y);
+struct highlight {
+    double x_px, y_px;
+    double sigma_px;               /* standard deviation of x and of y */
+    double xx_px2, xy_px2, yy_px2; /* how far its light extends: second moments */
+    double energy;                 /* sum of squares above the background */
+    gboolean saturated;
+};
+
+/* The middle of the lamp's mirror image within radius_px of a point: of the spot that is largest
+ * and brightest, as far as it is not saturated by its light, else by its border. Specks and streaks
+ * do not count. NULL, or why there is none to believe in, g_free(). most_px: spots of more pixels
+ * are no mirror image. */
+char *highlight_find(const struct picture *picture, double x_px, double y_px, double radius_px,
+                     double most_px, struct highlight *ret);

@@ -1,7 +1,11 @@
 #include "lamps.h"
 
+#include "base/input_file.h"
+
 #include <math.h>
 #include <string.h>
+
+#define MAX_BYTES (1 << 20)
 
 /* Standard deviations of sizes, if the target does not tell: posts are cut and set by hand, balls
  * are made for bearings. */
@@ -92,7 +96,13 @@ gboolean lamp_target_load(struct lamp_target *target, const char *path, GError *
     g_autoptr(GError) cause = NULL;
     const struct reader r = {file, path};
     memset(target, 0, sizeof *target);
-    if (!g_key_file_load_from_file(file, path, G_KEY_FILE_NONE, &cause)) {
+    g_autofree char *text = input_file_read_text(path, MAX_BYTES, &cause);
+    if (!text) {
+        input_file_propagate(g_steal_pointer(&cause), LAMPS_ERROR, LAMPS_ERROR_TARGET,
+                             LAMPS_ERROR_TARGET, error);
+        return FALSE;
+    }
+    if (!g_key_file_load_from_data(file, text, (gsize)-1, G_KEY_FILE_NONE, &cause)) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_TARGET, "%s: not a target's description: %s",
                     path, cause->message);
         return FALSE;

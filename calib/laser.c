@@ -318,6 +318,35 @@ static gboolean check_told(const struct problem *problem, const struct fit_resul
     return FALSE;
 }
 
+/* A sweep that turns the other way than it is told, or much further or less, is a mistake in the
+ * rig file or table, which a calibration must not hide; nor could the file be read back. */
+static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
+    for (int i = 0; i < problem->rig->n_lasers; i++) {
+        const struct rig_laser *laser = &problem->rig->lasers[i];
+        if (problem->at[i] < 0)
+            continue;
+        const double turn = 1 + laser->stretch + x[problem->at[i] + STRETCH];
+        if (fabs(turn - 1) <= RIG_MOST_STRETCH)
+            continue;
+        if (turn < 0)
+            g_set_error(error, LASER_ERROR, LASER_ERROR_SWEEP,
+                        "laser %s: the direction of its sweep is reversed (a step of 1° turns the "
+                        "sheet by %.3f°); change the sign of steps_per_deg of its sweep axis in "
+                        "the rig file, or the motor's direction in its controller, or for imported "
+                        "pictures the sign of sweep_deg in the table, and capture or import again",
+                        laser->name, turn);
+        else
+            g_set_error(error, LASER_ERROR, LASER_ERROR_SWEEP,
+                        "laser %s: a step of 1° of its sweep turns the sheet by %.3f°, and at most "
+                        "%g° too much or too little can be calibrated; correct steps_per_deg of "
+                        "its sweep axis in the rig file, or for imported pictures sweep_deg in the "
+                        "table, and capture or import again",
+                        laser->name, turn, RIG_MOST_STRETCH);
+        return FALSE;
+    }
+    return TRUE;
+}
+
 /* Over and over, with what it has told about the arc's drive. */
 static gboolean adjust(struct problem *problem, struct laser_result *ret, GError **error) {
     const int n = problem->n_parameters;
@@ -341,7 +370,9 @@ static gboolean adjust(struct problem *problem, struct laser_result *ret, GError
                         "the sweeps' points are too few or not finite");
             return FALSE;
         }
-        const gboolean last = round == DRIVE_ROUNDS, ok = check_told(problem, &fitted, error);
+        const gboolean last = round == DRIVE_ROUNDS,
+                       ok = check_told(problem, &fitted, error) &&
+                            (!last || check_stretch(problem, x, error));
         drive_learn(&problem->swing, x, fitted.covariance, n);
         if (ok && last)
             take(problem, &fit, &fitted, x, ret);

@@ -19,6 +19,7 @@ GQuark laser_error_quark(void);
 enum laser_error {
     LASER_ERROR_PICTURES,   /* a laser is not seen well enough */
     LASER_ERROR_DEGENERATE, /* planes of one height only, too few steps */
+    LASER_ERROR_SWEEP,      /* a sweep turns the other way, or much further or less, than told */
 };
 
 struct laser_point {

@@ -16,11 +16,15 @@
 
 #include "base/vec.h"
 
-#define RIG_MAX_CAMERAS 16
-#define RIG_MAX_LAMPS   16
-#define RIG_MAX_LASERS  16
-#define RIG_MAX_MARKS   16
-#define RIG_NAME        32
+#define RIG_MAX_CAMERAS    16
+#define RIG_MAX_LAMPS      16
+#define RIG_LEAST_RESPONSE 1e-6 /* DN/s per W/(sr m²), as in a rig file */
+#define RIG_MOST_RESPONSE  1e12
+#define RIG_MOST_INTENSITY 1e6 /* W/sr */
+#define RIG_MOST_STRETCH   0.5 /* of a sweep, either way */
+#define RIG_MAX_LASERS     16
+#define RIG_MAX_MARKS      16
+#define RIG_NAME           32
 
 /* A pinhole with Brown distortion, OpenCV's convention: the centre of the top left pixel is (0, 0),
  * x right, y down; x' = x/z of the point in camera coordinates (z forward). */
@@ -62,7 +66,8 @@ struct rig_laser {
     struct vec3 axis;   /* unit: tangential, so that the line lies across the sweep */
     struct vec3 normal; /* unit, at s = 0, perpendicular to axis; at s = 0 the sheet goes through
                            the origin (nominally) */
-    double stretch;     /* of the sweep: how much further it turns than it is told, relative */
+    double stretch; /* at most RIG_MOST_STRETCH either way; of the sweep: how much further it turns
+                       than it is told, relative */
 };
 
 /* A matt white disc that lies level beside the sample, fixed to the turntable: what is seen of it

@@ -35,7 +35,7 @@ static const struct field camera_fields[] = {
     {"rotation", CAMERA(rotation), 9, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"translation_mm", CAMERA(translation_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"vignetting", CAMERA(vignetting), 1, FALSE, -1, 1},
-    {"response", CAMERA(response), 1, FALSE, G_MINDOUBLE, G_MAXDOUBLE},
+    {"response", CAMERA(response), 1, FALSE, RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE},
     {NULL},
 };
 
@@ -44,7 +44,7 @@ static const struct field lamp_fields[] = {
     {"position_mm", LAMP(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"aim", LAMP(aim), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"exponent", LAMP(exponent), 1, FALSE, 0, 1e6},
-    {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, G_MAXDOUBLE},
+    {"intensity", LAMP(intensity), 1, FALSE, G_MINDOUBLE, RIG_MOST_INTENSITY},
     {NULL},
 };
 
@@ -53,7 +53,7 @@ static const struct field laser_fields[] = {
     {"position_mm", LASER(position_mm), 3, FALSE, -FIELD_LARGE, FIELD_LARGE},
     {"axis", LASER(axis), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
     {"normal", LASER(normal), 3, FALSE, -1 - UNIT_TOLERANCE, 1 + UNIT_TOLERANCE},
-    {"stretch", LASER(stretch), 1, FALSE, -0.5, 0.5, TRUE},
+    {"stretch", LASER(stretch), 1, FALSE, -RIG_MOST_STRETCH, RIG_MOST_STRETCH, TRUE},
     {NULL},
 };
 
@@ -227,6 +227,21 @@ static gboolean check_frame(const struct reader *r, GError **error) {
     return FALSE;
 }
 
+/* The first line, from 1, that is neither empty, a comment, a [group] nor key=value; 0: none is.
+ * The parser's own message quotes it, but a path may name any file that only this program may read.
+ */
+static int bad_line(const char *text) {
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+
+    for (int i = 0; lines[i]; i++) {
+        const char *line = g_strstrip(lines[i]);
+        const gboolean group = *line == '[' && g_str_has_suffix(line, "]");
+        if (*line && *line != '#' && *line != '=' && !group && !strchr(line, '='))
+            return i + 1;
+    }
+    return 0;
+}
+
 gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autoptr(GError) cause = NULL;
@@ -234,8 +249,11 @@ gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GErr
     struct rig read = {0};
 
     if (!g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, &cause)) {
-        g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT, "%s: not a calibration file: %s", r.path,
-                    cause->message);
+        const int line = bad_line(text);
+        g_autofree char *what =
+            line > 0 ? g_strdup_printf("line %d is", line) : g_strdup("there is what is");
+        g_set_error(error, RIG_ERROR, RIG_ERROR_FORMAT,
+                    "%s: not a calibration file: %s neither a [group] nor key=value", r.path, what);
         return FALSE;
     }
     if (!check_frame(&r, error) || !read_rig(&r, &read, error))

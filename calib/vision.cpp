@@ -1,5 +1,8 @@
 #include "vision.h"
 
+#include "base/input_file.h"
+#include "picture_header.h"
+
 #include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -8,6 +11,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 G_DEFINE_QUARK(vision_error, vision_error)
 
@@ -102,8 +106,38 @@ void fill(float *to, const cv::Mat &from) {
 }
 
 bool is_readable(const cv::Mat &picture) {
-    return !picture.empty() &&
+    return !picture.empty() && (picture.channels() == 1 || picture.channels() == 3) &&
            (picture.depth() == CV_8U || picture.depth() == CV_16U || picture.depth() == CV_32F);
+}
+
+/* The whole file, once its header has said that there is memory for its pixels. */
+char *read_picture(const char *path, gsize *ret_length, GError **error) {
+    g_autofree char *text = input_file_read(path, G_MAXINT, ret_length, error);
+    if (!text || !picture_header_check(path, (const guint8 *)text, *ret_length, error))
+        return nullptr;
+    return (char *)g_steal_pointer(&text);
+}
+
+/* Empty: an error. */
+cv::Mat decode(const char *path, char *text, gsize length, int flags, GError **error) {
+    const cv::Mat bytes(1, (int)length, CV_8U, text);
+    cv::Mat ret = cv::imdecode(bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
+    if (is_readable(ret))
+        return ret;
+    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+    return {};
+}
+
+/* n values become n times three of them, in place. */
+void spread_grey(float *values, gsize n) {
+    while (n-- > 0)
+        values[3 * n] = values[3 * n + 1] = values[3 * n + 2] = values[n];
+}
+
+void swap_red_and_blue(float *values, gsize n) {
+    for (gsize i = 0; i < n; i++)
+        std::swap(values[3 * i], values[3 * i + 2]);
 }
 
 /* Markers smaller than a few pixels a cell are found in an enlarged picture. */
@@ -156,6 +190,33 @@ void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, in
     }
 }
 
+void take_corners(const std::vector<cv::Point2f> &corners, double scale, double *ret_xy_px) {
+    for (gsize i = 0; i < corners.size(); i++) {
+        ret_xy_px[2 * i] = ((double)corners[i].x + 0.5) / scale - 0.5;
+        ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
+    }
+}
+
+bool find_by_sectors(const cv::Mat &bytes, cv::Size inner, double scale, double *ret_xy_px) {
+    std::vector<cv::Point2f> corners;
+    cv::Mat scaled = bytes;
+    if (scale != 1)
+        cv::resize(bytes, scaled, {}, scale, scale, scale > 1 ? cv::INTER_CUBIC : cv::INTER_AREA);
+    if (!cv::findChessboardCornersSB(scaled, inner, corners, cv::CALIB_CB_NORMALIZE_IMAGE))
+        return false;
+    take_corners(corners, scale, ret_xy_px);
+    return true;
+}
+
+/* Finds boards that the other misses, by the outlines of their dark squares. */
+bool find_by_squares(const cv::Mat &bytes, cv::Size inner, double *ret_xy_px) {
+    std::vector<cv::Point2f> corners;
+    if (!cv::findChessboardCorners(bytes, inner, corners))
+        return false;
+    take_corners(corners, 1, ret_xy_px);
+    return true;
+}
+
 cv::Mat rows_of(const double *points, int n, int first) {
     cv::Mat m(n, 1, CV_64FC2);
     for (int i = 0; i < n; i++)
@@ -166,56 +227,46 @@ cv::Mat rows_of(const double *points, int n, int first) {
 } // namespace
 
 struct picture *vision_read(const char *path, GError **error) {
-    g_autofree char *text = nullptr;
     gsize length = 0;
-    if (!g_file_get_contents(path, &text, &length, error))
+    g_autofree char *text = read_picture(path, &length, error);
+    if (!text)
         return nullptr;
     struct picture *ret = nullptr;
     guarded(error, path, [&] {
-        if (length > 0 && length <= G_MAXINT) {
-            const cv::Mat bytes(1, (int)length, CV_8U, text);
-            const cv::Mat grey = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH |
-                                                         cv::IMREAD_IGNORE_ORIENTATION);
-            if (is_readable(grey)) {
-                g_autofree char *sum =
-                    g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)text, length);
-                ret = picture_new(path, sum, grey.cols, grey.rows);
-                fill(ret->values, grey);
-            }
-        }
-        if (!ret)
-            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                        "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
-        return ret != nullptr;
+        const cv::Mat grey =
+            decode(path, text, length, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH, error);
+        if (grey.empty())
+            return false;
+        g_autofree char *sum =
+            g_compute_checksum_for_data(G_CHECKSUM_SHA256, (const guchar *)text, length);
+        ret = picture_new(path, sum, grey.cols, grey.rows);
+        fill(ret->values, grey);
+        return true;
     });
     return ret;
 }
 
 gboolean vision_read_colour(const char *path, int *ret_width, int *ret_height, gboolean *ret_grey,
                             float **ret_rgb, GError **error) {
-    g_autofree char *text = nullptr;
     gsize length = 0;
-    if (!g_file_get_contents(path, &text, &length, error))
+    g_autofree char *text = read_picture(path, &length, error);
+    if (!text)
         return FALSE;
     return guarded(error, path, [&] {
-        cv::Mat bgr;
-        if (length > 0 && length <= G_MAXINT) {
-            const cv::Mat bytes(1, (int)length, CV_8U, text);
-            bgr = cv::imdecode(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH |
-                                          cv::IMREAD_IGNORE_ORIENTATION);
-        }
-        if (!is_readable(bgr) || (bgr.channels() != 1 && bgr.channels() != 3)) {
-            g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
-                        "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+        const cv::Mat bgr =
+            decode(path, text, length, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH, error);
+        if (bgr.empty())
             return false;
-        }
+        const gsize n = (gsize)bgr.cols * (gsize)bgr.rows;
         *ret_grey = bgr.channels() == 1;
         *ret_width = bgr.cols;
         *ret_height = bgr.rows;
-        cv::Mat rgb;
-        cv::cvtColor(bgr, rgb, *ret_grey ? cv::COLOR_GRAY2RGB : cv::COLOR_BGR2RGB);
-        *ret_rgb = g_new(float, 3 * (gsize)rgb.cols * (gsize)rgb.rows);
-        fill(*ret_rgb, rgb);
+        *ret_rgb = g_new(float, 3 * n);
+        fill(*ret_rgb, bgr);
+        if (*ret_grey)
+            spread_grey(*ret_rgb, n);
+        else
+            swap_red_and_blue(*ret_rgb, n);
         return true;
     });
 }
@@ -266,19 +317,13 @@ GArray *vision_find_markers(const struct picture *picture, const char *dictionar
 gboolean vision_find_chessboard(const struct picture *picture, int columns, int rows,
                                 double *ret_xy_px, GError **error) {
     return guarded(error, picture->name, [&] {
-        cv::Mat bytes = to_bytes(picture);
-        const int scale = enlargement(bytes);
-        if (scale > 1)
-            cv::resize(bytes, bytes, {}, scale, scale, cv::INTER_CUBIC);
-        std::vector<cv::Point2f> corners;
-        if (!cv::findChessboardCornersSB(bytes, {columns - 1, rows - 1}, corners,
-                                         cv::CALIB_CB_NORMALIZE_IMAGE))
-            return false;
-        for (gsize i = 0; i < corners.size(); i++) {
-            ret_xy_px[2 * i] = ((double)corners[i].x + 0.5) / scale - 0.5;
-            ret_xy_px[2 * i + 1] = ((double)corners[i].y + 0.5) / scale - 0.5;
-        }
-        return true;
+        const cv::Mat bytes = to_bytes(picture);
+        const cv::Size inner = {columns - 1, rows - 1};
+        const double enlarged = enlargement(bytes);
+        return find_by_sectors(bytes, inner, enlarged, ret_xy_px) ||
+               (enlarged > 1 && find_by_sectors(bytes, inner, 1, ret_xy_px)) ||
+               find_by_sectors(bytes, inner, 0.5, ret_xy_px) ||
+               find_by_squares(bytes, inner, ret_xy_px);
     });
 }
 

@@ -100,6 +100,10 @@ static void changed(Capture *capture, gpointer data) {
 }
 
 gboolean bus_need_rig(Bus *bus, GError **error) {
+    if (bus->ending) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is being closed", bus->rig_path);
+        return FALSE;
+    }
     if (!bus->devices)
         g_set_error(error, BUS_ERROR, BUS_ERROR_NO_RIG, "no rig is open: call OpenRig first");
     return bus->devices != NULL;
@@ -111,15 +115,19 @@ gboolean bus_need_capture(Bus *bus, GError **error) {
     return bus->capture != NULL;
 }
 
-static gboolean need_free(Bus *bus, GError **error) {
+gboolean bus_need_free(Bus *bus, GError **error) {
+    const char *beginning = bus_jobs_beginning(bus);
     if (bus->capture)
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
                     "%s is being captured (%s): Abort it, or wait for its end", bus->directory,
                     bus_rig1_get_state(bus->object));
-    return !bus->capture;
+    else if (beginning)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "%s is about to begin: Abort it, or wait for its end", beginning);
+    return !bus->capture && !beginning;
 }
 
-static gboolean need_absolute(const char *path, GError **error) {
+gboolean bus_need_absolute(const char *path, GError **error) {
     if (g_path_is_absolute(path))
         return TRUE;
     g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH, "“%s” is not an absolute path", path);
@@ -145,8 +153,21 @@ static void hold_clock(Bus *bus, gboolean hold) {
     (hold ? clock_hold : clock_release)(bus->devices->clock);
 }
 
+/* What shines on when this program dies is for whoever runs the rig to know before it does. */
+static void warn_of_lasers(const struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        const Laser *laser = devices->lasers[i];
+        if (rig_laser_unit(&devices->timing, i) == i && !laser->driver->simulated &&
+            laser->watchdog_s == 0)
+            g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
+                      "stops or the line is cut: give it one, or wire an interlock relay; see "
+                      "\"Watchdogs of devices\" in docs/safety.md",
+                      laser->device.name, laser->device.info->name);
+    }
+}
+
 gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
-    if (!need_free(bus, error) || !need_absolute(path, error))
+    if (!bus_need_free(bus, error) || !bus_need_absolute(path, error))
         return FALSE;
     if (bus->devices) {
         g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is open: call CloseRig first",
@@ -156,6 +177,12 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
     bus->devices = devices_open(path, error);
     if (!bus->devices)
         return FALSE;
+    if (guardian_is_needed(bus->devices) && !(bus->guardian = guardian_start(path, error))) {
+        g_clear_pointer(&bus->devices, devices_close);
+        return FALSE;
+    }
+    bus->is_safe = FALSE;
+    warn_of_lasers(bus->devices);
     hold_clock(bus, TRUE);
     g_free(bus->rig_path);
     bus->rig_path = g_strdup(path);
@@ -164,79 +191,24 @@ gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
 }
 
 void bus_close_rig(Bus *bus) {
+    g_autoptr(GError) error = NULL;
+    if (bus->ending)
+        return; /* from within bus_end(), which runs the main loop */
+    bus_jobs_stop_all(bus, "the rig was closed meanwhile");
     g_clear_pointer(&bus->follower, follower_free);
     end_capture(bus);
     bus_drop_thumbnails(bus);
+    if (bus->guardian && !bus->is_safe && !bus_end(bus, &error))
+        g_warning("the rig is NOT safe: %s", error->message);
     hold_clock(bus, FALSE);
+    guardian_set_busy(bus->guardian, TRUE); /* who does not answer is waited for once more */
     g_clear_pointer(&bus->devices, devices_close);
+    guardian_end(bus->guardian, bus->is_safe);
+    bus->guardian = NULL;
     g_clear_pointer(&bus->rig_path, g_free);
     g_clear_pointer(&bus->directory, g_free);
     g_hash_table_remove_all(bus->faults);
     show_nothing(bus);
-}
-
-GVariant *bus_validate(Bus *bus, const char *session_path, const char *directory, GError **error) {
-    struct session_conf conf = {0};
-    if (!bus_need_rig(bus, error) || !need_absolute(session_path, error) ||
-        (*directory && !need_absolute(directory, error)) ||
-        !session_conf_load(&conf, session_path, error))
-        return NULL;
-    struct plan *plan =
-        *directory ? capture_validate(bus->devices, &conf, directory, error)
-                   : plan_build(&conf, &bus->devices->geometry, &bus->devices->timing, error);
-    GVariant *report = plan ? g_variant_ref_sink(report_plan(&conf, plan)) : NULL;
-    plan_free(plan);
-    session_conf_clear(&conf);
-    return report;
-}
-
-struct start_options {
-    gboolean process;
-    char *calibration; /* path; NULL: nominal geometry */
-};
-
-static gboolean check_options(GVariant *options, struct start_options *ret, GError **error) {
-    GVariantIter iter;
-    const char *key;
-    g_autoptr(GVariant) value = NULL;
-    *ret = (struct start_options){0};
-    g_variant_iter_init(&iter, options);
-    while (g_variant_iter_next(&iter, "{&sv}", &key, &value)) {
-        if (strcmp(key, "process") == 0 && g_variant_is_of_type(value, G_VARIANT_TYPE_BOOLEAN)) {
-            ret->process = g_variant_get_boolean(value);
-        } else if (strcmp(key, "calibration") == 0 &&
-                   g_variant_is_of_type(value, G_VARIANT_TYPE_STRING)) {
-            g_free(ret->calibration);
-            ret->calibration = g_variant_dup_string(value, NULL);
-        } else {
-            g_set_error(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                        "no such option, or not of its type: %s (there are: process, a boolean, "
-                        "and calibration, a string)",
-                        key);
-            return FALSE;
-        }
-        g_clear_pointer(&value, g_variant_unref);
-    }
-    return TRUE;
-}
-
-/* In place of what the rig file names, for a session that begins now. */
-static Capture *start_calibrated(Bus *bus, const struct session_conf *conf, const char *directory,
-                                 char *calibration, const struct capture_callbacks *callbacks,
-                                 GError **error) {
-    char *own = bus->devices->calibration_path;
-    if (calibration && !need_absolute(calibration, error))
-        return NULL;
-    if (calibration && !g_file_test(calibration, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: there is no such calibration",
-                    calibration);
-        return NULL;
-    }
-    if (calibration)
-        bus->devices->calibration_path = calibration;
-    Capture *capture = capture_start(bus->devices, conf, directory, callbacks, error);
-    bus->devices->calibration_path = own;
-    return capture;
 }
 
 /* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
@@ -256,7 +228,7 @@ static void write_control(Bus *bus) {
         g_message("other terminals will not find this session by its folder: %s", error->message);
 }
 
-static void begin(Bus *bus, Capture *capture, const char *directory, gboolean process) {
+static void show_beginning(Bus *bus, Capture *capture, const char *directory, gboolean process) {
     struct capture_status status;
     g_autoptr(GError) error = NULL;
     g_free(bus->directory);
@@ -276,41 +248,23 @@ static void begin(Bus *bus, Capture *capture, const char *directory, gboolean pr
     changed(capture, bus);
 }
 
-gboolean bus_start(Bus *bus, const char *session_path, const char *directory, GVariant *options,
-                   GError **error) {
+gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
+                   gboolean process, GError **error) {
     const struct capture_callbacks callbacks = {changed, event, bus};
-    struct session_conf conf = {0};
-    struct start_options chosen;
-    const gboolean begins = session_path != NULL;
-    if (!bus_need_rig(bus, error) || !need_free(bus, error) || !need_absolute(directory, error))
-        return FALSE;
-    const gboolean good = check_options(options, &chosen, error);
-    g_autofree char *calibration = chosen.calibration;
-    if (!good)
-        return FALSE;
-    if (calibration && !begins) {
-        g_set_error_literal(error, BUS_ERROR, BUS_ERROR_UNKNOWN,
-                            "a session that goes on keeps the calibration it was begun with");
-        return FALSE;
-    }
-    if (begins &&
-        (!need_absolute(session_path, error) || !session_conf_load(&conf, session_path, error)))
-        return FALSE;
+    bus->is_safe = FALSE;
     g_clear_pointer(&bus->follower, follower_free);
     g_hash_table_remove_all(bus->faults);
-    Capture *capture = begins
-                           ? start_calibrated(bus, &conf, directory, calibration, &callbacks, error)
-                           : capture_resume(bus->devices, directory, &callbacks, error);
-    if (begins)
-        session_conf_clear(&conf);
+    Capture *capture = resumed ? capture_go_on(bus->devices, directory, warning, &callbacks, error)
+                               : capture_begin(bus->devices, directory, &callbacks, error);
     if (capture)
-        begin(bus, capture, directory, chosen.process);
+        show_beginning(bus, capture, directory, process);
     return capture != NULL;
 }
 
 gboolean bus_make_safe(Bus *bus, GError **error) {
     if (!bus_need_rig(bus, error))
         return FALSE;
+    bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
     hold_clock(bus, FALSE);
     if (bus->capture)
         capture_abort(bus->capture);
@@ -326,6 +280,9 @@ Bus *bus_new(const char *address) {
     g_object_set_data(G_OBJECT(bus->object), "bus", bus);
     bus->address = g_strdup(address);
     bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    bus->jobs = g_ptr_array_new();
+    memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
+    bus->queue = bus_queue_new(bus);
     bus_answer_calls(bus);
     show_nothing(bus);
     return bus;
@@ -340,10 +297,15 @@ static void unexport(GDBusInterfaceSkeleton *skeleton) {
 }
 
 gboolean bus_end(Bus *bus, GError **error) {
+    bus_jobs_stop_all(bus, "mesorigd ends");
     if (!bus->devices)
         return TRUE;
     end_capture(bus);
-    return devices_make_safe(bus->devices, error);
+    hold_clock(bus, FALSE);
+    bus->ending = TRUE;
+    bus->is_safe = devices_secure(bus->devices, error);
+    bus->ending = FALSE;
+    return bus->is_safe;
 }
 
 void bus_free(Bus *bus) {
@@ -351,10 +313,12 @@ void bus_free(Bus *bus) {
         return;
     bus->func = NULL;
     bus_close_rig(bus);
+    bus_queue_close(bus->queue);
     unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
     g_object_set_data(G_OBJECT(bus->object), "bus", NULL);
     g_object_unref(bus->object);
     g_hash_table_unref(bus->faults);
+    g_ptr_array_unref(bus->jobs);
     g_free(bus->address);
     g_free(bus);
 }
@@ -374,6 +338,8 @@ static void connection_closed(GDBusConnection *connection, gboolean by_peer, GEr
     if (g_dbus_interface_skeleton_has_connection(object, connection))
         g_dbus_interface_skeleton_unexport_from_connection(object, connection);
     Bus *bus = g_object_get_data(object, "bus");
+    if (bus)
+        bus_jobs_stop_client(bus, connection);
     if (!bus || bus->client != connection)
         return;
     bus->client = NULL;
@@ -385,6 +351,7 @@ gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error) {
     GDBusInterfaceSkeleton *skeleton = G_DBUS_INTERFACE_SKELETON(bus->object);
     if (!g_dbus_interface_skeleton_export(skeleton, connection, BUS_PATH, error))
         return FALSE;
+    bus_queue_guard(bus->queue, connection);
     g_signal_connect_object(connection, "closed", G_CALLBACK(connection_closed), skeleton, 0);
     return TRUE;
 }

@@ -19,7 +19,8 @@ typedef void (*BusFunc)(Bus *bus, gpointer data);
  * "control" of the session directory while a session is captured. */
 Bus *bus_new(const char *address);
 
-/* The session closed as it stands (it can be resumed), the rig safe. TRUE: it is. */
+/* The session closed as it stands (it can be resumed), the rig safe. TRUE: every device has
+ * answered that it is. Runs the main loop. */
 gboolean bus_end(Bus *bus, GError **error);
 
 /* The rig safe, the session closed (it can be resumed), devices closed, and gone from every

@@ -1,6 +1,5 @@
 #include "bus_errors.h"
 #include "bus_private.h"
-#include "report.h"
 
 /* What a handler does when it has failed: answers with the error. What has changed is told before a
  * call is answered: who asks must not find the state of before. */
@@ -34,19 +33,11 @@ static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation,
     return TRUE;
 }
 
-/* What is wrong with a session is the answer; what is wrong with the call is an error. */
 static gboolean on_validate(BusRig1 *object, GDBusMethodInvocation *invocation,
                             const char *session_path, const char *directory, Bus *bus) {
     GError *error = NULL;
-    GVariant *report = bus_validate(bus, session_path, directory, &error);
-    if (!report && error->domain == BUS_ERROR)
-        return refuse(invocation, error);
-    g_autofree char *text = report ? report_text(report) : g_strdup(error->message);
-    bus_rig1_complete_validate(object, invocation, report != NULL, text,
-                               report ? report : g_variant_new("a{sv}", NULL));
-    g_clear_pointer(&report, g_variant_unref);
-    g_clear_error(&error);
-    return TRUE;
+    return bus_validate(bus, invocation, session_path, directory, &error) ||
+           refuse(invocation, error);
 }
 
 static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
@@ -54,22 +45,16 @@ static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
                          Bus *bus) {
     GError *error = NULL;
     claim(bus, invocation);
-    if (!bus_start(bus, session_path, directory, options, &error))
-        return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
-    bus_rig1_complete_start(object, invocation);
-    return TRUE;
+    return bus_start(bus, invocation, session_path, directory, options, &error) ||
+           refuse(invocation, error);
 }
 
 static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, const char *directory,
                           GVariant *options, Bus *bus) {
     GError *error = NULL;
     claim(bus, invocation);
-    if (!bus_start(bus, NULL, directory, options, &error))
-        return refuse(invocation, error);
-    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
-    bus_rig1_complete_resume(object, invocation);
-    return TRUE;
+    return bus_start(bus, invocation, NULL, directory, options, &error) ||
+           refuse(invocation, error);
 }
 
 static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
@@ -94,18 +79,12 @@ static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, 
 
 static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
     GError *error = NULL;
-    if (!bus_need_capture(bus, &error))
+    const gboolean begun = bus_jobs_stop_begin(bus, "Abort ended what was about to begin");
+    if (!begun && !bus_need_capture(bus, &error))
         return refuse(invocation, error);
-    capture_abort(bus->capture);
+    if (bus->capture)
+        capture_abort(bus->capture);
     bus_rig1_complete_abort(object, invocation);
-    return TRUE;
-}
-
-static gboolean on_safe_state(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
-    GError *error = NULL;
-    if (!bus_make_safe(bus, &error))
-        return refuse(invocation, error);
-    bus_rig1_complete_safe_state(object, invocation);
     return TRUE;
 }
 
@@ -122,6 +101,7 @@ static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocat
     return TRUE;
 }
 
+/* All but SafeState, which bus_queue.c answers. */
 void bus_answer_calls(Bus *bus) {
     const struct {
         const char *signal;
@@ -135,7 +115,6 @@ void bus_answer_calls(Bus *bus) {
         {"handle-pause", G_CALLBACK(on_pause)},
         {"handle-continue", G_CALLBACK(on_continue)},
         {"handle-abort", G_CALLBACK(on_abort)},
-        {"handle-safe-state", G_CALLBACK(on_safe_state)},
         {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
     };
     for (gsize i = 0; i < G_N_ELEMENTS(handlers); i++)

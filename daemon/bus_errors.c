@@ -15,6 +15,8 @@ static const GDBusErrorEntry bus_names[] = {
     {BUS_ERROR_UNKNOWN, NAME("Unknown")},
     {BUS_ERROR_NO_PICTURE, NAME("NoPicture")},
     {BUS_ERROR_FAILED, NAME("Failed")},
+    {BUS_ERROR_LIMIT, NAME("Limit")},
+    {BUS_ERROR_CANCELLED, NAME("Cancelled")},
 };
 
 static const GDBusErrorEntry config_names[] = {
@@ -39,13 +41,13 @@ static const GDBusErrorEntry device_names[] = {
 static const GDBusErrorEntry session_names[] = {
     {SESSION_ERROR_IO, NAME("SessionIO")},         {SESSION_ERROR_FORMAT, NAME("SessionFormat")},
     {SESSION_ERROR_LOCKED, NAME("SessionLocked")}, {SESSION_ERROR_EXISTS, NAME("SessionExists")},
-    {SESSION_ERROR_FULL, NAME("SessionFull")},
+    {SESSION_ERROR_FULL, NAME("SessionFull")},     {SESSION_ERROR_DAMAGED, NAME("SessionDamaged")},
 };
 
 static const GDBusErrorEntry plan_names[] = {
     {PLAN_ERROR_NO_CAMERA, NAME("PlanNoCamera")}, {PLAN_ERROR_NO_LAMP, NAME("PlanNoLamp")},
     {PLAN_ERROR_NO_LASER, NAME("PlanNoLaser")},   {PLAN_ERROR_LIMITS, NAME("PlanLimits")},
-    {PLAN_ERROR_BLOCKED, NAME("PlanBlocked")},
+    {PLAN_ERROR_BLOCKED, NAME("PlanBlocked")},    {PLAN_ERROR_SIZE, NAME("PlanSize")},
 };
 
 static const GDBusErrorEntry rig_names[] = {

@@ -13,6 +13,8 @@ enum bus_error {
     BUS_ERROR_UNKNOWN,    /* no camera or option of that name */
     BUS_ERROR_NO_PICTURE, /* the camera has not taken one yet */
     BUS_ERROR_FAILED,     /* anything whose own domain has no name on the bus */
+    BUS_ERROR_LIMIT,      /* a limit of time, memory or waiting calls was met; says which */
+    BUS_ERROR_CANCELLED,  /* another call ended what this one had begun */
 };
 
 /* Registers the names of all error domains that cross the bus, so that a GError goes through as

@@ -6,6 +6,8 @@
 #include "capture_check.h"
 #include "capture_marks.h"
 #include "capture_mount.h"
+#include "intake_darks.h"
+#include "intake_write.h"
 #include "thumbnail.h"
 
 static double load_value(Session *session, const char *key) {
@@ -14,7 +16,7 @@ static double load_value(Session *session, const char *key) {
     return isfinite(value) ? value : 0;
 }
 
-struct plan *capture_validate(struct devices *devices, const struct session_conf *conf,
+struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error) {
     if (directory && g_file_test(directory, G_FILE_TEST_EXISTS)) {
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS,
@@ -102,7 +104,7 @@ static gboolean set_up(Capture *capture, GError **error) {
     return capture_mount_load(capture, error);
 }
 
-static Session *create_session(struct devices *devices, const struct session_conf *conf,
+static Session *create_session(const struct devices *devices, const struct session_conf *conf,
                                const char *directory, const struct plan *plan,
                                const struct calibration *calibration, GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
@@ -120,48 +122,83 @@ static Session *create_session(struct devices *devices, const struct session_con
     return session;
 }
 
-static void keep_plan(Capture *capture, const struct plan *plan) {
-    capture_save_value(capture, "predicted_s", plan->predicted_s);
-    capture_save_value(capture, "lower_bound_s", plan->lower_bound_s);
-    capture_save_value(capture, "predicted_bytes", (double)plan->bytes);
-    for (guint i = 0; plan->notes && i < plan->notes->len; i++)
-        capture_tell(capture, "info", "plan", plan->notes->pdata[i]);
+static void note(Session *session, const char *level, const char *source,
+                 const GPtrArray *messages) {
+    for (guint i = 0; messages && i < messages->len; i++)
+        session_add_event(session, 0, level, source, messages->pdata[i], NULL);
+}
+
+static void keep_value(Session *session, const char *key, double value) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), NULL);
+}
+
+static void keep_plan(Session *session, const struct plan *plan) {
+    keep_value(session, "predicted_s", plan->predicted_s);
+    keep_value(session, "lower_bound_s", plan->lower_bound_s);
+    keep_value(session, "predicted_bytes", (double)plan->bytes);
+    note(session, "info", "plan", plan->notes);
 }
 
 /* Which calibration it was is in the session as a whole; here where it came from. */
-static void keep_calibration(Capture *capture, const struct calibration *calibration,
-                             const GPtrArray *warnings) {
+static void keep_calibration(Session *session, const struct devices *devices,
+                             const struct calibration *calibration, const GPtrArray *warnings) {
     gboolean calibrated = FALSE;
     for (int i = 0; i < CALIBRATION_PARTS; i++)
         calibrated |= calibration->parts[i].done;
-    session_set_value(capture->session, "calibration",
-                      calibrated ? capture->devices->calibration_path : "nominal", NULL);
-    for (guint i = 0; i < warnings->len; i++)
-        capture_tell(capture, "warning", "calibration", warnings->pdata[i]);
+    session_set_value(session, "calibration", calibrated ? devices->calibration_path : "nominal",
+                      NULL);
+    note(session, "warning", "calibration", warnings);
 }
 
-Capture *capture_start(struct devices *devices, const struct session_conf *conf,
-                       const char *directory, const struct capture_callbacks *callbacks,
-                       GError **error) {
+gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
+                        const char *directory, GError **error) {
     struct plan *plan = capture_validate(devices, conf, directory, error);
     if (!plan)
-        return NULL;
+        return FALSE;
     g_autoptr(GPtrArray) warnings = NULL;
     g_autoptr(Calibration) calibration = capture_calibration(devices, &warnings, error);
-    Session *session =
+    g_autoptr(Session) session =
         calibration ? create_session(devices, conf, directory, plan, calibration, error) : NULL;
-    Capture *capture = session ? capture_new(devices, session, callbacks) : NULL;
-    if (capture) {
-        keep_plan(capture, plan);
-        keep_calibration(capture, calibration, warnings);
+    if (session) {
+        keep_plan(session, plan);
+        keep_calibration(session, devices, calibration, warnings);
     }
     plan_free(plan);
-    if (!capture || !set_up(capture, error)) {
+    return session != NULL;
+}
+
+/* What was found when the session was made, to who listens. */
+static gboolean tell_beginning(Capture *capture, GError **error) {
+    g_autoptr(GPtrArray) events = session_events(capture->session, error);
+    for (guint i = 0; events && i < events->len && capture->callbacks.event; i++) {
+        const struct session_event *event = events->pdata[i];
+        capture->callbacks.event(capture, event->level, event->source, event->message,
+                                 capture->callbacks.data);
+    }
+    return events != NULL;
+}
+
+Capture *capture_begin(struct devices *devices, const char *directory,
+                       const struct capture_callbacks *callbacks, GError **error) {
+    Session *session = session_open(directory, SESSION_CAPTURE, error);
+    if (!session)
+        return NULL;
+    Capture *capture = capture_new(devices, session, callbacks);
+    if (!tell_beginning(capture, error) || !set_up(capture, error)) {
         capture_free(capture);
         return NULL;
     }
     capture_begin_soon(capture);
     return capture;
+}
+
+Capture *capture_start(struct devices *devices, const struct session_conf *conf,
+                       const char *directory, const struct capture_callbacks *callbacks,
+                       GError **error) {
+    return capture_create(devices, conf, directory, error)
+               ? capture_begin(devices, directory, callbacks, error)
+               : NULL;
 }
 
 static gboolean take_latest_time(Capture *capture, GError **error) {
@@ -174,24 +211,53 @@ static gboolean take_latest_time(Capture *capture, GError **error) {
     return frames != NULL;
 }
 
+/* Every dark frame that what remains needs. */
+static gboolean can_read_darks(Session *session, const GPtrArray *shots,
+                               const struct session_conf *conf, const struct rig *rig) {
+    gint64 exposures[SHOT_MAX_DARKS];
+    const int n = shot_dark_exposures(conf, exposures);
+    for (int c = 0; c < rig->n_cameras; c++) {
+        const struct camera_format format = {.width = rig->cameras[c].width,
+                                             .height = rig->cameras[c].height};
+        const struct session_shot *shot = dark_before(shots, c);
+        for (int i = 0; shot && i < n; i++) {
+            g_autofree float *pixels = intake_read_dark(
+                session_path(session), shot, rig->cameras[c].name, &format, exposures[i], NULL);
+            if (!pixels)
+                return FALSE;
+        }
+    }
+    return TRUE;
+}
+
 /* A dark frame that cannot be read is looked into by its checksum, and so taken again. */
-static gboolean reload_shots(Capture *capture, GError **error) {
-    int lost;
-    if (!session_verify(capture->session, TRUE, &lost, error))
+static gboolean examine(Session *session, const struct devices *devices, char **ret_warning,
+                        GError **error) {
+    struct session_conf conf = {0};
+    if (!session_verify(session, FALSE, NULL, error))
         return FALSE;
-    GPtrArray *shots = session_shots(capture->session, error);
-    if (!shots)
+    g_autofree char *text = session_text(session, "session.conf", error);
+    if (!text || !session_conf_parse(&conf, text, session_path(session), error))
         return FALSE;
-    g_ptr_array_unref(capture->shots);
-    capture->shots = shots;
-    capture->n_shots = capture->n_done = 0;
-    count_shots(capture);
-    return load_darks(capture, error);
+    g_autoptr(GPtrArray) shots = session_shots(session, error);
+    gboolean ok = shots && capture_check_rig(session, shots, devices, error);
+    if (ok && !can_read_darks(session, shots, &conf, &devices->geometry))
+        ok = session_verify(session, TRUE, NULL, error);
+    session_conf_clear(&conf);
+    if (ok)
+        *ret_warning = capture_check_calibration(session, devices);
+    return ok;
+}
+
+gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
+                         GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_CAPTURE, error);
+    *ret_warning = NULL;
+    return session && examine(session, devices, ret_warning, error);
 }
 
 static gboolean check_resumed(Capture *capture, GError **error) {
-    g_autofree char *warning = NULL;
-    if (!capture_check_rig(capture->session, capture->shots, capture->devices, &warning, error) ||
+    if (!capture_check_rig(capture->session, capture->shots, capture->devices, error) ||
         !take_latest_time(capture, error))
         return FALSE;
     double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
@@ -199,30 +265,34 @@ static gboolean check_resumed(Capture *capture, GError **error) {
     if (part > 0 &&
         !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
         return FALSE;
-    if (!load_darks(capture, NULL) && !reload_shots(capture, error))
-        return FALSE;
-    if (warning)
-        capture_tell(capture, "warning", "rig", warning);
-    return TRUE;
+    return load_darks(capture, error);
 }
 
-Capture *capture_resume(struct devices *devices, const char *directory,
-                        const struct capture_callbacks *callbacks, GError **error) {
-    int lost;
+Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
+                       const struct capture_callbacks *callbacks, GError **error) {
     Session *session = session_open(directory, SESSION_CAPTURE, error);
     if (!session)
         return NULL;
     Capture *capture = capture_new(devices, session, callbacks);
-    if (!session_verify(session, FALSE, &lost, error) || !set_up(capture, error) ||
-        !check_resumed(capture, error)) {
+    if (!set_up(capture, error) || !check_resumed(capture, error)) {
         capture_free(capture);
         return NULL;
     }
+    if (warning)
+        capture_tell(capture, "warning", "rig", warning);
     g_autofree char *message =
         g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
     capture_tell(capture, "info", "capture", message);
     capture_begin_soon(capture);
     return capture;
+}
+
+Capture *capture_resume(struct devices *devices, const char *directory,
+                        const struct capture_callbacks *callbacks, GError **error) {
+    g_autofree char *warning = NULL;
+    return capture_examine(devices, directory, &warning, error)
+               ? capture_go_on(devices, directory, warning, callbacks, error)
+               : NULL;
 }
 
 void capture_free(Capture *capture) {

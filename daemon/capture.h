@@ -53,15 +53,32 @@ struct capture_callbacks {
 
 /* Checks everything (session against rig, free disk, blocked poses) without moving: what a capture
  * would refuse. The plan is returned on success; free with plan_free(). */
-struct plan *capture_validate(struct devices *devices, const struct session_conf *conf,
+struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error);
 
-/* Makes the session directory and starts. Borrows devices. */
+/* Makes the session directory, with the plan and the calibration in it. Of devices, only what their
+ * files say is looked at: a process that has none open can do it (preparer.h). */
+gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
+                        const char *directory, GError **error);
+
+/* Starts with what capture_create() has made. Borrows devices. */
+Capture *capture_begin(struct devices *devices, const char *directory,
+                       const struct capture_callbacks *callbacks, GError **error);
+
+/* Whether a session directory can be gone on with: compares its frames with their rows, and plans
+ * those again that are lost. ret_warning: NULL, or what to tell then; g_free(). Of devices, as
+ * capture_create(). */
+gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
+                         GError **error);
+
+/* Goes on with what capture_examine() has found good; takes exactly what is missing. */
+Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
+                       const struct capture_callbacks *callbacks, GError **error);
+
+/* Both steps in one process. */
 Capture *capture_start(struct devices *devices, const struct session_conf *conf,
                        const char *directory, const struct capture_callbacks *callbacks,
                        GError **error);
-
-/* Goes on with a session directory; takes exactly what is missing. */
 Capture *capture_resume(struct devices *devices, const char *directory,
                         const struct capture_callbacks *callbacks, GError **error);
 

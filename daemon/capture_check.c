@@ -97,12 +97,11 @@ static gboolean is_same(Session *session, const struct devices *devices, const c
 }
 
 gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
-                           char **ret_warning, GError **error) {
+                           GError **error) {
     const struct rig *rig = &devices->geometry;
     const char *path = session_path(session);
     g_autofree char *text = session_text(session, "calibration.conf", error);
     struct rig then;
-    *ret_warning = NULL;
     if (!text || !rig_from_text(&then, text, path, error))
         return FALSE;
     if (strcmp(then.id, rig->id)) {
@@ -112,12 +111,14 @@ gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struc
                     path, then.id, rig->id);
         return FALSE;
     }
-    if (!check_camera_sizes(path, &then, rig, error) || !check_shots(path, shots, rig, error))
-        return FALSE;
-    if (!is_same(session, devices, text))
-        *ret_warning =
-            g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
-                     "frames from before and after may not fit together. What is "
-                     "processed uses the calibration of the beginning.");
-    return TRUE;
+    return check_camera_sizes(path, &then, rig, error) && check_shots(path, shots, rig, error);
+}
+
+char *capture_check_calibration(Session *session, const struct devices *devices) {
+    g_autofree char *text = session_text(session, "calibration.conf", NULL);
+    if (is_same(session, devices, text))
+        return NULL;
+    return g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
+                    "frames from before and after may not fit together. What is "
+                    "processed uses the calibration of the beginning.");
 }

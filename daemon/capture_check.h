@@ -13,7 +13,9 @@ gboolean capture_is_full(const char *directory, const GError *error);
 /* Refuses if that much does not fit, and says how much is missing. */
 gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
 
-/* Refuses a session of another rig, or one whose shots name devices this rig lacks. ret_warning is
- * set if the rig's calibration is not that of the session any more; g_free(). */
+/* Refuses a session of another rig, or one whose shots name devices this rig lacks. */
 gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
-                           char **ret_warning, GError **error);
+                           GError **error);
+
+/* A warning if the rig's calibration is not that of the session any more, else NULL; g_free(). */
+char *capture_check_calibration(Session *session, const struct devices *devices);

@@ -2,6 +2,9 @@
 
 #include <string.h>
 
+/* Longer than any class waits for a device that has to answer or to stand. */
+#define SECURE_MS 20000
+
 /*
  * With several interlocks the lasers are guarded by one that stands for all of them: closed while
  * every one is. It is told by listeners on the others.
@@ -356,4 +359,144 @@ gboolean devices_make_safe(struct devices *devices, GError **error) {
         return TRUE;
     g_propagate_error(error, collected);
     return FALSE;
+}
+
+/* What a device has answered to devices_secure(). */
+struct answer {
+    gboolean done;
+    GError *error;
+};
+
+struct securing {
+    struct answer lasers[RIG_MAX_LASERS], banks[DEVICES_MAX_BANKS], axes[RIG_MAX_LASERS + 2];
+    gboolean too_late;
+};
+
+/* The last one counts: those before may be to what a session had asked for. */
+static void take_answer(struct answer *answer, const GError *error) {
+    answer->done = TRUE;
+    g_clear_error(&answer->error);
+    answer->error = error ? g_error_copy(error) : NULL;
+}
+
+static void on_laser_off(Laser *laser, gboolean on, const GError *error, gpointer data) {
+    if (!on)
+        take_answer(data, error);
+}
+
+static void on_lamps_off(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                         gpointer data) {
+    if (index < 0 && !on)
+        take_answer(data, error);
+}
+
+static void on_axis_stopped(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
+    take_answer(data, error);
+}
+
+static void secure_axis(Axis *axis, struct answer *answer) {
+    g_autoptr(GError) error = NULL;
+    if (!axis)
+        return;
+    answer->done = FALSE;
+    axis_listen(axis, on_axis_stopped, answer);
+    if (!axis_halt(axis, &error))
+        take_answer(answer, error);
+}
+
+static void secure_laser(Laser *laser, struct answer *answer) {
+    g_autoptr(GError) error = NULL;
+    answer->done = FALSE;
+    laser_listen(laser, on_laser_off, answer);
+    if (!laser_set(laser, FALSE, &error))
+        take_answer(answer, error);
+}
+
+static void secure_bank(LampBank *bank, struct answer *answer) {
+    g_autoptr(GError) error = NULL;
+    answer->done = FALSE;
+    lamps_listen(bank, on_lamps_off, answer);
+    if (!lamps_all_off(bank, &error))
+        take_answer(answer, error);
+}
+
+static gboolean on_too_late(gpointer data) {
+    ((struct securing *)data)->too_late = TRUE;
+    return G_SOURCE_CONTINUE;
+}
+
+/* The answers, in the order in which they are asked for; NULL ends them. */
+static struct answer *nth_answer(struct securing *securing, gsize i) {
+    struct answer *const lists[] = {securing->lasers, securing->banks, securing->axes};
+    const gsize lengths[] = {G_N_ELEMENTS(securing->lasers), G_N_ELEMENTS(securing->banks),
+                             G_N_ELEMENTS(securing->axes)};
+    for (gsize list = 0; list < G_N_ELEMENTS(lists); i -= lengths[list++])
+        if (i < lengths[list])
+            return &lists[list][i];
+    return NULL;
+}
+
+static gboolean is_answered(struct securing *securing) {
+    struct answer *answer;
+    for (gsize i = 0; (answer = nth_answer(securing, i)); i++)
+        if (!answer->done)
+            return FALSE;
+    return TRUE;
+}
+
+/* Classes keep deadlines of their own; this is for a rig whose clock does not run. */
+static void await_answers(struct securing *securing) {
+    guint timer = g_timeout_add(SECURE_MS, on_too_late, securing);
+    while (!is_answered(securing) && !securing->too_late)
+        g_main_context_iteration(NULL, TRUE);
+    g_source_remove(timer);
+}
+
+static void deafen(struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        if (devices->lasers[i])
+            laser_listen(devices->lasers[i], NULL, NULL);
+        if (devices->sweeps[i])
+            axis_listen(devices->sweeps[i], NULL, NULL);
+    }
+    for (int i = 0; i < devices->n_banks; i++)
+        lamps_listen(devices->banks[i], NULL, NULL);
+    if (devices->arc)
+        axis_listen(devices->arc, NULL, NULL);
+    if (devices->turntable)
+        axis_listen(devices->turntable, NULL, NULL);
+}
+
+static gboolean collect_answers(struct securing *securing, GError **error) {
+    GError *collected = NULL;
+    struct answer *answer;
+    for (gsize i = 0; (answer = nth_answer(securing, i)); i++) {
+        if (!answer->done)
+            g_set_error(&answer->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
+                        "a device has not answered within %d s", SECURE_MS / 1000);
+        collect(&collected, answer->error);
+    }
+    if (collected)
+        g_propagate_error(error, collected);
+    return collected == NULL;
+}
+
+gboolean devices_secure(struct devices *devices, GError **error) {
+    struct securing securing = {0};
+    struct answer *answer;
+    for (gsize i = 0; (answer = nth_answer(&securing, i)); i++)
+        answer->done = TRUE; /* but for those that there are */
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (rig_laser_unit(&devices->timing, i) == i)
+            secure_laser(devices->lasers[i], &securing.lasers[i]);
+    for (int i = 0; i < devices->n_banks; i++)
+        secure_bank(devices->banks[i], &securing.banks[i]);
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (is_first_sweep(devices, i))
+            secure_axis(devices->sweeps[i], &securing.axes[i]);
+    secure_axis(devices->arc, &securing.axes[RIG_MAX_LASERS]);
+    secure_axis(devices->turntable, &securing.axes[RIG_MAX_LASERS + 1]);
+    await_answers(&securing);
+    deafen(devices);
+    return collect_answers(&securing, error);
 }

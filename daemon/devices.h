@@ -81,6 +81,11 @@ void devices_close(struct devices *devices);
  * into the first one; every device is tried. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
+/* The same, and waits until every device has answered: lasers and lamps that they are off, axes
+ * that they stand, also those that another program has set off. FALSE: at least one has not, or
+ * otherwise. Runs the main loop; nobody else listens to the devices any more. */
+gboolean devices_secure(struct devices *devices, GError **error);
+
 /* In a reason or an event when lamps, lasers or axes may not be what they should. */
 #define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
 

@@ -75,6 +75,14 @@ const struct interlock_driver *drivers_interlock(const struct config_section *se
     return find(section, (gconstpointer const *)interlock_drivers, error);
 }
 
+const struct driver_info *drivers_by_name(const struct config_section *section) {
+    const struct driver_info *info = NULL;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(classes) && !info; i++)
+        info = find(section, classes[i].drivers, NULL);
+    return info;
+}
+
 const struct driver_info *drivers_info(const struct config_section *section, GError **error) {
     for (gsize i = 0; i < G_N_ELEMENTS(classes); i++)
         if (g_str_equal(classes[i].class_name, section->class_name))

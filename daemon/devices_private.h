@@ -39,5 +39,8 @@ const struct camera_driver *drivers_camera(const struct config_section *section,
 const struct laser_driver *drivers_laser(const struct config_section *section, GError **error);
 const struct interlock_driver *drivers_interlock(const struct config_section *section,
                                                  GError **error);
+/* Of any class, by that key alone; NULL if there is none of that name. */
+const struct driver_info *drivers_by_name(const struct config_section *section);
+
 /* Any of them. */
 const struct driver_info *drivers_info(const struct config_section *section, GError **error);

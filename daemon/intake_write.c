@@ -1,6 +1,7 @@
 #include "intake_write.h"
 
 #include <errno.h>
+#include <glib/gstdio.h>
 #include <string.h>
 
 #include "intake.h"
@@ -63,7 +64,7 @@ static gboolean write_frame(const struct intake_file *file, struct exr_file *exr
                             struct session_frame *ret_frame, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
     g_autofree char *path = g_build_filename(file->directory, relative, NULL);
-    if (!exr_write(path, exr, compression_of(file), TRUE, error) ||
+    if (!exr_write_below(file->directory, relative, exr, compression_of(file), TRUE, error) ||
         !(ret_frame->sha256 = exr_sha256(path, &ret_frame->bytes, error)))
         return FALSE;
     ret_frame->path = g_steal_pointer(&relative);
@@ -127,16 +128,23 @@ gboolean intake_write_sweep(const struct intake_file *file, const Sweep *sweep,
     return ok;
 }
 
-gboolean intake_write_raw(const struct intake_file *file, int sub, GError **error) {
+/* The folder of a shot's and camera's raw frames, made if it is not there; relative. g_free(). */
+static char *raw_folder(const struct intake_file *file, GError **error) {
     g_autofree char *relative = session_frame_path(file->shot, file->camera_name);
+    relative[strlen(relative) - strlen(".exr")] = '\0';
     g_autofree char *folder = g_build_filename(file->directory, relative, NULL);
-    folder[strlen(folder) - strlen(".exr")] = '\0';
-    if (g_mkdir_with_parents(folder, 0777) < 0) {
-        int code = errno;
-        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code), "%s: %s", folder,
-                    g_strerror(code));
+    if (g_mkdir(folder, 0777) == 0 || errno == EEXIST)
+        return g_steal_pointer(&relative);
+    const int code = errno;
+    g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(code), "%s: %s", folder,
+                g_strerror(code));
+    return NULL;
+}
+
+gboolean intake_write_raw(const struct intake_file *file, int sub, GError **error) {
+    g_autofree char *folder = raw_folder(file, error);
+    if (!folder)
         return FALSE;
-    }
     /* Those of a sweep come faster than they can be compressed. */
     const gboolean sweep = file->shot->kind == SHOT_SWEEP;
     const int step = sweep ? shot_sweep_step(file->conf, file->shot, sub) : sub;
@@ -156,7 +164,8 @@ gboolean intake_write_raw(const struct intake_file *file, int sub, GError **erro
         part->planes[0][i] = file->last->pixels[i];
     struct exr_file *exr = exr_file_new();
     exr_file_add(exr, part);
-    gboolean ok = exr_write(path, exr, sweep ? EXR_NONE : compression_of(file), FALSE, error);
+    gboolean ok = exr_write_below(file->directory, path, exr,
+                                  sweep ? EXR_NONE : compression_of(file), FALSE, error);
     exr_file_free(exr);
     return ok;
 }

@@ -9,7 +9,7 @@ static const struct command *const commands[] = {
     &cli_plan,     &cli_capture,   &cli_resume,   &cli_status,  &cli_watch,    &cli_pause,
     &cli_continue, &cli_abort,     &cli_safe,     &cli_process, &cli_compress, &cli_compare,
     &cli_check,    &cli_calibrate, &cli_board,    &cli_info,    &cli_drivers,  &cli_devices,
-    &cli_import,   &cli_export,    &cli_resample,
+    &cli_import,   &cli_export,    &cli_resample, &cli_verify,
 };
 
 static void print_help(void) {
@@ -30,6 +30,7 @@ static const struct command *find(const char *name) {
 int main(int argc, char **argv) {
     setlocale(LC_CTYPE, "");
     cli_print_readably();
+    cli_check_output_at_exit();
     bus_errors_register();
     if (argc < 2) {
         print_help();

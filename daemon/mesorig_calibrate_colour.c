@@ -1,6 +1,9 @@
 /* calibrate colour: a colour matrix from a captured and processed colour chart. */
+#include "base/input_file.h"
 #include "mesorig_calibrate.h"
 #include "processing/chart_session.h"
+
+#define MAX_CHART_BYTES (1 << 20)
 
 static char *chart_option, *output_option, *calibration_option;
 static const GOptionEntry entries[] = {
@@ -40,7 +43,7 @@ static gboolean calibrate(const char *path, GError **error) {
     g_autofree char *text = NULL;
     g_autoptr(Session) session = session_open(path, SESSION_READ, error);
     g_autoptr(Calibration) calibration = session ? calibrate_begin(from, session, error) : NULL;
-    if (!calibration || !g_file_get_contents(chart_option, &text, NULL, error))
+    if (!calibration || !(text = input_file_read_text(chart_option, MAX_CHART_BYTES, error)))
         return FALSE;
     g_autoptr(GArray) fields = chart_parse(text, chart_option, error);
     if (!fields)

@@ -168,9 +168,6 @@ static double *list(GKeyFile *file, const char *group, const char *key, gsize *r
     double *values = g_key_file_get_double_list(file, group, key, ret_n, NULL);
     if (!values)
         *ret_n = 0;
-    for (gsize i = 0; i < *ret_n; i++)
-        if (!isfinite(values[i]))
-            values[i] = 0;
     return values;
 }
 

@@ -4,6 +4,7 @@
 #include "mesorig_cli.h"
 #include "mesorig_work.h"
 #include "processing/mdf_views.h"
+#include "processing/session.h"
 
 struct check {
     const char *path, *plot;
@@ -39,7 +40,8 @@ static gboolean work(const struct work *work, gpointer data, GError **error) {
     }
     if (has_btf && !check_btf(check, work, error))
         return FALSE;
-    return !check->has_mdf || mdf_views_check(mdf, &check->mdf, error);
+    return !check->has_mdf ||
+           (session_check_product(mdf, error) && mdf_views_check(mdf, &check->mdf, error));
 }
 
 static void add_double(GVariantBuilder *to, const char *name, double value) {

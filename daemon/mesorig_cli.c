@@ -3,8 +3,11 @@
 #include "base/config.h"
 #include "base/json.h"
 
+#include <errno.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 gboolean cli_json;
 char *cli_address, *cli_bus;
@@ -85,9 +88,26 @@ int cli_fail(const GError *error) {
     return CLI_FAILED;
 }
 
+/* Whether a terminal would act on it rather than show it. */
+static gboolean is_control(gunichar c) {
+    return (g_unichar_iscntrl(c) && c != '\n' && c != '\t') || (c >= 0x202a && c <= 0x202e) ||
+           (c >= 0x2066 && c <= 0x2069);
+}
+
+static char *without_controls(const char *text) {
+    g_autofree char *valid = g_utf8_make_valid(text, -1);
+    GString *clean = g_string_new(NULL);
+    for (const char *at = valid; *at; at = g_utf8_next_char(at)) {
+        const gunichar c = g_utf8_get_char(at);
+        g_string_append_unichar(clean, is_control(c) ? 0xfffd : c);
+    }
+    return g_string_free(clean, FALSE);
+}
+
 static void put(FILE *to, const char *text) {
-    g_autofree char *ascii = g_get_charset(NULL) ? NULL : g_str_to_ascii(text, "C");
-    fputs(ascii ? ascii : text, to);
+    g_autofree char *clean = without_controls(text);
+    g_autofree char *ascii = g_get_charset(NULL) ? NULL : g_str_to_ascii(clean, "C");
+    fputs(ascii ? ascii : clean, to);
     fflush(to);
 }
 
@@ -102,6 +122,21 @@ static void put_err(const char *text) {
 void cli_print_readably(void) {
     g_set_print_handler(put_out);
     g_set_printerr_handler(put_err);
+}
+
+/* stdout keeps that a write has failed, but not why. */
+static void check_output(void) {
+    errno = 0;
+    const gboolean failed = fflush(stdout) != 0 || ferror(stdout);
+    if (!failed)
+        return;
+    g_printerr("mesorig: standard output could not be written%s%s; its end is missing\n",
+               errno ? ": " : "", errno ? g_strerror(errno) : "");
+    _exit(CLI_FAILED);
+}
+
+void cli_check_output_at_exit(void) {
+    atexit(check_output);
 }
 
 void cli_print_json(GVariant *value) {

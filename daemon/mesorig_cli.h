@@ -13,7 +13,7 @@ struct command {
 extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_watch, cli_pause,
     cli_continue, cli_abort, cli_safe, cli_process, cli_compress, cli_compare, cli_check,
     cli_calibrate, cli_board, cli_info, cli_drivers, cli_devices, cli_import, cli_export,
-    cli_resample;
+    cli_resample, cli_verify;
 
 extern gboolean cli_json; /* --json was given */
 
@@ -22,8 +22,13 @@ extern char *cli_address, *cli_bus;
 extern const GOptionEntry cli_link_entries[];
 
 /* Sees to it that g_print() and g_printerr() write "×" as "x", not as "?", where the locale has no
- * such letters, as in a container or over a bare serial line. */
+ * such letters, as in a container or over a bare serial line, and that control characters and
+ * bidirectional overrides, which files and databases of others may hold, reach no terminal. */
 void cli_print_readably(void);
+
+/* Sees to it that a program whose output could not be written, say to a full disk, tells so as it
+ * ends and exits with CLI_FAILED. */
+void cli_check_output_at_exit(void);
 
 /* Parses options: the command's own (may be NULL), those of the daemon if link, and --json. What
  * stays in argv are arguments, of which there must be min … max. FALSE: usage was told. */

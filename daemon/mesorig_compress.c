@@ -7,6 +7,7 @@
 #include "mesorig_work.h"
 #include "processing/eigenmaps.h"
 #include "processing/exr.h"
+#include "processing/file_lock.h"
 #include "processing/lobes_levels.h"
 #include "processing/lpca.h"
 #include "processing/lpca_choose.h"
@@ -14,6 +15,7 @@
 #include "processing/lpca_pack.h"
 #include "processing/lpca_resample.h"
 #include "processing/mdf_factors.h"
+#include "processing/new_file.h"
 #include "report.h"
 
 #include <glib/gstdio.h>
@@ -43,7 +45,8 @@ struct compress {
     gint64 size;   /* 0: any */
     gint64 memory; /* 0: any */
     gboolean mips;
-    const char *output; /* NULL: products/lpca.exr */
+    const char *output;  /* NULL: products/lpca.exr */
+    const char *made_by; /* what session_add_product_file() is told */
     Checkpoint *checkpoint;
     struct rounding rounding;
     /* found */
@@ -136,16 +139,6 @@ static struct lpca *compute_packed(struct compress *compress, const struct btf_m
     return lpca;
 }
 
-static gboolean register_product(const char *directory, const struct compress *compress,
-                                 GError **error) {
-    g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
-    g_autofree char *product = g_strdup_printf("products/%s.exr", method_name(compress));
-    g_autofree char *made_by =
-        g_strdup_printf("compress --method=%s --clusters=%d --components=%d", method_name(compress),
-                        compress->used_clusters, compress->used_components);
-    return session && session_add_product(session, product, made_by, error);
-}
-
 /* Levels 1 and on, of as many clusters and components as level 0 if there are so many texels. */
 static gboolean add_levels(struct compress *compress, const struct btf_matrix *btf,
                            const struct lpca_options *options, GPtrArray *levels, GError **error) {
@@ -203,7 +196,7 @@ static gboolean make_lpca(struct compress *compress, const struct btf_matrix *bt
     compress->levels = (int)levels->len;
     return lpca_write_levels(compress->written, (struct lpca *const *)(gpointer)levels->pdata,
                              compress->levels, error) &&
-           (compress->output || register_product(btf->directory, compress, error));
+           session_add_product_file(compress->written, compress->made_by, error);
 }
 
 /* Memory for columns is what maps leave. */
@@ -240,7 +233,8 @@ static gboolean make_eigenmaps(struct compress *compress, const struct btf_matri
     compress->used_components = maps->n_terms;
     compress->bytes = (gint64)maps->n_terms * (2 * 3 * (gint64)compress->texels * btf->n_lights +
                                                (gint64)sizeof(float) * btf->n_views);
-    const gboolean ok = eigenmaps_write(compress->written, maps, error);
+    const gboolean ok = eigenmaps_write(compress->written, maps, error) &&
+                        session_add_product_file(compress->written, compress->made_by, error);
     eigenmaps_free(maps);
     return ok;
 }
@@ -279,7 +273,7 @@ static gboolean make_lobes(struct compress *compress, const struct btf_matrix *b
         n = (levels[0] = lobes_compute(btf, &options, error)) != NULL;
     const gboolean ok = n > 0 && note_lobes(compress, levels, n, error) &&
                         lobes_write_levels(compress->written, levels, n, error) &&
-                        (compress->output || register_product(btf->directory, compress, error));
+                        session_add_product_file(compress->written, compress->made_by, error);
     for (int level = 0; level < n; level++)
         lobes_free(levels[level]);
     return ok;
@@ -300,18 +294,12 @@ static void begin_checkpoint(struct compress *compress, const struct btf_matrix 
         g_printerr("%s\n", checkpoint_note(compress->checkpoint));
 }
 
-static gboolean work(const struct work *work, gpointer data, GError **error) {
-    struct compress *compress = data;
-    if (compress->output && !check_output(compress->output, error))
-        return FALSE;
+static gboolean compress_btf(struct compress *compress, const struct work *work, GError **error) {
     /* What is left of the limit is for the work. */
     struct btf_matrix *btf =
         btf_matrix_read_within(compress->memory / 2, compress->path, work, error);
     if (!btf)
         return FALSE;
-    g_autofree char *name = g_strdup_printf("%s.exr", method_name(compress));
-    compress->written = compress->output ? g_strdup(compress->output)
-                                         : g_build_filename(btf->directory, "products", name, NULL);
     compress->texels = btf->width * btf->height;
     compress->views = btf->n_views;
     compress->lights = btf->n_lights;
@@ -333,6 +321,36 @@ static gboolean work(const struct work *work, gpointer data, GError **error) {
     GStatBuf status;
     if (ok && g_stat(compress->written, &status) == 0)
         compress->file_bytes = status.st_size;
+    return ok;
+}
+
+/* Where to, if that can be written. */
+static char *place(const struct compress *compress, GError **error) {
+    if (compress->output)
+        return check_output(compress->output, error) ? g_strdup(compress->output) : NULL;
+    g_autofree char *directory = btf_matrix_session(compress->path);
+    g_autofree char *name = g_strdup_printf("%s.exr", method_name(compress));
+    g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
+    return session ? g_build_filename(directory, "products", name, NULL) : NULL;
+}
+
+int compress_lock(const char *path, char **ret_lock, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
+    g_autofree char *prefix = g_strconcat(name, ".", NULL);
+    *ret_lock = g_strconcat(path, ".lock", NULL);
+    const int lock = file_lock_take(*ret_lock, path, error);
+    if (lock >= 0)
+        new_file_remove_left(folder, "", prefix);
+    return lock;
+}
+
+static gboolean work(const struct work *work, gpointer data, GError **error) {
+    struct compress *compress = data;
+    g_autofree char *lock_path = NULL;
+    compress->written = place(compress, error);
+    const int lock = compress->written ? compress_lock(compress->written, &lock_path, error) : -1;
+    const gboolean ok = lock >= 0 && compress_btf(compress, work, error);
+    file_lock_give(lock, lock_path);
     return ok;
 }
 
@@ -489,9 +507,37 @@ static gboolean parse_size(const char *text, gint64 *ret) {
     return FALSE;
 }
 
+/* The options that were given, in words that the same command understands. */
+static char *arguments(void) {
+    g_autofree char *output = output_option ? cli_absolute(output_option) : NULL;
+    const struct {
+        const char *name, *value;
+    } texts[] = {{"method", method_option},   {"error", error_option},
+                 {"size", size_option},       {"quantise", quantise_option},
+                 {"colours", colours_option}, {"memory", memory_option},
+                 {"output", output}};
+    const struct {
+        const char *name;
+        int value;
+    } numbers[] = {
+        {"clusters", clusters_option}, {"components", components_option}, {"grid", grid_option}};
+    GString *text = g_string_new("compress ");
+    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
+        g_autofree char *quoted = texts[i].value ? g_shell_quote(texts[i].value) : NULL;
+        if (quoted)
+            g_string_append_printf(text, "--%s=%s ", texts[i].name, quoted);
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
+        if (numbers[i].value > 0)
+            g_string_append_printf(text, "--%s=%d ", numbers[i].name, numbers[i].value);
+    g_string_append(text, mips_option ? "--mips" : "");
+    return g_strchomp(g_string_free(text, FALSE));
+}
+
 static int run_mdf(const struct command *command, const char *path, gboolean views) {
     static const char *const kinds[] = {"", "half", "8bit", "4bit"};
-    struct compress_mdf mdf = {.path = path, .output = output_option};
+    g_autofree char *made_by = arguments();
+    struct compress_mdf mdf = {.path = path, .output = output_option, .made_by = made_by};
     if (!output_option || clusters_option >= 0 || size_option || mips_option || grid_option ||
         colours_option || memory_option)
         return cli_usage(command, "of an MDF -c, --error or -q are asked, and -o FILE is needed");
@@ -584,6 +630,8 @@ static int run(const struct command *command, int argc, char **argv) {
     compress.clusters = MAX(clusters_option, 0);
     compress.components = MAX(components_option, 0);
     compress.output = output_option;
+    g_autofree char *made_by = arguments();
+    compress.made_by = made_by;
     const gboolean ok = cli_work_run(work, &compress, &seconds, &error);
     if (ok)
         tell(&compress, seconds);

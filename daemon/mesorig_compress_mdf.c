@@ -2,6 +2,7 @@
 #include "mesorig_cli.h"
 #include "mesorig_compress.h"
 #include "mesorig_work.h"
+#include "processing/file_lock.h"
 #include "processing/mdf_blocks.h"
 #include "processing/mdf_factors.h"
 #include "processing/mdf_packed.h"
@@ -78,7 +79,8 @@ static gboolean make_blocks(struct job *job, const struct mdf_table *table, GErr
 static gboolean work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
     job->begun_us = g_get_monotonic_time();
-    struct mdf_table *table = mdf_table_read(job->from, error);
+    struct mdf_table *table =
+        session_check_product(job->from, error) ? mdf_table_read(job->from, error) : NULL;
     if (!table)
         return FALSE;
     job->width = table->width;
@@ -86,9 +88,10 @@ static gboolean work(const struct work *work, gpointer data, GError **error) {
     job->n_measured = table->n_views;
     job->texel_mm = table->texel_mm;
     const enum compress_mdf_kind kind = job->asked->kind;
-    const gboolean ok = kind == COMPRESS_MDF_MAPS   ? make_factors(job, table, work, error)
-                        : kind == COMPRESS_MDF_4BIT ? make_blocks(job, table, error)
-                                                    : make_views(job, table, error);
+    const gboolean ok = (kind == COMPRESS_MDF_MAPS   ? make_factors(job, table, work, error)
+                         : kind == COMPRESS_MDF_4BIT ? make_blocks(job, table, error)
+                                                     : make_views(job, table, error)) &&
+                        session_add_product_file(job->asked->output, job->asked->made_by, error);
     GStatBuf status;
     if (ok && g_stat(job->asked->output, &status) == 0)
         job->file_bytes = status.st_size;
@@ -160,7 +163,10 @@ int compress_mdf(const struct compress_mdf *asked) {
     job.from = g_file_test(asked->path, G_FILE_TEST_IS_DIR)
                    ? g_build_filename(asked->path, "products", "mdf.exr", NULL)
                    : g_strdup(asked->path);
-    const gboolean ok = cli_work_run(work, &job, &seconds, &error);
+    g_autofree char *lock_path = NULL;
+    const int lock = compress_lock(asked->output, &lock_path, &error);
+    const gboolean ok = lock >= 0 && cli_work_run(work, &job, &seconds, &error);
+    file_lock_give(lock, lock_path);
     if (ok)
         tell(&job, seconds);
     g_free(job.from);

@@ -129,7 +129,7 @@ static int run_abort(const struct command *command, int argc, char **argv) {
 
 static int run_safe(const struct command *command, int argc, char **argv) {
     return run_call(command, argc, argv, bus_rig1_call_safe_state_sync,
-                    "lamps and lasers are off, axes stand");
+                    "lamps and lasers were told to be off, axes to stop");
 }
 
 const struct command cli_status = {"status", "[DIR]", "Show what the rig does.", run_status};

@@ -4,14 +4,17 @@
 #include "follower.h"
 #include "mesorig_cli.h"
 
+#include <fcntl.h>
 #include <glib/gstdio.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #define START_WAIT_MS   15000
-#define LONGEST_FOLDER  80 /* a socket's path is 107 bytes at most */
+#define MOST_CONTROL    1024 /* bytes of a control file */
+#define LONGEST_FOLDER  80   /* a socket's path is 107 bytes at most */
 #define STALE_AFTER_S   60
 #define ASK_WAIT_MS     5000
 #define CALL_TIMEOUT_MS 600000 /* opening a rig may take its time */
@@ -145,11 +148,29 @@ static Link *link_to_private(GError **error) {
     return NULL;
 }
 
-static Link *link_by_directory(const char *directory, GError **error) {
+/* What a session's control file says. The directory may be of others: a link, a file of another
+ * user or what is no file at all says nothing, whatever it names. NULL: nothing. */
+static char *read_control(const char *directory) {
     g_autofree char *path = g_build_filename(directory, BUS_CONTROL, NULL);
-    g_autofree char *text = NULL;
-    if (g_file_get_contents(path, &text, NULL, NULL)) {
-        g_strstrip(text);
+    const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    char text[MOST_CONTROL + 1] = "";
+    struct stat info;
+    gssize n = -1;
+    if (fd >= 0 && fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size <= MOST_CONTROL)
+        n = read(fd, text, MOST_CONTROL);
+    const gboolean own = n > 0 && info.st_uid == geteuid();
+    if (fd >= 0)
+        close(fd);
+    g_strstrip(text);
+    if (n > 0 && (strcmp(text, "system") == 0 || strcmp(text, "session") == 0))
+        return g_strdup(text);
+    /* One address of a socket here: others may name a host, and a file to be sent to it. */
+    return own && g_str_has_prefix(text, "unix:") && !strchr(text, ';') ? g_strdup(text) : NULL;
+}
+
+static Link *link_by_directory(const char *directory, GError **error) {
+    g_autofree char *text = read_control(directory);
+    if (text) {
         const gboolean bus = strcmp(text, "system") == 0 || strcmp(text, "session") == 0;
         Link *link = bus ? link_on_bus(text, NULL) : link_to(text, NULL);
         if (link && (!bus || g_strcmp0(bus_rig1_get_session(link->rig), directory) == 0))

@@ -37,6 +37,8 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
                               g_variant_new_int32(result->n_predicted));
         g_variant_builder_add(&builder, "{sv}", "mdf_views",
                               g_variant_new_int32(result->n_mdf_views));
+        g_variant_builder_add(&builder, "{sv}", "damaged_products",
+                              g_variant_new_int32(result->n_damaged));
         g_variant_builder_add(&builder, "{sv}", "eigenmaps_error",
                               g_variant_new_double(result->eigenmaps_error));
         g_variant_builder_add(&builder, "{sv}", "mdf_coverage",
@@ -62,6 +64,10 @@ static void tell_result(const struct pipeline_result *result, double seconds) {
             "measured and %.2f %% predicted by other views, eigen-maps with an error of %.2f %%\n",
             time, result->n_views, result->n_lights, result->n_mdf_views,
             100 * result->mdf_coverage, 100 * result->mdf_predicted, 100 * result->eigenmaps_error);
+    if (result->n_damaged > 0)
+        g_print("%d %s damaged or gone, and %s been made again\n", result->n_damaged,
+                result->n_damaged == 1 ? "product was" : "products were",
+                result->n_damaged == 1 ? "has" : "have");
     if (result->n_predicted > 0)
         g_print(
             "%d of the BTF's %d pictures were left out by the plan: made of those of the lights "

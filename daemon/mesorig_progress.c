@@ -61,6 +61,16 @@ static void append_bar(GString *line, int width, double fraction, gboolean utf8)
     g_string_append(line, utf8 ? "▏ " : "] ");
 }
 
+/* Past g_print(), which replaces control characters. */
+static void begin_line(void) {
+    fputs("\r", stdout);
+}
+
+static void clear_rest(void) {
+    fputs("\033[K", stdout);
+    fflush(stdout);
+}
+
 /* The bar takes what room the text leaves; a text that is too long is cut at its end, so that the
  * line never wraps and can be drawn over. */
 static void draw(Progress *progress, double fraction, const char *text) {
@@ -72,8 +82,9 @@ static void draw(Progress *progress, double fraction, const char *text) {
     g_string_append(line, text);
     g_autofree char *cut =
         g_utf8_substring(line->str, 0, MIN(columns() - 1, (int)g_utf8_strlen(line->str, -1)));
-    g_print("\r%s\033[K", cut);
-    fflush(stdout);
+    begin_line();
+    g_print("%s", cut);
+    clear_rest();
     progress->drawn = TRUE;
 }
 
@@ -101,7 +112,11 @@ void progress_line(Progress *progress, const char *format, ...) {
     va_start(arguments, format);
     g_autofree char *text = g_strdup_vprintf(format, arguments);
     va_end(arguments);
-    g_print("%s%s\n", progress->drawn ? "\r\033[K" : "", text);
+    if (progress->drawn) {
+        begin_line();
+        clear_rest();
+    }
+    g_print("%s\n", text);
     progress->drawn = FALSE;
     fflush(stdout);
 }

@@ -1,6 +1,8 @@
 /* mesorigd: holds the devices of a rig, runs sessions, and is told what to do over D-Bus. */
 #include "bus.h"
-#include "devices.h"
+#include "guardian.h"
+#include "preparer.h"
+#include "safe_state.h"
 
 #include <glib-unix.h>
 #include <locale.h>
@@ -17,8 +19,8 @@ struct daemon {
     int exit_code;
 };
 
-static char *bus_kind, *listen_address, *rig_path, *safe_path;
-static gboolean exit_with_client, version;
+static char *bus_kind, *listen_address, *rig_path, *safe_path, *guardian_path;
+static gboolean exit_with_client, prepare, version;
 
 static const GOptionEntry entries[] = {
     {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Be on this bus: system or session", "BUS"},
@@ -29,6 +31,10 @@ static const GOptionEntry entries[] = {
      "With --listen: end when the client has gone that opened the rig", NULL},
     {"safe-state", 0, 0, G_OPTION_ARG_FILENAME, &safe_path,
      "Switch lamps and lasers of this rig off, stop its axes, and end", "RIG"},
+    {"guardian", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_FILENAME, &guardian_path,
+     "Make this rig safe when the daemon that has started this has gone", "RIG"},
+    {"prepare", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_NONE, &prepare,
+     "Work for the mesorigd that has started this one", NULL},
     {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
     {NULL},
 };
@@ -38,18 +44,14 @@ static int fail(const GError *error) {
     return 1;
 }
 
-/* Opening a device leaves it safe; asking again catches one that did not listen. */
 static int safe_state(const char *path) {
     g_autoptr(GError) error = NULL;
-    struct devices *devices = devices_open(path, &error);
-    if (!devices)
+    g_autoptr(SafeState) state = safe_state_read(path, &error);
+    if (!state) {
+        g_prefix_error(&error, "the rig is NOT safe: ");
         return fail(error);
-    const gboolean ok = devices_make_safe(devices, &error);
-    devices_close(devices);
-    if (!ok)
-        return fail(error);
-    g_print("lamps and lasers are off, axes stand\n");
-    return 0;
+    }
+    return safe_state_make(state) ? 0 : 1;
 }
 
 static void quit(struct daemon *daemon, int exit_code) {
@@ -144,7 +146,7 @@ static void make_safe(Bus *bus) {
     if (bus_end(bus, &error))
         g_message("the rig is safe");
     else
-        g_warning("%s", error->message);
+        g_warning("the rig is NOT safe: %s", error->message);
 }
 
 /* The rig is made safe first, whoever still listens. */
@@ -201,8 +203,12 @@ int main(int argc, char **argv) {
         g_print("mesorigd %s\n", MESORIG_VERSION);
         return 0;
     }
+    if (prepare)
+        return preparer_child();
     if (safe_path)
         return safe_state(safe_path);
+    if (guardian_path)
+        return guardian_main(guardian_path);
     if (bus_kind && listen_address)
         return usage("give --bus or --listen, not both");
     if (!bus_kind)

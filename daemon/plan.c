@@ -389,6 +389,36 @@ static void add_place(const struct session_conf *conf, GError *error) {
     error->message = placed;
 }
 
+/* The time that planning takes grows with the square of the poses, the memory with that of the
+ * arc's angles. */
+static gboolean check_size(guint64 n, int most, const char *what, GError **error) {
+    if (n <= (guint64)most)
+        return TRUE;
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_SIZE,
+                "[views]: these directions need %" G_GUINT64_FORMAT
+                " %s, and a plan has at most %d: give fewer, or rings of counts and offsets that "
+                "share angles",
+                n, what, most);
+    return FALSE;
+}
+
+static gboolean check_directions(const struct plan_build *b, GError **error) {
+    const guint64 turns = b->turns->len;
+    return check_size(turns * b->azimuths->len, PLAN_MAX_POSES, "poses", error) &&
+           check_size(turns * (b->lights->len + b->lasers->len), PLAN_MAX_SHOTS, "shots", error);
+}
+
+/* With those that cameras have for themselves since the arc stood in their pictures. */
+static gboolean check_poses(const struct plan_build *b, GError **error) {
+    g_autoptr(GHashTable) angles = g_hash_table_new(g_int64_hash, g_int64_equal);
+    for (guint i = 0; i < b->poses->len; i++)
+        g_hash_table_add(angles, &g_array_index(b->poses, struct plan_pose, i).arc_udeg);
+    return check_size(b->poses->len, PLAN_MAX_POSES, "poses", error) &&
+           check_size(b->shots->len, PLAN_MAX_SHOTS, "shots", error) &&
+           check_size(g_hash_table_size(angles), PLAN_MAX_ARC_ANGLES, "different angles of the arc",
+                      error);
+}
+
 struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
                         const struct rig_timing *timing, GError **error) {
     struct plan_build b = {.conf = conf, .rig = rig, .timing = timing};
@@ -397,7 +427,8 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
 
     b.radius_mm = hypot(conf->grid.width_mm, conf->grid.height_mm) / 2;
     build_init(&b);
-    if (plan_add_directions(&b, &why) && check_exposures(&b, &why) && add_poses(&b, &why))
+    if (plan_add_directions(&b, &why) && check_directions(&b, &why) && check_exposures(&b, &why) &&
+        add_poses(&b, &why) && check_poses(&b, &why))
         plan = finish(&b);
     else
         add_place(conf, why);

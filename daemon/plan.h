@@ -34,6 +34,12 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
 #define PLAN_MAX_RINGS   32
 #define PLAN_MAX_BRACKET 12
 
+/* What is planned in minutes, with half a gigabyte: 200 views under 200 lights, each with a pose of
+ * its own. */
+#define PLAN_MAX_POSES      40000
+#define PLAN_MAX_SHOTS      100000
+#define PLAN_MAX_ARC_ANGLES 8192
+
 enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
 
 /* ORDER_VIEWS: one turntable angle after the other, so that views are there long before the end. */
@@ -90,6 +96,7 @@ enum plan_error {
     PLAN_ERROR_NO_LASER,
     PLAN_ERROR_LIMITS,  /* an axis cannot get there, an exposure is out of range */
     PLAN_ERROR_BLOCKED, /* the arc stands in a camera's view, and on_blocked says refuse */
+    PLAN_ERROR_SIZE,    /* more poses or shots than a plan may have */
 };
 
 /* rig is the nominal geometry: azimuths that differ by a calibration's hundredths of a degree would

@@ -281,6 +281,23 @@ gboolean axis_stop(Axis *axis, GError **error) {
     return TRUE;
 }
 
+gboolean axis_halt(Axis *axis, GError **error) {
+    struct axis_state *state = axis->state;
+    gboolean idle = state->activity == IDLE;
+    if (idle) {
+        state->activity = MOVING;
+        state->driver_moves = TRUE;
+        state->another_leg = FALSE;
+    }
+    if (axis_stop(axis, error))
+        return TRUE;
+    if (idle) {
+        state->activity = IDLE;
+        state->driver_moves = FALSE;
+    }
+    return FALSE;
+}
+
 gboolean axis_is_homed(const Axis *axis) {
     return axis->state->homed;
 }

@@ -42,7 +42,8 @@ struct axis_driver {
      * wraps, the target counts on from position() and may be below 0 or above 360. Called also from
      * within axis_report(): the second leg of a move that takes up backlash. */
     gboolean (*move)(Axis *axis, double target_deg, GError **error);
-    /* Stops now; a move or homing under way is ended by axis_report(AXIS_STOPPED). */
+    /* Stops now; a move or homing under way is ended by axis_report(AXIS_STOPPED). So is a stop of
+     * an axis that stands, or that another program has set off, once it is seen to stand. */
     gboolean (*stop)(Axis *axis, GError **error);
     /* Where it last said it was. Never blocks. */
     double (*position)(Axis *axis);
@@ -73,6 +74,10 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error);
 
 /* Does nothing, successfully, on an axis that stands. */
 gboolean axis_stop(Axis *axis, GError **error);
+
+/* Stops it whatever it does, also what another program has set off, which axis_stop() does not know
+ * of. Ends in AXIS_STOPPED when the device says that it stands, or in AXIS_FAULT. */
+gboolean axis_halt(Axis *axis, GError **error);
 
 gboolean axis_is_homed(const Axis *axis);
 gboolean axis_is_moving(const Axis *axis); /* until its event was delivered, settling included */

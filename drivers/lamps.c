@@ -172,3 +172,11 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
     }
     notify(bank, index, on, now, owned);
 }
+
+void lamps_lost(LampBank *bank, GError *error) {
+    g_autoptr(GError) owned = error;
+    g_autoptr(GError) unsent = NULL;
+    if (!start(bank, -1, FALSE, &unsent))
+        g_warning("%s", unsent->message);
+    notify(bank, -1, TRUE, clock_now_us(bank->device.clock), owned);
+}

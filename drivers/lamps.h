@@ -5,8 +5,8 @@
 
 typedef struct LampBank LampBank;
 
-/* index is -1 for all_off; error is set if it failed, and valid during the call. at_us is when the
- * switch took effect (the warm-up counts from there). */
+/* index is -1 for all_off, and for lamps that were lost; error is set if it failed, and valid
+ * during the call. at_us is when the switch took effect (the warm-up counts from there). */
 typedef void (*LampsFunc)(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
                           gpointer data);
 
@@ -24,7 +24,9 @@ struct LampBank {
     struct device device;
     const struct lamps_driver *driver;
     int n;
-    double warm_up_s; /* from switching on until the output is stable */
+    double warm_up_s;  /* from switching on until the output is stable */
+    double watchdog_s; /* filled by open(): its lamps go off by themselves so long after this
+                        * program has died, hangs or cannot reach them; 0: they stay on */
     struct lamps_state *state;
 };
 
@@ -47,3 +49,8 @@ double lamps_hours(const LampBank *bank, int index);       /* burnt since opened
 
 /* For drivers: one answer a set(), in order. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);
+
+/* Lamps that were on are so no longer, or nobody knows any more which are: told as an "on" of all
+ * (index -1) that failed, and all are switched off. Last in its caller: the listener may close the
+ * bank. Takes ownership of error. */
+void lamps_lost(LampBank *bank, GError *error);

@@ -43,10 +43,12 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
         laser_free(laser);
         return NULL;
     }
-    if (!isfinite(laser->warm_up_s) || laser->warm_up_s < 0) {
+    if (!isfinite(laser->warm_up_s) || laser->warm_up_s < 0 || !isfinite(laser->watchdog_s) ||
+        laser->watchdog_s < 0) {
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "laser %s: a warm-up of %g s makes no sense; correct its section",
-                    laser->device.name, laser->warm_up_s);
+                    "laser %s: a warm-up of %g s and a watchdog of %g s make no sense; correct its "
+                    "section",
+                    laser->device.name, laser->warm_up_s, laser->watchdog_s);
         laser_close(laser);
         return NULL;
     }
@@ -105,6 +107,14 @@ static void trip(Laser *laser) {
     g_autoptr(GError) error = NULL;
     if (laser_is_on(laser) && !start(laser, FALSE, &error))
         notify(laser, FALSE, error);
+}
+
+void laser_lost(Laser *laser, GError *error) {
+    g_autoptr(GError) owned = error;
+    g_autoptr(GError) unsent = NULL;
+    if (!start(laser, FALSE, &unsent))
+        g_warning("%s", unsent->message);
+    notify(laser, TRUE, owned);
 }
 
 static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {

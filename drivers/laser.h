@@ -13,6 +13,7 @@ struct laser_driver {
     gboolean (*open)(Laser *laser, GError **error);             /* leaves it off; fills warm_up_s */
     void (*close)(Laser *laser);                                /* switches it off */
     gboolean (*set)(Laser *laser, gboolean on, GError **error); /* ended by laser_report() once */
+    gboolean simulated; /* no light of its own: it is gone with this program */
     /* Optional, and of use to simulated units alone: somebody has mounted it at another place, of
      * which a section of the rig file is the name. FALSE if there is no such place. */
     gboolean (*mount)(Laser *laser, const char *place, GError **error);
@@ -22,6 +23,8 @@ struct Laser {
     struct device device;
     const struct laser_driver *driver;
     double warm_up_s;
+    double watchdog_s; /* filled by open(): it goes off by itself so long after this program has
+                        * died, hangs or cannot reach it; 0: it stays on */
     struct laser_state *state;
 };
 
@@ -45,3 +48,8 @@ gboolean laser_mount(Laser *laser, const char *place, GError **error);
 
 /* For drivers. Takes ownership of error. */
 void laser_report(Laser *laser, gboolean on, GError *error);
+
+/* What was on is so no longer, or nobody knows any more whether it is: told as an "on" that failed,
+ * and switched off. Last in its caller: the listener may close the laser. Takes ownership of error.
+ */
+void laser_lost(Laser *laser, GError *error);

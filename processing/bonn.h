@@ -55,8 +55,8 @@ gboolean bonn_kind_parse(const char *name, enum bonn_kind *ret);
 
 typedef struct BonnFile BonnFile;
 
-/* The file is mapped, not read: one of many gigabytes takes no memory, but must not be cut while it
- * is open. Matrices of FMF and DFMF are held as floats. */
+/* Values of a BDI are read when they are asked for, so that one of many gigabytes takes no memory;
+ * matrices of FMF and DFMF are held as floats. */
 BonnFile *bonn_open(const char *path, GError **error);
 void bonn_close(BonnFile *file); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(BonnFile, bonn_close)
@@ -65,8 +65,9 @@ const struct bonn_header *bonn_header(const BonnFile *file);
 
 /* One view: n_lights × height × width × 3 (R, G, B), as stored, with logarithms undone. Texels that
  * the mask leaves out, or of which a value is not finite, are 0; of each light ret_holes (n_lights)
- * says how many. */
-void bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes);
+ * says how many. FALSE: the file has been cut off since it was opened. */
+gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
+                        GError **error);
 
 /* Writing a BDI, a view at a time in any order. The file appears, synced, when it is finished. */
 typedef struct BonnWriter BonnWriter;

@@ -9,6 +9,7 @@
 #define MOST_COMPONENTS 65536
 /* Logarithms are of the value and this. */
 #define EPSILON 1e-5f
+#define BLOCK   ((gsize)1024) /* numbers that are converted at once */
 
 void bonn_matrix_clear(struct bonn_matrix *matrix) {
     g_clear_pointer(&matrix->u, g_free);
@@ -40,26 +41,31 @@ static void to_floats(float *to, const guint8 *from, gsize n, int scalar) {
 
 static gboolean take_factor(struct bonn_bytes *bytes, const char *what, gsize rows, gsize columns,
                             int scalar, float **ret, GError **error) {
-    const guint8 *at = bonn_take(bytes, rows * columns * (gsize)scalar, what, error);
-    if (!at)
+    const gsize n = rows * columns;
+    guint8 block[8 * BLOCK];
+    struct bonn_bytes whole = *bytes;
+    if (!bonn_skip(&whole, n * (gsize)scalar, what, error))
         return FALSE;
-    *ret = g_try_new(float, rows *columns);
+    *ret = g_try_new(float, n);
     if (!*ret)
         return bonn_fail(bytes, BONN_ERROR_IO, error, "there is no memory for its %s of %zu × %zu",
                          what, rows, columns);
-    to_floats(*ret, at, rows * columns, scalar);
+    for (gsize i = 0; i < n; i += BLOCK) {
+        const gsize some = MIN(BLOCK, n - i);
+        if (!bonn_take(bytes, some * (gsize)scalar, what, block, error))
+            return FALSE;
+        to_floats(*ret + i, block, some, scalar);
+    }
     return TRUE;
 }
 
 static gboolean take_sizes(struct bonn_bytes *bytes, guint8 *ret_scalar, guint32 ret_sizes[3],
                            GError **error) {
-    const guint8 *scalar = bonn_take(bytes, 1, "matrix", error);
-    if (!scalar)
+    if (!bonn_take(bytes, 1, "matrix", ret_scalar, error))
         return FALSE;
-    *ret_scalar = *scalar;
-    if (*scalar != 2 && *scalar != 4 && *scalar != 8)
+    if (*ret_scalar != 2 && *ret_scalar != 4 && *ret_scalar != 8)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "numbers of %d bytes are not known",
-                         *scalar);
+                         *ret_scalar);
     for (int i = 0; i < 3; i++)
         if (!bonn_take_u32(bytes, "matrix", &ret_sizes[i], error))
             return FALSE;
@@ -92,7 +98,7 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
     ret->n_rows = sizes[1];
     ret->n_columns = sizes[2];
     return check_sizes(bytes, header, (gsize)n_channels, ret, error) &&
-           bonn_take(bytes, ret->n_components * scalar, "singular values", error) &&
+           bonn_skip(bytes, ret->n_components * scalar, "singular values", error) &&
            take_factor(bytes, "matrix U", ret->n_rows, ret->n_components, scalar, &ret->u, error) &&
            take_factor(bytes, "matrix SV", ret->n_columns, ret->n_components, scalar, &ret->sv,
                        error);

@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/input_file.h"
+
 #define MOST_TEXELS     8192 /* each way, as in a session's grid */
 #define MOST_DIRECTIONS 65536
 #define TEXT            80
@@ -46,33 +48,49 @@ void bonn_report(const struct bonn_bytes *bytes, enum bonn_error code, GError **
     g_set_error(error, BONN_ERROR, (int)code, "%s: %s", bytes->path, message);
 }
 
-const guint8 *bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, GError **error) {
-    const guint8 *at = bytes->data + bytes->at;
-    if (n > bytes->size - bytes->at) {
-        bonn_report(bytes, BONN_ERROR_FORMAT, error,
-                    "it is cut off: its %s needs %zu bytes from byte %zu on, the file has %zu",
-                    what, n, bytes->at, bytes->size);
-        return NULL;
+static gboolean check_left(const struct bonn_bytes *bytes, gsize n, const char *what,
+                           GError **error) {
+    return n <= bytes->size - bytes->at ||
+           bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                     "it is cut off: its %s needs %zu bytes from byte %zu on, the file has %zu",
+                     what, n, bytes->at, bytes->size);
+}
+
+gboolean bonn_skip(struct bonn_bytes *bytes, gsize n, const char *what, GError **error) {
+    if (!check_left(bytes, n, what, error))
+        return FALSE;
+    bytes->at += n;
+    return TRUE;
+}
+
+gboolean bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, gpointer ret,
+                   GError **error) {
+    GError *found = NULL;
+    if (!check_left(bytes, n, what, error))
+        return FALSE;
+    if (!input_file_read_at(bytes->fd, bytes->path, ret, n, bytes->at, &found)) {
+        input_file_propagate(found, BONN_ERROR, BONN_ERROR_IO, BONN_ERROR_FORMAT, error);
+        return FALSE;
     }
     bytes->at += n;
-    return at;
+    return TRUE;
 }
 
 gboolean bonn_take_u32(struct bonn_bytes *bytes, const char *what, guint32 *ret, GError **error) {
-    const guint8 *at = bonn_take(bytes, sizeof *ret, what, error);
-    if (!at)
+    if (!bonn_take(bytes, sizeof *ret, what, ret, error))
         return FALSE;
-    memcpy(ret, at, sizeof *ret);
     *ret = GUINT32_FROM_LE(*ret);
     return TRUE;
 }
 
 static gboolean take_floats(struct bonn_bytes *bytes, const char *what, float *ret, gsize n,
                             GError **error) {
+    if (!bonn_take(bytes, n * sizeof *ret, what, ret, error))
+        return FALSE;
     for (gsize i = 0; i < n; i++) {
         guint32 bits;
-        if (!bonn_take_u32(bytes, what, &bits, error))
-            return FALSE;
+        memcpy(&bits, &ret[i], sizeof bits);
+        bits = GUINT32_FROM_LE(bits);
         memcpy(&ret[i], &bits, sizeof bits);
         if (!isfinite(ret[i]))
             return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "a number of its %s is not finite",
@@ -82,19 +100,23 @@ static gboolean take_floats(struct bonn_bytes *bytes, const char *what, float *r
 }
 
 /* Up to the first 0. */
-static char *text_of(const guint8 *at, gsize n) {
-    const guint8 *end = n > 0 ? memchr(at, 0, n) : NULL;
-    return g_utf8_make_valid((const char *)at, end ? end - at : (gssize)n);
+static char *text_of(const char *at, gsize n) {
+    return g_utf8_make_valid(at, (gssize)strnlen(at, n));
 }
 
 static gboolean take_text(struct bonn_bytes *bytes, const char *what, char **ret, GError **error) {
     guint32 length;
     if (!bonn_take_u32(bytes, what, &length, error))
         return FALSE;
-    const guint8 *at = bonn_take(bytes, length, what, error);
-    if (!at)
+    if (!check_left(bytes, length, what, error))
         return FALSE;
-    *ret = text_of(at, length);
+    g_autofree char *text = g_try_malloc((gsize)length + 1);
+    if (!text)
+        return bonn_fail(bytes, BONN_ERROR_IO, error,
+                         "there is no memory for the %u bytes of its %s", length, what);
+    if (!bonn_take(bytes, length, what, text, error))
+        return FALSE;
+    *ret = text_of(text, length);
     return TRUE;
 }
 
@@ -134,11 +156,11 @@ static gboolean take_metadata(struct bonn_bytes *bytes, struct bonn_header *ret,
                               int ret_order[BONN_CHANNELS], GError **error) {
     const gsize begin = bytes->at;
     guint32 size, version, cosine = 0;
-    const guint8 *texts = NULL;
+    char texts[3 * TEXT];
     float numbers[4];
     if (!bonn_take_u32(bytes, "metadata", &size, error) ||
         !bonn_take_u32(bytes, "metadata", &version, error) ||
-        !(texts = bonn_take(bytes, 3 * (gsize)TEXT, "metadata", error)) ||
+        !bonn_take(bytes, sizeof texts, "metadata", texts, error) ||
         !take_floats(bytes, "metadata", numbers, 4, error) ||
         (version > 1 && !bonn_take_u32(bytes, "metadata", &cosine, error)) ||
         (version > 2 && !take_text(bytes, "metadata", &ret->xml, error)) ||
@@ -146,7 +168,7 @@ static gboolean take_metadata(struct bonn_bytes *bytes, struct bonn_header *ret,
         return FALSE;
     ret->setup = text_of(texts, TEXT);
     ret->sensor = text_of(texts + TEXT, TEXT);
-    ret->light_source = text_of(texts + 2 * (gsize)TEXT, TEXT);
+    ret->light_source = text_of(texts + 2 * TEXT, TEXT);
     ret->texels_a_mm = (double)numbers[0];
     for (int i = 0; i < BONN_CHANNELS; i++)
         ret->rgb_scale[i] = (double)numbers[i + 1];
@@ -232,9 +254,12 @@ static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gb
                  {"!DFMF08FCR", BONN_DFMF, FALSE},
                  {"!FMF12FCER", BONN_FMF, TRUE},
                  {"!FMF06FCR", BONN_FMF, FALSE}};
+    char begin[BONN_SIGNATURE] = {0};
+    if (!bonn_take(bytes, MIN(bytes->size, sizeof begin), "signature", begin, error))
+        return FALSE;
     for (gsize i = 0; i < G_N_ELEMENTS(known); i++) {
         const gsize n = strlen(known[i].text);
-        if (bytes->size < n || memcmp(bytes->data, known[i].text, n) != 0)
+        if (memcmp(begin, known[i].text, n) != 0)
             continue;
         bytes->at = n;
         *ret = known[i].kind;
@@ -264,7 +289,7 @@ gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
 gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error) {
     guint32 n;
     if (!bonn_take_u32(bytes, "number of rotations", &n, error) ||
-        !bonn_take(bytes, (gsize)n * 9 * sizeof(float), "rotations", error))
+        !bonn_skip(bytes, (gsize)n * 9 * sizeof(float), "rotations", error))
         return FALSE;
     header->n_rotations = (int)MIN(n, G_MAXINT);
     return TRUE;

@@ -7,15 +7,18 @@
 
 #define BONN_SIGNATURE 10 /* bytes */
 
-/* Bytes that are used up from the front. */
+/* A file's bytes, which are used up from the front. They are read, not mapped: a file that is cut
+ * off at work is an error, not a signal. */
 struct bonn_bytes {
-    const guint8 *data;
+    int fd;
     gsize size, at;
     const char *path;
 };
 
-/* NULL: there are not that many left; what is named in the error. */
-const guint8 *bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
+/* FALSE: there are not that many left; what is named in the error. */
+gboolean bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, gpointer ret,
+                   GError **error);
+gboolean bonn_skip(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
 gboolean bonn_take_u32(struct bonn_bytes *bytes, const char *what, guint32 *ret, GError **error);
 
 void bonn_report(const struct bonn_bytes *bytes, enum bonn_error code, GError **error,

@@ -2,15 +2,16 @@
 
 #include <math.h>
 #include <string.h>
+#include <unistd.h>
 
+#include "base/input_file.h"
 #include "exr_half.h"
 
 #define BLOCK                                                                                      \
     ((gsize)1 << 20) /* pixels of a view, of some texels and all lights, decoded at once */
 
 struct BonnFile {
-    GMappedFile *mapped;
-    const guint8 *data;
+    int fd; /* −1: not opened */
     char *path;
     struct bonn_header header;
     int order[BONN_CHANNELS]; /* where R, G, B are among the channels */
@@ -30,7 +31,8 @@ void bonn_close(BonnFile *file) {
         bonn_matrix_clear(&file->matrices[i]);
     g_free(file->places.of_texel);
     bonn_header_clear(&file->header);
-    g_clear_pointer(&file->mapped, g_mapped_file_unref);
+    if (file->fd >= 0)
+        close(file->fd);
     g_free(file->path);
     g_free(file);
 }
@@ -68,7 +70,7 @@ static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **
             return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                              "a chunk of %u bytes at byte %zu should have %zu", size,
                              bytes->at - sizeof size, n * each);
-        if (!bonn_take(bytes, size, "chunk", error))
+        if (!bonn_skip(bytes, size, "chunk", error))
             return FALSE;
         left -= n;
     }
@@ -78,20 +80,21 @@ static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **
 static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     struct bonn_header *header = &file->header;
     guint32 lines;
-    const guint8 *compression = NULL, *mask = NULL;
+    guint8 compression;
     const gsize n_texels = (gsize)header->width * (gsize)header->height;
+    g_autofree guint8 *mask = g_malloc(n_texels);
     if (!bonn_take_u32(bytes, "lines a chunk", &lines, error) ||
-        !(compression = bonn_take(bytes, 1, "compression", error)))
+        !bonn_take(bytes, 1, "compression", &compression, error))
         return FALSE;
-    if (*compression == 1)
+    if (compression == 1)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
                          "it is compressed by bzip2, which is not read");
-    if (*compression > 2 || lines < 1)
+    if (compression > 2 || lines < 1)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "compression %d and %u lines a chunk make no sense", *compression, lines);
-    header->kind = *compression ? BONN_BDI_SPARSE : BONN_BDI;
+                         "compression %d and %u lines a chunk make no sense", compression, lines);
+    header->kind = compression ? BONN_BDI_SPARSE : BONN_BDI;
     file->per_chunk = MIN(lines, (guint32)header->height) * (guint32)header->width;
-    if (!(mask = bonn_take(bytes, n_texels, "mask", error)) ||
+    if (!bonn_take(bytes, n_texels, "mask", mask, error) ||
         !bonn_skip_rotations(bytes, header, error))
         return FALSE;
     place_texels(file, mask);
@@ -101,22 +104,22 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
 /* A version, and a height map, which is skipped. */
 static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     guint32 method = 0, width = 0, height = 0;
-    const guint8 *version = bonn_take(bytes, 1, "version", error);
-    if (!version)
+    guint8 version;
+    if (!bonn_take(bytes, 1, "version", &version, error))
         return FALSE;
-    if (*version > 2)
+    if (version > 2)
         return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
-                         "it is an FMF of version %d; up to 2 are read", *version);
-    if (*version >= 1 && !bonn_take_u32(bytes, "range reduction", &method, error))
+                         "it is an FMF of version %d; up to 2 are read", version);
+    if (version >= 1 && !bonn_take_u32(bytes, "range reduction", &method, error))
         return FALSE;
-    if (*version >= 2 && (!bonn_take_u32(bytes, "height map", &width, error) ||
-                          !bonn_take_u32(bytes, "height map", &height, error)))
+    if (version >= 2 && (!bonn_take_u32(bytes, "height map", &width, error) ||
+                         !bonn_take_u32(bytes, "height map", &height, error)))
         return FALSE;
     if (width > G_MAXUINT16 || height > G_MAXUINT16)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "a height map of %u × %u makes no sense",
                          width, height);
     file->colours.logarithm = method != 0;
-    return bonn_take(bytes, 2 * (gsize)width * height, "height map", error) != NULL;
+    return bonn_skip(bytes, 2 * (gsize)width * height, "height map", error);
 }
 
 static gboolean parse_fmf(BonnFile *file, struct bonn_bytes *bytes, gboolean extra,
@@ -147,10 +150,25 @@ static gboolean parse_dfmf(BonnFile *file, struct bonn_bytes *bytes, GError **er
     return TRUE;
 }
 
+/* bonn_read_view() gives all lights of a view at once. */
+static gboolean check_memory(const struct bonn_bytes *bytes, const struct bonn_header *header,
+                             GError **error) {
+    const guint64 view = (guint64)header->width * (guint64)header->height *
+                         (guint64)header->n_lights * BONN_CHANNELS * sizeof(float);
+    return view <= input_file_memory(bytes->size) ||
+           bonn_fail(
+               bytes, BONN_ERROR_FORMAT, error,
+               "a view of %d × %d texels and %d lights takes %" G_GUINT64_FORMAT
+               " MiB of memory, and of a file of %zu bytes may take at most %" G_GUINT64_FORMAT,
+               header->width, header->height, header->n_lights, view >> 20, bytes->size,
+               input_file_memory(bytes->size) >> 20);
+}
+
 static gboolean parse(BonnFile *file, gsize size, GError **error) {
-    struct bonn_bytes bytes = {file->data, size, 0, file->path};
+    struct bonn_bytes bytes = {file->fd, size, 0, file->path};
     gboolean extra;
-    if (!bonn_parse_header(&bytes, &file->header, file->order, &extra, error))
+    if (!bonn_parse_header(&bytes, &file->header, file->order, &extra, error) ||
+        !check_memory(&bytes, &file->header, error))
         return FALSE;
     switch (file->header.kind) {
     case BONN_FMF:
@@ -163,47 +181,54 @@ static gboolean parse(BonnFile *file, gsize size, GError **error) {
 }
 
 BonnFile *bonn_open(const char *path, GError **error) {
-    g_autoptr(GError) found = NULL;
+    GError *found = NULL;
     g_autoptr(BonnFile) file = g_new0(BonnFile, 1);
     file->path = g_strdup(path);
-    file->mapped = g_mapped_file_new(path, FALSE, &found);
-    if (!file->mapped) {
-        g_set_error(error, BONN_ERROR, BONN_ERROR_IO, "%s: %s", path, found->message);
+    guint64 bytes = 0;
+    file->fd = input_file_open(path, G_MAXINT64, &bytes, &found);
+    if (file->fd < 0) {
+        input_file_propagate(found, BONN_ERROR, BONN_ERROR_IO, BONN_ERROR_FORMAT, error);
         return NULL;
     }
-    file->data = (const guint8 *)g_mapped_file_get_contents(file->mapped);
-    return parse(file, g_mapped_file_get_length(file->mapped), error) ? g_steal_pointer(&file)
-                                                                      : NULL;
+    return parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
 }
 
-/* All lights of a view and a texel, as they lie: channel fastest. FALSE: it is not there. */
-static gboolean read_abrdf(const BonnFile *file, int view, gsize texel, guint16 *halves,
-                           float *ret) {
+/* All lights of a view and a texel, as they lie: channel fastest; not finite where it is not
+ * there. */
+static gboolean read_abrdf(const BonnFile *file, int view, gsize texel, guint16 *halves, float *ret,
+                           GError **error) {
+    GError *found = NULL;
     const gint32 place = file->places.of_texel[texel];
     const gsize n = (gsize)file->header.n_lights * BONN_CHANNELS;
+    for (gsize i = 0; place < 0 && i < n; i++)
+        ret[i] = NAN;
     if (place < 0)
-        return FALSE;
+        return TRUE;
     const gsize chunk = (gsize)place / file->per_chunk;
-    const guint8 *at = file->data + file->chunks_at + (chunk + 1) * sizeof(guint32) +
-                       (gsize)place * abrdf_bytes(&file->header) +
-                       (gsize)view * n * sizeof(guint16);
-    memcpy(halves, at, n * sizeof(guint16));
+    const gsize at = file->chunks_at + (chunk + 1) * sizeof(guint32) +
+                     (gsize)place * abrdf_bytes(&file->header) + (gsize)view * n * sizeof(guint16);
+    if (!input_file_read_at(file->fd, file->path, halves, n * sizeof(guint16), at, &found)) {
+        input_file_propagate(found, BONN_ERROR, BONN_ERROR_IO, BONN_ERROR_FORMAT, error);
+        return FALSE;
+    }
     exr_half_to_floats(ret, halves, n);
     return TRUE;
 }
 
 /* A block of texels: to[(light · n + texel) · 3 + channel]. What is not there is not finite. */
-static void read_bdi(const BonnFile *file, int view, gsize first, gsize n, float *to) {
+static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, float *to,
+                         GError **error) {
     const gsize n_lights = (gsize)file->header.n_lights;
     g_autofree guint16 *halves = g_new(guint16, n_lights * BONN_CHANNELS);
-    g_autofree float *abrdf = g_new(float, n_lights *BONN_CHANNELS);
+    g_autofree float *abrdf = g_new0(float, n_lights *BONN_CHANNELS);
     for (gsize texel = 0; texel < n; texel++) {
-        const gboolean there = read_abrdf(file, view, first + texel, halves, abrdf);
+        if (!read_abrdf(file, view, first + texel, halves, abrdf, error))
+            return FALSE;
         for (gsize light = 0; light < n_lights; light++)
             for (gsize c = 0; c < BONN_CHANNELS; c++)
-                to[(light * n + texel) * BONN_CHANNELS + c] =
-                    there ? abrdf[light * BONN_CHANNELS + c] : NAN;
+                to[(light * n + texel) * BONN_CHANNELS + c] = abrdf[light * BONN_CHANNELS + c];
     }
+    return TRUE;
 }
 
 static void read_factors(const BonnFile *file, int view, gsize first, gsize n, float *to) {
@@ -232,22 +257,24 @@ static int store(const BonnFile *file, const float *from, gsize n, float *to) {
     return holes;
 }
 
-void bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes) {
+gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
+                        GError **error) {
     const struct bonn_header *header = &file->header;
     const gsize n_texels = (gsize)header->width * (gsize)header->height;
     const gsize n_lights = (gsize)header->n_lights;
     const gsize most = CLAMP(BLOCK / n_lights, 1, n_texels);
     g_autofree float *block = g_new(float, n_lights *most *BONN_CHANNELS);
-    g_return_if_fail(view >= 0 && view < header->n_views);
+    g_return_val_if_fail(view >= 0 && view < header->n_views, FALSE);
     memset(ret_holes, 0, sizeof *ret_holes * n_lights);
     for (gsize first = 0; first < n_texels; first += most) {
         const gsize n = MIN(most, n_texels - first);
         if (header->kind == BONN_FMF || header->kind == BONN_DFMF)
             read_factors(file, view, first, n, block);
-        else
-            read_bdi(file, view, first, n, block);
+        else if (!read_bdi(file, view, first, n, block, error))
+            return FALSE;
         for (gsize light = 0; light < n_lights; light++)
             ret_holes[light] += store(file, block + light * n * BONN_CHANNELS, n,
                                       ret_rgb + (light * n_texels + first) * BONN_CHANNELS);
     }
+    return TRUE;
 }

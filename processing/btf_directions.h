@@ -16,7 +16,7 @@ void btf_directions_free(struct btf_directions *directions); /* NULL is ignored 
  * 60°: 20, 75°: 24. */
 struct btf_directions *btf_directions_81(void);
 
-/* A table (import_table.h) with columns of, theta_deg and phi_deg; of: "view", "light" or "both".
+/* A table (text_table.h) with columns of, theta_deg and phi_deg; of: "view", "light" or "both".
  * DATA_ERROR_INVALID with file and line: θ not within 0 … 89°, a direction twice, none of a kind,
  * more than 4096. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

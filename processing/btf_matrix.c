@@ -8,16 +8,13 @@
 
 #define COLOURS 3
 
-/* The session a path belongs to: itself, or what its products/btf lies in. */
-static Session *open_session(const char *path, GError **error) {
-    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+char *btf_matrix_session(const char *path) {
+    static const char suffix[] = "/products/btf";
+    char *absolute = g_canonicalize_filename(path, NULL);
     g_autofree char *database = g_build_filename(absolute, "session.db", NULL);
-    if (g_str_has_suffix(absolute, "/products/btf") && !g_file_test(database, G_FILE_TEST_EXISTS)) {
-        g_autofree char *products = g_path_get_dirname(absolute);
-        g_autofree char *session = g_path_get_dirname(products);
-        return session_open(session, SESSION_READ, error);
-    }
-    return session_open(absolute, SESSION_READ, error);
+    if (g_str_has_suffix(absolute, suffix) && !g_file_test(database, G_FILE_TEST_EXISTS))
+        absolute[strlen(absolute) - strlen(suffix)] = '\0';
+    return absolute;
 }
 
 void btf_matrix_free(struct btf_matrix *btf) {
@@ -241,10 +238,13 @@ static gboolean read_views(struct btf_matrix *btf, gint64 memory, const GPtrArra
     return ok;
 }
 
-struct btf_matrix *btf_open(const char *path, GPtrArray **ret_paths, GError **error) {
+struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_paths,
+                            GError **error) {
     struct session_grid grid;
-    g_autoptr(Session) session = open_session(path, error);
+    g_autofree char *directory = btf_matrix_session(path);
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
     if (!session || !session_grid(session, &grid, error) ||
+        (verify && !session_check_products(session, "products/btf/", error)) ||
         !(*ret_paths = list_views(session, error)))
         return NULL;
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
@@ -267,7 +267,7 @@ struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GE
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct btf_matrix *btf = btf_open(path, &paths, error);
+    struct btf_matrix *btf = btf_open(path, TRUE, &paths, error);
     if (btf && !read_views(btf, memory, paths, work, error))
         g_clear_pointer(&btf, btf_matrix_free);
     return btf;

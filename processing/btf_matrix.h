@@ -31,6 +31,9 @@ struct btf_matrix {
 
 void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
 
+/* The session that a path belongs to: itself, or what its products/btf lies in; g_free(). */
+char *btf_matrix_session(const char *path);
+
 /* Of a session directory, or of its products/btf. Views that are not there are left out; a view
  * whose lights or texels are other than those of the first is refused, as are infinite values.
  * A picture that is nothing but holes becomes black. Stage "read". */

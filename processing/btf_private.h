@@ -4,8 +4,10 @@
 #include "btf_matrix.h"
 #include "exr.h"
 
-/* Everything but lights and values, and the files of its views. */
-struct btf_matrix *btf_open(const char *path, GPtrArray **ret_paths, GError **error);
+/* Everything but lights and values, and the files of its views. verify: all of them are checked, as
+ * session_check_products() does. */
+struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_paths,
+                            GError **error);
 
 /* Of a view's headers. */
 gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,

@@ -3,6 +3,7 @@
 #include "btf_private.h"
 
 #include "base/data_error.h"
+#include "session.h"
 
 #define COLOURS 3
 
@@ -41,7 +42,7 @@ static gboolean read_round(struct shared *shared, int from, float *buffer, GErro
     gboolean ok = TRUE;
     if (view < btf->n_views) {
         const char *path = g_ptr_array_index(shared->paths, (guint)view);
-        struct exr_file *file = exr_read(path, error);
+        struct exr_file *file = session_check_product(path, error) ? exr_read(path, error) : NULL;
         ok = file &&
              btf_take_view(btf, file, view, path, buffer, (gsize)btf->n_lights * COLOURS, error);
         exr_file_free(file);
@@ -117,7 +118,7 @@ static gboolean read_shared(struct shared *shared, const struct work *work, GErr
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct shared shared = {team, btf_open(path, &paths, error)};
+    struct shared shared = {team, btf_open(path, FALSE, &paths, error)};
     shared.paths = paths;
     if (!all_ok(team, shared.btf != NULL, error) || !shared.btf ||
         !read_shared(&shared, work, error))

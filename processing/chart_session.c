@@ -135,7 +135,8 @@ static gboolean load(struct chart *chart, Session *session, GError **error) {
     g_autofree char *path = session_file(session, name);
     chart->rgb =
         g_new(float, (gsize)chart->grid.width *(gsize)chart->grid.height * 3 * chart->near->len);
-    return btf_read_view(path, (const int *)(void *)chart->near->data, (int)chart->near->len,
+    return session_check_products(session, name, error) &&
+           btf_read_view(path, (const int *)(void *)chart->near->data, (int)chart->near->len,
                          &chart->grid, chart->rgb, error);
 }
 

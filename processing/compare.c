@@ -2,6 +2,7 @@
 
 #include "base/data_error.h"
 #include "base/direction.h"
+#include "exr.h"
 
 #include <math.h>
 #include <string.h>
@@ -15,12 +16,19 @@ struct sums {
     double rest, all, luminance, delta_e, n;
 };
 
+/* A texel of which a material gives values that are infinite or no numbers. */
+struct damage {
+    const Material *of; /* NULL: there is none */
+    int texel;
+};
+
 struct run {
     const Material *a, *b;
     const struct material_info *info;
     int n_blocks;
-    struct sums *sums; /* n_views, then n_lights, a block */
-    double *largest;   /* one a block */
+    struct sums *sums;     /* n_views, then n_lights, a block */
+    double *largest;       /* one a block */
+    struct damage *damage; /* one a block: the first */
 };
 
 void comparison_free(struct comparison *comparison) {
@@ -111,6 +119,31 @@ static void add_sums(struct sums *to, const struct sums *from) {
     to->n += from->n;
 }
 
+static gboolean reconstruct(const struct run *run, const Material *of, int texel, float *ret,
+                            struct damage *ret_damage) {
+    const gsize n = (gsize)run->info->n_views * (gsize)run->info->n_lights * COLOURS;
+    material_reconstruct(of, texel, ret);
+    if (exr_all_finite(ret, n))
+        return TRUE;
+    *ret_damage = (struct damage){of, texel};
+    return FALSE;
+}
+
+static gboolean check_damage(const struct run *run, GError **error) {
+    const int width = run->info->width;
+    for (int block = 0; block < run->n_blocks; block++) {
+        const struct damage *damage = &run->damage[block];
+        if (!damage->of)
+            continue;
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: its values at texel (%d, %d) are not finite: its numbers make no sense "
+                    "together; make or compress it again",
+                    material_info(damage->of)->label, damage->texel % width, damage->texel / width);
+        return FALSE;
+    }
+    return TRUE;
+}
+
 static void compare_block(int block, gpointer data) {
     const struct run *run = data;
     const int views = run->info->n_views, lights = run->info->n_lights;
@@ -120,8 +153,9 @@ static void compare_block(int block, gpointer data) {
     g_autofree float *a = g_new0(float, views *lights *COLOURS);
     g_autofree float *b = g_new0(float, views *lights *COLOURS);
     for (int texel = (int)(texels * block / run->n_blocks); texel < end; texel++) {
-        material_reconstruct(run->a, texel, a);
-        material_reconstruct(run->b, texel, b);
+        if (!reconstruct(run, run->a, texel, a, &run->damage[block]) ||
+            !reconstruct(run, run->b, texel, b, &run->damage[block]))
+            return;
         for (gsize i = 0; i < (gsize)views * (gsize)lights; i++) {
             struct sums value = {0};
             add_value(&value, a + i * COLOURS, b + i * COLOURS, &run->largest[block]);
@@ -202,9 +236,12 @@ struct comparison *compare_materials(const Material *a, const Material *b, const
     run.n_blocks = MIN(BLOCKS, run.info->width * run.info->height);
     run.sums = g_new0(struct sums, run.n_blocks * (run.info->n_views + run.info->n_lights));
     run.largest = g_new0(double, run.n_blocks);
-    if (work_parallel(work, "compare", run.n_blocks, compare_block, &run, error))
+    run.damage = g_new0(struct damage, run.n_blocks);
+    if (work_parallel(work, "compare", run.n_blocks, compare_block, &run, error) &&
+        check_damage(&run, error))
         ret = summarise(&run);
     g_free(run.sums);
     g_free(run.largest);
+    g_free(run.damage);
     return ret;
 }

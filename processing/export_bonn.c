@@ -85,6 +85,7 @@ static gboolean open_source(struct source *source, const char *path, enum bonn_k
     *source = (struct source){.header = {.kind = kind, .rgb_scale = {1, 1, 1}, .cosine = TRUE}};
     source->session = session_open(path, SESSION_READ, error);
     if (!source->session || !session_grid(source->session, &source->grid, error) ||
+        !session_check_products(source->session, "products/btf/", error) ||
         !find_views(source, error) || !read_directions(source, error))
         return FALSE;
     source->header.setup = g_strdup("mesorig " MESORIG_VERSION);

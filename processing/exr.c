@@ -1,8 +1,9 @@
 #include "exr.h"
 #include "exr_private.h"
 
+#include "base/input_file.h"
+
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
 #include <string.h>
 #include <unistd.h>
@@ -203,6 +204,15 @@ struct exr_part *exr_file_part(const struct exr_file *file, const char *name) {
     return NULL;
 }
 
+guint64 exr_plane_bytes(const struct exr_part *part) {
+    return (guint64)part->width * (guint64)part->height * (guint64)part->n_channels * sizeof(float);
+}
+
+guint64 exr_chunk_bytes(const struct exr_part *part, int lines) {
+    return 3 * (guint64)part->width * (guint64)MIN(lines, part->height) *
+           (guint64)part->n_channels * sizeof(float);
+}
+
 static gboolean hash_fd(int fd, GChecksum *checksum, gint64 *ret_bytes) {
     g_autofree guchar *buffer = g_malloc(1 << 18);
     gint64 bytes = 0;
@@ -223,10 +233,13 @@ static gboolean hash_fd(int fd, GChecksum *checksum, gint64 *ret_bytes) {
 
 char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error) {
     g_autoptr(GChecksum) checksum = g_checksum_new(G_CHECKSUM_SHA256);
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    GError *why = NULL;
+    int fd = input_file_open(path, G_MAXINT64, NULL, &why);
     gboolean ok = fd >= 0 && hash_fd(fd, checksum, ret_bytes);
 
-    if (!ok)
+    if (why)
+        input_file_propagate(why, EXR_ERROR, EXR_ERROR_IO, EXR_ERROR_FORMAT, error);
+    else if (!ok)
         g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be read: %s", path,
                     g_strerror(errno));
     if (fd >= 0)

@@ -78,6 +78,11 @@ struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
 
+/* The same for a file below directory: the folders that relative names are not followed where they
+ * are symbolic links. */
+gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
+                         enum exr_compression compression, gboolean sync, GError **error);
+
 /* Who is told, from now on, how much of a file (0 … 1) the calling thread has read of it; what
  * returns FALSE ends the reading. NULL: nobody. */
 typedef gboolean (*ExrWatch)(double share, gpointer data);

@@ -1,12 +1,13 @@
 #include "exr.h"
 #include "exr_half.h"
 #include "exr_private.h"
+
+#include "base/input_file.h"
+
 #include <errno.h>
-#include <fcntl.h>
 #include <openexr.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 /* Deflate shrinks by 1032 at most, run lengths and PIZ by less: a file that promises more pixels
@@ -22,6 +23,7 @@ struct source {
     const char *path;
     int fd;
     gint64 size;
+    guint64 memory; /* that the pixels of parts not read yet may take */
     exr_context_t context;
     char message[256]; /* the library's last complaint */
     gint64 reached;    /* as far as it is read */
@@ -110,16 +112,18 @@ static void source_close(struct source *source) {
 /* source must stay where it is until it is closed: the library keeps a pointer to it. */
 static gboolean source_open(struct source *source, const char *path, GError **error) {
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
-    struct stat status;
+    GError *why = NULL;
+    guint64 bytes = 0;
     exr_result_t rc;
 
     *source = (struct source){.path = path};
-    source->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (source->fd < 0 || fstat(source->fd, &status) != 0)
-        return fail(source, EXR_ERROR_IO, error, "cannot be read: %s", g_strerror(errno));
-    if (!S_ISREG(status.st_mode))
-        return fail(source, EXR_ERROR_FORMAT, error, "not a file");
-    source->size = status.st_size;
+    source->fd = input_file_open(path, G_MAXINT64, &bytes, &why);
+    if (source->fd < 0) {
+        input_file_propagate(why, EXR_ERROR, EXR_ERROR_IO, EXR_ERROR_FORMAT, error);
+        return FALSE;
+    }
+    source->size = (gint64)bytes;
+    source->memory = input_file_memory(bytes);
     how.user_data = source;
     how.read_fn = source_read;
     how.size_fn = source_size;
@@ -347,6 +351,27 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
     return rc == EXR_ERR_SUCCESS ? exr_decoding_run(source->context, index, decode) : rc;
 }
 
+/* Before anything is allocated. */
+static gboolean check_memory(struct source *source, int index, const struct exr_part *part,
+                             GError **error) {
+    const guint64 planes = exr_plane_bytes(part);
+    int32_t lines = 0;
+    exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &lines);
+
+    if (rc != EXR_ERR_SUCCESS || lines < 1)
+        return fail_library(source, rc != EXR_ERR_SUCCESS ? rc : EXR_ERR_INVALID_ATTR, error);
+    if (planes + exr_chunk_bytes(part, lines) <= source->memory) {
+        source->memory -= planes;
+        return TRUE;
+    }
+    return fail(source, EXR_ERROR_TOO_LARGE, error,
+                "part \"%s\": %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
+                " bytes may take at most %" G_GUINT64_FORMAT
+                " MiB of memory; save it without compression",
+                part->name, part->width, part->height, part->n_channels, source->size,
+                input_file_memory((guint64)source->size) >> 20);
+}
+
 static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
                             const exr_attr_box2i_t *window, GError **error) {
     exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
@@ -378,6 +403,7 @@ static struct exr_part *read_whole(struct source *source, int index, gsize *left
                   "a file of this length cannot hold all the pixels of its parts");
     if (ok)
         *left -= pixel_bytes(part) / MAX_EXPANSION;
+    ok = ok && check_memory(source, index, part, error);
     if (!ok || !read_pixels(source, index, part, &window, error))
         g_clear_pointer(&part, exr_part_free);
     return part;

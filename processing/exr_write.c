@@ -1,11 +1,15 @@
 #include "exr.h"
 #include "exr_half.h"
 #include "exr_private.h"
+
+#include "base/input_file.h"
+#include "new_file.h"
+
 #include <errno.h>
-#include <fcntl.h>
 #include <openexr.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 /* What OpenEXRCore writes goes through here: few large writes, and errno kept for the message. */
@@ -308,63 +312,78 @@ static exr_result_t write_file(const char *path, struct sink *sink, const struct
 }
 
 static gboolean fail(GError **error, const char *path, int errno_value) {
-    gboolean full = errno_value == ENOSPC || errno_value == EDQUOT;
+    const gboolean full = errno_value == ENOSPC || errno_value == EDQUOT;
+    const gboolean link = errno_value == ENOTDIR || errno_value == ELOOP;
 
     g_set_error(error, EXR_ERROR, full ? EXR_ERROR_FULL : EXR_ERROR_IO,
-                "%s: cannot be written: %s%s", path, g_strerror(errno_value),
-                full ? "; free some space and go on" : "");
+                "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
+                full ? "; free some space and go on" : "",
+                link ? "; its folder is a symbolic link, or none" : "");
     return FALSE;
 }
 
-static gboolean sync_folder(const char *path, GError **error) {
-    g_autofree char *folder = g_path_get_dirname(path);
-    int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    gboolean ok = fd >= 0 && fsync(fd) == 0;
-    int saved = errno;
-
-    if (fd >= 0)
-        close(fd);
-    return ok || fail(error, folder, saved);
+/* FALSE: the library says why in sink->message, or sink->error does. */
+static gboolean fill(struct sink *sink, const char *path, const struct exr_file *file,
+                     enum exr_compression compression) {
+    sink->pending = g_byte_array_sized_new(SINK_SIZE);
+    const exr_result_t rc = write_file(path, sink, file, compression);
+    g_byte_array_unref(sink->pending);
+    if (rc != EXR_ERR_SUCCESS && !*sink->message)
+        g_strlcpy(sink->message, exr_get_default_error_message(rc), sizeof sink->message);
+    return !sink->error && rc == EXR_ERR_SUCCESS;
 }
 
-static gboolean write_beside(const char *path, const char *beside, const struct exr_file *file,
-                             enum exr_compression compression, gboolean sync, GError **error) {
-    struct sink sink = {.fd = open(beside, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)};
-    exr_result_t rc;
-
-    if (sink.fd < 0)
-        return fail(error, path, errno);
-    sink.pending = g_byte_array_sized_new(SINK_SIZE);
-    rc = write_file(path, &sink, file, compression);
-    if (!sink.error && rc == EXR_ERR_SUCCESS && sync && fsync(sink.fd) != 0)
-        sink.error = errno;
-    if (close(sink.fd) != 0 && !sink.error)
-        sink.error = errno;
-    g_byte_array_unref(sink.pending);
+static gboolean write_to(struct new_file *to, const char *path, const struct exr_file *file,
+                         enum exr_compression compression, GError **error) {
+    struct sink sink = {.fd = to->fd};
+    if (fill(&sink, path, file, compression))
+        return TRUE;
     if (sink.error)
         return fail(error, path, sink.error);
-    if (rc != EXR_ERR_SUCCESS)
-        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be written: %s", path,
-                    *sink.message ? sink.message : exr_get_default_error_message(rc));
-    return rc == EXR_ERR_SUCCESS;
+    g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: cannot be written: %s", path, sink.message);
+    return FALSE;
 }
 
-gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
-                   gboolean sync, GError **error) {
-    g_autofree char *beside = g_strconcat(path, ".part", NULL);
+#define MOST_LINES 32 /* of a chunk */
+
+/* Pixels that are all alike compress to a file that is too short for what it holds. */
+static gboolean may_be_read(int fd, const struct exr_file *file) {
+    guint64 planes = 0, chunk = 0;
+    struct stat status;
+
+    for (guint i = 0; i < file->parts->len; i++) {
+        const struct exr_part *part = g_ptr_array_index(file->parts, i);
+
+        planes += exr_plane_bytes(part);
+        chunk = MAX(chunk, exr_chunk_bytes(part, MOST_LINES));
+    }
+    return fstat(fd, &status) != 0 || planes + chunk <= input_file_memory((guint64)status.st_size);
+}
+
+gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
+                         enum exr_compression compression, gboolean sync, GError **error) {
+    g_autofree char *path = g_build_filename(directory, relative, NULL);
+    struct new_file to;
 
     g_return_val_if_fail(compression <= EXR_PIZ, FALSE);
     if (!check(path, file, error))
         return FALSE;
-    if (!write_beside(path, beside, file, compression, sync, error)) {
-        unlink(beside);
-        return FALSE;
+    if (!new_file_begin(&to, directory, relative))
+        return fail(error, path, errno);
+    gboolean ok = write_to(&to, path, file, compression, error);
+    if (ok && compression != EXR_NONE && !may_be_read(to.fd, file)) {
+        ok = ftruncate(to.fd, 0) == 0 || fail(error, path, errno);
+        ok = ok && write_to(&to, path, file, EXR_NONE, error);
     }
-    if (rename(beside, path) != 0) {
-        int saved = errno;
+    if (ok)
+        return new_file_commit(&to, sync) || fail(error, path, errno);
+    new_file_abandon(&to);
+    return FALSE;
+}
 
-        unlink(beside);
-        return fail(error, path, saved);
-    }
-    return !sync || sync_folder(path, error);
+gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
+                   gboolean sync, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(path), *name = g_path_get_basename(path);
+
+    return exr_write_below(folder, name, file, compression, sync, error);
 }

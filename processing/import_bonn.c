@@ -8,7 +8,8 @@ static gboolean give_view(int view, float *ret_rgb, int *ret_holes, gpointer dat
     const BonnFile *file = data;
     const struct bonn_header *header = bonn_header(file);
     const gsize n = 3 * (gsize)header->width * (gsize)header->height;
-    bonn_read_view(file, view, ret_rgb, ret_holes);
+    if (!bonn_read_view(file, view, ret_rgb, ret_holes, error))
+        return FALSE;
     for (int light = 0; !header->cosine && light < header->n_lights; light++) {
         const float cosine = cosf(header->light_theta_deg[light] * (float)(G_PI / 180));
         for (gsize i = 0; i < n; i++)

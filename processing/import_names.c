@@ -6,9 +6,12 @@
 #include <math.h>
 #include <string.h>
 
-#define STEPS_A_DEG  10000 /* directions that agree to this are one */
-#define MOST_RTI     65536
-#define LEAST_LENGTH 0.5 /* of a direction in a list, which should be a unit vector */
+#include "base/input_file.h"
+
+#define STEPS_A_DEG    10000 /* directions that agree to this are one */
+#define MOST_RTI       65536
+#define MAX_LIST_BYTES (64 << 20)
+#define LEAST_LENGTH   0.5 /* of a direction in a list, which should be a unit vector */
 
 struct direction {
     gint64 theta, phi; /* in steps */
@@ -229,11 +232,13 @@ static gboolean parse_line(struct pictures *pictures, const char *list, int line
 }
 
 static gboolean read_list(struct pictures *pictures, const char *list, GError **error) {
-    g_autoptr(GError) found = NULL;
-    g_autofree char *text = NULL;
+    GError *found = NULL;
+    g_autofree char *text = input_file_read_text(list, MAX_LIST_BYTES, &found);
     char *end;
-    if (!g_file_get_contents(list, &text, NULL, &found))
-        return data_error_fail(list, 0, error, "%s", found->message);
+    if (!text) {
+        input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
+        return FALSE;
+    }
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
     const gint64 n = g_ascii_strtoll(lines[0] ? lines[0] : "", &end, 10);
     if (!lines[0] || end == lines[0] || *g_strstrip(end) || n < 1 || n > MOST_RTI)

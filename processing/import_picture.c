@@ -1,8 +1,10 @@
 #include "import_private.h"
 
+#include <glib/gstdio.h>
 #include <string.h>
 
 #include "base/data_error.h"
+#include "base/input_file.h"
 #include "calib/vision.h"
 #include "exr.h"
 
@@ -49,12 +51,23 @@ static struct import_picture *from_part(const struct exr_part *part) {
     return picture;
 }
 
+/* Here its pixels are kept once more, three values each. */
+static gboolean check_size(const char *path, const struct exr_part *part, GError **error) {
+    GStatBuf status;
+    return input_file_check_pixels(path, (guint64)part->width, (guint64)part->height,
+                                   g_stat(path, &status) == 0 ? (guint64)status.st_size : 0, error);
+}
+
 static struct import_picture *read_exr(const char *path, GError **error) {
     struct exr_file *file = exr_read(path, error);
     if (!file)
         return NULL;
-    struct import_picture *picture = file->parts->len ? from_part(file->parts->pdata[0]) : NULL;
-    if (!picture)
+    struct import_picture *picture = NULL;
+    const struct exr_part *part = file->parts->len ? file->parts->pdata[0] : NULL;
+    const gboolean fits = !part || check_size(path, part, error);
+    if (part && fits)
+        picture = from_part(part);
+    if (fits && !picture)
         data_error_set(path, 0, error, "there are neither R, G and B in it nor Y");
     exr_file_free(file);
     return picture;

@@ -81,7 +81,8 @@ static gboolean read_devices(const struct import_set *set, const TextTable *tabl
 static gboolean read_row(const struct import_set *set, const TextTable *table,
                          const struct columns *columns, int index, struct import_row *row,
                          GError **error) {
-    g_autofree char *folder = g_path_get_dirname(set->table);
+    g_autofree char *table_path = g_canonicalize_filename(set->table, NULL);
+    g_autofree char *folder = g_path_get_dirname(table_path);
     row->line = text_table_line(table, index);
     row->name = text_table_text(table, index, columns->file);
     row->path = g_canonicalize_filename(row->name, folder);

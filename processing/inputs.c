@@ -4,7 +4,10 @@
 
 #include <string.h>
 
+/* What resume looks at are files that are gone or not as they were committed. */
 #define REMEDY "; `mesorig resume` takes it again"
+#define DELETE                                                                                     \
+    ", although it is as it was committed; delete it, and `mesorig resume` takes it again"
 
 void input_clear(struct input *input) {
     g_clear_pointer(&input->path, g_free);
@@ -13,24 +16,20 @@ void input_clear(struct input *input) {
 
 static gboolean check_sum(const struct input *input, GError **error) {
     g_autoptr(GError) cause = NULL;
-    g_autoptr(GMappedFile) file = g_mapped_file_new(input->path, FALSE, &cause);
-    if (!file) {
+    gint64 bytes = 0;
+    g_autofree char *sum = exr_sha256(input->path, &bytes, &cause);
+    if (!sum) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
                     "%s: the session lists this frame, but: %s" REMEDY, input->path,
                     cause->message);
         return FALSE;
     }
-    if (!input->sha256 || !*input->sha256)
-        return TRUE;
-    g_autofree char *sum =
-        g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)g_mapped_file_get_contents(file),
-                                    g_mapped_file_get_length(file));
-    if (strcmp(sum, input->sha256) == 0)
+    if (!input->sha256 || !*input->sha256 || strcmp(sum, input->sha256) == 0)
         return TRUE;
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: the file (%" G_GSIZE_FORMAT " bytes) is not the one the session committed: "
-                "its SHA-256 differs" REMEDY,
-                input->path, g_mapped_file_get_length(file));
+                "%s: the file (%" G_GINT64_FORMAT " bytes) is not the one the session committed: "
+                "its SHA-256 is %s, the session has %s" REMEDY,
+                input->path, bytes, sum, input->sha256);
     return FALSE;
 }
 
@@ -46,7 +45,7 @@ static gboolean check_part(const struct input *input, const struct exr_part *par
     for (int i = 0; channels[i]; i++)
         if (!exr_part_plane(part, channels[i])) {
             g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                        "%s: part %s has no channel %s" REMEDY, input->path, part->name,
+                        "%s: part %s has no channel %s" DELETE, input->path, part->name,
                         channels[i]);
             return FALSE;
         }
@@ -60,12 +59,12 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     g_autoptr(GError) cause = NULL;
     struct exr_file *file = exr_read(input->path, &cause);
     if (!file) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s" REMEDY, cause->message);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s" DELETE, cause->message);
         return NULL;
     }
     struct exr_part *part = NULL;
     if (file->parts->len == 0)
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no parts" REMEDY, input->path);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no parts" DELETE, input->path);
     else if (check_part(input, g_ptr_array_index(file->parts, 0), channels, error))
         part = g_ptr_array_steal_index(file->parts, 0);
     exr_file_free(file);

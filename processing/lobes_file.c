@@ -174,6 +174,10 @@ static int expected_values(const struct lobes *lobes) {
     }
 }
 
+static gboolean is_error(double value) {
+    return value >= 0 && isfinite(value);
+}
+
 static const char *check_head(const struct lobes *lobes, const struct exr_part *part) {
     const gboolean lobed = lobes->model == LOBES_FIELDS || lobes->model == LOBES_LAFORTUNE;
     const gboolean views = lobes->model == LOBES_FIELDS || lobes->model == LOBES_PTM;
@@ -186,6 +190,9 @@ static const char *check_head(const struct lobes *lobes, const struct exr_part *
         return "its size does not fit its parts";
     if (!(lobes->texel_mm > 0) || !isfinite(lobes->texel_mm) || !isfinite(lobes->reference_mm))
         return "texel_mm or reference_mm makes no sense";
+    if (!is_error(lobes->error) || !is_error(lobes->exact_error) ||
+        !is_error(lobes->luminance_error))
+        return "its errors are negative or not finite";
     return NULL;
 }
 

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "exr.h"
+#include "session.h"
 
 #define COLOURS 3
 
@@ -106,7 +107,7 @@ static char *kind_of(const char *path, GError **error) {
 }
 
 static Material *open_exr(const char *path, const char *label, GError **error) {
-    g_autofree char *kind = kind_of(path, error);
+    g_autofree char *kind = session_check_product(path, error) ? kind_of(path, error) : NULL;
     enum lobes_model model;
     if (!kind)
         return NULL;

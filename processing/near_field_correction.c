@@ -69,7 +69,7 @@ static gboolean read_view(struct job *job, struct btf_matrix *btf, int view, con
 static gboolean read_views(struct job *job, struct near_field_correction_result *ret,
                            GError **error) {
     g_autoptr(GPtrArray) paths = NULL;
-    struct btf_matrix *btf = btf_open(job->source, &paths, error);
+    struct btf_matrix *btf = btf_open(job->source, TRUE, &paths, error);
     const gint64 begun = g_get_monotonic_time();
     gboolean ok = btf != NULL;
     if (ok && btf->n_views != job->near->n_views) {
@@ -321,6 +321,8 @@ static gboolean write_session(struct job *job, const char *path,
     const struct session_grid *grid = &job->near->grid;
     g_autofree char *mdf = g_build_filename(job->source, "products", "mdf.exr", NULL);
     ret->mdf = g_file_test(mdf, G_FILE_TEST_EXISTS);
+    if (!session_check_product(mdf, error))
+        return FALSE;
     g_autofree char *source =
         g_strdup_printf("%s, resampled to directions “%s”", job->source, job->to->name);
     g_autofree guint8 *marks = job->marks = g_new0(guint8, n);

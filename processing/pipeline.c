@@ -9,7 +9,9 @@
 #include "base/data_error.h"
 #include "catalogue.h"
 #include "eigenmaps.h"
+#include "file_lock.h"
 #include "mdf_product.h"
+#include "new_file.h"
 
 #define POLL_US      (G_USEC_PER_SEC / 2)
 #define MDF_WRITE_US (30 * G_USEC_PER_SEC) /* at most so often while a capture is followed */
@@ -35,6 +37,10 @@ struct run {
     struct catalogue *catalogue;
     int n_views;
     gboolean *made[N_STAGES]; /* of each view */
+    GHashTable *whole;        /* relative paths of products that are as they were made */
+    int n_damaged;            /* that are not, of those that are made here */
+    char *lock_path;          /* of lock: */
+    int lock;                 /* that no other process makes products */
     char **btf_inputs;        /* of each view that is made */
     int *missing;             /* lights of each view in the BTF */
     struct mdf_result **mdf;  /* of each view that is made */
@@ -114,9 +120,10 @@ static gboolean accept(struct run *run, struct task *task, GError **error) {
 static gboolean is_made(struct run *run, const struct task *task) {
     if (task->stage == STAGE_MDF)
         return run->mdf[task->view] && strcmp(run->mdf[task->view]->inputs, task->mdf->inputs) == 0;
-    if (!btf_is_made(task->btf, task->path))
-        return FALSE;
     // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): a task is of one stage or the other
+    g_autofree char *relative = btf_relative(task->btf->index);
+    if (!g_hash_table_contains(run->whole, relative) || !btf_is_made(task->btf, task->path))
+        return FALSE;
     run->btf_inputs[task->view] = g_strdup(task->btf->inputs);
     return TRUE;
 }
@@ -347,19 +354,23 @@ static gboolean make_eigenmaps(struct columns *columns, double *ret_error, GErro
     g_autofree char *inputs = eigenmaps_inputs(columns);
     g_autofree char *before = session_value(session, "eigenmaps_inputs");
     g_autofree char *error_before = session_value(session, "eigenmaps_error");
-    struct exr_file *headers =
-        g_file_test(path, G_FILE_TEST_EXISTS) ? exr_read_headers(path, NULL) : NULL;
-    gboolean made = headers && before && error_before && strcmp(before, inputs) == 0;
-    exr_file_free(headers);
-    if (made) {
+    const gboolean whole = g_hash_table_contains(columns->run->whole, "products/eigenmaps.exr");
+    if (whole && before && error_before && strcmp(before, inputs) == 0) {
         *ret_error = g_ascii_strtod(error_before, NULL);
         return TRUE;
     }
     columns->run->eigenmaps_made = TRUE;
-    return compute_eigenmaps(columns, path, ret_error, error) &&
-           session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
-           set_number(session, "eigenmaps_error", *ret_error, error) &&
-           session_set_value(session, "eigenmaps_inputs", inputs, error);
+    g_autofree char *lock_path = g_strconcat(path, ".lock", NULL);
+    const int lock = file_lock_take(lock_path, path, error); /* compress -o may write it, too */
+    if (lock < 0)
+        return FALSE;
+    new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
+    const gboolean ok = compute_eigenmaps(columns, path, ret_error, error) &&
+                        session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
+                        set_number(session, "eigenmaps_error", *ret_error, error) &&
+                        session_set_value(session, "eigenmaps_inputs", inputs, error);
+    file_lock_give(lock, lock_path);
+    return ok;
 }
 
 static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GError **error) {
@@ -405,6 +416,7 @@ static void sum_lines(const struct run *run, struct pipeline_result *ret) {
 
 static gboolean finish(struct run *run, struct pipeline_result *ret, GError **error) {
     sum_lines(run, ret);
+    ret->n_damaged = run->n_damaged;
     ret->n_mdf_views = count_made(run, STAGE_MDF);
     ret->mdf_coverage =
         mdf_coverage(run->mdf, run->n_views,
@@ -423,12 +435,50 @@ static gboolean finish(struct run *run, struct pipeline_result *ret, GError **er
 
 static gboolean make_folders(struct run *run, GError **error) {
     g_autofree char *path = session_file(run->session, "products/btf");
-    if (g_mkdir_with_parents(path, 0777) == 0)
+    run->lock_path = session_file(run->session, SESSION_PROCESS_LOCK);
+    if (g_mkdir_with_parents(path, 0777) == 0) {
+        const char *directory = session_path(run->session);
+        run->lock = file_lock_take(run->lock_path, "the products of this session", error);
+        if (run->lock < 0)
+            return FALSE;
+        new_file_remove_left(directory, "products/btf", "");
+        new_file_remove_left(directory, "products", "mdf.exr.");
         return TRUE;
+    }
     int code = errno;
     g_set_error(error, G_IO_ERROR, (gint)g_io_error_from_errno(code), "%s: %s", path,
                 g_strerror(code));
     return FALSE;
+}
+
+/* What is there of an earlier run is believed only if it still is what that run wrote. */
+static gboolean find_whole(struct run *run, GError **error) {
+    struct work work = run->options->work;
+    work.cancellable = run->cancellable;
+    run->whole = session_products(run->session, error);
+    g_autoptr(GPtrArray) damages =
+        run->whole
+            ? session_find_damage(run->session, SESSION_PRODUCTS_MADE, "", &work, NULL, error)
+            : NULL;
+    for (guint i = 0; damages && i < damages->len; i++) {
+        const struct session_damage *damage = g_ptr_array_index(damages, i);
+        run->n_damaged += g_str_has_prefix(damage->path, "products/btf/") ||
+                          g_str_equal(damage->path, "products/mdf.exr") ||
+                          g_str_equal(damage->path, "products/eigenmaps.exr");
+        g_hash_table_remove(run->whole, damage->path);
+    }
+    return damages != NULL;
+}
+
+/* After a frame was refused: all that are damaged are noted, so that one resume takes them. What
+ * goes wrong here is less than what went wrong before. */
+static void note_damaged_frames(struct run *run) {
+    g_autoptr(GPtrArray) damages =
+        session_find_damage(run->session, SESSION_FRAMES, "", &run->options->work, NULL, NULL);
+    for (guint i = 0; damages && i < damages->len; i++) {
+        const struct session_damage *damage = g_ptr_array_index(damages, i);
+        session_note_damage(run->session, damage->path, damage->what, NULL);
+    }
 }
 
 static gboolean begin(struct run *run, GError **error) {
@@ -441,10 +491,13 @@ static gboolean begin(struct run *run, GError **error) {
     run->btf_inputs = g_new0(char *, run->n_views + 1);
     run->missing = g_new0(int, run->n_views);
     run->mdf = g_new0(struct mdf_result *, run->n_views);
+    if (!check_complete(run, error) || !make_folders(run, error) || !find_whole(run, error))
+        return FALSE;
     g_autofree char *path = session_file(run->session, "products/mdf.exr");
-    run->mdf_dirty = mdf_read(path, run->catalogue, run->mdf);
+    if (g_hash_table_contains(run->whole, "products/mdf.exr"))
+        run->mdf_dirty = mdf_read(path, run->catalogue, run->mdf);
     run->mdf_written_us = g_get_monotonic_time();
-    return check_complete(run, error) && make_folders(run, error);
+    return TRUE;
 }
 
 static void end(struct run *run) {
@@ -456,6 +509,9 @@ static void end(struct run *run) {
         g_free(run->made[stage]);
     g_free(run->btf_inputs);
     g_free(run->missing);
+    g_clear_pointer(&run->whole, g_hash_table_unref);
+    file_lock_give(run->lock, run->lock_path);
+    g_free(run->lock_path);
     g_free(run->mdf);
     catalogue_free(run->catalogue);
     session_close(run->session);
@@ -471,7 +527,7 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
                       struct pipeline_result *ret, GError **error) {
     g_autoptr(GError) found = NULL;
     *ret = (struct pipeline_result){0};
-    struct run run = {.options = options, .started_us = g_get_monotonic_time()};
+    struct run run = {.options = options, .started_us = g_get_monotonic_time(), .lock = -1};
     run.session = session_open(session_path, SESSION_PRODUCTS, error);
     if (!run.session)
         return FALSE;
@@ -483,6 +539,8 @@ gboolean pipeline_run(const char *session_path, const struct pipeline_options *o
                                         run.cancellable, NULL);
     gboolean ok = begin(&run, &found) && make_views(&run, &found) &&
                   run_eigenmaps(&run, ret, &found) && finish(&run, ret, &found);
+    if (g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID))
+        note_damaged_frames(&run);
     if (options->work.cancellable)
         g_cancellable_disconnect(options->work.cancellable, forward);
     end(&run);

@@ -51,6 +51,7 @@ struct pipeline_result {
     int n_views, n_lights; /* in the BTF; views that are not complete are left out */
     int n_predicted;       /* pictures of it that the plan left out: made of others (btf.h) */
     int n_mdf_views;
+    int n_damaged;          /* products that were damaged or gone, and are made again */
     double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
     double mdf_coverage;    /* of the texels of all views, measured by them */
     double mdf_predicted;   /* and what other views have predicted of the rest */
@@ -62,9 +63,10 @@ struct pipeline_result {
 };
 
 /* Runs in the calling thread and a pool of its own. What is up to date is not made again: every
- * part says in mesorig.inputs (string) what it was made of. The products' bytes depend on the
- * frames alone, not on threads or order. With follow it ends when the session's value "state" is
- * "done" or "aborted" or everything is there. Sets the session's values "eigenmaps_error",
- * "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
+ * part says in mesorig.inputs (string) what it was made of, and its file is what the session has
+ * the checksum of. One process at a time makes a session's products (G_IO_ERROR_BUSY). The
+ * products' bytes depend on the frames alone, not on threads or order. With follow it ends when the
+ * session's value "state" is "done" or "aborted" or everything is there. Sets the session's values
+ * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error);

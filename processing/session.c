@@ -51,6 +51,23 @@ static gboolean read_name(Session *session, GError **error) {
     return session->name != NULL;
 }
 
+/* Who writes into a session writes nowhere else. */
+static gboolean check_folders(const Session *session, GError **error) {
+    static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
+        g_autofree char *folder = session_file(session, folders[i]);
+
+        if (!g_file_test(folder, G_FILE_TEST_IS_SYMLINK))
+            continue;
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: a symbolic link, which nothing is written through; put a folder there",
+                    folder);
+        return FALSE;
+    }
+    return TRUE;
+}
+
 static gboolean start(Session *session, GError **error) {
     g_autofree char *db = session_file(session, "session.db");
 
@@ -66,7 +83,8 @@ static gboolean start(Session *session, GError **error) {
         if (session->lock < 0)
             return FALSE;
     }
-    return session_db_open(session, FALSE, error) && read_name(session, error);
+    return session_db_open(session, FALSE, error) && read_name(session, error) &&
+           (session->mode == SESSION_READ || check_folders(session, error));
 }
 
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error) {

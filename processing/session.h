@@ -13,6 +13,8 @@
  */
 #pragma once
 
+#include "base/work.h"
+
 #include <gio/gio.h>
 
 #define SESSION_FORMAT 1
@@ -24,7 +26,8 @@ enum session_error {
     SESSION_ERROR_FORMAT, /* not a session, damaged, or of a newer version */
     SESSION_ERROR_LOCKED, /* another process captures into it */
     SESSION_ERROR_EXISTS,
-    SESSION_ERROR_FULL, /* the disk is full: nothing was lost, free some and go on */
+    SESSION_ERROR_FULL,    /* the disk is full: nothing was lost, free some and go on */
+    SESSION_ERROR_DAMAGED, /* a file is not what the database says */
 };
 
 typedef struct Session Session;
@@ -144,8 +147,52 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
 /* Says what a product was made of; checksum and size are taken from the file. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
+/* The same for a file by its path; one that lies in no session's products is nobody's concern.
+ * "compress …": mesorig with these arguments and the session makes it again. */
+gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
+GHashTable *session_products(Session *session, GError **error); /* a set of their paths */
 
-/* Compares every committed frame's size (and, if thorough, checksum) with its file. Frames that
- * fail are forgotten and their shots planned again, with all their frames; each is told in an
- * event. Capture only. ret_lost: how many frames failed; may be NULL. */
+/* A committed file that is not what the database says. */
+struct session_damage {
+    char *path; /* relative */
+    char *what; /* "it is gone", "its SHA-256 is …, the session has …" */
+    char *sha256;
+    char *remedy; /* the command that makes it again; NULL: none does, import again */
+    gboolean missing;
+};
+void session_damage_free(struct session_damage *damage); /* NULL is ignored */
+
+enum session_files { SESSION_FRAMES, SESSION_PRODUCTS_MADE };
+
+/* Hashes all frames (sweeps are frames too) or products whose names begin with prefix and compares
+ * with the database, with a thread a processor. A file that this process has hashed is not hashed
+ * again while its size, times and inode stay. Of struct session_damage. Stage "verify"; work may be
+ * NULL. */
+GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
+                               const struct work *work, int *ret_examined, GError **error);
+
+/* One file; NULL: it is as committed. remedy is not set. Any thread. */
+struct session_damage *session_examine(const Session *session, const char *relative,
+                                       const char *sha256);
+
+/* Before products are read: SESSION_ERROR_DAMAGED, which names the command that makes the file
+ * again, if one whose name begins with prefix is not as committed. A file that the database does
+ * not know passes. While a program makes products, what it has only just written is waited for. */
+gboolean session_check_products(Session *session, const char *prefix, GError **error);
+
+/* The same for a file by its path; one that is no session's product passes. */
+gboolean session_check_product(const char *path, GError **error);
+
+/* Held by who makes products/btf, mdf.exr and eigenmaps.exr (file_lock.h); relative. */
+#define SESSION_PROCESS_LOCK "products/process.lock"
+
+/* Frames that were found damaged are noted, for the next session_verify(); what: NULL if one is
+ * whole again. */
+gboolean session_note_damage(Session *session, const char *frame, const char *what, GError **error);
+
+/* Compares every committed frame's size with its file, and the checksum if thorough, of dark
+ * frames, which others are made with, and of those that were noted. Frames that fail are forgotten
+ * and their shots planned again, with all their frames; each is told in an event. What killed
+ * captures have left of unfinished files is removed. Capture only. ret_lost: how many frames
+ * failed; may be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

@@ -1,6 +1,6 @@
 #include "session_private.h"
 
-#include "exr.h"
+#include "new_file.h"
 
 #include <math.h>
 #include <string.h>
@@ -21,7 +21,7 @@ static gint64 size_of(const Session *session, const char *relative) {
     g_autofree char *file = session_file(session, relative);
     struct stat status;
 
-    return stat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
+    return lstat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
 }
 
 static gboolean check_frame(const Session *session, gint64 shot, const struct session_frame *frame,
@@ -90,11 +90,19 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
     return FALSE;
 }
 
+#define NOTED "damaged/" /* a value's name: this and the frame's path */
+
+gboolean session_note_damage(Session *session, const char *frame, const char *what,
+                             GError **error) {
+    g_autofree char *key = g_strconcat(NOTED, frame, NULL);
+
+    return session_set_value(session, key, what, error);
+}
+
 /* NULL if the frame is as it was committed; else what is wrong, g_free(). */
 static char *verify_frame(const Session *session, const struct session_frame *frame,
                           gboolean thorough) {
-    g_autofree char *file = session_file(session, frame->path), *sha256 = NULL;
-    gint64 size = size_of(session, frame->path);
+    const gint64 size = size_of(session, frame->path);
 
     if (size < 0)
         return g_strdup_printf("%s is gone", frame->path);
@@ -103,10 +111,12 @@ static char *verify_frame(const Session *session, const struct session_frame *fr
                                frame->path, size, frame->bytes);
     if (!thorough)
         return NULL;
-    sha256 = exr_sha256(file, NULL, NULL);
-    if (g_strcmp0(sha256, frame->sha256) == 0)
-        return NULL;
-    return g_strdup_printf("%s has changed since it was taken (checksum)", frame->path);
+    struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
+    char *why = damage
+                    ? g_strdup_printf("%s has changed since it was taken (checksum)", frame->path)
+                    : NULL;
+    session_damage_free(damage);
+    return why;
 }
 
 static double now_s(Session *session) {
@@ -129,7 +139,10 @@ static gboolean forget(Session *session, gint64 shot, const char *why, GError **
 /* All at once, in as short a transaction as can be: the files were looked at before. */
 static gboolean forget_all(Session *session, const GPtrArray *frames, char *const *why,
                            GError **error) {
-    gboolean ok = session_begin(session, error);
+    gboolean ok =
+        session_begin(session, error) &&
+        session_db_run(session, error, "DELETE FROM value WHERE substr(key, 1, length(?1)) = ?1",
+                       "s", NOTED);
 
     for (guint i = 0; ok && i < frames->len; i++) {
         const struct session_frame *frame = g_ptr_array_index(frames, i);
@@ -142,20 +155,55 @@ static gboolean forget_all(Session *session, const GPtrArray *frames, char *cons
     return FALSE;
 }
 
+/* Names of frames whose checksums are to be looked at, if not all are: name → anything. */
+static GHashTable *suspects(Session *session, GError **error) {
+    g_autoptr(GHashTable) noted = session_values(session, NOTED, error);
+    g_autoptr(GHashTable) paths = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    g_autoptr(GError) own = NULL;
+    g_autoptr(sqlite3_stmt) darks =
+        noted ? session_db_query(session, error,
+                                 "SELECT path FROM frame JOIN shot ON shot.id = frame.shot"
+                                 " WHERE kind = 'dark'",
+                                 "")
+              : NULL;
+    GHashTableIter iter;
+    gpointer key;
+
+    if (!darks)
+        return NULL;
+    g_hash_table_iter_init(&iter, noted);
+    while (g_hash_table_iter_next(&iter, &key, NULL))
+        g_hash_table_add(paths, g_strdup((const char *)key + strlen(NOTED)));
+    while (session_db_next(session, darks, &own))
+        g_hash_table_add(paths, g_strdup((const char *)sqlite3_column_text(darks, 0)));
+    if (!own)
+        return g_steal_pointer(&paths);
+    g_propagate_error(error, g_steal_pointer(&own));
+    return NULL;
+}
+
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
+    g_autoptr(GHashTable) suspected = NULL;
     g_autofree char **why = NULL;
     gboolean ok;
     int lost = 0;
 
-    if (!session_may(session, SESSION_CAPTURE, error) || !(frames = session_frames(session, error)))
+    if (!session_may(session, SESSION_CAPTURE, error) ||
+        !(frames = session_frames(session, error)) || !(suspected = suspects(session, error)))
         return FALSE;
+    new_file_remove_left(session->path, "frames", "");
+    new_file_remove_left(session->path, "laser", "");
     why = g_new0(char *, frames->len + 1);
     for (guint i = 0; i < frames->len; i++) {
-        why[i] = verify_frame(session, g_ptr_array_index(frames, i), thorough);
+        const struct session_frame *frame = g_ptr_array_index(frames, i);
+
+        why[i] =
+            verify_frame(session, frame, thorough || g_hash_table_contains(suspected, frame->path));
         lost += why[i] != NULL;
     }
-    ok = lost == 0 || forget_all(session, frames, why, error);
+    ok =
+        (lost == 0 && g_hash_table_size(suspected) == 0) || forget_all(session, frames, why, error);
     for (guint i = 0; i < frames->len; i++)
         g_free(why[i]);
     if (ok && ret_lost)

@@ -1,6 +1,8 @@
 #include "session_private.h"
 #include "session_schema.h"
 
+#include "base/input_file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <glib/gstdio.h>
@@ -199,7 +201,9 @@ static gboolean check_table(Session *session, const struct session_table *table,
            damaged(session, "a table is not as it was made", error);
 }
 
+/* SQLite opens all of them by itself, and waits for who writes into one that is a FIFO. */
 static gboolean check_file(const Session *session, const char *file, GError **error) {
+    static const char *const beside[] = {"", "-wal", "-shm", "-journal"};
     struct stat status;
 
     if (stat(file, &status) != 0) {
@@ -210,10 +214,14 @@ static gboolean check_file(const Session *session, const char *file, GError **er
                     "%s: no session there: session.db: %s", session->path, g_strerror(saved));
         return FALSE;
     }
-    if (!S_ISREG(status.st_mode)) {
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s/session.db: not a file",
-                    session->path);
-        return FALSE;
+    for (gsize i = 0; i < G_N_ELEMENTS(beside); i++) {
+        g_autofree char *name = g_strconcat(file, beside[i], NULL);
+
+        if (stat(name, &status) == 0 && !S_ISREG(status.st_mode)) {
+            g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                        "%s: it is %s, not a regular file", name, input_file_kind(status.st_mode));
+            return FALSE;
+        }
     }
     return TRUE;
 }

@@ -139,5 +139,6 @@ gboolean surface_read(const char *session, const struct work *work, struct surfa
                     path);
         return FALSE;
     }
-    return read_views(ret, path, work, error);
+    return session_check_products(from, "products/mdf.exr", error) &&
+           read_views(ret, path, work, error);
 }

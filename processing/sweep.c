@@ -12,6 +12,9 @@
 #define NOISE_MARGIN 6     /* its standard deviations; the darkest of many is two or three below */
 #define MEDIAN       0.954 /* of the difference of two normal deviates, its size */
 #define DARKEST      2.5   /* standard deviations that the darkest of many is below the mean */
+#define NOISE_FRAMES 5     /* the first ones, of which each pair tells of noise */
+#define ODD_RATIO    2     /* a frame is odd that differs from its neighbour by this many times */
+#define ODD_DN       2     /* and this much more than the next two differ */
 #define CROWDED      8     /* records a vector that are no cause to look for noise among them */
 
 /* Pixels side by side, of which all samples are kept if one is lit: a vector. Comparisons
@@ -36,12 +39,15 @@ struct record {
 struct Sweep {
     gsize n_pixels, n_vectors;
     int n_frames, count;
+    int first; /* frame that the backgrounds begin with */
     guint16 saturation, margin;
+    guint16 sample[NOISE_PIXELS]; /* of the frame before */
+    int difference;               /* of the pair of frames that the margin comes from */
     float pedestal; /* what the darkest of a pixel's samples is below their mean, without a line */
     guint16 *darkest; /* whole vectors */
-    guint16
-        *opening; /* likewise: the first frame, of which nothing can be told until there are more */
-    guint32 *last; /* record of each vector, or NOTHING */
+    guint16 *opening; /* likewise: the frame `first`, of which nothing can be told until there are
+                         more */
+    guint32 *last;    /* record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
     const Sweep *shorter; /* or NULL */
@@ -212,21 +218,47 @@ static int by_size(const void *a, const void *b) {
     return *(const int *)a - *(const int *)b;
 }
 
-/* From some pixels of the first two frames. */
-static void measure_noise(Sweep *sweep, const guint16 *pixels) {
-    gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
-    if (n < FEW_PIXELS || sweep->count != 1)
-        return;
+/* Median of the absolute difference between a frame and the one before, over n sampled pixels,
+ * whose values replace those of the frame before. */
+static int median_difference(Sweep *sweep, const guint16 *pixels, gsize n) {
     int size[NOISE_PIXELS];
     for (gsize i = 0; i < n; i++) {
-        const gsize at = i * (sweep->n_pixels / n);
-        size[i] = abs((int)MIN(pixels[at], sweep->saturation) - (int)sweep->opening[at]);
+        const guint16 value = MIN(pixels[i * (sweep->n_pixels / n)], sweep->saturation);
+        size[i] = abs((int)value - (int)sweep->sample[i]);
+        sweep->sample[i] = value;
     }
     qsort(size, n, sizeof *size, by_size);
-    gsize middle = n / 2;
-    double noise = size[middle] / MEDIAN;
+    return size[n / 2];
+}
+
+static void set_margin(Sweep *sweep, int difference) {
+    const double noise = difference / MEDIAN;
+    sweep->difference = difference;
     sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
     sweep->pedestal = (float)(DARKEST * noise);
+}
+
+/* Forgets all frames so far: the next one is the first of which backgrounds are made. */
+static void begin_again(Sweep *sweep) {
+    sweep->first = sweep->count;
+    sweep->n_records = 0;
+    memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
+    memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
+}
+
+/* The first pair of frames tells the noise. A later one that differs much less shows that one of
+ * the frames before was lit differently as a whole: neither noise nor backgrounds come from it. */
+static void measure_noise(Sweep *sweep, const guint16 *pixels) {
+    const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
+    if (n < FEW_PIXELS || sweep->count >= NOISE_FRAMES)
+        return;
+    const int difference = median_difference(sweep, pixels, n);
+    if (sweep->count == 1)
+        set_margin(sweep, difference);
+    if (sweep->count > 1 && sweep->difference > ODD_RATIO * difference + ODD_DN) {
+        begin_again(sweep);
+        set_margin(sweep, difference);
+    }
 }
 
 /* Whether any pixel of a record is still above the margin, now that its background is known. */
@@ -267,7 +299,7 @@ static void make_room(Sweep *sweep) {
  * frames are handed over. */
 static int at_a_time(const Sweep *sweep, int n) {
     const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
-    return n >= TOGETHER && sweep->count >= 2 && most <= sweep->crowded ? TOGETHER : 1;
+    return n >= TOGETHER && sweep->count >= NOISE_FRAMES && most <= sweep->crowded ? TOGETHER : 1;
 }
 
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
@@ -277,7 +309,7 @@ void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
         measure_noise(sweep, frames[k]);
         absorb_whole(sweep, frames + k, some);
         absorb_rest(sweep, frames + k, some);
-        if (sweep->count == 0)
+        if (sweep->count == sweep->first)
             memcpy(sweep->opening, sweep->darkest, sizeof(guint16) * sweep->n_vectors * LANES);
         sweep->count += some;
         if (sweep->n_records > sweep->crowded)
@@ -334,7 +366,7 @@ static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
     int n = 0;
     const float opening = (float)(sweep->opening[i] - (int)sweep->darkest[i]);
     if (opening > (float)sweep->margin) {
-        pixel->frame[n] = 0;
+        pixel->frame[n] = sweep->first;
         pixel->value[n++] = opening;
     }
     const struct history *history = &pixel->longer;
@@ -356,6 +388,7 @@ static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
     pixel->samples = (struct sweep_samples){.frame = pixel->frame,
                                             .value = pixel->value,
                                             .n = n,
+                                            .first = sweep->first,
                                             .count = sweep->count,
                                             .full = full_of(sweep, i),
                                             .margin = (float)sweep->margin,

@@ -6,8 +6,9 @@
  * A line lights each pixel in a few frames only: those samples are kept and all others forgotten,
  * but for each pixel's darkest value, its background. What is above background by less than noise
  * is no line, and counts only just before and after one, where it was kept; the noise is measured
- * in the first two frames (at least 4 DN are taken for it). Feed frames in order; a frame may be
- * fed once only. One thread at a time.
+ * in the first two frames (at least 4 DN are taken for it). If one of them was lit differently as a
+ * whole, as the next pairs show, the frames up to there are left out. Feed frames in order; a frame
+ * may be fed once only. One thread at a time.
  */
 #pragma once
 
@@ -35,11 +36,11 @@ void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 
 /* What is left, each width × height, written to the caller's arrays:
  *   peak       time of the peak in frames (0 is the first frame's middle), −1 where there is none:
- *              peak − background below threshold, or at the very first or last frame
- *   width      standard deviation of the pulse in frames
- *   intensity  brightest value above background, of the longer exposure where there are two
- * background is each pixel's own darkest value, threshold in the same units (DN). Time and width
- * are those of the Gaussian that fits all samples of the pulse best, by their noise. */
+ *              peak − background below threshold, or at the very first (that is not left out) or
+ * last frame width      standard deviation of the pulse in frames intensity  brightest value above
+ * background, of the longer exposure where there are two background is each pixel's own darkest
+ * value, threshold in the same units (DN). Time and width are those of the Gaussian that fits all
+ * samples of the pulse best, by their noise. */
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity);
 

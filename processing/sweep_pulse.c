@@ -209,13 +209,13 @@ static void measure(const struct sweep_samples *s, const struct span *span,
     int length = plateau_of(s, span);
     int begin = s->frame[span->top], end = begin + length - 1;
     *ret = (struct sweep_pulse){-1, 0, s->value[span->top]};
-    if (begin == 0 || end + 1 >= s->count)
+    if (begin == s->first || end + 1 >= s->count)
         return;
     struct span part = bright_part(s, span, length);
     if (fit(s, &part, 0.5 * (begin + end), ret))
         return;
     /* What falls below the first frame's value was taken for background: a flank is missing. */
-    if (s->frame[span->first] == 0)
+    if (s->frame[span->first] == s->first)
         return;
     if (length > 2 || s->value[span->top] >= s->full)
         across_plateau(s, span, length, ret);

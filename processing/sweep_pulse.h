@@ -9,17 +9,18 @@
  * before and after. */
 struct sweep_samples {
     const int *frame;
-    const float *value; /* DN above background */
-    const float *gain;  /* of each, what its DN were multiplied by; NULL: nothing */
-    int n, count;       /* count: frames there were */
-    float full;         /* values from here on are saturated */
-    float margin;       /* values up to here are not yet a line */
-    float pedestal;     /* what background is, in these values */
+    const float *value;  /* DN above background */
+    const float *gain;   /* of each, what its DN were multiplied by; NULL: nothing */
+    int n, first, count; /* first: frame that backgrounds begin with; count: frames there were */
+    float full;          /* values from here on are saturated */
+    float margin;        /* values up to here are not yet a line */
+    float pedestal;      /* what background is, in these values */
 };
 
 struct sweep_pulse {
-    double time, width; /* frames; time < 0: it was at its brightest in the first or last frame */
-    double height;      /* DN, its brightest sample */
+    double time,
+        width;     /* frames; time < 0: it was at its brightest in that first or the last frame */
+    double height; /* DN, its brightest sample */
 };
 
 /* The brightest pulse and the next: another one is told apart where it becomes less than VALLEY

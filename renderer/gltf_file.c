@@ -2,6 +2,8 @@
 
 #include "soup.h"
 
+#include "base/input_file.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -136,25 +138,19 @@ static gboolean parse_binary(struct gltf *gltf, GBytes *file, GError **error) {
     return parse(gltf, (const char *)bytes + 20, length, error);
 }
 
-static GBytes *read_file(const struct gltf *gltf, const char *path, GError **error) {
-    g_autoptr(GError) why = NULL;
-    g_autoptr(GMappedFile) mapped = g_mapped_file_new(path, FALSE, &why);
-    if (mapped == NULL) {
-        gltf_fail(gltf, SCENE_ERROR_IO, error, "%s", why->message);
-        return NULL;
-    }
-    if (g_mapped_file_get_length(mapped) > SCENE_MAX_FILE) {
-        gltf_fail(gltf, SCENE_ERROR_TOO_LARGE, error, "%s is larger than %d MiB", path,
-                  SCENE_MAX_FILE >> 20);
-        return NULL;
-    }
-    /* Copied: a mapped file that is cut off later would be a crash. */
-    return g_bytes_new(g_mapped_file_get_contents(mapped), g_mapped_file_get_length(mapped));
+static GBytes *read_file(const char *path, GError **error) {
+    GError *why = NULL;
+    gsize length;
+    char *bytes = input_file_read(path, SCENE_MAX_FILE, &length, &why);
+    if (bytes != NULL)
+        return g_bytes_new_take(bytes, length);
+    input_file_propagate(why, SCENE_ERROR, SCENE_ERROR_IO, SCENE_ERROR_FORMAT, error);
+    return NULL;
 }
 
 gboolean gltf_open(struct gltf *gltf, const char *path, GError **error) {
     *gltf = (struct gltf){.path = path};
-    g_autoptr(GBytes) file = read_file(gltf, path, error);
+    g_autoptr(GBytes) file = read_file(path, error);
     if (file == NULL)
         return FALSE;
     gsize size;
@@ -196,7 +192,7 @@ static GBytes *read_uri(const struct gltf *gltf, const char *uri, GError **error
         return NULL;
     }
     g_autofree char *path = g_build_filename(folder, name, NULL);
-    return read_file(gltf, path, error);
+    return read_file(path, error);
 }
 
 static GBytes *buffer_at(struct gltf *gltf, gint64 k, GError **error) {

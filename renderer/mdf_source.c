@@ -1,6 +1,7 @@
 #include "mdf_source.h"
 
 #include "gpu.h"
+#include "processing/session.h"
 
 static gboolean read_kind(struct mdf_source *source, const char *path, GError **error) {
     source->kind = mdf_kind(path);
@@ -21,6 +22,8 @@ static gboolean read_kind(struct mdf_source *source, const char *path, GError **
 }
 
 struct mdf_source *mdf_source_read(const char *path, GError **error) {
+    if (!session_check_product(path, error))
+        return NULL;
     if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "there is no %s, which silhouettes need; “mesorig process” makes it from a "

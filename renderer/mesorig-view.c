@@ -223,9 +223,11 @@ static gboolean render_measured(const struct view_options *o, const struct studi
         return FALSE;
     ret->error = m->error;
     ret->n_frames = 1;
+    const locale_t before = picture_numbers_begin();
     g_autofree char *frame = g_strdup_printf(
         "view %d: theta %g deg, phi %g deg; light %d: theta %g deg, phi %g deg", m->view,
         m->view_theta_deg, m->view_phi_deg, m->light, m->light_theta_deg, m->light_phi_deg);
+    picture_numbers_end(before);
     const char *texts[] = {
         "Software", "mesorig-view " MESORIG_VERSION, "Frame", frame, "Source", o->method->title,
         NULL};

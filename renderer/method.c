@@ -7,6 +7,7 @@
 #include "lpca_revised.h"
 #include "lpca_view.h"
 #include "microfacet.h"
+#include "processing/session.h"
 
 #include <string.h>
 
@@ -45,7 +46,7 @@ gpointer method_open(const struct method *method, const char *path, GError **err
         return method->open(g_strcmp0(path, method->name) != 0 ? path : NULL, error);
     if (g_file_test(path, G_FILE_TEST_EXISTS)) {
         g_autoptr(GError) why = NULL;
-        gpointer material = method->open(path, &why);
+        gpointer material = session_check_product(path, &why) ? method->open(path, &why) : NULL;
         if (why != NULL && strstr(why->message, path) == NULL)
             g_prefix_error(&why, "%s: ", path);
         if (why != NULL)

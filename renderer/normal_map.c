@@ -1,9 +1,8 @@
 #include "normal_map.h"
 
+#include "base/input_file.h"
 #include "processing/exr.h"
 
-#include <errno.h>
-#include <glib/gstdio.h>
 #include <math.h>
 #include <png.h>
 #include <string.h>
@@ -46,10 +45,13 @@ static gboolean put(struct normal_map *map, gsize k, const float n[3], const cha
 }
 
 struct png_reading {
+    const char *path;
     FILE *file;
+    guint64 length;           /* of the file, in bytes */
     int width, height, bytes; /* of a value */
     guint8 *rows;
     char *message;
+    GError *why; /* it is not even begun to be decoded */
 };
 
 static void on_error(png_structp png, png_const_charp text) {
@@ -69,6 +71,9 @@ static gboolean decode(png_structp png, png_infop info, struct png_reading *read
     png_init_io(png, reading->file);
     png_set_user_limits(png, NORMAL_MAP_MAX, NORMAL_MAP_MAX);
     png_read_info(png, info);
+    if (!input_file_check_pixels(reading->path, png_get_image_width(png, info),
+                                 png_get_image_height(png, info), reading->length, &reading->why))
+        return FALSE;
     if (!(png_get_color_type(png, info) & PNG_COLOR_MASK_COLOR))
         png_error(png, "it is grey: a normal map is in colour");
     png_set_expand(png);
@@ -117,15 +122,20 @@ static struct normal_map *map_of_rows(const struct png_reading *reading, const c
 }
 
 static struct normal_map *read_png(const char *path, GError **error) {
-    struct png_reading reading = {.file = g_fopen(path, "rb")};
+    struct png_reading reading = {.path = path};
     struct normal_map *map = NULL;
-    if (reading.file == NULL) {
-        g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_IO, "%s cannot be read: %s", path,
-                    g_strerror(errno));
+    const int fd = input_file_open(path, G_MAXINT64, &reading.length, &reading.why);
+    if (fd < 0) {
+        input_file_propagate(reading.why, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_IO,
+                             NORMAL_MAP_ERROR_FORMAT, error);
         return NULL;
     }
+    reading.file = fdopen(fd, "rb");
     if (read_file(&reading))
         map = map_of_rows(&reading, path, error);
+    else if (reading.why != NULL)
+        input_file_propagate(g_steal_pointer(&reading.why), NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_IO,
+                             NORMAL_MAP_ERROR_FORMAT, error);
     else
         g_set_error(error, NORMAL_MAP_ERROR, NORMAL_MAP_ERROR_FORMAT,
                     "%s cannot be read as a normal map: %s", path,

@@ -1,8 +1,9 @@
 /* Wavefront OBJ, of which files from anywhere are expected: every number and index is checked. */
 #include "soup.h"
 
+#include "base/input_file.h"
+
 #include <errno.h>
-#include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>
 
@@ -173,22 +174,10 @@ struct mesh *scene_parse_obj(const char *name, const char *text, enum scene_up u
 }
 
 struct mesh *scene_read_obj(const char *path, enum scene_up up, GError **error) {
-    GStatBuf info;
-    if (g_stat(path, &info) == 0 && info.st_size > SCENE_MAX_FILE) {
-        g_set_error(error, SCENE_ERROR, SCENE_ERROR_TOO_LARGE, "%s is larger than %d MiB", path,
-                    SCENE_MAX_FILE >> 20);
-        return NULL;
-    }
-    g_autofree char *text = NULL;
-    gsize length;
-    g_autoptr(GError) local = NULL;
-    if (!g_file_get_contents(path, &text, &length, &local)) {
-        g_set_error(error, SCENE_ERROR, SCENE_ERROR_IO, "%s: cannot be read: %s", path,
-                    local->message);
-        return NULL;
-    }
-    if (strlen(text) != length) {
-        g_set_error(error, SCENE_ERROR, SCENE_ERROR_FORMAT, "%s is not a text file", path);
+    GError *local = NULL;
+    g_autofree char *text = input_file_read_text(path, SCENE_MAX_FILE, &local);
+    if (text == NULL) {
+        input_file_propagate(local, SCENE_ERROR, SCENE_ERROR_IO, SCENE_ERROR_FORMAT, error);
         return NULL;
     }
     return scene_parse_obj(path, text, up, error);

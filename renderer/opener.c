@@ -137,7 +137,7 @@ gboolean opener_is_busy(const Opener *opener) {
 }
 
 char *opener_progress(const Opener *opener) {
-    const char *path = g_atomic_pointer_get(&opener->working);
+    const char *path = g_atomic_pointer_get((const char **)&opener->working);
     const int share = g_atomic_int_get(&opener->share);
     if (path == NULL)
         return opener_is_busy(opener) ? g_strdup("opening …") : NULL;

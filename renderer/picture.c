@@ -103,3 +103,13 @@ gboolean picture_write_exr(const char *path, const float *rgb, int width, int he
     exr_file_free(file);
     return good;
 }
+
+locale_t picture_numbers_begin(void) {
+    locale_t before = uselocale((locale_t)0);
+    uselocale(newlocale(LC_NUMERIC_MASK, "C", duplocale(before)));
+    return before;
+}
+
+void picture_numbers_end(locale_t before) {
+    freelocale(uselocale(before));
+}

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <glib.h>
+#include <locale.h>
 
 #define PICTURE_ERROR picture_error_quark()
 GQuark picture_error_quark(void);
@@ -16,3 +17,8 @@ gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int h
  * "picture.shape" for "Shape". The file says that it is a picture: see compare_is_picture(). */
 gboolean picture_write_exr(const char *path, const float *rgb, int width, int height,
                            const char *const *texts, GError **error);
+
+/* Between the two, printf() and its like write numbers with a decimal point in this thread,
+ * whatever the user's locale: for the texts above. */
+locale_t picture_numbers_begin(void);
+void picture_numbers_end(locale_t before);

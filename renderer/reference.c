@@ -3,6 +3,7 @@
 #include "directions.h"
 #include "processing/btf.h"
 #include "processing/exr.h"
+#include "processing/session.h"
 
 #include <math.h>
 #include <string.h>
@@ -274,7 +275,7 @@ static gboolean read_file(const Reference *r, const char *path, int stride, floa
                           GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
     const gsize texels = (gsize)r->width * r->height;
-    struct exr_file *file = exr_read(path, error);
+    struct exr_file *file = session_check_product(path, error) ? exr_read(path, error) : NULL;
     if (file == NULL)
         return FALSE;
     gboolean good = TRUE;

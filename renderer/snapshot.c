@@ -128,7 +128,9 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
 /* Whichever of the pictures is there. */
 static gboolean write_either(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
                              const float *linear, int width, int height, GError **error) {
+    const locale_t before = picture_numbers_begin();
     g_autoptr(GPtrArray) texts = texts_of(snapshot);
+    picture_numbers_end(before);
     const char *const *all = (const char *const *)texts->pdata;
     return linear != NULL ? picture_write_exr(path, linear, width, height, all, error)
                           : picture_write_png(path, rgb, width, height, all, error);

@@ -258,8 +258,9 @@ static gboolean move(Axis *axis, double target_deg, GError **error) {
 static gboolean stop(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     double speed, a = sim->motion.accel_deg_s2;
-    if (sim->phase == HOMING) { /* so slow that it stands at once */
-        sim->slack_deg = 0;
+    gboolean halted = sim->phase == STANDING && axis_is_moving(axis); /* by axis_halt() */
+    if (sim->phase == HOMING || halted) { /* homing: so slow that it stands at once */
+        sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
         start(axis, BRAKING, sim->position_deg, 0);
     } else if (sim->phase == MOVING) {
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));

@@ -124,6 +124,7 @@ static void close_laser(Laser *laser) {
 const struct laser_driver sim_laser_driver = {
     .info = {"laser", "sim-laser", "A line laser of the simulated world", options,
              sizeof(struct sim_laser)},
+    .simulated = TRUE,
     .open = open_laser,
     .close = close_laser,
     .set = set,

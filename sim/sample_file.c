@@ -1,10 +1,11 @@
 #include "sample.h"
 
+#include "base/input_file.h"
+
 #include <math.h>
 #include <png.h>
 #include <string.h>
 
-#define MAX_PIXELS    (64u << 20)
 #define MAX_OBJ_BYTES (256u << 20)
 
 struct picture {
@@ -25,11 +26,15 @@ static gboolean picture_error(png_image *image, const char *path, GError **error
 static gboolean read_picture(const char *path, gboolean heights, struct picture *ret,
                              GError **error) {
     png_image image = {.version = PNG_IMAGE_VERSION};
-    if (!png_image_begin_read_from_file(&image, path))
+    gsize length;
+    g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
+    if (!bytes)
+        return FALSE;
+    if (!png_image_begin_read_from_memory(&image, bytes, length))
         return picture_error(&image, path, error);
-    if ((guint64)image.width * image.height > MAX_PIXELS) {
-        g_strlcpy(image.message, "it has more than 64 million pixels", sizeof image.message);
-        return picture_error(&image, path, error);
+    if (!input_file_check_pixels(path, image.width, image.height, length, error)) {
+        png_image_free(&image);
+        return FALSE;
     }
     gboolean wide = !heights || (image.format & PNG_FORMAT_FLAG_LINEAR);
     image.format = heights ? (wide ? PNG_FORMAT_LINEAR_Y : PNG_FORMAT_GRAY) : PNG_FORMAT_LINEAR_RGB;
@@ -200,19 +205,8 @@ static void obj_finish(struct obj *obj) {
     sample_smooth_normals(obj->mesh, 0, 0);
 }
 
-static char *load_text(const char *path, GError **error) {
-    g_autoptr(GMappedFile) file = g_mapped_file_new(path, FALSE, error);
-    if (!file)
-        return NULL;
-    if (g_mapped_file_get_length(file) <= MAX_OBJ_BYTES)
-        return g_strndup(g_mapped_file_get_contents(file) ? g_mapped_file_get_contents(file) : "",
-                         g_mapped_file_get_length(file));
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s: larger than 256 MiB", path);
-    return NULL;
-}
-
 struct mesh *sample_obj(const struct sample_options *options, GError **error) {
-    g_autofree char *text = load_text(options->path, error);
+    g_autofree char *text = input_file_read_text(options->path, MAX_OBJ_BYTES, error);
     if (!text)
         return NULL;
     g_autoptr(GArray) positions = g_array_new(FALSE, FALSE, sizeof(float[3]));

@@ -1,5 +1,7 @@
 #include "sample.h"
 
+#include "base/input_file.h"
+
 #include <math.h>
 #include <png.h>
 
@@ -98,7 +100,11 @@ static gboolean fail(png_image *image, const char *path, GError **error) {
 }
 
 static gboolean read_print(png_image *image, const char *path, guint16 **ret, GError **error) {
-    if (!png_image_begin_read_from_file(image, path))
+    gsize length;
+    g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
+    if (!bytes)
+        return FALSE;
+    if (!png_image_begin_read_from_memory(image, bytes, length))
         return fail(image, path, error);
     if ((guint64)image->width * image->height > MAX_CELLS) {
         g_strlcpy(image->message, "a plate has at most a million pixels", sizeof image->message);

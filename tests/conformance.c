@@ -1,5 +1,7 @@
 #include "conformance_private.h"
 
+#define FILES_WAIT_S 5
+
 struct test {
     gconstpointer driver;
     const struct conformance *with;
@@ -65,4 +67,14 @@ int conformance_open_files(void) {
     while (dir && g_dir_read_name(dir))
         n++;
     return n;
+}
+
+void conformance_expect_files(const struct conformance *with, int files) {
+    g_autoptr(Clock) clock = conformance_clock(with);
+    const gint64 deadline_us = g_get_monotonic_time() + FILES_WAIT_S * G_USEC_PER_SEC;
+    while (conformance_open_files() > files && g_get_monotonic_time() < deadline_us) {
+        conformance_pass(clock, 0.05);
+        g_usleep(1000);
+    }
+    g_assert_cmpint(conformance_open_files(), <=, files);
 }

@@ -49,3 +49,7 @@ void conformance_wait(Clock *clock, const int *counter, int n, double limit_s);
 void conformance_pass(Clock *clock, double seconds);
 
 int conformance_open_files(void);
+
+/* What runs in this process on threads of its own may let go of its descriptors a little later:
+ * runs the main loop until no more than so many are open; fails the test after five seconds. */
+void conformance_expect_files(const struct conformance *with, int files);

@@ -252,6 +252,25 @@ static void stop_standing(gconstpointer driver, const struct conformance *with) 
     end(&bench);
 }
 
+/* It says that it stands, also when nothing was asked of it before. */
+static void halt_standing(gconstpointer driver, const struct conformance *with) {
+    struct bench bench;
+    begin(&bench, driver, with);
+    g_assert_true(axis_halt(bench.axis, NULL));
+    expect(&bench, AXIS_STOPPED);
+    home(&bench);
+    double before = axis_position_deg(bench.axis);
+    g_assert_true(axis_halt(bench.axis, NULL));
+    expect(&bench, AXIS_STOPPED);
+    g_assert_true(axis_is_homed(bench.axis));
+    g_assert_cmpfloat(fabs(axis_position_deg(bench.axis) - before), <=, tolerance(&bench));
+    start_move(&bench, at(&bench, 0.5));
+    g_assert_true(axis_halt(bench.axis, NULL));
+    expect(&bench, AXIS_STOPPED);
+    expect_silence(&bench, 0.3);
+    end(&bench);
+}
+
 static void close_moving(gconstpointer driver, const struct conformance *with) {
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(with, "", &section);
@@ -278,7 +297,7 @@ static void open_close(gconstpointer driver, const struct conformance *with) {
         begin(&bench, driver, with);
         end(&bench);
     }
-    g_assert_cmpint(conformance_open_files(), <=, files);
+    conformance_expect_files(with, files);
     axis_close(NULL);
 }
 
@@ -295,6 +314,7 @@ void conformance_axis(const struct axis_driver *driver, const struct conformance
         {"stops", stops},
         {"stops-homing", stops_homing},
         {"stop-standing", stop_standing},
+        {"halt-standing", halt_standing},
         {"close-moving", close_moving},
         {"open-close", open_close},
         {NULL},

@@ -34,6 +34,25 @@ static inline char *rig_section(const char *bus, const char *header, const char 
     "stop = 2=3\nclear = 2=4\nwatchdog = 5=1\nwatchdog_ms = 50\npoll_ms = 5\nstart_ms = 150\n"     \
     "stall_ms = 150\n"
 
+#define RIG_AFTER "watchdog_after_s = 1\nwatchdog_scale = 10\n"
+
+/* Lamps and laser again, going off by themselves in each of the two ways. */
+static inline void rig_conformance_watchdog(const char *bus, const char *name, gboolean pulses) {
+    static struct conformance tested[4];
+    struct conformance *lamps = &tested[pulses ? 0 : 2], *laser = lamps + 1;
+    lamps->name = laser->name = name;
+    lamps->real_clock = laser->real_clock = TRUE;
+    lamps->section =
+        rig_section(bus, "lamps bank",
+                    pulses ? "n = 3\nfirst_coil = 4\npulse_coil = 0x204\n" RIG_AFTER
+                           : "n = 3\nfirst_coil = 4\nwatchdog_register = 6\n" RIG_AFTER);
+    laser->section = rig_section(bus, "laser l",
+                                 pulses ? "coil = 9\npulse_coil = 0x209\n" RIG_AFTER
+                                        : "coil = 9\nwatchdog_register = 6\n" RIG_AFTER);
+    conformance_lamps(&modbus_relays_driver, lamps);
+    conformance_laser(&modbus_laser_driver, laser);
+}
+
 /* The suites of all classes over one device. Its bus must live until they have run. */
 static inline void rig_conformance(const char *bus, const char *name) {
     static struct conformance axis, lamps, laser, door;

@@ -56,7 +56,7 @@ static void assert_values(const BonnFile *file, const float *wanted, double tole
     g_autofree float *rgb = g_new(float, n);
     g_autofree int *missing = g_new(int, header->n_lights);
     for (int view = 0; view < header->n_views; view++) {
-        bonn_read_view(file, view, rgb, missing);
+        g_assert_true(bonn_read_view(file, view, rgb, missing, NULL));
         for (gsize i = 0; i < n; i++)
             g_assert_cmpfloat_with_epsilon((double)rgb[i], (double)wanted[(gsize)view * n + i],
                                            tolerance);
@@ -216,7 +216,7 @@ static void read_all(const BonnFile *file) {
     g_autofree float *rgb = g_new(float, n);
     g_autofree int *holes = g_new(int, header->n_lights);
     for (int view = 0; view < header->n_views; view++) {
-        bonn_read_view(file, view, rgb, holes);
+        g_assert_true(bonn_read_view(file, view, rgb, holes, NULL));
         for (gsize i = 0; i < n; i++)
             g_assert_true(isfinite(rgb[i]));
     }
@@ -299,6 +299,40 @@ static void test_messages(void) {
     assert_says(path, BONN_ERROR_FORMAT, "does not fit 6 × 3 texels");
 }
 
+/* Cut off between its being opened and its being read. */
+static void test_cut_at_work(void) {
+    g_autofree char *bdi = in_folder("bdi"), *path = in_folder("cut-at-work"), *bytes = NULL;
+    g_autoptr(GError) error = NULL;
+    float rgb[LIGHTS * TEXELS * 3];
+    int holes[LIGHTS];
+    gsize length;
+    g_assert_true(g_file_get_contents(bdi, &bytes, &length, NULL));
+    g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
+    g_autoptr(BonnFile) file = bonn_open(path, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(truncate(path, 0), ==, 0);
+    g_assert_false(bonn_read_view(file, 0, rgb, holes, &error));
+    g_assert_error(error, BONN_ERROR, BONN_ERROR_FORMAT);
+    g_assert_nonnull(strstr(error->message, "shorter"));
+    g_assert_nonnull(strstr(error->message, path));
+}
+
+/* A file that is nearly nothing but its mask says that a view has 12 GB. */
+static void test_large_views(void) {
+    g_autofree char *bdi = in_folder("bdi"), *path = in_folder("large"), *bytes = NULL;
+    g_autoptr(GError) error = NULL;
+    const guint32 size[2] = {GUINT32_TO_LE(8192), GUINT32_TO_LE(8192)};
+    const guint8 at_size[8] = {5, 0, 0, 0, 3, 0, 0, 0};
+    gsize length;
+    g_assert_true(g_file_get_contents(bdi, &bytes, &length, NULL));
+    char *at = memmem(bytes, length, at_size, sizeof at_size);
+    g_assert_nonnull(at);
+    memcpy(at, size, sizeof size);
+    g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
+    g_assert_null(bonn_open(path, &error));
+    g_assert_nonnull(strstr(error->message, "3072 MiB"));
+}
+
 /* Infinities are holes, not values. */
 static void test_not_finite(void) {
     g_autofree char *bdi = in_folder("bdi"), *path = in_folder("infinite");
@@ -308,7 +342,8 @@ static void test_not_finite(void) {
     patch(bdi, path, -4, 0x7c003c00);
     g_autoptr(BonnFile) file = bonn_open(path, &error);
     g_assert_no_error(error);
-    bonn_read_view(file, VIEWS - 1, rgb, holes);
+    g_assert_true(bonn_read_view(file, VIEWS - 1, rgb, holes, &error));
+    g_assert_no_error(error);
     g_assert_cmpint(holes[LIGHTS - 2], ==, 0);
     g_assert_cmpint(holes[LIGHTS - 1], ==, 1);
     g_assert_cmpfloat(rgb[LIGHTS * TEXELS * 3 - 3], ==, 0);
@@ -332,6 +367,8 @@ int main(int argc, char **argv) {
     g_test_add_data_func("/bonn/write/fmf", GINT_TO_POINTER(BONN_FMF), test_write_factors);
     g_test_add_data_func("/bonn/write/dfmf", GINT_TO_POINTER(BONN_DFMF), test_write_factors);
     g_test_add_func("/bonn/messages", test_messages);
+    g_test_add_func("/bonn/cut-at-work", test_cut_at_work);
+    g_test_add_func("/bonn/large-views", test_large_views);
     g_test_add_func("/bonn/not-finite", test_not_finite);
     g_test_add_func("/bonn/no-room", test_no_room);
     g_test_add_func("/bonn/truncated", test_truncated);

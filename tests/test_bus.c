@@ -1,6 +1,7 @@
 /* The rig on D-Bus, as a client of the same process sees it over a peer connection. */
 #include "daemon/bus.h"
 #include "daemon/bus_errors.h"
+#include "daemon/bus_private.h"
 
 #include <glib/gstdio.h>
 #include <signal.h>
@@ -247,6 +248,91 @@ static void test_validate(struct fixture *fixture, gconstpointer data) {
     refused(fixture, "Start", start_parameters(SESSION, "here"), "BadPath", NULL);
 }
 
+/* The small rig's session with other views and lights. */
+static char *write_rings(struct fixture *fixture, const char *rings) {
+    char *path = g_build_filename(fixture->folder, "rings.conf", NULL);
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents(SESSION, &text, NULL, NULL));
+    g_auto(GStrv) parts = g_strsplit(text, "30:2; 60:2", -1);
+    g_autofree char *changed = g_strjoinv(rings, parts);
+    g_assert_true(g_file_set_contents(path, changed, -1, NULL));
+    return path;
+}
+
+/* A session too large is refused at once, and by file and line; one that is planned for long is
+ * given up when a limit is met, and the answer says which. */
+static void test_limits(struct fixture *fixture, gconstpointer data) {
+    g_autofree char *endless = write_rings(fixture, "30:510; 60:510");
+    gboolean ok = TRUE;
+    const char *text;
+    tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
+    g_autoptr(GVariant) wrong = ask(fixture, "Validate", g_variant_new("(ss)", endless, ""));
+    g_variant_get(wrong, "(b&s@a{sv})", &ok, &text, NULL);
+    g_assert_false(ok);
+    g_assert_nonnull(strstr(text, "rings.conf:"));
+    g_assert_nonnull(strstr(text, "at most 40000"));
+    refused(fixture, "Start", start_parameters(endless, fixture->directory), "PlanSize", "poses");
+
+    g_autofree char *large = write_rings(fixture, "30:140; 60:140");
+    struct preparer_limits *limits = &fixture->bus->limits[PREPARER_CHECK];
+    limits->wall_s = 1;
+    refused(fixture, "Validate", g_variant_new("(ss)", large, ""), "Limit", "longer than the 1 s");
+    limits->wall_s = 300;
+    limits->cpu_s = 1;
+    refused(fixture, "Validate", g_variant_new("(ss)", large, ""), "Limit", "computing time");
+#ifndef __SANITIZE_ADDRESS__
+    limits->cpu_s = 120;
+    limits->memory_bytes = 1 << 20;
+    refused(fixture, "Validate", g_variant_new("(ss)", large, ""), "Limit", "MiB of memory");
+#endif
+    fixture->bus->limits[PREPARER_BEGIN].cpu_s = 1;
+    refused(fixture, "Start", start_parameters(large, fixture->directory), "Limit",
+            "computing time");
+    g_assert_false(g_file_test(fixture->directory, G_FILE_TEST_EXISTS));
+}
+
+static GAsyncResult *pending;
+
+static void begin_call(struct fixture *fixture, const char *method, GVariant *parameters) {
+    g_dbus_connection_call(fixture->client, NULL, BUS_PATH, BUS_NAME, method, parameters, NULL,
+                           G_DBUS_CALL_FLAGS_NONE, 60000, NULL, take_result, &pending);
+    assert_state(fixture, "idle"); /* it comes in before */
+}
+
+static void assert_cancelled(struct fixture *fixture, const char *words) {
+    g_autoptr(GError) error = NULL;
+    g_assert_null(g_dbus_connection_call_finish(fixture->client, wait_for(&pending), &error));
+    g_autofree char *name = g_dbus_error_get_remote_error(error);
+    g_assert_cmpstr(name, ==, "org.mesorig.Error.Cancelled");
+    g_assert_nonnull(strstr(error->message, words));
+    g_clear_object(&pending);
+}
+
+/* While a session is planned its client waits, other calls are answered, and whoever wants the rig
+ * to stand still does not find it begin. */
+static void test_cancel(struct fixture *fixture, gconstpointer data) {
+    static const char *const methods[] = {"SafeState", "Abort", "CloseRig"};
+    static const char *const words[] = {"SafeState ended", "Abort ended", "closed meanwhile"};
+    g_autofree char *large = write_rings(fixture, "30:140; 60:140");
+    for (gsize i = 0; i < G_N_ELEMENTS(methods); i++) {
+        if (i == 0)
+            tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
+        begin_call(fixture, "Start", start_parameters(large, fixture->directory));
+        refused(fixture, "Start", start_parameters(SESSION, fixture->directory), "Busy", "Abort");
+        tell(fixture, methods[i], NULL);
+        assert_cancelled(fixture, words[i]);
+        g_assert_false(g_file_test(fixture->directory, G_FILE_TEST_EXISTS));
+        assert_state(fixture, i < 2 ? "idle" : "closed");
+    }
+    tell(fixture, "OpenRig", g_variant_new("(s)", RIG));
+    begin_call(fixture, "Validate", g_variant_new("(ss)", large, ""));
+    refused(fixture, "Validate", g_variant_new("(ss)", SESSION, ""), "Busy", "for you");
+    tell(fixture, "SafeState", NULL);
+    g_assert_null(pending); /* a check moves nothing and goes on */
+    tell(fixture, "CloseRig", NULL);
+    assert_cancelled(fixture, "closed");
+}
+
 static void assert_control(struct fixture *fixture, gboolean there) {
     g_autofree char *path = g_build_filename(fixture->directory, BUS_CONTROL, NULL);
     g_autofree char *text = NULL;
@@ -466,6 +552,8 @@ int main(int argc, char **argv) {
     ADD("/bus/closed", test_closed);
     ADD("/bus/open", test_open);
     ADD("/bus/validate", test_validate);
+    ADD("/bus/limits", test_limits);
+    ADD("/bus/cancel", test_cancel);
     ADD("/bus/capture", test_capture);
     ADD("/bus/end-while-running", test_end_while_running);
     ADD("/bus/client-gone", test_client_gone);

@@ -117,6 +117,27 @@ static void test_nonsense(void) {
     assert_refused("covariance=9.9999999999999995e-07;", "covariance=", "not as many numbers");
     assert_refused("cameras=2", "cameras=1", "sections");
     assert_refused("fx_px=333.25", "fx_px=", "[camera 0] fx_px");
+    assert_refused("response=6000", "response=1e308", "[camera 0] response: is out of range");
+    assert_refused("[end]", "[camera residuals 0]\ndx_px=0.1;nan\n[end]",
+                   "[camera residuals 0] dx_px: is not a list of finite numbers");
+    assert_refused("[end]", "[laser steps]\ntilt_deg=0.1;1e999\n[end]",
+                   "[laser steps] tilt_deg: is not a list of finite numbers");
+}
+
+/* Of a file that is none, nothing is quoted: it may be one that others must not read. */
+static void test_not_quoted(void) {
+    static const char *const texts[] = {"root:secret:0\n", "[a]\n\nsecret\n", "secret=1\n[a]\n",
+                                        "[a]\nEncoding=secret\n"};
+    static const char *const where[] = {"x: not a calibration file: line 1 is", "file: line 3 is",
+                                        "x: not", "x: not"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
+        g_autoptr(GError) error = NULL;
+        g_assert_null(calibration_from_text(texts[i], "x", &error));
+        g_assert_error(error, RIG_ERROR, RIG_ERROR_FORMAT);
+        g_assert_null(strstr(error->message, "secret"));
+        g_assert_nonnull(strstr(error->message, where[i]));
+    }
 }
 
 /* Bytes changed at random: refused, or read as something that can be written and read again. */
@@ -142,6 +163,25 @@ static void test_random_damage(void) {
         g_assert_no_error(error);
     }
     g_rand_free(rand);
+}
+
+/* What could not be read back is refused before anything is written over. */
+static void test_unreadable(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = example();
+    g_autofree char *folder = g_dir_make_tmp("mesorig-calibration-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "rig.calibration", NULL);
+
+    g_assert_true(calibration_write(calibration, path, &error));
+    calibration->parts[CALIBRATION_CAMERAS].residual_rms = NAN;
+    g_assert_false(calibration_write(calibration, path, &error));
+    g_assert_error(error, RIG_ERROR, RIG_ERROR_VALUE);
+    g_assert_nonnull(strstr(error->message, "[part cameras] residual_rms: is not a finite"));
+    g_assert_nonnull(strstr(error->message, "is not written"));
+    g_autoptr(Calibration) back = calibration_read(path, NULL);
+    g_assert_nonnull(back);
+    g_unlink(path);
+    g_assert_cmpint(g_rmdir(folder), ==, 0);
 }
 
 static void test_files(void) {
@@ -186,7 +226,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibration/is a rig", test_is_a_rig);
     g_test_add_func("/calibration/cut", test_cut);
     g_test_add_func("/calibration/nonsense", test_nonsense);
+    g_test_add_func("/calibration/not quoted", test_not_quoted);
     g_test_add_func("/calibration/random damage", test_random_damage);
+    g_test_add_func("/calibration/unreadable", test_unreadable);
     g_test_add_func("/calibration/files", test_files);
     g_test_add_func("/calibration/other rig", test_other_rig);
     return g_test_run();

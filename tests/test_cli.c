@@ -1,13 +1,17 @@
 /* mesorig as a shell sees it: what it prints, and its exit codes. */
 #include "base/json.h"
 #include "processing/exr.h"
+#include "processing/session.h"
 
 #include <gio/gio.h>
+#include <gio/gunixsocketaddress.h>
 #include <glib/gstdio.h>
 #include <math.h>
 #include <signal.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include "long_session.h"
 #include "remove_tree.h"
@@ -187,9 +191,9 @@ static void test_json(void) {
 }
 
 static void test_usage(void) {
-    static const char *const commands[] = {"plan",  "capture", "resume",  "status",   "watch",
-                                           "pause", "abort",   "safe",    "continue", "process",
-                                           "info",  "drivers", "compress"};
+    static const char *const commands[] = {"plan",  "capture", "resume",   "status",   "watch",
+                                           "pause", "abort",   "safe",     "continue", "process",
+                                           "info",  "drivers", "compress", "verify"};
     struct output output = {0};
     runs(2, &output, NULL);
     assert_has(output.out, "Commands:");
@@ -500,6 +504,121 @@ static void test_history(void) {
     remove_tree(folder);
 }
 
+/* Nothing that a session or a file holds makes a terminal do anything. */
+static void test_controls(void) {
+    static const char hostile[] = "a\033[2Jb\rc\x07"
+                                  "d\xc2\x9b"
+                                  "31me\u202ef";
+    static const char *const channels[] = {"Y", NULL};
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *exr = g_build_filename(folder, "a.exr", NULL);
+    struct output output = {0};
+    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    Session *open = session_open(session, SESSION_PRODUCTS, NULL);
+    g_assert_true(session_set_value(open, "imported", hostile, NULL));
+    session_close(open);
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, exr_part_new(hostile, 2, 2, channels, EXR_HALF));
+    g_assert_true(exr_write(exr, file, EXR_ZIP, FALSE, NULL));
+    exr_file_free(file);
+    const char *const paths[] = {session, exr};
+    for (int i = 0; i < 2; i++) {
+        runs(0, &output, "info", paths[i], NULL);
+        assert_has(output.out, "a\uFFFD[2Jb\uFFFDc\uFFFDd\uFFFD31me\uFFFDf");
+        runs(0, &output, "info", "--json", paths[i], NULL);
+        assert_has(output.out, "a\\u001b[2Jb\\u000dc\\u0007d\\u009b31m");
+        g_assert_true(is_json(output.out));
+    }
+    runs(1, &output, "info", hostile, NULL);
+    assert_has(output.err, "a\uFFFD[2Jb\uFFFDc");
+    clear(&output);
+    remove_tree(folder);
+}
+
+static gboolean count_connection(GSocketService *service, GSocketConnection *connection,
+                                 GObject *source, gpointer count) {
+    (*(int *)count)++;
+    return TRUE;
+}
+
+/* mesorig pause of a folder whose control file says so. */
+static void ask_pause(const char *folder) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSubprocess) process =
+        g_subprocess_new(G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, MESORIG, "pause", folder, NULL);
+    g_assert_no_error(error);
+    const gint64 until = g_get_monotonic_time() + 30 * G_USEC_PER_SEC;
+    while (g_subprocess_get_identifier(process)) {
+        if (g_get_monotonic_time() > until) {
+            g_subprocess_force_exit(process);
+            g_error("mesorig pause %s hangs", folder);
+        }
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(1000);
+    }
+    g_autofree char *told = NULL;
+    g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, &error);
+    g_assert_cmpint(g_subprocess_get_exit_status(process), ==, 1);
+    assert_has(told, "nobody captures into");
+}
+
+/* Somebody else's session leads neither to a host nor, by a link, to another file's address. */
+static void test_control(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *control = g_build_filename(folder, "control", NULL);
+    g_autofree char *path = g_build_filename(folder, "bus", NULL);
+    g_autofree char *address = g_strdup_printf("unix:path=%s\n", path);
+    g_autofree char *elsewhere = write_file(folder, "elsewhere", address);
+    g_autoptr(GSocketService) service = g_socket_service_new();
+    g_autoptr(GSocketAddress) local = g_unix_socket_address_new(path);
+    int count = 0;
+    const guint16 port =
+        g_socket_listener_add_any_inet_port(G_SOCKET_LISTENER(service), NULL, NULL);
+    g_assert_true(g_socket_listener_add_address(G_SOCKET_LISTENER(service), local,
+                                                G_SOCKET_TYPE_STREAM, G_SOCKET_PROTOCOL_DEFAULT,
+                                                NULL, NULL, NULL));
+    g_signal_connect(service, "incoming", G_CALLBACK(count_connection), &count);
+    g_autofree char *tcp =
+        g_strdup_printf("nonce-tcp:host=localhost,port=%d,noncefile=%s\n", port, elsewhere);
+    g_autofree char *both = g_strdup_printf("unix:path=/no/such;%s", tcp);
+    const char *const hostile[] = {tcp, both};
+    for (gsize i = 0; i < G_N_ELEMENTS(hostile); i++) {
+        g_assert_true(g_file_set_contents(control, hostile[i], -1, NULL));
+        ask_pause(folder);
+    }
+    g_unlink(control);
+    g_assert_cmpint(symlink(elsewhere, control), ==, 0);
+    ask_pause(folder);
+    g_unlink(control);
+    g_assert_cmpint(mkfifo(control, 0600), ==, 0);
+    ask_pause(folder);
+    g_assert_cmpint(count, ==, 0);
+    g_unlink(control);
+    g_assert_true(g_file_set_contents(control, address, -1, NULL)); /* this one is followed */
+    ask_pause(folder);
+    g_assert_cmpint(count, >, 0);
+    remove_tree(folder);
+}
+
+/* What could not be written is told, whoever wrote it: a command, its JSON, its help. */
+static void test_output_full(void) {
+    static const char *const lines[] = {"drivers", "drivers --json", "--help", "--version",
+                                        "drivers --help"};
+    for (gsize i = 0; i < G_N_ELEMENTS(lines); i++) {
+        g_autofree char *script = g_strdup_printf(MESORIG " %s >/dev/full", lines[i]);
+        char *argv[] = {(char *)"/bin/sh", (char *)"-c", script, NULL};
+        g_autofree char *told = NULL;
+        int status = -1;
+        g_assert_true(g_spawn_sync(NULL, argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, NULL, &told,
+                                   &status, NULL));
+        g_test_message("%s: %s", lines[i], told);
+        g_assert_true(WIFEXITED(status));
+        g_assert_cmpint(WEXITSTATUS(status), ==, 1);
+        assert_has(told, "standard output could not be written");
+    }
+}
+
 /* In a locale without its letters, what is said stays readable, and JSON stays UTF-8. */
 static void test_plain_letters(void) {
     struct output output = {0};
@@ -576,6 +695,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/cli/plan", test_plan);
     g_test_add_func("/cli/info", test_info);
     g_test_add_func("/cli/history", test_history);
+    g_test_add_func("/cli/controls", test_controls);
+    g_test_add_func("/cli/control", test_control);
+    g_test_add_func("/cli/output-full", test_output_full);
     g_test_add_func("/cli/plain-letters", test_plain_letters);
     g_test_add_func("/cli/capture", test_capture);
     g_test_add_func("/cli/interrupt", test_interrupt);

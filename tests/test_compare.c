@@ -189,6 +189,20 @@ static void assert_refused(int width, int n_views, float turn_deg, const char *w
     g_assert_nonnull(strstr(error->message, what));
 }
 
+/* Ward's model of a roughness of 0 divides by it. */
+static void test_not_finite(void) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = new_btf(4, 3, 3, 4);
+    const struct lobes_options options = {.model = LOBES_WARD};
+    struct lobes *lobes = lobes_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    lobes->values[7 * lobes->n_values + 12] = 0; /* texel (3, 1) */
+    g_autoptr(Material) a = material_of_btf("a", btf), b = material_of_lobes("ward.exr", lobes);
+    g_assert_null(compare_materials(a, b, NULL, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "ward.exr: its values at texel (3, 1) are not finite"));
+}
+
 static void test_refused(void) {
     g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
@@ -310,6 +324,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/compare/sums", test_sums);
     g_test_add_func("/compare/light", test_light);
     g_test_add_func("/compare/kinds", test_kinds);
+    g_test_add_func("/compare/not-finite", test_not_finite);
     g_test_add_func("/compare/refused", test_refused);
     g_test_add_func("/compare/pictures", test_pictures);
     return g_test_run();

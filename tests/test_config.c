@@ -129,7 +129,8 @@ static const struct wrong wrong_files[] = {
     {"[rig]\nwords\n", CONFIG_ERROR_SYNTAX,
      "r.conf:2: [rig]: neither \"key = value\" nor a [section]"},
     {"[rig]\n= 3\n", CONFIG_ERROR_SYNTAX,
-     "r.conf:2: [rig]: \"\" is not a key: letters, digits, '_', '-' and '.' make one"},
+     "r.conf:2: [rig]: what stands before '=' is not a key: letters, digits, '_', '-' and '.' make "
+     "one"},
     {"[rig]\n\n# \xff\n", CONFIG_ERROR_SYNTAX, "r.conf:3: not UTF-8"},
     {"[rig]\na = \x01\n", CONFIG_ERROR_SYNTAX, "r.conf:2: a control character (1)"},
 };
@@ -351,12 +352,66 @@ static void test_frame(void) {
     }
 }
 
+static char *write_lenient(const char *text) {
+    g_autoptr(GError) error = NULL;
+    char *path = NULL;
+    const int fd = g_file_open_tmp("mesorig-lenient-XXXXXX", &path, &error);
+    g_assert_no_error(error);
+    g_close(fd, NULL);
+    g_assert_true(g_file_set_contents(path, text, -1, NULL));
+    return path;
+}
+
+/* What is wrong is left out, and takes nothing else with it. */
+static void test_lenient(void) {
+    g_autofree char *path = write_lenient("id = early\n"     /* 1: before any section */
+                                          "[rig]\n"          /* 2 */
+                                          "id = \xff demo\n" /* 3: not UTF-8, kept otherwise */
+                                          "nonsense\n"       /* 4 */
+                                          "[laser top\n"     /* 5 */
+                                          "driver = a\n"     /* 6 */
+                                          "coil = 3\n"       /* 7 */
+                                          "coil = 4\n"       /* 8: the first one counts */
+                                          "driver = b\n"     /* 9: a heading is missing */
+                                          "coil = 5\n"       /* 10 */
+                                          "[rig]\n"          /* 11: once more */
+                                          "id = other\n"     /* 12 */
+                                          "key = \x01\n");   /* 13: a control character */
+    static const int lines[] = {1, 4, 5, 8, 9, 11, 13};
+    g_autoptr(GError) error = NULL;
+    g_assert_null(config_load(path, &error));
+    g_clear_error(&error);
+    g_autoptr(Config) config = config_load_lenient(path, &error);
+    g_assert_no_error(error);
+    g_unlink(path);
+    gsize n;
+    const struct config_problem *problems = config_problems(config, &n);
+    g_assert_cmpuint(n, ==, G_N_ELEMENTS(lines));
+    for (gsize i = 0; i < n; i++)
+        g_assert_cmpint(problems[i].line, ==, lines[i]);
+    g_assert_nonnull(
+        strstr(problems[3].message, ":8: [laser top (line 5)] coil: was given before"));
+    const struct config_section *rig = config_find(config, "rig", NULL);
+    g_assert_null(rig); /* there are two */
+    const struct config_section *sections = config_sections(config, &n);
+    g_assert_cmpuint(n, ==, 4);
+    g_assert_cmpstr(sections[1].class_name, ==, "laser");
+    g_assert_cmpstr(config_value(&sections[1], "coil", NULL), ==, "3");
+    g_assert_cmpstr(sections[2].class_name, ==, CONFIG_NO_HEADING);
+    g_assert_cmpstr(config_value(&sections[2], "driver", NULL), ==, "b");
+    g_assert_cmpstr(config_value(&sections[2], "coil", NULL), ==, "5");
+    g_assert_cmpstr(config_value(&sections[3], "id", NULL), ==, "other");
+    g_assert_null(config_load_lenient("/no/such/rig.conf", &error));
+    g_assert_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT);
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/config/sections", test_sections);
     g_test_add_func("/config/wrong-files", test_wrong_files);
     g_test_add_func("/config/load", test_load);
     g_test_add_func("/config/mutations", test_mutations);
+    g_test_add_func("/config/lenient", test_lenient);
     g_test_add_func("/options/values", test_options);
     g_test_add_func("/options/wrong-values", test_wrong_values);
     g_test_add_func("/options/locale", test_locale);

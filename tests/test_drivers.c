@@ -31,6 +31,29 @@ static void test_wrong_parts(void) {
     }
 }
 
+static gpointer close_later(gpointer fd) {
+    g_usleep(300 * 1000);
+    close(GPOINTER_TO_INT(fd));
+    return NULL;
+}
+
+/* A descriptor that another thread closes late is none that was left open; one that stays is. */
+static void test_late_close(void) {
+    g_main_context_iteration(NULL, FALSE); /* opens its own */
+    const int files = conformance_open_files();
+    GThread *thread = g_thread_new("close", close_later, GINT_TO_POINTER(dup(0)));
+    conformance_expect_files(&door, files);
+    g_thread_join(thread);
+    if (g_test_subprocess()) {
+        g_assert_cmpint(dup(0), >=, 0);
+        conformance_expect_files(&door, files);
+        return;
+    }
+    g_test_trap_subprocess("/conformance/late-close", 0, G_TEST_SUBPROCESS_DEFAULT);
+    g_test_trap_assert_failed();
+    g_test_trap_assert_stderr("*conformance_open_files() <= files*");
+}
+
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_autoptr(World) built_once = world_get(WORLD, NULL);
@@ -41,6 +64,7 @@ int main(int argc, char **argv) {
     conformance_camera(&sim_camera_driver, &quick_camera);
     conformance_laser(&sim_laser_driver, &laser);
     conformance_interlock(&sim_interlock_driver, &door);
+    g_test_add_func("/conformance/late-close", test_late_close);
     g_test_add_func("/options/wrong-parts", test_wrong_parts);
     return g_test_run();
 }

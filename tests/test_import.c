@@ -327,7 +327,8 @@ static void test_export_bonn(void) {
         g_assert_cmpfloat_with_epsilon(bonn_header(btf)->texels_a_mm, 2, 1e-6);
         float rgb[3 * TEXELS * 3];
         int holes[3];
-        bonn_read_view(btf, 1, rgb, holes);
+        g_assert_true(bonn_read_view(btf, 1, rgb, holes, &error));
+        g_assert_no_error(error);
         for (int i = 0; i < 3 * TEXELS * 3; i++)
             g_assert_cmpfloat_with_epsilon((double)rgb[i],
                                            (double)value(1, i / 3 / TEXELS, i / 3 % TEXELS, i % 3),

@@ -449,16 +449,22 @@ static void write_calibration(void) {
     g_free(rig);
 }
 
-static void test_command(void) {
-    g_autofree char *dir = new_folder(), *path = fresh("command");
+/* data: the table's path is given relative to the working directory. */
+static void test_command(gconstpointer data) {
+    const gboolean relative = data != NULL;
+    g_autofree char *dir = new_folder();
+    g_autofree char *path = fresh(relative ? "relative" : "command");
+    g_autofree char *before = g_get_current_dir();
     g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
     float values[PIXELS] = {0};
     write_grey(dir, "a.exr", values);
     g_assert_true(g_file_set_contents(table, "file,camera,lamp\na.exr,cam30,lamp30\n", -1, NULL));
     g_autofree char *line = g_strdup_printf(
         "import poses %s -c %s --sample 50x40 --texels 10 --reference 5 --depth 5 -o %s --json",
-        table, calibration, path);
+        relative ? "poses.csv" : table, calibration, path);
+    g_assert_cmpint(g_chdir(dir), ==, 0);
     mesorig(line);
+    g_assert_cmpint(g_chdir(before), ==, 0);
     g_autoptr(Session) session = session_open(path, SESSION_READ, NULL);
     struct session_grid got;
     g_assert_true(session_grid(session, &got, NULL));
@@ -478,7 +484,8 @@ int main(int argc, char **argv) {
     g_test_add_data_func("/poses/sweep/lightens", GINT_TO_POINTER(IMPORT_LIGHTENS), test_sweep);
     g_test_add_func("/poses/colour", test_colour);
     g_test_add_func("/poses/mutated", test_mutated);
-    g_test_add_func("/poses/command", test_command);
+    g_test_add_data_func("/poses/command", NULL, test_command);
+    g_test_add_data_func("/poses/command/relative", GINT_TO_POINTER(TRUE), test_command);
     const int status = g_test_run();
     remove_tree(folder);
     g_free(calibration);

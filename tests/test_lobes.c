@@ -422,7 +422,7 @@ static void spoil_kept(const struct btf_matrix *btf, const char *path, gsize n) 
 /* Cut off, it goes on with what it had, and ends with the same. */
 static void test_checkpoint(void) {
     g_autofree char *dir = g_dir_make_tmp("lobes-XXXXXX", NULL);
-    g_autofree char *path = g_build_filename(dir, "unfinished.exr", NULL);
+    g_autofree char *path = g_build_filename(dir, "checkpoint.exr", NULL);
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     struct btf_matrix *btf = new_btf(64, 64, 1, RINGS);
     fill(btf, LOBES_FIELDS, 0.1);

@@ -1,6 +1,9 @@
 #include "modbus_rig.h"
 
 #include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <unistd.h>
 
 /* Every fault of a Modbus device with its words and the way out of it. */
 
@@ -370,6 +373,294 @@ static void laser_unanswered(void) {
     end(&bench);
 }
 
+#define REGISTER "watchdog_register = 6\nwatchdog_after_s = 1\nwatchdog_scale = 10\n"
+#define PULSES   "pulse_coil = 0x209\nwatchdog_after_s = 1\nwatchdog_scale = 10\n"
+#define AFTER_US 1000000
+
+static void open_lit(struct bench *bench, gboolean rtu, const char *keys) {
+    begin(bench, rtu);
+    open_laser(bench, keys);
+    g_assert_cmpfloat(bench->laser->watchdog_s, ==, 1);
+    laser_set(bench->laser, TRUE, NULL);
+    expect(bench, TRUE);
+    g_assert_true(state_of(bench).coils[9]);
+}
+
+/* Without the main loop; how long it took. */
+static gint64 wait_dark(struct bench *bench, int coil) {
+    gint64 from = g_get_monotonic_time(), limit = from + 20 * G_USEC_PER_SEC;
+    while (state_of(bench).coils[coil] && g_get_monotonic_time() < limit)
+        g_usleep(5000);
+    return g_get_monotonic_time() - from;
+}
+
+static const char *const watchdog_keys[] = {"coil = 9\n" REGISTER, "coil = 9\n" PULSES};
+
+/* Four times its time. */
+static void watchdog_stays_on(void) {
+    for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
+        struct bench bench;
+        open_lit(&bench, i, watchdog_keys[i]);
+        gint64 until = g_get_monotonic_time() + 4 * AFTER_US;
+        while (g_get_monotonic_time() < until) {
+            conformance_pass(bench.clock, 0.02);
+            g_assert_true(state_of(&bench).coils[9]);
+        }
+        g_assert_cmpint(bench.n, ==, 0);
+        g_assert_cmpint(state_of(&bench).timeouts, ==, 0);
+        g_assert_cmpint(state_of(&bench).pulses, >=, i ? 8 : 0);
+        laser_set(bench.laser, FALSE, NULL);
+        expect(&bench, FALSE);
+        g_assert_false(state_of(&bench).coils[9]);
+        int requests = state_of(&bench).requests;
+        conformance_pass(bench.clock, 2e-6 * AFTER_US); /* nothing is asked for what is off */
+        g_assert_cmpint(state_of(&bench).requests, ==, requests);
+        end(&bench);
+    }
+}
+
+/* The main loop hangs: as soon as it goes on it is told that the laser went off by itself, and that
+ * does not come on again. */
+static void watchdog_hang(void) {
+    for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
+        struct bench bench;
+        open_lit(&bench, i, watchdog_keys[i]);
+        g_assert_cmpint(wait_dark(&bench, 9), <, AFTER_US + 300000);
+        int pulses = state_of(&bench).pulses;
+        conformance_wait(bench.clock, &bench.n, 2, 10);
+        g_assert_false(laser_is_on(bench.laser));
+        conformance_pass(bench.clock, 1e-6 * AFTER_US);
+        g_assert_false(state_of(&bench).coils[9]);
+        g_assert_cmpint(state_of(&bench).pulses, <=, pulses + 1);
+        end(&bench);
+    }
+}
+
+/* What the listener is told: an "on" that failed, then off. */
+static void watchdog_lost(void) {
+    struct bench bench;
+    open_lit(&bench, FALSE, watchdog_keys[0]);
+    wait_dark(&bench, 9);
+    conformance_wait(bench.clock, &bench.n, 1, 10);
+    g_assert_cmpint(bench.event, ==, TRUE);
+    expect_error(&bench, DEVICE_ERROR_PROTOCOL,
+                 "laser l: not known to be on any more: tcp:127.0.0.1:");
+    expect(&bench, FALSE);
+    end(&bench);
+}
+
+static void watchdog_cut(void) {
+    for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
+        struct bench bench;
+        open_lit(&bench, FALSE, watchdog_keys[i]);
+        conformance_pass(bench.clock, 2e-6 * AFTER_US);
+        g_assert_true(state_of(&bench).coils[9]);
+        fail_with(&bench, (struct virtual_modbus_faults){.cut = TRUE});
+        g_assert_cmpint(wait_dark(&bench, 9), <, AFTER_US + 300000);
+        conformance_wait(bench.clock, &bench.n, 1, 10);
+        g_assert_error(bench.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+        g_assert_cmpint(bench.event, ==, TRUE);
+        end(&bench);
+    }
+}
+
+/* One answer that is lost, or late, does not put it out. */
+static void watchdog_lapses(void) {
+    static const struct virtual_modbus_faults lapses[] = {
+        {.silent = 1}, {.damaged = 1}, {.late = 1, .late_ms = 90}};
+    for (gsize i = 0; i < 2 * G_N_ELEMENTS(lapses); i++) {
+        struct bench bench;
+        open_lit(&bench, TRUE, watchdog_keys[i % 2]);
+        fail_with(&bench, lapses[i / 2]);
+        conformance_pass(bench.clock, 1.6e-6 * AFTER_US);
+        g_assert_true(state_of(&bench).coils[9]);
+        g_assert_cmpint(bench.n, ==, 0);
+        end(&bench);
+    }
+}
+
+/* One asking fails altogether; the next is still in time. */
+static void watchdog_patience(void) {
+    struct bench bench;
+    begin(&bench, FALSE);
+    open_laser(&bench, "coil = 9\nwatchdog_register = 6\nwatchdog_after_s = 3\n"
+                       "watchdog_scale = 10\n");
+    laser_set(bench.laser, TRUE, NULL);
+    expect(&bench, TRUE);
+    fail_with(&bench, (struct virtual_modbus_faults){.silent = -1});
+    conformance_pass(bench.clock, 2.2);
+    fail_with(&bench, (struct virtual_modbus_faults){0});
+    conformance_pass(bench.clock, 2);
+    g_assert_true(state_of(&bench).coils[9]);
+    g_assert_cmpint(bench.n, ==, 0);
+    end(&bench);
+}
+
+/* A program of its own, on the virtual board of the test. */
+static void killed_child(void) {
+    const char *bus = g_getenv("MESORIG_TEST_BUS"), *keys = g_getenv("MESORIG_TEST_KEYS");
+    if (!bus)
+        return;
+    struct bench bench = {.clock = clock_new_real()};
+    g_autofree char *text = rig_section(bus, "laser l", keys);
+    const struct conformance with = {.section = text, .path = "/rig/rig.conf"};
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&with, "", &section);
+    bench.laser = laser_open(&modbus_laser_driver, section, NULL, bench.clock, NULL);
+    laser_listen(bench.laser, on_laser, &bench);
+    laser_set(bench.laser, TRUE, NULL);
+    expect(&bench, TRUE);
+    g_print("lit\n");
+    fflush(stdout);
+    kill(getpid(), SIGKILL);
+}
+
+static void watchdog_killed(void) {
+    for (gsize i = 0; i < G_N_ELEMENTS(watchdog_keys); i++) {
+        struct bench bench;
+        begin(&bench, FALSE);
+        g_setenv("MESORIG_TEST_BUS", virtual_modbus_bus(bench.device), TRUE);
+        g_setenv("MESORIG_TEST_KEYS", watchdog_keys[i], TRUE);
+        g_test_trap_subprocess("/modbus/watchdog/killed/child", 0, G_TEST_SUBPROCESS_DEFAULT);
+        g_test_trap_assert_stdout("*lit*");
+        g_unsetenv("MESORIG_TEST_BUS");
+        g_assert_cmpint(wait_dark(&bench, 9), <, AFTER_US + 300000);
+        end(&bench);
+    }
+}
+
+static void watchdog_lamps(void) {
+    static const char *const keys[] = {
+        "n = 3\nfirst_coil = 4\n" REGISTER,
+        "n = 3\nfirst_coil = 4\npulse_coil = 516\nwatchdog_after_s = 1\nwatchdog_scale = 10\n"};
+    for (gsize i = 0; i < G_N_ELEMENTS(keys); i++) {
+        struct bench bench;
+        begin(&bench, FALSE);
+        open_bank(&bench, keys[i]);
+        g_assert_cmpfloat(bench.bank->watchdog_s, ==, 1);
+        for (int lamp = 0; lamp < 3; lamp++) {
+            lamps_set(bench.bank, lamp, TRUE, NULL);
+            expect(&bench, TRUE);
+        }
+        lamps_set(bench.bank, 1, FALSE, NULL);
+        expect(&bench, FALSE);
+        conformance_pass(bench.clock, 3e-6 * AFTER_US);
+        for (int lamp = 0; lamp < 3; lamp++)
+            g_assert_cmpint(state_of(&bench).coils[4 + lamp], ==, lamp != 1);
+        g_assert_cmpint(bench.n, ==, 0);
+        g_assert_cmpint(wait_dark(&bench, 4), <, AFTER_US + 300000);
+        g_assert_cmpint(wait_dark(&bench, 6), <, 300000);
+        conformance_wait(bench.clock, &bench.n, 1, 10);
+        g_assert_cmpint(bench.event, ==, TRUE);
+        expect_error(&bench, DEVICE_ERROR_PROTOCOL, "lamps bank: not known to be on any more");
+        expect(&bench, FALSE);
+        for (int lamp = 0; lamp < 3; lamp++)
+            g_assert_false(lamps_is_on(bench.bank, lamp));
+        end(&bench);
+    }
+}
+
+/* A drive that is not heard of brakes; while it is polled it goes its way. */
+static void watchdog_axis(void) {
+    struct bench bench;
+    begin(&bench, FALSE);
+    open_axis(&bench, REGISTER);
+    home(&bench);
+    conformance_pass(bench.clock, 3e-6 * AFTER_US);
+    g_assert_cmpint(state_of(&bench).timeouts, ==, 0);
+    g_usleep(AFTER_US + 300000);
+    g_assert_cmpint(state_of(&bench).timeouts, ==, 1);
+    end(&bench);
+}
+
+static void open_refused(struct bench *bench, const char *keys, GQuark domain, int code,
+                         const char *words) {
+    g_autoptr(Config) config = NULL;
+    const struct config_section *section = read_section(bench->device, "laser l", keys, &config);
+    GError *error = NULL;
+    g_assert_null(laser_open(&modbus_laser_driver, section, NULL, bench->clock, &error));
+    g_assert_error(error, domain, code);
+    if (!strstr(error->message, words))
+        g_error("\"%s\" does not say \"%s\"", error->message, words);
+    g_clear_error(&error);
+}
+
+static void watchdog_refused(void) {
+    struct bench bench;
+    begin(&bench, FALSE);
+    /* The coil is written and read first. */
+    fail_with(&bench, (struct virtual_modbus_faults){.skip = 2, .refused = 1, .exception = 2});
+    open_refused(&bench, "coil = 9\n" REGISTER, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                 "laser l: watchdog_register: tcp:");
+    fail_with(&bench, (struct virtual_modbus_faults){.skip = 3, .refused = 1, .exception = 3});
+    open_refused(&bench, "coil = 9\n" REGISTER, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                 "writing holding register 6 (0x0006): it refused: Illegal data value");
+    fail_with(&bench, (struct virtual_modbus_faults){0});
+    open_refused(&bench, "coil = 9\nwatchdog_register = 200\n", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                 "reading holding register 200 (0x00c8): it refused: Illegal data address");
+    open_refused(&bench, "coil = 9\nwatchdog_register = 20\n", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                 "wrote 3 to 20, but it reads back as 0");
+    open_refused(&bench,
+                 "coil = 9\nwatchdog_register = 6\nwatchdog_after_s = 0.3\n"
+                 "watchdog_scale = 10\n",
+                 CONFIG_ERROR, CONFIG_ERROR_VALUE, "watchdog_after_s: 0.3 s is too short");
+    open_refused(&bench, "coil = 9\nwatchdog_register = 6\nwatchdog_scale = 100000\n", CONFIG_ERROR,
+                 CONFIG_ERROR_VALUE,
+                 "watchdog_scale: 3 s × 100000 is not a number from 1 to 65535");
+    open_refused(&bench, "coil = 9\nwatchdog_register = 6\npulse_coil = 0x209\n", CONFIG_ERROR,
+                 CONFIG_ERROR_VALUE, "pulse_coil: is given beside watchdog_register");
+    open_bank(&bench, "n = 2\n");
+    open_refused(&bench, "coil = 9\n" REGISTER, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                 "watchdog_register: [lamps bank] has another watchdog for the same board");
+    /* A board without pulses. */
+    open_laser(&bench, "coil = 9\npulse_coil = 0x300\n");
+    laser_set(bench.laser, TRUE, NULL);
+    expect_error(&bench, DEVICE_ERROR_PROTOCOL,
+                 "writing a time to coil 768 (0x0300): it refused: Illegal data");
+    g_clear_pointer(&bench.laser, laser_close);
+    open_laser(&bench, watchdog_keys[1]);
+    fail_with(&bench, (struct virtual_modbus_faults){.deaf = TRUE});
+    laser_set(bench.laser, TRUE, NULL);
+    expect_error(&bench, DEVICE_ERROR_PROTOCOL, "wrote 10, but coil 9 reads as off");
+    end(&bench);
+}
+
+/* Left on by a program that could not reach it any more: a section whose watchdog is wrong switches
+ * it off all the same. */
+static void watchdog_dark_first(void) {
+    struct bench bench;
+    begin(&bench, FALSE);
+    open_laser(&bench, "coil = 9\n");
+    laser_set(bench.laser, TRUE, NULL);
+    expect(&bench, TRUE);
+    fail_with(&bench, (struct virtual_modbus_faults){.cut = TRUE});
+    g_clear_pointer(&bench.laser, laser_close);
+    g_assert_true(state_of(&bench).coils[9]);
+    fail_with(&bench, (struct virtual_modbus_faults){0});
+    open_refused(&bench, "coil = 9\nwatchdog_register = 6\nwatchdog_after_s = 0.1\n", CONFIG_ERROR,
+                 CONFIG_ERROR_VALUE, "watchdog_scale: 0.1 s × 1 is not a number from 1 to 65535");
+    g_assert_false(state_of(&bench).coils[9]);
+    end(&bench);
+}
+
+/* The board was without power, came back and has forgotten its timeout: no light without it. */
+static void watchdog_forgotten(void) {
+    struct bench bench;
+    begin(&bench, FALSE);
+    open_laser(&bench, watchdog_keys[0]);
+    virtual_modbus_restart(bench.device, 20);
+    g_usleep(50000);
+    laser_set(bench.laser, TRUE, NULL);
+    conformance_wait(bench.clock, &bench.n, 1, 10);
+    bench.n = 0;
+    conformance_wait(bench.clock, &bench.n, 1, 10);
+    expect_error(&bench, DEVICE_ERROR_PROTOCOL,
+                 "reading holding register 6 (0x0006): 6 was set to 10, but it reads as 0");
+    expect(&bench, FALSE);
+    g_assert_false(state_of(&bench).coils[9]);
+    end(&bench);
+}
+
 static void door(void) {
     struct bench bench;
     begin(&bench, FALSE);
@@ -498,7 +789,7 @@ static void presets(void) {
         options_clear(info->options, priv);
         n++;
     }
-    g_assert_cmpint(n, ==, 4);
+    g_assert_cmpint(n, ==, 5);
 }
 
 int main(int argc, char **argv) {
@@ -515,6 +806,19 @@ int main(int argc, char **argv) {
     g_test_add_func("/modbus/long-loss", long_loss);
     g_test_add_func("/modbus/lamp-faults", lamp_faults);
     g_test_add_func("/modbus/laser-unanswered", laser_unanswered);
+    g_test_add_func("/modbus/watchdog/stays-on", watchdog_stays_on);
+    g_test_add_func("/modbus/watchdog/hang", watchdog_hang);
+    g_test_add_func("/modbus/watchdog/lost", watchdog_lost);
+    g_test_add_func("/modbus/watchdog/cut", watchdog_cut);
+    g_test_add_func("/modbus/watchdog/lapses", watchdog_lapses);
+    g_test_add_func("/modbus/watchdog/patience", watchdog_patience);
+    g_test_add_func("/modbus/watchdog/killed", watchdog_killed);
+    g_test_add_func("/modbus/watchdog/killed/child", killed_child);
+    g_test_add_func("/modbus/watchdog/lamps", watchdog_lamps);
+    g_test_add_func("/modbus/watchdog/axis", watchdog_axis);
+    g_test_add_func("/modbus/watchdog/refused", watchdog_refused);
+    g_test_add_func("/modbus/watchdog/dark-first", watchdog_dark_first);
+    g_test_add_func("/modbus/watchdog/forgotten", watchdog_forgotten);
     g_test_add_func("/modbus/door", door);
     g_test_add_func("/modbus/bad-configuration", bad_configuration);
     g_test_add_func("/modbus/no-such-bus", no_such_bus);

@@ -286,6 +286,8 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     VirtualModbus *served = rig_device(TRUE);
     rig_conformance(virtual_modbus_bus(served), "modbus-rtu");
+    rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-register", FALSE);
+    rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-pulses", TRUE);
     g_test_add_func("/modbus/rtu/raw-is-fooled", raw_is_fooled);
     g_test_add_func("/modbus/rtu/late-is-asked-again", late_is_asked_again);
     g_test_add_func("/modbus/rtu/late-is-not-the-next", late_is_not_the_next);

@@ -32,6 +32,8 @@ int main(int argc, char **argv) {
     g_autofree char *bus = serve(&input);
     g_test_init(&argc, &argv, NULL);
     rig_conformance(bus, "modbus-tcp");
+    rig_conformance_watchdog(bus, "modbus-tcp-register", FALSE);
+    rig_conformance_watchdog(bus, "modbus-tcp-pulses", TRUE);
     int result = g_test_run();
     close(input);
     wait(NULL);

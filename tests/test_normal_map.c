@@ -112,7 +112,7 @@ static void refuse(const char *said) {
 static void test_bad(void) {
     guint8 pixels[3 * W * H] = {0};
     name_file("map.png");
-    refuse("cannot be read: ");
+    refuse("cannot read ");
     write_png(PNG_FORMAT_GRAY, pixels);
     refuse("it is grey");
     write_png(PNG_FORMAT_RGB, pixels);

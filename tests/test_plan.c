@@ -426,6 +426,27 @@ static void assert_refused(const struct session_conf *conf, const struct rig *ri
     g_assert_nonnull(strstr(error->message, says));
 }
 
+/* Refused before the time is spent, by how much it is too large. */
+static void test_too_large(void) {
+    const double theta_deg[] = {30, 60};
+    static const struct {
+        const char *text, *says;
+    } cases[] = {
+        {"[views]\nrings=30:510;60:510\n[lights]\nrings=30:510;60:510\n", "260100 poses"},
+        {"[views]\nrings=30:201\n[lights]\nrings=30:200\n", "40200 poses"},
+        {"[views]\nrings=30:400\n[lights]\nrings=30:100;60:100\n[lasers]\nrings=30:100\n",
+         "120000 shots"},
+        {"[views]\nrings=30:101\n[lights]\nrings=30:103\n", "10403 different angles"},
+    };
+    struct rig rig = rig_of(theta_deg, 2);
+    struct rig_timing timing = timing_of(0.25);
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        struct session_conf conf = conf_of(cases[i].text);
+        assert_refused(&conf, &rig, &timing, PLAN_ERROR_SIZE, cases[i].says);
+        session_conf_clear(&conf);
+    }
+}
+
 static void test_refusals(void) {
     struct session_conf conf =
         conf_of("[views]\nrings=15:4\n[lights]\nrings=30:4:15\n[lasers]\nrings=45:2:15\n");
@@ -723,6 +744,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/plan/demo", test_demo_near_bound);
     g_test_add_func("/plan/12x8", test_large_near_bound);
     g_test_add_func("/plan/81", test_81);
+    g_test_add_func("/plan/too-large", test_too_large);
     g_test_add_func("/plan/blocked", test_blocked);
     g_test_add_func("/plan/refusals", test_refusals);
     g_test_add_func("/plan/sweep-range", test_sweep_range);

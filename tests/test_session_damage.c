@@ -106,7 +106,7 @@ static void test_not_a_session(void) {
     assert_not_opened(foreign, "not of a session");
     g_mkdir(fifo, 0755);
     g_assert_cmpint(mkfifo(fifo_db, 0600), ==, 0);
-    assert_not_opened(fifo, "not a file");
+    assert_not_opened(fifo, "a FIFO, not a regular file");
 }
 
 static void assert_changed(const char *statement, const char *says) {

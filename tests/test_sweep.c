@@ -8,6 +8,8 @@ struct pulses {
     double sigma, amplitude, background, noise;
     double *centre;   /* of each pixel */
     double electrons; /* a DN; 0: light itself has no noise */
+    double odd_dn;    /* that the whole frame odd_frame is brighter by */
+    int odd_frame;
 };
 
 static double variance_of(const struct pulses *pulses, double light) {
@@ -34,7 +36,7 @@ static Sweep *feed(const struct pulses *pulses, GRand *random) {
             double u = (t - pulses->centre[i]) / pulses->sigma;
             double light = pulses->amplitude * exp(-0.5 * u * u);
             double value =
-                pulses->background + light +
+                pulses->background + light + (t == pulses->odd_frame ? pulses->odd_dn : 0) +
                 (pulses->noise > 0 ? sqrt(variance_of(pulses, light)) * gauss(random) : 0);
             pixels[i] = (guint16)lround(CLAMP(value, 0, pulses->saturation));
         }
@@ -97,6 +99,21 @@ static void test_accuracy(void) {
     struct result clean = measure(&pulses, 100);
     g_assert_cmpfloat(clean.rms, <, 0.002);
     g_assert_cmpfloat(fabs(clean.mean_width - 1.6), <, 0.005);
+}
+
+/* A lamp that is still on, or not yet, in the first or the second frame. */
+static void test_odd_first(void) {
+    static const double odd_dn[] = {400, 30, -30, -60};
+    g_autofree double *centre = random_centres(61 * 47, 8, 90);
+    for (int frame = 0; frame < 2; frame++)
+        for (gsize i = 0; i < G_N_ELEMENTS(odd_dn); i++) {
+            struct pulses pulses = {61, 47, 96, 4095, 1.6, 600, 70, 4, centre, 0, odd_dn[i], frame};
+            struct result result = measure(&pulses, 100);
+            g_test_message("frame %d, %+g DN: %d missing, RMS %.4f frames", frame, odd_dn[i],
+                           result.missing, result.rms);
+            g_assert_cmpint(result.missing, ==, 0);
+            g_assert_cmpfloat(result.rms, <, 0.03);
+        }
 }
 
 static void test_many_frames(void) {
@@ -422,6 +439,7 @@ static void test_together(void) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/sweep/accuracy", test_accuracy);
+    g_test_add_func("/sweep/odd-first", test_odd_first);
     g_test_add_func("/sweep/many-frames", test_many_frames);
     g_test_add_func("/sweep/saturated", test_saturated);
     g_test_add_func("/sweep/shorter", test_shorter);

@@ -68,6 +68,47 @@ static void capture_usb(const char *name) {
     runs((const char *[]){BIN("mesorig"), "process", session, NULL});
 }
 
+/* What the daemon says from its start with this rig to its end; g_free(). */
+static char *daemon_says(VirtualRig *rig) {
+    g_autofree char *path = in_top("warned.conf"), *socket = in_top("warned-bus"), *said = NULL;
+    g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+    g_assert_true(g_file_set_contents(path, virtual_rig_text(rig), -1, NULL));
+    g_autoptr(GSubprocess) daemon =
+        starts(G_SUBPROCESS_FLAGS_STDERR_PIPE,
+               (const char *[]){BIN("mesorigd"), "--listen", address, "--rig", path, NULL});
+    for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
+        g_usleep(10000);
+    g_subprocess_send_signal(daemon, SIGTERM);
+    g_assert_true(g_subprocess_communicate_utf8(daemon, NULL, NULL, NULL, &said, NULL));
+    g_assert_true(g_subprocess_get_successful(daemon));
+    return g_steal_pointer(&said);
+}
+
+static int count(const char *text, const char *words) {
+    int n = 0;
+    for (; (text = strstr(text, words)); text++)
+        n++;
+    return n;
+}
+
+/* USB relay boards have no watchdog: that is said once of each laser, and of none that has one. */
+static void test_warning(void) {
+    const char *const all[] = {"all", NULL}, *const camera[] = {"cam30", NULL};
+    for (int usb = 1; usb >= 0; usb--) {
+        GError *error = NULL;
+        g_autoptr(VirtualRig) rig =
+            virtual_rig_new(SMALL "rig.conf", usb ? all : NULL, usb ? camera : NULL, &error);
+        g_assert_no_error(error);
+        g_autofree char *said = daemon_says(rig);
+        g_assert_cmpint(count(said, "has no watchdog"), ==, usb ? 2 : 0);
+        g_assert_cmpint(count(said, "laser laser30: its device (usb-relay-laser) has no watchdog"),
+                        ==, usb);
+        g_assert_cmpint(count(said, "laser laser60: its device (usb-relay-laser) has no watchdog"),
+                        ==, usb);
+        g_assert_cmpint(count(said, "docs/safety.md"), ==, usb ? 2 : 0);
+    }
+}
+
 /* The same rig, with other noise. */
 static void capture_simulated(const char *name, const char *seed) {
     g_autofree char *rig = in_top("rig.conf"), *world = in_top("world.conf");
@@ -110,6 +151,7 @@ int main(int argc, char **argv) {
     testbed_enter(argv);
     g_test_init(&argc, &argv, NULL);
     top = g_dir_make_tmp("mesorig-usb-XXXXXX", NULL);
+    g_test_add_func("/usb-rig/warning", test_warning);
     g_test_add_func("/usb-rig/session", test_session);
     int failed = g_test_run();
     const char *const remove[] = {"/bin/rm", "-rf", top, NULL};

@@ -1,6 +1,7 @@
 /* A session through real protocols: mesorig-rig stands for the small rig, 1 % of its cameras'
  * packets lost, and the programs capture it in real time. Its frames and products are those of the
  * simulated drivers, but for the noise. */
+#include "find_guardian.h"
 #include "twin_sessions.h"
 
 #include "sim/virtual/rig.h"
@@ -185,6 +186,68 @@ static void assert_has(const char *text, const char *words) {
         g_error("no \"%s\" in: %s", words, text);
 }
 
+static void write_short_session(const char *conf) {
+    g_assert_true(g_file_set_contents(conf,
+                                      "[session]\nname = short\n[sample]\nwidth_mm = 50\n"
+                                      "height_mm = 50\ntexels = 8\nreference_mm = 5\n"
+                                      "depth_mm = 5\n[views]\nrings = 30:2; 60:2\n"
+                                      "[lights]\nrings = 30:2; 60:2\noffset_deg = 45\n"
+                                      "[capture]\nexposures_us = 4000; 16000\nretries = 6\n",
+                                      -1, NULL));
+}
+
+/* Until so many shine, or after limit_s; how long it took. */
+static double wait_lit(VirtualRig *rig, gboolean lit, double limit_s) {
+    gint64 from = g_get_monotonic_time();
+    struct virtual_rig_state state;
+    do {
+        g_main_context_iteration(NULL, TRUE);
+        virtual_rig_state(rig, &state);
+    } while ((state.n_lit > 0) != lit && g_get_monotonic_time() - from < limit_s * G_USEC_PER_SEC);
+    g_assert_cmpint(state.n_lit > 0, ==, lit);
+    return (double)(g_get_monotonic_time() - from) * 1e-6;
+}
+
+/* The daemon is killed, or hangs, while a lamp is on: the relay boards switch it off by themselves
+ * within their 5 s. A daemon that goes on afterwards pauses the session. */
+static void abandoned(void) {
+    const int signals[] = {SIGKILL, SIGSTOP};
+    g_autofree char *path = in_top("abandoned.conf"), *conf = in_top("short.conf");
+    write_short_session(conf);
+    for (gsize i = 0; i < G_N_ELEMENTS(signals); i++) {
+        g_autofree char *folder = g_strdup_printf("abandoned%d.session", signals[i]);
+        g_autofree char *session = in_top(folder), *socket = in_top(folder + 9);
+        g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+        struct mishap mishap = {0};
+        GError *error = NULL;
+        mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
+        g_assert_no_error(error);
+        g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
+        g_autoptr(GSubprocess) daemon = starts_daemon(path, address, socket);
+        mishap.capture =
+            starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
+                   "capture", "--address", address, path, conf, "-o", session, NULL);
+        g_subprocess_communicate_utf8_async(mishap.capture, NULL, NULL, on_over, &mishap);
+        wait_lit(mishap.rig, TRUE, 60);
+        kill(find_guardian(path), SIGKILL); /* which would be quicker */
+        g_subprocess_send_signal(daemon, signals[i]);
+        g_assert_cmpfloat(wait_lit(mishap.rig, FALSE, 20), <, 5.5);
+        if (signals[i] == SIGSTOP)
+            g_subprocess_send_signal(daemon, SIGCONT);
+        for (gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC; !mishap.over;) {
+            g_main_context_iteration(NULL, TRUE);
+            g_assert_cmpint(g_get_monotonic_time(), <, until);
+        }
+        if (signals[i] == SIGSTOP)
+            assert_has(mishap.out, "not known to be on any more");
+        g_subprocess_force_exit(daemon);
+        g_subprocess_wait(daemon, NULL, NULL);
+        virtual_rig_free(mishap.rig);
+        g_object_unref(mishap.capture);
+        g_free(mishap.out);
+    }
+}
+
 /* Two pictures of each camera come incomplete, all lines answer late again and again, and one
  * camera is without power for a while: the session goes on by itself and says what happened. */
 static void mishaps(void) {
@@ -198,13 +261,7 @@ static void mishaps(void) {
     g_assert_no_error(error);
     virtual_rig_fail_cameras(mishap.rig, &faults);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
-    g_assert_true(g_file_set_contents(conf,
-                                      "[session]\nname = short\n[sample]\nwidth_mm = 50\n"
-                                      "height_mm = 50\ntexels = 8\nreference_mm = 5\n"
-                                      "depth_mm = 5\n[views]\nrings = 30:2; 60:2\n"
-                                      "[lights]\nrings = 30:2; 60:2\noffset_deg = 45\n"
-                                      "[capture]\nexposures_us = 4000; 16000\nretries = 6\n",
-                                      -1, NULL));
+    write_short_session(conf);
     GSubprocess *daemon = starts_daemon(path, address, socket);
     mishap.capture =
         starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
@@ -259,6 +316,7 @@ int main(int argc, char **argv) {
     top = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
     g_test_add_func("/virtual-rig/refused", refused);
     g_test_add_func("/virtual-rig/mishaps", mishaps);
+    g_test_add_func("/virtual-rig/abandoned", abandoned);
     g_test_add_func("/virtual-rig/through-real-protocols", through_real_protocols);
     int failed = g_test_run();
     const char *const remove[] = {"/bin/rm", "-rf", top, NULL};

@@ -404,8 +404,8 @@ static void deviations(void) {
     guint16 pictures[3][101 * 101];
     const char *heads[3] = {"[world]\nnoise=no\nseed=1\ngather_rays=0\n",
                             "[world]\nnoise=no\nseed=2\ngather_rays=0\n",
-                            "[world]\nnoise=no\nseed=2\ngather_rays=0\ncamera_error_mm=0.2\n"
-                            "lamp_error_pct=3\n"};
+                            ("[world]\nnoise=no\nseed=2\ngather_rays=0\ncamera_error_mm=0.2\n"
+                             "lamp_error_pct=3\n")};
     for (int i = 0; i < 3; i++) {
         g_autofree char *text = g_strconcat(heads[i], ABOVE LAMP, line, NULL);
         g_autoptr(World) world = fixture_world(text);

@@ -3,6 +3,7 @@
 #include "base/data_error.h"
 #include "base/json.h"
 #include "processing/lpca.h"
+#include "processing/session.h"
 #include "team.h"
 
 #include <glib/gstdio.h>
@@ -98,7 +99,8 @@ static gboolean compress(const char *path, const struct team *team, enum lpca_qu
         const double exact = lpca->error;
         lpca_quantise(lpca, quantise);
         ok = lpca_error_shared(lpca, btf, &options, error) &&
-             (team->rank != 0 || lpca_write(output, lpca, error));
+             (team->rank != 0 || (lpca_write(output, lpca, error) &&
+                                  session_add_product_file(output, "compress", error)));
         if (ok && team->rank == 0)
             report(lpca, team, exact, MPI_Wtime() - begun);
     }

@@ -1,5 +1,6 @@
 #include "bus.h"
 #include "devices.h"
+#include "watchdog.h"
 
 #include <math.h>
 #include <string.h>
@@ -29,6 +30,7 @@ struct modbus_axis {
     int moving_bit, homed_bit, fault_bit, limit_bit;
     gboolean verify;
     char **setup, **start, **home, **stop, **clear, **watchdog;
+    struct modbus_watchdog own; /* of the drive */
     double poll_ms, watchdog_ms, start_ms, stall_ms, lost_ms;
 
     ModbusBus *bus;
@@ -118,6 +120,7 @@ static const struct option options[] = {
     {"watchdog", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(watchdog),
      "What is written again and again to keep the drive's watchdog quiet, as in setup"},
     {"watchdog_ms", OPTION_DOUBLE, "ms", 10, 60000, "200", NULL, FIELD(watchdog_ms), "How often"},
+    MODBUS_WATCHDOG_OPTIONS(FIELD(own)),
     {"poll_ms", OPTION_DOUBLE, "ms", 1, 1000, "20", NULL, FIELD(poll_ms),
      "How often it is looked at while it moves"},
     {"start_ms", OPTION_DOUBLE, "ms", 1, 10000, "500", NULL, FIELD(start_ms),
@@ -259,6 +262,8 @@ static void poll_later(Axis *axis) {
     double ms = priv->phase == STANDING ? MAX(IDLE_MS, priv->poll_ms) : priv->poll_ms;
     if (*priv->watchdog)
         ms = MIN(ms, priv->watchdog_ms);
+    if (priv->own.address >= 0)
+        ms = MIN(ms, (double)modbus_watchdog_period_us(&priv->own) / 1000);
     clock_cancel(axis->device.clock, &priv->timer);
     priv->timer = clock_call_in(axis->device.clock, (gint64)(ms * 1000), on_timer, axis);
 }
@@ -387,7 +392,10 @@ static void evaluate(Axis *axis, const struct modbus_job *job) {
         priv->progress_us = clock_now_us(axis->device.clock);
     if (moving)
         priv->still_us = clock_now_us(axis->device.clock);
-    if (priv->faulty && (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
+    /* A drive whose own watchdog has stopped it says so as a fault: it stands all the same. */
+    gboolean halted = priv->phase == STOPPING && !moving && !axis_is_homed(axis);
+    if (priv->faulty && !halted &&
+        (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
         stalled(axis,
                 "the drive reports a fault (status 0x%04x) at %.3f°; see its display, then "
                 "home it",
@@ -493,7 +501,9 @@ static gboolean check_options(const Axis *axis, GError **error) {
            check_writes(axis, "home", priv->home, TRUE, error) &&
            check_writes(axis, "stop", priv->stop, TRUE, error) &&
            check_writes(axis, "clear", priv->clear, FALSE, error) &&
-           check_writes(axis, "watchdog", priv->watchdog, FALSE, error);
+           check_writes(axis, "watchdog", priv->watchdog, FALSE, error) &&
+           (priv->own.address < 0 ||
+            modbus_watchdog_check(&priv->own, &priv->link, &axis->device, G_MAXUINT16, error));
 }
 
 /* Sets the drive up, and sees where it stands. */
@@ -507,7 +517,8 @@ static gboolean greet(Axis *axis, GError **error) {
         add_number(priv, &job, &priv->accel,
                    llround(priv->motion.accel_deg_s2 * priv->accel_scale));
     add_poll(priv, &job);
-    if (!modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, error)) {
+    if (!modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, error) ||
+        !modbus_watchdog_arm(&priv->own, priv->bus, &priv->link, error)) {
         g_prefix_error(error, "axis %s: ", axis->device.name);
         return FALSE;
     }

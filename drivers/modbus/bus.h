@@ -86,6 +86,7 @@ enum modbus_kind {
     MODBUS_READ_INPUT_REGISTERS,
     MODBUS_WRITE_COILS,   /* function 5 for one, 15 for more */
     MODBUS_WRITE_HOLDING, /* function 6 for one, 16 for more */
+    MODBUS_PULSE_COIL,    /* function 5 with a time instead of on or off; one at a time */
 };
 
 #define MODBUS_MAX_VALUES   64
@@ -95,7 +96,8 @@ struct modbus_request {
     enum modbus_kind kind;
     int address, n;
     guint16 values[MODBUS_MAX_VALUES]; /* to write, or as read; bits are 0 or 1 */
-    gboolean verify;                   /* writes: read back and compare */
+    gboolean verify; /* writes: read back and compare; reads: compare with what values held */
+    int coil;        /* MODBUS_PULSE_COIL: which one is on for that time, for verify */
 };
 
 /* What is done in one go: the requests in order, up to the first that fails. */

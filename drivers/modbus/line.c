@@ -204,6 +204,33 @@ static int transfer_bits(modbus_t *context, struct modbus_request *request) {
     return done;
 }
 
+/* libmodbus has no call for it. Its raw requests have the transaction id 0 on TCP. -1 with errno.
+ */
+static int transfer_pulse(modbus_t *context, const struct modbus_request *request) {
+    guint8 ask[] = {(guint8)modbus_get_slave(context), 5,
+                    (guint8)(request->address >> 8),   (guint8)request->address,
+                    (guint8)(request->values[0] >> 8), (guint8)request->values[0]};
+    guint8 answer[MODBUS_TCP_MAX_ADU_LENGTH];
+    int header = modbus_get_header_length(context);
+    if (modbus_send_raw_request(context, ask, sizeof ask) < 0)
+        return -1;
+    int n = modbus_receive_confirmation(context, answer);
+    if (n < 0)
+        return -1;
+    const guint8 *unit = answer + header - 1;
+    gboolean ours =
+        n >= header + 2 && unit[0] == ask[0] && (header == 1 || !(answer[0] | answer[1]));
+    if (ours && unit[1] == (5 | 0x80)) {
+        errno = MODBUS_ENOBASE +
+                CLAMP(unit[2], MODBUS_EXCEPTION_ILLEGAL_FUNCTION, MODBUS_EXCEPTION_GATEWAY_TARGET);
+        return -1;
+    }
+    if (ours && n >= header - 1 + (int)sizeof ask && memcmp(unit, ask, sizeof ask) == 0)
+        return 1;
+    errno = EMBBADDATA;
+    return -1;
+}
+
 static int transfer(modbus_t *context, struct modbus_request *request) {
     switch (request->kind) {
     case MODBUS_READ_COILS:
@@ -218,6 +245,8 @@ static int transfer(modbus_t *context, struct modbus_request *request) {
         return request->n == 1
                    ? modbus_write_register(context, request->address, request->values[0])
                    : modbus_write_registers(context, request->address, request->n, request->values);
+    case MODBUS_PULSE_COIL:
+        return transfer_pulse(context, request);
     }
     g_return_val_if_reached(-1);
 }
@@ -230,6 +259,7 @@ static const char *kind_text(enum modbus_kind kind) {
         [MODBUS_READ_INPUT_REGISTERS] = "reading input register",
         [MODBUS_WRITE_COILS] = "writing coil",
         [MODBUS_WRITE_HOLDING] = "writing holding register",
+        [MODBUS_PULSE_COIL] = "writing a time to coil",
     };
     return texts[kind];
 }
@@ -346,25 +376,55 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
     }
 }
 
+static gboolean is_read(enum modbus_kind kind) {
+    return kind <= MODBUS_READ_INPUT_REGISTERS;
+}
+
 static gboolean compare(const struct modbus_line *line, int unit,
-                        const struct modbus_request *wrote, const struct modbus_request *read,
+                        const struct modbus_request *wanted, const struct modbus_request *read,
                         GError **error) {
-    for (int i = 0; i < wrote->n; i++)
-        if (wrote->values[i] != read->values[i]) {
-            g_autofree char *what = request_text(line, unit, wrote);
+    for (int i = 0; i < read->n; i++)
+        if (wanted->values[i] != read->values[i]) {
+            g_autofree char *what = request_text(line, unit, wanted);
+            if (is_read(wanted->kind))
+                return fail(error, DEVICE_ERROR_PROTOCOL,
+                            "%s: %d was set to %d, but it reads as %d; see whether the board lost "
+                            "its power or was not heard of for too long, and what else writes it",
+                            what, read->address + i, wanted->values[i], read->values[i]);
             return fail(error, DEVICE_ERROR_PROTOCOL,
                         "%s: wrote %d to %d, but it reads back as %d; check what else writes it",
-                        what, wrote->values[i], wrote->address + i, read->values[i]);
+                        what, wanted->values[i], read->address + i, read->values[i]);
         }
     return TRUE;
 }
 
+static gboolean check_pulse(struct modbus_line *line, int unit,
+                            const struct modbus_request *request, gint64 deadline_us,
+                            GError **error) {
+    struct modbus_request coil = {.kind = MODBUS_READ_COILS, .address = request->coil, .n = 1};
+    if (!repeat(line, unit, &coil, deadline_us, error))
+        return FALSE;
+    if (coil.values[0])
+        return TRUE;
+    g_autofree char *what = request_text(line, unit, request);
+    return fail(
+        error, DEVICE_ERROR_PROTOCOL,
+        "%s: wrote %d, but coil %d reads as off; check that the board switches coils on for "
+        "a time in this way",
+        what, request->values[0], request->coil);
+}
+
 gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,
                         gint64 deadline_us, GError **error) {
+    const struct modbus_request wanted = *request;
     if (!repeat(line, unit, request, deadline_us, error))
         return FALSE;
     if (!request->verify)
         return TRUE;
+    if (request->kind == MODBUS_PULSE_COIL)
+        return check_pulse(line, unit, request, deadline_us, error);
+    if (is_read(request->kind))
+        return compare(line, unit, &wanted, request, error);
     struct modbus_request back = *request;
     back.kind = request->kind == MODBUS_WRITE_COILS ? MODBUS_READ_COILS : MODBUS_READ_HOLDING;
     return repeat(line, unit, &back, deadline_us, error) &&

@@ -1,14 +1,230 @@
 #include "bus.h"
 #include "devices.h"
+#include "watchdog.h"
 
 /* Less than the class waits, so that the line's own words are heard. */
 #define DEADLINE_MS 1500
 
-struct modbus_lamps {
+/* A time written by function 5 must not be its "on", 0xff00. */
+#define MAX_PULSE 0x7fff
+
+/* Some relays of a board: a bank's, or the one of a laser. */
+struct relays {
     struct modbus_link link;
+    struct modbus_watchdog watchdog;
     int first_coil, n;
+    int pulse_coil; /* −1: its relays stay as they are switched */
     double warm_up_s;
+
+    const struct device *device;
+    void (*lost)(gpointer device, GError *error);
     ModbusBus *bus;
+    gboolean on[MODBUS_MAX_VALUES]; /* as last answered */
+    int n_switching, n_feeding;     /* jobs under way */
+    gint64 fed_us;                  /* when it last answered that all is as it was switched */
+    guint timer;                    /* set while anything is on that has a watchdog */
+};
+
+#define RELAYS(name) G_STRUCT_OFFSET(struct relays, name)
+
+#define PULSE_OPTION                                                                               \
+    {                                                                                              \
+        "pulse_coil", OPTION_INT, NULL, -1, 65535, "-1", NULL, RELAYS(pulse_coil),                 \
+            "Where function 5 writes for how long the (first) relay is on, watchdog_after_s × "   \
+            "watchdog_scale, again and again while it should be; −1: its coil stays on"          \
+    }
+
+static GList *all_relays; /* that are open: sections may share a board */
+
+static gboolean has_watchdog(const struct relays *relays) {
+    return relays->watchdog.address >= 0 || relays->pulse_coil >= 0;
+}
+
+static gboolean any_on(const struct relays *relays) {
+    for (int i = 0; i < relays->n; i++)
+        if (relays->on[i])
+            return TRUE;
+    return FALSE;
+}
+
+static void add_pulse(const struct relays *relays, struct modbus_job *job, int index) {
+    struct modbus_request *request =
+        modbus_job_add(job, MODBUS_PULSE_COIL, relays->pulse_coil + index, 1);
+    request->values[0] = (guint16)modbus_watchdog_value(&relays->watchdog);
+    request->coil = relays->first_coil + index;
+    request->verify = TRUE;
+}
+
+/* index −1: all of them. */
+static void add_switch(const struct relays *relays, struct modbus_job *job, int index,
+                       gboolean on) {
+    if (on && relays->pulse_coil >= 0) {
+        add_pulse(relays, job, index);
+        return;
+    }
+    struct modbus_request *request = modbus_job_add(
+        job, MODBUS_WRITE_COILS, relays->first_coil + MAX(index, 0), index < 0 ? relays->n : 1);
+    for (int i = 0; i < request->n; i++)
+        request->values[i] = on != FALSE;
+    request->verify = TRUE;
+}
+
+static void feed(gpointer data);
+
+static void feed_later(struct relays *relays) {
+    Clock *clock = relays->device->clock;
+    clock_cancel(clock, &relays->timer);
+    if (has_watchdog(relays) && any_on(relays))
+        relays->timer = clock_call_in(clock, modbus_watchdog_period_us(&relays->watchdog), feed,
+                                      (gpointer)relays->device);
+}
+
+static struct relays *relays_of(gpointer device) {
+    return ((struct device *)device)->priv;
+}
+
+/* Nothing is fed any more, so that what is on goes off whatever the line does. */
+static void lose(struct relays *relays, const GError *error) {
+    GError *why = g_error_copy(error);
+    g_prefix_error(&why, "%s %s: not known to be on any more: ", relays->device->info->class_name,
+                   relays->device->name);
+    for (int i = 0; i < relays->n; i++)
+        relays->on[i] = FALSE;
+    feed_later(relays);
+    relays->lost((gpointer)relays->device, why);
+}
+
+/* Once it was not heard of for its time, the board has switched off: until then it is asked again.
+ * Last in its caller: the listener may close the device. */
+static void on_fed(const struct modbus_job *job, const GError *error, gpointer data) {
+    struct relays *relays = relays_of(data);
+    gint64 now = clock_now_us(relays->device->clock);
+    double unheard_s = (double)(now - relays->fed_us) * 1e-6;
+    relays->n_feeding--;
+    if (!error)
+        relays->fed_us = now;
+    else if (any_on(relays) && (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL) ||
+                                unheard_s > modbus_watchdog_s(&relays->watchdog)))
+        lose(relays, error);
+}
+
+static void start_feeding(struct relays *relays, const struct modbus_job *job) {
+    double deadline_ms =
+        MIN(DEADLINE_MS, (double)modbus_watchdog_period_us(&relays->watchdog) / 1000);
+    relays->n_feeding++;
+    modbus_bus_start(relays->bus, &relays->link, job, FALSE, deadline_ms, on_fed,
+                     (gpointer)relays->device);
+}
+
+/* First that all is as it was switched: what went off by itself does not come on by itself. */
+static void feed(gpointer data) {
+    struct relays *relays = relays_of(data);
+    struct modbus_job job = {0};
+    relays->timer = 0;
+    feed_later(relays);
+    if (relays->n_switching > 0 || relays->n_feeding > 0)
+        return;
+    struct modbus_request *seen =
+        modbus_job_add(&job, MODBUS_READ_COILS, relays->first_coil, relays->n);
+    for (int i = 0; i < relays->n; i++)
+        seen->values[i] = relays->on[i] != FALSE;
+    seen->verify = TRUE;
+    modbus_watchdog_add_check(&relays->watchdog, &job);
+    for (int i = 0; i < relays->n && relays->pulse_coil >= 0; i++) {
+        if (relays->on[i] && job.n == MODBUS_MAX_REQUESTS) {
+            start_feeding(relays, &job);
+            job.n = 0;
+        }
+        if (relays->on[i])
+            add_pulse(relays, &job, i);
+    }
+    start_feeding(relays, &job);
+}
+
+static void relays_switch(struct relays *relays, int index, gboolean on, ModbusFunc func) {
+    struct modbus_job job = {0};
+    add_switch(relays, &job, index, on);
+    relays->n_switching++;
+    modbus_bus_start(relays->bus, &relays->link, &job, FALSE, DEADLINE_MS, func,
+                     (gpointer)relays->device);
+}
+
+/* What was not answered is not kept on. */
+static void relays_switched(struct relays *relays, int index, gboolean on, gboolean failed) {
+    relays->n_switching--;
+    for (int i = 0; i < relays->n; i++)
+        if (index < 0 || i == index)
+            relays->on[i] = on && !failed;
+    if (!failed)
+        relays->fed_us = clock_now_us(relays->device->clock);
+    if (relays->timer == 0 || !any_on(relays))
+        feed_later(relays);
+}
+
+static gboolean relays_off(struct relays *relays, GError **error) {
+    struct modbus_job job = {0};
+    add_switch(relays, &job, -1, FALSE);
+    return modbus_bus_do(relays->bus, &relays->link, &job, DEADLINE_MS, error);
+}
+
+/* A board's timeout switches the relays of all sections off, so all must know of it. */
+static gboolean check_shared(const struct relays *relays, GError **error) {
+    const struct config_section *section = relays->device->section;
+    for (GList *l = all_relays; l; l = l->next) {
+        const struct relays *other = l->data;
+        if (other->bus != relays->bus || other->link.unit != relays->link.unit ||
+            (other->watchdog.address == relays->watchdog.address &&
+             (other->watchdog.address < 0 ||
+              modbus_watchdog_value(&other->watchdog) == modbus_watchdog_value(&relays->watchdog))))
+            continue;
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "watchdog_register",
+                         "[%s %s] has another watchdog for the same board; make "
+                         "watchdog_register, watchdog_after_s and watchdog_scale the same",
+                         other->device->info->class_name, other->device->name);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean check_watchdog(const struct relays *relays, GError **error) {
+    int max = relays->pulse_coil >= 0 ? MAX_PULSE : G_MAXUINT16;
+    if (relays->pulse_coil < 0 || relays->watchdog.address < 0)
+        return !has_watchdog(relays) ||
+               modbus_watchdog_check(&relays->watchdog, &relays->link, relays->device, max, error);
+    config_set_error(error, CONFIG_ERROR_VALUE, relays->device->section, "pulse_coil",
+                     "is given beside watchdog_register; leave one of them out");
+    return FALSE;
+}
+
+static gboolean relays_open(struct relays *relays, const struct device *device,
+                            void (*lost)(gpointer device, GError *error), GError **error) {
+    relays->device = device;
+    relays->lost = lost;
+    relays->bus = modbus_bus_get(&relays->link, device, error);
+    if (!relays->bus)
+        return FALSE;
+    /* Dark first, whatever else is wrong with the section. */
+    if (relays_off(relays, error) && check_watchdog(relays, error) && check_shared(relays, error) &&
+        modbus_watchdog_arm(&relays->watchdog, relays->bus, &relays->link, error)) {
+        all_relays = g_list_prepend(all_relays, relays);
+        return TRUE;
+    }
+    if (!error || (*error)->domain != CONFIG_ERROR)
+        g_prefix_error(error, "%s %s: ", device->info->class_name, device->name);
+    g_clear_pointer(&relays->bus, modbus_bus_unref);
+    return FALSE;
+}
+
+static void relays_close(struct relays *relays) {
+    clock_cancel(relays->device->clock, &relays->timer);
+    modbus_bus_cancel(relays->bus, (gpointer)relays->device);
+    relays_off(relays, NULL);
+    all_relays = g_list_remove(all_relays, relays);
+    g_clear_pointer(&relays->bus, modbus_bus_unref);
+}
+
+struct modbus_lamps {
+    struct relays relays;
     GQueue pending; /* of struct pending, in order */
 };
 
@@ -17,15 +233,15 @@ struct pending {
     gboolean on;
 };
 
-#define LAMPS(name) G_STRUCT_OFFSET(struct modbus_lamps, name)
-
 static const struct option lamps_options[] = {
     MODBUS_LINK_OPTIONS,
-    {"first_coil", OPTION_INT, NULL, 0, 65535, "0", NULL, LAMPS(first_coil),
+    {"first_coil", OPTION_INT, NULL, 0, 65535, "0", NULL, RELAYS(first_coil),
      "Coil of the bank's first lamp, counted from 0; the others follow"},
-    {"n", OPTION_INT, NULL, 1, MODBUS_MAX_VALUES, NULL, NULL, LAMPS(n), "How many lamps it has"},
-    {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, LAMPS(warm_up_s),
+    {"n", OPTION_INT, NULL, 1, MODBUS_MAX_VALUES, NULL, NULL, RELAYS(n), "How many lamps it has"},
+    {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, RELAYS(warm_up_s),
      "From switching on until the output is stable"},
+    MODBUS_WATCHDOG_OPTIONS(RELAYS(watchdog)),
+    PULSE_OPTION,
     {NULL},
 };
 
@@ -34,57 +250,38 @@ static void on_switched(const struct modbus_job *job, const GError *error, gpoin
     struct modbus_lamps *lamps = bank->device.priv;
     g_autofree struct pending *done = g_queue_pop_head(&lamps->pending);
     GError *failed = error ? g_error_copy(error) : NULL;
+    relays_switched(&lamps->relays, done->index, done->on, error != NULL);
     g_prefix_error(&failed, "lamps %s: ", bank->device.name);
     lamps_report(bank, done->index, done->on, failed);
 }
 
-static void write_coils(const struct modbus_lamps *lamps, struct modbus_job *job, int index,
-                        gboolean on) {
-    struct modbus_request *request = modbus_job_add(
-        job, MODBUS_WRITE_COILS, lamps->first_coil + MAX(index, 0), index < 0 ? lamps->n : 1);
-    for (int i = 0; i < request->n; i++)
-        request->values[i] = on != FALSE;
-    request->verify = TRUE;
-}
-
 static gboolean set_lamp(LampBank *bank, int index, gboolean on, GError **error) {
     struct modbus_lamps *lamps = bank->device.priv;
-    struct modbus_job job = {0};
-    write_coils(lamps, &job, index, on);
     struct pending *pending = g_new0(struct pending, 1);
     pending->index = index;
     pending->on = on;
     g_queue_push_tail(&lamps->pending, pending);
-    modbus_bus_start(lamps->bus, &lamps->link, &job, FALSE, DEADLINE_MS, on_switched, bank);
+    relays_switch(&lamps->relays, index, on, on_switched);
     return TRUE;
 }
 
-static gboolean all_off(struct modbus_lamps *lamps, GError **error) {
-    struct modbus_job job = {0};
-    write_coils(lamps, &job, -1, FALSE);
-    return modbus_bus_do(lamps->bus, &lamps->link, &job, DEADLINE_MS, error);
+static void lost_lamps(gpointer device, GError *error) {
+    lamps_lost(device, error);
 }
 
 static gboolean open_lamps(LampBank *bank, GError **error) {
     struct modbus_lamps *lamps = bank->device.priv;
-    lamps->bus = modbus_bus_get(&lamps->link, &bank->device, error);
-    if (!lamps->bus)
-        return FALSE;
-    bank->n = lamps->n;
-    bank->warm_up_s = lamps->warm_up_s;
-    if (all_off(lamps, error))
-        return TRUE;
-    g_prefix_error(error, "lamps %s: ", bank->device.name);
-    g_clear_pointer(&lamps->bus, modbus_bus_unref);
-    return FALSE;
+    bank->n = lamps->relays.n;
+    bank->warm_up_s = lamps->relays.warm_up_s;
+    if (has_watchdog(&lamps->relays))
+        bank->watchdog_s = modbus_watchdog_s(&lamps->relays.watchdog);
+    return relays_open(&lamps->relays, &bank->device, lost_lamps, error);
 }
 
 static void close_lamps(LampBank *bank) {
     struct modbus_lamps *lamps = bank->device.priv;
-    modbus_bus_cancel(lamps->bus, bank);
+    relays_close(&lamps->relays);
     g_queue_clear_full(&lamps->pending, g_free);
-    all_off(lamps, NULL);
-    g_clear_pointer(&lamps->bus, modbus_bus_unref);
 }
 
 const struct lamps_driver modbus_relays_driver = {
@@ -95,84 +292,58 @@ const struct lamps_driver modbus_relays_driver = {
     .set = set_lamp,
 };
 
-struct modbus_laser {
-    struct modbus_link link;
-    int coil;
-    double warm_up_s;
-    ModbusBus *bus;
-};
-
-#define LASER(name) G_STRUCT_OFFSET(struct modbus_laser, name)
-
 static const struct option laser_options[] = {
     MODBUS_LINK_OPTIONS,
-    {"coil", OPTION_INT, NULL, 0, 65535, "0", NULL, LASER(coil),
+    {"coil", OPTION_INT, NULL, 0, 65535, "0", NULL, RELAYS(first_coil),
      "Coil that switches it, counted from 0"},
-    {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, LASER(warm_up_s),
+    {"warm_up_s", OPTION_DOUBLE, "s", 0, 36000, "0", NULL, RELAYS(warm_up_s),
      "From switching on until the output is stable"},
+    MODBUS_WATCHDOG_OPTIONS(RELAYS(watchdog)),
+    PULSE_OPTION,
     {NULL},
 };
 
-static void write_coil(const struct modbus_laser *laser, struct modbus_job *job, gboolean on) {
-    struct modbus_request *request = modbus_job_add(job, MODBUS_WRITE_COILS, laser->coil, 1);
-    request->values[0] = on != FALSE;
-    request->verify = TRUE;
-}
-
 static void on_laser_off(const struct modbus_job *job, const GError *error, gpointer data) {
+    relays_switched(relays_of(data), 0, FALSE, error != NULL);
 }
 
 static void on_laser(const struct modbus_job *job, const GError *error, gpointer data) {
     Laser *laser = data;
-    struct modbus_laser *priv = laser->device.priv;
+    struct relays *relays = laser->device.priv;
     gboolean on = job->requests[0].values[0] != 0;
     GError *failed = error ? g_error_copy(error) : NULL;
-    if (failed && on) { /* it may have come through: nothing shines that is not known of */
-        struct modbus_job off = {0};
-        write_coil(priv, &off, FALSE);
-        modbus_bus_start(priv->bus, &priv->link, &off, FALSE, DEADLINE_MS, on_laser_off, laser);
-    }
+    relays_switched(relays, 0, on, error != NULL);
+    if (failed && on) /* it may have come through: nothing shines that is not known of */
+        relays_switch(relays, 0, FALSE, on_laser_off);
     g_prefix_error(&failed, "laser %s: ", laser->device.name);
     laser_report(laser, on, failed);
 }
 
 static gboolean set_laser(Laser *laser, gboolean on, GError **error) {
-    struct modbus_laser *priv = laser->device.priv;
-    struct modbus_job job = {0};
-    write_coil(priv, &job, on);
-    modbus_bus_start(priv->bus, &priv->link, &job, FALSE, DEADLINE_MS, on_laser, laser);
+    relays_switch(laser->device.priv, 0, on, on_laser);
     return TRUE;
 }
 
-static gboolean laser_off(struct modbus_laser *priv, GError **error) {
-    struct modbus_job job = {0};
-    write_coil(priv, &job, FALSE);
-    return modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, error);
+static void lost_laser(gpointer device, GError *error) {
+    laser_lost(device, error);
 }
 
 static gboolean open_laser(Laser *laser, GError **error) {
-    struct modbus_laser *priv = laser->device.priv;
-    priv->bus = modbus_bus_get(&priv->link, &laser->device, error);
-    if (!priv->bus)
-        return FALSE;
-    laser->warm_up_s = priv->warm_up_s;
-    if (laser_off(priv, error))
-        return TRUE;
-    g_prefix_error(error, "laser %s: ", laser->device.name);
-    g_clear_pointer(&priv->bus, modbus_bus_unref);
-    return FALSE;
+    struct relays *relays = laser->device.priv;
+    relays->n = 1;
+    laser->warm_up_s = relays->warm_up_s;
+    if (has_watchdog(relays))
+        laser->watchdog_s = modbus_watchdog_s(&relays->watchdog);
+    return relays_open(relays, &laser->device, lost_laser, error);
 }
 
 static void close_laser(Laser *laser) {
-    struct modbus_laser *priv = laser->device.priv;
-    modbus_bus_cancel(priv->bus, laser);
-    laser_off(priv, NULL);
-    g_clear_pointer(&priv->bus, modbus_bus_unref);
+    relays_close(laser->device.priv);
 }
 
 const struct laser_driver modbus_laser_driver = {
     .info = {"laser", "modbus-laser", "A laser on a coil of a Modbus relay board", laser_options,
-             sizeof(struct modbus_laser)},
+             sizeof(struct relays)},
     .open = open_laser,
     .close = close_laser,
     .set = set_laser,

@@ -110,7 +110,7 @@ static void fill(struct imager *imager, const struct virtual_exposure *exposure,
     g_autofree guint16 *sensor = g_new0(guint16, (gsize)options->width * (gsize)options->height);
     g_autofree guint16 *region = g_new(guint16, n);
     if (options->picture)
-        options->picture(exposure, options->data, sensor);
+        options->picture(exposure, options->work.data, sensor);
     else
         make_ramp(imager, exposure->n, sensor);
     gboolean whole = shift == 0 && n == (gsize)options->width * (gsize)options->height;

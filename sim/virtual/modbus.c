@@ -19,6 +19,9 @@
 #define SPEED       3
 #define ACCEL       4
 #define WATCHDOG    5
+#define TIMEOUT     VIRTUAL_MODBUS_TIMEOUT
+#define UNIT_US     100000 /* of the timeout and of pulses */
+#define TICK_MS     10     /* how exactly they are kept */
 
 #define START 1
 #define HOME  2
@@ -46,6 +49,8 @@ struct VirtualModbus {
     enum phase phase;
     double from, to, speed0;
     gint64 start_us, end_us;
+    gint64 heard_us;                          /* the last request; 0: timed out since */
+    gint64 pulse_end_us[VIRTUAL_MODBUS_BITS]; /* 0: the coil stays as it is */
 };
 
 static double travelled(const VirtualModbus *device, double way, double t) {
@@ -108,6 +113,25 @@ static void brake(VirtualModbus *device) {
     device->end_us = now + (gint64)(fabs(device->speed0) / a * 1e6);
 }
 
+/* What it does by itself as time goes by: ends pulses, and all it does when it is not heard of. */
+static void update_watchdogs(VirtualModbus *device) {
+    gint64 now = g_get_monotonic_time();
+    gint64 timeout_us = device->mapping->tab_registers[TIMEOUT] * (gint64)UNIT_US;
+    for (int i = 0; i < VIRTUAL_MODBUS_BITS; i++) {
+        if (device->pulse_end_us[i] == 0 || now < device->pulse_end_us[i])
+            continue;
+        device->pulse_end_us[i] = 0;
+        device->mapping->tab_bits[i] = 0;
+    }
+    if (timeout_us == 0 || device->heard_us == 0 || now < device->heard_us + timeout_us)
+        return;
+    device->heard_us = 0;
+    device->state.timeouts++;
+    memset(device->mapping->tab_bits, 0, VIRTUAL_MODBUS_BITS);
+    memset(device->pulse_end_us, 0, sizeof device->pulse_end_us);
+    brake(device);
+}
+
 static void obey(VirtualModbus *device) {
     const guint16 *registers = device->mapping->tab_registers;
     gint32 target = (gint32)((guint32)registers[TARGET] << 16 | registers[TARGET + 1]);
@@ -147,10 +171,30 @@ static void show(VirtualModbus *device) {
         state->coils[i] = device->mapping->tab_bits[i] != 0;
 }
 
+static int pulsed_coil(const guint8 *pdu) {
+    int coil = (pdu[1] << 8 | pdu[2]) - VIRTUAL_MODBUS_PULSE;
+    return pdu[0] == 5 && coil >= 0 && coil < VIRTUAL_MODBUS_BITS ? coil : -1;
+}
+
+static void react_to_coils(VirtualModbus *device, const guint8 *pdu) {
+    int address = pdu[1] << 8 | pdu[2], n = pdu[0] == 15 ? pdu[3] << 8 | pdu[4] : 1;
+    int pulsed = pulsed_coil(pdu), time = pdu[3] << 8 | pdu[4];
+    if (pulsed >= 0) {
+        device->mapping->tab_bits[pulsed] = time > 0;
+        device->pulse_end_us[pulsed] = g_get_monotonic_time() + time * (gint64)UNIT_US;
+        device->state.pulses++;
+        return;
+    }
+    for (int i = address; i < address + n && i < VIRTUAL_MODBUS_BITS; i++)
+        device->pulse_end_us[i] = 0;
+}
+
 /* What a request has changed. */
 static void react(VirtualModbus *device, const guint8 *query) {
     const guint8 *pdu = query + modbus_get_header_length(device->context);
     int address = pdu[1] << 8 | pdu[2], n = pdu[0] == 16 ? pdu[3] << 8 | pdu[4] : 1;
+    if (pdu[0] == 5 || pdu[0] == 15)
+        react_to_coils(device, pdu);
     if (pdu[0] != 6 && pdu[0] != 16)
         return;
     if (address <= COMMAND && COMMAND < address + n)
@@ -170,6 +214,10 @@ static gboolean due(int *count) {
 /* Makes a reply without sending it. */
 static int make_reply(VirtualModbus *device, const guint8 *query, int n, int exception,
                       guint8 *ret) {
+    if (!exception && pulsed_coil(query + modbus_get_header_length(device->context)) >= 0) {
+        memcpy(ret, query, (gsize)n); /* libmodbus knows on and off alone; the answer is an echo */
+        return n;
+    }
     modbus_set_socket(device->context, device->made[0]);
     int made;
     if (exception)
@@ -187,9 +235,11 @@ static int answer(VirtualModbus *device, const guint8 *query, int n, guint8 *ret
     gboolean good = due(&faults->skip);
     int exception = !good && due(&faults->refused) ? faults->exception : 0;
     guint8 coils[VIRTUAL_MODBUS_BITS];
-    memcpy(coils, device->mapping->tab_bits, sizeof coils);
     device->state.requests++;
     update_motion(device);
+    update_watchdogs(device);
+    memcpy(coils, device->mapping->tab_bits, sizeof coils);
+    device->heard_us = g_get_monotonic_time();
     show(device);
     int made = make_reply(device, query, n, exception, ret);
     if (!exception && made > 0 && !(ret[modbus_get_header_length(device->context)] & 0x80))
@@ -225,7 +275,7 @@ static void serve(VirtualModbus *device) {
     if (n <= 0 || query[header - 1] != device->options.unit)
         return;
     g_mutex_lock(&device->mutex);
-    n = answer(device, query, n, reply, &hold_us);
+    n = device->faults.cut ? 0 : answer(device, query, n, reply, &hold_us);
     g_mutex_unlock(&device->mutex);
     if (hold_us > 0)
         g_usleep((gulong)hold_us);
@@ -260,6 +310,7 @@ static void stop_listening(VirtualModbus *device) {
 static void forget(VirtualModbus *device) {
     memset(device->mapping->tab_registers, 0, N_REGISTERS * sizeof(guint16));
     memset(device->mapping->tab_bits, 0, VIRTUAL_MODBUS_BITS);
+    memset(device->pulse_end_us, 0, sizeof device->pulse_end_us);
     device->phase = STANDING;
     device->state.position_steps = 0;
     device->state.homed = device->state.faulty = FALSE;
@@ -294,14 +345,29 @@ static void pick_up(VirtualModbus *device) {
     g_mutex_unlock(&device->mutex);
 }
 
+/* How long there is nothing to do by itself; -1: for ever. */
+static int wait_ms(VirtualModbus *device) {
+    g_mutex_lock(&device->mutex);
+    update_motion(device);
+    update_watchdogs(device);
+    gboolean active = device->mapping->tab_registers[TIMEOUT] != 0 && device->heard_us != 0;
+    for (int i = 0; i < VIRTUAL_MODBUS_BITS; i++)
+        active |= device->pulse_end_us[i] != 0;
+    g_mutex_unlock(&device->mutex);
+    return active ? TICK_MS : -1;
+}
+
 static gpointer run(gpointer data) {
     VirtualModbus *device = data;
     char byte;
     for (;;) {
         struct pollfd fds[] = {
             {device->wake[0], POLLIN, 0}, {device->listener, POLLIN, 0}, {device->wire, POLLIN, 0}};
-        if (poll(fds, G_N_ELEMENTS(fds), -1) < 0 && errno != EINTR)
+        int ready = poll(fds, G_N_ELEMENTS(fds), wait_ms(device));
+        if (ready < 0 && errno != EINTR)
             return NULL;
+        if (ready <= 0)
+            continue;
         if (fds[0].revents && (read(device->wake[0], &byte, 1) < 0 || !follow_orders(device)))
             return NULL;
         if (fds[0].revents)
@@ -414,6 +480,7 @@ void virtual_modbus_restart(VirtualModbus *device, int down_ms) {
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret) {
     g_mutex_lock(&device->mutex);
     update_motion(device);
+    update_watchdogs(device);
     show(device);
     *ret = device->state;
     g_mutex_unlock(&device->mutex);
@@ -423,6 +490,13 @@ void virtual_modbus_set_input(VirtualModbus *device, int index, gboolean on) {
     g_return_if_fail(index >= 0 && index < VIRTUAL_MODBUS_BITS);
     g_mutex_lock(&device->mutex);
     device->mapping->tab_input_bits[index] = on != FALSE;
+    g_mutex_unlock(&device->mutex);
+}
+
+void virtual_modbus_set_coil(VirtualModbus *device, int index, gboolean on) {
+    g_return_if_fail(index >= 0 && index < VIRTUAL_MODBUS_BITS);
+    g_mutex_lock(&device->mutex);
+    device->mapping->tab_bits[index] = on != FALSE;
     g_mutex_unlock(&device->mutex);
 }
 

@@ -4,9 +4,12 @@
  * pseudo-terminal, in a thread of its own and in real time. For tests and measurements.
  *
  * Holding registers: 0–1 target (32 bits, high word first), 2 command (1 start, 2 home, 3 stop,
- * 4 clear), 3 speed, 4 acceleration (kept alone), 5 watchdog (writes are counted), 100–107 plain.
+ * 4 clear), 3 speed, 4 acceleration (kept alone), 5 watchdog (writes are counted), 6 communication
+ * timeout in 0.1 s (0: none; if no request comes for so long, the coils go off and the drive
+ * brakes), 100–107 plain.
  * Input registers and, for reading, holding registers from 20 on: status (bit 0 moving, 1 homed,
- * 2 fault, 3 limit), position (32 bits). Coils 0–15, discrete inputs 0–15. Anything else is an
+ * 2 fault, 3 limit), position (32 bits). Coils 0–15, discrete inputs 0–15. Function 5
+ * at coil 0x200 + i with a time in 0.1 s switches coil i on for so long. Anything else is an
  * illegal address.
  *
  * Any thread may call these functions, except new and free.
@@ -15,9 +18,11 @@
 
 #include <glib.h>
 
-#define VIRTUAL_MODBUS_STATUS 20 /* position: the two after it */
-#define VIRTUAL_MODBUS_PLAIN  100
-#define VIRTUAL_MODBUS_BITS   16
+#define VIRTUAL_MODBUS_STATUS  20 /* position: the two after it */
+#define VIRTUAL_MODBUS_TIMEOUT 6
+#define VIRTUAL_MODBUS_PLAIN   100
+#define VIRTUAL_MODBUS_PULSE   0x200
+#define VIRTUAL_MODBUS_BITS    16
 
 typedef struct VirtualModbus VirtualModbus;
 
@@ -44,6 +49,7 @@ struct virtual_modbus_faults {
     int delay_us;     /* of the wire: added to every reply */
     gboolean blocked; /* the motor cannot turn, though the drive says that it moves */
     gboolean deaf;    /* coils do not switch, though writing them is answered */
+    gboolean cut;     /* no request comes through */
 };
 void virtual_modbus_fail(VirtualModbus *device, const struct virtual_modbus_faults *faults);
 
@@ -55,11 +61,14 @@ struct virtual_modbus_state {
     gboolean moving, homed, faulty;
     gint64 began_us; /* when the last motion began, of g_get_monotonic_time() */
     gboolean coils[VIRTUAL_MODBUS_BITS];
-    int requests, watchdogs, connections;
+    int requests, watchdogs, connections, pulses;
+    int timeouts; /* how often it was not heard of for its communication timeout */
     guint16 speed, accel;
 };
 void virtual_modbus_state(VirtualModbus *device, struct virtual_modbus_state *ret);
 
 void virtual_modbus_set_input(VirtualModbus *device, int index, gboolean on);
+/* Switched beside the line, as by a program that has ended since. */
+void virtual_modbus_set_coil(VirtualModbus *device, int index, gboolean on);
 void virtual_modbus_set_plain(VirtualModbus *device, int index, guint16 value);
 void virtual_modbus_set_drive_fault(VirtualModbus *device, gboolean faulty);

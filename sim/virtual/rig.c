@@ -16,6 +16,9 @@
 /* Of a line: a busy desk computer is slower than a drive. */
 #define PATIENCE "timeout_ms = 300\nlate_ms = 300\n"
 
+/* The same for all sections of a board, and longer than a busy machine holds a program up. */
+#define WATCHDOG "watchdog_register = %d\nwatchdog_after_s = 5\nwatchdog_scale = 10\n"
+
 static const struct option *find_option(const struct option *table, const char *name) {
     for (; table->name; table++)
         if (g_str_equal(table->name, name))
@@ -204,7 +207,8 @@ static gboolean add_lamps(VirtualRig *rig, const struct config_section *section,
         if (!rig_find_part(rig, "lamp ", g_strstrip(names[i]), &board->parts[i], error))
             return FALSE;
     rig_copy_section(rig, section, &sim_lamps_driver.info, &modbus_relays_driver.info);
-    g_string_append_printf(rig->text, "n = %d\nwarm_up_s = %g\n", n, world_lamp_warm_up_s(world));
+    g_string_append_printf(rig->text, "n = %d\nwarm_up_s = %g\n" WATCHDOG, n,
+                           world_lamp_warm_up_s(world), VIRTUAL_MODBUS_TIMEOUT);
     add_link(rig, section, modbus_relays_driver.info.name, board, "first_coil", 0);
     return TRUE;
 }
@@ -227,8 +231,9 @@ static gboolean add_laser(VirtualRig *rig, const struct config_section *section,
     if (!rig_find_part(rig, "laser ", rig_part(section), &board->parts[board->n_coils], error))
         return FALSE;
     rig_copy_section(rig, section, &sim_laser_driver.info, &modbus_laser_driver.info);
-    g_string_append_printf(rig->text, "warm_up_s = %g\n",
-                           rig_number(section, &sim_laser_driver.info, "warm_up_ms") / 1000);
+    g_string_append_printf(rig->text, "warm_up_s = %g\n" WATCHDOG,
+                           rig_number(section, &sim_laser_driver.info, "warm_up_ms") / 1000,
+                           VIRTUAL_MODBUS_TIMEOUT);
     add_link(rig, section, modbus_laser_driver.info.name, board, "coil", board->n_coils++);
     return TRUE;
 }

@@ -131,7 +131,8 @@ static void print_curve(struct bench_setup setup) {
     printf(json ? "\"curve\": [" : "");
     for (gsize i = 0; i < G_N_ELEMENTS(all); i++) {
         setup.pixels_a_texel = all[i];
-        printf(json ? "%s{\"pixels\": %g" : "", i ? ", " : "", all[i]);
+        if (json)
+            printf("%s{\"pixels\": %g", i ? ", " : "", all[i]);
         print_cameras(setup);
         printf(json ? "}" : "");
     }
@@ -349,7 +350,8 @@ static void print_peaks(void) {
     printf(json ? "\"peaks\": ["
                 : "time of a pulse, rms in frames, of the Cramér-Rao bound (limit 1.3)\n");
     for (gsize i = 0; i < G_N_ELEMENTS(sigmas); i++) {
-        printf(json ? "" : "  sigma %.1f frames:", sigmas[i]);
+        if (!json)
+            printf("  sigma %.1f frames:", sigmas[i]);
         for (double dn = 20; dn < 4000; dn *= 2) {
             struct bench_peaks p = bench_peaks(dn, sigmas[i]);
             double ratio = p.rms / p.bound;

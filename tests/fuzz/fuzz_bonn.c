@@ -16,7 +16,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const gsize n = 3 * (gsize)header->n_lights * (gsize)header->width * (gsize)header->height;
     g_autofree float *rgb = g_new(float, n);
     g_autofree int *holes = g_new(int, header->n_lights);
-    bonn_read_view(file, 0, rgb, holes);
-    bonn_read_view(file, header->n_views - 1, rgb, holes);
+    bonn_read_view(file, 0, rgb, holes, NULL);
+    bonn_read_view(file, header->n_views - 1, rgb, holes, NULL);
     return 0;
 }

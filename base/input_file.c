@@ -1,0 +1,195 @@
+#include "input_file.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define AT_ONCE ((gsize)1 << 20) /* bytes by which a buffer grows first */
+
+G_DEFINE_QUARK(input_file_error, input_file_error)
+
+static void fail(const char *path, enum input_file_error code, GError **error, const char *format,
+                 ...) G_GNUC_PRINTF(4, 5);
+
+static void fail(const char *path, enum input_file_error code, GError **error, const char *format,
+                 ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *what = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_set_error(error, INPUT_FILE_ERROR, (int)code, "cannot read %s: %s", path, what);
+}
+
+static void fail_errno(const char *path, int number, GError **error) {
+    struct stat link;
+    const gboolean dangling = number == ENOENT && lstat(path, &link) == 0 && S_ISLNK(link.st_mode);
+    g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(number), "cannot read %s: %s%s",
+                path, g_strerror(number),
+                dangling ? ": it is a symbolic link to a file that does not exist" : "");
+}
+
+void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error) {
+    if (from->domain == INPUT_FILE_ERROR || io >= 0) {
+        g_set_error_literal(error, domain, from->domain == INPUT_FILE_ERROR ? unfit : io,
+                            from->message);
+        g_error_free(from);
+    } else {
+        g_propagate_error(error, from);
+    }
+}
+
+const char *input_file_kind(mode_t mode) {
+    switch (mode & S_IFMT) {
+    case S_IFIFO:
+        return "a FIFO";
+    case S_IFCHR:
+        return "a character device";
+    case S_IFBLK:
+        return "a block device";
+    case S_IFDIR:
+        return "a directory";
+    case S_IFSOCK:
+        return "a socket";
+    case S_IFREG:
+        return "a regular file";
+    default:
+        return "something unknown";
+    }
+}
+
+static gboolean check_status(const char *path, const struct stat *status, guint64 max_bytes,
+                             GError **error) {
+    if (!S_ISREG(status->st_mode)) {
+        fail(path, INPUT_FILE_ERROR_KIND, error, "it is %s, not a regular file",
+             input_file_kind(status->st_mode));
+        return FALSE;
+    }
+    if ((guint64)status->st_size <= max_bytes)
+        return TRUE;
+    fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+         "it has %" G_GUINT64_FORMAT " bytes, and at most %" G_GUINT64_FORMAT " are read",
+         (guint64)status->st_size, max_bytes);
+    return FALSE;
+}
+
+/* Looked at before it is opened, since opening some devices has effects, and again afterwards,
+ * since the name may mean another file by then. */
+int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error) {
+    struct stat status;
+    if (stat(path, &status) != 0) {
+        fail_errno(path, errno, error);
+        return -1;
+    }
+    if (!check_status(path, &status, max_bytes, error))
+        return -1;
+    const int fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+    if (fd < 0 || fstat(fd, &status) != 0) {
+        fail_errno(path, errno, error);
+    } else if (check_status(path, &status, max_bytes, error)) {
+        if (ret_bytes)
+            *ret_bytes = (guint64)status.st_size;
+        return fd;
+    }
+    if (fd >= 0)
+        close(fd);
+    return -1;
+}
+
+/* Reads on until the end: files of /proc and /sys say that they are empty, and others grow. */
+static char *read_all(int fd, const char *path, gsize expected, gsize max_bytes, gsize *ret_length,
+                      GError **error) {
+    gsize length = 0, room = MIN(expected, max_bytes) + 1;
+    g_autofree char *text = g_try_malloc(room + 1);
+    while (text) {
+        const gssize n = read(fd, text + length, room - length);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0) {
+            fail_errno(path, errno, error);
+            return NULL;
+        }
+        length += (gsize)n;
+        if (length > max_bytes) {
+            fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+                 "it has more than the %" G_GSIZE_FORMAT " bytes that are read at most", max_bytes);
+            return NULL;
+        }
+        if (n == 0) {
+            text[length] = '\0';
+            *ret_length = length;
+            return g_steal_pointer(&text);
+        }
+        if (length == room) {
+            room = MIN(room + MAX(room, AT_ONCE), max_bytes + 1);
+            char *larger = g_try_realloc(text, room + 1);
+            if (!larger)
+                g_free(text);
+            text = larger;
+        }
+    }
+    fail_errno(path, ENOMEM, error);
+    return NULL;
+}
+
+char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GError **error) {
+    guint64 bytes;
+    gsize length = 0;
+    const int fd = input_file_open(path, max_bytes, &bytes, error);
+    if (fd < 0)
+        return NULL;
+    char *text = read_all(fd, path, (gsize)bytes, max_bytes, &length, error);
+    close(fd);
+    if (ret_length)
+        *ret_length = length;
+    return text;
+}
+
+char *input_file_read_text(const char *path, gsize max_bytes, GError **error) {
+    gsize length;
+    g_autofree char *text = input_file_read(path, max_bytes, &length, error);
+    if (!text || strlen(text) == length)
+        return g_steal_pointer(&text);
+    fail(path, INPUT_FILE_ERROR_TEXT, error, "it is not a text file: byte %" G_GSIZE_FORMAT " is 0",
+         strlen(text));
+    return NULL;
+}
+
+gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
+                            GError **error) {
+    for (gsize done = 0; done < n;) {
+        const gssize got = pread(fd, (guint8 *)to + done, n - done, (off_t)(offset + done));
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0) {
+            fail_errno(path, errno, error);
+            return FALSE;
+        }
+        if (got == 0) {
+            fail(path, INPUT_FILE_ERROR_CUT, error,
+                 "it has become shorter while it was read: it ends before byte %" G_GUINT64_FORMAT,
+                 offset + n);
+            return FALSE;
+        }
+        done += (gsize)got;
+    }
+    return TRUE;
+}
+
+guint64 input_file_memory(guint64 file_bytes) {
+    return MAX(INPUT_FILE_MEMORY, INPUT_FILE_MEMORY_PER_BYTE * file_bytes);
+}
+
+gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height,
+                                 guint64 file_bytes, GError **error) {
+    const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * file_bytes);
+    if (width == 0 || height <= most / width)
+        return TRUE;
+    fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+         "it says that it is a picture of %" G_GUINT64_FORMAT " × %" G_GUINT64_FORMAT
+         " pixels, but a file of %" G_GUINT64_FORMAT " bytes may have at most %" G_GUINT64_FORMAT
+         " pixels; save it smaller, or without compression",
+         width, height, file_bytes, most);
+    return FALSE;
+}

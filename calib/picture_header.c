@@ -1,0 +1,142 @@
+#include "picture_header.h"
+
+#include "base/input_file.h"
+#include "vision.h"
+
+#include <string.h>
+
+struct size {
+    guint64 width, height;
+    guint64 bits; /* of a value of a TIFF; 0: not said */
+};
+
+static guint64 number(const guint8 *at, int n, gboolean big_endian) {
+    guint64 value = 0;
+    for (int i = 0; i < n; i++)
+        value = value << 8 | at[big_endian ? i : n - 1 - i];
+    return value;
+}
+
+static gboolean png_size(const guint8 *bytes, gsize length, struct size *ret) {
+    static const guint8 signature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
+    if (length < 24 || memcmp(bytes, signature, sizeof signature) != 0 ||
+        memcmp(bytes + 12, "IHDR", 4) != 0)
+        return FALSE;
+    *ret = (struct size){number(bytes + 16, 4, TRUE), number(bytes + 20, 4, TRUE), 0};
+    return TRUE;
+}
+
+/* 0xc0 … 0xcf start a frame, apart from tables (c4, cc) and an extension (c8). */
+static gboolean is_frame(guint8 marker) {
+    return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+}
+
+static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
+    if (length < 4 || bytes[0] != 0xff || bytes[1] != 0xd8)
+        return FALSE;
+    for (gsize at = 2; at + 9 <= length;) {
+        if (bytes[at] != 0xff || bytes[at + 1] == 0xff) { /* decoders skip both */
+            at++;
+            continue;
+        }
+        const guint8 marker = bytes[at + 1];
+        if (is_frame(marker)) {
+            *ret =
+                (struct size){number(bytes + at + 7, 2, TRUE), number(bytes + at + 5, 2, TRUE), 0};
+            return TRUE;
+        }
+        const gboolean alone = marker <= 0x01 || (marker >= 0xd0 && marker <= 0xd8);
+        at += alone ? 2 : 2 + (gsize)number(bytes + at + 2, 2, TRUE);
+    }
+    return FALSE;
+}
+
+/* Of entries of tags: 12 bytes each, or 20 in a BigTIFF. */
+struct tiff {
+    const guint8 *bytes;
+    gsize length;
+    gboolean big_endian, big;
+};
+
+enum { TIFF_WIDTH = 256, TIFF_HEIGHT, TIFF_BITS, TIFF_TILE_WIDTH = 322, TIFF_TILE_HEIGHT };
+
+/* A tag's first value, which stands in the entry itself or where it says. */
+static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
+    static const int sizes[] = {[1] = 1, [3] = 2, [4] = 4, [16] = 8};
+    const int room = tiff->big ? 8 : 4;
+    const guint64 type = number(entry + 2, 2, tiff->big_endian);
+    const int size = type < G_N_ELEMENTS(sizes) ? sizes[type] : 0;
+    const guint64 n = number(entry + 4, room, tiff->big_endian);
+    const guint8 *at = entry + 4 + room;
+    if (size > 0 && n > (guint64)(room / size)) {
+        const guint64 offset = number(at, room, tiff->big_endian);
+        if (offset > tiff->length - 8)
+            return 0;
+        at = tiff->bytes + offset;
+    }
+    return number(at, MIN(size, room), tiff->big_endian);
+}
+
+static gboolean tiff_is(const guint8 *bytes, gsize length, struct tiff *ret) {
+    if (length < 16 || (memcmp(bytes, "II", 2) != 0 && memcmp(bytes, "MM", 2) != 0))
+        return FALSE;
+    *ret = (struct tiff){bytes, length, bytes[0] == 'M', FALSE};
+    const guint64 version = number(bytes + 2, 2, ret->big_endian);
+    ret->big = version == 43;
+    return version == 42 || version == 43;
+}
+
+/* Tiles that are larger than the picture are decoded as a whole. */
+static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
+    const gsize n_bytes = tiff->big ? 8 : 2, each = tiff->big ? 20 : 12;
+    const guint64 at =
+        number(tiff->bytes + (tiff->big ? 8 : 4), tiff->big ? 8 : 4, tiff->big_endian);
+    struct size tile = {0};
+    if (at > tiff->length || tiff->length - at < n_bytes)
+        return FALSE;
+    const guint64 n = number(tiff->bytes + at, (int)n_bytes, tiff->big_endian);
+    const guint8 *entry = tiff->bytes + at + n_bytes;
+    for (guint64 i = 0; i < n && (gsize)(tiff->bytes + tiff->length - entry) >= each; i++) {
+        const guint64 tag = number(entry, 2, tiff->big_endian), value = tiff_value(tiff, entry);
+        if (tag == TIFF_WIDTH)
+            ret->width = MAX(ret->width, value);
+        else if (tag == TIFF_HEIGHT)
+            ret->height = MAX(ret->height, value);
+        else if (tag == TIFF_BITS)
+            ret->bits = MAX(ret->bits, value);
+        else if (tag == TIFF_TILE_WIDTH)
+            tile.width = MAX(tile.width, value);
+        else if (tag == TIFF_TILE_HEIGHT)
+            tile.height = MAX(tile.height, value);
+        entry += each;
+    }
+    ret->width = MAX(ret->width, tile.width);
+    ret->height = MAX(ret->height, tile.height);
+    return ret->width > 0 && ret->height > 0;
+}
+
+/* Values of 32 bits take twice the memory of others while they are decoded. */
+static gboolean check_wide(const char *path, const struct size *size, gsize length,
+                           GError **error) {
+    const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * length) / 2;
+    if (size->bits <= 16 || size->height <= most / size->width)
+        return TRUE;
+    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                "%s: with %" G_GUINT64_FORMAT " bits a value, a file of %" G_GSIZE_FORMAT
+                " bytes may have at most %" G_GUINT64_FORMAT " pixels, not %" G_GUINT64_FORMAT
+                " × %" G_GUINT64_FORMAT "; save it with 16 bits",
+                path, size->bits, length, most, size->width, size->height);
+    return FALSE;
+}
+
+gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
+    struct size size = {0};
+    struct tiff tiff;
+    if (png_size(bytes, length, &size) || jpeg_size(bytes, length, &size) ||
+        (tiff_is(bytes, length, &tiff) && tiff_size(&tiff, &size)))
+        return input_file_check_pixels(path, size.width, size.height, length, error) &&
+               check_wide(path, &size, length, error);
+    g_set_error(error, VISION_ERROR, VISION_ERROR_IO,
+                "%s: is not a JPEG, PNG or TIFF picture that can be read", path);
+    return FALSE;
+}

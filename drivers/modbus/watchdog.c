@@ -1,0 +1,72 @@
+#include "watchdog.h"
+
+#include <math.h>
+
+/* Less than the class waits, so that the line's own words are heard. */
+#define DEADLINE_MS 1500
+
+int modbus_watchdog_value(const struct modbus_watchdog *watchdog) {
+    return (int)lround(watchdog->after_s * watchdog->scale);
+}
+
+double modbus_watchdog_s(const struct modbus_watchdog *watchdog) {
+    return modbus_watchdog_value(watchdog) / watchdog->scale;
+}
+
+gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog) {
+    return (gint64)(modbus_watchdog_s(watchdog) * 1e6 / 3);
+}
+
+gboolean modbus_watchdog_check(const struct modbus_watchdog *watchdog,
+                               const struct modbus_link *link, const struct device *device, int max,
+                               GError **error) {
+    /* One answer that is lost, as in line.c: its time, silence before and after the next. */
+    double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
+    double written = watchdog->after_s * watchdog->scale, least_s = 1.5 * lapse_s;
+    if (written < 0.5 || round(written) > max) {
+        config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_scale",
+                         "%g s × %g is not a number from 1 to %d", watchdog->after_s,
+                         watchdog->scale, max);
+        return FALSE;
+    }
+    if (modbus_watchdog_s(watchdog) >= least_s)
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, device->section, "watchdog_after_s",
+                     "%g s is too short, since an answer that is lost costs %g s (timeout_ms and "
+                     "twice late_ms); write %g or more",
+                     modbus_watchdog_s(watchdog), lapse_s, least_s);
+    return FALSE;
+}
+
+gboolean modbus_watchdog_arm(const struct modbus_watchdog *watchdog, ModbusBus *bus,
+                             const struct modbus_link *link, GError **error) {
+    guint16 value = (guint16)modbus_watchdog_value(watchdog);
+    struct modbus_job job = {0};
+    if (watchdog->address < 0)
+        return TRUE;
+    struct modbus_request *request =
+        modbus_job_add(&job, MODBUS_READ_HOLDING, watchdog->address, 1);
+    if (!modbus_bus_do(bus, link, &job, DEADLINE_MS, error)) {
+        g_prefix_error(error, "watchdog_register: ");
+        return FALSE;
+    }
+    if (request->values[0] == value)
+        return TRUE;
+    *request = (struct modbus_request){.kind = MODBUS_WRITE_HOLDING,
+                                       .address = watchdog->address,
+                                       .n = 1,
+                                       .values = {value},
+                                       .verify = TRUE};
+    if (modbus_bus_do(bus, link, &job, DEADLINE_MS, error))
+        return TRUE;
+    g_prefix_error(error, "watchdog_register: ");
+    return FALSE;
+}
+
+void modbus_watchdog_add_check(const struct modbus_watchdog *watchdog, struct modbus_job *job) {
+    if (watchdog->address < 0)
+        return;
+    struct modbus_request *request = modbus_job_add(job, MODBUS_READ_HOLDING, watchdog->address, 1);
+    request->values[0] = (guint16)modbus_watchdog_value(watchdog);
+    request->verify = TRUE;
+}
