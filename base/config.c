@@ -1,6 +1,6 @@
-#include "base/config.h"
+#include "config.h"
 
-#include "base/input_file.h"
+#include "input_file.h"
 
 #include <string.h>
 
@@ -50,7 +50,7 @@ static void section_clear(gpointer data) {
     g_free(section->name);
 }
 
-static void problem_clear(gpointer data) {
+static void config_problem_clear(gpointer data) {
     g_free(((struct config_problem *)data)->message);
 }
 
@@ -79,7 +79,7 @@ static int line_of_section(const Config *config, const char *class_name, const c
 }
 
 /* text is what stands between the brackets, trimmed. */
-static gboolean add_section(Config *config, const char *text, int line, GError **error) {
+static gboolean config_add_section(Config *config, const char *text, int line, GError **error) {
     if (!*text || strpbrk(text, "[]")) {
         syntax_error(error, config, line, "a section is written as [class] or [class name]");
         return FALSE;
@@ -154,7 +154,7 @@ static gboolean add_entry(Config *config, char *text, int line, GError **error) 
     return TRUE;
 }
 
-static gboolean parse_line(Config *config, char *text, int line, GError **error) {
+static gboolean config_parse_line(Config *config, char *text, int line, GError **error) {
     g_strstrip(text);
     if (!*text || *text == '#')
         return TRUE;
@@ -172,7 +172,7 @@ static gboolean parse_line(Config *config, char *text, int line, GError **error)
         return FALSE;
     }
     text[length - 1] = '\0';
-    return add_section(config, g_strstrip(text + 1), line, error);
+    return config_add_section(config, g_strstrip(text + 1), line, error);
 }
 
 static gboolean is_heading(const char *text) {
@@ -195,7 +195,7 @@ static void add_mended_section(Config *config, const char *heading, int line) {
     g_strstrip(g_strdelimit(plain, "[]", ' '));
     g_autofree char *text =
         g_strdup_printf("%s (line %d)", *plain ? plain : CONFIG_NO_HEADING, line);
-    add_section(config, text, line, NULL);
+    config_add_section(config, text, line, NULL);
 }
 
 /* Leaves out what is wrong, and remembers it. */
@@ -203,14 +203,14 @@ static void parse_line_leniently(Config *config, char *text, int line) {
     g_autofree char *copy = g_strdup(g_strstrip(text));
     gboolean second = is_second_driver(config, text);
     g_autoptr(GError) error = NULL;
-    if (parse_line(config, copy, line, &error))
+    if (config_parse_line(config, copy, line, &error))
         return;
     struct config_problem problem = {g_strdup(error->message), line};
     g_array_append_val(config->problems, problem);
     if (second || is_heading(text))
         add_mended_section(config, second ? "" : text, line);
     if (second)
-        parse_line(config, text, line, NULL);
+        config_parse_line(config, text, line, NULL);
 }
 
 static int line_at(const char *text, const char *at) {
@@ -220,7 +220,7 @@ static int line_at(const char *text, const char *at) {
     return line;
 }
 
-static gboolean parse(Config *config, gsize length, GError **error) {
+static gboolean config_do_parse(Config *config, gsize length, GError **error) {
     const char *text = config->text, *bad;
     if (strlen(text) != length) {
         syntax_error(error, config, line_at(text, text + strlen(text)), "a NUL byte");
@@ -242,7 +242,7 @@ static gboolean parse(Config *config, gsize length, GError **error) {
         *next = '\0';
         if (config->problems)
             parse_line_leniently(config, start, line);
-        else if (!parse_line(config, start, line, error))
+        else if (!config_parse_line(config, start, line, error))
             return FALSE;
     }
     return TRUE;
@@ -254,14 +254,14 @@ static Config *config_new(char *text, gsize length, const char *path, gboolean l
     Config *config = g_new0(Config, 1);
     if (lenient) {
         config->problems = g_array_new(FALSE, TRUE, sizeof(struct config_problem));
-        g_array_set_clear_func(config->problems, problem_clear);
+        g_array_set_clear_func(config->problems, config_problem_clear);
     }
     config->path = g_strdup(path);
     config->text = text;
     config->sections = g_array_new(FALSE, TRUE, sizeof(struct config_section));
     g_array_set_clear_func(config->sections, section_clear);
     config->by_group = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, section_data_free);
-    if (!parse(config, length, error)) {
+    if (!config_do_parse(config, length, error)) {
         config_free(config);
         return NULL;
     }
@@ -278,7 +278,7 @@ static void too_long(GError **error, const char *path) {
                 "%s: longer than 1 MiB: this is not a configuration file", path);
 }
 
-static char *read_file(const char *path, gsize *ret_length, GError **error) {
+static char *config_read_file(const char *path, gsize *ret_length, GError **error) {
     GError *why = NULL;
     char *text = input_file_read(path, MAX_BYTES, ret_length, &why);
     if (!text)
@@ -289,14 +289,14 @@ static char *read_file(const char *path, gsize *ret_length, GError **error) {
 Config *config_load(const char *path, GError **error) {
     g_return_val_if_fail(path, NULL);
     gsize length;
-    char *text = read_file(path, &length, error);
+    char *text = config_read_file(path, &length, error);
     return text ? config_new(text, length, path, FALSE, error) : NULL;
 }
 
 Config *config_load_lenient(const char *path, GError **error) {
     g_return_val_if_fail(path, NULL);
     gsize length;
-    g_autofree char *bytes = read_file(path, &length, error);
+    g_autofree char *bytes = config_read_file(path, &length, error);
     if (!bytes)
         return NULL;
     for (gsize i = 0; i < length; i++)

@@ -10,11 +10,11 @@
 
 G_DEFINE_QUARK(input_file_error, input_file_error)
 
-static void fail(const char *path, enum input_file_error code, GError **error, const char *format,
-                 ...) G_GNUC_PRINTF(4, 5);
+static void input_file_fail(const char *path, enum input_file_error code, GError **error,
+                            const char *format, ...) G_GNUC_PRINTF(4, 5);
 
-static void fail(const char *path, enum input_file_error code, GError **error, const char *format,
-                 ...) {
+static void input_file_fail(const char *path, enum input_file_error code, GError **error,
+                            const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     g_autofree char *what = g_strdup_vprintf(format, arguments);
@@ -22,7 +22,7 @@ static void fail(const char *path, enum input_file_error code, GError **error, c
     g_set_error(error, INPUT_FILE_ERROR, (int)code, "cannot read %s: %s", path, what);
 }
 
-static void fail_errno(const char *path, int number, GError **error) {
+static void input_file_fail_errno(const char *path, int number, GError **error) {
     struct stat link;
     const gboolean dangling = number == ENOENT && lstat(path, &link) == 0 && S_ISLNK(link.st_mode);
     g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(number), "cannot read %s: %s%s",
@@ -62,15 +62,16 @@ const char *input_file_kind(mode_t mode) {
 static gboolean check_status(const char *path, const struct stat *status, guint64 max_bytes,
                              GError **error) {
     if (!S_ISREG(status->st_mode)) {
-        fail(path, INPUT_FILE_ERROR_KIND, error, "it is %s, not a regular file",
-             input_file_kind(status->st_mode));
+        input_file_fail(path, INPUT_FILE_ERROR_KIND, error, "it is %s, not a regular file",
+                        input_file_kind(status->st_mode));
         return FALSE;
     }
     if ((guint64)status->st_size <= max_bytes)
         return TRUE;
-    fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-         "it has %" G_GUINT64_FORMAT " bytes, and at most %" G_GUINT64_FORMAT " are read",
-         (guint64)status->st_size, max_bytes);
+    input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+                    "it has %" G_GUINT64_FORMAT " bytes, and at most %" G_GUINT64_FORMAT
+                    " are read",
+                    (guint64)status->st_size, max_bytes);
     return FALSE;
 }
 
@@ -79,14 +80,14 @@ static gboolean check_status(const char *path, const struct stat *status, guint6
 int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error) {
     struct stat status;
     if (stat(path, &status) != 0) {
-        fail_errno(path, errno, error);
+        input_file_fail_errno(path, errno, error);
         return -1;
     }
     if (!check_status(path, &status, max_bytes, error))
         return -1;
     const int fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
     if (fd < 0 || fstat(fd, &status) != 0) {
-        fail_errno(path, errno, error);
+        input_file_fail_errno(path, errno, error);
     } else if (check_status(path, &status, max_bytes, error)) {
         if (ret_bytes)
             *ret_bytes = (guint64)status.st_size;
@@ -98,8 +99,8 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
 }
 
 /* Reads on until the end: files of /proc and /sys say that they are empty, and others grow. */
-static char *read_all(int fd, const char *path, gsize expected, gsize max_bytes, gsize *ret_length,
-                      GError **error) {
+static char *input_file_read_all(int fd, const char *path, gsize expected, gsize max_bytes,
+                                 gsize *ret_length, GError **error) {
     gsize length = 0, room = MIN(expected, max_bytes) + 1;
     g_autofree char *text = g_try_malloc(room + 1);
     while (text) {
@@ -107,13 +108,14 @@ static char *read_all(int fd, const char *path, gsize expected, gsize max_bytes,
         if (n < 0 && errno == EINTR)
             continue;
         if (n < 0) {
-            fail_errno(path, errno, error);
+            input_file_fail_errno(path, errno, error);
             return NULL;
         }
         length += (gsize)n;
         if (length > max_bytes) {
-            fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-                 "it has more than the %" G_GSIZE_FORMAT " bytes that are read at most", max_bytes);
+            input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+                            "it has more than the %" G_GSIZE_FORMAT " bytes that are read at most",
+                            max_bytes);
             return NULL;
         }
         if (n == 0) {
@@ -129,7 +131,7 @@ static char *read_all(int fd, const char *path, gsize expected, gsize max_bytes,
             text = larger;
         }
     }
-    fail_errno(path, ENOMEM, error);
+    input_file_fail_errno(path, ENOMEM, error);
     return NULL;
 }
 
@@ -139,7 +141,7 @@ char *input_file_read(const char *path, gsize max_bytes, gsize *ret_length, GErr
     const int fd = input_file_open(path, max_bytes, &bytes, error);
     if (fd < 0)
         return NULL;
-    char *text = read_all(fd, path, (gsize)bytes, max_bytes, &length, error);
+    char *text = input_file_read_all(fd, path, (gsize)bytes, max_bytes, &length, error);
     close(fd);
     if (ret_length)
         *ret_length = length;
@@ -151,8 +153,8 @@ char *input_file_read_text(const char *path, gsize max_bytes, GError **error) {
     g_autofree char *text = input_file_read(path, max_bytes, &length, error);
     if (!text || strlen(text) == length)
         return g_steal_pointer(&text);
-    fail(path, INPUT_FILE_ERROR_TEXT, error, "it is not a text file: byte %" G_GSIZE_FORMAT " is 0",
-         strlen(text));
+    input_file_fail(path, INPUT_FILE_ERROR_TEXT, error,
+                    "it is not a text file: byte %" G_GSIZE_FORMAT " is 0", strlen(text));
     return NULL;
 }
 
@@ -163,13 +165,14 @@ gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guin
         if (got < 0 && errno == EINTR)
             continue;
         if (got < 0) {
-            fail_errno(path, errno, error);
+            input_file_fail_errno(path, errno, error);
             return FALSE;
         }
         if (got == 0) {
-            fail(path, INPUT_FILE_ERROR_CUT, error,
-                 "it has become shorter while it was read: it ends before byte %" G_GUINT64_FORMAT,
-                 offset + n);
+            input_file_fail(
+                path, INPUT_FILE_ERROR_CUT, error,
+                "it has become shorter while it was read: it ends before byte %" G_GUINT64_FORMAT,
+                offset + n);
             return FALSE;
         }
         done += (gsize)got;
@@ -186,10 +189,11 @@ gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * file_bytes);
     if (width == 0 || height <= most / width)
         return TRUE;
-    fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
-         "it says that it is a picture of %" G_GUINT64_FORMAT " × %" G_GUINT64_FORMAT
-         " pixels, but a file of %" G_GUINT64_FORMAT " bytes may have at most %" G_GUINT64_FORMAT
-         " pixels; save it smaller, or without compression",
-         width, height, file_bytes, most);
+    input_file_fail(path, INPUT_FILE_ERROR_TOO_LARGE, error,
+                    "it says that it is a picture of %" G_GUINT64_FORMAT " × %" G_GUINT64_FORMAT
+                    " pixels, but a file of %" G_GUINT64_FORMAT
+                    " bytes may have at most %" G_GUINT64_FORMAT
+                    " pixels; save it smaller, or without compression",
+                    width, height, file_bytes, most);
     return FALSE;
 }

@@ -1,4 +1,4 @@
-#include "base/options.h"
+#include "options.h"
 
 #include <errno.h>
 #include <math.h>
@@ -35,8 +35,8 @@ static gboolean value_error(GError **error, const char *format, ...) {
     return FALSE;
 }
 
-static gboolean check_range(const struct option *option, double value, const char *text,
-                            GError **error) {
+static gboolean options_check_range(const struct option *option, double value, const char *text,
+                                    GError **error) {
     if (!is_limited(option) || (value >= option->min && value <= option->max))
         return TRUE;
     g_autofree char *range = range_text(option);
@@ -54,7 +54,7 @@ static gboolean parse_double(const struct option *option, const char *text, doub
                            option->unit ? " (its unit is " : "", option->unit ? option->unit : "",
                            option->unit ? "; write the number alone)" : "");
     *ret = value;
-    return check_range(option, value, text, error);
+    return options_check_range(option, value, text, error);
 }
 
 static gboolean parse_int(const struct option *option, const char *text, int *ret, GError **error) {
@@ -66,7 +66,7 @@ static gboolean parse_int(const struct option *option, const char *text, int *re
     if (errno == ERANGE || value < G_MININT || value > G_MAXINT)
         return value_error(error, "%s is out of range", text);
     *ret = (int)value;
-    return check_range(option, (double)value, text, error);
+    return options_check_range(option, (double)value, text, error);
 }
 
 static gboolean parse_bool(const char *text, gboolean *ret, GError **error) {
@@ -218,7 +218,8 @@ static void unknown_key(const struct option *table, const struct config_section 
         config_set_error(error, CONFIG_ERROR_UNKNOWN, section, key, "there is no such key here");
 }
 
-static gboolean is_known(const struct option *table, const char *const *also, const char *key) {
+static gboolean options_is_known(const struct option *table, const char *const *also,
+                                 const char *key) {
     for (; table && table->name; table++) {
         if (strcmp(table->name, key) == 0)
             return TRUE;
@@ -246,7 +247,7 @@ static gboolean parse_option(const struct option *option, const struct config_se
 
 gboolean options_check_key(const struct option *table, const struct config_section *section,
                            const char *const *also, const char *key, GError **error) {
-    if (!is_known(table, also, key)) {
+    if (!options_is_known(table, also, key)) {
         unknown_key(table, section, also, key, error);
         return FALSE;
     }
@@ -265,7 +266,7 @@ gboolean options_check_key(const struct option *table, const struct config_secti
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error) {
     for (const char *const *key = config_keys(section); *key; key++) {
-        if (!is_known(table, also, *key)) {
+        if (!options_is_known(table, also, *key)) {
             unknown_key(table, section, also, *key, error);
             return FALSE;
         }
@@ -340,7 +341,7 @@ void options_describe(const struct option *table, GString *to) {
     }
 }
 
-static void append_json_string(GString *to, const char *text) {
+static void options_append_json_string(GString *to, const char *text) {
     if (!text) {
         g_string_append(to, "null");
         return;
@@ -364,11 +365,11 @@ static void append_json_number(GString *to, double value) {
 
 static void append_json_option(GString *to, const struct option *option) {
     g_string_append(to, "{\"name\":");
-    append_json_string(to, option->name);
+    options_append_json_string(to, option->name);
     g_string_append(to, ",\"type\":");
-    append_json_string(to, type_name(option->type));
+    options_append_json_string(to, type_name(option->type));
     g_string_append(to, ",\"unit\":");
-    append_json_string(to, option->unit);
+    options_append_json_string(to, option->unit);
     if (has_range(option)) {
         g_string_append(to, ",\"min\":");
         append_json_number(to, option->min);
@@ -377,13 +378,13 @@ static void append_json_option(GString *to, const struct option *option) {
     }
     for (int i = 0; option->type == OPTION_CHOICE && option->choices[i]; i++) {
         g_string_append(to, i ? "," : ",\"choices\":[");
-        append_json_string(to, option->choices[i]);
+        options_append_json_string(to, option->choices[i]);
         g_string_append(to, option->choices[i + 1] ? "" : "]");
     }
     g_string_append(to, ",\"default\":");
-    append_json_string(to, option->fallback);
+    options_append_json_string(to, option->fallback);
     g_string_append(to, ",\"help\":");
-    append_json_string(to, option->help);
+    options_append_json_string(to, option->help);
     g_string_append_c(to, '}');
 }
 

@@ -5,7 +5,7 @@
  */
 #pragma once
 
-#include "base/config.h"
+#include "config.h"
 
 enum option_type {
     OPTION_BOOL,    /* gboolean: yes/no, true/false */

@@ -1,4 +1,4 @@
-#include "base/robust.h"
+#include "robust.h"
 
 #include <glib.h>
 #include <math.h>
@@ -7,13 +7,13 @@
 #define BIWEIGHT 4.685
 #define NORMAL   1.4826
 
-static int by_value(const void *a, const void *b) {
+static int robust_by_value(const void *a, const void *b) {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
 double robust_median(double *values, int n) {
-    qsort(values, (gsize)n, sizeof *values, by_value);
+    qsort(values, (gsize)n, sizeof *values, robust_by_value);
     return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
 }
 

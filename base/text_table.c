@@ -1,10 +1,10 @@
-#include "base/text_table.h"
+#include "text_table.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "base/data_error.h"
-#include "base/input_file.h"
+#include "data_error.h"
+#include "input_file.h"
 
 #define MAX_BYTES (64 << 20)
 
@@ -26,7 +26,7 @@ void text_table_free(TextTable *table) {
 }
 
 /* One line's fields, trimmed. NULL: a quote that is not closed. */
-static GPtrArray *split(const char *text) {
+static GPtrArray *text_table_split(const char *text) {
     g_autoptr(GPtrArray) fields = g_ptr_array_new_with_free_func(g_free);
     g_autoptr(GString) field = g_string_new(NULL);
     gboolean quoted = FALSE;
@@ -61,7 +61,7 @@ static gboolean take_head(TextTable *table, GPtrArray *fields, int line, GError 
 static gboolean take_line(TextTable *table, char *text, int line, GError **error) {
     if (!*g_strstrip(text) || *text == '#')
         return TRUE;
-    g_autoptr(GPtrArray) fields = split(text);
+    g_autoptr(GPtrArray) fields = text_table_split(text);
     if (!fields)
         return data_error_fail(table->path, line, error, "a quote is not closed");
     if (!table->names)

@@ -6,8 +6,8 @@
 
 static const struct work none;
 
-static void report(const struct work *work, const char *stage, int done, int total,
-                   gint64 begun_us) {
+static void work_report(const struct work *work, const char *stage, int done, int total,
+                        gint64 begun_us) {
     const double spent_s = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
     const struct work_progress now = {stage, done, total,
                                       done > total / 20 ? spent_s / done * (total - done) : -1};
@@ -20,7 +20,7 @@ gboolean work_tell(const struct work *work, const char *stage, int done, int tot
     work = work ? work : &none;
     if (g_cancellable_set_error_if_cancelled(work->cancellable, error))
         return FALSE;
-    report(work, stage, done, total, begun_us);
+    work_report(work, stage, done, total, begun_us);
     return TRUE;
 }
 
@@ -58,7 +58,7 @@ static gpointer take_blocks(gpointer data) {
 }
 
 /* Reports until all threads have ended, once at least. */
-static void follow(struct loop *loop, const struct work *work, const char *stage) {
+static void work_follow(struct loop *loop, const struct work *work, const char *stage) {
     const gint64 begun_us = g_get_monotonic_time();
     int reported = -1;
     g_mutex_lock(&loop->mutex);
@@ -66,12 +66,12 @@ static void follow(struct loop *loop, const struct work *work, const char *stage
         g_cond_wait_until(&loop->changed, &loop->mutex, g_get_monotonic_time() + REPORT_US);
         const int done = reported = loop->done;
         g_mutex_unlock(&loop->mutex);
-        report(work, stage, done, loop->n, begun_us);
+        work_report(work, stage, done, loop->n, begun_us);
         g_mutex_lock(&loop->mutex);
     }
     g_mutex_unlock(&loop->mutex);
     if (reported < 0)
-        report(work, stage, loop->done, loop->n, begun_us);
+        work_report(work, stage, loop->done, loop->n, begun_us);
 }
 
 gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBlock func,
@@ -87,7 +87,7 @@ gboolean work_parallel(const struct work *work, const char *stage, int n, WorkBl
     g_autofree GThread **threads = g_new(GThread *, n_threads);
     for (int i = 0; i < n_threads; i++)
         threads[i] = g_thread_new("work", take_blocks, &loop);
-    follow(&loop, work, stage);
+    work_follow(&loop, work, stage);
     for (int i = 0; i < n_threads; i++)
         g_thread_join(threads[i]);
     g_mutex_clear(&loop.mutex);

@@ -60,7 +60,7 @@ double axis_move_time_s(const struct axis_motion *motion, double from_deg, doubl
     return leg_time_s(motion, way - over) + leg_time_s(motion, over) + motion->settle_ms / 1000;
 }
 
-static gint64 to_us(double seconds) {
+static gint64 axis_to_us(double seconds) {
     return (gint64)MIN(ceil(seconds * 1e6), 1e15);
 }
 
@@ -124,7 +124,7 @@ void axis_listen(Axis *axis, AxisFunc func, gpointer data) {
 }
 
 /* Last in its caller: the listener may close the axis. */
-static void end(Axis *axis, enum axis_event event, const GError *error) {
+static void axis_end(Axis *axis, enum axis_event event, const GError *error) {
     struct axis_state *state = axis->state;
     cancel_timers(axis);
     state->activity = IDLE;
@@ -133,9 +133,9 @@ static void end(Axis *axis, enum axis_event event, const GError *error) {
         state->func(axis, event, error, state->data);
 }
 
-static void fault(Axis *axis, const GError *error) {
+static void axis_do_fault(Axis *axis, const GError *error) {
     axis->state->homed = FALSE;
-    end(axis, AXIS_FAULT, error);
+    axis_end(axis, AXIS_FAULT, error);
 }
 
 static const char *activity_name(const Axis *axis) {
@@ -144,7 +144,7 @@ static const char *activity_name(const Axis *axis) {
                                              : "moving";
 }
 
-static void on_deadline(gpointer data) {
+static void axis_on_deadline(gpointer data) {
     Axis *axis = data;
     axis->state->deadline = 0;
     g_autoptr(GError) error =
@@ -155,18 +155,18 @@ static void on_deadline(gpointer data) {
     /* What it answers is not waited for: whatever it does, its position is unknown. */
     axis->state->driver_moves = FALSE;
     axis->driver->stop(axis, NULL);
-    fault(axis, error);
+    axis_do_fault(axis, error);
 }
 
 static void set_deadline(Axis *axis, double predicted_s) {
     struct axis_state *state = axis->state;
     clock_cancel(axis->device.clock, &state->deadline);
-    state->deadline =
-        clock_call_in(axis->device.clock, to_us(predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S),
-                      on_deadline, axis);
+    state->deadline = clock_call_in(axis->device.clock,
+                                    axis_to_us(predicted_s * DEADLINE_FACTOR + DEADLINE_EXTRA_S),
+                                    axis_on_deadline, axis);
 }
 
-static gboolean check_idle(const Axis *axis, GError **error) {
+static gboolean axis_check_idle(const Axis *axis, GError **error) {
     if (axis->state->activity == IDLE)
         return TRUE;
     g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "axis %s: still %s; wait or stop it first",
@@ -177,7 +177,7 @@ static gboolean check_idle(const Axis *axis, GError **error) {
 gboolean axis_home(Axis *axis, GError **error) {
     struct axis_state *state = axis->state;
     const struct axis_motion *motion = &axis->motion;
-    if (!check_idle(axis, error))
+    if (!axis_check_idle(axis, error))
         return FALSE;
     state->homed = FALSE;
     state->activity = HOMING;
@@ -194,7 +194,7 @@ gboolean axis_home(Axis *axis, GError **error) {
 
 static gboolean check_target(const Axis *axis, double target_deg, GError **error) {
     const struct axis_motion *motion = &axis->motion;
-    if (!check_idle(axis, error))
+    if (!axis_check_idle(axis, error))
         return FALSE;
     if (!axis->state->homed) {
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
@@ -218,13 +218,13 @@ static gboolean check_target(const Axis *axis, double target_deg, GError **error
 static void on_settled(gpointer data) {
     Axis *axis = data;
     axis->state->settle = 0;
-    end(axis, axis->state->stopping ? AXIS_STOPPED : AXIS_ARRIVED, NULL);
+    axis_end(axis, axis->state->stopping ? AXIS_STOPPED : AXIS_ARRIVED, NULL);
 }
 
-static void settle(Axis *axis, double seconds) {
+static void axis_settle(Axis *axis, double seconds) {
     axis->state->driver_moves = FALSE;
     clock_cancel(axis->device.clock, &axis->state->settle);
-    axis->state->settle = clock_call_in(axis->device.clock, to_us(seconds), on_settled, axis);
+    axis->state->settle = clock_call_in(axis->device.clock, axis_to_us(seconds), on_settled, axis);
 }
 
 static gboolean start_leg(Axis *axis, double target_deg, GError **error) {
@@ -250,7 +250,7 @@ gboolean axis_move(Axis *axis, double target_deg, GError **error) {
     state->target_deg = to;
     state->another_leg = over > 0;
     if (way == 0 && over == 0) {
-        settle(axis, 0);
+        axis_settle(axis, 0);
         return TRUE;
     }
     if (!start_leg(axis, to - over, error)) {
@@ -269,7 +269,7 @@ gboolean axis_stop(Axis *axis, GError **error) {
         return TRUE;
     state->stopping = TRUE;
     if (!state->driver_moves) { /* settling: it stands already */
-        settle(axis, 0);
+        axis_settle(axis, 0);
         return TRUE;
     }
     if (!axis->driver->stop(axis, error)) {
@@ -319,13 +319,13 @@ double axis_position_deg(Axis *axis) {
 static void arrived(Axis *axis) {
     struct axis_state *state = axis->state;
     if (!state->another_leg) {
-        settle(axis, axis->motion.settle_ms / 1000);
+        axis_settle(axis, axis->motion.settle_ms / 1000);
         return;
     }
     state->another_leg = FALSE;
     g_autoptr(GError) error = NULL;
     if (!start_leg(axis, state->target_deg, &error))
-        fault(axis, error);
+        axis_do_fault(axis, error);
 }
 
 void axis_report(Axis *axis, enum axis_event event, GError *error) {
@@ -335,7 +335,7 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
         if (!owned)
             owned = g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "axis %s: a fault",
                                 axis->device.name);
-        fault(axis, owned);
+        axis_do_fault(axis, owned);
         return;
     }
     if (!state->driver_moves)
@@ -343,12 +343,12 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
     if (event == AXIS_HOMED && state->activity == HOMING) {
         state->homed = TRUE;
         state->slack_unknown = FALSE;
-        end(axis, state->stopping ? AXIS_STOPPED : AXIS_HOMED, NULL);
+        axis_end(axis, state->stopping ? AXIS_STOPPED : AXIS_HOMED, NULL);
     } else if (event == AXIS_STOPPED && state->stopping) {
-        end(axis, AXIS_STOPPED, NULL);
+        axis_end(axis, AXIS_STOPPED, NULL);
     } else if (event == AXIS_ARRIVED && state->activity == MOVING) {
         if (state->stopping)
-            end(axis, AXIS_STOPPED, NULL);
+            axis_end(axis, AXIS_STOPPED, NULL);
         else
             arrived(axis);
     }

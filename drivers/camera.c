@@ -37,7 +37,7 @@ static void camera_free(Camera *camera) {
     g_free(camera);
 }
 
-static gboolean check_format(const Camera *camera, GError **error) {
+static gboolean camera_check_format(const Camera *camera, GError **error) {
     const struct camera_format *f = &camera->format;
     if (f->width > 0 && f->height > 0 && f->width <= 65536 && f->height <= 65536 && f->bits >= 1 &&
         f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
@@ -66,7 +66,7 @@ Camera *camera_open_begin(const struct camera_driver *driver, const struct confi
 
 gboolean camera_open_finish(Camera *camera, GError **error) {
     return (!camera->driver->opened || camera->driver->opened(camera, error)) &&
-           check_format(camera, error);
+           camera_check_format(camera, error);
 }
 
 Camera *camera_open(const struct camera_driver *driver, const struct config_section *section,
@@ -93,7 +93,8 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data) {
 }
 
 /* Last in its caller: the listener may close the camera. */
-static void notify(Camera *camera, enum camera_event event, Frame *frame, const GError *error) {
+static void camera_notify(Camera *camera, enum camera_event event, Frame *frame,
+                          const GError *error) {
     if (camera->state->func)
         camera->state->func(camera, event, frame, error, camera->state->data);
 }
@@ -157,12 +158,12 @@ void camera_disarm(Camera *camera) {
     camera->driver->disarm(camera);
 }
 
-static void fault(Camera *camera, const GError *error) {
+static void camera_fault(Camera *camera, const GError *error) {
     camera_disarm(camera);
-    notify(camera, CAMERA_FAULT, NULL, error);
+    camera_notify(camera, CAMERA_FAULT, NULL, error);
 }
 
-static void on_deadline(gpointer data) {
+static void camera_on_deadline(gpointer data) {
     Camera *camera = data;
     camera->state->deadline = 0;
     g_autoptr(GError) error = g_error_new(
@@ -172,7 +173,7 @@ static void on_deadline(gpointer data) {
         camera->device.name,
         (double)(clock_now_us(camera->device.clock) - camera->state->triggered_us) / 1e6,
         camera->state->settings.exposure_us);
-    fault(camera, error);
+    camera_fault(camera, error);
 }
 
 gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
@@ -195,7 +196,7 @@ gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
     }
     gint64 wait_us = camera->format.trigger_us + state->settings.exposure_us +
                      DEADLINE_READOUTS * camera->format.readout_us + DEADLINE_EXTRA_US;
-    state->deadline = clock_call_in(camera->device.clock, wait_us, on_deadline, camera);
+    state->deadline = clock_call_in(camera->device.clock, wait_us, camera_on_deadline, camera);
     return TRUE;
 }
 
@@ -257,10 +258,10 @@ static gboolean was_seen(const Camera *camera, guint64 hash, guint64 *ret_shot) 
     return FALSE;
 }
 
-static gboolean refuse(const Camera *camera, enum device_error code, GError **error,
-                       const char *format, ...) G_GNUC_PRINTF(4, 5);
-static gboolean refuse(const Camera *camera, enum device_error code, GError **error,
-                       const char *format, ...) {
+static gboolean camera_refuse(const Camera *camera, enum device_error code, GError **error,
+                              const char *format, ...) G_GNUC_PRINTF(4, 5);
+static gboolean camera_refuse(const Camera *camera, enum device_error code, GError **error,
+                              const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
@@ -274,12 +275,13 @@ static gboolean check_shape(const Camera *camera, const Frame *frame, GError **e
     const struct camera_format *format = &camera->format;
     if (frame->width != format->width || frame->height != format->height ||
         frame->cfa != format->cfa || frame->bits != format->bits)
-        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                      "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
-                      frame->height, cfa_name(frame->cfa), frame->bits, format->width,
-                      format->height, cfa_name(format->cfa), format->bits);
+        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                             "it is %d × %d %s of %d bits, not %d × %d %s of %d", frame->width,
+                             frame->height, cfa_name(frame->cfa), frame->bits, format->width,
+                             format->height, cfa_name(format->cfa), format->bits);
     if (frame->incomplete)
-        return refuse(camera, DEVICE_ERROR_PROTOCOL, error, "some of its data was lost on the way");
+        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                             "some of its data was lost on the way");
     return TRUE;
 }
 
@@ -287,38 +289,41 @@ static gboolean check_times(const Camera *camera, const Frame *frame, GError **e
     const struct camera_state *state = camera->state;
     gint64 before_us = state->triggered_us - frame->exposure_start_us;
     if (before_us > 0)
-        return refuse(camera, DEVICE_ERROR_STALE, error,
-                      "its exposure began %" G_GINT64_FORMAT " µs before the trigger", before_us);
+        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
+                             "its exposure began %" G_GINT64_FORMAT " µs before the trigger",
+                             before_us);
     gint64 asked_us = state->settings.exposure_us;
     gint64 took_us = frame->exposure_end_us - frame->exposure_start_us;
     if (ABS(took_us - asked_us) > STAMP_TOLERANCE_US + asked_us / 20 ||
         frame->exposure_us != asked_us)
-        return refuse(camera, DEVICE_ERROR_PROTOCOL, error,
-                      "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT, took_us,
-                      asked_us);
+        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                             "it was exposed for %" G_GINT64_FORMAT " µs, not %" G_GINT64_FORMAT,
+                             took_us, asked_us);
     if (frame->exposure_end_us > clock_now_us(camera->device.clock) + STAMP_TOLERANCE_US)
-        return refuse(camera, DEVICE_ERROR_PROTOCOL, error, "its time stamp is in the future");
+        return camera_refuse(camera, DEVICE_ERROR_PROTOCOL, error,
+                             "its time stamp is in the future");
     return TRUE;
 }
 
-static gboolean check_frame(const Camera *camera, const Frame *frame, guint64 hash,
-                            GError **error) {
+static gboolean camera_check_frame(const Camera *camera, const Frame *frame, guint64 hash,
+                                   GError **error) {
     const struct camera_state *state = camera->state;
     if (frame->shot != state->shot)
-        return refuse(camera, DEVICE_ERROR_STALE, error,
-                      "it answers shot %" G_GUINT64_FORMAT ", not %" G_GUINT64_FORMAT, frame->shot,
-                      state->shot);
+        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
+                             "it answers shot %" G_GUINT64_FORMAT ", not %" G_GUINT64_FORMAT,
+                             frame->shot, state->shot);
     if (state->has_last_id && frame->id <= state->last_id)
-        return refuse(camera, DEVICE_ERROR_STALE, error,
-                      "it is an old one: its frame id %" G_GUINT64_FORMAT
-                      " was seen before (last: %" G_GUINT64_FORMAT ")",
-                      frame->id, state->last_id);
+        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
+                             "it is an old one: its frame id %" G_GUINT64_FORMAT
+                             " was seen before (last: %" G_GUINT64_FORMAT ")",
+                             frame->id, state->last_id);
     if (!check_shape(camera, frame, error) || !check_times(camera, frame, error))
         return FALSE;
     guint64 other;
     if (was_seen(camera, hash, &other))
-        return refuse(camera, DEVICE_ERROR_STALE, error,
-                      "it repeats the picture of shot %" G_GUINT64_FORMAT " bit for bit", other);
+        return camera_refuse(camera, DEVICE_ERROR_STALE, error,
+                             "it repeats the picture of shot %" G_GUINT64_FORMAT " bit for bit",
+                             other);
     return TRUE;
 }
 
@@ -327,7 +332,7 @@ void camera_report_exposed(Camera *camera) {
     if (!state->waiting || state->exposed)
         return;
     state->exposed = TRUE;
-    notify(camera, CAMERA_EXPOSED, NULL, NULL);
+    camera_notify(camera, CAMERA_EXPOSED, NULL, NULL);
 }
 
 void camera_report_frame(Camera *camera, Frame *frame) {
@@ -338,11 +343,11 @@ void camera_report_frame(Camera *camera, Frame *frame) {
         remember(camera, frame, hash);
         return;
     }
-    gboolean accepted = check_frame(camera, frame, hash, &error);
+    gboolean accepted = camera_check_frame(camera, frame, hash, &error);
     if (accepted)
         remember(camera, frame, hash);
     end_wait(camera);
-    notify(camera, accepted ? CAMERA_FRAME : CAMERA_REFUSED, accepted ? frame : NULL, error);
+    camera_notify(camera, accepted ? CAMERA_FRAME : CAMERA_REFUSED, accepted ? frame : NULL, error);
 }
 
 void camera_report_fault(Camera *camera, GError *error) {
@@ -350,5 +355,5 @@ void camera_report_fault(Camera *camera, GError *error) {
     if (!owned)
         owned = g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "camera %s: a fault",
                             camera->device.name);
-    fault(camera, owned);
+    camera_fault(camera, owned);
 }

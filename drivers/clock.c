@@ -51,17 +51,17 @@ static void set_alarm(Clock *clock) {
         g_source_set_ready_time(clock->source, call ? MAX(call->at_us, 0) : -1);
 }
 
-static gboolean prepare(GSource *source, gint *timeout) {
+static gboolean clock_prepare(GSource *source, gint *timeout) {
     *timeout = -1;
     return is_due(((struct clock_source *)source)->clock);
 }
 
-static gboolean check(GSource *source) {
+static gboolean clock_check(GSource *source) {
     return is_due(((struct clock_source *)source)->clock);
 }
 
 /* One call a round, so that whatever it made ready goes before the next jump in time. */
-static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+static gboolean clock_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     g_autoptr(Clock) clock = clock_ref(((struct clock_source *)source)->clock);
     if (!is_due(clock)) {
         set_alarm(clock);
@@ -78,7 +78,8 @@ static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_da
     return G_SOURCE_CONTINUE;
 }
 
-static GSourceFuncs source_funcs = {.prepare = prepare, .check = check, .dispatch = dispatch};
+static GSourceFuncs source_funcs = {
+    .prepare = clock_prepare, .check = clock_check, .dispatch = clock_dispatch};
 
 static Clock *clock_new(gboolean is_virtual) {
     Clock *clock = g_new0(Clock, 1);

@@ -24,7 +24,7 @@ struct lamps_state {
     struct lamp *lamps;
 };
 
-static void pending_free(struct pending *pending) {
+static void lamps_pending_free(struct pending *pending) {
     clock_cancel(pending->bank->device.clock, &pending->deadline);
     g_free(pending);
 }
@@ -32,7 +32,7 @@ static void pending_free(struct pending *pending) {
 static void lamps_free(LampBank *bank) {
     struct pending *pending;
     while ((pending = g_queue_pop_head(&bank->state->pending)))
-        pending_free(pending);
+        lamps_pending_free(pending);
     device_clear(&bank->device);
     g_free(bank->state->lamps);
     g_free(bank->state);
@@ -74,7 +74,8 @@ void lamps_listen(LampBank *bank, LampsFunc func, gpointer data) {
 }
 
 /* Last in its caller: the listener may close the bank. */
-static void notify(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error) {
+static void lamps_notify(LampBank *bank, int index, gboolean on, gint64 at_us,
+                         const GError *error) {
     if (bank->state->func)
         bank->state->func(bank, index, on, at_us, error, bank->state->data);
 }
@@ -83,7 +84,7 @@ static char *lamp_text(int index) {
     return index < 0 ? g_strdup("all lamps") : g_strdup_printf("lamp %d", index);
 }
 
-static void on_deadline(gpointer data) {
+static void lamps_on_deadline(gpointer data) {
     struct pending *pending = data;
     LampBank *bank = pending->bank;
     int index = pending->index;
@@ -95,11 +96,11 @@ static void on_deadline(gpointer data) {
         bank->device.name, what, on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC));
     pending->deadline = 0;
     g_queue_remove(&bank->state->pending, pending);
-    pending_free(pending);
-    notify(bank, index, on, clock_now_us(bank->device.clock), error);
+    lamps_pending_free(pending);
+    lamps_notify(bank, index, on, clock_now_us(bank->device.clock), error);
 }
 
-static gboolean start(LampBank *bank, int index, gboolean on, GError **error) {
+static gboolean lamps_start(LampBank *bank, int index, gboolean on, GError **error) {
     struct pending *pending = g_new0(struct pending, 1);
     pending->bank = bank;
     pending->index = index;
@@ -107,10 +108,10 @@ static gboolean start(LampBank *bank, int index, gboolean on, GError **error) {
     g_queue_push_tail(&bank->state->pending, pending);
     if (!bank->driver->set(bank, index, on, error)) {
         g_queue_remove(&bank->state->pending, pending);
-        pending_free(pending);
+        lamps_pending_free(pending);
         return FALSE;
     }
-    pending->deadline = clock_call_in(bank->device.clock, DEADLINE_US, on_deadline, pending);
+    pending->deadline = clock_call_in(bank->device.clock, DEADLINE_US, lamps_on_deadline, pending);
     return TRUE;
 }
 
@@ -121,11 +122,11 @@ gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
                     bank->n - 1);
         return FALSE;
     }
-    return start(bank, index, on != FALSE, error);
+    return lamps_start(bank, index, on != FALSE, error);
 }
 
 gboolean lamps_all_off(LampBank *bank, GError **error) {
-    return start(bank, -1, FALSE, error);
+    return lamps_start(bank, -1, FALSE, error);
 }
 
 gboolean lamps_is_on(const LampBank *bank, int index) {
@@ -148,7 +149,7 @@ double lamps_hours(const LampBank *bank, int index) {
     return (double)us / (3600.0 * G_USEC_PER_SEC);
 }
 
-static void note(struct lamp *lamp, gboolean on, gint64 now_us) {
+static void lamps_note(struct lamp *lamp, gboolean on, gint64 now_us) {
     if (lamp->on && !on)
         lamp->burnt_us += now_us - lamp->since_us;
     if (!lamp->on && on)
@@ -164,19 +165,19 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
     if (!pending || pending->index != index || pending->on != on)
         return;
     g_queue_pop_head(&bank->state->pending);
-    pending_free(pending);
+    lamps_pending_free(pending);
     gint64 now = clock_now_us(bank->device.clock);
     for (int i = 0; !owned && i < bank->n; i++) {
         if (index < 0 || index == i)
-            note(&bank->state->lamps[i], on, now);
+            lamps_note(&bank->state->lamps[i], on, now);
     }
-    notify(bank, index, on, now, owned);
+    lamps_notify(bank, index, on, now, owned);
 }
 
 void lamps_lost(LampBank *bank, GError *error) {
     g_autoptr(GError) owned = error;
     g_autoptr(GError) unsent = NULL;
-    if (!start(bank, -1, FALSE, &unsent))
+    if (!lamps_start(bank, -1, FALSE, &unsent))
         g_warning("%s", unsent->message);
-    notify(bank, -1, TRUE, clock_now_us(bank->device.clock), owned);
+    lamps_notify(bank, -1, TRUE, clock_now_us(bank->device.clock), owned);
 }

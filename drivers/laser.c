@@ -19,7 +19,7 @@ struct laser_state {
     guint guard_id;
 };
 
-static void pending_free(struct pending *pending) {
+static void laser_pending_free(struct pending *pending) {
     clock_cancel(pending->laser->device.clock, &pending->deadline);
     g_free(pending);
 }
@@ -27,7 +27,7 @@ static void pending_free(struct pending *pending) {
 static void laser_free(Laser *laser) {
     struct pending *pending;
     while ((pending = g_queue_pop_head(&laser->state->pending)))
-        pending_free(pending);
+        laser_pending_free(pending);
     device_clear(&laser->device);
     g_free(laser->state);
     g_free(laser);
@@ -70,12 +70,12 @@ void laser_listen(Laser *laser, LaserFunc func, gpointer data) {
 }
 
 /* Last in its caller: the listener may close the laser. */
-static void notify(Laser *laser, gboolean on, const GError *error) {
+static void laser_notify(Laser *laser, gboolean on, const GError *error) {
     if (laser->state->func)
         laser->state->func(laser, on, error, laser->state->data);
 }
 
-static void on_deadline(gpointer data) {
+static void laser_on_deadline(gpointer data) {
     struct pending *pending = data;
     Laser *laser = pending->laser;
     gboolean on = pending->on;
@@ -85,39 +85,39 @@ static void on_deadline(gpointer data) {
         on ? "; check its cable and power" : "; it may still shine: cut its power by hand");
     pending->deadline = 0;
     g_queue_remove(&laser->state->pending, pending);
-    pending_free(pending);
-    notify(laser, on, error);
+    laser_pending_free(pending);
+    laser_notify(laser, on, error);
 }
 
-static gboolean start(Laser *laser, gboolean on, GError **error) {
+static gboolean laser_start(Laser *laser, gboolean on, GError **error) {
     struct pending *pending = g_new0(struct pending, 1);
     pending->laser = laser;
     pending->on = on;
     g_queue_push_tail(&laser->state->pending, pending);
     if (!laser->driver->set(laser, on, error)) {
         g_queue_remove(&laser->state->pending, pending);
-        pending_free(pending);
+        laser_pending_free(pending);
         return FALSE;
     }
-    pending->deadline = clock_call_in(laser->device.clock, DEADLINE_US, on_deadline, pending);
+    pending->deadline = clock_call_in(laser->device.clock, DEADLINE_US, laser_on_deadline, pending);
     return TRUE;
 }
 
 static void trip(Laser *laser) {
     g_autoptr(GError) error = NULL;
-    if (laser_is_on(laser) && !start(laser, FALSE, &error))
-        notify(laser, FALSE, error);
+    if (laser_is_on(laser) && !laser_start(laser, FALSE, &error))
+        laser_notify(laser, FALSE, error);
 }
 
 void laser_lost(Laser *laser, GError *error) {
     g_autoptr(GError) owned = error;
     g_autoptr(GError) unsent = NULL;
-    if (!start(laser, FALSE, &unsent))
+    if (!laser_start(laser, FALSE, &unsent))
         g_warning("%s", unsent->message);
-    notify(laser, TRUE, owned);
+    laser_notify(laser, TRUE, owned);
 }
 
-static void on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+static void laser_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
     if (!closed)
         trip(data);
 }
@@ -129,7 +129,7 @@ void laser_guard(Laser *laser, Interlock *interlock) {
     state->guard = interlock;
     if (!interlock)
         return;
-    state->guard_id = interlock_listen(interlock, on_interlock, laser);
+    state->guard_id = interlock_listen(interlock, laser_on_interlock, laser);
     if (!interlock_is_closed(interlock))
         trip(laser);
 }
@@ -142,7 +142,7 @@ gboolean laser_set(Laser *laser, gboolean on, GError **error) {
                     laser->device.name, guard->device.name);
         return FALSE;
     }
-    return start(laser, on != FALSE, error);
+    return laser_start(laser, on != FALSE, error);
 }
 
 gboolean laser_is_on(const Laser *laser) {
@@ -165,8 +165,8 @@ void laser_report(Laser *laser, gboolean on, GError *error) {
         return;
     }
     g_queue_pop_head(&laser->state->pending);
-    pending_free(pending);
+    laser_pending_free(pending);
     if (!owned)
         laser->state->on = on;
-    notify(laser, on, owned);
+    laser_notify(laser, on, owned);
 }

@@ -2,8 +2,8 @@
  */
 #include "base/data_error.h"
 #include "base/json.h"
-#include "processing/lpca.h"
-#include "processing/session.h"
+#include "lpca/lpca.h"
+#include "session/session.h"
 #include "team.h"
 
 #include <glib/gstdio.h>
@@ -31,7 +31,7 @@ static const GOptionEntry entries[] = {
 };
 
 /* The first rank speaks for all, a line a stage and a tenth of it. */
-static void tell(const struct work_progress *progress, gpointer data) {
+static void mpi_compress_tell(const struct work_progress *progress, gpointer data) {
     static char *stage;
     static int told = -1;
     const struct team *team = data;
@@ -47,7 +47,8 @@ static void tell(const struct work_progress *progress, gpointer data) {
     fputc('\n', stderr);
 }
 
-static void report(const struct lpca *lpca, const struct team *team, double exact, double seconds) {
+static void mpi_compress_report(const struct lpca *lpca, const struct team *team, double exact,
+                                double seconds) {
     GVariantBuilder builder;
     if (!json) {
         g_autofree char *size = g_format_size((guint64)lpca_bytes(lpca));
@@ -72,7 +73,7 @@ static void report(const struct lpca *lpca, const struct team *team, double exac
 }
 
 /* Before the work; the first rank alone writes. */
-static gboolean check_output(const struct team *team, GError **error) {
+static gboolean mpi_compress_check_output(const struct team *team, GError **error) {
     g_autofree char *directory = g_path_get_dirname(output);
     if (team->rank != 0 || g_access(directory, W_OK) == 0)
         return TRUE;
@@ -81,18 +82,19 @@ static gboolean check_output(const struct team *team, GError **error) {
     return FALSE;
 }
 
-static gboolean compress(const char *path, const struct team *team, enum lpca_quantise quantise,
-                         GError **error) {
+static gboolean mpi_compress_compress(const char *path, const struct team *team,
+                                      enum lpca_quantise quantise, GError **error) {
     const double begun = MPI_Wtime();
     struct lpca_options options = {
         .n_clusters = clusters,
         .n_components = components,
-        .work = {.n_threads = threads, .progress = tell, .data = (gpointer)team},
+        .work = {.n_threads = threads, .progress = mpi_compress_tell, .data = (gpointer)team},
         .colours = g_strcmp0(colours_option, "log") == 0 ? LPCA_LOG : LPCA_RGB,
         .team = team,
     };
-    struct btf_matrix *btf =
-        check_output(team, error) ? btf_matrix_read_shared(team, path, &options.work, error) : NULL;
+    struct btf_matrix *btf = mpi_compress_check_output(team, error)
+                                 ? btf_matrix_read_shared(team, path, &options.work, error)
+                                 : NULL;
     struct lpca *lpca = btf ? lpca_compute(btf, &options, error) : NULL;
     gboolean ok = lpca != NULL;
     if (ok) {
@@ -102,7 +104,7 @@ static gboolean compress(const char *path, const struct team *team, enum lpca_qu
              (team->rank != 0 || (lpca_write(output, lpca, error) &&
                                   session_add_product_file(output, "compress", error)));
         if (ok && team->rank == 0)
-            report(lpca, team, exact, MPI_Wtime() - begun);
+            mpi_compress_report(lpca, team, exact, MPI_Wtime() - begun);
     }
     lpca_free(lpca);
     btf_matrix_free(btf);
@@ -110,7 +112,7 @@ static gboolean compress(const char *path, const struct team *team, enum lpca_qu
 }
 
 /* 2: not understood, which the first rank says for all. */
-static int parse(int *argc, char ***argv, int rank, enum lpca_quantise *ret_quantise) {
+static int mpi_compress_parse(int *argc, char ***argv, int rank, enum lpca_quantise *ret_quantise) {
     g_autoptr(GOptionContext) context =
         g_option_context_new("SESSION -o FILE — compress a BTF by several processes");
     g_autoptr(GError) error = NULL;
@@ -139,8 +141,8 @@ int main(int argc, char **argv) {
     int level;
     MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &level);
     const struct team team = mpi_team();
-    const int rc = parse(&argc, &argv, team.rank, &quantise);
-    if (rc == 0 && !compress(argv[1], &team, quantise, &error)) {
+    const int rc = mpi_compress_parse(&argc, &argv, team.rank, &quantise);
+    if (rc == 0 && !mpi_compress_compress(argv[1], &team, quantise, &error)) {
         fprintf(stderr, "mesorig-compress-mpi: %s\n", error->message);
         /* One may have failed where the others wait for it. */
         MPI_Abort(MPI_COMM_WORLD, 1);

@@ -67,8 +67,8 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
     return map_arrival(state, buffer, ret_start_us, ret_before_us);
 }
 
-static gboolean fill(Frame *frame, ArvBuffer *buffer, const struct aravis_format *format,
-                     GError **error) {
+static gboolean aravis_answer_fill(Frame *frame, ArvBuffer *buffer,
+                                   const struct aravis_format *format, GError **error) {
     gsize size = 0, needed = aravis_format_bytes(format, frame->width, frame->height);
     const guint8 *bytes = arv_buffer_get_data(buffer, &size);
     if (size < needed) {
@@ -81,7 +81,8 @@ static gboolean fill(Frame *frame, ArvBuffer *buffer, const struct aravis_format
     return TRUE;
 }
 
-static Frame *unpack(const struct answer_state *state, ArvBuffer *buffer, GError **error) {
+static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *buffer,
+                                   GError **error) {
     const struct aravis_limits *limits = state->limits;
     gsize n = (gsize)limits->width * (gsize)limits->height;
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS) {
@@ -101,7 +102,8 @@ static Frame *unpack(const struct answer_state *state, ArvBuffer *buffer, GError
     }
     g_autoptr(Frame) frame = frame_new(width, height);
     frame->incomplete = FALSE;
-    return fill(frame, buffer, limits->format, error) ? g_steal_pointer(&frame) : NULL;
+    return aravis_answer_fill(frame, buffer, limits->format, error) ? g_steal_pointer(&frame)
+                                                                    : NULL;
 }
 
 Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,
@@ -110,7 +112,7 @@ Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_b
     gint64 start_us;
     if (!map_time(state, buffer, &start_us, ret_before_us))
         return NULL;
-    Frame *frame = unpack(state, buffer, error);
+    Frame *frame = aravis_answer_unpack(state, buffer, error);
     if (!frame)
         return NULL;
     frame->shot = state->shot;

@@ -84,7 +84,7 @@ static void clear_timers(Camera *camera) {
     priv->exposed_us = 0;
 }
 
-static void on_exposed(gpointer data) {
+static void aravis_camera_on_exposed(gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     priv->exposed_timer = 0;
@@ -98,7 +98,8 @@ static void on_sending(gint64 sent_us, gpointer data) {
     struct aravis_camera *priv = camera->device.priv;
     gint64 over_us = sent_us + camera->format.trigger_us + priv->settings.exposure_us;
     if (priv->exposed_timer == 0 && priv->exposed_us == 0)
-        priv->exposed_timer = clock_call_at(camera->device.clock, over_us, on_exposed, camera);
+        priv->exposed_timer =
+            clock_call_at(camera->device.clock, over_us, aravis_camera_on_exposed, camera);
 }
 
 /* Lamps and axes may have moved on: what was said too early spoils the picture. (One from the
@@ -116,7 +117,7 @@ static gboolean was_exposed_in_time(Camera *camera, const Frame *frame) {
     return FALSE;
 }
 
-static void on_frame(Frame *frame, gpointer data) {
+static void aravis_camera_on_frame(Frame *frame, gpointer data) {
     Camera *camera = data;
     gboolean good = was_exposed_in_time(camera, frame);
     clear_timers(camera);
@@ -137,7 +138,7 @@ static void on_only_stale(gpointer data) {
                                             camera->device.name, (double)priv->before_us / 1e3));
 }
 
-static void on_stale(gint64 before_us, gpointer data) {
+static void aravis_camera_on_stale(gint64 before_us, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     gint64 wait_us = priv->settings.exposure_us + camera->format.readout_us + STALE_US;
@@ -155,7 +156,7 @@ static void on_failed(GError *error, gpointer data) {
     camera_report_fault(camera, named);
 }
 
-static void on_lost(const GError *error, gpointer data) {
+static void aravis_camera_on_lost(const GError *error, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     g_clear_error(&priv->lost);
@@ -164,12 +165,13 @@ static void on_lost(const GError *error, gpointer data) {
 }
 
 static const struct aravis_hooks hooks = {.sending = on_sending,
-                                          .frame = on_frame,
-                                          .stale = on_stale,
+                                          .frame = aravis_camera_on_frame,
+                                          .stale = aravis_camera_on_stale,
                                           .failed = on_failed,
-                                          .lost = on_lost};
+                                          .lost = aravis_camera_on_lost};
 
-static gboolean configure(Camera *camera, const struct camera_settings *settings, GError **error) {
+static gboolean aravis_camera_configure(Camera *camera, const struct camera_settings *settings,
+                                        GError **error) {
     struct aravis_camera *priv = camera->device.priv;
     const struct aravis_limits *limits = &priv->limits;
     if (settings->gain_db < limits->min_gain_db - 1e-9 ||
@@ -184,7 +186,7 @@ static gboolean configure(Camera *camera, const struct camera_settings *settings
     return TRUE;
 }
 
-static gboolean is_there(const Camera *camera, GError **error) {
+static gboolean aravis_camera_is_there(const Camera *camera, GError **error) {
     const struct aravis_camera *priv = camera->device.priv;
     if (!priv->lost)
         return TRUE;
@@ -192,31 +194,31 @@ static gboolean is_there(const Camera *camera, GError **error) {
     return FALSE;
 }
 
-static gboolean arm(Camera *camera, GError **error) {
+static gboolean aravis_camera_arm(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    if (!is_there(camera, error))
+    if (!aravis_camera_is_there(camera, error))
         return FALSE;
     clear_timers(camera);
     aravis_worker_arm(priv->worker);
     return TRUE;
 }
 
-static void disarm(Camera *camera) {
+static void aravis_camera_disarm(Camera *camera) {
     struct aravis_camera *priv = camera->device.priv;
     clear_timers(camera);
     aravis_worker_disarm(priv->worker);
 }
 
-static gboolean trigger(Camera *camera, guint64 shot, GError **error) {
+static gboolean aravis_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    if (!is_there(camera, error))
+    if (!aravis_camera_is_there(camera, error))
         return FALSE;
     clear_timers(camera);
     aravis_worker_trigger(priv->worker, shot);
     return TRUE;
 }
 
-static gboolean check_options(const Camera *camera, GError **error) {
+static gboolean aravis_camera_check_options(const Camera *camera, GError **error) {
     const struct aravis_options *given = camera->device.priv;
     if (*given->pixel_format && !aravis_format_by_name(given->pixel_format)) {
         config_set_error(error, CONFIG_ERROR_VALUE, camera->device.section, "pixel_format",
@@ -233,9 +235,9 @@ static gboolean check_options(const Camera *camera, GError **error) {
     return TRUE;
 }
 
-static gboolean open_camera(Camera *camera, GError **error) {
+static gboolean aravis_camera_open_camera(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
-    if (!check_options(camera, error))
+    if (!aravis_camera_check_options(camera, error))
         return FALSE;
     priv->worker = aravis_worker_new(camera->device.name, &priv->options, &hooks, camera);
     return TRUE;
@@ -263,7 +265,7 @@ static gboolean opened(Camera *camera, GError **error) {
     return TRUE;
 }
 
-static void close_camera(Camera *camera) {
+static void aravis_camera_close_camera(Camera *camera) {
     struct aravis_camera *priv = camera->device.priv;
     clear_timers(camera);
     g_clear_pointer(&priv->worker, aravis_worker_free);
@@ -273,11 +275,11 @@ static void close_camera(Camera *camera) {
 const struct camera_driver aravis_camera_driver = {
     .info = {"camera", "aravis", "A GigE Vision or USB3 Vision camera", options,
              sizeof(struct aravis_camera)},
-    .open = open_camera,
+    .open = aravis_camera_open_camera,
     .opened = opened,
-    .close = close_camera,
-    .configure = configure,
-    .arm = arm,
-    .disarm = disarm,
-    .trigger = trigger,
+    .close = aravis_camera_close_camera,
+    .configure = aravis_camera_configure,
+    .arm = aravis_camera_arm,
+    .disarm = aravis_camera_disarm,
+    .trigger = aravis_camera_trigger,
 };

@@ -47,7 +47,8 @@ static gboolean probe(int fd, guint32 *ret_control) {
 }
 
 /* Also says which of our addresses is on the way there. */
-static gboolean ask(const char *ip, guint32 *ret_control, GInetAddress **ret_ours, GError **error) {
+static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAddress **ret_ours,
+                                   GError **error) {
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(GVCP_PORT)}, ours;
     socklen_t size = sizeof ours;
     inet_pton(AF_INET, ip, &to.sin_addr);
@@ -71,7 +72,7 @@ static ArvDevice *open_gige(const char *ip, GError **error) {
     g_autoptr(GInetAddress) ours = NULL, theirs = g_inet_address_new_from_string(ip);
     g_autoptr(GError) why = NULL;
     guint32 control = 0;
-    if (!ask(ip, &control, &ours, error))
+    if (!aravis_connect_ask(ip, &control, &ours, error))
         return NULL;
     if (control & 3) {
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
@@ -131,7 +132,7 @@ static char *look_up_all(const char *id, gboolean *ret_gige) {
 }
 
 /* Its address for GigE Vision, else what Aravis opens it by; NULL: not there. */
-static char *look_up(const char *id, gboolean *ret_gige, GError **error) {
+static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError **error) {
     aravis_list_lock();
     char *found = look_up_usb(id);
     if (!found)
@@ -160,7 +161,7 @@ ArvDevice *aravis_connect(const char *id, double control_s, GError **error) {
     gint64 until = g_get_monotonic_time() + (gint64)(control_s * 1e6);
     g_autoptr(GInetAddress) address = g_inet_address_new_from_string(id);
     gboolean gige = address != NULL;
-    g_autofree char *name = gige ? g_strdup(id) : look_up(id, &gige, error);
+    g_autofree char *name = gige ? g_strdup(id) : aravis_connect_look_up(id, &gige, error);
     if (!name)
         return NULL;
     for (;;) {

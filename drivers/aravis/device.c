@@ -57,7 +57,7 @@ static enum device_error code_of(const GError *why) {
 }
 
 /* FALSE if there is an error, which is freed and told as what could not be done. */
-static gboolean check(GError *why, const char *what, GError **error) {
+static gboolean aravis_device_check(GError *why, const char *what, GError **error) {
     if (!why)
         return TRUE;
     enum device_error code = code_of(why);
@@ -80,7 +80,7 @@ gboolean aravis_device_is_lost(const GError *error) {
            g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
 }
 
-static gboolean has(AravisDevice *device, const char *feature) {
+static gboolean aravis_device_has(AravisDevice *device, const char *feature) {
     return arv_camera_is_feature_available(device->camera, feature, NULL);
 }
 
@@ -90,19 +90,19 @@ static gboolean switch_off_automatics(AravisDevice *device, GError **error) {
                                              "BalanceWhiteAuto"};
     GError *why = NULL;
     for (gsize i = 0; i < G_N_ELEMENTS(automatics); i++) {
-        if (!has(device, automatics[i]))
+        if (!aravis_device_has(device, automatics[i]))
             continue;
         arv_camera_set_string(device->camera, automatics[i], "Off", &why);
-        if (!check(why, automatics[i], error))
+        if (!aravis_device_check(why, automatics[i], error))
             return FALSE;
     }
-    if (has(device, "GammaEnable"))
+    if (aravis_device_has(device, "GammaEnable"))
         arv_camera_set_boolean(device->camera, "GammaEnable", FALSE, &why);
-    if (!check(why, "GammaEnable", error))
+    if (!aravis_device_check(why, "GammaEnable", error))
         return FALSE;
-    if (has(device, "AcquisitionMode"))
+    if (aravis_device_has(device, "AcquisitionMode"))
         arv_camera_set_string(device->camera, "AcquisitionMode", "Continuous", &why);
-    return check(why, "AcquisitionMode", error);
+    return aravis_device_check(why, "AcquisitionMode", error);
 }
 
 static gboolean set_features(AravisDevice *device, GError **error) {
@@ -110,7 +110,7 @@ static gboolean set_features(AravisDevice *device, GError **error) {
         GError *why = NULL;
         g_autofree char *what = g_strdup_printf("features: %s", *f);
         arv_device_set_features_from_string(device->device, *f, &why);
-        if (!check(why, what, error))
+        if (!aravis_device_check(why, what, error))
             return FALSE;
     }
     return TRUE;
@@ -124,7 +124,7 @@ static const struct aravis_format *best_of(const gint64 *codes, guint n) {
     return NULL;
 }
 
-static char *names_of(const gint64 *codes, guint n) {
+static char *aravis_device_names_of(const gint64 *codes, guint n) {
     GString *names = g_string_new(NULL);
     for (guint i = 0; i < n; i++) {
         const struct aravis_format *f = aravis_format_by_code((guint32)codes[i]);
@@ -134,12 +134,12 @@ static char *names_of(const gint64 *codes, guint n) {
     return g_string_free(names, FALSE);
 }
 
-static gboolean set_format(AravisDevice *device, GError **error) {
+static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
     const char *wanted = device->options->pixel_format;
     guint n = 0;
     GError *why = NULL;
     g_autofree gint64 *codes = arv_camera_dup_available_pixel_formats(device->camera, &n, &why);
-    if (!check(why, "PixelFormat", error))
+    if (!aravis_device_check(why, "PixelFormat", error))
         return FALSE;
     const struct aravis_format *format =
         *wanted ? aravis_format_by_name(wanted) : best_of(codes, n);
@@ -147,7 +147,7 @@ static gboolean set_format(AravisDevice *device, GError **error) {
     for (guint i = 0; format && i < n; i++)
         there |= codes[i] == format->code;
     if (!there) {
-        g_autofree char *names = names_of(codes, n);
+        g_autofree char *names = aravis_device_names_of(codes, n);
         g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
                     "pixel_format: it has no \"%s\" to measure with; choose from: %s", wanted,
                     names);
@@ -156,7 +156,7 @@ static gboolean set_format(AravisDevice *device, GError **error) {
     device->limits.format = format;
     device->limits.bits = device->options->bits > 0 ? device->options->bits : format->bits;
     arv_camera_set_pixel_format(device->camera, format->code, &why);
-    return check(why, format->name, error);
+    return aravis_device_check(why, format->name, error);
 }
 
 static gboolean set_region(AravisDevice *device, GError **error) {
@@ -165,7 +165,7 @@ static gboolean set_region(AravisDevice *device, GError **error) {
     struct aravis_limits *limits = &device->limits;
     GError *why = NULL;
     arv_camera_get_sensor_size(device->camera, &sensor_width, &sensor_height, &why);
-    if (!check(why, "SensorWidth", error))
+    if (!aravis_device_check(why, "SensorWidth", error))
         return FALSE;
     int width = options->width > 0 ? options->width : sensor_width - options->offset_x;
     int height = options->height > 0 ? options->height : sensor_height - options->offset_y;
@@ -179,7 +179,7 @@ static gboolean set_region(AravisDevice *device, GError **error) {
                           &why);
     if (why == NULL)
         arv_camera_get_region(device->camera, &x, &y, &limits->width, &limits->height, &why);
-    return check(why, "Width, Height, OffsetX, OffsetY", error);
+    return aravis_device_check(why, "Width, Height, OffsetX, OffsetY", error);
 }
 
 static gboolean set_black_level(AravisDevice *device, GError **error) {
@@ -187,13 +187,13 @@ static gboolean set_black_level(AravisDevice *device, GError **error) {
     device->limits.black_level = device->options->black_level_dn;
     if (device->options->black_level >= 0)
         arv_camera_set_black_level(device->camera, device->options->black_level, &why);
-    return check(why, "black_level", error);
+    return aravis_device_check(why, "black_level", error);
 }
 
 static gboolean set_trigger(AravisDevice *device, GError **error) {
     const char *source = device->options->trigger;
     GError *why = NULL;
-    if (has(device, "TriggerSource") &&
+    if (aravis_device_has(device, "TriggerSource") &&
         !arv_camera_is_enumeration_entry_available(device->camera, "TriggerSource", source, NULL)) {
         guint n = 0;
         g_autofree const char **names =
@@ -206,7 +206,7 @@ static gboolean set_trigger(AravisDevice *device, GError **error) {
         return FALSE;
     }
     arv_camera_set_trigger(device->camera, source, &why);
-    return check(why, "TriggerSource", error);
+    return aravis_device_check(why, "TriggerSource", error);
 }
 
 static gboolean set_limits(AravisDevice *device, GError **error) {
@@ -215,7 +215,7 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
     double low = 0, high = 0;
     GError *why = NULL;
     arv_camera_get_exposure_time_bounds(device->camera, &low, &high, &why);
-    if (!check(why, "ExposureTime", error))
+    if (!aravis_device_check(why, "ExposureTime", error))
         return FALSE;
     limits->min_exposure_us = (gint64)CLAMP(ceil(low), 1, 1e12);
     limits->max_exposure_us = (gint64)CLAMP(floor(high), (double)limits->min_exposure_us, 1e12);
@@ -224,7 +224,7 @@ static gboolean set_limits(AravisDevice *device, GError **error) {
     arv_camera_get_gain_bounds(device->camera, &low, &high, &why);
     limits->min_gain_db = (low - options->gain_zero) / options->gain_per_db;
     limits->max_gain_db = (high - options->gain_zero) / options->gain_per_db;
-    return check(why, "Gain", error);
+    return aravis_device_check(why, "Gain", error);
 }
 
 static gboolean set_transport(AravisDevice *device, GError **error) {
@@ -243,7 +243,7 @@ static gboolean set_transport(AravisDevice *device, GError **error) {
         arv_camera_gv_set_packet_size(device->camera, options->packet_size, &why);
     else if (why == NULL)
         arv_camera_gv_auto_packet_size(device->camera, &why);
-    return check(why, "packet size", error);
+    return aravis_device_check(why, "packet size", error);
 }
 
 static void tune_stream(AravisDevice *device) {
@@ -267,7 +267,7 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
     const struct aravis_limits *limits = &device->limits;
     device->stream = arv_camera_create_stream(device->camera, func, data, &why);
     guint payload = why ? 0 : arv_camera_get_payload(device->camera, &why);
-    if (!check(why, "stream", error))
+    if (!aravis_device_check(why, "stream", error))
         return FALSE;
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes) {
@@ -290,7 +290,8 @@ static void find_clock(AravisDevice *device) {
                                    ARV_GV_DEVICE(device->device), NULL) /
                                1e6;
     else
-        device->sfnc_clock = has(device, "TimestampLatch") && has(device, "TimestampLatchValue");
+        device->sfnc_clock = aravis_device_has(device, "TimestampLatch") &&
+                             aravis_device_has(device, "TimestampLatchValue");
 }
 
 static void on_unplugged(ArvDevice *arv, gpointer data) {
@@ -309,9 +310,9 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
     if (ARV_IS_UV_DEVICE(device->device))
         g_signal_connect(device->device, "control-lost", G_CALLBACK(on_unplugged), device);
     device->camera = arv_camera_new_with_device(device->device, &why);
-    if (!check(why, options->device, error))
+    if (!aravis_device_check(why, options->device, error))
         return NULL;
-    if (!switch_off_automatics(device, error) || !set_format(device, error) ||
+    if (!switch_off_automatics(device, error) || !aravis_device_set_format(device, error) ||
         !set_region(device, error) || !set_features(device, error) ||
         !set_black_level(device, error) || !set_trigger(device, error) ||
         !set_limits(device, error) || !set_transport(device, error) ||
@@ -351,7 +352,7 @@ gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GE
     GError *why = NULL;
     arv_camera_set_exposure_time(device->camera, (double)exposure_us, &why);
     double is_us = why ? 0 : arv_camera_get_exposure_time(device->camera, &why);
-    if (!check(why, "ExposureTime", error))
+    if (!aravis_device_check(why, "ExposureTime", error))
         return FALSE;
     if (fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us)
         return TRUE;
@@ -368,19 +369,19 @@ gboolean aravis_device_set_gain(AravisDevice *device, double gain_db, GError **e
     if (device->limits.min_gain_db == 0 && device->limits.max_gain_db == 0)
         return TRUE;
     arv_camera_set_gain(device->camera, options->gain_zero + gain_db * options->gain_per_db, &why);
-    return check(why, "Gain", error);
+    return aravis_device_check(why, "Gain", error);
 }
 
 gboolean aravis_device_start(AravisDevice *device, GError **error) {
     GError *why = NULL;
     arv_camera_start_acquisition(device->camera, &why);
-    return check(why, "AcquisitionStart", error);
+    return aravis_device_check(why, "AcquisitionStart", error);
 }
 
 gboolean aravis_device_stop(AravisDevice *device, GError **error) {
     GError *why = NULL;
     arv_camera_stop_acquisition(device->camera, &why);
-    return check(why, "AcquisitionStop", error);
+    return aravis_device_check(why, "AcquisitionStop", error);
 }
 
 static gboolean pulse(const char *path, GError **error) {
@@ -404,7 +405,7 @@ gboolean aravis_device_trigger(AravisDevice *device, GError **error) {
     if (!g_str_equal(device->options->trigger, "Software"))
         return pulse(device->options->pulse_path, error);
     arv_camera_software_trigger(device->camera, &why);
-    return check(why, "TriggerSoftware", error);
+    return aravis_device_check(why, "TriggerSoftware", error);
 }
 
 ArvBuffer *aravis_device_pop(AravisDevice *device) {

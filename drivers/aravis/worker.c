@@ -95,7 +95,7 @@ static void worker_unref(AravisWorker *worker) {
 
 /* Events, from any thread to the main loop. */
 
-static void tell(const struct event *event) {
+static void aravis_worker_tell(const struct event *event) {
     const AravisWorker *worker = event->worker;
     gpointer data = worker->data;
     gboolean over = worker->closed || event->generation != worker->generation;
@@ -124,12 +124,12 @@ static void tell(const struct event *event) {
     }
 }
 
-static gboolean on_event(gpointer data) {
-    tell(data);
+static gboolean aravis_worker_on_event(gpointer data) {
+    aravis_worker_tell(data);
     return G_SOURCE_REMOVE;
 }
 
-static void event_free(gpointer data) {
+static void aravis_worker_event_free(gpointer data) {
     struct event *event = data;
     frame_unref(event->frame);
     g_clear_error(&event->error);
@@ -143,7 +143,7 @@ static void post(AravisWorker *worker, enum event_kind kind, guint generation, g
     struct event *event = g_new(struct event, 1);
     *event = (struct event){worker, kind, generation, us, frame, error};
     g_atomic_int_inc(&worker->ref_count);
-    g_idle_add_full(G_PRIORITY_DEFAULT, on_event, event, event_free);
+    g_idle_add_full(G_PRIORITY_DEFAULT, aravis_worker_on_event, event, aravis_worker_event_free);
 }
 
 static void push(AravisWorker *worker, const struct job *job) {
@@ -181,7 +181,7 @@ static void close_device(AravisWorker *worker) {
 }
 
 /* Takes the error. Told before it is closed, which may take seconds if it does not answer. */
-static void lose(AravisWorker *worker, GError *error) {
+static void aravis_worker_lose(AravisWorker *worker, GError *error) {
     g_clear_error(&worker->lost_error);
     worker->lost_error = error;
     post(worker, LOST, 0, 0, NULL, g_error_copy(error));
@@ -189,16 +189,16 @@ static void lose(AravisWorker *worker, GError *error) {
 }
 
 /* Takes the error. */
-static void fail(AravisWorker *worker, guint generation, GError *error) {
+static void aravis_worker_fail(AravisWorker *worker, guint generation, GError *error) {
     set_pending(worker, FALSE, generation);
     post(worker, FAILED, generation, 0, NULL, g_error_copy(error));
     if (worker->device && aravis_device_is_lost(error))
-        lose(worker, error);
+        aravis_worker_lose(worker, error);
     else
         g_error_free(error);
 }
 
-static gboolean open_device(AravisWorker *worker, double control_s, GError **error) {
+static gboolean aravis_worker_open_device(AravisWorker *worker, double control_s, GError **error) {
     worker->device = aravis_device_open(&worker->options, control_s, on_stream, worker, error);
     if (!worker->device)
         return FALSE;
@@ -209,7 +209,7 @@ static gboolean open_device(AravisWorker *worker, double control_s, GError **err
     return TRUE;
 }
 
-static void apply_settings(AravisWorker *worker) {
+static void aravis_worker_apply_settings(AravisWorker *worker) {
     const struct job *settings = &worker->settings;
     g_clear_error(&worker->settings_error);
     if (settings->exposure_us <= 0 || !worker->device)
@@ -225,21 +225,21 @@ static void apply_settings(AravisWorker *worker) {
 
 static void look_for_it(AravisWorker *worker) {
     g_autoptr(GError) error = NULL;
-    if (open_device(worker, 0, &error)) {
+    if (aravis_worker_open_device(worker, 0, &error)) {
         g_clear_error(&worker->lost_error);
-        apply_settings(worker);
+        aravis_worker_apply_settings(worker);
         post(worker, FOUND, 0, 0, NULL, NULL);
         return;
     }
     if (g_strcmp0(error->message, worker->lost_error->message) != 0)
-        lose(worker, g_steal_pointer(&error));
+        aravis_worker_lose(worker, g_steal_pointer(&error));
 }
 
-static void configure(AravisWorker *worker, const struct job *job) {
+static void aravis_worker_do_configure(AravisWorker *worker, const struct job *job) {
     worker->exposure_set &= job->exposure_us == worker->settings.exposure_us;
     worker->gain_set &= job->gain_db == worker->settings.gain_db;
     worker->settings = *job;
-    apply_settings(worker);
+    aravis_worker_apply_settings(worker);
 }
 
 static void ask_clock(AravisWorker *worker) {
@@ -250,33 +250,33 @@ static void ask_clock(AravisWorker *worker) {
 static void open_anew(AravisWorker *worker) {
     GError *error = NULL;
     close_device(worker);
-    if (open_device(worker, 0, &error))
-        apply_settings(worker);
+    if (aravis_worker_open_device(worker, 0, &error))
+        aravis_worker_apply_settings(worker);
     else
-        lose(worker, error);
+        aravis_worker_lose(worker, error);
 }
 
-static void arm(AravisWorker *worker, const struct job *job) {
+static void aravis_worker_do_arm(AravisWorker *worker, const struct job *job) {
     GError *error = NULL;
     answer_begin(&worker->answer);
     if (worker->device && worker->halted)
         open_anew(worker);
     if (!worker->device)
-        fail(worker, job->generation, g_error_copy(worker->lost_error));
+        aravis_worker_fail(worker, job->generation, g_error_copy(worker->lost_error));
     else if (aravis_device_start(worker->device, &error))
         ask_clock(worker);
     else
-        fail(worker, job->generation, error);
+        aravis_worker_fail(worker, job->generation, error);
 }
 
-static void disarm(AravisWorker *worker, const struct job *job) {
+static void aravis_worker_do_disarm(AravisWorker *worker, const struct job *job) {
     g_autoptr(GError) error = NULL;
     gboolean unanswered = worker->pending; /* set by this thread alone */
     set_pending(worker, FALSE, job->generation);
     worker->halted |= unanswered && worker->device && aravis_device_may_halt(worker->device);
     if (worker->device && !aravis_device_stop(worker->device, &error) &&
         aravis_device_is_lost(error))
-        lose(worker, g_steal_pointer(&error));
+        aravis_worker_lose(worker, g_steal_pointer(&error));
 }
 
 static void drop_old_buffers(AravisWorker *worker) {
@@ -285,22 +285,22 @@ static void drop_old_buffers(AravisWorker *worker) {
         aravis_device_push(worker->device, buffer);
 }
 
-static void trigger(AravisWorker *worker, const struct job *job) {
+static void aravis_worker_do_trigger(AravisWorker *worker, const struct job *job) {
     GError *error = NULL;
     const GError *why = worker->device ? worker->settings_error : worker->lost_error;
     if (why) {
-        fail(worker, job->generation, g_error_copy(why));
+        aravis_worker_fail(worker, job->generation, g_error_copy(why));
         return;
     }
     drop_old_buffers(worker);
     worker->answer.shot = job->shot;
     set_pending(worker, TRUE, job->generation);
     if (!aravis_device_trigger(worker->device, &error))
-        fail(worker, job->generation, error);
+        aravis_worker_fail(worker, job->generation, error);
 }
 
 /* TRUE if it ends what waits. */
-static gboolean take(AravisWorker *worker, ArvBuffer *buffer, guint generation) {
+static gboolean aravis_worker_take(AravisWorker *worker, ArvBuffer *buffer, guint generation) {
     GError *error = NULL;
     gint64 before_us = 0;
     Frame *frame = answer_frame(&worker->answer, buffer, &before_us, &error);
@@ -321,7 +321,7 @@ static void take_buffer(AravisWorker *worker) {
     gboolean pending = worker->pending;
     guint generation = worker->armed;
     g_mutex_unlock(&worker->mutex);
-    if (pending && take(worker, buffer, generation)) {
+    if (pending && aravis_worker_take(worker, buffer, generation)) {
         g_mutex_lock(&worker->mutex);
         worker->pending = FALSE;
         g_mutex_unlock(&worker->mutex);
@@ -336,26 +336,27 @@ static void take_buffer(AravisWorker *worker) {
  * freed, or Aravis's heartbeat would wait for itself. */
 static void check_control(AravisWorker *worker) {
     if (!aravis_device_has_control(worker->device))
-        fail(worker, worker->armed,
-             g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                         "control of it was lost; check its power and cable, and that no other "
-                         "program uses it"));
+        aravis_worker_fail(
+            worker, worker->armed,
+            g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                        "control of it was lost; check its power and cable, and that no other "
+                        "program uses it"));
 }
 
 /* FALSE to end. */
 static gboolean do_job(AravisWorker *worker, const struct job *job) {
     switch (job->kind) {
     case CONFIGURE:
-        configure(worker, job);
+        aravis_worker_do_configure(worker, job);
         break;
     case ARM:
-        arm(worker, job);
+        aravis_worker_do_arm(worker, job);
         break;
     case DISARM:
-        disarm(worker, job);
+        aravis_worker_do_disarm(worker, job);
         break;
     case TRIGGER:
-        trigger(worker, job);
+        aravis_worker_do_trigger(worker, job);
         break;
     case BUFFER:
         take_buffer(worker);
@@ -366,17 +367,17 @@ static gboolean do_job(AravisWorker *worker, const struct job *job) {
     return TRUE;
 }
 
-static void say(AravisWorker *worker, gboolean *what) {
+static void aravis_worker_say(AravisWorker *worker, gboolean *what) {
     g_mutex_lock(&worker->mutex);
     *what = TRUE;
     g_cond_broadcast(&worker->cond);
     g_mutex_unlock(&worker->mutex);
 }
 
-static gpointer work(gpointer data) {
+static gpointer aravis_worker_work(gpointer data) {
     AravisWorker *worker = data;
-    gboolean go_on = open_device(worker, OPEN_CONTROL_S, &worker->open_error);
-    say(worker, &worker->opened);
+    gboolean go_on = aravis_worker_open_device(worker, OPEN_CONTROL_S, &worker->open_error);
+    aravis_worker_say(worker, &worker->opened);
     while (go_on) {
         g_autofree struct job *job = g_async_queue_timeout_pop(
             worker->jobs, worker->device ? CHECK_EVERY_US : LOOK_EVERY_US);
@@ -388,7 +389,7 @@ static gpointer work(gpointer data) {
             look_for_it(worker);
     }
     close_device(worker);
-    say(worker, &worker->ended);
+    aravis_worker_say(worker, &worker->ended);
     worker_unref(worker);
     return NULL;
 }
@@ -416,7 +417,7 @@ AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *o
     g_mutex_init(&worker->mutex);
     g_cond_init(&worker->cond);
     copy_options(options, &worker->options);
-    g_thread_unref(g_thread_new(name, work, worker));
+    g_thread_unref(g_thread_new(name, aravis_worker_work, worker));
     return worker;
 }
 

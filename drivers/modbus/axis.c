@@ -136,14 +136,15 @@ static double to_deg(const struct modbus_axis *priv, gint64 steps) {
     return priv->home_deg + (double)steps / priv->steps_per_deg;
 }
 
-static void split(const struct modbus_axis *priv, gint64 value, int bits, guint16 words[2]) {
+static void modbus_axis_split(const struct modbus_axis *priv, gint64 value, int bits,
+                              guint16 words[2]) {
     guint16 low = (guint16)value, high = (guint16)(value >> 16);
     gboolean swapped = bits == BITS_16 || priv->word_order == LOW_FIRST;
     words[0] = swapped ? low : high;
     words[1] = swapped ? high : low;
 }
 
-static gint64 join(const struct modbus_axis *priv, const guint16 *words, int bits) {
+static gint64 modbus_axis_join(const struct modbus_axis *priv, const guint16 *words, int bits) {
     if (bits == BITS_16)
         return (gint16)words[0];
     guint16 high = words[priv->word_order == LOW_FIRST], low = words[priv->word_order != LOW_FIRST];
@@ -154,12 +155,12 @@ static void add_number(const struct modbus_axis *priv, struct modbus_job *job,
                        const struct number *number, gint64 value) {
     struct modbus_request *request =
         modbus_job_add(job, MODBUS_WRITE_HOLDING, number->address, number->bits == BITS_32 ? 2 : 1);
-    split(priv, value, number->bits, request->values);
+    modbus_axis_split(priv, value, number->bits, request->values);
     request->verify = priv->verify;
 }
 
 /* Decimal, or hexadecimal after 0x; FALSE if it is neither or too large. */
-static gboolean parse_word(const char *text, int min, int *ret) {
+static gboolean modbus_axis_parse_word(const char *text, int min, int *ret) {
     gboolean hex = g_str_has_prefix(text, "0x");
     char *end = NULL;
     gint64 value = g_ascii_strtoll(text, &end, hex ? 16 : 10);
@@ -170,7 +171,8 @@ static gboolean parse_word(const char *text, int min, int *ret) {
 /* ADDRESS=VALUE[,VALUE…] */
 static gboolean parse_write(const char *text, struct modbus_request *ret) {
     g_auto(GStrv) sides = g_strsplit(text, "=", 0);
-    if (g_strv_length(sides) != 2 || !parse_word(g_strstrip(sides[0]), 0, &ret->address))
+    if (g_strv_length(sides) != 2 ||
+        !modbus_axis_parse_word(g_strstrip(sides[0]), 0, &ret->address))
         return FALSE;
     g_auto(GStrv) values = g_strsplit(sides[1], ",", 0);
     ret->n = (int)g_strv_length(values);
@@ -178,7 +180,7 @@ static gboolean parse_write(const char *text, struct modbus_request *ret) {
         return FALSE;
     for (int i = 0; i < ret->n; i++) {
         int value;
-        if (!parse_word(g_strstrip(values[i]), -32768, &value))
+        if (!modbus_axis_parse_word(g_strstrip(values[i]), -32768, &value))
             return FALSE;
         ret->values[i] = (guint16)value;
     }
@@ -251,7 +253,7 @@ static void poll_now(Axis *axis) {
     modbus_bus_start(priv->bus, &priv->link, &job, TRUE, DEADLINE_MS, on_polled, axis);
 }
 
-static void on_timer(gpointer data) {
+static void modbus_axis_on_timer(gpointer data) {
     Axis *axis = data;
     ((struct modbus_axis *)axis->device.priv)->timer = 0;
     poll_now(axis);
@@ -265,12 +267,13 @@ static void poll_later(Axis *axis) {
     if (priv->own.address >= 0)
         ms = MIN(ms, (double)modbus_watchdog_period_us(&priv->own) / 1000);
     clock_cancel(axis->device.clock, &priv->timer);
-    priv->timer = clock_call_in(axis->device.clock, (gint64)(ms * 1000), on_timer, axis);
+    priv->timer =
+        clock_call_in(axis->device.clock, (gint64)(ms * 1000), modbus_axis_on_timer, axis);
 }
 
 static void on_commanded(const struct modbus_job *job, const GError *error, gpointer data);
 
-static void command(Axis *axis, enum phase phase, const struct modbus_job *job) {
+static void modbus_axis_command(Axis *axis, enum phase phase, const struct modbus_job *job) {
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = phase;
     priv->n_commands++;
@@ -286,7 +289,7 @@ static void report_fault(Axis *axis, GError *error) {
     struct modbus_job job = {0};
     if (priv->phase != STANDING) { /* whatever it does now, it shall not go on */
         add_writes(&job, priv->stop);
-        command(axis, STANDING, &job);
+        modbus_axis_command(axis, STANDING, &job);
     }
     g_prefix_error(&error, "axis %s: ", axis->device.name);
     axis_report(axis, AXIS_FAULT, error);
@@ -303,7 +306,7 @@ static void on_commanded(const struct modbus_job *job, const GError *error, gpoi
         report_fault(axis, g_error_copy(error));
 }
 
-static void finish(Axis *axis, enum axis_event event) {
+static void modbus_axis_finish(Axis *axis, enum axis_event event) {
     struct modbus_axis *priv = axis->device.priv;
     priv->phase = STANDING;
     axis_report(axis, event, NULL);
@@ -334,7 +337,7 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
     struct modbus_axis *priv = axis->device.priv;
     double at = to_deg(priv, priv->steps), target = to_deg(priv, priv->target_steps);
     if (!moving && is_at(priv, priv->target_steps))
-        finish(axis, AXIS_ARRIVED);
+        modbus_axis_finish(axis, AXIS_ARRIVED);
     else if (!moving && is_past(axis, priv->still_us, priv->start_ms))
         stalled(axis, "it stands at %.3f° instead of %.3f°%s; see what blocks it, then home it", at,
                 target, has_bit(job, priv->limit_bit) ? ", at a limit switch" : "");
@@ -352,7 +355,7 @@ static void check_homing(Axis *axis, const struct modbus_job *job, gboolean movi
     gboolean rested = is_past(axis, priv->still_us, priv->start_ms);
     priv->left_home |= moving || !homed;
     if (!moving && homed && (priv->left_home || rested))
-        finish(axis, AXIS_HOMED);
+        modbus_axis_finish(axis, AXIS_HOMED);
     else if (!moving && rested)
         stalled(axis, "its homing ended without a reference, at %.3f°; check the reference switch",
                 to_deg(priv, priv->steps));
@@ -362,7 +365,7 @@ static void check_homing(Axis *axis, const struct modbus_job *job, gboolean movi
 static void check_stopping(Axis *axis, gboolean moving) {
     struct modbus_axis *priv = axis->device.priv;
     if (!moving && priv->was_still)
-        finish(axis, AXIS_STOPPED);
+        modbus_axis_finish(axis, AXIS_STOPPED);
     else
         priv->was_still = !moving;
 }
@@ -382,11 +385,11 @@ static void check_standing(Axis *axis, const struct modbus_job *job, gint64 befo
                                        to_deg(priv, before_steps), to_deg(priv, priv->steps)));
 }
 
-static void evaluate(Axis *axis, const struct modbus_job *job) {
+static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
     struct modbus_axis *priv = axis->device.priv;
     gint64 before = priv->steps;
     gboolean moving = has_bit(job, priv->moving_bit), was_faulty = priv->faulty;
-    priv->steps = join(priv, job->requests[job->n - 1].values, priv->position.bits);
+    priv->steps = modbus_axis_join(priv, job->requests[job->n - 1].values, priv->position.bits);
     priv->faulty = has_bit(job, priv->fault_bit);
     if (priv->steps != before)
         priv->progress_us = clock_now_us(axis->device.clock);
@@ -427,20 +430,20 @@ static void on_polled(const struct modbus_job *job, const GError *error, gpointe
     }
     priv->n_unheard = 0;
     priv->heard_us = clock_now_us(axis->device.clock);
-    evaluate(axis, job);
+    modbus_axis_evaluate(axis, job);
 }
 
-static gboolean home(Axis *axis, GError **error) {
+static gboolean modbus_axis_home(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     if (priv->faulty)
         add_writes(&job, priv->clear);
     add_writes(&job, priv->home);
-    command(axis, HOMING, &job);
+    modbus_axis_command(axis, HOMING, &job);
     return TRUE;
 }
 
-static gboolean move(Axis *axis, double target_deg, GError **error) {
+static gboolean modbus_axis_move(Axis *axis, double target_deg, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     double steps = round((target_deg - priv->home_deg) * priv->steps_per_deg);
@@ -454,25 +457,25 @@ static gboolean move(Axis *axis, double target_deg, GError **error) {
     priv->target_steps = (gint64)steps;
     add_number(priv, &job, &priv->target, priv->target_steps);
     add_writes(&job, priv->start);
-    command(axis, MOVING, &job);
+    modbus_axis_command(axis, MOVING, &job);
     return TRUE;
 }
 
-static gboolean stop(Axis *axis, GError **error) {
+static gboolean modbus_axis_stop(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     add_writes(&job, priv->stop);
-    command(axis, STOPPING, &job);
+    modbus_axis_command(axis, STOPPING, &job);
     return TRUE;
 }
 
-static double position(Axis *axis) {
+static double modbus_axis_position(Axis *axis) {
     const struct modbus_axis *priv = axis->device.priv;
     return to_deg(priv, priv->steps);
 }
 
-static gboolean check_range(const Axis *axis, const char *key, double value, int bits,
-                            GError **error) {
+static gboolean modbus_axis_check_range(const Axis *axis, const char *key, double value, int bits,
+                                        GError **error) {
     if (fabs(value) <= (bits == BITS_32 ? G_MAXINT32 : G_MAXUINT16))
         return TRUE;
     config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, key,
@@ -480,7 +483,7 @@ static gboolean check_range(const Axis *axis, const char *key, double value, int
     return FALSE;
 }
 
-static gboolean check_options(const Axis *axis, GError **error) {
+static gboolean modbus_axis_check_options(const Axis *axis, GError **error) {
     const struct modbus_axis *priv = axis->device.priv;
     const struct config_section *section = axis->device.section;
     if (priv->steps_per_deg == 0) {
@@ -492,10 +495,12 @@ static gboolean check_options(const Axis *axis, GError **error) {
                          "%g is not below max_deg, %g", priv->motion.min_deg, priv->motion.max_deg);
         return FALSE;
     }
-    return check_range(axis, "speed_scale", priv->motion.speed_deg_s * priv->speed_scale,
-                       priv->speed.bits, error) &&
-           check_range(axis, "accel_scale", priv->motion.accel_deg_s2 * priv->accel_scale,
-                       priv->accel.bits, error) &&
+    return modbus_axis_check_range(axis, "speed_scale",
+                                   priv->motion.speed_deg_s * priv->speed_scale, priv->speed.bits,
+                                   error) &&
+           modbus_axis_check_range(axis, "accel_scale",
+                                   priv->motion.accel_deg_s2 * priv->accel_scale, priv->accel.bits,
+                                   error) &&
            check_writes(axis, "setup", priv->setup, FALSE, error) &&
            check_writes(axis, "start", priv->start, TRUE, error) &&
            check_writes(axis, "home", priv->home, TRUE, error) &&
@@ -522,14 +527,14 @@ static gboolean greet(Axis *axis, GError **error) {
         g_prefix_error(error, "axis %s: ", axis->device.name);
         return FALSE;
     }
-    priv->steps = join(priv, job.requests[job.n - 1].values, priv->position.bits);
+    priv->steps = modbus_axis_join(priv, job.requests[job.n - 1].values, priv->position.bits);
     priv->faulty = has_bit(&job, priv->fault_bit);
     return TRUE;
 }
 
-static gboolean open_axis(Axis *axis, GError **error) {
+static gboolean modbus_axis_open_axis(Axis *axis, GError **error) {
     struct modbus_axis *priv = axis->device.priv;
-    if (!check_options(axis, error))
+    if (!modbus_axis_check_options(axis, error))
         return FALSE;
     priv->bus = modbus_bus_get(&priv->link, &axis->device, error);
     if (!priv->bus)
@@ -543,7 +548,7 @@ static gboolean open_axis(Axis *axis, GError **error) {
     return TRUE;
 }
 
-static void close_axis(Axis *axis) {
+static void modbus_axis_close_axis(Axis *axis) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
     clock_cancel(axis->device.clock, &priv->timer);
@@ -559,10 +564,10 @@ const struct axis_driver modbus_axis_driver = {
     .info = {"axis", "modbus-axis",
              "A positioning drive on a Modbus line, described by its registers", options,
              sizeof(struct modbus_axis)},
-    .open = open_axis,
-    .close = close_axis,
-    .home = home,
-    .move = move,
-    .stop = stop,
-    .position = position,
+    .open = modbus_axis_open_axis,
+    .close = modbus_axis_close_axis,
+    .home = modbus_axis_home,
+    .move = modbus_axis_move,
+    .stop = modbus_axis_stop,
+    .position = modbus_axis_position,
 };

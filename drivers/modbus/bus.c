@@ -61,16 +61,16 @@ static void carry_out(ModbusBus *bus, struct task *task) {
     task->error = error;
 }
 
-static struct task *next_task(ModbusBus *bus) {
+static struct task *modbus_bus_next_task(ModbusBus *bus) {
     struct task *task = g_queue_pop_head(&bus->commands);
     return task ? task : g_queue_pop_head(&bus->polls);
 }
 
-static gpointer run(gpointer data) {
+static gpointer modbus_bus_run(gpointer data) {
     ModbusBus *bus = data;
     g_mutex_lock(&bus->mutex);
     for (;;) {
-        struct task *task = next_task(bus);
+        struct task *task = modbus_bus_next_task(bus);
         if (!task && bus->quit)
             break;
         if (!task) {
@@ -105,7 +105,7 @@ static struct task *pop_result(ModbusBus *bus) {
 
 /* One result a round. Dispatched by whoever runs the main loop, hence in its thread alone, which
  * g_main_context_invoke() from another thread does not promise. */
-static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     ModbusBus *bus = ((struct bus_source *)source)->bus;
     struct task *task = pop_result(bus);
     if (!task)
@@ -117,7 +117,7 @@ static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_da
     return G_SOURCE_CONTINUE;
 }
 
-static GSourceFuncs source_funcs = {.dispatch = dispatch};
+static GSourceFuncs source_funcs = {.dispatch = modbus_bus_dispatch};
 
 static void add_source(ModbusBus *bus) {
     bus->source = g_source_new(&source_funcs, sizeof(struct bus_source));
@@ -127,7 +127,7 @@ static void add_source(ModbusBus *bus) {
     g_source_attach(bus->source, NULL);
 }
 
-static void bus_free(ModbusBus *bus) {
+static void modbus_bus_free(ModbusBus *bus) {
     struct task *task;
     while ((task = g_queue_pop_head(&bus->results)))
         task_unref(task);
@@ -140,7 +140,7 @@ static void bus_free(ModbusBus *bus) {
     g_free(bus);
 }
 
-static ModbusBus *bus_new(const struct modbus_link *link, GError **error) {
+static ModbusBus *modbus_bus_new(const struct modbus_link *link, GError **error) {
     ModbusBus *bus = g_new0(ModbusBus, 1);
     bus->ref_count = 1;
     bus->key = g_strdup(link->bus);
@@ -152,16 +152,16 @@ static ModbusBus *bus_new(const struct modbus_link *link, GError **error) {
     bus->line = modbus_line_new(link, error);
     gint64 deadline = g_get_monotonic_time() + (gint64)(link->timeout_ms * 1000);
     if (!bus->line || !modbus_line_connect(bus->line, deadline, error)) {
-        bus_free(bus);
+        modbus_bus_free(bus);
         return NULL;
     }
     add_source(bus);
-    bus->thread = g_thread_new("modbus", run, bus);
+    bus->thread = g_thread_new("modbus", modbus_bus_run, bus);
     g_hash_table_insert(buses, bus->key, bus);
     return bus;
 }
 
-static gboolean is_same(const struct modbus_link *a, const struct modbus_link *b) {
+static gboolean modbus_bus_is_same(const struct modbus_link *a, const struct modbus_link *b) {
     return a->baud == b->baud && a->parity == b->parity && a->stop_bits == b->stop_bits &&
            a->timeout_ms == b->timeout_ms && a->late_ms == b->late_ms && a->retries == b->retries;
 }
@@ -178,7 +178,7 @@ ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *d
     if (!buses)
         buses = g_hash_table_new(g_str_hash, g_str_equal);
     ModbusBus *bus = g_hash_table_lookup(buses, link->bus);
-    if (bus && is_same(link, &bus->link)) {
+    if (bus && modbus_bus_is_same(link, &bus->link)) {
         bus->ref_count++;
         return bus;
     }
@@ -189,7 +189,7 @@ ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *d
                          link->bus);
         return NULL;
     }
-    bus = bus_new(link, error);
+    bus = modbus_bus_new(link, error);
     if (!bus) {
         int line;
         config_value(section, "bus", &line);
@@ -212,7 +212,7 @@ void modbus_bus_unref(ModbusBus *bus) {
     g_thread_join(bus->thread);
     g_source_destroy(bus->source);
     g_source_unref(bus->source);
-    bus_free(bus);
+    modbus_bus_free(bus);
 }
 
 struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind kind, int address,

@@ -34,7 +34,7 @@ static void read_input(const struct modbus_inputs *inputs, struct modbus_job *jo
 
 static void on_read(const struct modbus_job *job, const GError *error, gpointer data);
 
-static void on_timer(gpointer data) {
+static void modbus_inputs_on_timer(gpointer data) {
     Interlock *interlock = data;
     struct modbus_inputs *inputs = interlock->device.priv;
     struct modbus_job job = {0};
@@ -43,7 +43,7 @@ static void on_timer(gpointer data) {
     modbus_bus_start(inputs->bus, &inputs->link, &job, TRUE, inputs->lost_ms, on_read, interlock);
 }
 
-static void on_lost(gpointer data) {
+static void modbus_inputs_on_lost(gpointer data) {
     Interlock *interlock = data;
     ((struct modbus_inputs *)interlock->device.priv)->lost = 0;
     interlock_report(interlock, FALSE);
@@ -52,11 +52,13 @@ static void on_lost(gpointer data) {
 static void await(Interlock *interlock, gboolean answered) {
     struct modbus_inputs *inputs = interlock->device.priv;
     Clock *clock = interlock->device.clock;
-    inputs->timer = clock_call_in(clock, (gint64)(inputs->poll_ms * 1000), on_timer, interlock);
+    inputs->timer =
+        clock_call_in(clock, (gint64)(inputs->poll_ms * 1000), modbus_inputs_on_timer, interlock);
     if (!answered)
         return;
     clock_cancel(clock, &inputs->lost);
-    inputs->lost = clock_call_in(clock, (gint64)(inputs->lost_ms * 1000), on_lost, interlock);
+    inputs->lost =
+        clock_call_in(clock, (gint64)(inputs->lost_ms * 1000), modbus_inputs_on_lost, interlock);
 }
 
 static void on_read(const struct modbus_job *job, const GError *error, gpointer data) {

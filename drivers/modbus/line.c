@@ -31,9 +31,9 @@ static gboolean is_tcp(const struct modbus_line *line) {
     return g_str_has_prefix(line->link.bus, "tcp:");
 }
 
-static gboolean fail(GError **error, enum device_error code, const char *format, ...)
+static gboolean modbus_line_fail(GError **error, enum device_error code, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
-static gboolean fail(GError **error, enum device_error code, const char *format, ...) {
+static gboolean modbus_line_fail(GError **error, enum device_error code, const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_autofree char *message = g_strdup_vprintf(format, args);
@@ -73,29 +73,29 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
         modbus_set_byte_timeout(line->context, us / G_USEC_PER_SEC, us % G_USEC_PER_SEC);
         return line;
     }
-    fail(error, DEVICE_ERROR_DISCONNECTED,
-         "\"%s\" is no Modbus line; write /dev/NAME or tcp:HOST:PORT", link->bus);
+    modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+                     "\"%s\" is no Modbus line; write /dev/NAME or tcp:HOST:PORT", link->bus);
     modbus_line_free(line);
     return NULL;
 }
 
-static void let_go(struct modbus_line *line) {
+static void modbus_line_let_go(struct modbus_line *line) {
     if (line->taken >= 0)
         close(line->taken);
     line->taken = -1;
 }
 
-static void disconnect(struct modbus_line *line) {
+static void modbus_line_disconnect(struct modbus_line *line) {
     if (line->connected)
         modbus_close(line->context);
-    let_go(line);
+    modbus_line_let_go(line);
     line->connected = line->owed = FALSE;
 }
 
 void modbus_line_free(struct modbus_line *line) {
     if (!line)
         return;
-    disconnect(line);
+    modbus_line_disconnect(line);
     if (line->context)
         modbus_free(line->context);
     g_free(line->link.bus);
@@ -114,7 +114,7 @@ static int open_serial(struct modbus_line *line) {
     }
     int why = errno;
     if (done < 0)
-        let_go(line);
+        modbus_line_let_go(line);
     errno = why;
     return done;
 }
@@ -136,12 +136,13 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     line->next_attempt_us = g_get_monotonic_time() + line->backoff_us;
     line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
     if (why == EWOULDBLOCK && !is_tcp(line))
-        return fail(error, DEVICE_ERROR_BUSY,
-                    "cannot open %s: another program uses it; end that program", line->link.bus);
-    return fail(error, DEVICE_ERROR_DISCONNECTED, "cannot open %s: %s; check %s", line->link.bus,
-                why ? modbus_strerror(why) : "no such host",
-                is_tcp(line) ? "address, power and network cable"
-                             : "its name, its cable and who may use it");
+        return modbus_line_fail(error, DEVICE_ERROR_BUSY,
+                                "cannot open %s: another program uses it; end that program",
+                                line->link.bus);
+    return modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED, "cannot open %s: %s; check %s",
+                            line->link.bus, why ? modbus_strerror(why) : "no such host",
+                            is_tcp(line) ? "address, power and network cable"
+                                         : "its name, its cable and who may use it");
 }
 
 gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GError **error) {
@@ -152,8 +153,8 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
             if (last)
                 g_propagate_error(error, g_steal_pointer(&last));
             else
-                fail(error, DEVICE_ERROR_DISCONNECTED, "%s is lost, and is tried again later",
-                     line->link.bus);
+                modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+                                 "%s is lost, and is tried again later", line->link.bus);
             return FALSE;
         }
         if (line->next_attempt_us > now)
@@ -164,7 +165,7 @@ gboolean modbus_line_connect(struct modbus_line *line, gint64 deadline_us, GErro
     return TRUE;
 }
 
-static gboolean is_readable(struct modbus_line *line, int wait_ms) {
+static gboolean modbus_line_is_readable(struct modbus_line *line, int wait_ms) {
     struct pollfd fd = {.fd = modbus_get_socket(line->context), .events = POLLIN};
     return poll(&fd, 1, wait_ms) > 0;
 }
@@ -177,7 +178,7 @@ static gboolean await_silence(struct modbus_line *line, double silence_ms) {
     gboolean silent = TRUE;
     while ((now = g_get_monotonic_time()) < MIN(silent_from + silence_us, limit)) {
         int left_ms = (int)((MIN(silent_from + silence_us, limit) - now + 999) / 1000);
-        if (!is_readable(line, left_ms))
+        if (!modbus_line_is_readable(line, left_ms))
             continue;
         modbus_flush(line->context);
         g_usleep(1000);
@@ -231,7 +232,7 @@ static int transfer_pulse(modbus_t *context, const struct modbus_request *reques
     return -1;
 }
 
-static int transfer(modbus_t *context, struct modbus_request *request) {
+static int modbus_line_transfer(modbus_t *context, struct modbus_request *request) {
     switch (request->kind) {
     case MODBUS_READ_COILS:
     case MODBUS_READ_INPUTS:
@@ -297,7 +298,7 @@ static int recover(struct modbus_line *line, int why, gboolean distrust) {
         await_silence(line, SILENCE_MS);
         line->owed = FALSE;
     } else if (!is_timeout(why) && !is_damage(why)) {
-        disconnect(line);
+        modbus_line_disconnect(line);
     }
     return why;
 }
@@ -307,7 +308,7 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
                    gint64 deadline_us) {
     gboolean distrust = line->owed;
     /* What lies there before anything was asked is no answer to it. */
-    if (distrust || is_readable(line, 0))
+    if (distrust || modbus_line_is_readable(line, 0))
         await_silence(line, distrust ? line->link.late_ms : SILENCE_MS);
     gint64 left_us = deadline_us - g_get_monotonic_time();
     if (left_us <= 0)
@@ -318,7 +319,7 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     line->owed = TRUE;
     errno = 0;
     struct modbus_request answer = *request;
-    int why = transfer(line->context, &answer) >= 0 ? 0 : errno ? errno : EIO;
+    int why = modbus_line_transfer(line->context, &answer) >= 0 ? 0 : errno ? errno : EIO;
     if (why && !is_exception(why))
         return recover(line, why, distrust);
     if (distrust && !await_silence(line, line->link.late_ms)) {
@@ -331,26 +332,29 @@ static int attempt(struct modbus_line *line, int unit, struct modbus_request *re
     return why;
 }
 
-static gboolean give_up(const struct modbus_line *line, int unit,
-                        const struct modbus_request *request, int why, int tries, GError **error) {
+static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
+                                    const struct modbus_request *request, int why, int tries,
+                                    GError **error) {
     g_autofree char *what = request_text(line, unit, request);
     if (is_timeout(why))
-        return fail(error, DEVICE_ERROR_TIMEOUT,
-                    "%s: no answer within %g ms (%d tries); check its power, its address and the "
-                    "cable",
-                    what, line->link.timeout_ms, tries);
+        return modbus_line_fail(
+            error, DEVICE_ERROR_TIMEOUT,
+            "%s: no answer within %g ms (%d tries); check its power, its address and the "
+            "cable",
+            what, line->link.timeout_ms, tries);
     if (is_exception(why))
-        return fail(error, DEVICE_ERROR_PROTOCOL,
-                    "%s: it refused: %s; check the address and value in its section", what,
-                    modbus_strerror(why));
+        return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
+                                "%s: it refused: %s; check the address and value in its section",
+                                what, modbus_strerror(why));
     if (is_damage(why))
-        return fail(error, DEVICE_ERROR_PROTOCOL,
-                    "%s: damaged answers (%d tries): %s; check the cable, its termination, baud "
-                    "and parity",
-                    what, tries, modbus_strerror(why));
-    return fail(error, DEVICE_ERROR_DISCONNECTED,
-                "%s: the line was lost: %s; check its power and the cable", what,
-                modbus_strerror(why));
+        return modbus_line_fail(
+            error, DEVICE_ERROR_PROTOCOL,
+            "%s: damaged answers (%d tries): %s; check the cable, its termination, baud "
+            "and parity",
+            what, tries, modbus_strerror(why));
+    return modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+                            "%s: the line was lost: %s; check its power and the cable", what,
+                            modbus_strerror(why));
 }
 
 static gint64 try_us(const struct modbus_line *line) {
@@ -370,7 +374,7 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         if (tries == 1)
             deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us(line));
         if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
-            return give_up(line, unit, request, why, tries, error);
+            return modbus_line_give_up(line, unit, request, why, tries, error);
         if (is_busy(why))
             g_usleep(BUSY_PAUSE_US);
     }
@@ -380,20 +384,22 @@ static gboolean is_read(enum modbus_kind kind) {
     return kind <= MODBUS_READ_INPUT_REGISTERS;
 }
 
-static gboolean compare(const struct modbus_line *line, int unit,
-                        const struct modbus_request *wanted, const struct modbus_request *read,
-                        GError **error) {
+static gboolean modbus_line_compare(const struct modbus_line *line, int unit,
+                                    const struct modbus_request *wanted,
+                                    const struct modbus_request *read, GError **error) {
     for (int i = 0; i < read->n; i++)
         if (wanted->values[i] != read->values[i]) {
             g_autofree char *what = request_text(line, unit, wanted);
             if (is_read(wanted->kind))
-                return fail(error, DEVICE_ERROR_PROTOCOL,
-                            "%s: %d was set to %d, but it reads as %d; see whether the board lost "
-                            "its power or was not heard of for too long, and what else writes it",
-                            what, read->address + i, wanted->values[i], read->values[i]);
-            return fail(error, DEVICE_ERROR_PROTOCOL,
-                        "%s: wrote %d to %d, but it reads back as %d; check what else writes it",
-                        what, wanted->values[i], read->address + i, read->values[i]);
+                return modbus_line_fail(
+                    error, DEVICE_ERROR_PROTOCOL,
+                    "%s: %d was set to %d, but it reads as %d; see whether the board lost "
+                    "its power or was not heard of for too long, and what else writes it",
+                    what, read->address + i, wanted->values[i], read->values[i]);
+            return modbus_line_fail(
+                error, DEVICE_ERROR_PROTOCOL,
+                "%s: wrote %d to %d, but it reads back as %d; check what else writes it", what,
+                wanted->values[i], read->address + i, read->values[i]);
         }
     return TRUE;
 }
@@ -407,7 +413,7 @@ static gboolean check_pulse(struct modbus_line *line, int unit,
     if (coil.values[0])
         return TRUE;
     g_autofree char *what = request_text(line, unit, request);
-    return fail(
+    return modbus_line_fail(
         error, DEVICE_ERROR_PROTOCOL,
         "%s: wrote %d, but coil %d reads as off; check that the board switches coils on for "
         "a time in this way",
@@ -424,11 +430,11 @@ gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_reques
     if (request->kind == MODBUS_PULSE_COIL)
         return check_pulse(line, unit, request, deadline_us, error);
     if (is_read(request->kind))
-        return compare(line, unit, &wanted, request, error);
+        return modbus_line_compare(line, unit, &wanted, request, error);
     struct modbus_request back = *request;
     back.kind = request->kind == MODBUS_WRITE_COILS ? MODBUS_READ_COILS : MODBUS_READ_HOLDING;
     return repeat(line, unit, &back, deadline_us, error) &&
-           compare(line, unit, request, &back, error);
+           modbus_line_compare(line, unit, request, &back, error);
 }
 
 void modbus_line_counts(const struct modbus_line *line, struct modbus_counts *ret) {

@@ -69,14 +69,14 @@ static void add_switch(const struct relays *relays, struct modbus_job *job, int 
     request->verify = TRUE;
 }
 
-static void feed(gpointer data);
+static void modbus_relays_feed(gpointer data);
 
 static void feed_later(struct relays *relays) {
     Clock *clock = relays->device->clock;
     clock_cancel(clock, &relays->timer);
     if (has_watchdog(relays) && any_on(relays))
-        relays->timer = clock_call_in(clock, modbus_watchdog_period_us(&relays->watchdog), feed,
-                                      (gpointer)relays->device);
+        relays->timer = clock_call_in(clock, modbus_watchdog_period_us(&relays->watchdog),
+                                      modbus_relays_feed, (gpointer)relays->device);
 }
 
 static struct relays *relays_of(gpointer device) {
@@ -84,7 +84,7 @@ static struct relays *relays_of(gpointer device) {
 }
 
 /* Nothing is fed any more, so that what is on goes off whatever the line does. */
-static void lose(struct relays *relays, const GError *error) {
+static void modbus_relays_lose(struct relays *relays, const GError *error) {
     GError *why = g_error_copy(error);
     g_prefix_error(&why, "%s %s: not known to be on any more: ", relays->device->info->class_name,
                    relays->device->name);
@@ -105,7 +105,7 @@ static void on_fed(const struct modbus_job *job, const GError *error, gpointer d
         relays->fed_us = now;
     else if (any_on(relays) && (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL) ||
                                 unheard_s > modbus_watchdog_s(&relays->watchdog)))
-        lose(relays, error);
+        modbus_relays_lose(relays, error);
 }
 
 static void start_feeding(struct relays *relays, const struct modbus_job *job) {
@@ -117,7 +117,7 @@ static void start_feeding(struct relays *relays, const struct modbus_job *job) {
 }
 
 /* First that all is as it was switched: what went off by itself does not come on by itself. */
-static void feed(gpointer data) {
+static void modbus_relays_feed(gpointer data) {
     struct relays *relays = relays_of(data);
     struct modbus_job job = {0};
     relays->timer = 0;
@@ -245,7 +245,8 @@ static const struct option lamps_options[] = {
     {NULL},
 };
 
-static void on_switched(const struct modbus_job *job, const GError *error, gpointer data) {
+static void modbus_relays_on_switched(const struct modbus_job *job, const GError *error,
+                                      gpointer data) {
     LampBank *bank = data;
     struct modbus_lamps *lamps = bank->device.priv;
     g_autofree struct pending *done = g_queue_pop_head(&lamps->pending);
@@ -261,7 +262,7 @@ static gboolean set_lamp(LampBank *bank, int index, gboolean on, GError **error)
     pending->index = index;
     pending->on = on;
     g_queue_push_tail(&lamps->pending, pending);
-    relays_switch(&lamps->relays, index, on, on_switched);
+    relays_switch(&lamps->relays, index, on, modbus_relays_on_switched);
     return TRUE;
 }
 
@@ -269,7 +270,7 @@ static void lost_lamps(gpointer device, GError *error) {
     lamps_lost(device, error);
 }
 
-static gboolean open_lamps(LampBank *bank, GError **error) {
+static gboolean modbus_relays_open_lamps(LampBank *bank, GError **error) {
     struct modbus_lamps *lamps = bank->device.priv;
     bank->n = lamps->relays.n;
     bank->warm_up_s = lamps->relays.warm_up_s;
@@ -278,7 +279,7 @@ static gboolean open_lamps(LampBank *bank, GError **error) {
     return relays_open(&lamps->relays, &bank->device, lost_lamps, error);
 }
 
-static void close_lamps(LampBank *bank) {
+static void modbus_relays_close_lamps(LampBank *bank) {
     struct modbus_lamps *lamps = bank->device.priv;
     relays_close(&lamps->relays);
     g_queue_clear_full(&lamps->pending, g_free);
@@ -287,8 +288,8 @@ static void close_lamps(LampBank *bank) {
 const struct lamps_driver modbus_relays_driver = {
     .info = {"lamps", "modbus-relays", "Lamps on the coils of a Modbus relay board", lamps_options,
              sizeof(struct modbus_lamps)},
-    .open = open_lamps,
-    .close = close_lamps,
+    .open = modbus_relays_open_lamps,
+    .close = modbus_relays_close_lamps,
     .set = set_lamp,
 };
 
@@ -303,24 +304,26 @@ static const struct option laser_options[] = {
     {NULL},
 };
 
-static void on_laser_off(const struct modbus_job *job, const GError *error, gpointer data) {
+static void modbus_relays_on_laser_off(const struct modbus_job *job, const GError *error,
+                                       gpointer data) {
     relays_switched(relays_of(data), 0, FALSE, error != NULL);
 }
 
-static void on_laser(const struct modbus_job *job, const GError *error, gpointer data) {
+static void modbus_relays_on_laser(const struct modbus_job *job, const GError *error,
+                                   gpointer data) {
     Laser *laser = data;
     struct relays *relays = laser->device.priv;
     gboolean on = job->requests[0].values[0] != 0;
     GError *failed = error ? g_error_copy(error) : NULL;
     relays_switched(relays, 0, on, error != NULL);
     if (failed && on) /* it may have come through: nothing shines that is not known of */
-        relays_switch(relays, 0, FALSE, on_laser_off);
+        relays_switch(relays, 0, FALSE, modbus_relays_on_laser_off);
     g_prefix_error(&failed, "laser %s: ", laser->device.name);
     laser_report(laser, on, failed);
 }
 
 static gboolean set_laser(Laser *laser, gboolean on, GError **error) {
-    relays_switch(laser->device.priv, 0, on, on_laser);
+    relays_switch(laser->device.priv, 0, on, modbus_relays_on_laser);
     return TRUE;
 }
 
@@ -328,7 +331,7 @@ static void lost_laser(gpointer device, GError *error) {
     laser_lost(device, error);
 }
 
-static gboolean open_laser(Laser *laser, GError **error) {
+static gboolean modbus_relays_open_laser(Laser *laser, GError **error) {
     struct relays *relays = laser->device.priv;
     relays->n = 1;
     laser->warm_up_s = relays->warm_up_s;
@@ -337,14 +340,14 @@ static gboolean open_laser(Laser *laser, GError **error) {
     return relays_open(relays, &laser->device, lost_laser, error);
 }
 
-static void close_laser(Laser *laser) {
+static void modbus_relays_close_laser(Laser *laser) {
     relays_close(laser->device.priv);
 }
 
 const struct laser_driver modbus_laser_driver = {
     .info = {"laser", "modbus-laser", "A laser on a coil of a Modbus relay board", laser_options,
              sizeof(struct relays)},
-    .open = open_laser,
-    .close = close_laser,
+    .open = modbus_relays_open_laser,
+    .close = modbus_relays_close_laser,
     .set = set_laser,
 };

@@ -36,7 +36,7 @@ static gboolean is_port(const char *tty) {
            atoi(type) != 0;
 }
 
-static int by_name(gconstpointer a, gconstpointer b) {
+static int modbus_scan_by_name(gconstpointer a, gconstpointer b) {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
@@ -47,7 +47,7 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
     while (dir && (name = g_dir_read_name(dir)))
         if (is_port(name))
             g_ptr_array_add(names, g_strdup(name));
-    g_ptr_array_sort(names, by_name);
+    g_ptr_array_sort(names, modbus_scan_by_name);
     for (guint i = 0; i < names->len; i++) {
         g_autofree char *path = g_strconcat("/dev/", names->pdata[i], NULL);
         g_autofree char *what = port_name(names->pdata[i]);
@@ -64,8 +64,8 @@ gboolean serial_scan(GPtrArray *to, GError **error) {
 enum presence { ABSENT, REFUSES, ANSWERS };
 
 /* An exception is an answer, too. */
-static enum presence ask(struct modbus_line *line, const struct modbus_link *link, int unit,
-                         enum modbus_kind kind, int n) {
+static enum presence modbus_scan_ask(struct modbus_line *line, const struct modbus_link *link,
+                                     int unit, enum modbus_kind kind, int n) {
     struct modbus_request request = {.kind = kind, .n = n};
     g_autoptr(GError) error = NULL;
     gint64 deadline =
@@ -78,7 +78,7 @@ static enum presence ask(struct modbus_line *line, const struct modbus_link *lin
                : REFUSES;
 }
 
-static void add_link(GString *section, const struct modbus_link *link, int unit) {
+static void modbus_scan_add_link(GString *section, const struct modbus_link *link, int unit) {
     g_string_append_printf(section, "bus = %s\n", link->bus);
     if (!g_str_has_prefix(link->bus, "tcp:"))
         g_string_append_printf(section, "baud = %d\nparity = %s\nstop_bits = %d\n", link->baud,
@@ -89,7 +89,7 @@ static void add_link(GString *section, const struct modbus_link *link, int unit)
 /* As many coils as it answers for at once, of those that boards have. */
 static int count_coils(struct modbus_line *line, const struct modbus_link *link, int unit) {
     for (int n = 32; n >= 1; n /= 2)
-        if (ask(line, link, unit, MODBUS_READ_COILS, n) == ANSWERS)
+        if (modbus_scan_ask(line, link, unit, MODBUS_READ_COILS, n) == ANSWERS)
             return n;
     return 0;
 }
@@ -108,7 +108,7 @@ static void add_unit(const struct modbus_link *link, int unit, gboolean register
     gboolean relays = coils && !registers;
     g_string_append(section, relays ? "[lamps NAME]\ndriver = modbus-relays\n"
                                     : "[axis NAME]\ndriver = modbus-axis\n");
-    add_link(section, link, unit);
+    modbus_scan_add_link(section, link, unit);
     if (relays)
         g_string_append_printf(section, "n = %d\n", coils);
     else
@@ -124,7 +124,7 @@ gboolean modbus_scan(const struct modbus_link *link, int first, int last, GPtrAr
         return FALSE;
     gboolean ok = modbus_line_connect(line, g_get_monotonic_time() + CONNECT_US, error);
     for (int unit = first; ok && unit <= last; unit++) {
-        enum presence registers = ask(line, link, unit, MODBUS_READ_HOLDING, 1);
+        enum presence registers = modbus_scan_ask(line, link, unit, MODBUS_READ_HOLDING, 1);
         if (registers != ABSENT)
             add_unit(link, unit, registers == ANSWERS, count_coils(line, link, unit), to);
     }

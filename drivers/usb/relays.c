@@ -51,7 +51,7 @@ static GList *boards;
 
 static const guint16 products[] = {0x05df, 0};
 
-static void job_free(gpointer data) {
+static void usb_relays_job_free(gpointer data) {
     struct job *job = data;
     g_clear_error(&job->error);
     g_free(job);
@@ -62,10 +62,10 @@ static void job_ended(struct job *job) {
     board->jobs = g_list_remove(board->jobs, job);
     if (job->device)
         job->func(job->device, job->index, job->on, g_steal_pointer(&job->error));
-    job_free(job);
+    usb_relays_job_free(job);
 }
 
-static void note_error(struct job *job, const GError *error) {
+static void usb_relays_note_error(struct job *job, const GError *error) {
     if (!job->error)
         job->error = g_error_copy(error);
 }
@@ -74,7 +74,7 @@ static void on_set(UsbDevice *usb, const guint8 *data, gsize n, const GError *er
                    gpointer user) {
     struct job *job = user;
     if (error)
-        note_error(job, error);
+        usb_relays_note_error(job, error);
     if (--job->n_left == 0)
         job_ended(job);
 }
@@ -104,7 +104,7 @@ static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GErr
     on_set(usb, data, n, error, user);
 }
 
-static void on_lost(UsbDevice *usb, gpointer user) {
+static void usb_relays_on_lost(UsbDevice *usb, gpointer user) {
     struct board *board = user;
     g_clear_pointer(&board->usb, usb_close);
 }
@@ -138,7 +138,7 @@ static gboolean board_connect(struct board *board, GError **error) {
                               .serial = board->serial,
                               .path = board->path,
                               .read_serial = read_serial};
-    board->usb = usb_open(&match, on_lost, board, error);
+    board->usb = usb_open(&match, usb_relays_on_lost, board, error);
     if (!board->usb)
         return FALSE;
     const char *number = usb_product(board->usb) + strlen(match.product_prefix);
@@ -157,7 +157,7 @@ static void board_unref(struct board *board) {
         return;
     boards = g_list_remove(boards, board);
     usb_close(board->usb);
-    g_list_free_full(board->jobs, job_free);
+    g_list_free_full(board->jobs, usb_relays_job_free);
     g_free(board->who);
     g_free(board->serial);
     g_free(board->path);
@@ -229,7 +229,7 @@ static gboolean board_switch(struct board *board, guint mask, gboolean on, Switc
         return FALSE;
     }
     if (failed) /* with some of it under way: told when that ends */
-        note_error(job, failed);
+        usb_relays_note_error(job, failed);
     g_clear_error(&failed);
     board->jobs = g_list_append(board->jobs, job);
     return TRUE;
@@ -322,7 +322,7 @@ static const struct option lamps_options[] = {
     {NULL},
 };
 
-static void on_lamp(gpointer device, int index, gboolean on, GError *error) {
+static void usb_relays_on_lamp(gpointer device, int index, gboolean on, GError *error) {
     lamps_report(device, index, on, error);
 }
 
@@ -330,13 +330,13 @@ static gboolean lamps_switch(LampBank *bank, int index, gboolean on, GError **er
     struct relay_lamps *lamps = bank->device.priv;
     guint mask =
         index < 0 ? mask_of(lamps->first_relay, bank->n) : mask_of(lamps->first_relay + index, 1);
-    if (board_switch(lamps->board, mask, on, on_lamp, bank, index, error))
+    if (board_switch(lamps->board, mask, on, usb_relays_on_lamp, bank, index, error))
         return TRUE;
     g_prefix_error(error, "lamps %s: ", bank->device.name);
     return FALSE;
 }
 
-static gboolean open_lamps(LampBank *bank, GError **error) {
+static gboolean usb_relays_open_lamps(LampBank *bank, GError **error) {
     struct relay_lamps *lamps = bank->device.priv;
     g_autofree char *who = g_strdup_printf("lamps %s", bank->device.name);
     bank->n = lamps->n_lamps;
@@ -346,7 +346,7 @@ static gboolean open_lamps(LampBank *bank, GError **error) {
     return lamps->board != NULL;
 }
 
-static void close_lamps(LampBank *bank) {
+static void usb_relays_close_lamps(LampBank *bank) {
     struct relay_lamps *lamps = bank->device.priv;
     board_leave(lamps->board, bank, mask_of(lamps->first_relay, bank->n));
 }
@@ -354,8 +354,8 @@ static void close_lamps(LampBank *bank) {
 const struct lamps_driver usb_relays_driver = {
     .info = {"lamps", "usb-relays", "Lamps on a USB relay board (16c0:05df, up to 8 relays)",
              lamps_options, sizeof(struct relay_lamps)},
-    .open = open_lamps,
-    .close = close_lamps,
+    .open = usb_relays_open_lamps,
+    .close = usb_relays_close_lamps,
     .set = lamps_switch,
 };
 
@@ -377,19 +377,20 @@ static const struct option laser_options[] = {
     {NULL},
 };
 
-static void on_laser(gpointer device, int index, gboolean on, GError *error) {
+static void usb_relays_on_laser(gpointer device, int index, gboolean on, GError *error) {
     laser_report(device, on, error);
 }
 
 static gboolean laser_switch(Laser *laser, gboolean on, GError **error) {
     struct relay_laser *priv = laser->device.priv;
-    if (board_switch(priv->board, mask_of(priv->relay, 1), on, on_laser, laser, 0, error))
+    if (board_switch(priv->board, mask_of(priv->relay, 1), on, usb_relays_on_laser, laser, 0,
+                     error))
         return TRUE;
     g_prefix_error(error, "laser %s: ", laser->device.name);
     return FALSE;
 }
 
-static gboolean open_laser(Laser *laser, GError **error) {
+static gboolean usb_relays_open_laser(Laser *laser, GError **error) {
     struct relay_laser *priv = laser->device.priv;
     g_autofree char *who = g_strdup_printf("laser %s", laser->device.name);
     int n = 1;
@@ -398,7 +399,7 @@ static gboolean open_laser(Laser *laser, GError **error) {
     return priv->board != NULL;
 }
 
-static void close_laser(Laser *laser) {
+static void usb_relays_close_laser(Laser *laser) {
     struct relay_laser *priv = laser->device.priv;
     board_leave(priv->board, laser, mask_of(priv->relay, 1));
 }
@@ -406,7 +407,7 @@ static void close_laser(Laser *laser) {
 const struct laser_driver usb_relay_laser_driver = {
     .info = {"laser", "usb-relay-laser", "A laser switched by a relay of a USB relay board",
              laser_options, sizeof(struct relay_laser)},
-    .open = open_laser,
-    .close = close_laser,
+    .open = usb_relays_open_laser,
+    .close = usb_relays_close_laser,
     .set = laser_switch,
 };

@@ -15,7 +15,7 @@
 
 static const guint16 tics[] = {0x00b3, 0x00b5, 0x00bd, 0x00c9, 0x00cb};
 
-static char *read_attribute(const char *path, const char *name) {
+static char *usb_scan_read_attribute(const char *path, const char *name) {
     g_autofree char *file = g_build_filename("/sys/bus/usb/devices", path, name, NULL);
     char *text = NULL;
     if (!g_file_get_contents(file, &text, NULL, NULL))
@@ -48,9 +48,9 @@ static gboolean is_tic(const struct libusb_device_descriptor *descriptor) {
     return FALSE;
 }
 
-static void describe(const struct libusb_device_descriptor *descriptor, const char *path,
-                     struct found *found) {
-    g_autofree char *product = read_attribute(path, "product");
+static void usb_scan_describe(const struct libusb_device_descriptor *descriptor, const char *path,
+                              struct found *found) {
+    g_autofree char *product = usb_scan_read_attribute(path, "product");
     if (is_tic(descriptor) && *found->serial)
         found->section = g_strdup_printf("[axis NAME]\ndriver = tic-axis\nserial = %s\n"
                                          "# steps_per_deg = microsteps in a degree of the axis\n",
@@ -86,15 +86,15 @@ static void add_device(libusb_device *device, GPtrArray *to) {
     g_string_printf(path, "%u", libusb_get_bus_number(device));
     for (int i = 0; i < n; i++)
         g_string_append_printf(path, "%c%u", i ? '.' : '-', ports[i]);
-    g_autofree char *maker = read_attribute(path->str, "manufacturer");
-    g_autofree char *product = read_attribute(path->str, "product");
-    g_autofree char *serial = read_attribute(path->str, "serial");
+    g_autofree char *maker = usb_scan_read_attribute(path->str, "manufacturer");
+    g_autofree char *product = usb_scan_read_attribute(path->str, "product");
+    g_autofree char *serial = usb_scan_read_attribute(path->str, "serial");
     g_autofree char *what =
         *maker || *product
             ? g_strdup_printf("%s%s%s", maker, *maker ? " " : "", product)
             : g_strdup_printf("%04x:%04x", descriptor.idVendor, descriptor.idProduct);
     struct found *found = found_add(to, "usb", path->str, what, serial);
-    describe(&descriptor, path->str, found);
+    usb_scan_describe(&descriptor, path->str, found);
     note_access(device, found);
 }
 

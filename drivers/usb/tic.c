@@ -158,11 +158,11 @@ static char *errors_text(int errors) {
     return g_strdup_printf("error status 0x%04x", errors);
 }
 
-static gint64 now_us(const Axis *axis) {
+static gint64 usb_tic_now_us(const Axis *axis) {
     return clock_now_us(axis->device.clock);
 }
 
-static void let_go(Axis *axis) {
+static void usb_tic_let_go(Axis *axis) {
     struct tic *tic = axis->device.priv;
     clock_cancel(axis->device.clock, &tic->timer);
     g_clear_pointer(&tic->usb, usb_close);
@@ -170,21 +170,21 @@ static void let_go(Axis *axis) {
 }
 
 /* Last in its caller: the listener may close the axis. Takes the error. */
-static void fault(Axis *axis, GError *error) {
+static void usb_tic_fault(Axis *axis, GError *error) {
     struct tic *tic = axis->device.priv;
     tic->phase = STANDING;
     tic->watched = FALSE;
     clock_cancel(axis->device.clock, &tic->timer);
     if (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED))
-        let_go(axis);
+        usb_tic_let_go(axis);
     axis_report(axis, AXIS_FAULT, error);
 }
 
-static void on_lost(UsbDevice *usb, gpointer data) {
+static void usb_tic_on_lost(UsbDevice *usb, gpointer data) {
     Axis *axis = data;
-    fault(axis,
-          g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                      "axis %s: unplugged; plug it in again, then home it", axis->device.name));
+    usb_tic_fault(axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
+                                    "axis %s: unplugged; plug it in again, then home it",
+                                    axis->device.name));
 }
 
 static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
@@ -193,7 +193,7 @@ static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *e
     struct tic *tic = axis->device.priv;
     /* Once it stands because of one failure, the others of the same cause are not told. */
     if (error && (tic->phase != STANDING || tic->watched))
-        fault(axis, g_error_copy(error));
+        usb_tic_fault(axis, g_error_copy(error));
 }
 
 static gboolean send(Axis *axis, enum request request, gint32 value, GError **error) {
@@ -213,8 +213,8 @@ static void broke_down(Axis *axis, enum device_error code, const char *why) {
     struct tic *tic = axis->device.priv;
     /* It may still turn; the answer is not waited for. */
     send(axis, HALT_AND_HOLD, 0, NULL);
-    fault(axis, g_error_new(DEVICE_ERROR, (int)code, "axis %s: at %.3f°: %s; then home it",
-                            axis->device.name, tic->position_deg, why));
+    usb_tic_fault(axis, g_error_new(DEVICE_ERROR, (int)code, "axis %s: at %.3f°: %s; then home it",
+                                    axis->device.name, tic->position_deg, why));
 }
 
 static gboolean ran_into_limit(const struct tic *tic, const struct status *status) {
@@ -232,7 +232,7 @@ static gboolean was_starved(const struct tic *tic, const struct status *status) 
            tic->hunger_us > tic->timeout_ms * (gint64)1000;
 }
 
-static void go_on(Axis *axis) {
+static void usb_tic_go_on(Axis *axis) {
     struct tic *tic = axis->device.priv;
     gboolean to_target = tic->phase == MOVING || tic->on_target;
     GError *error = NULL;
@@ -241,19 +241,19 @@ static void go_on(Axis *axis) {
     if (!send(axis, EXIT_SAFE_START, 0, &error) ||
         !send(axis, to_target ? SET_TARGET_POSITION : SET_TARGET_VELOCITY,
               to_target ? tic->target_steps : 0, &error)) {
-        fault(axis, error);
+        usb_tic_fault(axis, error);
         return;
     }
     tic->was_well = FALSE;
     tic->hunger_us = 0;
     tic->n_started++;
-    tic->start_us = now_us(axis);
+    tic->start_us = usb_tic_now_us(axis);
 }
 
 /* Whether something is wrong that ends the movement; has told so then. */
 static gboolean is_broken(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
-    gboolean late = now_us(axis) > tic->start_us + GRACE_US;
+    gboolean late = usb_tic_now_us(axis) > tic->start_us + GRACE_US;
     if (!status->errors && status->state == STATE_NORMAL) {
         tic->was_well = TRUE;
         tic->hunger_us = 0;
@@ -278,7 +278,7 @@ static gboolean is_broken(Axis *axis, const struct status *status) {
 
 static void look_at_homing(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
-    gboolean late = now_us(axis) > tic->start_us + GRACE_US;
+    gboolean late = usb_tic_now_us(axis) > tic->start_us + GRACE_US;
     if (status->flags & HOMING_ACTIVE)
         return;
     if (!(status->flags & POSITION_UNCERTAIN) && status->velocity == 0) {
@@ -302,7 +302,7 @@ static void look_at_move(Axis *axis, const struct status *status) {
     }
 }
 
-static void look(Axis *axis, const struct status *status) {
+static void usb_tic_look(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     tic->position_deg = tic->home_deg + status->position / tic->steps_per_deg;
     if (tic->n_asked != tic->n_started)
@@ -310,7 +310,7 @@ static void look(Axis *axis, const struct status *status) {
     if (tic->phase == STOPPING && status->velocity == 0)
         ended(axis, AXIS_STOPPED);
     else if (tic->phase != STOPPING && was_starved(tic, status))
-        go_on(axis);
+        usb_tic_go_on(axis);
     else if (tic->phase == STOPPING || is_broken(axis, status))
         return;
     else if (tic->phase == HOMING)
@@ -333,7 +333,7 @@ static gboolean read_status(const guint8 *data, gsize n, struct status *ret) {
     return TRUE;
 }
 
-static void wake(Axis *axis);
+static void usb_tic_wake(Axis *axis);
 
 static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
                       gpointer user) {
@@ -344,24 +344,24 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
     if (tic->phase == STANDING && !tic->watched)
         return;
     if (error) {
-        fault(axis, g_error_copy(error));
+        usb_tic_fault(axis, g_error_copy(error));
     } else if (!read_status(data, n, &status)) {
-        fault(axis,
-              g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                          "axis %s: answered %d bytes of %d; check its firmware, then home it",
-                          axis->device.name, (int)n, VARIABLES_SIZE));
+        usb_tic_fault(
+            axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
+                              "axis %s: answered %d bytes of %d; check its firmware, then home it",
+                              axis->device.name, (int)n, VARIABLES_SIZE));
     } else {
-        tic->hunger_us = MAX(tic->hunger_us, now_us(axis) - tic->fed_us);
+        tic->hunger_us = MAX(tic->hunger_us, usb_tic_now_us(axis) - tic->fed_us);
         tic->fed_us = tic->asked_us;
-        wake(axis);
-        look(axis, &status);
+        usb_tic_wake(axis);
+        usb_tic_look(axis, &status);
     }
 }
 
 static const struct usb_request get_status = {TYPE_IN,         GET_VARIABLE, 0,
                                               OPERATION_STATE, NULL,         VARIABLES_SIZE};
 
-static void on_timer(gpointer data) {
+static void usb_tic_on_timer(gpointer data) {
     Axis *axis = data;
     struct tic *tic = axis->device.priv;
     GError *error = NULL;
@@ -369,20 +369,20 @@ static void on_timer(gpointer data) {
     if (tic->asked)
         return;
     tic->asked = TRUE;
-    tic->asked_us = now_us(axis);
+    tic->asked_us = usb_tic_now_us(axis);
     tic->n_asked = tic->n_started;
     if (!send(axis, RESET_COMMAND_TIMEOUT, 0, &error) ||
         !usb_control(tic->usb, &get_status, ANSWER_MS, on_status, axis, &error)) {
         tic->asked = FALSE;
-        fault(axis, error);
+        usb_tic_fault(axis, error);
     }
 }
 
-static void wake(Axis *axis) {
+static void usb_tic_wake(Axis *axis) {
     struct tic *tic = axis->device.priv;
     gint64 period_ms = tic->phase == STANDING ? MAX(STANDING_MS, tic->poll_ms) : tic->poll_ms;
     clock_cancel(axis->device.clock, &tic->timer);
-    tic->timer = clock_call_in(axis->device.clock, period_ms * 1000, on_timer, axis);
+    tic->timer = clock_call_in(axis->device.clock, period_ms * 1000, usb_tic_on_timer, axis);
 }
 
 static gint32 speed_units(const struct tic *tic) {
@@ -399,9 +399,9 @@ static void started(Axis *axis, enum phase phase) {
     tic->on_target = FALSE;
     tic->was_well = FALSE;
     tic->n_started++;
-    tic->start_us = tic->fed_us = now_us(axis);
+    tic->start_us = tic->fed_us = usb_tic_now_us(axis);
     tic->hunger_us = 0;
-    wake(axis);
+    usb_tic_wake(axis);
 }
 
 static gboolean check_plugged(Axis *axis, GError **error) {
@@ -413,7 +413,7 @@ static gboolean check_plugged(Axis *axis, GError **error) {
     return FALSE;
 }
 
-static gboolean set_up(Axis *axis, GError **error) {
+static gboolean usb_tic_set_up(Axis *axis, GError **error) {
     const struct tic *tic = axis->device.priv;
     return send(axis, CLEAR_DRIVER_ERROR, 0, error) && send(axis, ENERGIZE, 0, error) &&
            send(axis, SET_MAX_SPEED, speed_units(tic), error) &&
@@ -434,17 +434,17 @@ static gboolean set_off_home(Axis *axis, GError **error) {
 
 static gboolean connect_usb(Axis *axis, GError **error);
 
-static gboolean home(Axis *axis, GError **error) {
+static gboolean usb_tic_home(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!tic->usb && !connect_usb(axis, error))
         return FALSE;
-    if (!set_up(axis, error) || !set_off_home(axis, error))
+    if (!usb_tic_set_up(axis, error) || !set_off_home(axis, error))
         return FALSE;
     started(axis, HOMING);
     return TRUE;
 }
 
-static gboolean move(Axis *axis, double target_deg, GError **error) {
+static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
     struct tic *tic = axis->device.priv;
     double steps = round((target_deg - tic->home_deg) * tic->steps_per_deg);
     if (!check_plugged(axis, error))
@@ -465,7 +465,7 @@ static gboolean move(Axis *axis, double target_deg, GError **error) {
 }
 
 /* By a target velocity of 0 it brakes as set and its position stays known; a halt would lose it. */
-static gboolean stop(Axis *axis, GError **error) {
+static gboolean usb_tic_stop(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!check_plugged(axis, error))
         return FALSE;
@@ -476,13 +476,13 @@ static gboolean stop(Axis *axis, GError **error) {
     return TRUE;
 }
 
-static double position(Axis *axis) {
+static double usb_tic_position(Axis *axis) {
     const struct tic *tic = axis->device.priv;
     return tic->on_target ? tic->target_deg : tic->position_deg;
 }
 
-static gboolean get_setting(Axis *axis, enum setting setting, guint16 length, guint8 *ret,
-                            GError **error) {
+static gboolean usb_tic_get_setting(Axis *axis, enum setting setting, guint16 length, guint8 *ret,
+                                    GError **error) {
     struct tic *tic = axis->device.priv;
     struct usb_request request = {TYPE_IN, GET_SETTING, 0, (guint16)setting, NULL, length};
     int n = usb_control_sync(tic->usb, &request, ret, error);
@@ -499,8 +499,8 @@ static gboolean get_setting(Axis *axis, enum setting setting, guint16 length, gu
 static gboolean check_settings(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     guint8 mode, timeout[2];
-    if (!get_setting(axis, CONTROL_MODE, 1, &mode, error) ||
-        !get_setting(axis, COMMAND_TIMEOUT, 2, timeout, error))
+    if (!usb_tic_get_setting(axis, CONTROL_MODE, 1, &mode, error) ||
+        !usb_tic_get_setting(axis, COMMAND_TIMEOUT, 2, timeout, error))
         return FALSE;
     int timeout_ms = tic->timeout_ms = timeout[0] | timeout[1] << 8;
     if (mode != 0) {
@@ -549,16 +549,16 @@ static gboolean connect_usb(Axis *axis, GError **error) {
                               .interface_class = CLASS_TIC,
                               .serial = tic->serial,
                               .path = tic->path};
-    tic->usb = usb_open(&match, on_lost, axis, error);
+    tic->usb = usb_open(&match, usb_tic_on_lost, axis, error);
     if (!tic->usb)
         return FALSE;
     if (check_settings(axis, error) && read_position(axis, error))
         return TRUE;
-    let_go(axis);
+    usb_tic_let_go(axis);
     return FALSE;
 }
 
-static gboolean check_options(const Axis *axis, GError **error) {
+static gboolean usb_tic_check_options(const Axis *axis, GError **error) {
     const struct tic *tic = axis->device.priv;
     double speed = tic->motion.speed_deg_s * tic->steps_per_deg * SPEED_UNITS;
     double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
@@ -572,29 +572,29 @@ static gboolean check_options(const Axis *axis, GError **error) {
     return FALSE;
 }
 
-static gboolean open_axis(Axis *axis, GError **error) {
+static gboolean usb_tic_open_axis(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    if (!check_options(axis, error) || !connect_usb(axis, error))
+    if (!usb_tic_check_options(axis, error) || !connect_usb(axis, error))
         return FALSE;
     axis->motion = tic->motion;
     return TRUE;
 }
 
-static void close_axis(Axis *axis) {
+static void usb_tic_close_axis(Axis *axis) {
     struct tic *tic = axis->device.priv;
     if (tic->usb && tic->phase != STANDING)
         usb_control_sync(tic->usb, &brake, NULL, NULL);
-    let_go(axis);
+    usb_tic_let_go(axis);
 }
 
 const struct axis_driver tic_axis_driver = {
     .info = {"axis", "tic-axis",
              "An axis turned by a stepper motor on a Pololu Tic (T825, T834, T500, T249, 36v4)",
              options, sizeof(struct tic)},
-    .open = open_axis,
-    .close = close_axis,
-    .home = home,
-    .move = move,
-    .stop = stop,
-    .position = position,
+    .open = usb_tic_open_axis,
+    .close = usb_tic_close_axis,
+    .home = usb_tic_home,
+    .move = usb_tic_move,
+    .stop = usb_tic_stop,
+    .position = usb_tic_position,
 };

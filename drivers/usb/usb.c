@@ -95,7 +95,7 @@ static int status_code(enum libusb_transfer_status status) {
     }
 }
 
-static void tell(struct transfer *transfer) {
+static void usb_usb_tell(struct transfer *transfer) {
     UsbDevice *usb = transfer->usb;
     int code = status_code(transfer->libusb->status);
     g_autoptr(GError) error = code ? library_error(usb, code) : NULL;
@@ -120,7 +120,7 @@ static gboolean has_news(const struct context *context) {
 }
 
 /* libusb keeps its deadlines by a timerfd on Linux; asked all the same. */
-static gboolean prepare(GSource *source, gint *timeout) {
+static gboolean usb_usb_prepare(GSource *source, gint *timeout) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval next;
     *timeout = -1;
@@ -130,7 +130,7 @@ static gboolean prepare(GSource *source, gint *timeout) {
     return has_news(context);
 }
 
-static gboolean check(GSource *source) {
+static gboolean usb_usb_check(GSource *source) {
     struct context *context = ((struct context_source *)source)->context;
     GHashTableIter iter;
     gpointer tag;
@@ -146,7 +146,7 @@ static gboolean check(GSource *source) {
 static void context_unref(struct context *context);
 
 /* Who is told may close any device. */
-static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
+static gboolean usb_usb_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval zero = {0};
     struct transfer *transfer;
@@ -154,7 +154,7 @@ static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_da
     context->refs++;
     libusb_handle_events_timeout_completed(context->libusb, &zero, NULL);
     while ((transfer = g_queue_pop_head(&context->done)))
-        tell(transfer);
+        usb_usb_tell(transfer);
     while ((usb = next_lost(context))) {
         usb->told = TRUE;
         usb->lost_func(usb, usb->user);
@@ -163,7 +163,8 @@ static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer unused_da
     return G_SOURCE_CONTINUE;
 }
 
-static GSourceFuncs source_funcs = {.prepare = prepare, .check = check, .dispatch = dispatch};
+static GSourceFuncs source_funcs = {
+    .prepare = usb_usb_prepare, .check = usb_usb_check, .dispatch = usb_usb_dispatch};
 
 static void LIBUSB_CALL on_fd_added(int fd, short events, void *data) {
     struct context *context = data;
@@ -190,7 +191,7 @@ static int LIBUSB_CALL on_left(libusb_context *unused, libusb_device *device,
     return 0;
 }
 
-static void watch(struct context *context) {
+static void usb_usb_watch(struct context *context) {
     const struct libusb_pollfd **fds = libusb_get_pollfds(context->libusb);
     for (int i = 0; fds && fds[i]; i++)
         on_fd_added(fds[i]->fd, fds[i]->events, context);
@@ -220,7 +221,7 @@ static struct context *context_ref(const char *who, GError **error) {
     context->source = g_source_new(&source_funcs, sizeof(struct context_source));
     ((struct context_source *)context->source)->context = context;
     g_source_set_name(context->source, "mesorig usb");
-    watch(context);
+    usb_usb_watch(context);
     g_source_attach(context->source, NULL);
     shared = context;
     return context;
@@ -358,7 +359,7 @@ static char *read_string(UsbDevice *usb, guint8 index) {
     return utf8 ? utf8 : g_strdup("");
 }
 
-static char *path_of(libusb_device *device) {
+static char *usb_usb_path_of(libusb_device *device) {
     guint8 ports[8];
     int n = libusb_get_port_numbers(device, ports, G_N_ELEMENTS(ports));
     GString *path = g_string_new(NULL);
@@ -392,7 +393,7 @@ static int find_interface(libusb_device *device, guint8 class) {
     return found;
 }
 
-static gboolean claim(UsbDevice *usb, const struct usb_match *match, GError **error) {
+static gboolean usb_usb_claim(UsbDevice *usb, const struct usb_match *match, GError **error) {
     if (usb->interface >= 0)
         return TRUE;
     int number = find_interface(libusb_get_device(usb->handle), match->interface_class);
@@ -424,7 +425,7 @@ static gboolean identify(UsbDevice *usb, const struct usb_match *match,
         usb->serial = read_string(usb, descriptor->iSerialNumber);
         return TRUE;
     }
-    if (!claim(usb, match, error))
+    if (!usb_usb_claim(usb, match, error))
         return FALSE;
     usb->serial = match->read_serial(usb);
     return TRUE;
@@ -454,12 +455,12 @@ static UsbDevice *try_open(struct context *context, const struct usb_match *matc
     return NULL;
 }
 
-static gboolean fits(const struct usb_match *match, const UsbDevice *usb) {
+static gboolean usb_usb_fits(const struct usb_match *match, const UsbDevice *usb) {
     return has_name(match, usb) &&
            (!match->serial || !*match->serial || g_strcmp0(usb->serial, match->serial) == 0);
 }
 
-static void add_seen(GString *seen, const UsbDevice *usb, const char *path) {
+static void usb_usb_add_seen(GString *seen, const UsbDevice *usb, const char *path) {
     g_string_append_printf(seen, "%s%s (serial \"%s\", path %s)", seen->len ? ", " : "",
                            *usb->product ? usb->product : "a device", usb->serial, path);
 }
@@ -474,14 +475,14 @@ static GList *find_all(struct context *context, const struct usb_match *match, G
         struct libusb_device_descriptor descriptor;
         if (!is_product(match, all[i], &descriptor))
             continue;
-        g_autofree char *path = path_of(all[i]);
+        g_autofree char *path = usb_usb_path_of(all[i]);
         if (match->path && *match->path && strcmp(match->path, path) != 0)
             continue;
         UsbDevice *usb = try_open(context, match, all[i], &descriptor, error);
         if (!usb)
             continue;
-        add_seen(seen, usb, path);
-        if (fits(match, usb))
+        usb_usb_add_seen(seen, usb, path);
+        if (usb_usb_fits(match, usb))
             found = g_list_append(found, usb);
         else
             usb_close(usb);
@@ -496,12 +497,12 @@ static void close_one(gpointer usb) {
 }
 
 /* Takes the list. */
-static UsbDevice *choose(const struct usb_match *match, GList *found, const char *seen,
-                         GError **error) {
+static UsbDevice *usb_usb_choose(const struct usb_match *match, GList *found, const char *seen,
+                                 GError **error) {
     if (found && !found->next) {
         UsbDevice *usb = found->data;
         g_list_free(found);
-        if (claim(usb, match, error))
+        if (usb_usb_claim(usb, match, error))
             return usb;
         usb_close(usb);
         return NULL;
@@ -532,7 +533,7 @@ UsbDevice *usb_open(const struct usb_match *match, UsbLostFunc lost, gpointer us
     if (!found && refused)
         g_propagate_error(error, g_steal_pointer(&refused));
     else
-        usb = choose(match, found, seen->str, error);
+        usb = usb_usb_choose(match, found, seen->str, error);
     g_clear_error(&refused);
     if (usb) {
         usb->lost_func = lost;

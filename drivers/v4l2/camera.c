@@ -89,7 +89,7 @@ static const struct option options[] = {
     {NULL},
 };
 
-static gint64 now_us(const Camera *camera) {
+static gint64 v4l2_camera_now_us(const Camera *camera) {
     return clock_now_us(camera->device.clock);
 }
 
@@ -165,13 +165,13 @@ static void report_wrong_clock(Camera *camera) {
                                     v4l2->who, v4l2->node.path));
 }
 
-static void watch(Camera *camera);
+static void v4l2_camera_watch(Camera *camera);
 
 static void on_again(gpointer data) {
     Camera *camera = data;
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->timer = 0;
-    watch(camera);
+    v4l2_camera_watch(camera);
 }
 
 static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
@@ -204,7 +204,7 @@ static gboolean on_ready(gint fd, GIOCondition condition, gpointer data) {
 
 /* Only while a frame is waited for: otherwise the buffers stay full, and the kernel drops what
  * comes. */
-static void watch(Camera *camera) {
+static void v4l2_camera_watch(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->source = g_unix_fd_add(v4l2->node.fd, G_IO_IN | G_IO_ERR | G_IO_HUP, on_ready, camera);
 }
@@ -228,22 +228,23 @@ static int drain(const struct v4l2_camera *v4l2) {
     return 0;
 }
 
-static gboolean trigger(Camera *camera, guint64 shot, GError **error) {
+static gboolean v4l2_camera_trigger(Camera *camera, guint64 shot, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->broken = drain(v4l2);
     v4l2->shot = shot;
-    v4l2->earliest_us = MAX(now_us(camera), v4l2->settled_us);
+    v4l2->earliest_us = MAX(v4l2_camera_now_us(camera), v4l2->settled_us);
     if (v4l2->broken)
         v4l2->timer = clock_call_in(camera->device.clock, 0, on_broken, camera);
     else
-        watch(camera);
+        v4l2_camera_watch(camera);
     return TRUE;
 }
 
-static gboolean refuse(const struct v4l2_camera *v4l2, GError **error, enum device_error code,
-                       const char *format, ...) G_GNUC_PRINTF(4, 5);
-static gboolean refuse(const struct v4l2_camera *v4l2, GError **error, enum device_error code,
-                       const char *format, ...) {
+static gboolean v4l2_camera_refuse(const struct v4l2_camera *v4l2, GError **error,
+                                   enum device_error code, const char *format, ...)
+    G_GNUC_PRINTF(4, 5);
+static gboolean v4l2_camera_refuse(const struct v4l2_camera *v4l2, GError **error,
+                                   enum device_error code, const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
@@ -263,47 +264,51 @@ static gboolean set_exposure(const struct v4l2_camera *v4l2, gint64 exposure_us,
         return TRUE; /* the class has checked that it is this one */
     gint64 value = video_range_nearest(range, (double)exposure_us / unit);
     if (fabs((double)value * unit / (double)exposure_us - 1) > 0.01)
-        return refuse(v4l2, error, DEVICE_ERROR_RANGE,
-                      "cannot expose for %" G_GINT64_FORMAT " µs, only in steps of %g µs: the "
-                      "nearest is %g µs",
-                      exposure_us, (double)range->step * unit, (double)value * unit);
+        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_RANGE,
+                                  "cannot expose for %" G_GINT64_FORMAT
+                                  " µs, only in steps of %g µs: the "
+                                  "nearest is %g µs",
+                                  exposure_us, (double)range->step * unit, (double)value * unit);
     return video_control_set(&v4l2->node, v4l2->who, range->id, value, error);
 }
 
 static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError **error) {
     const struct video_range *range = &v4l2->controls.gain;
     if (gain_db != 0 && (range->id == 0 || v4l2->gain_per_db == 0))
-        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                      "cannot be set to a gain of %g dB: %s; use gain_db = 0", gain_db,
-                      range->id ? "what its gain control means is not known (gain_per_db)"
-                                : "it has no gain control");
+        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                                  "cannot be set to a gain of %g dB: %s; use gain_db = 0", gain_db,
+                                  range->id
+                                      ? "what its gain control means is not known (gain_per_db)"
+                                      : "it has no gain control");
     if (range->id == 0)
         return TRUE;
     double zero = v4l2->gain_0db >= 0 ? v4l2->gain_0db : (double)range->min;
     double wanted = zero + gain_db * v4l2->gain_per_db;
     if (wanted < (double)range->min || wanted > (double)range->max)
-        return refuse(v4l2, error, DEVICE_ERROR_RANGE,
-                      "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
-                      " to %" G_GINT64_FORMAT ", and that would be %g",
-                      gain_db, range->min, range->max, wanted);
+        return v4l2_camera_refuse(
+            v4l2, error, DEVICE_ERROR_RANGE,
+            "cannot be set to a gain of %g dB: its control goes from %" G_GINT64_FORMAT
+            " to %" G_GINT64_FORMAT ", and that would be %g",
+            gain_db, range->min, range->max, wanted);
     return video_control_set(&v4l2->node, v4l2->who, range->id, video_range_nearest(range, wanted),
                              error);
 }
 
-static gboolean apply_settings(Camera *camera, GError **error) {
+static gboolean v4l2_camera_apply_settings(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     if (!set_exposure(v4l2, v4l2->settings.exposure_us, error) ||
         !set_gain(v4l2, v4l2->settings.gain_db, error))
         return FALSE;
-    v4l2->settled_us = now_us(camera) + v4l2->settle_frames * v4l2->setup.interval_us;
+    v4l2->settled_us = v4l2_camera_now_us(camera) + v4l2->settle_frames * v4l2->setup.interval_us;
     return TRUE;
 }
 
 /* Of a camera that is gone it is remembered, and done when it is found again. */
-static gboolean configure(Camera *camera, const struct camera_settings *settings, GError **error) {
+static gboolean v4l2_camera_configure(Camera *camera, const struct camera_settings *settings,
+                                      GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->settings = *settings;
-    return v4l2->node.fd < 0 || apply_settings(camera, error);
+    return v4l2->node.fd < 0 || v4l2_camera_apply_settings(camera, error);
 }
 
 static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
@@ -311,8 +316,8 @@ static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
     if (!video_controls_by_hand(&v4l2->node, v4l2->who, error))
         return FALSE;
     if (v4l2->white_balance_k > 0 && white->id == 0)
-        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                      "has no white balance control: leave white_balance_k out");
+        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                                  "has no white balance control: leave white_balance_k out");
     if (v4l2->white_balance_k > 0 &&
         !video_control_set(&v4l2->node, v4l2->who, white->id, v4l2->white_balance_k, error))
         return FALSE;
@@ -322,19 +327,21 @@ static gboolean set_controls(const struct v4l2_camera *v4l2, GError **error) {
     return TRUE;
 }
 
-static gboolean check_exposure(const struct v4l2_camera *v4l2, GError **error) {
+static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GError **error) {
     if (v4l2->fixed_exposure_us > 0)
         return TRUE;
     if (v4l2->controls.exposure.id == 0)
-        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                      "(%s) has no control for its exposure; if it is fixed and known, write "
-                      "fixed_exposure_us",
-                      v4l2->node.card);
+        return v4l2_camera_refuse(
+            v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+            "(%s) has no control for its exposure; if it is fixed and known, write "
+            "fixed_exposure_us",
+            v4l2->node.card);
     if (exposure_unit_us(v4l2) <= 0)
-        return refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                      "(%s) counts its exposure in steps of its own: write how long one is as "
-                      "exposure_unit_us",
-                      v4l2->node.card);
+        return v4l2_camera_refuse(
+            v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+            "(%s) counts its exposure in steps of its own: write how long one is as "
+            "exposure_unit_us",
+            v4l2->node.card);
     return TRUE;
 }
 
@@ -344,7 +351,7 @@ static gboolean count_load(struct v4l2_camera *v4l2, GError **error) {
            video_load_add(v4l2->who, sysfs, video_setup_mb_s(&v4l2->setup), &v4l2->load, error);
 }
 
-static void disconnect(struct v4l2_camera *v4l2) {
+static void v4l2_camera_disconnect(struct v4l2_camera *v4l2) {
     video_node_close(&v4l2->node);
     g_clear_pointer(&v4l2->load, video_load_remove);
 }
@@ -356,9 +363,10 @@ static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
         return FALSE;
     video_controls_read(&v4l2->node, &v4l2->controls);
     if (video_setup_apply(&v4l2->node, v4l2->who, &wish, &v4l2->setup, error) &&
-        check_exposure(v4l2, error) && count_load(v4l2, error) && set_controls(v4l2, error))
+        v4l2_camera_check_exposure(v4l2, error) && count_load(v4l2, error) &&
+        set_controls(v4l2, error))
         return TRUE;
-    disconnect(v4l2);
+    v4l2_camera_disconnect(v4l2);
     return FALSE;
 }
 
@@ -371,26 +379,27 @@ static gboolean find_again(Camera *camera, GError **error) {
     }
     if (v4l2->setup.format == before.format && v4l2->setup.width == before.width &&
         v4l2->setup.height == before.height && v4l2->setup.interval_us == before.interval_us)
-        return v4l2->settings.exposure_us == 0 || apply_settings(camera, error);
+        return v4l2->settings.exposure_us == 0 || v4l2_camera_apply_settings(camera, error);
     v4l2->setup = before;
-    refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-           "came back with other pictures: it is another camera, or another program has set it; "
-           "start the rig again, or write format, width, height and frame_rate");
-    disconnect(v4l2);
+    v4l2_camera_refuse(
+        v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+        "came back with other pictures: it is another camera, or another program has set it; "
+        "start the rig again, or write format, width, height and frame_rate");
+    v4l2_camera_disconnect(v4l2);
     return FALSE;
 }
 
-static gboolean arm(Camera *camera, GError **error) {
+static gboolean v4l2_camera_arm(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     if (v4l2->node.fd < 0 && !find_again(camera, error))
         return FALSE;
     if (video_stream_start(&v4l2->stream, &v4l2->node, v4l2->who, &v4l2->setup, error))
         return TRUE;
-    disconnect(v4l2); /* so that the next try begins anew */
+    v4l2_camera_disconnect(v4l2); /* so that the next try begins anew */
     return FALSE;
 }
 
-static void disarm(Camera *camera) {
+static void v4l2_camera_disarm(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     stop_waiting(camera);
     video_stream_stop(&v4l2->stream, &v4l2->node);
@@ -427,7 +436,7 @@ static void tell_lacking(const struct v4l2_camera *v4l2) {
                   lacking);
 }
 
-static gboolean open_camera(Camera *camera, GError **error) {
+static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2->node.fd = -1;
     if (clock_is_virtual(camera->device.clock)) {
@@ -445,9 +454,9 @@ static gboolean open_camera(Camera *camera, GError **error) {
     return TRUE;
 }
 
-static void close_camera(Camera *camera) {
+static void v4l2_camera_close_camera(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
-    disconnect(v4l2);
+    v4l2_camera_disconnect(v4l2);
     g_clear_pointer(&v4l2->who, g_free);
 }
 
@@ -455,10 +464,10 @@ const struct camera_driver v4l2_camera_driver = {
     .info = {"camera", "v4l2-camera",
              "A USB (UVC) or other camera of the kernel's V4L2, running freely", options,
              sizeof(struct v4l2_camera)},
-    .open = open_camera,
-    .close = close_camera,
-    .configure = configure,
-    .arm = arm,
-    .disarm = disarm,
-    .trigger = trigger,
+    .open = v4l2_camera_open_camera,
+    .close = v4l2_camera_close_camera,
+    .configure = v4l2_camera_configure,
+    .arm = v4l2_camera_arm,
+    .disarm = v4l2_camera_disarm,
+    .trigger = v4l2_camera_trigger,
 };

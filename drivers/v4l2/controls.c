@@ -26,14 +26,15 @@ static const struct {
     {V4L2_CID_IMAGE_STABILIZATION, 0},
 };
 
-static gboolean query(const struct video_node *node, guint32 id, struct v4l2_queryctrl *ret) {
+static gboolean v4l2_controls_query(const struct video_node *node, guint32 id,
+                                    struct v4l2_queryctrl *ret) {
     *ret = (struct v4l2_queryctrl){.id = id};
     return video_ioctl(node, VIDIOC_QUERYCTRL, ret) == 0 && !(ret->flags & V4L2_CTRL_FLAG_DISABLED);
 }
 
 static gboolean read_range(const struct video_node *node, guint32 id, struct video_range *ret) {
     struct v4l2_queryctrl control;
-    if (!query(node, id, &control) || control.flags & V4L2_CTRL_FLAG_READ_ONLY ||
+    if (!v4l2_controls_query(node, id, &control) || control.flags & V4L2_CTRL_FLAG_READ_ONLY ||
         control.maximum < control.minimum)
         return FALSE;
     *ret = (struct video_range){id, control.minimum, control.maximum, MAX(control.step, 1),
@@ -51,8 +52,8 @@ void video_controls_read(const struct video_node *node, struct video_controls *r
     if (!read_range(node, V4L2_CID_GAIN, &ret->gain))
         read_range(node, V4L2_CID_ANALOGUE_GAIN, &ret->gain);
     read_range(node, V4L2_CID_WHITE_BALANCE_TEMPERATURE, &ret->white_balance);
-    ret->has_auto_exposure = query(node, V4L2_CID_EXPOSURE_AUTO, &control);
-    ret->has_auto_white_balance = query(node, V4L2_CID_AUTO_WHITE_BALANCE, &control);
+    ret->has_auto_exposure = v4l2_controls_query(node, V4L2_CID_EXPOSURE_AUTO, &control);
+    ret->has_auto_white_balance = v4l2_controls_query(node, V4L2_CID_AUTO_WHITE_BALANCE, &control);
 }
 
 char *video_controls_lacking(const struct video_controls *controls) {
@@ -73,8 +74,9 @@ gboolean video_control_set(const struct video_node *node, const char *who, guint
                            GError **error) {
     struct v4l2_control control = {id, (gint32)value};
     struct v4l2_queryctrl about;
-    g_autofree char *name =
-        query(node, id, &about) ? g_strndup((char *)about.name, sizeof about.name) : NULL;
+    g_autofree char *name = v4l2_controls_query(node, id, &about)
+                                ? g_strndup((char *)about.name, sizeof about.name)
+                                : NULL;
     g_autofree char *what =
         g_strdup_printf("refused %s = %" G_GINT64_FORMAT, name ? name : "a control", value);
     if (video_ioctl(node, VIDIOC_S_CTRL, &control) < 0) {
@@ -100,8 +102,9 @@ gboolean video_controls_by_hand(const struct video_node *node, const char *who, 
     for (gsize i = 0; i < G_N_ELEMENTS(automatic); i++) {
         struct v4l2_queryctrl control;
         gboolean passive = V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_INACTIVE;
-        if (!query(node, automatic[i].id, &control) || control.flags & (guint32)passive ||
-            automatic[i].value < control.minimum || automatic[i].value > control.maximum)
+        if (!v4l2_controls_query(node, automatic[i].id, &control) ||
+            control.flags & (guint32)passive || automatic[i].value < control.minimum ||
+            automatic[i].value > control.maximum)
             continue;
         if (!video_control_set(node, who, automatic[i].id, automatic[i].value, error))
             return FALSE;

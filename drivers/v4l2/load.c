@@ -61,7 +61,8 @@ static double load_of(const char *link, GString *who) {
     return mb_s;
 }
 
-static gboolean check_link(const char *link, const struct video_load *new, GError **error) {
+static gboolean v4l2_load_check_link(const char *link, const struct video_load *new,
+                                     GError **error) {
     g_autoptr(GString) who = g_string_new(NULL);
     double speed = read_speed(link), most = video_link_mb_s(speed);
     double sum = load_of(link, who) + new->mb_s;
@@ -84,7 +85,7 @@ gboolean video_load_add(const char *who, const char *sysfs, double mb_s, struct 
     load->links = sysfs ? links_above(sysfs) : g_ptr_array_new();
     load->mb_s = mb_s;
     for (guint i = 0; i < load->links->len; i++) {
-        if (!check_link(load->links->pdata[i], load, error)) {
+        if (!v4l2_load_check_link(load->links->pdata[i], load, error)) {
             video_load_remove(load);
             return FALSE;
         }

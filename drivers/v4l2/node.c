@@ -38,7 +38,7 @@ static enum device_error error_code(int code) {
     }
 }
 
-static const char *advice(int code) {
+static const char *v4l2_node_advice(int code) {
     switch (code) {
     case ENODEV:
     case ENXIO:
@@ -62,7 +62,7 @@ static const char *advice(int code) {
 void video_set_error(GError **error, const char *who, const struct video_node *node, int code,
                      const char *what) {
     g_set_error(error, DEVICE_ERROR, error_code(code), "%s: %s %s: %s", who,
-                node->path ? node->path : "the camera", what, advice(code));
+                node->path ? node->path : "the camera", what, v4l2_node_advice(code));
 }
 
 void video_node_close(struct video_node *node) {
@@ -75,7 +75,7 @@ void video_node_close(struct video_node *node) {
     *node = (struct video_node){.fd = -1};
 }
 
-static char *text_of(const guint8 *field, gsize size) {
+static char *v4l2_node_text_of(const guint8 *field, gsize size) {
     g_autofree char *text = g_strndup((const char *)field, size);
     return g_utf8_make_valid(text, -1);
 }
@@ -89,9 +89,9 @@ static gboolean open_path(struct video_node *node, const char *path) {
         return FALSE;
     guint32 can = capability.capabilities & V4L2_CAP_DEVICE_CAPS ? capability.device_caps
                                                                  : capability.capabilities;
-    node->card = text_of(capability.card, sizeof capability.card);
-    node->driver = text_of(capability.driver, sizeof capability.driver);
-    node->bus = text_of(capability.bus_info, sizeof capability.bus_info);
+    node->card = v4l2_node_text_of(capability.card, sizeof capability.card);
+    node->driver = v4l2_node_text_of(capability.driver, sizeof capability.driver);
+    node->bus = v4l2_node_text_of(capability.bus_info, sizeof capability.bus_info);
     node->type = can & V4L2_CAP_VIDEO_CAPTURE          ? V4L2_BUF_TYPE_VIDEO_CAPTURE
                  : can & V4L2_CAP_VIDEO_CAPTURE_MPLANE ? V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE
                                                        : 0;

@@ -54,7 +54,8 @@ static char *make_section(const struct video_node *node, const struct video_form
     return g_string_free(section, FALSE);
 }
 
-static void describe(const struct video_node *node, const GPtrArray *nodes, struct found *found) {
+static void v4l2_scan_describe(const struct video_node *node, const GPtrArray *nodes,
+                               struct found *found) {
     const struct video_format *format = best_format(node);
     struct video_controls controls;
     if (!format) {
@@ -82,7 +83,7 @@ gboolean v4l2_scan(GPtrArray *to, GError **error) {
         struct found *found =
             found_add(to, "video", nodes->pdata[i], opened ? node.card : "a camera", NULL);
         if (opened)
-            describe(&node, nodes, found);
+            v4l2_scan_describe(&node, nodes, found);
         else
             found->note = g_strdup(why->message);
         video_node_close(&node);

@@ -21,10 +21,10 @@ static void fill_asked(struct asked *asked, const struct video_node *node, guint
     asked->buffer.length = 1;
 }
 
-static gboolean refuse(GError **error, const char *who, const struct video_node *node,
-                       const char *format, ...) G_GNUC_PRINTF(4, 5);
-static gboolean refuse(GError **error, const char *who, const struct video_node *node,
-                       const char *format, ...) {
+static gboolean v4l2_stream_refuse(GError **error, const char *who, const struct video_node *node,
+                                   const char *format, ...) G_GNUC_PRINTF(4, 5);
+static gboolean v4l2_stream_refuse(GError **error, const char *who, const struct video_node *node,
+                                   const char *format, ...) {
     va_list args;
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
@@ -59,25 +59,27 @@ static gboolean choose_format(const struct video_node *node, const char *who, co
     *ret = NULL;
     if (name && *name) {
         if (!choose_named(offered, name, ret))
-            refuse(error, who, node,
-                   "cannot be measured with in format %s: what is compressed is no measure of "
-                   "light, and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
-                   name, list);
+            v4l2_stream_refuse(
+                error, who, node,
+                "cannot be measured with in format %s: what is compressed is no measure of "
+                "light, and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
+                name, list);
         return *ret != NULL;
     }
     for (guint i = 0; i < offered->len; i++)
         *ret = video_format_better(*ret, video_format_find(g_array_index(offered, guint32, i)));
     if (!*ret)
-        refuse(error, who, node,
-               "offers only %s: what is compressed is no measure of light; a camera with Bayer, "
-               "mono, YUYV or UYVY is needed",
-               *list ? list : "no format");
+        v4l2_stream_refuse(
+            error, who, node,
+            "offers only %s: what is compressed is no measure of light; a camera with Bayer, "
+            "mono, YUYV or UYVY is needed",
+            *list ? list : "no format");
     return *ret != NULL;
 }
 
-static gboolean set_format(const struct video_node *node, const char *who,
-                           const struct video_wish *wish, struct video_pix *ret, guint32 fourcc,
-                           GError **error) {
+static gboolean v4l2_stream_set_format(const struct video_node *node, const char *who,
+                                       const struct video_wish *wish, struct video_pix *ret,
+                                       guint32 fourcc, GError **error) {
     struct video_pix pix;
     if (video_node_get_pix(node, &pix) == 0) {
         pix.width = wish->width > 0 ? (guint32)wish->width : pix.width;
@@ -90,9 +92,9 @@ static gboolean set_format(const struct video_node *node, const char *who,
     return FALSE;
 }
 
-static gboolean check_format(const struct video_node *node, const char *who,
-                             const struct video_wish *wish, const struct video_pix *pix,
-                             const struct video_setup *setup, GError **error) {
+static gboolean v4l2_stream_check_format(const struct video_node *node, const char *who,
+                                         const struct video_wish *wish, const struct video_pix *pix,
+                                         const struct video_setup *setup, GError **error) {
     g_autofree char *name = video_fourcc_name(setup->format->fourcc);
     g_autofree char *sizes = video_node_sizes(node, setup->format->fourcc);
     gboolean wide = wish->width > 0 && (guint32)wish->width != pix->width;
@@ -101,21 +103,25 @@ static gboolean check_format(const struct video_node *node, const char *who,
         pix->fourcc != setup->format->fourcc ||
         pix->stride < video_format_row_bytes(setup->format, (int)pix->width) ||
         pix->stride > 65536 * 16)
-        return refuse(error, who, node,
-                      "answered a picture of %u × %u in rows of %u bytes to format %s, which makes "
-                      "no sense",
-                      pix->width, pix->height, pix->stride, name);
+        return v4l2_stream_refuse(
+            error, who, node,
+            "answered a picture of %u × %u in rows of %u bytes to format %s, which makes "
+            "no sense",
+            pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
-        return refuse(error, who, node,
-                      "spreads a picture of format %s over %u planes of memory; only those of one "
-                      "are taken: choose another format",
-                      name, pix->planes);
+        return v4l2_stream_refuse(
+            error, who, node,
+            "spreads a picture of format %s over %u planes of memory; only those of one "
+            "are taken: choose another format",
+            name, pix->planes);
     if (wide || high)
-        return refuse(error, who, node,
-                      "has no pictures of %d × %d in format %s, but of %s; set width and height",
-                      wish->width, wish->height, name, *sizes ? sizes : "others");
+        return v4l2_stream_refuse(
+            error, who, node,
+            "has no pictures of %d × %d in format %s, but of %s; set width and height", wish->width,
+            wish->height, name, *sizes ? sizes : "others");
     if (pix->field != V4L2_FIELD_NONE)
-        return refuse(error, who, node, "sends fields of interlaced pictures, not whole ones");
+        return v4l2_stream_refuse(error, who, node,
+                                  "sends fields of interlaced pictures, not whole ones");
     return TRUE;
 }
 
@@ -137,11 +143,13 @@ static gboolean set_rate(const struct video_node *node, const char *who, double 
     if (knows && interval->denominator > 0)
         seconds = (double)interval->numerator / interval->denominator;
     if (seconds <= 0 || seconds > 3600)
-        return refuse(error, who, node, "does not say how often its frames come: set frame_rate");
+        return v4l2_stream_refuse(error, who, node,
+                                  "does not say how often its frames come: set frame_rate");
     if (frame_rate > 0 && fabs(seconds * frame_rate - 1) > 0.05)
-        return refuse(error, who, node,
-                      "does not send %g frames a second in this format, but %.4g: set frame_rate",
-                      frame_rate, 1 / seconds);
+        return v4l2_stream_refuse(
+            error, who, node,
+            "does not send %g frames a second in this format, but %.4g: set frame_rate", frame_rate,
+            1 / seconds);
     *ret_us = MAX(llrint(seconds * 1e6), 1);
     return TRUE;
 }
@@ -151,8 +159,8 @@ gboolean video_setup_apply(const struct video_node *node, const char *who,
     struct video_pix pix;
     *ret = (struct video_setup){0};
     if (!choose_format(node, who, wish->format, &ret->format, error) ||
-        !set_format(node, who, wish, &pix, ret->format->fourcc, error) ||
-        !check_format(node, who, wish, &pix, ret, error) ||
+        !v4l2_stream_set_format(node, who, wish, &pix, ret->format->fourcc, error) ||
+        !v4l2_stream_check_format(node, who, wish, &pix, ret, error) ||
         !set_rate(node, who, wish->frame_rate, &ret->interval_us, error))
         return FALSE;
     ret->width = (int)pix.width;
@@ -179,9 +187,9 @@ static gboolean map_buffer(struct video_stream *stream, const struct video_node 
     guint32 length = many ? asked.plane.length : asked.buffer.length;
     guint32 offset = many ? asked.plane.m.mem_offset : asked.buffer.m.offset;
     if (length < bytes)
-        return refuse(error, who, node,
-                      "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT,
-                      length, bytes);
+        return v4l2_stream_refuse(
+            error, who, node,
+            "has buffers of %u bytes, too small for a picture of %" G_GSIZE_FORMAT, length, bytes);
     guint8 *data = mmap(NULL, length, PROT_READ | PROT_WRITE, MAP_SHARED, node->fd, offset);
     if (data == MAP_FAILED) {
         video_set_error(error, who, node, errno, "did not let its buffers be mapped");
@@ -206,8 +214,9 @@ gboolean video_stream_start(struct video_stream *stream, const struct video_node
         video_set_error(error, who, node, errno, "gave no buffers");
         return FALSE;
     }
-    gboolean ok = request.count >= 2 ||
-                  refuse(error, who, node, "gave %u buffers, too few to stream", request.count);
+    gboolean ok =
+        request.count >= 2 ||
+        v4l2_stream_refuse(error, who, node, "gave %u buffers, too few to stream", request.count);
     for (guint32 i = 0; ok && i < MIN(request.count, VIDEO_BUFFERS); i++)
         ok = map_buffer(stream, node, who, i, setup->bytes, error);
     if (ok && video_ioctl(node, VIDIOC_STREAMON, &type) < 0) {

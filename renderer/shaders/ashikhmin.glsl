@@ -1,4 +1,4 @@
-// Ashikhmin and Shirley 2000 (seed 003 eq. 1), without Fresnel's factor; see lobes.h. Specular
+// Ashikhmin and Shirley 2000 (Kang & Cho 2011 eq. 1), without Fresnel's factor; see lobes.h. Specular
 // part, times π. half_v: see facet_half(). At the normal, where φ is not defined, the exponent does
 // not matter.
 float facet_shine(vec2 rough, vec4 half_v, float nl, float nv, float hl) {

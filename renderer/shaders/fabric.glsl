@@ -1,4 +1,4 @@
-// A plain weave: yarns across each other, whose directions and colours alternate (seed 003 §IV.B).
+// A plain weave: yarns across each other, whose directions and colours alternate (Kang & Cho 2011 §IV.B).
 // Each bends down at its sides and where it dives under the next; see microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;

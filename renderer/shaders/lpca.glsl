@@ -1,5 +1,5 @@
 // Eigen-BRDFs as measured, for every pair of the three views and the three lights around v and l:
-// nine pairs (seed 000 §5).
+// nine pairs (Schneider 2004 §5).
 uniform sampler2DArray brdfs; // x: light · (components + 1) + component, y and layer: see row()
 uniform samplerCube view_indices; // of measured directions, as 1/65535; nearest, as all of these
 uniform samplerCube view_weights;

@@ -1,5 +1,5 @@
 // How microfacets follow a normal n that is not the surface's, z: the squares of x and y of the half
-// vector seen from the frame of the facets, both times w, its z, and w (seed 003); see enum
+// vector seen from the frame of the facets, both times w, its z, and w (Kang & Cho 2011); see enum
 // method_rotation. To be exact both axes have to be divided by the root of w = 1 − n_y²: that is left
 // to who divides anyway.
 vec4 facet_half(vec3 h, vec3 n, int how) {

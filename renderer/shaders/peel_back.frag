@@ -1,4 +1,4 @@
-// The nearest back faces beyond those of the layer before (seed 004 fig. 7): distance from the eye,
+// The nearest back faces beyond those of the layer before (Wang et al. 2005 fig. 7): distance from the eye,
 // and from there back to the structure.
 uniform sampler2D before; // as this
 uniform sampler2D seen;   // what was found so far

@@ -1,4 +1,4 @@
-// The nearest front faces of a layer behind which the ray meets the structure (seed 004 fig. 7).
+// The nearest front faces of a layer behind which the ray meets the structure (Wang et al. 2005 fig. 7).
 uniform sampler2D before; // back faces of the layer before
 uniform sampler2D back;   // and of this; none (0): the ray does not leave again
 

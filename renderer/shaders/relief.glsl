@@ -1,5 +1,5 @@
 // How far a viewing ray goes below the mesh until it meets the material's structure, from the
-// mesostructure distance function (seed 004 §3 and §4.1).
+// mesostructure distance function (Wang et al. 2005 §3 and §4.1).
 in vec2 tile_size;
 in vec3 bending;
 
@@ -102,7 +102,7 @@ below below_mesh(vec3 v, float level) {
 
 // Whether a ray that enters at a front face and leaves, way further on, at a back face meets the
 // structure between them. Under a bent mesh each half of the way has its own chord; a flat one has
-// the test of seed 004 §4.1.
+// the test of Wang et al. 2005 §4.1.
 bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;
 }

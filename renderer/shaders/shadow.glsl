@@ -1,4 +1,4 @@
-// Whether the first lamp's light arrives, by a map of how far it gets (seed 004 §4.2).
+// Whether the first lamp's light arrives, by a map of how far it gets (Wang et al. 2005 §4.2).
 uniform bool shadows; // else it does
 uniform sampler2DShadow shadow_map;
 uniform vec3 shadow_light; // unit, towards the lamp

@@ -1,4 +1,4 @@
-// The shadow map's depth, measured from the base of the structure (seed 004 §4.2): the structure's
+// The shadow map's depth, measured from the base of the structure (Wang et al. 2005 §4.2): the structure's
 // own shadows are in the BTF already.
 uniform sampler2D seen; // from the light; see visibility.h
 uniform float range;

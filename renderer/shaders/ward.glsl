@@ -1,4 +1,4 @@
-// Ward 1992, with the exponent of seed 003 eq. 3; see lobes.h. Specular part, times π. half_v: see
+// Ward 1992, with the exponent of Kang & Cho 2011 eq. 3; see lobes.h. Specular part, times π. half_v: see
 // facet_half().
 float facet_shine(vec2 rough, vec4 half_v, float nl, float nv, float hl) {
     vec2 p = half_v.xy / (rough * rough);

@@ -87,7 +87,7 @@ static gpointer answer_all(gpointer data) {
     return NULL;
 }
 
-static gboolean find_place(VirtualGige *camera, const char *address) {
+static gboolean virtual_gige_find_place(VirtualGige *camera, const char *address) {
     if (address) {
         camera->address = g_strdup(address);
         return open_sockets(camera);
@@ -111,7 +111,8 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
     camera->control = camera->discovery = camera->stream = -1;
     camera->rand = g_rand_new_with_seed(1);
     camera->wake[0] = camera->wake[1] = -1;
-    if (!find_place(camera, address) || !g_unix_open_pipe(camera->wake, FD_CLOEXEC, NULL)) {
+    if (!virtual_gige_find_place(camera, address) ||
+        !g_unix_open_pipe(camera->wake, FD_CLOEXEC, NULL)) {
         g_set_error(error, G_IO_ERROR, g_io_error_from_errno(errno), "virtual camera %s: %s: %s",
                     options->serial, camera->address, g_strerror(errno));
         virtual_gige_free(camera);
@@ -125,7 +126,7 @@ VirtualGige *virtual_gige_new(const struct virtual_camera_options *options, cons
     return camera;
 }
 
-static void wake(VirtualGige *camera) {
+static void virtual_gige_wake(VirtualGige *camera) {
     if (write(camera->wake[1], "", 1) < 0)
         g_warning("virtual camera: %s", g_strerror(errno));
 }
@@ -135,7 +136,7 @@ void virtual_gige_free(VirtualGige *camera) {
         return;
     imager_quit(&camera->imager);
     if (camera->answerer) {
-        wake(camera);
+        virtual_gige_wake(camera);
         g_thread_join(camera->answerer);
     }
     close_sockets(camera);
@@ -168,7 +169,7 @@ void virtual_gige_restart(VirtualGige *camera, int down_ms) {
     g_mutex_lock(&camera->imager.mutex);
     camera->down_ms = MAX(down_ms, 1);
     g_mutex_unlock(&camera->imager.mutex);
-    wake(camera);
+    virtual_gige_wake(camera);
 }
 
 void virtual_gige_pulse(VirtualGige *camera) {

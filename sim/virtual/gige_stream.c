@@ -38,7 +38,7 @@ static guint gige_n_blocks(const VirtualGige *camera, const struct imager_pictur
     return (guint)((kept->size + data - 1) / data) + 2;
 }
 
-static gsize make_leader(const struct imager_picture *kept, guint8 *to) {
+static gsize virtual_gige_stream_make_leader(const struct imager_picture *kept, guint8 *to) {
     guint64 ticks = gige_ticks(kept->stamp_us);
     gige_put32(to, 1); /* an image */
     gige_put32(to + 4, (guint32)(ticks >> 32));
@@ -52,7 +52,7 @@ static gsize make_leader(const struct imager_picture *kept, guint8 *to) {
     return LEADER_SIZE;
 }
 
-static gsize make_trailer(const struct imager_picture *kept, guint8 *to) {
+static gsize virtual_gige_stream_make_trailer(const struct imager_picture *kept, guint8 *to) {
     gige_put32(to, 1);
     gige_put32(to + 4, kept->height);
     return 8;
@@ -73,8 +73,8 @@ static void gige_send_block(VirtualGige *camera, const struct imager_picture *ke
     gige_put16(packet, 0);
     gige_put16(packet + 2, gige_id(kept));
     gige_put32(packet + 4, (guint32)content << 24 | block);
-    gsize size = content == LEADER    ? make_leader(kept, packet + 8)
-                 : content == TRAILER ? make_trailer(kept, packet + 8)
+    gsize size = content == LEADER    ? virtual_gige_stream_make_leader(kept, packet + 8)
+                 : content == TRAILER ? virtual_gige_stream_make_trailer(kept, packet + 8)
                                       : make_payload(camera, kept, block, packet + 8);
     camera->imager.state.packets++;
     if ((kept->cut && block > n / 2) || g_rand_double(camera->rand) < camera->imager.faults.loss)
@@ -106,7 +106,7 @@ void gige_send_test_packet(VirtualGige *camera, guint32 value) {
     gige_set_reg(camera, GVBS_PACKET_SIZE, value & ~(1u << 31));
 }
 
-static void send_picture(gpointer data) {
+static void virtual_gige_stream_send_picture(gpointer data) {
     VirtualGige *camera = data;
     const struct imager_picture *kept = &camera->imager.kept[0];
     guint n = gige_n_blocks(camera, kept);
@@ -120,8 +120,8 @@ static void send_picture(gpointer data) {
     }
 }
 
-static void announce(const struct imager_picture *picture, gpointer data) {
+static void virtual_gige_stream_announce(const struct imager_picture *picture, gpointer data) {
     gige_send_block(data, picture, 0);
 }
 
-const struct imager_bus gige_bus = {announce, send_picture};
+const struct imager_bus gige_bus = {virtual_gige_stream_announce, virtual_gige_stream_send_picture};

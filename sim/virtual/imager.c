@@ -57,7 +57,7 @@ static void fire(struct imager *imager) {
     }
 }
 
-static void trigger(struct imager *imager, guint source) {
+static void virtual_imager_trigger(struct imager *imager, guint source) {
     if (imager_reg(imager, REG_ACQUISITION) == 1 && imager_reg(imager, REG_TRIGGER_MODE) == 1 &&
         imager_reg(imager, REG_TRIGGER_FROM) == source && !imager->faults.unplugged)
         fire(imager);
@@ -75,7 +75,7 @@ void imager_write(struct imager *imager, guint address, guint32 value) {
     if (address == REG_ACQUISITION && value == 0)
         imager_stop(imager);
     else if (address == REG_TRIGGER && value == 1)
-        trigger(imager, TRIGGER_SOFTWARE);
+        virtual_imager_trigger(imager, TRIGGER_SOFTWARE);
     update_payload(imager);
 }
 
@@ -103,14 +103,14 @@ static void cut_region(const struct imager *imager, const guint16 *pixels,
         }
 }
 
-static void fill(struct imager *imager, const struct virtual_exposure *exposure, int shift,
-                 struct imager_picture *picture) {
+static void virtual_imager_fill(struct imager *imager, const struct virtual_exposure *exposure,
+                                int shift, struct imager_picture *picture) {
     const struct virtual_camera_options *options = &imager->options;
     gsize n = (gsize)picture->width * picture->height;
     g_autofree guint16 *sensor = g_new0(guint16, (gsize)options->width * (gsize)options->height);
     g_autofree guint16 *region = g_new(guint16, n);
     if (options->picture)
-        options->picture(exposure, options->work.data, sensor);
+        options->picture(exposure, options->data, sensor);
     else
         make_ramp(imager, exposure->n, sensor);
     gboolean whole = shift == 0 && n == (gsize)options->width * (gsize)options->height;
@@ -121,7 +121,7 @@ static void fill(struct imager *imager, const struct virtual_exposure *exposure,
                 picture->data);
 }
 
-static gboolean describe(const struct imager *imager, struct imager_picture *ret) {
+static gboolean virtual_imager_describe(const struct imager *imager, struct imager_picture *ret) {
     *ret = (struct imager_picture){
         .id = imager->last_id + 1,
         .format = imager_reg(imager, REG_FORMAT),
@@ -135,7 +135,7 @@ static gboolean describe(const struct imager *imager, struct imager_picture *ret
            ret->y + ret->height <= (guint)imager->options.height;
 }
 
-static void keep(struct imager *imager, struct imager_picture *picture) {
+static void virtual_imager_keep(struct imager *imager, struct imager_picture *picture) {
     gboolean old = imager->faults.old > 0 && imager->kept[0].data;
     gboolean odd = imager->faults.odd > 0;
     picture->id = ++imager->last_id;
@@ -161,10 +161,11 @@ static gboolean wait_until(struct imager *imager, gint64 until_us) {
 }
 
 /* FALSE: it was stopped. */
-static gboolean expose(struct imager *imager, const struct virtual_exposure *exposure,
-                       struct imager_picture *picture) {
+static gboolean virtual_imager_expose(struct imager *imager,
+                                      const struct virtual_exposure *exposure,
+                                      struct imager_picture *picture) {
     imager->exposing = TRUE;
-    gboolean exposed = describe(imager, picture);
+    gboolean exposed = virtual_imager_describe(imager, picture);
     if (exposed && imager->faults.announces) {
         picture->stamp_us = exposure->start_us;
         imager->bus->announce(picture, imager->data);
@@ -175,7 +176,7 @@ static gboolean expose(struct imager *imager, const struct virtual_exposure *exp
 }
 
 /* Called with the mutex locked. */
-static void take_picture(struct imager *imager) {
+static void virtual_imager_take_picture(struct imager *imager) {
     struct virtual_exposure exposure = {
         .n = imager->state.pictures + 1,
         .start_us = imager->state.triggered_us + imager->faults.slow_us,
@@ -184,15 +185,15 @@ static void take_picture(struct imager *imager) {
     };
     struct imager_picture picture;
     int shift = (int)(imager_reg(imager, REG_BLACK) / 10.0 - imager->options.black_level);
-    if (!expose(imager, &exposure, &picture))
+    if (!virtual_imager_expose(imager, &exposure, &picture))
         return;
     g_mutex_unlock(&imager->mutex);
-    fill(imager, &exposure, shift, &picture);
+    virtual_imager_fill(imager, &exposure, shift, &picture);
     g_mutex_lock(&imager->mutex);
     gint64 late_us = imager->faults.late_us;
     picture.stamp_us = exposure.start_us + imager->faults.ahead_us +
                        (imager->faults.stamps_end ? exposure.exposure_us : 0);
-    keep(imager, &picture);
+    virtual_imager_keep(imager, &picture);
     if (late_us > 0 && !wait_until(imager, g_get_monotonic_time() + late_us))
         return;
     imager->state.pictures++;
@@ -208,7 +209,7 @@ static gpointer image_all(gpointer data) {
             continue;
         }
         imager->triggered = FALSE;
-        take_picture(imager);
+        virtual_imager_take_picture(imager);
     }
     g_mutex_unlock(&imager->mutex);
     return NULL;
@@ -253,7 +254,7 @@ void imager_fail(struct imager *imager, const struct virtual_camera_faults *faul
 
 void imager_pulse(struct imager *imager) {
     g_mutex_lock(&imager->mutex);
-    trigger(imager, TRIGGER_LINE);
+    virtual_imager_trigger(imager, TRIGGER_LINE);
     g_mutex_unlock(&imager->mutex);
 }
 

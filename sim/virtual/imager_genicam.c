@@ -141,7 +141,7 @@ static void add_acquisition(struct imager_xml *xml) {
     add_float(xml, "BlackLevel", REG_BLACK, "DN", 10, 4095);
 }
 
-static void list(GString *text, const char *const *names) {
+static void virtual_imager_genicam_list(GString *text, const char *const *names) {
     for (; *names; names++)
         g_string_append_printf(text, "<pFeature>%s</pFeature>\n", *names);
 }
@@ -158,8 +158,8 @@ char *imager_genicam(enum cfa cfa, const struct imager_transport *transport) {
         "ProductGuid=\"0\" VersionGuid=\"0\" xmlns=\"" NAMESPACE "\">\n"
         "<Category Name=\"Root\">\n",
         transport->space);
-    list(text, features);
-    list(text, transport->features);
+    virtual_imager_genicam_list(text, features);
+    virtual_imager_genicam_list(text, transport->features);
     g_string_append(text, "</Category>\n");
     add_image(&xml, cfa);
     add_acquisition(&xml);

@@ -1,8 +1,8 @@
 #include "rig_private.h"
 
-#include "drivers/aravis/camera.h"
-#include "drivers/modbus/devices.h"
-#include "sim/devices.h"
+#include "aravis/camera.h"
+#include "devices/devices.h"
+#include "modbus/devices.h"
 
 #include <math.h>
 #include <string.h>
@@ -134,7 +134,8 @@ void rig_copy_motion(VirtualRig *rig, const struct config_section *section,
                                    rig_value(section, sim, needed[i]));
 }
 
-static gboolean add_axis(VirtualRig *rig, const struct config_section *section, GError **error) {
+static gboolean virtual_rig_add_axis(VirtualRig *rig, const struct config_section *section,
+                                     GError **error) {
     const struct driver_info *sim = &sim_axis_driver.info;
     struct drive *drive = &rig->drives[rig->n_drives];
     double speed = rig_number(section, sim, "speed_deg_s");
@@ -174,8 +175,9 @@ static struct board *new_board(VirtualRig *rig, GError **error) {
     return board;
 }
 
-static void add_link(VirtualRig *rig, const struct config_section *section, const char *driver,
-                     const struct board *board, const char *key, int number) {
+static void virtual_rig_add_link(VirtualRig *rig, const struct config_section *section,
+                                 const char *driver, const struct board *board, const char *key,
+                                 int number) {
     const char *bus = virtual_modbus_bus(board->device);
     g_string_append_printf(rig->text, "bus = %s\nunit = %d\n" PATIENCE "%s = %d\n", bus, LAMP_UNIT,
                            key, number);
@@ -209,7 +211,7 @@ static gboolean add_lamps(VirtualRig *rig, const struct config_section *section,
     rig_copy_section(rig, section, &sim_lamps_driver.info, &modbus_relays_driver.info);
     g_string_append_printf(rig->text, "n = %d\nwarm_up_s = %g\n" WATCHDOG, n,
                            world_lamp_warm_up_s(world), VIRTUAL_MODBUS_TIMEOUT);
-    add_link(rig, section, modbus_relays_driver.info.name, board, "first_coil", 0);
+    virtual_rig_add_link(rig, section, modbus_relays_driver.info.name, board, "first_coil", 0);
     return TRUE;
 }
 
@@ -234,7 +236,8 @@ static gboolean add_laser(VirtualRig *rig, const struct config_section *section,
     g_string_append_printf(rig->text, "warm_up_s = %g\n" WATCHDOG,
                            rig_number(section, &sim_laser_driver.info, "warm_up_ms") / 1000,
                            VIRTUAL_MODBUS_TIMEOUT);
-    add_link(rig, section, modbus_laser_driver.info.name, board, "coil", board->n_coils++);
+    virtual_rig_add_link(rig, section, modbus_laser_driver.info.name, board, "coil",
+                         board->n_coils++);
     return TRUE;
 }
 
@@ -246,7 +249,8 @@ static gboolean add_interlock(VirtualRig *rig, const struct config_section *sect
     virtual_modbus_set_input(board->device, board->n_inputs, TRUE);
     rig_copy_section(rig, section, &sim_interlock_driver.info, &modbus_inputs_driver.info);
     g_string_append(rig->text, "lost_ms = 3000\n");
-    add_link(rig, section, modbus_inputs_driver.info.name, board, "input", board->n_inputs++);
+    virtual_rig_add_link(rig, section, modbus_inputs_driver.info.name, board, "input",
+                         board->n_inputs++);
     return TRUE;
 }
 
@@ -278,14 +282,14 @@ static void couple(VirtualRig *rig) {
     g_mutex_unlock(&rig->coupling);
 }
 
-static gboolean on_timer(gpointer data) {
+static gboolean virtual_rig_on_timer(gpointer data) {
     couple(data);
     return G_SOURCE_CONTINUE;
 }
 
 /* In the camera's thread, as the exposure is over. */
-static void take_picture(const struct virtual_exposure *exposure, gpointer data,
-                         guint16 *ret_pixels) {
+static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gpointer data,
+                                     guint16 *ret_pixels) {
     struct eye *eye = data;
     World *world = eye->rig->world;
     struct world_state state;
@@ -333,7 +337,7 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
                                              .bits = sensor.bits,
                                              .cfa = sensor.cfa,
                                              .black_level = sensor.black_level,
-                                             .picture = take_picture,
+                                             .picture = virtual_rig_take_picture,
                                              .data = eye};
     if (rig_is_u3v(rig, section))
         eye->u3v = virtual_u3v_new(&options, FIRST_U3V_PORT + rig->n_u3v++);
@@ -347,11 +351,12 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
 
 typedef gboolean (*AddFunc)(VirtualRig *rig, const struct config_section *section, GError **error);
 
-static gboolean add_section(VirtualRig *rig, const struct config_section *section, GError **error) {
+static gboolean virtual_rig_add_section(VirtualRig *rig, const struct config_section *section,
+                                        GError **error) {
     static const struct {
         const char *driver;
         AddFunc add, add_usb;
-    } kinds[] = {{"sim-axis", add_axis, rig_add_tic},
+    } kinds[] = {{"sim-axis", virtual_rig_add_axis, rig_add_tic},
                  {"sim-lamps", add_lamps, rig_add_usb_lamps},
                  {"sim-camera", add_camera, rig_add_video},
                  {"sim-laser", add_laser, rig_add_usb_laser},
@@ -376,7 +381,7 @@ static void clear_device(gpointer data) {
     g_free(device->where);
 }
 
-static gboolean fill(VirtualRig *rig, GError **error) {
+static gboolean virtual_rig_fill(VirtualRig *rig, GError **error) {
     gsize n;
     const struct config_section *sections = config_sections(rig->config, &n);
     if (n > MAX_DEVICES) {
@@ -384,7 +389,7 @@ static gboolean fill(VirtualRig *rig, GError **error) {
         return FALSE;
     }
     for (gsize i = 0; i < n; i++)
-        if (!add_section(rig, &sections[i], error))
+        if (!virtual_rig_add_section(rig, &sections[i], error))
             return FALSE;
     if (rig->world)
         return TRUE;
@@ -407,9 +412,9 @@ VirtualRig *virtual_rig_new(const char *path, const char *const *usb, const char
         return NULL;
     g_string_append_printf(rig->text, "# The rig of %s, as virtual devices on this machine.\n",
                            path);
-    if (!rig_check_usb(rig, error) || !fill(rig, error))
+    if (!rig_check_usb(rig, error) || !virtual_rig_fill(rig, error))
         return NULL;
-    rig->timer = g_timeout_add(COUPLE_MS, on_timer, rig);
+    rig->timer = g_timeout_add(COUPLE_MS, virtual_rig_on_timer, rig);
     return g_steal_pointer(&rig);
 }
 

@@ -11,8 +11,8 @@
  */
 #pragma once
 
-#include "sim/virtual/gige.h"
-#include "sim/virtual/modbus.h"
+#include "gige.h"
+#include "modbus.h"
 
 #include "base/config.h"
 

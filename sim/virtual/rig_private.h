@@ -3,11 +3,11 @@
 #pragma once
 
 #include "rig.h"
-#include "sim/world_private.h"
 #include "u3v.h"
 #include "usb_relays.h"
 #include "usb_tic.h"
 #include "v4l2.h"
+#include "world/world_private.h"
 #include "world_link.h"
 
 #include "drivers/device.h"

@@ -1,10 +1,10 @@
 #include "rig_private.h"
 
-#include "drivers/usb/relays.h"
-#include "drivers/usb/tic.h"
-#include "drivers/v4l2/v4l2.h"
-#include "sim/devices.h"
+#include "devices/devices.h"
 #include "testbed.h"
+#include "usb/relays.h"
+#include "usb/tic.h"
+#include "v4l2/v4l2.h"
 
 #include <math.h>
 

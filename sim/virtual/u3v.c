@@ -29,7 +29,7 @@ static const guint8 config[] = {9,           2,
                                 BULK(0x82)};
 G_STATIC_ASSERT(sizeof config == CONFIG_SIZE);
 
-static int control(gpointer model, const guint8 *setup, guint8 *data) {
+static int virtual_u3v_control(gpointer model, const guint8 *setup, guint8 *data) {
     return -EPIPE;
 }
 
@@ -63,7 +63,7 @@ VirtualU3v *virtual_u3v_new(const struct virtual_camera_options *options, int po
                                                .serial = camera->imager.options.serial,
                                                .config = config,
                                                .config_size = sizeof config,
-                                               .control = control,
+                                               .control = virtual_u3v_control,
                                                .device_class = {0xef, 2, 1},
                                                .speed_mbit_s = 5000,
                                                .manufacturer = "Mesorig",

@@ -20,7 +20,7 @@ void u3v_drop(VirtualU3v *camera) {
 }
 
 /* One that is not fetched by now is lost. */
-static void send_picture(gpointer data) {
+static void virtual_u3v_stream_send_picture(gpointer data) {
     VirtualU3v *camera = data;
     struct virtual_camera_faults *faults = &camera->imager.faults;
     const struct imager_picture *picture = &camera->imager.kept[0];
@@ -38,14 +38,14 @@ static void send_picture(gpointer data) {
 }
 
 /* Its leader; the rest comes when there is any. */
-static void announce(const struct imager_picture *picture, gpointer data) {
+static void virtual_u3v_stream_announce(const struct imager_picture *picture, gpointer data) {
     VirtualU3v *camera = data;
     u3v_drop(camera);
     camera->out = *picture;
     camera->phase = U3V_LEADER;
 }
 
-const struct imager_bus u3v_bus = {announce, send_picture};
+const struct imager_bus u3v_bus = {virtual_u3v_stream_announce, virtual_u3v_stream_send_picture};
 
 static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
     u3v_put(to, prefix, 4);
@@ -53,7 +53,7 @@ static void put_head(guint8 *to, guint32 prefix, int size, guint64 id) {
     u3v_put(to + 8, id - 1, 8); /* they count from 0 */
 }
 
-static int make_leader(const struct imager_picture *picture, guint8 *to) {
+static int virtual_u3v_stream_make_leader(const struct imager_picture *picture, guint8 *to) {
     memset(to, 0, LEADER_SIZE);
     put_head(to, LEADER_PREFIX, LEADER_SIZE, picture->id);
     u3v_put(to + 18, IMAGE, 2);
@@ -66,7 +66,8 @@ static int make_leader(const struct imager_picture *picture, guint8 *to) {
     return LEADER_SIZE;
 }
 
-static int make_trailer(const struct imager_picture *picture, gsize sent, guint8 *to) {
+static int virtual_u3v_stream_make_trailer(const struct imager_picture *picture, gsize sent,
+                                           guint8 *to) {
     memset(to, 0, TRAILER_SIZE);
     put_head(to, TRAILER_PREFIX, TRAILER_SIZE, picture->id);
     u3v_put(to + 20, sent, 8);
@@ -92,7 +93,7 @@ static int next_payload(VirtualU3v *camera, guint8 *data) {
 }
 
 static int next_trailer(VirtualU3v *camera, guint8 *data) {
-    int n = make_trailer(&camera->out, camera->sent, data);
+    int n = virtual_u3v_stream_make_trailer(&camera->out, camera->sent, data);
     if (camera->stunted)
         n = 3; /* not even its prefix */
     u3v_drop(camera);
@@ -117,5 +118,5 @@ int u3v_stream(VirtualU3v *camera, guint8 *data, int size) {
     if (camera->phase == U3V_TRAILER)
         return next_trailer(camera, data);
     camera->phase = camera->out.data ? U3V_PAYLOAD : U3V_IDLE;
-    return make_leader(&camera->out, data);
+    return virtual_u3v_stream_make_leader(&camera->out, data);
 }

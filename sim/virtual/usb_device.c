@@ -111,7 +111,7 @@ static gboolean answer_standard(VirtualUsb *usb, const guint8 *setup, guint8 *da
     return TRUE;
 }
 
-static int answer(VirtualUsb *usb, const guint8 *setup, guint8 *data) {
+static int virtual_usb_device_answer(VirtualUsb *usb, const guint8 *setup, guint8 *data) {
     int n;
     if (answer_standard(usb, setup, data, &n))
         return n;
@@ -128,7 +128,7 @@ static gboolean is_halted(const VirtualUsb *usb, guint8 endpoint) {
 
 static void submit_control(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *buffer) {
     gboolean silent = usb->fault == VIRTUAL_USB_SILENT;
-    int n = silent ? 0 : answer(usb, buffer->data, buffer->data + SETUP_SIZE);
+    int n = silent ? 0 : virtual_usb_device_answer(usb, buffer->data, buffer->data + SETUP_SIZE);
     flight->due_us = silent ? G_MAXINT64 : g_get_monotonic_time() + LATENCY_US;
     flight->status = MIN(n, 0);
     flight->length = MAX(n, 0);
@@ -148,7 +148,7 @@ static void send_out(VirtualUsb *usb, struct flight *flight, UMockdevIoctlData *
     flight->length = MAX(n, 0);
 }
 
-static void give(struct flight *flight, const guint8 *bytes, int n) {
+static void virtual_usb_device_give(struct flight *flight, const guint8 *bytes, int n) {
     UMockdevIoctlData *buffer = umockdev_ioctl_data_resolve(
         flight->urb, G_STRUCT_OFFSET(struct usbdevfs_urb, buffer), (gsize)n, NULL);
     memcpy(buffer->data, bytes, (gsize)n);
@@ -157,7 +157,7 @@ static void give(struct flight *flight, const guint8 *bytes, int n) {
 }
 
 /* Asks for the data of a bulk transfer that waits for it. */
-static void fill(VirtualUsb *usb, struct flight *flight) {
+static void virtual_usb_device_fill(VirtualUsb *usb, struct flight *flight) {
     const struct usbdevfs_urb *urb = urb_of(flight);
     int size = urb->buffer_length;
     if (usb->fault == VIRTUAL_USB_SILENT)
@@ -175,10 +175,10 @@ static void fill(VirtualUsb *usb, struct flight *flight) {
     flight->due_us = 0;
     flight->status = MIN(n, 0);
     if (n > 0)
-        give(flight, usb->room, n);
+        virtual_usb_device_give(flight, usb->room, n);
 }
 
-static gboolean is_known(const VirtualUsb *usb, const struct usbdevfs_urb *urb) {
+static gboolean virtual_usb_device_is_known(const VirtualUsb *usb, const struct usbdevfs_urb *urb) {
     return urb->type == USBDEVFS_URB_TYPE_CONTROL ||
            (urb->type == USBDEVFS_URB_TYPE_BULK &&
             (urb->endpoint & 0x80 ? usb->class->bulk_in != NULL : usb->class->bulk_out != NULL));
@@ -201,11 +201,12 @@ static void launch(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlDa
     g_queue_push_tail(&usb->flying, flight);
 }
 
-static void submit(VirtualUsb *usb, UMockdevIoctlClient *client, UMockdevIoctlData *arg) {
+static void virtual_usb_device_submit(VirtualUsb *usb, UMockdevIoctlClient *client,
+                                      UMockdevIoctlData *arg) {
     UMockdevIoctlData *data =
         umockdev_ioctl_data_resolve(arg, 0, sizeof(struct usbdevfs_urb), NULL);
     const struct usbdevfs_urb *urb = (const struct usbdevfs_urb *)data->data;
-    if (usb->sysfs && is_known(usb, urb) && urb->buffer_length > 0) {
+    if (usb->sysfs && virtual_usb_device_is_known(usb, urb) && urb->buffer_length > 0) {
         launch(usb, client, data);
         umockdev_ioctl_client_complete(client, 0, 0);
     } else {
@@ -238,7 +239,7 @@ static struct flight *pop_due(VirtualUsb *usb, const UMockdevIoctlClient *client
             continue;
         if (usb->sysfs && flight->waits && !(asked & endpoint_bit(urb_of(flight)->endpoint))) {
             asked |= endpoint_bit(urb_of(flight)->endpoint);
-            fill(usb, flight);
+            virtual_usb_device_fill(usb, flight);
         }
         if (!usb->sysfs)
             flight->status = -ESHUTDOWN;
@@ -302,7 +303,8 @@ static void get_capabilities(UMockdevIoctlClient *client, UMockdevIoctlData *arg
     umockdev_ioctl_data_unref(data);
 }
 
-static void on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer data) {
+static void virtual_usb_device_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
+                                           gpointer data) {
     VirtualUsb *usb = data;
     g_mutex_lock(&usb->mutex);
     for (GList *l = usb->flying.head, *next; l; l = next) {
@@ -316,7 +318,8 @@ static void on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
     g_mutex_unlock(&usb->mutex);
 }
 
-static gboolean on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer data) {
+static gboolean virtual_usb_device_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
+                                            gpointer data) {
     VirtualUsb *usb = data;
     UMockdevIoctlData *arg = umockdev_ioctl_client_get_arg(client);
     gulong request = umockdev_ioctl_client_get_request(client);
@@ -328,7 +331,7 @@ static gboolean on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client
              request == USBDEVFS_DISCONNECT_CLAIM)
         umockdev_ioctl_client_complete(client, 0, 0);
     else if (request == USBDEVFS_SUBMITURB)
-        submit(usb, client, arg);
+        virtual_usb_device_submit(usb, client, arg);
     else if (request == USBDEVFS_DISCARDURB)
         discard(usb, client, arg);
     else if (request == USBDEVFS_REAPURB || request == USBDEVFS_REAPURBNDELAY)
@@ -427,8 +430,9 @@ VirtualUsb *virtual_usb_new(const struct virtual_usb_class *class, int port, gpo
     usb->port = port;
     g_mutex_init(&usb->mutex);
     usb->handler = umockdev_ioctl_base_new();
-    testbed_connect(usb->handler, "handle-ioctl", G_CALLBACK(on_ioctl), usb);
-    testbed_connect(usb->handler, "client-vanished", G_CALLBACK(on_vanished), usb);
+    testbed_connect(usb->handler, "handle-ioctl", G_CALLBACK(virtual_usb_device_on_ioctl), usb);
+    testbed_connect(usb->handler, "client-vanished", G_CALLBACK(virtual_usb_device_on_vanished),
+                    usb);
     virtual_usb_plug(usb);
     return usb;
 }

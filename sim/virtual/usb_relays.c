@@ -35,7 +35,7 @@ static const guint8 config_second[] = {9,
                                        HID,
                                        INTERRUPT(0x85)};
 
-static void set_state(VirtualRelays *relays, guint state) {
+static void virtual_usb_relays_set_state(VirtualRelays *relays, guint state) {
     guint changed = relays->state ^ state;
     relays->state = state;
     for (int i = 0; i < MAX_RELAYS; i++)
@@ -45,7 +45,7 @@ static void set_state(VirtualRelays *relays, guint state) {
 
 static void set_relays(VirtualRelays *relays, guint mask, gboolean on) {
     mask &= ((1u << relays->n) - 1) & ~relays->stuck;
-    set_state(relays, on ? relays->state | mask : relays->state & ~mask);
+    virtual_usb_relays_set_state(relays, on ? relays->state | mask : relays->state & ~mask);
 }
 
 static int set_report(VirtualRelays *relays, const guint8 *data) {
@@ -59,7 +59,7 @@ static int set_report(VirtualRelays *relays, const guint8 *data) {
     return 8;
 }
 
-static int control(gpointer model, const guint8 *setup, guint8 *data) {
+static int virtual_usb_relays_control(gpointer model, const guint8 *setup, guint8 *data) {
     VirtualRelays *relays = model;
     int value = setup[2] | setup[3] << 8, index = setup[4] | setup[5] << 8;
     int length = setup[6] | setup[7] << 8;
@@ -84,7 +84,7 @@ VirtualRelays *virtual_relays_new(const char *name, const char *serial, int port
                                    .serial = "",
                                    .config = second ? config_second : config,
                                    .config_size = second ? sizeof config_second : sizeof config,
-                                   .control = control};
+                                   .control = virtual_usb_relays_control};
     g_strlcpy(relays->serial, serial, sizeof relays->serial);
     relays->interface = second ? 1 : 0;
     relays->n = name[strlen(name) - 1] - '0';
@@ -135,6 +135,6 @@ void virtual_relays_stick(VirtualRelays *relays, guint mask) {
 
 void virtual_relays_lose_power(VirtualRelays *relays) {
     virtual_usb_lock(relays->usb);
-    set_state(relays, 0);
+    virtual_usb_relays_set_state(relays, 0);
     virtual_usb_unlock(relays->usb);
 }

@@ -55,7 +55,7 @@ static int enum_size(VirtualV4l2 *camera, void *argument) {
     return 0;
 }
 
-static guint32 size_of(const VirtualV4l2 *camera) {
+static guint32 virtual_v4l2_size_of(const VirtualV4l2 *camera) {
     return (guint32)virtual_pixels_size(camera->fourcc, camera->config.width,
                                         camera->config.height);
 }
@@ -69,7 +69,7 @@ static void tell_planes(const VirtualV4l2 *camera, struct v4l2_pix_format_mplane
                                            .num_planes = (guint8)camera->config.planes};
     for (int i = 0; i < camera->config.planes; i++)
         pix->plane_fmt[i] = (struct v4l2_plane_pix_format){
-            .sizeimage = size_of(camera),
+            .sizeimage = virtual_v4l2_size_of(camera),
             .bytesperline = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width)};
 }
 
@@ -88,13 +88,13 @@ static int get_format(VirtualV4l2 *camera, void *argument) {
         .pixelformat = camera->fourcc,
         .field = V4L2_FIELD_NONE,
         .bytesperline = (guint32)virtual_pixels_stride(camera->fourcc, camera->config.width),
-        .sizeimage = size_of(camera),
+        .sizeimage = virtual_v4l2_size_of(camera),
         .colorspace = V4L2_COLORSPACE_SRGB,
         .priv = V4L2_PIX_FMT_PRIV_MAGIC};
     return 0;
 }
 
-static int set_format(VirtualV4l2 *camera, void *argument) {
+static int virtual_v4l2_set_format(VirtualV4l2 *camera, void *argument) {
     const struct v4l2_format *format = argument;
     guint32 fourcc, wanted = camera->config.planes ? format->fmt.pix_mp.pixelformat
                                                    : format->fmt.pix.pixelformat;
@@ -155,7 +155,7 @@ static int get_control(VirtualV4l2 *camera, void *argument) {
     return 0;
 }
 
-static int set_control(VirtualV4l2 *camera, void *argument) {
+static int virtual_v4l2_set_control(VirtualV4l2 *camera, void *argument) {
     struct v4l2_control *value = argument;
     struct virtual_control *control = find_control(camera, value->id);
     if (!control)
@@ -171,7 +171,7 @@ static int set_control(VirtualV4l2 *camera, void *argument) {
 
 static gsize buffer_room(const VirtualV4l2 *camera) {
     gsize page = (gsize)sysconf(_SC_PAGESIZE);
-    return (size_of(camera) + page - 1) / page * page;
+    return (virtual_v4l2_size_of(camera) + page - 1) / page * page;
 }
 
 static int request_buffers(VirtualV4l2 *camera, void *argument) {
@@ -192,10 +192,10 @@ static int query_buffer(VirtualV4l2 *camera, void *argument) {
         return EINVAL;
     guint32 offset = (guint32)(buffer_room(camera) * buffer->index);
     if (camera->config.planes) {
-        buffer->m.planes->length = size_of(camera);
+        buffer->m.planes->length = virtual_v4l2_size_of(camera);
         buffer->m.planes->m.mem_offset = offset;
     } else {
-        buffer->length = size_of(camera);
+        buffer->length = virtual_v4l2_size_of(camera);
         buffer->m.offset = offset;
     }
     return 0;
@@ -269,12 +269,12 @@ static const struct {
     {VIDIOC_ENUM_FMT, sizeof(struct v4l2_fmtdesc), enum_format},
     {VIDIOC_ENUM_FRAMESIZES, sizeof(struct v4l2_frmsizeenum), enum_size},
     {VIDIOC_G_FMT, sizeof(struct v4l2_format), get_format},
-    {VIDIOC_S_FMT, sizeof(struct v4l2_format), set_format},
+    {VIDIOC_S_FMT, sizeof(struct v4l2_format), virtual_v4l2_set_format},
     {VIDIOC_G_PARM, sizeof(struct v4l2_streamparm), get_parm},
     {VIDIOC_S_PARM, sizeof(struct v4l2_streamparm), set_parm},
     {VIDIOC_QUERYCTRL, sizeof(struct v4l2_queryctrl), query_control},
     {VIDIOC_G_CTRL, sizeof(struct v4l2_control), get_control},
-    {VIDIOC_S_CTRL, sizeof(struct v4l2_control), set_control},
+    {VIDIOC_S_CTRL, sizeof(struct v4l2_control), virtual_v4l2_set_control},
     {VIDIOC_REQBUFS, sizeof(struct v4l2_requestbuffers), request_buffers},
     {VIDIOC_QUERYBUF, sizeof(struct v4l2_buffer), query_buffer},
     {VIDIOC_QBUF, sizeof(struct v4l2_buffer), queue_buffer},
@@ -297,7 +297,7 @@ static gboolean resolve_planes(const VirtualV4l2 *camera, gsize size, UMockdevIo
     return there;
 }
 
-static int answer(VirtualV4l2 *camera, unsigned long request, UMockdevIoctlData *arg) {
+static int virtual_v4l2_answer(VirtualV4l2 *camera, unsigned long request, UMockdevIoctlData *arg) {
     for (gsize i = 0; i < G_N_ELEMENTS(answers); i++) {
         if (answers[i].request != (request & 0xffffffffu))
             continue;
@@ -313,7 +313,8 @@ static int answer(VirtualV4l2 *camera, unsigned long request, UMockdevIoctlData 
 }
 
 /* As when a program ends without a word: its stream ends, and its buffers go. */
-static void on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer user) {
+static void virtual_v4l2_on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
+                                     gpointer user) {
     VirtualV4l2 *camera = user;
     g_mutex_lock(&camera->mutex);
     if (camera->owner == client) {
@@ -324,12 +325,14 @@ static void on_vanished(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
     g_mutex_unlock(&camera->mutex);
 }
 
-static gboolean on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client, gpointer user) {
+static gboolean virtual_v4l2_on_ioctl(UMockdevIoctlBase *handler, UMockdevIoctlClient *client,
+                                      gpointer user) {
     VirtualV4l2 *camera = user;
     UMockdevIoctlData *arg = umockdev_ioctl_client_get_arg(client);
     g_mutex_lock(&camera->mutex);
-    int code =
-        camera->sysfs ? answer(camera, umockdev_ioctl_client_get_request(client), arg) : ENODEV;
+    int code = camera->sysfs
+                   ? virtual_v4l2_answer(camera, umockdev_ioctl_client_get_request(client), arg)
+                   : ENODEV;
     g_mutex_unlock(&camera->mutex);
     umockdev_ioctl_client_complete(client, code ? -1 : 0, code);
     return TRUE;
@@ -461,8 +464,9 @@ VirtualV4l2 *virtual_v4l2_new(const struct virtual_v4l2_config *config) {
     add_controls(camera);
     camera->testbed = testbed_ref();
     camera->handler = umockdev_ioctl_base_new();
-    testbed_connect(camera->handler, "handle-ioctl", G_CALLBACK(on_ioctl), camera);
-    testbed_connect(camera->handler, "client-vanished", G_CALLBACK(on_vanished), camera);
+    testbed_connect(camera->handler, "handle-ioctl", G_CALLBACK(virtual_v4l2_on_ioctl), camera);
+    testbed_connect(camera->handler, "client-vanished", G_CALLBACK(virtual_v4l2_on_vanished),
+                    camera);
     virtual_v4l2_plug(camera, config->number);
     return camera;
 }

@@ -7,7 +7,7 @@
  */
 #pragma once
 
-#include "sim/world.h"
+#include "world/world.h"
 
 typedef struct VirtualV4l2 VirtualV4l2;
 

@@ -53,7 +53,7 @@ static const struct layout layouts[] = {
      1},
 };
 
-static const struct layout *find(guint32 fourcc) {
+static const struct layout *virtual_v4l2_pixels_find(guint32 fourcc) {
     for (gsize i = 0; i < G_N_ELEMENTS(layouts); i++)
         for (gsize cfa = 0; cfa < G_N_ELEMENTS(layouts[i].fourcc); cfa++)
             if (fourcc && layouts[i].fourcc[cfa] == fourcc)
@@ -76,7 +76,7 @@ gboolean virtual_pixels_offered(const struct virtual_v4l2_config *config, guint3
 }
 
 gsize virtual_pixels_stride(guint32 fourcc, int width) {
-    const struct layout *layout = find(fourcc);
+    const struct layout *layout = virtual_v4l2_pixels_find(fourcc);
     if (!layout)
         return 0;
     gsize groups = ((gsize)width + (gsize)layout->pixels - 1) / (gsize)layout->pixels;
@@ -124,7 +124,7 @@ static void pack_luma(const struct virtual_v4l2_config *config, guint32 fourcc,
 
 void virtual_pixels_pack(const struct virtual_v4l2_config *config, guint32 fourcc,
                          const guint16 *pixels, guint8 *to) {
-    const struct layout *layout = find(fourcc);
+    const struct layout *layout = virtual_v4l2_pixels_find(fourcc);
     gsize stride = virtual_pixels_stride(fourcc, config->width);
     memset(to, 0, stride * (gsize)config->height);
     for (int y = 0; y < config->height; y++) {

@@ -62,7 +62,8 @@ static void expose_ramp(const VirtualV4l2 *camera, const struct shot *shot, guin
     g_rand_free(rand);
 }
 
-static void expose(VirtualV4l2 *camera, const struct shot *shot, guint16 *pixels) {
+static void virtual_v4l2_stream_expose(VirtualV4l2 *camera, const struct shot *shot,
+                                       guint16 *pixels) {
     if (camera->world) {
         struct world_state state;
         world_snapshot(camera->world, shot->start_us, shot->exposure_us, &state);
@@ -85,8 +86,8 @@ static gint64 stamp_of(const VirtualV4l2 *camera, const struct shot *shot) {
 }
 
 /* Locked. */
-static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual_buffer *buffer,
-                    const guint8 *data) {
+static void virtual_v4l2_stream_deliver(VirtualV4l2 *camera, const struct shot *shot,
+                                        struct virtual_buffer *buffer, const guint8 *data) {
     gsize bytes = virtual_pixels_size(shot->fourcc, camera->config.width, camera->config.height);
     gsize index = (gsize)(buffer - camera->buffers);
     gboolean half = shot->fault == VIRTUAL_V4L2_ERROR_FLAG || shot->fault == VIRTUAL_V4L2_SHORT;
@@ -109,7 +110,7 @@ static void deliver(VirtualV4l2 *camera, const struct shot *shot, struct virtual
 }
 
 /* Locked, but while the picture is made; FALSE when the stream is to end. */
-static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
+static gboolean virtual_v4l2_stream_make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     gsize n = (gsize)camera->config.width * (gsize)camera->config.height;
     g_autofree guint16 *pixels = g_new0(guint16, n);
     g_autofree guint8 *data =
@@ -118,7 +119,7 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     if (shot->fault == VIRTUAL_V4L2_FROZEN)
         memcpy(pixels, camera->pixels, n * sizeof *pixels);
     else
-        expose(camera, shot, pixels);
+        virtual_v4l2_stream_expose(camera, shot, pixels);
     virtual_pixels_pack(&camera->config, shot->fourcc, pixels, data);
     g_mutex_lock(&camera->mutex);
     camera->n_exposed++;
@@ -127,7 +128,7 @@ static gboolean make_picture(VirtualV4l2 *camera, const struct shot *shot) {
     memcpy(camera->pixels, pixels, n * sizeof *pixels);
     struct virtual_buffer *buffer = oldest(camera, BUFFER_QUEUED);
     if (buffer)
-        deliver(camera, shot, buffer, data);
+        virtual_v4l2_stream_deliver(camera, shot, buffer, data);
     return TRUE;
 }
 
@@ -151,7 +152,7 @@ static gboolean take_one(VirtualV4l2 *camera, guint stream) {
         return FALSE;
     if (!oldest(camera, BUFFER_QUEUED) || shot.fault == VIRTUAL_V4L2_SILENT)
         return TRUE;
-    return make_picture(camera, &shot);
+    return virtual_v4l2_stream_make_picture(camera, &shot);
 }
 
 struct run {
@@ -159,7 +160,7 @@ struct run {
     guint stream;
 };
 
-static gpointer run(gpointer data) {
+static gpointer virtual_v4l2_stream_run(gpointer data) {
     g_autofree struct run *run = data;
     VirtualV4l2 *camera = run->camera;
     g_mutex_lock(&camera->mutex);
@@ -178,7 +179,7 @@ void virtual_stream_start(VirtualV4l2 *camera) {
     camera->first_us = g_get_monotonic_time();
     camera->exposure_us = 0;
     camera->n_threads++;
-    g_thread_unref(g_thread_new("virtual camera", run, new));
+    g_thread_unref(g_thread_new("virtual camera", virtual_v4l2_stream_run, new));
 }
 
 void virtual_stream_stop(VirtualV4l2 *camera) {

@@ -12,7 +12,8 @@ static const struct {
     {"laser ", WORLD_PART_LASER, world_find_laser},
 };
 
-static gboolean find(const World *world, const char *name, struct world_part *ret) {
+static gboolean virtual_world_link_find(const World *world, const char *name,
+                                        struct world_part *ret) {
     if (strcmp(name, "turntable") == 0 || strcmp(name, "arc") == 0) {
         ret->kind = *name == 't' ? WORLD_PART_TURNTABLE : WORLD_PART_ARC;
         return TRUE;
@@ -29,7 +30,7 @@ static gboolean find(const World *world, const char *name, struct world_part *re
 
 gboolean world_part_find(World *world, const char *name, struct world_part *ret, GError **error) {
     struct world_part part = {0};
-    if (!find(world, name, &part)) {
+    if (!virtual_world_link_find(world, name, &part)) {
         g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
                     "the world has no \"%s\"; say turntable, arc, or sweep, lamp or laser with a "
                     "name of its file",

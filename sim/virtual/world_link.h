@@ -8,7 +8,7 @@
  */
 #pragma once
 
-#include "sim/world.h"
+#include "world/world.h"
 
 enum world_part_kind {
     WORLD_PART_NONE, /* nothing hangs on it: switching and turning do nothing */

@@ -3,7 +3,7 @@
  * own misalignments, lenses and noise. One JSON object with --json: of each figure the worst world,
  * of chi2 the mean.
  */
-#include "tests/calibration_fixture.h"
+#include "lib/calibration_fixture.h"
 
 #include "calibration_lights.h"
 #include "calibration_radiometry.h"

@@ -5,7 +5,7 @@
  * ratio to plain write() and fsync() of as many in the same folder.
  * usage: bench_capture [--json] [FOLDER]
  */
-#include "daemon/capture.h"
+#include "capture/capture.h"
 
 #include <glib/gstdio.h>
 #include <locale.h>

@@ -10,7 +10,7 @@
 #include "compression_ranks.h"
 #endif
 #include "compression_resample.h"
-#include "processing/lpca.h"
+#include "lpca/lpca.h"
 
 #include <cblas.h>
 #include <locale.h>

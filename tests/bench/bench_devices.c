@@ -9,7 +9,7 @@
 #include "devices_gige.h"
 #include "quantile.h"
 
-#include "tests/modbus_rig.h"
+#include "lib/modbus_rig.h"
 
 #include <locale.h>
 #include <modbus/modbus.h>

@@ -1,16 +1,16 @@
 /*
  * How a shader finds the measured views around a direction: the square table that reflectance
  * fields, polynomials and eigen-maps use (direction_table.h), as they use it and by its nearest
- * cell, against cube maps (seed 001 §5.4), on rings whose azimuths and polar angles are not evenly
- * spread. Each way mixes the measured directions themselves by the weights it finds; the truth is
- * the same mix by directions_weights().
+ * cell, against cube maps (Meseth et al. 2003 §5.4), on rings whose azimuths and polar angles are
+ * not evenly spread. Each way mixes the measured directions themselves by the weights it finds; the
+ * truth is the same mix by directions_weights().
  */
 #include "frame_time.h"
-#include "renderer/direction_cube.h"
-#include "renderer/direction_table.h"
-#include "renderer/lobes_view.h"
-#include "renderer/scene.h"
-#include "renderer/shaders.h"
+#include "gl/direction_cube.h"
+#include "gl/direction_table.h"
+#include "gl/shaders.h"
+#include "methods/lobes_view.h"
+#include "shapes/scene.h"
 
 #include <epoxy/gl.h>
 #include <locale.h>

@@ -6,7 +6,7 @@
  *
  * Frames of 8 bits, so that eight cameras at 30 Hz are 189 MB/s, more than one line of 1 Gbit/s.
  */
-#include "tests/gige_rig.h"
+#include "lib/gige_rig.h"
 
 #include <locale.h>
 #include <stdlib.h>

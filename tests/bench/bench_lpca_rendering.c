@@ -1,14 +1,14 @@
-/* Local PCA drawn by the pairs of measured directions (seed 000 §5, the baseline), from a 3D
+/* Local PCA drawn by the pairs of measured directions (Schneider 2004 §5, the baseline), from a 3D
  * texture (§6) and on a grid of directions with simplices: time a frame, and how far the pictures
  * differ. On a torus of a material made up of glossy lobes on 81 × 81 directions, or of a file. */
 #include "frame_time.h"
-#include "processing/lpca.h"
-#include "renderer/gpu.h"
-#include "renderer/lpca_grid.h"
-#include "renderer/lpca_revised.h"
-#include "renderer/lpca_view.h"
-#include "renderer/scene.h"
-#include "renderer/view.h"
+#include "gl/gpu.h"
+#include "lpca/lpca.h"
+#include "methods/lpca_grid.h"
+#include "methods/lpca_revised.h"
+#include "methods/lpca_view.h"
+#include "scene/view.h"
+#include "shapes/scene.h"
 
 #include <locale.h>
 #include <math.h>

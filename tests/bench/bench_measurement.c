@@ -7,11 +7,11 @@
  * texel is at least --pixels pixels across, in the direction in which a view shortens it too. At an
  * edge means with a step of half a texel within one texel.
  */
+#include "mdf/mdf_views.h"
 #include "measurement_btf.h"
 #include "measurement_mdf.h"
 #include "measurement_peaks.h"
 #include "measurement_speed.h"
-#include "processing/mdf_views.h"
 
 #include <locale.h>
 #include <math.h>

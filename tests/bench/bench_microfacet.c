@@ -1,8 +1,9 @@
-/* Rotated microfacets (seed 003) on a torus of brushed metal: time a frame against plain normal
- * mapping, and how far the approximate rotation is from the exact one as the normal tilts. */
+/* Rotated microfacets (Kang & Cho 2011) on a torus of brushed metal: time a frame against plain
+ * normal mapping, and how far the approximate rotation is from the exact one as the normal tilts.
+ */
 #include "frame_time.h"
-#include "renderer/microfacet.h"
-#include "renderer/scene.h"
+#include "methods/microfacet.h"
+#include "shapes/scene.h"
 
 #include <locale.h>
 #include <math.h>
@@ -25,7 +26,7 @@ static struct vec3 unit(double theta_deg, double phi_deg) {
 
 static double ward_at(struct vec3 n, struct vec3 h, enum method_rotation rotation) {
     static const struct microfacet ward = {
-        MICROFACET_WARD, {0, 0, 0}, {1, 1, 1}, {0.1F, 0.5F}}; /* of the seed's fig. 5 */
+        MICROFACET_WARD, {0, 0, 0}, {1, 1, 1}, {0.1F, 0.5F}}; /* of Kang & Cho 2011, fig. 5 */
     double rgb[3];
     microfacet_evaluate(&ward, n, h, h, rotation, rgb); /* light from where one looks */
     return rgb[0];

@@ -4,11 +4,11 @@
  * which --write-material also saves, to look at. So is the MDF: silhouettes, and silhouettes with
  * shadows whose silhouettes are drawn anew in every frame too, are timed against the BTF alone.
  */
+#include "eigenmaps/eigenmaps.h"
 #include "frame_time.h"
-#include "processing/eigenmaps.h"
-#include "renderer/gpu.h"
-#include "renderer/scene.h"
-#include "renderer/view.h"
+#include "gl/gpu.h"
+#include "scene/view.h"
+#include "shapes/scene.h"
 
 #include <locale.h>
 #include <math.h>

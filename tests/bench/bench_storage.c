@@ -2,10 +2,10 @@
  * How fast frames and rows reach the disk, against plain write() and fsync() of as many bytes to
  * the same folder in the same run. MB/s are of raw pixels (half), so that methods compare.
  */
-#include "processing/exr.h"
-#include "processing/exr_half.h"
-#include "processing/session.h"
-#include "tests/remove_tree.h"
+#include "exr/exr.h"
+#include "exr/exr_half.h"
+#include "lib/remove_tree.h"
+#include "session/session.h"
 
 #include <fcntl.h>
 #include <glib/gstdio.h>

@@ -1,5 +1,5 @@
 /* How fast laser frames are absorbed, against copying them. */
-#include "processing/sweep.h"
+#include "frames/sweep.h"
 
 #include <locale.h>
 #include <stdio.h>

@@ -12,18 +12,18 @@
  * USB3 Vision: from a trigger to the whole picture of 1024 × 768, against the same by bare bulk
  * transfers.
  */
-#include "drivers/usb/relays.h"
-#include "drivers/usb/tic.h"
-#include "drivers/usb/usb.h"
-#include "drivers/v4l2/stream.h"
-#include "drivers/v4l2/v4l2.h"
+#include "conformance/conformance.h"
 #include "quantile.h"
-#include "sim/virtual/testbed.h"
-#include "sim/virtual/usb_relays.h"
-#include "sim/virtual/usb_tic.h"
-#include "sim/virtual/v4l2.h"
-#include "tests/conformance.h"
+#include "usb/relays.h"
+#include "usb/tic.h"
+#include "usb/usb.h"
 #include "usb_u3v.h"
+#include "v4l2/stream.h"
+#include "v4l2/v4l2.h"
+#include "virtual/testbed.h"
+#include "virtual/usb_relays.h"
+#include "virtual/usb_tic.h"
+#include "virtual/v4l2.h"
 
 #include <locale.h>
 #include <poll.h>

@@ -1,6 +1,6 @@
 #include "calibration_lights.h"
 
-#include "tests/lasers_scene.h"
+#include "lib/lasers_scene.h"
 
 #include <stdio.h>
 #include <time.h>

@@ -1,6 +1,6 @@
 #include "calibration_radiometry.h"
 
-#include "tests/grey_fixture.h"
+#include "lib/grey_fixture.h"
 
 #include <stdio.h>
 

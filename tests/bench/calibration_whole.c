@@ -3,7 +3,7 @@
 #define SCENE_CAMERAS 8
 #define SCENE_LAMPS   8
 #define SCENE_LASERS  2
-#include "tests/lasers_scene.h"
+#include "lib/lasers_scene.h"
 
 #include <stdio.h>
 #include <time.h>

@@ -1,6 +1,6 @@
 #include "compression_disk.h"
 
-#include "processing/lpca_private.h"
+#include "lpca/lpca_private.h"
 
 #include <cblas.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 #include "compression_eigenmaps.h"
 
+#include "cli/compress.h"
 #include "compression_disk.h"
-#include "daemon/mesorig_compress.h"
 
 #include <stdio.h>
 #include <time.h>

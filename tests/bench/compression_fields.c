@@ -1,7 +1,7 @@
 #include "compression_fields.h"
 
 #include "base/direction.h"
-#include "processing/lobes_private.h"
+#include "lobes/lobes_private.h"
 
 #include <cminpack.h>
 #include <glib/gstdio.h>

@@ -1,5 +1,5 @@
 /* The part of bench_compression on models of a texel: errors of reflectance fields, polynomials and
- * Lafortune models (seed 001, Table 1), and the batch solver against others. */
+ * Lafortune models (Meseth et al. 2003, Table 1), and the batch solver against others. */
 #pragma once
 
 #include <glib.h>

@@ -2,11 +2,11 @@
  * how far outlines are that the viewer draws with them. */
 #include "compression_mdf.h"
 
-#include "processing/mdf_blocks.h"
-#include "processing/mdf_factors.h"
-#include "renderer/gpu.h"
-#include "renderer/scene.h"
-#include "renderer/view.h"
+#include "gl/gpu.h"
+#include "mdf_codecs/mdf_blocks.h"
+#include "mdf_codecs/mdf_factors.h"
+#include "scene/view.h"
+#include "shapes/scene.h"
 
 #include <math.h>
 #include <stdio.h>

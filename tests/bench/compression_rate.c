@@ -1,7 +1,7 @@
 #include "compression_rate.h"
 
-#include "processing/lpca_pack.h"
-#include "processing/lpca_private.h"
+#include "lpca/lpca_pack.h"
+#include "lpca/lpca_private.h"
 
 #include <cblas.h>
 #include <glib/gstdio.h>
@@ -22,9 +22,10 @@ struct point {
 };
 
 /*
- * Local PCA as published (seed 000 §3, after Kambhatla & Leen): clusters begin at drawn texels,
- * each texel goes to the cluster that reconstructs it best, mean and principal axes are found anew,
- * in all dimensions, until nothing changes or often enough. Weights are floats, eigen-BRDFs halves.
+ * Local PCA as published (Schneider 2004 §3, after Kambhatla & Leen): clusters begin at drawn
+ * texels, each texel goes to the cluster that reconstructs it best, mean and principal axes are
+ * found anew, in all dimensions, until nothing changes or often enough. Weights are floats,
+ * eigen-BRDFs halves.
  */
 struct published {
     const struct btf_matrix *btf;

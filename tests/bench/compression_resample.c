@@ -1,7 +1,7 @@
 #include "compression_resample.h"
 
-#include "processing/lpca_resample.h"
-#include "processing/triangulation.h"
+#include "btf/triangulation.h"
+#include "lpca/lpca_resample.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 #include "devices_gige.h"
 #include "quantile.h"
 
-#include "tests/gige_rig.h"
+#include "lib/gige_rig.h"
 
 #include <arpa/inet.h>
 #include <poll.h>

@@ -1,9 +1,9 @@
 /* How long pictures take. */
 #pragma once
 
+#include "gl/gpu.h"
 #include "quantile.h"
-#include "renderer/gpu.h"
-#include "renderer/view.h"
+#include "scene/view.h"
 
 #include <string.h>
 #include <time.h>

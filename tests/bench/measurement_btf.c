@@ -1,8 +1,8 @@
 #include "measurement_btf.h"
 
-#include "daemon/radiance.h"
-#include "processing/exr_half.h"
-#include "processing/rectify.h"
+#include "capture/radiance.h"
+#include "exr/exr_half.h"
+#include "frames/rectify.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 /* The BTF's part of bench_measurement. */
 #pragma once
 
+#include "end_to_end/demo_pictures.h"
 #include "measurement_rig.h"
-#include "tests/demo_pictures.h"
 
 struct bench_cell { /* a view and a lamp */
     GArray *errors; /* float: of each texel and colour, relative */

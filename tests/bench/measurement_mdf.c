@@ -1,9 +1,9 @@
 #include "measurement_mdf.h"
 
-#include "daemon/radiance.h"
+#include "capture/radiance.h"
+#include "frames/sweep.h"
+#include "mdf/mdf.h"
 #include "measurement_shown.h"
-#include "processing/mdf.h"
-#include "processing/sweep.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 #include "measurement_peaks.h"
 
-#include "processing/sweep.h"
+#include "frames/sweep.h"
 
 #include <math.h>
 

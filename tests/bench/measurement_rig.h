@@ -5,9 +5,9 @@
  */
 #pragma once
 
-#include "calib/rig.h"
-#include "processing/session.h"
-#include "sim/truth.h"
+#include "geometry/rig.h"
+#include "session/session.h"
+#include "world/truth.h"
 
 #define RIG_VIEWS 5 /* also lamps and lasers: one at each elevation of 15, 30, 45, 60, 75° */
 

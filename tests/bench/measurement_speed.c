@@ -1,7 +1,7 @@
 #include "measurement_speed.h"
 
-#include "processing/exr.h"
-#include "processing/rectify.h"
+#include "exr/exr.h"
+#include "frames/rectify.h"
 
 #include <glib/gstdio.h>
 #include <unistd.h>

@@ -3,8 +3,8 @@
  */
 #include "speed_live.h"
 
-#include "daemon/intake.h"
-#include "tests/remove_tree.h"
+#include "capture/intake.h"
+#include "lib/remove_tree.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

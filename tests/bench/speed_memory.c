@@ -1,11 +1,11 @@
 /* All frames are one file under many names: how large they are counts, not what is in them. */
 #include "speed_memory.h"
 
-#include "calib/calibration.h"
+#include "calibration/calibration.h"
+#include "exr/exr.h"
+#include "lib/remove_tree.h"
 #include "measurement_rig.h"
-#include "processing/exr.h"
-#include "processing/pipeline.h"
-#include "tests/remove_tree.h"
+#include "pipeline/pipeline.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

@@ -1,6 +1,6 @@
 #include "speed_sweep.h"
 
-#include "processing/sweep.h"
+#include "frames/sweep.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

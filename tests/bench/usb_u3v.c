@@ -1,8 +1,8 @@
 #include "usb_u3v.h"
 
-#include "drivers/aravis/camera.h"
-#include "sim/virtual/u3v.h"
-#include "tests/conformance.h"
+#include "aravis/camera.h"
+#include "conformance/conformance.h"
+#include "virtual/u3v.h"
 
 #include <libusb.h>
 #include <stdio.h>

@@ -1,9 +1,9 @@
 /* Calibration files, boards, colour charts. */
 #include "fuzz.h"
 
-#include "calib/board.h"
-#include "calib/calibration.h"
-#include "processing/chart_session.h"
+#include "calibration/calibration.h"
+#include "cameras/board.h"
+#include "targets/chart_session.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     g_autofree char *text = fuzz_text(data, size);

@@ -1,7 +1,7 @@
 /* EXR files: frames, and any other. */
 #include "fuzz.h"
 
-#include "processing/exr.h"
+#include "exr/exr.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file(data, size);

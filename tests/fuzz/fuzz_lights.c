@@ -1,7 +1,7 @@
 /* Lists of lights (.lp); the pictures they name are not there. */
 #include "fuzz.h"
 
-#include "processing/import.h"
+#include "formats/import.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file_in_folder("lights.lp", data, size);

@@ -1,9 +1,9 @@
 /* Compressed materials: eigen-maps, local PCA, lobes. */
 #include "fuzz.h"
 
-#include "processing/eigenmaps.h"
-#include "processing/lobes.h"
-#include "processing/lpca.h"
+#include "eigenmaps/eigenmaps.h"
+#include "lobes/lobes.h"
+#include "lpca/lpca.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     const char *path = fuzz_file(data, size);

@@ -1,7 +1,7 @@
 /* Names of pictures, as in Bonn's UBO2003 folders; the pictures are empty. */
 #include "fuzz.h"
 
-#include "processing/import.h"
+#include "formats/import.h"
 
 #include <glib/gstdio.h>
 #include <string.h>

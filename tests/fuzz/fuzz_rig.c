@@ -1,7 +1,7 @@
 /* Rig files: every section, marks among them, and every driver's options. */
 #include "fuzz.h"
 
-#include "daemon/devices.h"
+#include "rig/devices.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     g_autofree char *text = fuzz_text(data, size);

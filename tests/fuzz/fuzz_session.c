@@ -1,7 +1,7 @@
 /* Session files. */
 #include "fuzz.h"
 
-#include "daemon/plan.h"
+#include "plan/plan.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     g_autofree char *text = fuzz_text(data, size);

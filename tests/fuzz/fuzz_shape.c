@@ -2,7 +2,7 @@
  * corner that there is not. */
 #include "fuzz.h"
 
-#include "renderer/scene.h"
+#include "shapes/scene.h"
 
 #include <math.h>
 

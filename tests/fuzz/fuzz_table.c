@@ -2,8 +2,8 @@
 #include "fuzz.h"
 
 #include "base/text_table.h"
-#include "processing/btf_directions.h"
-#include "processing/import_poses.h"
+#include "btf/btf_directions.h"
+#include "formats/import_poses.h"
 
 static void read_cells(const TextTable *table) {
     const int column = text_table_column(table, "turntable_deg");

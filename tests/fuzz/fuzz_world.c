@@ -1,7 +1,7 @@
 /* World files; one that is right builds its sample. */
 #include "fuzz.h"
 
-#include "sim/world.h"
+#include "world/world.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     GError *error = NULL;

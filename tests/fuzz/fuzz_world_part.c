@@ -1,7 +1,7 @@
 /* What a relay or a motor of a virtual rig says that it moves in the world. */
 #include "fuzz.h"
 
-#include "sim/virtual/world_link.h"
+#include "virtual/world_link.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static World *world;

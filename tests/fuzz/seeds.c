@@ -1,12 +1,12 @@
 /* Writes small files of every kind that is not text, for fuzzing to begin with, and the calibration
  * of a rig file: seeds FOLDER RIG.conf. */
-#include "calib/rig.h"
-#include "daemon/devices.h"
-#include "processing/eigenmaps.h"
-#include "processing/exr.h"
-#include "processing/lpca.h"
-#include "processing/mdf_blocks.h"
-#include "processing/mdf_factors.h"
+#include "eigenmaps/eigenmaps.h"
+#include "exr/exr.h"
+#include "geometry/rig.h"
+#include "lpca/lpca.h"
+#include "mdf_codecs/mdf_blocks.h"
+#include "mdf_codecs/mdf_factors.h"
+#include "rig/devices.h"
 
 #include <glib/gstdio.h>
 #include <string.h>

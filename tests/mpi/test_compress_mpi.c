@@ -1,8 +1,8 @@
 /* The same material by one, two and four processes. */
-#include "processing/import.h"
-#include "processing/lpca.h"
+#include "formats/import.h"
+#include "lpca/lpca.h"
 
-#include "../session_fixture.h"
+#include "lib/session_fixture.h"
 
 #define SIDE   40 /* 1600 texels: seven blocks of TEAM_ROWS */
 #define VIEWS  3

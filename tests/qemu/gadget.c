@@ -3,8 +3,8 @@
  * their requests answered through FunctionFS. Port n is the only one of bus n. Root only, in a
  * machine that is thrown away.
  */
-#include "sim/virtual/testbed.h"
-#include "sim/virtual/usb_device.h"
+#include "virtual/testbed.h"
+#include "virtual/usb_device.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -3,10 +3,10 @@
  * has no exposure control, and its frames are stamped at their end. Run by tests/qemu/run, where
  * vivid's single-planar node is /dev/video0.
  */
-#include "tests/conformance.h"
+#include "conformance/conformance.h"
 
-#include "drivers/v4l2/controls.h"
-#include "drivers/v4l2/v4l2.h"
+#include "v4l2/controls.h"
+#include "v4l2/v4l2.h"
 
 #include <string.h>
 

@@ -2,10 +2,10 @@
  * What every driver must do, asked of the V4L2 driver with the kernel's own virtual camera, vivid,
  * once by each of the kernel's two interfaces, single- and multi-planar. Run by tests/qemu/run.
  */
-#include "tests/conformance.h"
+#include "conformance/conformance.h"
 
-#include "drivers/v4l2/controls.h"
-#include "drivers/v4l2/v4l2.h"
+#include "v4l2/controls.h"
+#include "v4l2/v4l2.h"
 
 #define SECTION(node)                                                                              \
     "[camera test]\ndriver = v4l2-camera\ndevice = " node "\nwidth = 320\nheight = 180\n"          \

@@ -1,0 +1,76 @@
+#include "file_lock.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static glong read_holder(int fd) {
+    char text[32] = "";
+
+    return pread(fd, text, sizeof text - 1, 0) > 0 ? strtol(text, NULL, 10) : 0;
+}
+
+static void write_holder(int fd, const char *path) {
+    char text[32];
+
+    g_snprintf(text, sizeof text, "%ld\n", (long)getpid());
+    if (ftruncate(fd, 0) != 0 || pwrite(fd, text, strlen(text), 0) < 0)
+        g_debug("%s: %s", path, g_strerror(errno)); /* only a message wants it */
+}
+
+/* FALSE: the holder before removed the file after it was opened here; the lock of a name that is
+ * gone keeps nobody out. */
+static gboolean file_lock_is_there(int fd, const char *path) {
+    struct stat open, named;
+
+    return fstat(fd, &open) == 0 && lstat(path, &named) == 0 && open.st_dev == named.st_dev &&
+           open.st_ino == named.st_ino;
+}
+
+static int file_lock_fail(const char *path, int fd, int saved, const char *what, GError **error) {
+    if (fd >= 0 && (saved == EAGAIN || saved == EACCES))
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
+                    "%s: process %ld is making %s; wait until it has ended", path, read_holder(fd),
+                    what);
+    else
+        g_set_error(error, G_IO_ERROR, (int)g_io_error_from_errno(saved),
+                    "%s: cannot be locked: %s", path, g_strerror(saved));
+    if (fd >= 0)
+        close(fd);
+    return -1;
+}
+
+int file_lock_take(const char *path, const char *what, GError **error) {
+    for (;;) {
+        struct flock whole = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+        const int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
+
+        if (fd < 0 || fcntl(fd, F_OFD_SETLK, &whole) != 0)
+            return file_lock_fail(path, fd, errno, what, error);
+        if (file_lock_is_there(fd, path)) {
+            write_holder(fd, path);
+            return fd;
+        }
+        close(fd);
+    }
+}
+
+void file_lock_give(int lock, const char *path) {
+    if (lock < 0)
+        return;
+    unlink(path);
+    close(lock);
+}
+
+gboolean file_lock_is_held(const char *path) {
+    struct flock whole = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    const gboolean held = fd >= 0 && fcntl(fd, F_OFD_GETLK, &whole) == 0 && whole.l_type != F_UNLCK;
+
+    if (fd >= 0)
+        close(fd);
+    return held;
+}

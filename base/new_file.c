@@ -1,0 +1,109 @@
+#include "new_file.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#define END       ".part"
+#define DIGITS    8
+#define MOST_NAME 200 /* bytes of the name that are repeated in that of the file beside it */
+#define TRIES     100
+
+/* Closes folder. */
+static int step_into(int folder, const char *name) {
+    const int next = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    const int saved = errno;
+
+    close(folder);
+    errno = saved;
+    return next;
+}
+
+/* The last folder of relative, or of all of it; −1: errno. */
+static int open_folder(const char *directory, const char *relative, gboolean all) {
+    g_auto(GStrv) parts = g_strsplit(relative, "/", -1);
+    int folder = open(directory, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+
+    for (char **part = parts; folder >= 0 && *part && (all || part[1]); part++)
+        folder = step_into(folder, *part);
+    return folder;
+}
+
+static void new_file_clear(struct new_file *file) {
+    const int saved = errno;
+
+    if (file->fd >= 0)
+        close(file->fd);
+    if (file->folder >= 0)
+        close(file->folder);
+    g_clear_pointer(&file->name, g_free);
+    g_clear_pointer(&file->beside, g_free);
+    errno = saved;
+}
+
+gboolean new_file_begin(struct new_file *file, const char *directory, const char *relative) {
+    const char *slash = strrchr(relative, '/');
+
+    *file = (struct new_file){open_folder(directory, relative, FALSE), -1,
+                              g_strdup(slash ? slash + 1 : relative), NULL};
+    for (int i = 0; file->folder >= 0 && file->fd < 0 && i < TRIES; i++) {
+        g_free(file->beside);
+        file->beside = g_strdup_printf("%.*s.%08x" END, MOST_NAME, file->name, g_random_int());
+        file->fd = openat(file->folder, file->beside,
+                          O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+        if (file->fd < 0 && errno != EEXIST)
+            break;
+    }
+    if (file->fd >= 0)
+        return TRUE;
+    new_file_clear(file);
+    return FALSE;
+}
+
+gboolean new_file_commit(struct new_file *file, gboolean sync) {
+    gboolean ok = !sync || fsync(file->fd) == 0;
+
+    if (ok) {
+        ok = close(file->fd) == 0;
+        file->fd = -1;
+    }
+    ok = ok && renameat(file->folder, file->beside, file->folder, file->name) == 0;
+    if (!ok) {
+        new_file_abandon(file);
+        return FALSE;
+    }
+    ok = !sync || fsync(file->folder) == 0;
+    new_file_clear(file);
+    return ok;
+}
+
+void new_file_abandon(struct new_file *file) {
+    const int saved = errno;
+
+    unlinkat(file->folder, file->beside, 0);
+    errno = saved;
+    new_file_clear(file);
+}
+
+static gboolean is_left(const char *name, const char *prefix) {
+    const gsize n = strlen(name), end = DIGITS + strlen(END);
+
+    return g_str_has_prefix(name, prefix) && g_str_has_suffix(name, END) && n > end + 1 &&
+           name[n - end - 1] == '.' && strspn(name + n - end, "0123456789abcdef") == DIGITS;
+}
+
+void new_file_remove_left(const char *directory, const char *folder, const char *prefix) {
+    const int fd = open_folder(directory, folder, TRUE);
+    DIR *dir = fd >= 0 ? fdopendir(fd) : NULL;
+
+    if (fd >= 0 && !dir)
+        close(fd);
+    for (const struct dirent *entry; dir && (entry = readdir(dir));)
+        if (is_left(entry->d_name, prefix))
+            unlinkat(dirfd(dir), entry->d_name, 0);
+    if (dir)
+        closedir(dir);
+}

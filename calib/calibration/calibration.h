@@ -1,0 +1,145 @@
+/*
+ * What calibration has found out about a rig, how well, when and from which pictures; and the one
+ * readable key file it is kept in.
+ *
+ * The file holds all that rig_to_text() writes, so rig_from_text() reads it too: wherever a rig's
+ * geometry is asked for, a calibration will do. Then one section [part NAME] for each part that has
+ * been calibrated, sections of standard errors, and sections of others that are kept as they are.
+ *
+ * A section of numbers is one row of the table in calibration_text.c: a struct that begins with
+ * `gboolean known`, an array of them here, and its fields (fields.h). It is written if known.
+ *
+ * Plain data; any thread, one at a time.
+ */
+#pragma once
+
+#include "radiometry/colour.h"
+#include "radiometry/photon_transfer.h"
+#include "radiometry/radiometry.h"
+
+enum calibration_kind {
+    CALIBRATION_CAMERAS, /* and the turntable */
+    CALIBRATION_LIGHTS,  /* lamps and the arc */
+    CALIBRATION_LASER,
+    CALIBRATION_RADIOMETRY,
+    CALIBRATION_PARTS,
+};
+
+struct calibration_part {
+    gboolean done;
+    char *date;   /* UTC, ISO 8601: "2026-01-31T12:00:00Z" */
+    char *method; /* one line */
+    double residual_rms;
+    char *residual_unit; /* "px", "%" … */
+    int degrees_of_freedom;
+    int pictures;        /* used, without the rejected ones */
+    char *checksum;      /* SHA-256 of all pictures' checksums in order; calibration_checksum() */
+    GPtrArray *rejected; /* of char *: "picture: why"; empty where nothing was */
+};
+
+/* The order of a camera's parameters in its covariance. The rotation is a small turn about the
+ * rig's axes, in radians, that the true rotation has more than the one found: R_true ≈ R_found (1 +
+ * [ω]×). */
+enum calibration_camera_parameter {
+    CALIBRATION_FX,
+    CALIBRATION_FY,
+    CALIBRATION_CX,
+    CALIBRATION_CY,
+    CALIBRATION_K1,
+    CALIBRATION_K2,
+    CALIBRATION_K3,
+    CALIBRATION_P1,
+    CALIBRATION_P2,
+    CALIBRATION_TURN_X,
+    CALIBRATION_TURN_Y,
+    CALIBRATION_TURN_Z,
+    CALIBRATION_SHIFT_X, /* of translation_mm */
+    CALIBRATION_SHIFT_Y,
+    CALIBRATION_SHIFT_Z,
+    CALIBRATION_CAMERA_PARAMETERS,
+};
+
+struct calibration_camera { /* with rig.cameras */
+    gboolean known;
+    /* In the units of the parameters; 0 in rows of parameters that were held fixed. */
+    double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
+    double residual_rms_px;
+    int points; /* corners it was calibrated from */
+};
+
+struct calibration_lamp { /* with rig.lamps */
+    gboolean known;
+    double position_covariance_mm2[3][3];
+};
+
+struct calibration_arc { /* with rig.arc; standard errors, 0 of what was believed as it is */
+    gboolean known;
+    double zero_rad, tilt_rad[2], centre_mm[2];
+};
+
+struct calibration_laser { /* with rig.lasers; standard errors */
+    gboolean known;
+    double position_mm[3]; /* across the axis; along it pictures tell nothing */
+    double axis_rad, normal_rad, stretch;
+    double residual_rms_mm;
+};
+
+struct calibration_noise { /* with rig.cameras */
+    gboolean known;
+    struct transfer transfer;
+};
+
+struct calibration_mark { /* with rig.marks; standard errors */
+    gboolean known;
+    double centre_mm[3], reflectance[3];
+};
+
+struct calibration {
+    struct rig rig;
+    struct calibration_part parts[CALIBRATION_PARTS];
+    struct calibration_camera cameras[RIG_MAX_CAMERAS];
+    struct calibration_arc arc;
+    struct calibration_lamp lamps[RIG_MAX_LAMPS];
+    struct calibration_laser lasers[RIG_MAX_LASERS];
+    struct radiometry_camera camera_radiometry[RIG_MAX_CAMERAS];
+    struct radiometry_lamp lamp_radiometry[RIG_MAX_LAMPS];
+    struct calibration_noise noise[RIG_MAX_CAMERAS];
+    struct calibration_mark marks[RIG_MAX_MARKS];
+    struct colour_matrix colour;
+    GKeyFile *extra; /* sections that are not ours */
+};
+
+/* Nothing calibrated yet: the nominal rig. */
+struct calibration *calibration_new(const struct rig *nominal);
+void calibration_free(struct calibration *calibration); /* NULL is ignored */
+typedef struct calibration Calibration;
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Calibration, calibration_free)
+
+/* "cameras", "lights", "laser", "radiometry". */
+const char *calibration_part_name(enum calibration_kind kind);
+
+/* Replaces what is said of a part, with now as its date. rejected (of char *) is taken over; NULL:
+ * none. */
+struct calibration_part *calibration_set_part(struct calibration *calibration,
+                                              enum calibration_kind kind, const char *method,
+                                              int pictures, const char *checksum,
+                                              GPtrArray *rejected);
+
+/* Of n checksums (or any other words) in order; g_free(). */
+char *calibration_checksum(const char *const *checksums, int n);
+
+/* g_free() */
+char *calibration_to_text(const struct calibration *calibration);
+/* A rig_to_text() is a calibration too, of nothing. NULL: RIG_ERROR, with path, section and key. */
+struct calibration *calibration_from_text(const char *text, const char *path, GError **error);
+
+/* The file is written beside its name and renamed. */
+gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
+struct calibration *calibration_read(const char *path, GError **error);
+
+/* Whether it is of this rig: id, and the names and sizes of cameras, lamps and lasers. */
+gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
+                               const struct rig *nominal, GError **error);
+
+/* Days since a part was calibrated; −1: it was not. */
+double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind);

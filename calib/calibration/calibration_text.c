@@ -1,0 +1,366 @@
+#include "calibration.h"
+#include "geometry/fields.h"
+
+#include <stddef.h>
+#include <string.h>
+
+static const char end[] = "\n[end]\ncomplete=yes\n";
+
+#define PART(member) offsetof(struct calibration_part, member)
+static const struct field part_fields[] = {
+    {"residual_rms", PART(residual_rms), 1, FALSE, 0, FIELD_LARGE},
+    {"degrees_of_freedom", PART(degrees_of_freedom), 1, TRUE, 0, G_MAXINT},
+    {"pictures", PART(pictures), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+static const struct {
+    const char *key;
+    gsize offset;
+} part_strings[] = {
+    {"date", PART(date)},
+    {"method", PART(method)},
+    {"residual_unit", PART(residual_unit)},
+    {"checksum", PART(checksum)},
+};
+
+#define CAMERA(member) offsetof(struct calibration_camera, member)
+static const struct field camera_fields[] = {
+    {"covariance", CAMERA(covariance), CALIBRATION_CAMERA_PARAMETERS *CALIBRATION_CAMERA_PARAMETERS,
+     FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"residual_rms_px", CAMERA(residual_rms_px), 1, FALSE, 0, FIELD_LARGE},
+    {"points", CAMERA(points), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+#define LAMP(member) offsetof(struct calibration_lamp, member)
+static const struct field lamp_fields[] = {
+    {"position_covariance_mm2", LAMP(position_covariance_mm2), 9, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {NULL},
+};
+
+#define LASER(member) offsetof(struct calibration_laser, member)
+static const struct field laser_fields[] = {
+    {"position_mm", LASER(position_mm), 3, FALSE, 0, FIELD_LARGE},
+    {"axis_rad", LASER(axis_rad), 1, FALSE, 0, FIELD_LARGE},
+    {"normal_rad", LASER(normal_rad), 1, FALSE, 0, FIELD_LARGE},
+    {"stretch", LASER(stretch), 1, FALSE, 0, FIELD_LARGE, TRUE},
+    {"residual_rms_mm", LASER(residual_rms_mm), 1, FALSE, 0, FIELD_LARGE, TRUE},
+    {NULL},
+};
+
+#define ARC(member) offsetof(struct calibration_arc, member)
+static const struct field arc_fields[] = {
+    {"zero_rad", ARC(zero_rad), 1, FALSE, 0, FIELD_LARGE},
+    {"tilt_rad", ARC(tilt_rad), 2, FALSE, 0, FIELD_LARGE},
+    {"centre_mm", ARC(centre_mm), 2, FALSE, 0, FIELD_LARGE},
+    {NULL},
+};
+
+#define RADIOMETRY(member) offsetof(struct radiometry_camera, member)
+static const struct field radiometry_fields[] = {
+    {"colour", RADIOMETRY(colour), 3, FALSE, 1e-3, 1e3},
+    {"flat", RADIOMETRY(flat), RADIOMETRY_FLAT, FALSE, -3, 3},
+    {"response_error", RADIOMETRY(response_error), 1, FALSE, 0, 10},
+    {"colour_error", RADIOMETRY(colour_error), 3, FALSE, 0, 1e3},
+    {"flat_error", RADIOMETRY(flat_error), RADIOMETRY_FLAT, FALSE, 0, 10},
+    {"cells", RADIOMETRY(cells), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+#define LIGHT(member) offsetof(struct radiometry_lamp, member)
+static const struct field light_fields[] = {
+    {"colour", LIGHT(colour), 3, FALSE, 1e-3, 1e3},
+    {"intensity_error", LIGHT(intensity_error), 1, FALSE, 0, 10},
+    {"exponent_error", LIGHT(exponent_error), 1, FALSE, 0, 1e6},
+    {"aim_error_rad", LIGHT(aim_error_rad), 1, FALSE, 0, 10},
+    {"colour_error", LIGHT(colour_error), 3, FALSE, 0, 1e3},
+    {"shots", LIGHT(shots), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+#define NOISE(member) offsetof(struct calibration_noise, transfer.member)
+static const struct field noise_fields[] = {
+    {"black_dn", NOISE(black_dn), 2, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"dark_dn_s", NOISE(dark_dn_s), 2, FALSE, -FIELD_LARGE, FIELD_LARGE},
+    {"gain_dn_e", NOISE(gain_dn_e), 2, FALSE, 0, FIELD_LARGE},
+    {"read_noise_e", NOISE(read_noise_e), 2, FALSE, 0, FIELD_LARGE},
+    {"curvature", NOISE(curvature), 2, FALSE, -10, 10},
+    {"linearity", NOISE(linearity), 1, FALSE, 0, 10},
+    {"quality", NOISE(quality), 1, FALSE, 0, FIELD_LARGE},
+    {"points", NOISE(n_points), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+#define MARK(member) offsetof(struct calibration_mark, member)
+static const struct field mark_fields[] = {
+    {"centre_mm", MARK(centre_mm), 3, FALSE, 0, FIELD_LARGE},
+    {"reflectance", MARK(reflectance), 3, FALSE, 0, 10},
+    {NULL},
+};
+
+#define COLOUR(member) offsetof(struct colour_matrix, member)
+static const struct field colour_fields[] = {
+    {"matrix", COLOUR(matrix), 9, FALSE, -100, 100},
+    {"error", COLOUR(error), 9, FALSE, 0, 100},
+    {"residual", COLOUR(residual), 1, FALSE, 0, 1000},
+    {"patches", COLOUR(patches), 1, TRUE, 0, G_MAXINT},
+    {NULL},
+};
+
+/* Sections "[PREFIX i]": one an element of an array, if its `known`, the first member, is set.
+ * count: offset in struct rig of how many there may be; NONE: one, called "[PREFIX]". */
+#define NONE G_MAXSIZE
+static const struct group {
+    const char *prefix;
+    gsize count, offset, size;
+    const struct field *fields;
+} groups[] = {
+    {"camera errors", offsetof(struct rig, n_cameras), offsetof(struct calibration, cameras),
+     sizeof(struct calibration_camera), camera_fields},
+    {"arc errors", NONE, offsetof(struct calibration, arc), sizeof(struct calibration_arc),
+     arc_fields},
+    {"lamp errors", offsetof(struct rig, n_lamps), offsetof(struct calibration, lamps),
+     sizeof(struct calibration_lamp), lamp_fields},
+    {"laser errors", offsetof(struct rig, n_lasers), offsetof(struct calibration, lasers),
+     sizeof(struct calibration_laser), laser_fields},
+    {"camera radiometry", offsetof(struct rig, n_cameras),
+     offsetof(struct calibration, camera_radiometry), sizeof(struct radiometry_camera),
+     radiometry_fields},
+    {"lamp radiometry", offsetof(struct rig, n_lamps),
+     offsetof(struct calibration, lamp_radiometry), sizeof(struct radiometry_lamp), light_fields},
+    {"camera noise", offsetof(struct rig, n_cameras), offsetof(struct calibration, noise),
+     sizeof(struct calibration_noise), noise_fields},
+    {"mark errors", offsetof(struct rig, n_marks), offsetof(struct calibration, marks),
+     sizeof(struct calibration_mark), mark_fields},
+    {"colour", NONE, offsetof(struct calibration, colour), sizeof(struct colour_matrix),
+     colour_fields},
+};
+
+static int calibration_text_count_of(const struct group *group, const struct rig *rig) {
+    return group->count == NONE ? 1 : *(const int *)((const char *)rig + group->count);
+}
+
+static char *calibration_text_name_of(const struct group *group, int i) {
+    return group->count == NONE ? g_strdup(group->prefix)
+                                : g_strdup_printf("%s %d", group->prefix, i);
+}
+
+static void write_group(GString *text, const struct calibration *calibration,
+                        const struct group *group) {
+    const int n = calibration_text_count_of(group, &calibration->rig);
+
+    for (int i = 0; i < n; i++) {
+        const char *at = (const char *)calibration + group->offset + (gsize)i * group->size;
+        if (!*(const gboolean *)at)
+            continue;
+        g_autofree char *name = calibration_text_name_of(group, i);
+        g_string_append_printf(text, "\n[%s]\n", name);
+        fields_write(text, group->fields, at);
+    }
+}
+
+static void calibration_text_write_part(GString *text, const struct calibration_part *part,
+                                        const char *name) {
+    g_string_append_printf(text, "\n[part %s]\n", name);
+    for (gsize i = 0; i < G_N_ELEMENTS(part_strings); i++) {
+        const char *value = *(char *const *)((const char *)part + part_strings[i].offset);
+        fields_write_string(text, part_strings[i].key, value ? value : "");
+    }
+    fields_write(text, part_fields, part);
+    for (guint i = 0; i < part->rejected->len; i++) {
+        g_autofree char *key = g_strdup_printf("rejected_%u", i);
+        fields_write_string(text, key, part->rejected->pdata[i]);
+    }
+}
+
+char *calibration_to_text(const struct calibration *calibration) {
+    g_autofree char *rig = rig_to_text(&calibration->rig);
+    GString *text = g_string_new(rig);
+
+    g_assert(g_str_has_suffix(rig, end));
+    g_string_truncate(text, text->len - strlen(end));
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        if (calibration->parts[i].done)
+            calibration_text_write_part(text, &calibration->parts[i],
+                                        calibration_part_name((enum calibration_kind)i));
+    for (gsize i = 0; i < G_N_ELEMENTS(groups); i++)
+        write_group(text, calibration, &groups[i]);
+    g_autofree char *extra = g_key_file_to_data(calibration->extra, NULL, NULL);
+    if (*extra)
+        g_string_append_printf(text, "\n%s", extra);
+    g_string_append(text, end);
+    return g_string_free(text, FALSE);
+}
+
+struct reader {
+    GKeyFile *file;
+    const char *path;
+    GHashTable *taken; /* names of sections that were read */
+};
+
+static gboolean calibration_text_has(struct reader *r, const char *group) {
+    if (!g_key_file_has_group(r->file, group))
+        return FALSE;
+    g_hash_table_add(r->taken, g_strdup(group));
+    return TRUE;
+}
+
+/* Rejected pictures are numbered without gaps; what else there is, is a mistake. */
+static char **rejected_keys(const struct reader *r, const char *group,
+                            struct calibration_part *to) {
+    g_autoptr(GStrvBuilder) keys = g_strv_builder_new();
+
+    for (gsize i = 0; i < G_N_ELEMENTS(part_strings); i++)
+        g_strv_builder_add(keys, part_strings[i].key);
+    for (int i = 0;; i++) {
+        g_autofree char *key = g_strdup_printf("rejected_%d", i);
+        char *value = g_key_file_get_string(r->file, group, key, NULL);
+        if (!value)
+            return g_strv_builder_end(keys);
+        g_ptr_array_add(to->rejected, value);
+        g_strv_builder_add(keys, key);
+    }
+}
+
+static gboolean read_part(struct reader *r, struct calibration_part *part, const char *name,
+                          GError **error) {
+    g_autofree char *group = g_strdup_printf("part %s", name);
+
+    if (!calibration_text_has(r, group))
+        return TRUE;
+    g_auto(GStrv) others = rejected_keys(r, group, part);
+    for (gsize i = 0; i < G_N_ELEMENTS(part_strings); i++) {
+        char **to = (char **)((char *)part + part_strings[i].offset);
+        *to = g_key_file_get_string(r->file, group, part_strings[i].key, NULL);
+        if (!*to)
+            return fields_refuse(r->path, group, part_strings[i].key, error, "missing");
+    }
+    g_autoptr(GDateTime) date = g_date_time_new_from_iso8601(part->date, NULL);
+    if (!date)
+        return fields_refuse(r->path, group, "date", error,
+                             "is not a date such as "
+                             "2026-01-31T12:00:00Z");
+    part->done = TRUE;
+    return fields_read(r->file, r->path, group, part_fields, (const char *const *)others, part,
+                       error);
+}
+
+static gboolean read_group(struct reader *r, struct calibration *to, const struct group *group,
+                           GError **error) {
+    static const char *const none[] = {NULL};
+    const int n = calibration_text_count_of(group, &to->rig);
+
+    for (int i = 0; i < n; i++) {
+        char *at = (char *)to + group->offset + (gsize)i * group->size;
+        g_autofree char *name = calibration_text_name_of(group, i);
+        if (!calibration_text_has(r, name))
+            continue;
+        if (!fields_read(r->file, r->path, name, group->fields, none, at, error))
+            return FALSE;
+        *(gboolean *)at = TRUE;
+    }
+    return TRUE;
+}
+
+static gboolean is_covariance(const double *c, int n) {
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            const double bound = sqrt(c[i * n + i] * c[j * n + j]) * (1 + 1e-6);
+            if (!(c[i * n + i] >= 0) || fabs(c[i * n + j]) > bound ||
+                fabs(c[i * n + j] - c[j * n + i]) > 1e-9 * bound)
+                return FALSE;
+        }
+    return TRUE;
+}
+
+static gboolean check_covariances(const struct reader *r, const struct calibration *c,
+                                  GError **error) {
+    for (int i = 0; i < c->rig.n_cameras; i++)
+        if (!is_covariance(&c->cameras[i].covariance[0][0], CALIBRATION_CAMERA_PARAMETERS))
+            return fields_refuse(r->path, c->rig.cameras[i].name, "covariance", error,
+                                 "is not a covariance");
+    for (int i = 0; i < c->rig.n_lamps; i++)
+        if (!is_covariance(&c->lamps[i].position_covariance_mm2[0][0], 3))
+            return fields_refuse(r->path, c->rig.lamps[i].name, "position_covariance_mm2", error,
+                                 "is not a covariance");
+    return TRUE;
+}
+
+static gboolean is_rigs(const char *group) {
+    static const char *const prefixes[] = {"camera ", "lamp ", "laser ", "mark "};
+
+    if (strcmp(group, "rig") == 0 || strcmp(group, "end") == 0)
+        return TRUE;
+    for (gsize i = 0; i < G_N_ELEMENTS(prefixes); i++)
+        if (g_str_has_prefix(group, prefixes[i]) &&
+            g_ascii_string_to_unsigned(group + strlen(prefixes[i]), 10, 0, G_MAXINT, NULL, NULL))
+            return TRUE;
+    return FALSE;
+}
+
+/* Lists of numbers for reports: residuals, steps of a sweep, the turntable's errors, lamps over
+ * time. */
+static gboolean is_numbers(const char *group) {
+    static const char *const lists[] = {"laser steps", "turntable", "lamp drift"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(lists); i++)
+        if (strcmp(group, lists[i]) == 0)
+            return TRUE;
+    return g_str_has_prefix(group, "camera residuals ");
+}
+
+static gboolean are_finite(const char *list) {
+    g_auto(GStrv) words = g_strsplit(list, ";", -1);
+
+    for (char **word = words; *word; word++) {
+        char *rest;
+        const double number = g_ascii_strtod(*word, &rest);
+        if (rest == *word || *rest || !isfinite(number))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean keep_extra(const struct reader *r, GKeyFile *to, GError **error) {
+    g_auto(GStrv) names = g_key_file_get_groups(r->file, NULL);
+
+    for (char **name = names; *name; name++) {
+        if (is_rigs(*name) || g_hash_table_contains(r->taken, *name))
+            continue;
+        g_auto(GStrv) keys = g_key_file_get_keys(r->file, *name, NULL, NULL);
+        for (char **key = keys; key && *key; key++) {
+            g_autofree char *value = g_key_file_get_value(r->file, *name, *key, NULL);
+            if (is_numbers(*name) && !are_finite(value))
+                return fields_refuse(r->path, *name, *key, error,
+                                     "is not a list of finite numbers; calibrate again or restore "
+                                     "the file");
+            g_key_file_set_value(to, *name, *key, value);
+        }
+    }
+    return TRUE;
+}
+
+static gboolean calibration_text_read_all(struct reader *r, struct calibration *to,
+                                          GError **error) {
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        if (!read_part(r, &to->parts[i], calibration_part_name((enum calibration_kind)i), error))
+            return FALSE;
+    for (gsize i = 0; i < G_N_ELEMENTS(groups); i++)
+        if (!read_group(r, to, &groups[i], error))
+            return FALSE;
+    return keep_extra(r, to->extra, error) && check_covariances(r, to, error);
+}
+
+struct calibration *calibration_from_text(const char *text, const char *path, GError **error) {
+    g_autoptr(GKeyFile) file = g_key_file_new();
+    g_autoptr(GHashTable) taken = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    struct reader r = {file, path ? path : "calibration", taken};
+    struct rig rig;
+
+    if (!rig_from_text(&rig, text, r.path, error) ||
+        !g_key_file_load_from_data(file, text, strlen(text), G_KEY_FILE_NONE, error))
+        return NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    return calibration_text_read_all(&r, calibration, error) ? g_steal_pointer(&calibration) : NULL;
+}

@@ -1,0 +1,200 @@
+#include "board.h"
+
+#include "pictures/vision.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MAX_MM 2000
+
+G_DEFINE_QUARK(board_error, board_error)
+
+static gboolean refuse(const char *spec, GError **error, const char *why) {
+    g_set_error(
+        error, BOARD_ERROR, BOARD_ERROR_SPEC,
+        "board “%s”: %s; write 8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3 (mm), "
+        "or without marker for a chessboard",
+        spec, why);
+    return FALSE;
+}
+
+static gboolean board_parse_size(const char *text, struct board *board) {
+    guint64 columns, rows;
+    g_auto(GStrv) sides = g_strsplit(text, "x", 3);
+
+    if (g_strv_length(sides) != 2 ||
+        !g_ascii_string_to_unsigned(sides[0], 10, 3, BOARD_MAX_SQUARES, &columns, NULL) ||
+        !g_ascii_string_to_unsigned(sides[1], 10, 3, BOARD_MAX_SQUARES, &rows, NULL))
+        return FALSE;
+    board->columns = (int)columns;
+    board->rows = (int)rows;
+    return TRUE;
+}
+
+static gboolean parse_mm(const char *text, double *ret) {
+    char *end;
+
+    *ret = g_ascii_strtod(text, &end);
+    return end != text && *end == '\0' && *ret >= 0 && *ret <= MAX_MM;
+}
+
+static gboolean board_parse_word(struct board *board, const char *spec, const char *word,
+                                 GError **error) {
+    if (g_str_has_prefix(word, "square="))
+        return parse_mm(word + strlen("square="), &board->square_mm) ||
+               refuse(spec, error, "square is not a number of millimetres");
+    if (g_str_has_prefix(word, "marker="))
+        return parse_mm(word + strlen("marker="), &board->marker_mm) ||
+               refuse(spec, error, "marker is not a number of millimetres");
+    if (g_str_has_prefix(word, "thickness="))
+        return parse_mm(word + strlen("thickness="), &board->thickness_mm) ||
+               refuse(spec, error, "thickness is not a number of millimetres");
+    if (g_str_has_prefix(word, "dictionary=")) {
+        g_strlcpy(board->dictionary, word + strlen("dictionary="), sizeof board->dictionary);
+        return TRUE;
+    }
+    return refuse(spec, error,
+                  "has a word that is not square=, marker=, dictionary= or thickness=");
+}
+
+static gboolean board_check(const struct board *board, const char *spec, GError **error) {
+    int markers = 0;
+
+    if (!(board->square_mm > 0))
+        return refuse(spec, error, "square is missing or 0");
+    if (board->marker_mm == 0 && (board->columns + board->rows) % 2 == 0)
+        return refuse(
+            spec, error,
+            "a chessboard looks the same upside down unless one of columns and rows is odd "
+            "and the other even");
+    if (board->marker_mm == 0)
+        return TRUE;
+    if (board->marker_mm >= 0.95 * board->square_mm || board->marker_mm < 0.3 * board->square_mm)
+        return refuse(spec, error, "a marker must be 0.3 to 0.95 times as large as a square");
+    if (!vision_dictionary(board->dictionary, &markers))
+        return refuse(spec, error,
+                      "the dictionary is not known: 4x4_50 … 7x7_1000, aruco_original");
+    if (board->columns * board->rows / 2 > markers)
+        return refuse(spec, error,
+                      "the dictionary has not as many markers as there are white "
+                      "squares");
+    return TRUE;
+}
+
+gboolean board_parse(struct board *board, const char *spec, GError **error) {
+    g_auto(GStrv) words = g_strsplit(spec, ",", 16);
+    struct board parsed = {.dictionary = "4x4_50"};
+
+    if (!words[0] || !board_parse_size(words[0], &parsed))
+        return refuse(spec, error, "does not begin with columns x rows, 3 to 40 squares each");
+    for (char **word = words + 1; *word; word++)
+        if (!board_parse_word(&parsed, spec, *word, error))
+            return FALSE;
+    if (!board_check(&parsed, spec, error))
+        return FALSE;
+    *board = parsed;
+    return TRUE;
+}
+
+char *board_spec(const struct board *board) {
+    char square[G_ASCII_DTOSTR_BUF_SIZE], marker[G_ASCII_DTOSTR_BUF_SIZE],
+        thickness[G_ASCII_DTOSTR_BUF_SIZE];
+
+    g_ascii_formatd(square, sizeof square, "%.10g", board->square_mm);
+    g_ascii_formatd(marker, sizeof marker, "%.10g", board->marker_mm);
+    g_ascii_formatd(thickness, sizeof thickness, "%.10g", board->thickness_mm);
+    if (board->marker_mm == 0)
+        return g_strdup_printf("%dx%d,square=%s,thickness=%s", board->columns, board->rows, square,
+                               thickness);
+    return g_strdup_printf("%dx%d,square=%s,marker=%s,dictionary=%s,thickness=%s", board->columns,
+                           board->rows, square, marker, board->dictionary, thickness);
+}
+
+int board_n_corners(const struct board *board) {
+    return (board->columns - 1) * (board->rows - 1);
+}
+
+void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]) {
+    const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
+
+    ret_xy_mm[0] = (column - board->columns / 2.0) * board->square_mm;
+    ret_xy_mm[1] = (board->rows / 2.0 - row) * board->square_mm;
+}
+
+static gboolean is_white(int column, int row) {
+    return (column + row) % 2 == 1;
+}
+
+/* White squares above a row. */
+static int whites_before(const struct board *board, int row) {
+    return row * (board->columns / 2) + (board->columns % 2 ? row / 2 : 0);
+}
+
+static int marker_of(const struct board *board, int column, int row) {
+    return whites_before(board, row) + column / 2;
+}
+
+gboolean board_marker_square(const struct board *board, int marker, int *ret_column, int *ret_row) {
+    if (board->marker_mm == 0 || marker < 0)
+        return FALSE;
+    for (int row = 0; row < board->rows; row++)
+        for (int column = row % 2 ? 0 : 1; column < board->columns; column += 2)
+            if (marker_of(board, column, row) == marker) {
+                *ret_column = column;
+                *ret_row = row;
+                return TRUE;
+            }
+    return FALSE;
+}
+
+/* The markers' bits, n × n each; g_free(). */
+static guint8 *all_bits(const struct board *board, int *ret_n) {
+    const int n = vision_dictionary(board->dictionary, NULL);
+    const int markers = whites_before(board, board->rows);
+    guint8 *bits = g_new0(guint8, (gsize)(n * n) * (gsize)markers + 1);
+
+    for (int i = 0; i < markers; i++)
+        vision_marker_bits(board->dictionary, i, bits + i * n * n);
+    *ret_n = n;
+    return bits;
+}
+
+/* u and v from the marker's top left, 0 … 1. */
+static double marker_value(const guint8 *bits, int n, double u, double v) {
+    const int i = (int)floor(v * (n + 2)) - 1, j = (int)floor(u * (n + 2)) - 1;
+
+    return i < 0 || j < 0 || i >= n || j >= n ? 0 : bits[i * n + j];
+}
+
+static double board_value_at(const struct board *board, const guint8 *bits, int n, double x_mm,
+                             double y_mm) {
+    const double x = x_mm / board->square_mm + board->columns / 2.0;
+    const double y = board->rows / 2.0 - y_mm / board->square_mm;
+    const int column = (int)floor(x), row = (int)floor(y);
+
+    if (x < 0 || y < 0 || column >= board->columns || row >= board->rows)
+        return -1;
+    if (!is_white(column, row) || board->marker_mm == 0)
+        return is_white(column, row);
+    const double size = board->marker_mm / board->square_mm;
+    const double u = (x - column - 0.5) / size + 0.5, v = (y - row - 0.5) / size + 0.5;
+    return u < 0 || v < 0 || u >= 1 || v >= 1
+               ? 1
+               : marker_value(bits + marker_of(board, column, row) * n * n, n, u, v);
+}
+
+void board_values(const struct board *board, const double *xy_mm, int n, float *ret) {
+    int size = 0;
+    g_autofree guint8 *bits = board->marker_mm > 0 ? all_bits(board, &size) : NULL;
+
+    for (int i = 0; i < n; i++)
+        ret[i] = (float)board_value_at(board, bits, size, xy_mm[2 * i], xy_mm[2 * i + 1]);
+}
+
+double board_value(const struct board *board, double x_mm, double y_mm) {
+    const double xy_mm[2] = {x_mm, y_mm};
+    float value;
+
+    board_values(board, xy_mm, 1, &value);
+    return (double)value;
+}

@@ -1,0 +1,380 @@
+#include "board_find.h"
+
+#include "pictures/vision.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MIN_CORNERS    4
+#define TOLERANCE_PX   3.0  /* of markers from a plane: lenses bend it, */
+#define TOLERANCE      0.15 /* or of a marker's side: the detector's corners lie within them */
+#define STEPS_A_SQUARE 8    /* points that are compared, when it is looked for */
+#define LEAST_FIT      0.45
+#define STEP_MM        0.01 /* for derivatives */
+
+static GArray *board_find_refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
+
+static GArray *board_find_refuse(GError **error, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *why = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_set_error_literal(error, BOARD_ERROR, BOARD_ERROR_SPEC, why);
+    return NULL;
+}
+
+/* Half of what a point and its opposite are from the middle of both, for one direction. */
+static gboolean even_part(BoardProject project, gpointer data, const double at[2],
+                          const double way[2], double ret[2]) {
+    const double there[2] = {at[0] + way[0], at[1] + way[1]};
+    const double opposite[2] = {at[0] - way[0], at[1] - way[1]};
+    double a[2], b[2], m[2];
+    if (!project(there, a, data) || !project(opposite, b, data) || !project(at, m, data))
+        return FALSE;
+    for (int k = 0; k < 2; k++)
+        ret[k] = (a[k] + b[k]) / 2 - m[k];
+    return TRUE;
+}
+
+static gboolean slopes(BoardProject project, gpointer data, const double at[2], double ret[2][2]) {
+    const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
+    double px[2], dx[2], dy[2];
+    if (!project(at, px, data) || !project(right, dx, data) || !project(up, dy, data))
+        return FALSE;
+    for (int k = 0; k < 2; k++) {
+        ret[k][0] = (dx[k] - px[k]) / STEP_MM;
+        ret[k][1] = (dy[k] - px[k]) / STEP_MM;
+    }
+    return TRUE;
+}
+
+/* By Cramer's rule. */
+static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
+    const double det = a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
+                       a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
+                       a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0]);
+    for (int k = 0; k < 3; k++) {
+        double m[3][3];
+        memcpy(m, a, sizeof m);
+        for (int i = 0; i < 3; i++)
+            m[i][k] = b[i];
+        ret[k] = (m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+                  m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+                  m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])) /
+                 det;
+    }
+    return fabs(det) > 1e-9;
+}
+
+/* The second order of the map from the picture to one without distortion, that is the same as it in
+ * first order: what perspective alone bends is the same in both, and keeps edges straight. */
+static void board_find_straighten(const struct board *board, BoardProject project,
+                                  BoardProject straight, gpointer data, const double at[2],
+                                  struct corner_guess *to) {
+    const double h = 0.3 * board->square_mm, ways[3][2] = {{h, 0}, {0, h}, {h, h}};
+    double s[2][2], a[3][3], b[2][3];
+    const double(*j)[2] = to->px_a_mm;
+    if (!slopes(straight, data, at, s))
+        return;
+    const double det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
+    for (int i = 0; i < 3; i++) {
+        double bent[2], even[2];
+        if (!even_part(project, data, at, ways[i], bent) ||
+            !even_part(straight, data, at, ways[i], even))
+            return;
+        const double u = (s[1][1] * even[0] - s[0][1] * even[1]) / det;
+        const double v = (s[0][0] * even[1] - s[1][0] * even[0]) / det;
+        const double x = j[0][0] * ways[i][0] + j[0][1] * ways[i][1];
+        const double y = j[1][0] * ways[i][0] + j[1][1] * ways[i][1];
+        for (int k = 0; k < 2; k++)
+            b[k][i] = j[k][0] * u + j[k][1] * v - bent[k];
+        a[i][0] = x * x;
+        a[i][1] = x * y;
+        a[i][2] = y * y;
+    }
+    double found[2][3];
+    if (solve3(a, b[0], found[0]) && solve3(a, b[1], found[1]))
+        memcpy(to->straighten, found, sizeof found);
+}
+
+static void guess_all(const struct board *board, BoardProject project, BoardProject straight,
+                      gpointer data, const double shift_px[2], struct corner_guess *guesses) {
+    const int n = board_n_corners(board);
+    memset(guesses, 0, sizeof *guesses * (gsize)n);
+    for (int id = 0; id < n; id++) {
+        struct corner_guess *to = &guesses[id];
+        double at[2], px[2], slope[2][2];
+        board_corner_mm(board, id, at);
+        if (!project(at, px, data) || !slopes(project, data, at, slope))
+            continue;
+        to->x_px = px[0] + shift_px[0];
+        to->y_px = px[1] + shift_px[1];
+        memcpy(to->px_a_mm, slope, sizeof slope);
+        if (straight)
+            board_find_straighten(board, project, straight, data, at, to);
+    }
+}
+
+static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+    const double *h = data;
+    const double w = h[6] * xy_mm[0] + h[7] * xy_mm[1] + h[8];
+    if (!(w > 1e-9))
+        return FALSE;
+    ret_xy_px[0] = (h[0] * xy_mm[0] + h[1] * xy_mm[1] + h[2]) / w;
+    ret_xy_px[1] = (h[3] * xy_mm[0] + h[4] * xy_mm[1] + h[5]) / w;
+    return TRUE;
+}
+
+/* Corners of a marker in the board frame, in the detector's order. */
+static void marker_corners(const struct board *board, int column, int row, double ret[8]) {
+    const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
+    const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
+    const double half = board->marker_mm / 2;
+    const double corners[8] = {x - half, y + half, x + half, y + half,
+                               x + half, y - half, x - half, y - half};
+    memcpy(ret, corners, sizeof corners);
+}
+
+/* By the first edge of each: half of them at least are as large. */
+static double tolerance_px(const GArray *markers) {
+    double sum = 0;
+    for (guint i = 0; i < markers->len; i++) {
+        const struct vision_marker *m = &g_array_index(markers, struct vision_marker, i);
+        sum += hypot(m->corners_px[1][0] - m->corners_px[0][0],
+                     m->corners_px[1][1] - m->corners_px[0][1]);
+    }
+    return MAX(TOLERANCE_PX, markers->len ? TOLERANCE * sum / markers->len : 0);
+}
+
+/* How many different markers of the board agree with one plane. */
+static int board_find_agree(const guint8 *good, guint n) {
+    int markers = 0;
+    for (guint i = 0; i + 3 < n; i += 4)
+        markers += good[i] + good[i + 1] + good[i + 2] + good[i + 3] >= 3;
+    return markers;
+}
+
+static gboolean plane_of_markers(const struct picture *picture, const struct board *board,
+                                 double ret_h[9], GError **error) {
+    g_autoptr(GArray) found = vision_find_markers(picture, board->dictionary, FALSE, error);
+    g_autoptr(GArray) from = g_array_new(FALSE, FALSE, sizeof(double));
+    g_autoptr(GArray) to = g_array_new(FALSE, FALSE, sizeof(double));
+    if (!found)
+        return FALSE;
+    for (guint i = 0; i < found->len; i++) {
+        const struct vision_marker *marker = &g_array_index(found, struct vision_marker, i);
+        double corners[8];
+        int column, row;
+        if (!board_marker_square(board, marker->id, &column, &row))
+            continue;
+        marker_corners(board, column, row, corners);
+        g_array_append_vals(from, corners, 8);
+        g_array_append_vals(to, marker->corners_px, 8);
+    }
+    const guint n = from->len / 2;
+    g_autofree guint8 *good = g_new0(guint8, n + 1);
+    const gboolean plane = n >= 8 && vision_homography((const double *)(gpointer)from->data,
+                                                       (const double *)(gpointer)to->data, (int)n,
+                                                       tolerance_px(found), ret_h, good);
+    if (plane && board_find_agree(good, n) >= 2 && 2 * board_find_agree(good, n) >= (int)n / 4)
+        return TRUE;
+    g_autoptr(GArray) mirrored = vision_find_markers(picture, board->dictionary, TRUE, NULL);
+    if (mirrored && mirrored->len >= MAX(4, found->len))
+        board_find_refuse(
+            error, "the board is mirrored: the picture is flipped, or the board was printed so");
+    else if (n >= 8)
+        board_find_refuse(
+            error, "its markers do not lie as on the board %d × %d: another board, or a bent one",
+            board->columns, board->rows);
+    else if (n == 0)
+        board_find_refuse(error, found->len ? "the markers that are to be seen are not the board's"
+                                            : "no board is to be seen");
+    else
+        board_find_refuse(error, "only one marker of the board is to be seen");
+    return FALSE;
+}
+
+static double board_find_value_at(const struct picture *picture, double x, double y) {
+    const int i = (int)lround(x), j = (int)lround(y);
+    if (i < 0 || j < 0 || i >= picture->width || j >= picture->height)
+        return NAN;
+    return (double)picture->values[(gsize)j * (gsize)picture->width + (gsize)i];
+}
+
+/* Whether the order of a chessboard's corners is the wrong one: then its top left square is white.
+ */
+static gboolean is_turned(const struct picture *picture, const struct board *board,
+                          const double h[9]) {
+    double sum = 0;
+    for (int row = 0; row < board->rows; row++)
+        for (int column = 0; column < board->columns; column++) {
+            const double xy[2] = {(column + 0.5 - board->columns / 2.0) * board->square_mm,
+                                  (board->rows / 2.0 - row - 0.5) * board->square_mm};
+            double px[2];
+            if (!by_homography(xy, px, (gpointer)h))
+                continue;
+            const double value = board_find_value_at(picture, px[0], px[1]);
+            if (isfinite(value))
+                sum += (column + row) % 2 ? value : -value;
+        }
+    return sum < 0;
+}
+
+static gboolean plane_of_chessboard(const struct picture *picture, const struct board *board,
+                                    double ret_h[9], GError **error) {
+    const int n = board_n_corners(board);
+    g_autofree double *seen = g_new(double, 2 * n), *from = g_new(double, 2 * n);
+    g_autofree guint8 *good = g_new0(guint8, n);
+    g_autoptr(GError) own = NULL;
+    if (!vision_find_chessboard(picture, board->columns, board->rows, seen, &own)) {
+        if (own)
+            g_propagate_error(error, g_steal_pointer(&own));
+        else
+            board_find_refuse(error, "no chessboard of %d × %d squares is to be seen whole",
+                              board->columns, board->rows);
+        return FALSE;
+    }
+    for (int turned = 0; turned < 2; turned++) {
+        for (int id = 0; id < n; id++)
+            board_corner_mm(board, turned ? n - 1 - id : id, from + 2 * id);
+        if (vision_homography(from, seen, n, TOLERANCE_PX, ret_h, good) &&
+            !is_turned(picture, board, ret_h))
+            return TRUE;
+    }
+    board_find_refuse(error, "the chessboard's colours are not those of the board");
+    return FALSE;
+}
+
+/* A board whose picture is flipped looks like one seen from below. */
+static gboolean is_seen_from_below(const double h[9]) {
+    const double middle[2] = {0, 0}, right[2] = {1, 0}, up[2] = {0, 1};
+    double m[2], r[2], u[2];
+    if (!by_homography(middle, m, (gpointer)h) || !by_homography(right, r, (gpointer)h) ||
+        !by_homography(up, u, (gpointer)h))
+        return TRUE;
+    return (r[0] - m[0]) * (u[1] - m[1]) - (r[1] - m[1]) * (u[0] - m[0]) > 0;
+}
+
+/* From all corners that were found, better than from markers. */
+static void board_find_improve(const struct board *board, const GArray *corners, double h[9]) {
+    const guint n = corners->len;
+    g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
+    g_autofree guint8 *good = g_new0(guint8, n + 1);
+    double better[9];
+    for (guint i = 0; i < n; i++) {
+        const struct corner *corner = &g_array_index(corners, struct corner, i);
+        board_corner_mm(board, corner->id, from + 2 * i);
+        to[2 * i] = corner->x_px;
+        to[2 * i + 1] = corner->y_px;
+    }
+    if (n >= 8 && vision_homography(from, to, (int)n, TOLERANCE_PX, better, good))
+        memcpy(h, better, sizeof better);
+}
+
+GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
+                   GError **error) {
+    static const double nowhere[2] = {0, 0};
+    double h[9];
+    g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
+    if (!(board->marker_mm > 0 ? plane_of_markers : plane_of_chessboard)(picture, board, h, error))
+        return NULL;
+    if (is_seen_from_below(h))
+        return board_find_refuse(error,
+                                 "the board is mirrored: the picture is flipped, or the board was "
+                                 "printed so");
+    guess_all(board, by_homography, NULL, h, nowhere, guesses);
+    g_autoptr(GArray) corners = corner_fit_all(picture, board, guesses);
+    if (fine) {
+        board_find_improve(board, corners, h);
+        guess_all(board, by_homography, NULL, h, nowhere, guesses);
+        g_array_unref(corners);
+        corners = corner_fit_all(picture, board, guesses);
+    }
+    if (corners->len >= MIN_CORNERS)
+        return g_steal_pointer(&corners);
+    return board_find_refuse(error,
+                             "only %u corners of the board are clear enough; more light, a sharper "
+                             "focus or larger squares help",
+                             corners->len);
+}
+
+struct points { /* of the board, as they should be seen */
+    int n;
+    float *x, *y, *value;
+};
+
+static void gather_points(const struct board *board, BoardProject project, gpointer data,
+                          struct points *to) {
+    const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
+    to->x = g_new(float, nx *ny);
+    to->y = g_new(float, nx *ny);
+    to->value = g_new(float, nx *ny);
+    g_autofree double *at = g_new(double, 2 * nx * ny);
+    to->n = 0;
+    for (int j = 0; j < ny; j++)
+        for (int i = 0; i < nx; i++) {
+            const double step = board->square_mm / STEPS_A_SQUARE;
+            const double xy[2] = {(i + 0.5 - nx / 2.0) * step, (j + 0.5 - ny / 2.0) * step};
+            double px[2];
+            if (!project(xy, px, data) || !(fabs(px[0]) < 1e6) || !(fabs(px[1]) < 1e6))
+                continue;
+            to->x[to->n] = (float)px[0];
+            to->y[to->n] = (float)px[1];
+            memcpy(at + 2 * to->n++, xy, sizeof xy);
+        }
+    board_values(board, at, to->n, to->value);
+}
+
+/* Correlation of what should be seen with what is, shifted by whole pixels. */
+static double correlate(const struct picture *picture, const struct points *points, int dx,
+                        int dy) {
+    double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+    for (int i = 0; i < points->n; i++) {
+        const int x = (int)lroundf(points->x[i]) + dx, y = (int)lroundf(points->y[i]) + dy;
+        if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
+            continue;
+        const double u = (double)points->value[i];
+        const double v = (double)picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
+        n++;
+        a += u;
+        b += v;
+        aa += u * u;
+        bb += v * v;
+        ab += u * v;
+    }
+    const double spread = (aa - a * a / n) * (bb - b * b / n);
+    return n > points->n / 5.0 && n > 100 && spread > 0 ? (ab - a * b / n) / sqrt(spread) : -1;
+}
+
+static double best_shift(const struct picture *picture, const struct points *points, int reach,
+                         double ret_shift[2]) {
+    double best = -1;
+    ret_shift[0] = ret_shift[1] = 0;
+    for (int dy = -reach; dy <= reach; dy++)
+        for (int dx = -reach; dx <= reach; dx++) {
+            const double fit = correlate(picture, points, dx, dy);
+            if (fit <= best)
+                continue;
+            best = fit;
+            ret_shift[0] = dx;
+            ret_shift[1] = dy;
+        }
+    return best;
+}
+
+GArray *board_find_near(const struct picture *picture, const struct board *board,
+                        BoardProject project, BoardProject straight, gpointer data, double reach_px,
+                        double *ret_fit) {
+    struct points points;
+    double shift[2];
+    g_autofree struct corner_guess *guesses = g_new0(struct corner_guess, board_n_corners(board));
+    gather_points(board, project, data, &points);
+    *ret_fit = best_shift(picture, &points, (int)ceil(reach_px), shift);
+    g_free(points.x);
+    g_free(points.y);
+    g_free(points.value);
+    if (*ret_fit < LEAST_FIT)
+        return NULL;
+    guess_all(board, project, straight, data, shift, guesses);
+    return corner_fit_all(picture, board, guesses);
+}

@@ -1,0 +1,411 @@
+#include "cameras_private.h"
+
+#include <gio/gio.h>
+#include <string.h>
+
+#define RAD(deg)        ((deg) * (G_PI / 180))
+#define ANGLE_SIGMA_DEG 0.1 /* of the turntable from what was commanded */
+#define NEAR_PX         3   /* where corners are looked for once the geometry is known */
+#define FAR             0.2 /* of the width, for a camera known from the rig file alone */
+#define LEAST_CORNERS   6   /* of a picture */
+#define LEAST_PICTURES  3   /* of a camera, to be refined */
+
+G_DEFINE_QUARK(cameras_error, cameras_error)
+
+gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *why = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_set_error_literal(error, CAMERAS_ERROR, (int)code, why);
+    return FALSE;
+}
+
+void cameras_result_free(struct cameras_result *result) {
+    if (!result)
+        return;
+    g_array_unref(result->residuals);
+    g_array_unref(result->stops);
+    g_array_unref(result->lays);
+    g_free(result);
+}
+
+gboolean cameras_progress(struct cameras_work *work, GError **error) {
+    const struct cameras_task *task = work->task;
+    work->step = MIN(work->step + 1, work->steps);
+    if (!task->progress || task->progress(work->step, work->steps, task->data))
+        return TRUE;
+    g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_CANCELLED, "cancelled");
+    return FALSE;
+}
+
+static int find_stop(struct cameras_work *work, int lay, double turntable_deg) {
+    for (int i = 0; i < work->bundle.n_stops; i++)
+        if (work->bundle.stops[i].lay == lay &&
+            work->bundle.stops[i].commanded_rad == RAD(turntable_deg))
+            return i;
+    work->bundle.stops[work->bundle.n_stops] = (struct bundle_stop){
+        lay, RAD(turntable_deg), RAD(turntable_deg), work->free_boards ? 0 : RAD(ANGLE_SIGMA_DEG)};
+    return work->bundle.n_stops++;
+}
+
+static void cameras_work_init(struct cameras_work *work, struct calibration *calibration,
+                              const struct cameras_task *task, gboolean free_boards) {
+    const int n = task->n_pictures;
+    *work = (struct cameras_work){.calibration = calibration,
+                                  .task = task,
+                                  .nominal = calibration->rig,
+                                  .free_boards = free_boards,
+                                  .steps = (free_boards ? 1 : 2) * n + CAMERAS_ROUNDS};
+    work->seen = g_new0(struct seen, n + 1);
+    work->observations = g_array_new(FALSE, TRUE, sizeof(struct bundle_observation));
+    work->observed_in = g_array_new(FALSE, FALSE, sizeof(int));
+    work->bundle.cameras = g_new0(struct bundle_camera, RIG_MAX_CAMERAS);
+    work->bundle.n_cameras = calibration->rig.n_cameras;
+    work->bundle.stops = g_new0(struct bundle_stop, n + 1);
+    for (int i = 0; i < n; i++)
+        work->bundle.n_lays = MAX(work->bundle.n_lays, task->pictures[i].lay + 1);
+    work->bundle.lays = g_new0(struct bundle_lay, work->bundle.n_lays + 1);
+    work->bundle.fix_azimuth = !free_boards;
+    for (int i = 0; i < n; i++) {
+        work->seen[i].camera = task->pictures[i].camera;
+        work->seen[i].lay = task->pictures[i].lay;
+        work->seen[i].stop =
+            find_stop(work, task->pictures[i].lay, task->pictures[i].turntable_deg);
+    }
+}
+
+static void cameras_work_clear(struct cameras_work *work) {
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        g_free(work->seen[i].name);
+        g_free(work->seen[i].checksum);
+        g_free(work->seen[i].why);
+        g_clear_pointer(&work->seen[i].corners, g_array_unref);
+        g_clear_pointer(&work->seen[i].set_aside, g_array_unref);
+    }
+    g_free(work->seen);
+    g_array_unref(work->observations);
+    g_array_unref(work->observed_in);
+    g_free(work->bundle.cameras);
+    g_free(work->bundle.stops);
+    g_free(work->bundle.lays);
+}
+
+static void set_why(struct seen *seen, const char *why) {
+    g_free(seen->why);
+    seen->why = g_strdup_printf("%s: %s", seen->name, why);
+}
+
+/* Pictures of another size are of another camera, or were scaled: not one to leave out. */
+static gboolean cameras_check_size(const struct cameras_work *work, const struct picture *picture,
+                                   int camera, GError **error) {
+    const struct rig_camera *c = &work->nominal.cameras[camera];
+    return (picture->width == c->width && picture->height == c->height) ||
+           cameras_refuse(
+               error, CAMERAS_ERROR_PICTURES,
+               "%s has %d × %d pixels, but camera %s has %d × %d: pictures must be whole "
+               "and not scaled, all from one camera",
+               picture->name, picture->width, picture->height, c->name, c->width, c->height);
+}
+
+static gboolean find_board(struct cameras_work *work, int i, double reach_px, GError **error) {
+    struct seen *seen = &work->seen[i];
+    g_autoptr(GError) why = NULL;
+    g_autoptr(Picture) picture = work->task->read(i, work->task->data, error);
+    if (!picture || !cameras_check_size(work, picture, seen->camera, error))
+        return FALSE;
+    seen->name = g_strdup(picture->name);
+    seen->checksum = g_strdup(picture->checksum);
+    seen->corners = board_find(picture, &work->task->board, work->free_boards, &why);
+    if (!seen->corners)
+        set_why(seen, why->message);
+    return TRUE;
+}
+
+struct look {
+    const struct bundle *bundle;
+    int camera, stop;
+};
+
+static gboolean cameras_look(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+    const struct look *at = data;
+    return bundle_project(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
+}
+
+static gboolean look_straight(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+    const struct look *at = data;
+    return bundle_project_straight(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
+}
+
+/* Corners where the geometry says they are: also those that nobody would find by themselves. */
+static gboolean look_again(struct cameras_work *work, int i, double reach_px, GError **error) {
+    struct seen *seen = &work->seen[i];
+    struct look at = {&work->bundle, seen->camera, seen->stop};
+    g_autoptr(Picture) picture = work->task->read(i, work->task->data, error);
+    double fit;
+    if (!picture)
+        return FALSE;
+    GArray *corners = board_find_near(picture, &work->task->board, cameras_look, look_straight, &at,
+                                      reach_px, &fit);
+    if (corners && corners->len >= LEAST_CORNERS) {
+        g_clear_pointer(&seen->corners, g_array_unref);
+        seen->corners = corners;
+        return TRUE;
+    }
+    if (!seen->why)
+        set_why(seen, corners ? "too few corners of the board are clear enough"
+                              : "what is seen does not look like the board where it should be");
+    g_clear_pointer(&corners, g_array_unref);
+    g_clear_pointer(&seen->corners, g_array_unref);
+    return TRUE;
+}
+
+struct each { /* pictures, dealt out to threads */
+    struct cameras_work *work;
+    gboolean (*look)(struct cameras_work *work, int i, double reach_px, GError **error);
+    const double *reach_px; /* of each; negative: not this one. NULL: all */
+    GAsyncQueue *done;      /* of GError *, or the work itself where there is none */
+};
+
+static void cameras_look_at(gpointer item, gpointer data) {
+    const struct each *each = data;
+    const int i = GPOINTER_TO_INT(item) - 1;
+    GError *error = NULL;
+    const gboolean ok = each->look(each->work, i, each->reach_px ? each->reach_px[i] : 0, &error);
+    g_async_queue_push(each->done, ok ? (gpointer)each->work : error);
+}
+
+/* The first error is told; pictures that were not begun by then are left. */
+static gboolean for_each(struct each *each, GError **error) {
+    const int n = each->work->task->n_pictures;
+    GThreadPool *pool =
+        g_thread_pool_new(cameras_look_at, each, (int)g_get_num_processors(), FALSE, NULL);
+    GError *first = NULL;
+    int left = 0;
+    each->done = g_async_queue_new();
+    for (int i = 0; i < n; i++)
+        if (!each->reach_px || each->reach_px[i] >= 0) {
+            g_thread_pool_push(pool, GINT_TO_POINTER(i + 1), NULL);
+            left++;
+        }
+    for (; left > 0 && !first; left--) {
+        gpointer end = g_async_queue_pop(each->done);
+        if (end != (gpointer)each->work)
+            first = end;
+        else
+            cameras_progress(each->work, &first);
+    }
+    g_thread_pool_free(pool, first != NULL, TRUE);
+    for (gpointer rest; (rest = g_async_queue_try_pop(each->done));)
+        if (rest != (gpointer)each->work)
+            g_error_free(rest);
+    g_async_queue_unref(each->done);
+    if (first)
+        g_propagate_error(error, first);
+    return first == NULL;
+}
+
+static gboolean find_boards(struct cameras_work *work, GError **error) {
+    struct each each = {work, find_board, NULL, NULL};
+    return for_each(&each, error);
+}
+
+int cameras_pictures_of(const struct cameras_work *work, int camera) {
+    int n = 0;
+    for (int i = 0; i < work->task->n_pictures; i++)
+        n += work->seen[i].camera == camera && work->seen[i].corners;
+    return n;
+}
+
+/* Cameras that have seen too little so far stay where the rig file has them. */
+static void fix_unknown(struct cameras_work *work) {
+    for (int c = 0; c < work->bundle.n_cameras; c++) {
+        const gboolean unknown = cameras_pictures_of(work, c) < LEAST_PICTURES;
+        if (!work->free_boards)
+            work->bundle.cameras[c].fixed_pose = unknown;
+        work->bundle.cameras[c].fixed_lens = unknown;
+    }
+}
+
+static gboolean cameras_solve(struct cameras_work *work, double robust, GError **error) {
+    fix_unknown(work);
+    cameras_set_observations(work);
+    work->bundle.robust = robust;
+    return bundle_solve(&work->bundle, error);
+}
+
+/* First what the cameras found of themselves; then those that found nothing, where it must be; then
+ * every picture once more, by what is known now. */
+static gboolean look_everywhere(struct cameras_work *work, GError **error) {
+    gboolean unknown[RIG_MAX_CAMERAS];
+    for (int c = 0; c < work->bundle.n_cameras; c++)
+        unknown[c] = cameras_pictures_of(work, c) < LEAST_PICTURES;
+    g_autofree double *reach_px = g_new(double, work->task->n_pictures);
+    for (int pass = 0; pass < 2; pass++) {
+        struct each each = {work, look_again, reach_px, NULL};
+        for (int i = 0; i < work->task->n_pictures; i++) {
+            const int camera = work->seen[i].camera;
+            const gboolean far = pass == 0 && unknown[camera];
+            const gboolean wanted = pass == 1 || far || !work->seen[i].corners;
+            reach_px[i] = far ? FAR * work->nominal.cameras[camera].width : wanted ? NEAR_PX : -1;
+        }
+        if (!for_each(&each, error) || !cameras_solve(work, 3, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static void give_residuals(const struct cameras_work *work, struct cameras_result *to) {
+    const struct bundle *b = &work->bundle;
+    double sum = 0, d[2] = {0, 0};
+    int n = 0;
+    for (int i = 0; i < b->n_observations; i++) {
+        const struct bundle_observation *o = &b->observations[i];
+        if (o->rejected)
+            continue;
+        cameras_residual(b, o, d);
+        const struct cameras_residual r = {o->camera,
+                                           g_array_index(work->observed_in, int, i),
+                                           (float)o->seen_px[0],
+                                           (float)o->seen_px[1],
+                                           (float)d[0],
+                                           (float)d[1]};
+        g_array_append_val(to->residuals, r);
+        sum += d[0] * d[0] + d[1] * d[1];
+        n++;
+    }
+    to->rms_px = n ? sqrt(sum / n) : 0;
+}
+
+static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
+    struct cameras_result *to = g_new0(struct cameras_result, 1);
+    to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));
+    to->stops = g_array_new(FALSE, FALSE, sizeof(struct cameras_stop));
+    to->lays = g_array_new(FALSE, FALSE, sizeof(struct cameras_lay));
+    give_residuals(work, to);
+    for (int i = 0; i < work->bundle.n_stops; i++) {
+        const struct bundle_stop *stop = &work->bundle.stops[i];
+        const struct cameras_stop s = {stop->lay, stop->commanded_rad * 180 / G_PI,
+                                       (stop->angle_rad - stop->commanded_rad) * 180 / G_PI};
+        g_array_append_val(to->stops, s);
+    }
+    for (int l = 0; l < work->bundle.n_lays; l++) {
+        struct cameras_lay lay = {cameras_tilt_rad(&work->bundle.lays[l]) * 180 / G_PI, 0};
+        for (int i = 0; i < work->task->n_pictures; i++)
+            lay.pictures += work->seen[i].lay == l && work->seen[i].corners;
+        g_array_append_val(to->lays, lay);
+    }
+    return to;
+}
+
+void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from) {
+    to->fx_px = from->intrinsics[0];
+    to->fy_px = from->intrinsics[1];
+    to->cx_px = from->intrinsics[2];
+    to->cy_px = from->intrinsics[3];
+    to->k1 = from->intrinsics[4];
+    to->k2 = from->intrinsics[5];
+    to->k3 = from->intrinsics[6];
+    to->p1 = from->intrinsics[7];
+    to->p2 = from->intrinsics[8];
+    memcpy(to->rotation.m, from->rotation, sizeof from->rotation);
+    to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
+}
+
+/* By rig_project(), which processing will use: written apart from the refinement. */
+static void count_camera(const struct cameras_work *work, int camera,
+                         struct calibration_camera *to) {
+    const struct bundle *b = &work->bundle;
+    double sum = 0;
+    to->points = 0;
+    for (int i = 0; i < b->n_observations; i++) {
+        const struct bundle_observation *o = &b->observations[i];
+        double d[2] = {0, 0};
+        if (o->rejected || o->camera != camera)
+            continue;
+        cameras_residual(b, o, d);
+        sum += d[0] * d[0] + d[1] * d[1];
+        to->points++;
+    }
+    to->residual_rms_px = to->points ? sqrt(sum / to->points) : 0;
+}
+
+static char *checksum(const struct cameras_work *work, int *ret_used) {
+    g_autoptr(GPtrArray) sums = g_ptr_array_new();
+    for (int i = 0; i < work->task->n_pictures; i++)
+        if (work->seen[i].corners)
+            g_ptr_array_add(sums, work->seen[i].checksum);
+    *ret_used = (int)sums->len;
+    return calibration_checksum((const char *const *)sums->pdata, (int)sums->len);
+}
+
+static struct cameras_result *cameras_give(struct cameras_work *work) {
+    struct calibration *calibration = work->calibration;
+    struct cameras_result *result = cameras_new_result(work);
+    GPtrArray *rejected = g_ptr_array_new_with_free_func(g_free);
+    g_autofree char *spec = board_spec(&work->task->board);
+    g_autofree char *method =
+        g_strdup_printf("board %s, %d %s", spec, work->bundle.n_lays,
+                        work->free_boards ? "photographs" : "lays on the turntable");
+    int used;
+    for (int i = 0; i < work->task->n_pictures; i++)
+        if (!work->seen[i].corners)
+            g_ptr_array_add(rejected, g_strdup(work->seen[i].why));
+    g_autofree char *sum = checksum(work, &used);
+    struct calibration_part *part =
+        calibration_set_part(calibration, CALIBRATION_CAMERAS, method, used, sum, rejected);
+    part->residual_rms = result->rms_px;
+    part->degrees_of_freedom = MAX(2 * (int)result->residuals->len - cameras_n_parameters(work), 0);
+    for (int c = 0; c < work->bundle.n_cameras; c++) {
+        const struct bundle_camera *from = &work->bundle.cameras[c];
+        struct calibration_camera *to = &calibration->cameras[c];
+        cameras_take_camera(&calibration->rig.cameras[c], from);
+        memcpy(to->covariance, from->covariance, sizeof to->covariance);
+        count_camera(work, c, to);
+        to->known = TRUE;
+    }
+    return result;
+}
+
+static gboolean cameras_do_refine(struct cameras_work *work, GError **error) {
+    fix_unknown(work);
+    return cameras_refine(work, error) && cameras_check_majority(work, error);
+}
+
+static gboolean cameras_do_calibrate(struct cameras_work *work, GError **error) {
+    if (!find_boards(work, error))
+        return FALSE;
+    cameras_start(work);
+    return cameras_check_motion(work, error) && cameras_start_lays(work, error) &&
+           cameras_solve(work, 3, error) && cameras_check_start(work, error) &&
+           look_everywhere(work, error) && cameras_check_pictures(work, error) &&
+           cameras_do_refine(work, error) && cameras_check_pictures(work, error) &&
+           cameras_check_result(work, error);
+}
+
+struct cameras_result *cameras_calibrate(struct calibration *calibration,
+                                         const struct cameras_task *task, GError **error) {
+    struct cameras_work work;
+    struct cameras_result *result = NULL;
+    cameras_work_init(&work, calibration, task, FALSE);
+    if (cameras_do_calibrate(&work, error))
+        result = cameras_give(&work);
+    cameras_work_clear(&work);
+    return result;
+}
+
+struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
+                                              const struct cameras_task *task, GError **error) {
+    struct cameras_work work;
+    struct cameras_result *result = NULL;
+    cameras_work_init(&work, calibration, task, TRUE);
+    struct rig_camera *camera = &work.nominal.cameras[0];
+    camera->rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    camera->translation_mm = vec3(0, 0, 0);
+    if (find_boards(&work, error) && cameras_start_lens(&work, error) &&
+        cameras_start_lays(&work, error) && cameras_do_refine(&work, error) &&
+        cameras_check_result(&work, error))
+        result = cameras_give(&work);
+    cameras_work_clear(&work);
+    return result;
+}

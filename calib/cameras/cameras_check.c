@@ -1,0 +1,239 @@
+#include "cameras_private.h"
+
+#include <string.h>
+
+#define DEG(rad)       ((rad) * (180 / G_PI))
+#define LEAST_STOPS    3
+#define LEAST_TURN_DEG 60
+#define FLAT_DEG       2
+#define LEAST_TILT_DEG 5
+#define LEAST_PICTURES 3
+#define MOST_SCALE     0.04 /* by which all distances may differ from the rig file's, alike */
+#define MOST_RMS_PX    1.0
+#define MOST_DISTANCE  0.02 /* standard error beyond which a result is none */
+
+double cameras_tilt_rad(const struct bundle_lay *lay) {
+    return acos(CLAMP(fabs(lay->rotation[8]), 0, 1));
+}
+
+/* The largest gap between neighbouring angles says how far around the turntable went. */
+static double turned_deg(const struct cameras_work *work, int lay, int *ret_stops) {
+    double least = G_MAXDOUBLE, most = -G_MAXDOUBLE;
+    *ret_stops = 0;
+    for (int i = 0; i < work->bundle.n_stops; i++) {
+        const struct bundle_stop *stop = &work->bundle.stops[i];
+        if (stop->lay != lay)
+            continue;
+        least = MIN(least, DEG(stop->commanded_rad));
+        most = MAX(most, DEG(stop->commanded_rad));
+        (*ret_stops)++;
+    }
+    return most - least;
+}
+
+gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
+    double most = 0;
+    int stops = 0;
+    for (int l = 0; l < work->bundle.n_lays; l++) {
+        int n;
+        most = MAX(most, turned_deg(work, l, &n));
+        stops = MAX(stops, n);
+    }
+    if (stops >= LEAST_STOPS && most >= LEAST_TURN_DEG)
+        return TRUE;
+    return cameras_refuse(
+        error, CAMERAS_ERROR_PICTURES,
+        "the turntable's axis cannot be found from %d angle(s) over %g°: turn the "
+        "board to at least %d angles over %d° or more",
+        stops, work->bundle.n_stops ? most : 0.0, LEAST_STOPS, LEAST_TURN_DEG);
+}
+
+static const char *first_reason(const struct cameras_work *work, int camera) {
+    for (int i = 0; i < work->task->n_pictures; i++)
+        if (work->seen[i].camera == camera && !work->seen[i].corners && work->seen[i].why)
+            return work->seen[i].why;
+    return "it has no pictures";
+}
+
+static int n_set_aside(const struct cameras_work *work, int camera) {
+    int n = 0;
+    for (int i = 0; i < work->task->n_pictures; i++)
+        n += work->seen[i].camera == camera && work->seen[i].set_aside;
+    return n;
+}
+
+/* The geometry that a minority agrees on may be an accident: the others may be the good ones. */
+static gboolean check_photographs(const struct cameras_work *work, GError **error) {
+    const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
+    const int contradict = n_set_aside(work, 0);
+    return (used >= LEAST_PICTURES && 2 * used >= all) ||
+           cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                          "only %d of %d photographs agree on one lens, but at least half of them "
+                          "and %d must: the "
+                          "board was not found in %d, and %d contradict the others; for one, %s; "
+                          "take out photographs of another board, camera, zoom or focus, or give "
+                          "more",
+                          used, all, LEAST_PICTURES, all - used - contradict, contradict,
+                          first_reason(work, 0));
+}
+
+/* On the turntable a leaning board turns away from cameras: only pictures that show it count.
+ */
+gboolean cameras_check_majority(const struct cameras_work *work, GError **error) {
+    if (work->free_boards)
+        return check_photographs(work, error);
+    for (int c = 0; c < work->bundle.n_cameras; c++) {
+        const int used = cameras_pictures_of(work, c), contradict = n_set_aside(work, c);
+        if (contradict > used)
+            return cameras_refuse(
+                error, CAMERAS_ERROR_FIT,
+                "camera %s: %d of the %d pictures in which it sees the board contradict the "
+                "others: the camera or the board moved between them, or sessions are given that "
+                "do not belong together; for one, %s",
+                work->nominal.cameras[c].name, contradict, used + contradict,
+                first_reason(work, c));
+    }
+    return TRUE;
+}
+
+static gboolean check_camera(const struct cameras_work *work, int camera, GError **error) {
+    int all = 0;
+    const int good = cameras_pictures_of(work, camera);
+    for (int i = 0; i < work->task->n_pictures; i++)
+        all += work->seen[i].camera == camera;
+    return good >= LEAST_PICTURES ||
+           cameras_refuse(
+               error, CAMERAS_ERROR_PICTURES,
+               "camera %s: the board was found in %d of its %d pictures, and at least %d "
+               "are needed; for one, %s",
+               work->nominal.cameras[camera].name, good, all, LEAST_PICTURES,
+               first_reason(work, camera));
+}
+
+static gboolean check_lays(const struct cameras_work *work, GError **error) {
+    double least = G_MAXDOUBLE, most = 0;
+    for (int l = 0; l < work->bundle.n_lays; l++) {
+        least = MIN(least, DEG(cameras_tilt_rad(&work->bundle.lays[l])));
+        most = MAX(most, DEG(cameras_tilt_rad(&work->bundle.lays[l])));
+    }
+    if (most < LEAST_TILT_DEG)
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "all boards are parallel (at most %.1f° from flat), so that no camera "
+            "sees how far away it stands: capture the board leaning, too, by 15° "
+            "to 30°, and give both sessions",
+            most);
+    if (least > FLAT_DEG)
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "the board never lies flat on the turntable (at least %.1f° from it), "
+            "so that nothing says where its top is: capture it flat, too, and give "
+            "both sessions",
+            least);
+    return TRUE;
+}
+
+gboolean cameras_check_pictures(const struct cameras_work *work, GError **error) {
+    for (int c = 0; c < work->bundle.n_cameras; c++)
+        if (!check_camera(work, c, error))
+            return FALSE;
+    return check_lays(work, error);
+}
+
+static double centre_distance(const struct bundle_camera *camera) {
+    return sqrt(camera->shift[0] * camera->shift[0] + camera->shift[1] * camera->shift[1] +
+                camera->shift[2] * camera->shift[2]);
+}
+
+/* Squares that are larger than was said make everything smaller, all alike. */
+static gboolean check_scale(const struct cameras_work *work, GError **error) {
+    double sum = 0, squares = 0;
+    int n = 0;
+    for (int c = 0; c < work->bundle.n_cameras; c++)
+        n += !work->bundle.cameras[c].fixed_pose;
+    for (int c = 0; c < work->bundle.n_cameras; c++) {
+        if (work->bundle.cameras[c].fixed_pose)
+            continue;
+        const double *at = work->bundle.cameras[c].nominal_centre;
+        const double nominal = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
+        const double ratio = centre_distance(&work->bundle.cameras[c]) / nominal;
+        sum += ratio / n;
+        squares += ratio * ratio / n;
+    }
+    const double spread = sqrt(MAX(squares - sum * sum, 0));
+    if (n == 0 || fabs(sum - 1) < MOST_SCALE || 3 * spread > fabs(sum - 1))
+        return TRUE;
+    return cameras_refuse(
+        error, CAMERAS_ERROR_FIT,
+        "all cameras would stand %.3f times as far away as the rig file says: are "
+        "the squares really %g mm, and not %.4g mm?",
+        sum, work->task->board.square_mm, work->task->board.square_mm / sum);
+}
+
+gboolean cameras_check_start(const struct cameras_work *work, GError **error) {
+    return check_lays(work, error) && check_scale(work, error);
+}
+
+/* What the pictures leave open is no result. */
+static gboolean cameras_check_check_errors(const struct cameras_work *work, int c, GError **error) {
+    const struct bundle_camera *camera = &work->bundle.cameras[c];
+    const double distance = sqrt(camera->covariance[14][14]) / centre_distance(camera);
+    return distance < MOST_DISTANCE ||
+           cameras_refuse(
+               error, CAMERAS_ERROR_PICTURES,
+               "camera %s: the pictures do not determine where it stands (its distance to "
+               "%.2g %%): more of them, with the board at larger tilts and all over the "
+               "picture, would",
+               work->nominal.cameras[c].name, 100 * distance);
+}
+
+static gboolean check_lens(const struct cameras_work *work, GError **error) {
+    const struct bundle_camera *camera = &work->bundle.cameras[0];
+    const double focal = sqrt(camera->covariance[0][0]) / camera->intrinsics[0];
+    double most = 0;
+    for (int a = 0; a < work->bundle.n_lays; a++)
+        for (int b = 0; b < a; b++) {
+            const double *p = work->bundle.lays[a].rotation, *q = work->bundle.lays[b].rotation;
+            const double cosine = p[2] * q[2] + p[5] * q[5] + p[8] * q[8];
+            if (work->seen[a].corners && work->seen[b].corners)
+                most = MAX(most, DEG(acos(CLAMP(cosine, -1, 1))));
+        }
+    if (most < LEAST_TILT_DEG)
+        return cameras_refuse(
+            error, CAMERAS_ERROR_PICTURES,
+            "all boards are parallel, to %.1f°: hold the board at different tilts "
+            "before the camera, up to 45°",
+            most);
+    return focal < MOST_DISTANCE ||
+           cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                          "the photographs determine the focal length only to %.2g %%: more of "
+                          "them, with larger tilts, would do better",
+                          100 * focal);
+}
+
+static double rms_px(const struct cameras_work *work) {
+    double sum = 0, n = 0, px[2];
+    for (int i = 0; i < work->bundle.n_observations; i++) {
+        const struct bundle_observation *o = &work->bundle.observations[i];
+        if (o->rejected || !bundle_project(&work->bundle, o->camera, o->stop, o->board_mm, px))
+            continue;
+        sum += pow(px[0] - o->seen_px[0], 2) + pow(px[1] - o->seen_px[1], 2);
+        n++;
+    }
+    return n > 0 ? sqrt(sum / n) : 0;
+}
+
+gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
+    if (rms_px(work) > MOST_RMS_PX)
+        return cameras_refuse(error, CAMERAS_ERROR_FIT,
+                              "corners are %.2f px from where they should be (RMS): the board is "
+                              "bent, it or a camera moved on the turntable, or it is not the one "
+                              "that --board says",
+                              rms_px(work));
+    if (work->free_boards)
+        return check_lens(work, error);
+    for (int c = 0; c < work->bundle.n_cameras; c++)
+        if (!cameras_check_check_errors(work, c, error))
+            return FALSE;
+    return check_scale(work, error);
+}

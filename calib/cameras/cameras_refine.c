@@ -1,0 +1,240 @@
+/*
+ * The joint refinement in rounds: how noisy the corners truly are is estimated first, then corners
+ * and pictures that are off by far more are left out; pictures are tried again as the geometry gets
+ * better.
+ */
+#include "cameras_private.h"
+
+#include <math.h>
+
+#define RAD(deg)        ((deg) * (G_PI / 180))
+#define OUTLIER         4.5    /* times the noise: 4e-5 of all, if noise is all there is */
+#define OUTLIER_PX      0.1    /* and so far at least */
+#define ROBUST          3      /* times the noise: beyond, residuals count less */
+#define MEDIAN_OF_NOISE 1.1774 /* the median length of vectors in a plane, of deviation 1 */
+#define TYPICAL         20     /* residuals' worth of a camera's noise in a picture's */
+#define MOST_REJECTED   0.4    /* of a picture's corners, before all of it is */
+
+double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
+                        double ret_d[2]) {
+    double px[2] = {0, 0};
+    const gboolean seen = bundle_project(bundle, o->camera, o->stop, o->board_mm, px);
+    ret_d[0] = px[0] - o->seen_px[0];
+    ret_d[1] = px[1] - o->seen_px[1];
+    const double u = o->whiten[0][0] * ret_d[0] + o->whiten[0][1] * ret_d[1];
+    const double v = o->whiten[1][0] * ret_d[0] + o->whiten[1][1] * ret_d[1];
+    return seen ? hypot(u, v) : G_MAXDOUBLE;
+}
+
+int cameras_n_parameters(const struct cameras_work *work) {
+    return 15 * work->bundle.n_cameras + 6 * work->bundle.n_lays +
+           (work->free_boards ? 0 : work->bundle.n_stops);
+}
+
+static int picture_of(const struct cameras_work *work, int observation) {
+    return g_array_index(work->observed_in, int, observation);
+}
+
+/* Corners' covariances know of the pixels' noise alone: compression, a print that is not flat and a
+ * lens that the model describes only nearly add to it. Outliers do not move the median. */
+static void estimate_noise(struct cameras_work *work) {
+    struct bundle *b = &work->bundle;
+    double d[2];
+    for (int c = 0; c < b->n_cameras; c++) {
+        g_autoptr(GArray) residuals = g_array_new(FALSE, FALSE, sizeof(double));
+        for (int i = 0; i < b->n_observations; i++) {
+            const double r = cameras_residual(b, &b->observations[i], d);
+            if (b->observations[i].camera == c)
+                g_array_append_val(residuals, r);
+        }
+        if (residuals->len > 0)
+            b->cameras[c].noise = MAX(cameras_median(residuals) / MEDIAN_OF_NOISE, 1);
+    }
+}
+
+static gboolean is_outlier(const struct bundle *b, const struct bundle_observation *o,
+                           double *ret_r) {
+    double d[2];
+    *ret_r = cameras_residual(b, o, d);
+    return *ret_r > OUTLIER * b->cameras[o->camera].noise * (b->robust > 0 ? 2 : 1) &&
+           hypot(d[0], d[1]) > OUTLIER_PX;
+}
+
+/* What corners differ by from where they should be says how noisy each camera is; what differs by
+ * far more is no noise. */
+static void cameras_refine_weigh(struct cameras_work *work) {
+    struct bundle *b = &work->bundle;
+    double sum[RIG_MAX_CAMERAS] = {0}, n[RIG_MAX_CAMERAS] = {0}, r;
+    double used = 0;
+    for (int i = 0; i < b->n_observations; i++) {
+        struct bundle_observation *o = &b->observations[i];
+        o->rejected = !work->seen[picture_of(work, i)].corners || is_outlier(b, o, &r);
+        if (o->rejected)
+            continue;
+        sum[o->camera] += r * r;
+        n[o->camera] += 2;
+        used += 2;
+    }
+    const double share = MAX(1 - cameras_n_parameters(work) / MAX(used, 1), 0.05);
+    for (int c = 0; c < b->n_cameras; c++)
+        if (n[c] > 0)
+            b->cameras[c].noise = sqrt(MAX(sum[c] / n[c] / share, 1e-6));
+}
+
+/* Some pictures are noisier than others of their camera: darker, or more oblique. Few corners tell
+ * little about that: then what the camera's others tell counts more. */
+static void weigh_pictures(struct cameras_work *work) {
+    struct bundle *b = &work->bundle;
+    const int n = work->task->n_pictures;
+    g_autofree double *sum = g_new0(double, n + 1), *count = g_new0(double, n + 1);
+    double d[2];
+    for (int i = 0; i < b->n_observations; i++) {
+        const struct bundle_observation *o = &b->observations[i];
+        if (o->rejected)
+            continue;
+        const double r = cameras_residual(b, o, d) / b->cameras[o->camera].noise;
+        sum[picture_of(work, i)] += r * r;
+        count[picture_of(work, i)] += 2;
+    }
+    for (int i = 0; i < b->n_observations; i++) {
+        const int picture = picture_of(work, i);
+        b->observations[i].noise = sqrt((TYPICAL + sum[picture]) / (TYPICAL + count[picture]));
+    }
+}
+
+static void set_aside(struct cameras_work *work, int picture) {
+    struct seen *seen = &work->seen[picture];
+    seen->set_aside = g_steal_pointer(&seen->corners);
+    for (int i = 0; i < work->bundle.n_observations; i++)
+        if (picture_of(work, i) == picture)
+            work->bundle.observations[i].rejected = TRUE;
+}
+
+/* A picture most of whose corners are off shows something else, or was taken elsewhere. */
+static void drop_pictures(struct cameras_work *work) {
+    const int n = work->task->n_pictures;
+    g_autofree int *rejected = g_new0(int, n + 1), *all = g_new0(int, n + 1);
+    for (int i = 0; i < work->bundle.n_observations; i++) {
+        all[picture_of(work, i)]++;
+        rejected[picture_of(work, i)] += work->bundle.observations[i].rejected;
+    }
+    for (int i = 0; i < n; i++) {
+        struct seen *seen = &work->seen[i];
+        if (!seen->corners || rejected[i] <= MOST_REJECTED * all[i])
+            continue;
+        g_free(seen->why);
+        seen->why = g_strdup_printf(
+            "%s: %d of its %d corners are not where all other pictures say they must be; %s",
+            seen->name, rejected[i], all[i],
+            work->free_boards ? "was it taken with another zoom or focus, cropped or scaled, or is "
+                                "it blurred by motion?"
+                              : "did something move?");
+        set_aside(work, i);
+    }
+}
+
+/* Where the board lies in one picture, by the cameras as they are known now; on the turntable the
+ * board lies as other pictures say, and the turntable's angle alone is its own. */
+static gboolean solve_picture(struct cameras_work *work, int picture) {
+    struct seen *seen = &work->seen[picture];
+    struct bundle one = work->bundle;
+    g_autofree struct bundle_camera *cameras =
+        g_memdup2(one.cameras, sizeof *cameras * (gsize)one.n_cameras);
+    g_autoptr(GArray) own = g_array_new(FALSE, FALSE, sizeof(struct bundle_observation));
+    for (int i = 0; i < one.n_observations; i++) {
+        struct bundle_observation o = one.observations[i];
+        o.rejected = FALSE;
+        o.noise = 1;
+        if (picture_of(work, i) == picture)
+            g_array_append_val(own, o);
+    }
+    for (int c = 0; c < one.n_cameras; c++)
+        cameras[c].fixed_pose = cameras[c].fixed_lens = TRUE;
+    one.cameras = cameras;
+    one.observations = (struct bundle_observation *)(gpointer)own->data;
+    one.n_observations = (int)own->len;
+    one.fix_azimuth = FALSE;
+    one.robust = ROBUST;
+    one.lays[seen->lay].fixed = !work->free_boards;
+    const gboolean ok =
+        (!work->free_boards || cameras_start_lay(work, seen->lay)) && bundle_solve(&one, NULL);
+    one.lays[seen->lay].fixed = FALSE;
+    return ok;
+}
+
+static gboolean cameras_refine_is_good(struct cameras_work *work, int picture) {
+    struct bundle *b = &work->bundle;
+    int rejected = 0, all = 0;
+    double r;
+    for (int i = 0; i < b->n_observations; i++) {
+        if (picture_of(work, i) != picture)
+            continue;
+        b->observations[i].rejected = is_outlier(b, &b->observations[i], &r);
+        rejected += b->observations[i].rejected;
+        all++;
+    }
+    return rejected <= MOST_REJECTED * all;
+}
+
+/* What contradicted the geometry of an earlier round may agree with that of now. */
+static void retry_pictures(struct cameras_work *work) {
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        struct seen *seen = &work->seen[i];
+        if (!seen->set_aside)
+            continue;
+        struct bundle_lay *lay = &work->bundle.lays[seen->lay];
+        struct bundle_stop *stop = &work->bundle.stops[seen->stop];
+        const struct bundle_lay lay_before = *lay;
+        const struct bundle_stop stop_before = *stop;
+        seen->corners = g_steal_pointer(&seen->set_aside);
+        if (solve_picture(work, i) && cameras_refine_is_good(work, i)) {
+            g_clear_pointer(&seen->why, g_free);
+            continue;
+        }
+        *lay = lay_before;
+        *stop = stop_before;
+        set_aside(work, i);
+    }
+}
+
+/* Which lays are flat on the turntable: these say where its top is. */
+static void fix_heights(struct cameras_work *work) {
+    for (int l = 0; l < work->bundle.n_lays; l++) {
+        struct bundle_lay *lay = &work->bundle.lays[l];
+        lay->fixed_height = !work->free_boards && cameras_tilt_rad(lay) < RAD(2);
+        if (lay->fixed_height)
+            lay->place[2] = work->task->board.thickness_mm;
+    }
+}
+
+/* Twice, since what counts as far from the others hangs on the noise. */
+static gboolean solve_robustly(struct cameras_work *work, GError **error) {
+    work->bundle.robust = ROBUST;
+    for (int i = 0; i < 2; i++) {
+        if (!bundle_solve(&work->bundle, error))
+            return FALSE;
+        estimate_noise(work);
+    }
+    return TRUE;
+}
+
+static gboolean solve_again(struct cameras_work *work, GError **error) {
+    work->bundle.robust = 0;
+    retry_pictures(work);
+    return bundle_solve(&work->bundle, error);
+}
+
+gboolean cameras_refine(struct cameras_work *work, GError **error) {
+    fix_heights(work);
+    cameras_set_observations(work);
+    for (int round = 0; round < CAMERAS_ROUNDS; round++) {
+        if (!(round == 0 ? solve_robustly : solve_again)(work, error))
+            return FALSE;
+        cameras_refine_weigh(work);
+        weigh_pictures(work);
+        drop_pictures(work);
+        if (!cameras_progress(work, error))
+            return FALSE;
+    }
+    return bundle_solve(&work->bundle, error) && bundle_covariance(&work->bundle, error);
+}

@@ -1,0 +1,245 @@
+#include "cameras_private.h"
+
+#include "pictures/vision.h"
+
+#include <string.h>
+
+#define MOST_CANDIDATES 40
+#define LEAST_SIGMA_PX  0.01 /* however clear a corner is */
+
+/* How well lenses are known before, see cameras.h. */
+static void set_prior(struct bundle_camera *to, const struct rig_camera *from) {
+    const double values[BUNDLE_INTRINSICS] = {from->fx_px, from->fy_px, from->cx_px,
+                                              from->cy_px, from->k1,    from->k2,
+                                              from->k3,    from->p1,    from->p2};
+    const double sigmas[BUNDLE_INTRINSICS] = {
+        0, 0, 0.02 * from->width, 0.02 * from->width, 0.3, 0.3, 0.1, 0.003, 0.003};
+    memcpy(to->intrinsics, values, sizeof values);
+    memcpy(to->prior, values, sizeof values);
+    memcpy(to->prior_sigma, sigmas, sizeof sigmas);
+    to->aspect_sigma = 0.002;
+}
+
+static void set_camera(struct bundle_camera *to, const struct rig_camera *from) {
+    const struct vec3 centre = rig_camera_centre_mm(from);
+    set_prior(to, from);
+    memcpy(to->rotation, from->rotation.m, sizeof to->rotation);
+    to->shift[0] = from->translation_mm.x;
+    to->shift[1] = from->translation_mm.y;
+    to->shift[2] = from->translation_mm.z;
+    to->nominal_centre[0] = centre.x;
+    to->nominal_centre[1] = centre.y;
+    to->nominal_centre[2] = centre.z;
+    to->noise = 1;
+}
+
+void cameras_start(struct cameras_work *work) {
+    for (int i = 0; i < work->nominal.n_cameras; i++)
+        set_camera(&work->bundle.cameras[i], &work->nominal.cameras[i]);
+}
+
+/* x, y on the board and x', y' of the viewing ray, as vision_pose() wants them. */
+static double *normalised(const struct cameras_work *work, const struct seen *seen) {
+    struct rig_camera own = work->nominal.cameras[seen->camera];
+    double *points = g_new(double, 4 * seen->corners->len);
+    cameras_take_camera(&own, &work->bundle.cameras[seen->camera]);
+    own.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    for (guint i = 0; i < seen->corners->len; i++) {
+        const struct corner *corner = &g_array_index(seen->corners, struct corner, i);
+        const struct vec3 ray = rig_pixel_ray(&own, corner->x_px, corner->y_px);
+        board_corner_mm(&work->task->board, corner->id, points + 4 * i);
+        points[4 * i + 2] = ray.x / ray.z;
+        points[4 * i + 3] = ray.y / ray.z;
+    }
+    return points;
+}
+
+/* Where the board lies by one picture, if its camera stands where it should. */
+static gboolean lay_by_picture(const struct cameras_work *work, const struct seen *seen,
+                               struct bundle_lay *ret) {
+    static const double one[2] = {1, 1}, none[2] = {0, 0};
+    const struct rig_camera *camera = &work->nominal.cameras[seen->camera];
+    g_autofree double *points = normalised(work, seen);
+    double r[9], t[3];
+    if (!vision_pose(points, (int)seen->corners->len, one, none, r, t))
+        return FALSE;
+    const double angle = work->bundle.stops[seen->stop].commanded_rad;
+    struct vec3 columns[3];
+    for (int k = 0; k < 3; k++)
+        columns[k] = rig_turn(
+            mat3_mul_transposed(&camera->rotation, vec3(r[k], r[3 + k], r[6 + k])), -angle);
+    const struct vec3 at =
+        rig_turn(mat3_mul_transposed(&camera->rotation,
+                                     vec3_sub(vec3(t[0], t[1], t[2]), camera->translation_mm)),
+                 -angle);
+    for (int k = 0; k < 3; k++) {
+        ret->rotation[k] = columns[k].x;
+        ret->rotation[3 + k] = columns[k].y;
+        ret->rotation[6 + k] = columns[k].z;
+    }
+    const struct vec3 n = columns[2];
+    ret->place[0] = at.x;
+    ret->place[1] = at.y;
+    ret->place[2] = at.z + (n.x * at.x + n.y * at.y) / n.z;
+    return fabs(n.z) > 0.05;
+}
+
+static int cameras_start_by_size(gconstpointer a, gconstpointer b) {
+    const double *x = a, *y = b;
+    return (*x > *y) - (*x < *y);
+}
+
+double cameras_median(GArray *values) {
+    g_array_sort(values, cameras_start_by_size);
+    return g_array_index(values, double, values->len / 2);
+}
+
+/* Median distance between where corners of a lay should be and where they are. */
+static double median_error(const struct cameras_work *work, int lay) {
+    g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        const struct seen *seen = &work->seen[i];
+        for (guint k = 0; seen->lay == lay && seen->corners && k < seen->corners->len; k += 5) {
+            const struct corner *corner = &g_array_index(seen->corners, struct corner, k);
+            double mm[2], px[2], error = G_MAXDOUBLE;
+            board_corner_mm(&work->task->board, corner->id, mm);
+            if (bundle_project(&work->bundle, seen->camera, seen->stop, mm, px))
+                error = hypot(px[0] - corner->x_px, px[1] - corner->y_px);
+            g_array_append_val(errors, error);
+        }
+    }
+    return errors->len ? cameras_median(errors) : G_MAXDOUBLE;
+}
+
+gboolean cameras_start_lay(struct cameras_work *work, int lay) {
+    struct bundle_lay best = {0}, *to = &work->bundle.lays[lay];
+    double least = G_MAXDOUBLE;
+    int tried = 0;
+    for (int i = 0; i < work->task->n_pictures && tried < MOST_CANDIDATES; i++) {
+        const struct seen *seen = &work->seen[i];
+        if (seen->lay != lay || !seen->corners || seen->corners->len < 6 ||
+            !lay_by_picture(work, seen, to))
+            continue;
+        const double error = median_error(work, lay);
+        tried++;
+        if (error >= least)
+            continue;
+        least = error;
+        best = *to;
+    }
+    *to = best;
+    return least < G_MAXDOUBLE;
+}
+
+static gboolean refuse_lay(const struct cameras_work *work, int lay, GError **error) {
+    const char *why = NULL;
+    int all = 0, found = 0;
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        if (work->seen[i].lay != lay)
+            continue;
+        all++;
+        found += work->seen[i].corners != NULL;
+        why = why ? why : work->seen[i].why;
+    }
+    return cameras_refuse(
+        error, CAMERAS_ERROR_PICTURES,
+        "lay %d: the board was found in %d of %d pictures, in none well enough%s%s", lay + 1, found,
+        all, why ? "; for one, " : "", why ? why : "");
+}
+
+/* A photograph in which too little is seen to begin with. */
+static void drop_lay(struct cameras_work *work, int lay) {
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        struct seen *seen = &work->seen[i];
+        if (seen->lay != lay || !seen->corners)
+            continue;
+        g_clear_pointer(&seen->corners, g_array_unref);
+        g_free(seen->why);
+        seen->why =
+            g_strdup_printf("%s: too few corners of the board are clear enough", seen->name);
+    }
+}
+
+gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
+    for (int lay = 0; lay < work->bundle.n_lays; lay++) {
+        if (cameras_start_lay(work, lay))
+            continue;
+        if (!work->free_boards)
+            return refuse_lay(work, lay, error);
+        drop_lay(work, lay);
+    }
+    return TRUE;
+}
+
+gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
+    const int n = work->task->n_pictures;
+    g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func(g_free);
+    g_autofree int *counts = g_new0(int, n);
+    struct rig_camera *camera = &work->nominal.cameras[0];
+    double focal[2], centre[2];
+    for (int i = 0; i < n; i++) {
+        const struct seen *seen = &work->seen[i];
+        if (!seen->corners || seen->corners->len < 8)
+            continue;
+        double *points = g_new(double, 4 * seen->corners->len);
+        for (guint k = 0; k < seen->corners->len; k++) {
+            const struct corner *corner = &g_array_index(seen->corners, struct corner, k);
+            board_corner_mm(&work->task->board, corner->id, points + 4 * k);
+            points[4 * k + 2] = corner->x_px;
+            points[4 * k + 3] = corner->y_px;
+        }
+        counts[views->len] = (int)seen->corners->len;
+        g_ptr_array_add(views, points);
+    }
+    if (views->len < 3)
+        return cameras_refuse(error, CAMERAS_ERROR_PICTURES,
+                              "the board was found in %u of %d pictures; at least 3 are needed%s%s",
+                              views->len, n, n > 0 && work->seen[0].why ? ", such as not in " : "",
+                              n > 0 && work->seen[0].why ? work->seen[0].why : "");
+    if (!vision_start_camera((const double *const *)views->pdata, counts, (int)views->len,
+                             camera->width, camera->height, focal, centre, error))
+        return FALSE;
+    camera->fx_px = focal[0];
+    camera->fy_px = focal[1];
+    camera->cx_px = (camera->width - 1) / 2.0;
+    camera->cy_px = (camera->height - 1) / 2.0;
+    cameras_start(work);
+    work->bundle.cameras[0].prior_sigma[2] = work->bundle.cameras[0].prior_sigma[3] =
+        0.1 * camera->width;
+    work->bundle.cameras[0].fixed_pose = TRUE;
+    return TRUE;
+}
+
+/* The inverse of the covariance's square root; corners may be a little worse than their noise. */
+static void whiten(const struct corner *corner, double ret[2][2]) {
+    const double a = corner->covariance_px2[0][0] + LEAST_SIGMA_PX * LEAST_SIGMA_PX;
+    const double b = corner->covariance_px2[0][1];
+    const double c = corner->covariance_px2[1][1] + LEAST_SIGMA_PX * LEAST_SIGMA_PX;
+    const double l = sqrt(a), m = b / l, n = sqrt(MAX(c - m * m, 1e-12));
+    ret[0][0] = 1 / l;
+    ret[0][1] = 0;
+    ret[1][0] = -m / (l * n);
+    ret[1][1] = 1 / n;
+}
+
+void cameras_set_observations(struct cameras_work *work) {
+    g_array_set_size(work->observations, 0);
+    g_array_set_size(work->observed_in, 0);
+    for (int i = 0; i < work->task->n_pictures; i++) {
+        const struct seen *seen = &work->seen[i];
+        for (guint k = 0; seen->corners && k < seen->corners->len; k++) {
+            const struct corner *corner = &g_array_index(seen->corners, struct corner, k);
+            struct bundle_observation o = {.camera = seen->camera,
+                                           .stop = seen->stop,
+                                           .point = corner->id,
+                                           .noise = 1,
+                                           .seen_px = {corner->x_px, corner->y_px}};
+            board_corner_mm(&work->task->board, corner->id, o.board_mm);
+            whiten(corner, o.whiten);
+            g_array_append_val(work->observations, o);
+            g_array_append_val(work->observed_in, i);
+        }
+    }
+    work->bundle.observations = (struct bundle_observation *)(gpointer)work->observations->data;
+    work->bundle.n_observations = (int)work->observations->len;
+}

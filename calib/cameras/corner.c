@@ -1,0 +1,283 @@
+#include "corner.h"
+
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+/* Parameters of the model: I = (1 + gx·x + gy·y)·(a + b·erf(l1/√2σ)·erf(l2/√2σ)). The light's
+ * gradient is that of black and white alike: were it added to both, contrast that grows across the
+ * corner would draw it aside by some thousandths of a pixel. */
+enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR, N };
+
+#define MAX_PIXELS     1600
+#define MIN_PIXELS     30
+#define REACH_PX       11   /* around the corner, at most */
+#define REACH          0.44 /* of a square */
+#define GUARD_PX       0.9  /* from edges that are not the corner's */
+#define NEAR_PX        0.25
+#define STEPS          30
+#define LEAST_BLUR_PX  0.2 /* a pixel's own width blurs more than that */
+#define MOST_BLUR_PX   4
+#define MOST_ERROR_PX  0.35
+#define LEAST_CONTRAST 3 /* of the residuals */
+
+struct pixels {
+    int n;
+    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* x and y from the guess */
+    double sign; /* +1: white where both distances have the same sign */
+};
+
+/* +1: the squares to the upper right and lower left are white. */
+static double polarity(const struct board *board, int id) {
+    const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
+    return (column + row) % 2 ? -1 : 1;
+}
+
+static gboolean corner_invert(const double m[2][2], double ret[2][2]) {
+    const double det = m[0][0] * m[1][1] - m[0][1] * m[1][0];
+    if (!(fabs(det) > 1e-6))
+        return FALSE;
+    ret[0][0] = m[1][1] / det;
+    ret[0][1] = -m[0][1] / det;
+    ret[1][0] = -m[1][0] / det;
+    ret[1][1] = m[0][0] / det;
+    return TRUE;
+}
+
+/* A pixel that shows nothing but the four squares that meet, and is no nearer to another corner:
+ * corners that share pixels would share errors. dx, dy: from the corner, mm. */
+static gboolean is_clear(const struct board *board, double sign, double dx, double dy,
+                         const double guard_mm[2]) {
+    const double margin = (board->square_mm - board->marker_mm) / 2;
+    const double reach = REACH * board->square_mm;
+    const double half = board->square_mm / 2;
+    if (fabs(dx) > MAX(reach, MIN(half, board->square_mm - 3 * guard_mm[0])) ||
+        fabs(dy) > MAX(reach, MIN(half, board->square_mm - 3 * guard_mm[1])))
+        return FALSE;
+    if (board->marker_mm == 0 || dx * dy * sign < 0)
+        return TRUE;
+    return fabs(dx) < margin - guard_mm[0] || fabs(dy) < margin - guard_mm[1];
+}
+
+static double bend(const double by[3], double x, double y) {
+    return by[0] * x * x + by[1] * x * y + by[2] * y * y;
+}
+
+/* FALSE: too much of the corner's surroundings is outside of the picture. */
+static gboolean corner_gather(const struct picture *picture, const struct board *board,
+                              const struct corner_guess *guess, struct pixels *to) {
+    double back[2][2];
+    if (!corner_invert(guess->px_a_mm, back))
+        return FALSE;
+    const double guard_mm[2] = {GUARD_PX * hypot(back[0][0], back[0][1]),
+                                GUARD_PX * hypot(back[1][0], back[1][1])};
+    const int middle_x = (int)lround(guess->x_px), middle_y = (int)lround(guess->y_px);
+    int wanted = 0;
+    to->n = 0;
+    for (int y = middle_y - REACH_PX; y <= middle_y + REACH_PX; y++)
+        for (int x = middle_x - REACH_PX; x <= middle_x + REACH_PX; x++) {
+            const double px = x - guess->x_px, py = y - guess->y_px;
+            const double dx = back[0][0] * px + back[0][1] * py;
+            const double dy = back[1][0] * px + back[1][1] * py;
+            if (!is_clear(board, to->sign, dx, dy, guard_mm))
+                continue;
+            wanted++;
+            if (x < 0 || y < 0 || x >= picture->width || y >= picture->height)
+                continue;
+            const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
+            if (!isfinite(value) || to->n == MAX_PIXELS)
+                continue;
+            to->x[to->n] = px + bend(guess->straighten[0], px, py);
+            to->y[to->n] = py + bend(guess->straighten[1], px, py);
+            to->value[to->n++] = (double)value;
+        }
+    return to->n >= MIN_PIXELS && to->n > 0.7 * wanted;
+}
+
+/* Angle of the normal of a board line whose picture runs along (x, y); towards: a point on its
+ * positive side. */
+static double normal_angle(double x, double y, double towards_x, double towards_y) {
+    const double nx = -y, ny = x;
+    const double sign = nx * towards_x + ny * towards_y < 0 ? -1 : 1;
+    return atan2(sign * ny, sign * nx);
+}
+
+static void corner_start(const struct corner_guess *guess, const struct pixels *pixels,
+                         double p[N]) {
+    const double(*m)[2] = guess->px_a_mm;
+    double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
+    for (int i = 0; i < pixels->n; i++) {
+        low = MIN(low, pixels->value[i]);
+        high = MAX(high, pixels->value[i]);
+    }
+    memset(p, 0, sizeof(double) * N);
+    p[TURN_1] = normal_angle(m[0][1], m[1][1], m[0][0], m[1][0]);
+    p[TURN_2] = normal_angle(m[0][0], m[1][0], m[0][1], m[1][1]);
+    p[LEVEL] = (low + high) / 2;
+    p[CONTRAST] = (high - low) / 2;
+    p[BLUR] = 0.7;
+}
+
+struct edges { /* what all pixels share */
+    double c1, s1, c2, s2, k, b;
+};
+
+/* Residual of a pixel and its derivatives by the parameters. */
+static double model(const struct pixels *pixels, int i, const double p[N], const struct edges *e,
+                    double d[N]) {
+    const double x = pixels->x[i] - p[AT_X], y = pixels->y[i] - p[AT_Y];
+    const double u1 = (e->c1 * x + e->s1 * y) * e->k, u2 = (e->c2 * x + e->s2 * y) * e->k;
+    const double e1 = erf(u1), e2 = erf(u2);
+    const double d1 = M_2_SQRTPI * exp(-u1 * u1), d2 = M_2_SQRTPI * exp(-u2 * u2);
+    const double light = 1 + p[GRADIENT_X] * x + p[GRADIENT_Y] * y;
+    const double bk = light * e->b * e->k, print = p[LEVEL] + e->b * e1 * e2;
+    d[AT_X] = -bk * (d1 * e->c1 * e2 + e1 * d2 * e->c2) - p[GRADIENT_X] * print;
+    d[AT_Y] = -bk * (d1 * e->s1 * e2 + e1 * d2 * e->s2) - p[GRADIENT_Y] * print;
+    d[TURN_1] = bk * d1 * (e->c1 * y - e->s1 * x) * e2;
+    d[TURN_2] = bk * e1 * d2 * (e->c2 * y - e->s2 * x);
+    d[LEVEL] = light;
+    d[GRADIENT_X] = x * print;
+    d[GRADIENT_Y] = y * print;
+    d[CONTRAST] = light * pixels->sign * e1 * e2;
+    d[BLUR] = -light * e->b * (d1 * u1 * e2 + e1 * d2 * u2) / p[BLUR];
+    return light * print - pixels->value[i];
+}
+
+/* Sum of squares, and the normal equations h·step = g. */
+static double corner_sum(const struct pixels *pixels, const double p[N], double h[N * N],
+                         double g[N]) {
+    const struct edges e = {cos(p[TURN_1]), sin(p[TURN_1]),      cos(p[TURN_2]),
+                            sin(p[TURN_2]), M_SQRT1_2 / p[BLUR], p[CONTRAST] * pixels->sign};
+    double total = 0, d[N];
+    memset(h, 0, sizeof(double) * N * N);
+    memset(g, 0, sizeof(double) * N);
+    for (int i = 0; i < pixels->n; i++) {
+        const double r = model(pixels, i, p, &e, d);
+        total += r * r;
+        for (int a = 0; a < N; a++) {
+            g[a] -= d[a] * r;
+            for (int b = 0; b <= a; b++)
+                h[a * N + b] += d[a] * d[b];
+        }
+    }
+    for (int a = 0; a < N; a++)
+        for (int b = 0; b < a; b++)
+            h[b * N + a] = h[a * N + b];
+    return total;
+}
+
+static gboolean corner_step(const double *h, const double *g, double damping, const double p[N],
+                            double ret[N]) {
+    double a[N * N], b[N];
+    memcpy(a, h, sizeof a);
+    memcpy(b, g, sizeof b);
+    for (int i = 0; i < N; i++)
+        a[i * N + i] *= 1 + damping;
+    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', N, 1, a, N, b, N) != 0)
+        return FALSE;
+    for (int i = 0; i < N; i++)
+        ret[i] = p[i] + b[i];
+    ret[BLUR] = MAX(ret[BLUR], LEAST_BLUR_PX);
+    return ret[BLUR] < 2 * MOST_BLUR_PX && ret[CONTRAST] > 0;
+}
+
+/* Levenberg and Marquardt's method; FALSE if it does not settle. */
+static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * N],
+                         double *ret_total) {
+    double g[N], next[N], next_h[N * N], next_g[N], damping = 1e-3;
+    *ret_total = corner_sum(pixels, p, h, g);
+    for (int i = 0; i < STEPS; i++) {
+        const gboolean good = corner_step(h, g, damping, p, next);
+        const double then = good ? corner_sum(pixels, next, next_h, next_g) : G_MAXDOUBLE;
+        if (!(then < *ret_total)) {
+            damping = MAX(damping, 1e-4) * 10;
+            if (damping > 1e4)
+                return good;
+            continue;
+        }
+        const double moved = hypot(next[AT_X] - p[AT_X], next[AT_Y] - p[AT_Y]);
+        const gboolean settled = moved < 1e-4 && *ret_total - then < 1e-5 * *ret_total;
+        memcpy(p, next, sizeof next);
+        memcpy(h, next_h, sizeof next_h);
+        memcpy(g, next_g, sizeof next_g);
+        *ret_total = then;
+        damping = MAX(damping / 10, 1e-9);
+        if (settled)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+static gboolean corner_covariance(const double h[N * N], double variance, double ret[2][2]) {
+    double a[N * N], b[2 * N] = {0};
+    memcpy(a, h, sizeof a);
+    b[AT_X] = b[N + AT_Y] = 1;
+    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', N, 2, a, N, b, N) != 0)
+        return FALSE;
+    ret[0][0] = b[AT_X] * variance;
+    ret[1][1] = b[N + AT_Y] * variance;
+    ret[0][1] = ret[1][0] = b[AT_Y] * variance;
+    return ret[0][0] > 0 && ret[1][1] > 0 && ret[0][0] * ret[1][1] - ret[0][1] * ret[1][0] > 0;
+}
+
+/* How far it is from where it was guessed, in squares. */
+static double squares_moved(const struct board *board, const struct corner_guess *guess,
+                            const double p[N]) {
+    double back[2][2];
+    if (!corner_invert(guess->px_a_mm, back))
+        return G_MAXDOUBLE;
+    return MAX(fabs(back[0][0] * p[AT_X] + back[0][1] * p[AT_Y]),
+               fabs(back[1][0] * p[AT_X] + back[1][1] * p[AT_Y])) /
+           board->square_mm;
+}
+
+static gboolean corner_do_fit(const struct picture *picture, const struct board *board, int id,
+                              const struct corner_guess *guess, struct corner *ret) {
+    struct pixels pixels;
+    double p[N], h[N * N], total;
+    pixels.sign = polarity(board, id);
+    if (!corner_gather(picture, board, guess, &pixels))
+        return FALSE;
+    corner_start(guess, &pixels, p);
+    if (!(p[CONTRAST] > 0) || !minimise(&pixels, p, h, &total))
+        return FALSE;
+    const double variance = MAX(total / (pixels.n - N), 1e-12 * p[CONTRAST] * p[CONTRAST]);
+    *ret = (struct corner){
+        .id = id,
+        .x_px = guess->x_px + p[AT_X] - bend(guess->straighten[0], p[AT_X], p[AT_Y]),
+        .y_px = guess->y_px + p[AT_Y] - bend(guess->straighten[1], p[AT_X], p[AT_Y]),
+        .blur_px = p[BLUR],
+        .contrast = p[CONTRAST]};
+    return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < MOST_BLUR_PX &&
+           squares_moved(board, guess, p) < 0.35 && p[CONTRAST] > LEAST_CONTRAST * sqrt(variance) &&
+           fabs(sin(p[TURN_1] - p[TURN_2])) > 0.05 &&
+           ret->covariance_px2[0][0] + ret->covariance_px2[1][1] < MOST_ERROR_PX * MOST_ERROR_PX;
+}
+
+/* What is left out was chosen around the guess: if that was far off, again around what was found.
+ */
+gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
+                    const struct corner_guess *guess, struct corner *ret) {
+    struct corner_guess nearer = *guess;
+    if (!corner_do_fit(picture, board, id, guess, ret))
+        return FALSE;
+    if (hypot(ret->x_px - guess->x_px, ret->y_px - guess->y_px) < NEAR_PX)
+        return TRUE;
+    nearer.x_px = ret->x_px;
+    nearer.y_px = ret->y_px;
+    return corner_do_fit(picture, board, id, &nearer, ret);
+}
+
+GArray *corner_fit_all(const struct picture *picture, const struct board *board,
+                       const struct corner_guess *guesses) {
+    GArray *found = g_array_new(FALSE, FALSE, sizeof(struct corner));
+    const int n = board_n_corners(board);
+    for (int id = 0; id < n; id++) {
+        struct corner corner;
+        if (guesses[id].px_a_mm[0][0] == 0 && guesses[id].px_a_mm[0][1] == 0)
+            continue;
+        if (corner_fit(picture, board, id, &guesses[id], &corner))
+            g_array_append_val(found, corner);
+    }
+    return found;
+}

@@ -1,0 +1,387 @@
+#include "marks.h"
+
+#include <string.h>
+
+#define WINDOW     1.4  /* radii within which the centroid is taken */
+#define INNER      0.75 /* radii within which it is white enough to tell the edge from */
+#define WHOLE      0.95 /* radii within which a whole pixel must lie to tell the lamp's output */
+#define RING       1.9  /* the surround is between window and ring */
+#define PASSES     12
+#define FEW_PIXELS 6
+#define FEW_WHOLE  12
+#define CONTRAST   1.5 /* of the surround, at least */
+#define UNEVEN     0.1 /* standard deviation within a mark that is half in shadow */
+/* What a pixel at the edge is uncertain by: its share of white is not linear in its value, since
+ * real pixels do not collect evenly over their area. */
+#define EDGE_SHARE 0.12
+/* The surround's unevenness in the window pulls the centroid by so many radii times its first
+ * moment, if it is there as it is in the ring. */
+#define PULL         ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
+#define FARTHEST     1.0 /* radii from where it is expected */
+#define LEAST_OUTPUT 0.2 /* of a lamp; else it is in shadow, or something else */
+#define MOST_OUTPUT  5
+
+/* Where the rays of every few pixels meet the plane of a mark's face, and how bright its white
+ * would be there; between them it is interpolated, which is much quicker. */
+#define STEPS 64 /* to a picture's diagonal: where it vignettes by 20 %, that is off by 1e-4 */
+struct node {
+    double x_mm, y_mm, white; /* rig frame; DN a millisecond, all colours alike */
+};
+
+struct measuring {
+    const struct mark_scene *scene;
+    const struct rig_camera *camera;
+    const struct rig_mark *mark;
+    const char *cfa;
+    const float *mosaic;
+    struct vec3 eye, middle; /* rig frame; middle: where the mark is thought to be */
+    int x0, x1, y0, y1;      /* of the pixels to look at */
+    struct node *nodes;
+    int node_x0, node_y0, node_columns, node_rows, step;
+    double colour[3];
+    double level[3], ground[3];
+    double lean[2]; /* first moment of the surround: the mean of share of white times direction */
+};
+
+static int marks_colour_at(const char *cfa, int x, int y) {
+    char name = strcmp(cfa, "mono") == 0 ? 'g' : cfa[2 * (y & 1) + (x & 1)];
+    return name == 'r' ? 0 : name == 'g' ? 1 : 2;
+}
+
+static struct node node_at(const struct measuring *m, int x, int y) {
+    const struct mark_scene *s = m->scene;
+    const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
+    struct vec3 ray = rig_pixel_ray(m->camera, x, y);
+    struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
+    struct vec3 way = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
+    double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) / G_PI *
+                   MAX(way.z / vec3_length(way), 0) *
+                   rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
+    return (struct node){p.x, p.y, white};
+}
+
+static void set_nodes(struct measuring *m) {
+    m->node_x0 = m->x0;
+    m->node_y0 = m->y0;
+    m->step = CLAMP((int)hypot(m->camera->width, m->camera->height) / STEPS, 1, 8);
+    m->node_columns = (m->x1 - m->x0) / m->step + 2;
+    m->node_rows = (m->y1 - m->y0) / m->step + 2;
+    m->nodes = g_new(struct node, (gsize)m->node_columns * (gsize)m->node_rows);
+    for (int j = 0; j < m->node_rows; j++)
+        for (int i = 0; i < m->node_columns; i++)
+            m->nodes[j * m->node_columns + i] =
+                node_at(m, m->node_x0 + i * m->step, m->node_y0 + j * m->step);
+    for (int k = 0; k < 3; k++) {
+        const struct mark_scene *s = m->scene;
+        m->colour[k] = m->mark->reflectance[k];
+        if (s->radiometry && s->radiometry->known)
+            m->colour[k] *= s->radiometry->colour[k];
+        if (s->lamp_radiometry && s->lamp_radiometry->known)
+            m->colour[k] *= s->lamp_radiometry->colour[k];
+    }
+}
+
+struct pixel {
+    int colour;
+    double from;     /* the middle, in radii */
+    double along[2]; /* from there, unit; rig frame */
+    double reach;    /* as far as its corners */
+    double value;    /* of what is expected */
+};
+
+/* FALSE: expected to be dark, or not looked at. */
+static gboolean marks_look_at(const struct measuring *m, int x, int y, struct pixel *ret) {
+    int i = (x - m->node_x0) / m->step, j = (y - m->node_y0) / m->step;
+    if (x < m->node_x0 || y < m->node_y0 || i + 1 >= m->node_columns || j + 1 >= m->node_rows)
+        return FALSE;
+    double u = (double)(x - m->node_x0) / m->step - i, v = (double)(y - m->node_y0) / m->step - j;
+    const struct node *a = &m->nodes[j * m->node_columns + i], *b = a + m->node_columns;
+    const double w[4] = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
+    double x_mm = w[0] * a->x_mm + w[1] * a[1].x_mm + w[2] * b->x_mm + w[3] * b[1].x_mm;
+    double y_mm = w[0] * a->y_mm + w[1] * a[1].y_mm + w[2] * b->y_mm + w[3] * b[1].y_mm;
+    double white = w[0] * a->white + w[1] * a[1].white + w[2] * b->white + w[3] * b[1].white;
+    ret->colour = marks_colour_at(m->cfa, x, y);
+    double from_mm = hypot(x_mm - m->middle.x, y_mm - m->middle.y);
+    ret->from = from_mm / m->mark->radius_mm;
+    ret->along[0] = from_mm > 0 ? (x_mm - m->middle.x) / from_mm : 0;
+    ret->along[1] = from_mm > 0 ? (y_mm - m->middle.y) / from_mm : 0;
+    double side = hypot(a[1].x_mm - a->x_mm, a[1].y_mm - a->y_mm) +
+                  hypot(b->x_mm - a->x_mm, b->y_mm - a->y_mm);
+    ret->reach = ret->from + side / (2 * m->step * m->mark->radius_mm);
+    white *= m->colour[ret->colour];
+    if (!(white > 0))
+        return FALSE;
+    ret->value = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x] / white;
+    return isfinite(ret->value);
+}
+
+static gboolean marks_project(const struct measuring *m, double angle, double radii, double *x,
+                              double *y) {
+    double r = radii * m->mark->radius_mm;
+    struct vec3 p = vec3_add(m->middle, vec3(r * cos(angle), r * sin(angle), 0));
+    return rig_project(m->camera, p, x, y);
+}
+
+/* Centroid of the disc's picture: of a polygon of its projected edge. */
+static gboolean expected_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
+    double area = 0, sx = 0, sy = 0, x0, y0, x1, y1;
+    if (!marks_project(m, 0, 1, &x0, &y0))
+        return FALSE;
+    double ox = x0, oy = y0; /* sums far from zero lose digits */
+    for (int i = 1; i <= 64; i++) {
+        if (!marks_project(m, i * 2 * G_PI / 64, 1, &x1, &y1))
+            return FALSE;
+        double cross = (x0 - ox) * (y1 - oy) - (x1 - ox) * (y0 - oy);
+        area += cross;
+        sx += cross * (x0 + x1 - 2 * ox);
+        sy += cross * (y0 + y1 - 2 * oy);
+        x0 = x1;
+        y0 = y1;
+    }
+    *ret_x = ox + sx / (3 * area);
+    *ret_y = oy + sy / (3 * area);
+    return area != 0;
+}
+
+/* The pixels of window and ring; FALSE if the window leaves the picture. */
+static gboolean marks_set_bounds(struct measuring *m, double ring) {
+    double low_x = HUGE_VAL, low_y = HUGE_VAL, high_x = -HUGE_VAL, high_y = -HUGE_VAL;
+    for (int i = 0; i < 32; i++) {
+        double x, y;
+        if (!marks_project(m, i * 2 * G_PI / 32, WINDOW, &x, &y) || x < 0 || y < 0 ||
+            x > m->camera->width - 1 || y > m->camera->height - 1)
+            return FALSE;
+        if (!marks_project(m, i * 2 * G_PI / 32, ring, &x, &y))
+            return FALSE;
+        low_x = MIN(low_x, x);
+        high_x = MAX(high_x, x);
+        low_y = MIN(low_y, y);
+        high_y = MAX(high_y, y);
+    }
+    m->x0 = (int)MAX(floor(low_x), 0);
+    m->y0 = (int)MAX(floor(low_y), 0);
+    m->x1 = (int)MIN(ceil(high_x), m->camera->width - 1);
+    m->y1 = (int)MIN(ceil(high_y), m->camera->height - 1);
+    return TRUE;
+}
+
+struct mean {
+    double n, sum, squares;
+};
+
+static void mean_add(struct mean *mean, double value) {
+    mean->n++;
+    mean->sum += value;
+    mean->squares += value * value;
+}
+
+static double marks_mean_of(const struct mean *mean) {
+    return mean->n > 0 ? mean->sum / mean->n : 0;
+}
+
+static double variance_of(const struct mean *mean) {
+    double middle = marks_mean_of(mean);
+    return mean->n > 1 ? MAX(mean->squares - mean->n * middle * middle, 0) / (mean->n - 1) : 0;
+}
+
+static double share_of_white(const struct measuring *m, const struct pixel *pixel) {
+    double ground = m->ground[pixel->colour];
+    return (pixel->value - ground) / (m->level[pixel->colour] - ground);
+}
+
+/* What is bright on one side of a mark pulls its centroid there. */
+static void measure_lean(struct measuring *m) {
+    struct pixel pixel;
+    double n = 0;
+    m->lean[0] = m->lean[1] = 0;
+    for (int y = m->y0; y <= m->y1; y++)
+        for (int x = m->x0; x <= m->x1; x++) {
+            if (!marks_look_at(m, x, y, &pixel) || pixel.from <= WINDOW || pixel.from >= RING)
+                continue;
+            double share = share_of_white(m, &pixel);
+            m->lean[0] += share * pixel.along[0];
+            m->lean[1] += share * pixel.along[1];
+            n++;
+        }
+    for (int i = 0; i < 2 && n > 0; i++)
+        m->lean[i] /= n;
+}
+
+/* How far off in the picture, squared. */
+static double pull_variance(const struct measuring *m) {
+    double r = PULL * m->mark->radius_mm, x0, y0, x1, y1;
+    struct vec3 pulled = vec3_add(m->middle, vec3(r * m->lean[0], r * m->lean[1], 0));
+    if (!rig_project(m->camera, m->middle, &x0, &y0) || !rig_project(m->camera, pulled, &x1, &y1))
+        return (double)INFINITY;
+    return (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
+}
+
+/* The white and the surround, of each colour, and the noise of both in units of their difference.
+ */
+static gboolean measure_levels(struct measuring *m, struct mean whole[3], double noise[2]) {
+    struct mean white[3] = {{0}}, ground[3] = {{0}};
+    struct pixel pixel;
+    memset(whole, 0, 3 * sizeof *whole);
+    for (int y = m->y0; y <= m->y1; y++)
+        for (int x = m->x0; x <= m->x1; x++) {
+            if (!marks_look_at(m, x, y, &pixel))
+                continue;
+            if (pixel.reach < WHOLE)
+                mean_add(&whole[pixel.colour], pixel.value);
+            if (pixel.from < INNER)
+                mean_add(&white[pixel.colour], pixel.value);
+            else if (pixel.from > WINDOW && pixel.from < RING)
+                mean_add(&ground[pixel.colour], pixel.value);
+        }
+    noise[0] = noise[1] = 0;
+    double n = 0;
+    for (int k = 0; k < 3; k++) {
+        if (white[k].n == 0)
+            continue;
+        m->level[k] = marks_mean_of(&white[k]);
+        m->ground[k] = marks_mean_of(&ground[k]);
+        double contrast = m->level[k] - m->ground[k];
+        if (white[k].n < 2 || ground[k].n < 2 || m->level[k] < CONTRAST * m->ground[k] ||
+            !(contrast > 0))
+            return FALSE;
+        noise[0] += white[k].n * variance_of(&ground[k]) / (contrast * contrast);
+        noise[1] += white[k].n * variance_of(&white[k]) / (contrast * contrast);
+        n += white[k].n;
+    }
+    noise[0] /= MAX(n, 1);
+    noise[1] /= MAX(n, 1);
+    return n >= FEW_PIXELS;
+}
+
+/* The centroid of what is white. */
+static double measure_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
+    double area = 0, sx = 0, sy = 0;
+    struct pixel pixel;
+    for (int y = m->y0; y <= m->y1; y++)
+        for (int x = m->x0; x <= m->x1; x++) {
+            if (!marks_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
+                continue;
+            double share = share_of_white(m, &pixel);
+            area += share;
+            sx += share * (x - m->x0);
+            sy += share * (y - m->y0);
+        }
+    *ret_x = m->x0 + sx / area;
+    *ret_y = m->y0 + sy / area;
+    return area;
+}
+
+/* The variance of each of its coordinates. */
+static double centroid_variance(const struct measuring *m, const double noise[2], double area,
+                                double middle_x, double middle_y) {
+    double variance = 0;
+    struct pixel pixel;
+    for (int y = m->y0; y <= m->y1; y++)
+        for (int x = m->x0; x <= m->x1; x++) {
+            if (!marks_look_at(m, x, y, &pixel) || pixel.from > WINDOW)
+                continue;
+            double share = CLAMP(share_of_white(m, &pixel), 0, 1);
+            double own = noise[0] * (1 - share) + noise[1] * share;
+            if (share > 0.1 && share < 0.9)
+                own += EDGE_SHARE * EDGE_SHARE;
+            double dx = x - middle_x, dy = y - middle_y;
+            variance += own * (dx * dx + dy * dy) / 2;
+        }
+    return variance / (area * area);
+}
+
+/* Photons' noise is much the same in all pixels: it is told by all colours together. */
+static void set_output(const struct mean whole[3], struct mark_seen *seen) {
+    double n = 0, freedom = 0, variance = 0, sum = 0;
+    for (int k = 0; k < 3; k++) {
+        n += whole[k].n;
+        sum += whole[k].sum;
+        freedom += MAX(whole[k].n - 1, 0);
+        variance += variance_of(&whole[k]) * MAX(whole[k].n - 1, 0);
+    }
+    seen->output = n > 0 ? sum / n : 1;
+    seen->output_error =
+        n >= FEW_WHOLE && variance < UNEVEN * UNEVEN * freedom * seen->output * seen->output
+            ? sqrt(variance / freedom / n)
+            : (double)INFINITY;
+}
+
+/* Moves the middle by pixels. */
+static gboolean shift(struct measuring *m, double off_x, double off_y) {
+    double x, y, z = m->middle.z;
+    if (!rig_project(m->camera, m->middle, &x, &y))
+        return FALSE;
+    struct vec3 ray = rig_pixel_ray(m->camera, x + off_x, y + off_y);
+    m->middle = vec3_add(m->eye, vec3_scale(ray, (z - m->eye.z) / ray.z));
+    return TRUE;
+}
+
+/* Follows the mark from where it is expected to where it is. */
+static gboolean marks_follow(struct measuring *m, struct mark_seen *seen) {
+    struct vec3 start = m->middle;
+    struct mean whole[3];
+    double noise[2], area = 0;
+    for (int pass = 0; pass < PASSES; pass++) {
+        double x, y;
+        if (!marks_set_bounds(m, RING) || !measure_levels(m, whole, noise))
+            return FALSE;
+        area = measure_centroid(m, &seen->x_px, &seen->y_px);
+        if (!(area > FEW_PIXELS) || !expected_centroid(m, &x, &y))
+            return FALSE;
+        if (pass > 0 && hypot(seen->x_px - x, seen->y_px - y) < 0.01)
+            break;
+        if (!shift(m, seen->x_px - x, seen->y_px - y) ||
+            vec3_length(vec3_sub(m->middle, start)) > FARTHEST * m->mark->radius_mm)
+            return FALSE;
+    }
+    measure_lean(m);
+    seen->error_px =
+        sqrt(centroid_variance(m, noise, area, seen->x_px, seen->y_px) + pull_variance(m));
+    set_output(whole, seen);
+    return isfinite(seen->error_px) && seen->output > LEAST_OUTPUT && seen->output < MOST_OUTPUT;
+}
+
+static gboolean marks_measure_mark(struct measuring *m, struct mark_seen *seen) {
+    if (!expected_centroid(m, &seen->expected_x_px, &seen->expected_y_px) ||
+        !marks_set_bounds(m, RING + FARTHEST))
+        return FALSE;
+    set_nodes(m);
+    gboolean found = marks_follow(m, seen);
+    g_free(m->nodes);
+    return found;
+}
+
+int marks_measure(const struct mark_scene *scene, const char *cfa, const float *mosaic,
+                  GArray *seen) {
+    int n = 0;
+    for (int i = 0; i < scene->rig->n_marks; i++) {
+        struct measuring m = {.scene = scene,
+                              .camera = &scene->rig->cameras[scene->camera],
+                              .mark = &scene->rig->marks[i],
+                              .cfa = cfa,
+                              .mosaic = mosaic};
+        struct mark_seen found = {
+            .camera = scene->camera, .mark = i, .turntable_rad = scene->turntable_rad};
+        m.eye = rig_camera_centre_mm(m.camera);
+        m.middle = rig_turn(m.mark->centre_mm, scene->turntable_rad);
+        if (!marks_measure_mark(&m, &found))
+            continue;
+        g_array_append_val(seen, found);
+        n++;
+    }
+    return n;
+}
+
+gboolean marks_output(const struct mark_seen *seen, int n, double *ret_output, double *ret_error) {
+    double sum = 0, weight = 0;
+    for (int i = 0; i < n; i++) {
+        if (!isfinite(seen[i].output_error))
+            continue;
+        double own = 1 / (seen[i].output_error * seen[i].output_error + 1e-12);
+        sum += own * seen[i].output;
+        weight += own;
+    }
+    *ret_output = weight > 0 ? sum / weight : 1;
+    *ret_error = weight > 0 ? sqrt(1 / weight) : 0;
+    return weight > 0;
+}

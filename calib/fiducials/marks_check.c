@@ -1,0 +1,225 @@
+#include "marks.h"
+
+#include <lapacke.h>
+#include <string.h>
+
+#define STEP_RAD   1e-5
+#define CERTAIN    4.0 /* standard errors */
+#define MOST_TURNS (RIG_MAX_CAMERAS + 1)
+#define PRIOR_RAD  0.02 /* of any turn: keeps one that hardly shows from growing without bounds */
+
+/* What may have moved: the turntable, or one camera. */
+struct cause {
+    int camera; /* −1: the turntable */
+    int n;      /* unknowns: an angle, or three of a camera's own axes */
+};
+
+struct checking {
+    const struct rig *rig;
+    const struct mark_seen *seen;
+    int n;
+    double *slope; /* n × 2 rows of 3: pixels a radian of the cause at hand */
+    double *off_x, *off_y, *weight;
+};
+
+static struct vec3 turned(struct vec3 v, int axis, double angle) {
+    double c = cos(angle), s = sin(angle);
+    if (axis == 0)
+        return vec3(v.x, c * v.y - s * v.z, s * v.y + c * v.z);
+    if (axis == 1)
+        return vec3(c * v.x + s * v.z, v.y, c * v.z - s * v.x);
+    return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
+}
+
+/* The camera, turned about one of its own axes in its place: what it sees turns the other way. */
+static struct rig_camera turned_camera(const struct rig_camera *camera, int axis, double angle) {
+    struct rig_camera to = *camera;
+    struct vec3 eye = rig_camera_centre_mm(camera);
+    for (int column = 0; column < 3; column++) {
+        struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
+                             camera->rotation.m[2][column]);
+        v = turned(v, axis, -angle);
+        to.rotation.m[0][column] = v.x;
+        to.rotation.m[1][column] = v.y;
+        to.rotation.m[2][column] = v.z;
+    }
+    to.translation_mm = vec3_scale(mat3_mul_vec(&to.rotation, eye), -1);
+    return to;
+}
+
+/* Derivative of a mark's place in the picture by an unknown of a cause, both ways. */
+static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
+                     double ret[2]) {
+    const struct mark_seen *seen = &check->seen[i];
+    const struct rig_camera *camera = &check->rig->cameras[seen->camera];
+    double x[2] = {0}, y[2] = {0};
+    ret[0] = ret[1] = 0;
+    if (cause->camera >= 0 && cause->camera != seen->camera)
+        return;
+    for (int side = 0; side < 2; side++) {
+        double angle = side ? STEP_RAD : -STEP_RAD, turn = seen->turntable_rad;
+        struct rig_camera now = *camera;
+        if (cause->camera >= 0)
+            now = turned_camera(camera, unknown, angle);
+        else
+            turn += angle;
+        struct vec3 p = rig_turn(check->rig->marks[seen->mark].centre_mm, turn);
+        if (!rig_project(&now, p, &x[side], &y[side]))
+            return;
+    }
+    ret[0] = (x[1] - x[0]) / (2 * STEP_RAD);
+    ret[1] = (y[1] - y[0]) / (2 * STEP_RAD);
+}
+
+struct explained {
+    double angle[3], variance[3], gain; /* radians; gain: by how much chi-square falls */
+};
+
+/* Weighted least squares for one cause. */
+static gboolean explain(struct checking *check, const struct cause *cause, struct explained *ret) {
+    double matrix[9] = {0}, right[3] = {0};
+    int n = cause->n;
+    for (int i = 0; i < check->n; i++) {
+        double *rows = check->slope + 6 * i, slope[2];
+        for (int u = 0; u < n; u++) {
+            slope_of(check, i, cause, u, slope);
+            rows[u] = slope[0];
+            rows[3 + u] = slope[1];
+        }
+        for (int u = 0; u < n; u++) {
+            right[u] +=
+                check->weight[i] * (rows[u] * check->off_x[i] + rows[3 + u] * check->off_y[i]);
+            for (int v = 0; v <= u; v++)
+                matrix[u * n + v] +=
+                    check->weight[i] * (rows[u] * rows[v] + rows[3 + u] * rows[3 + v]);
+        }
+    }
+    for (int u = 0; u < n; u++)
+        matrix[u * n + u] += 1 / (PRIOR_RAD * PRIOR_RAD);
+    memset(ret, 0, sizeof *ret);
+    memcpy(ret->angle, right, sizeof right);
+    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', n, matrix, n) != 0)
+        return FALSE;
+    LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', n, 1, matrix, n, ret->angle, 1);
+    for (int u = 0; u < n; u++)
+        ret->gain += right[u] * ret->angle[u];
+    LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', n, matrix, n);
+    for (int u = 0; u < n; u++)
+        ret->variance[u] = matrix[u * n + u];
+    return TRUE;
+}
+
+static void take_out(struct checking *check, const struct cause *cause,
+                     const struct explained *by) {
+    for (int i = 0; i < check->n; i++)
+        for (int u = 0; u < cause->n; u++) {
+            double slope[2];
+            slope_of(check, i, cause, u, slope);
+            check->off_x[i] -= slope[0] * by->angle[u];
+            check->off_y[i] -= slope[1] * by->angle[u];
+        }
+}
+
+static double marks_check_length_of(const struct explained *by, double *ret_error) {
+    double squares = 0, variance = 0;
+    for (int u = 0; u < 3; u++)
+        squares += by->angle[u] * by->angle[u];
+    for (int u = 0; u < 3; u++)
+        variance +=
+            squares > 0 ? by->angle[u] * by->angle[u] / squares * by->variance[u] : by->variance[u];
+    *ret_error = sqrt(variance);
+    return sqrt(squares);
+}
+
+static gboolean counts(const struct explained *by, double least_deg) {
+    double error;
+    double length = marks_check_length_of(by, &error);
+    return by->gain > CERTAIN * CERTAIN && length > CERTAIN * error &&
+           length * 180 / G_PI >= least_deg;
+}
+
+static void marks_check_note(const struct cause *cause, const struct explained *by,
+                             struct marks_check *ret) {
+    double error;
+    double length = marks_check_length_of(by, &error);
+    if (cause->camera < 0) {
+        ret->slipped = TRUE;
+        ret->slip_deg += by->angle[0] * 180 / G_PI;
+        ret->slip_error_deg = error * 180 / G_PI;
+        return;
+    }
+    ret->cameras[cause->camera].moved = TRUE;
+    ret->cameras[cause->camera].turn_deg = length * 180 / G_PI;
+    ret->cameras[cause->camera].turn_error_deg = error * 180 / G_PI;
+}
+
+/* One cause after the other, the one that explains most first: if the turntable slipped, all
+ * cameras see it, and none of them needs to have moved. */
+static void find_causes(struct checking *check, double least_deg, struct marks_check *ret) {
+    gboolean taken[MOST_TURNS] = {FALSE};
+    for (int round = 0; round < check->rig->n_cameras + 1; round++) {
+        struct explained best = {.gain = 0};
+        struct cause by = {-1, 0};
+        for (int camera = -1; camera < check->rig->n_cameras; camera++) {
+            struct cause cause = {camera, camera < 0 ? 1 : 3};
+            struct explained found;
+            if (!taken[camera + 1] && explain(check, &cause, &found) && counts(&found, least_deg) &&
+                found.gain > best.gain) {
+                best = found;
+                by = cause;
+            }
+        }
+        if (by.n == 0)
+            return;
+        taken[by.camera + 1] = TRUE;
+        take_out(check, &by, &best);
+        marks_check_note(&by, &best, ret);
+    }
+}
+
+/* How a mark lies on the pixels makes an error that is the same in all pictures of a pose. */
+static int marks_check_same_pose(const struct mark_seen *seen, int n, int i) {
+    int same = 0;
+    for (int k = 0; k < n; k++)
+        same += seen[k].camera == seen[i].camera && seen[k].mark == seen[i].mark &&
+                seen[k].turntable_rad == seen[i].turntable_rad;
+    return same;
+}
+
+void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
+                 double least_deg, struct marks_check *ret) {
+    struct checking check = {.rig = rig, .seen = seen, .n = n};
+    check.slope = g_new0(double, 6 * n + 1);
+    check.off_x = g_new0(double, 3 * n + 1);
+    check.off_y = check.off_x + n;
+    check.weight = check.off_y + n;
+    memset(ret, 0, sizeof *ret);
+    ret->n_seen = n;
+    for (int i = 0; i < n; i++) {
+        check.off_x[i] = seen[i].x_px - seen[i].expected_x_px;
+        check.off_y[i] = seen[i].y_px - seen[i].expected_y_px;
+        check.weight[i] = 1 /
+                          (seen[i].error_px * seen[i].error_px + systematic_px * systematic_px) /
+                          marks_check_same_pose(seen, n, i);
+        ret->rms_px += (check.off_x[i] * check.off_x[i] + check.off_y[i] * check.off_y[i]) / n;
+        ret->cameras[seen[i].camera].n_seen++;
+    }
+    ret->rms_px = sqrt(ret->rms_px);
+    if (n > 0)
+        find_causes(&check, least_deg, ret);
+    g_free(check.slope);
+    g_free(check.off_x);
+}
+
+char *marks_describe(const struct rig *rig, const struct marks_check *check) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    if (check->slipped)
+        g_string_append_printf(text, "the turntable has slipped by %+.3f° ± %.3f°", check->slip_deg,
+                               check->slip_error_deg);
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (check->cameras[c].moved)
+            g_string_append_printf(text, "%scamera %s is turned by %.3f° ± %.3f°",
+                                   text->len ? "; " : "", rig->cameras[c].name,
+                                   check->cameras[c].turn_deg, check->cameras[c].turn_error_deg);
+    return text->len ? g_strdup(text->str) : NULL;
+}

@@ -1,0 +1,306 @@
+#include "fit.h"
+
+#include <lapacke.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SOFT_ROUNDS  5 /* with weights that fall gently, then */
+#define HARD_ROUNDS  3 /* with outliers left out */
+#define SOFT         2.5
+#define SINGULAR     1e-12 /* of a pivot of the scaled normal equations */
+#define CONVERGED    1e-10
+#define STEPS        60
+#define DIFFERENCE   1.5e-8 /* root of what a double leaves out */
+#define MOST_DAMPING 1e8
+/* Residuals are in units of what they should be; so much smaller, they are rounding, and what is
+ * only known beforehand would count as nothing beside them. */
+#define LEAST_SIGMA 1e-3
+
+struct work {
+    const struct fit *fit;
+    double *weights; /* an observation */
+    double sigma;    /* how much larger residuals are than they should be */
+    int m, n;
+    int n_depends;
+    int *own_depends; /* where all depend on all */
+    const int *depends;
+    double *f, *moved, *at;
+    double *rows; /* derivatives, m × n_depends */
+};
+
+static void fit_work_init(struct work *work, const struct fit *fit) {
+    const int n = fit->n_parameters, m = fit->n_observations * fit->dimension;
+    *work = (struct work){.fit = fit, .sigma = 1, .m = m, .n = n, .n_depends = fit->n_depends};
+    work->depends = fit->depends;
+    if (!fit->depends) {
+        work->n_depends = n;
+        work->own_depends = g_new(int, (gsize)fit->n_observations *(gsize)n);
+        for (int i = 0; i < fit->n_observations * n; i++)
+            work->own_depends[i] = i % n;
+        work->depends = work->own_depends;
+    }
+    work->weights = g_new(double, fit->n_observations);
+    work->f = g_new(double, m);
+    work->moved = g_new(double, m);
+    work->at = g_new0(double, n);
+    work->rows = g_new(double, (gsize)m *(gsize)work->n_depends);
+}
+
+static void fit_work_clear(struct work *work) {
+    g_free(work->own_depends);
+    g_free(work->weights);
+    g_free(work->f);
+    g_free(work->moved);
+    g_free(work->at);
+    g_free(work->rows);
+}
+
+static double known_residual(const struct fit *fit, const double *x, int i) {
+    return fit->known_sigma && fit->known_sigma[i] > 0
+               ? (x[i] - fit->known[i]) / fit->known_sigma[i]
+               : 0;
+}
+
+/* Residuals into f; returns the sum of all squares by their weights. */
+static double fit_evaluate(const struct work *work, const double *x, double *f) {
+    const struct fit *fit = work->fit;
+    double sum = 0;
+    fit->residuals(x, f, fit->data);
+    for (int i = 0; i < work->m; i++) {
+        const double r = f[i] * work->weights[i / fit->dimension] / work->sigma;
+        sum += r * r;
+    }
+    for (int i = 0; i < work->n; i++)
+        sum += pow(known_residual(fit, x, i), 2);
+    return isfinite(sum) ? sum : G_MAXDOUBLE;
+}
+
+/* By forward differences, all parameters of a place at once. */
+static void differentiate(const struct work *work, const double *x) {
+    const struct fit *fit = work->fit;
+    const int n = work->n_depends;
+    g_autofree int *place = g_new(int, work->n);
+    for (int j = 0; j < work->n; j++)
+        place[j] = -1;
+    for (int i = 0; i < fit->n_observations * n; i++)
+        if (work->depends[i] >= 0)
+            place[work->depends[i]] = i % n;
+    for (int k = 0; k < n; k++) {
+        memcpy(work->at, x, sizeof(double) * (gsize)work->n);
+        for (int j = 0; j < work->n; j++)
+            if (place[j] == k)
+                work->at[j] += DIFFERENCE * MAX(fabs(x[j]), 1);
+        fit->residuals(work->at, work->moved, fit->data);
+        for (int i = 0; i < work->m; i++) {
+            const int j = work->depends[i / fit->dimension * n + k];
+            work->rows[i * n + k] =
+                j < 0 ? 0 : (work->moved[i] - work->f[i]) / (work->at[j] - x[j]);
+        }
+    }
+}
+
+/* h: observations' part of JᵀWJ by their weights and sigma, then what is known beforehand; g: −Jᵀf
+ * of both. Upper triangle and lower. */
+static void fit_normal_equations(const struct work *work, const double *x, double *h, double *g) {
+    const struct fit *fit = work->fit;
+    const int n = work->n, k = work->n_depends;
+    memset(h, 0, sizeof(double) * (gsize)n * (gsize)n);
+    memset(g, 0, sizeof(double) * (gsize)n);
+    for (int i = 0; i < work->m; i++) {
+        const double *row = work->rows + i * k;
+        const int *of = work->depends + i / fit->dimension * k;
+        const double weight = pow(work->weights[i / fit->dimension] / work->sigma, 2);
+        for (int a = 0; a < k && weight > 0; a++) {
+            if (of[a] < 0)
+                continue;
+            g[of[a]] -= weight * row[a] * work->f[i];
+            for (int b = 0; b < k; b++)
+                if (of[b] >= 0)
+                    h[of[a] * n + of[b]] += weight * row[a] * row[b];
+        }
+    }
+    for (int j = 0; j < n; j++)
+        if (fit->known_sigma && fit->known_sigma[j] > 0) {
+            h[j * n + j] += 1 / (fit->known_sigma[j] * fit->known_sigma[j]);
+            g[j] -= known_residual(fit, x, j) / fit->known_sigma[j];
+        }
+}
+
+/* A damped step; FALSE: not to be had. */
+static gboolean fit_do_step(int n, const double *h, const double *g, double damping,
+                            const double *x, double *ret) {
+    g_autofree double *a = g_memdup2(h, sizeof(double) * (gsize)n * (gsize)n);
+    g_autofree double *b = g_memdup2(g, sizeof(double) * (gsize)n);
+    for (int j = 0; j < n; j++)
+        a[j * n + j] = h[j * n + j] > 0 ? h[j * n + j] * (1 + damping) : 1;
+    if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'U', n, 1, a, n, b, n) != 0)
+        return FALSE;
+    for (int j = 0; j < n; j++)
+        ret[j] = x[j] + b[j];
+    return TRUE;
+}
+
+static void fit_do_solve(const struct work *work, double *x) {
+    const int n = work->n;
+    g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n),
+                      *next = g_new0(double, n);
+    double damping = 1e-6, now = fit_evaluate(work, x, work->f);
+    for (int i = 0; i < STEPS; i++) {
+        differentiate(work, x);
+        fit_normal_equations(work, x, h, g);
+        double then = G_MAXDOUBLE;
+        while (damping < MOST_DAMPING) {
+            if (fit_do_step(n, h, g, damping, x, next))
+                then = fit_evaluate(work, next, work->moved);
+            if (then < now)
+                break;
+            damping = MAX(damping, 1e-9) * 10;
+        }
+        if (!(then < now))
+            return;
+        const gboolean settled = now - then < CONVERGED * now;
+        memcpy(x, next, sizeof(double) * (gsize)n);
+        memcpy(work->f, work->moved, sizeof(double) * (gsize)work->m);
+        now = then;
+        damping = MAX(damping / 10, 1e-12);
+        if (settled)
+            return;
+    }
+}
+
+static double fit_size_of(const struct fit *fit, const double *residuals, int i) {
+    double sum = 0;
+    for (int k = 0; k < fit->dimension; k++)
+        sum += residuals[i * fit->dimension + k] * residuals[i * fit->dimension + k];
+    return isfinite(sum) ? sqrt(sum) : FIT_LOST;
+}
+
+static int fit_compare(gconstpointer a, gconstpointer b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* What a residual usually is, by the median: half of a normal deviate's sizes lie within 0.6745 σ,
+ * in two dimensions within 1.1774 σ. */
+static double usual_size(const struct fit *fit, const double *residuals) {
+    g_autofree double *sizes = g_new(double, fit->n_observations);
+    for (int i = 0; i < fit->n_observations; i++)
+        sizes[i] = fit_size_of(fit, residuals, i);
+    qsort(sizes, (gsize)fit->n_observations, sizeof *sizes, fit_compare);
+    return MAX(sizes[fit->n_observations / 2] / (fit->dimension == 1 ? 0.6745 : 1.1774),
+               LEAST_SIGMA);
+}
+
+static void fit_weigh(struct work *work, gboolean hard) {
+    const struct fit *fit = work->fit;
+    double usual = usual_size(fit, work->f);
+    work->sigma = usual;
+    for (int i = 0; i < fit->n_observations; i++) {
+        double times = fit_size_of(fit, work->f, i) / usual;
+        work->weights[i] =
+            hard ? times <= fit->reject : 1 / sqrt(1 + times * times / (SOFT * SOFT));
+    }
+}
+
+/* The inverse of h by its rank; rows of parameters that are not determined 0. */
+static double *fit_invert(int n, const double *h, int *ret_undetermined) {
+    g_autofree double *a = g_new(double, (gsize)n *(gsize)n), *scale = g_new0(double, n);
+    g_autofree lapack_int *pivots = g_new(lapack_int, n);
+    double *inverse = g_new0(double, (gsize)n *(gsize)n);
+    lapack_int rank = 0;
+    for (int j = 0; j < n; j++)
+        scale[j] = h[j * n + j] > 0 ? 1 / sqrt(h[j * n + j]) : 0;
+    for (int i = 0; i < n * n; i++)
+        a[i] = h[i] * scale[i / n] * scale[i % n];
+    LAPACKE_dpstrf(LAPACK_COL_MAJOR, 'U', n, a, n, pivots, &rank, SINGULAR);
+    *ret_undetermined = -1;
+    for (int j = n - 1; j >= rank; j--)
+        *ret_undetermined = pivots[j] - 1;
+    if (rank == 0 || LAPACKE_dpotri(LAPACK_COL_MAJOR, 'U', rank, a, n) != 0)
+        return inverse;
+    for (int i = 0; i < rank; i++)
+        for (int j = 0; j < rank; j++) {
+            const int p = pivots[i] - 1, q = pivots[j] - 1;
+            inverse[p * n + q] = a[MAX(i, j) * n + MIN(i, j)] * scale[p] * scale[q];
+        }
+    return inverse;
+}
+
+/* How many parameters' worth the observations themselves have told: trace of H⁻¹ JᵀJ. */
+static double told(const struct work *work, const double *covariance) {
+    double sum = 0;
+    for (int j = 0; j < work->n; j++) {
+        const double sigma = work->fit->known_sigma ? work->fit->known_sigma[j] : 0;
+        const double left = sigma > 0 ? covariance[j * work->n + j] / (sigma * sigma) : 0;
+        sum += covariance[j * work->n + j] > 0 ? 1 - MIN(left, 1) : 0;
+    }
+    return sum;
+}
+
+/* What those used vary by tells what all of them are worth; once more, now that it is known. */
+static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
+    const struct fit *fit = work->fit;
+    const int n = work->n;
+    g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n);
+    double squares = 0;
+    fit_evaluate(work, x, work->f);
+    ret->rejected = g_new0(guint8, fit->n_observations);
+    for (int i = 0; i < fit->n_observations; i++) {
+        ret->rejected[i] = work->weights[i] == 0;
+        ret->n_used += !ret->rejected[i];
+        squares += ret->rejected[i] ? 0 : pow(fit_size_of(fit, work->f, i), 2);
+    }
+    for (int round = 0; round < 2; round++) {
+        differentiate(work, x);
+        fit_normal_equations(work, x, h, g);
+        g_free(ret->covariance);
+        ret->covariance = fit_invert(n, h, &ret->undetermined);
+        const double freedom = ret->n_used * fit->dimension - told(work, ret->covariance);
+        ret->degrees_of_freedom = (int)floor(freedom);
+        ret->sigma = freedom > 0 ? sqrt(squares / freedom) : 0;
+        work->sigma = MAX(ret->sigma, LEAST_SIGMA);
+    }
+    if (ret->degrees_of_freedom <= 0 && ret->undetermined < 0)
+        ret->undetermined = 0;
+    ret->residuals = g_memdup2(work->f, sizeof(double) * (gsize)work->m);
+}
+
+static int n_known(const struct fit *fit) {
+    int n = 0;
+    for (int i = 0; fit->known_sigma && i < fit->n_parameters; i++)
+        n += fit->known_sigma[i] > 0;
+    return n;
+}
+
+gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret) {
+    struct work work;
+    memset(ret, 0, sizeof *ret);
+    if (fit->n_observations < 1 ||
+        fit->n_observations * fit->dimension + n_known(fit) <= fit->n_parameters)
+        return FALSE;
+    fit_work_init(&work, fit);
+    fit->residuals(parameters, work.f, fit->data);
+    gboolean finite = TRUE;
+    for (int i = 0; i < work.m; i++)
+        finite &= isfinite(work.f[i]);
+    for (int round = 0; finite && round < SOFT_ROUNDS + HARD_ROUNDS; round++) {
+        fit_weigh(&work, round >= SOFT_ROUNDS);
+        fit_do_solve(&work, parameters);
+    }
+    if (finite)
+        fit_finish(&work, parameters, ret);
+    fit_work_clear(&work);
+    return finite;
+}
+
+void fit_result_clear(struct fit_result *result) {
+    g_clear_pointer(&result->covariance, g_free);
+    g_clear_pointer(&result->residuals, g_free);
+    g_clear_pointer(&result->rejected, g_free);
+}
+
+double fit_error(const struct fit *fit, const struct fit_result *result, int parameter) {
+    double variance = result->covariance[parameter * (fit->n_parameters + 1)];
+    return variance > 0 ? sqrt(variance) : HUGE_VAL;
+}

@@ -1,0 +1,235 @@
+#include "rig.h"
+
+#define INVERSE_STEPS        60
+#define INVERSE_TOLERANCE_PX 1e-11
+
+static const struct vec3 up = {0, 0, 1};
+
+void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct vec3 target_mm) {
+    struct vec3 forward = vec3_unit(vec3_sub(target_mm, eye_mm));
+    struct vec3 right = vec3_cross(forward, up);
+
+    /* Straight down or up there is no horizontal right: take what a camera at azimuth 0 tends to.
+     */
+    right = vec3_length(right) > 1e-9 ? vec3_unit(right) : vec3(0, 1, 0);
+    struct vec3 down = vec3_cross(forward, right);
+    camera->rotation = (struct mat3){
+        {{right.x, right.y, right.z}, {down.x, down.y, down.z}, {forward.x, forward.y, forward.z}}};
+    camera->translation_mm = vec3_scale(mat3_mul_vec(&camera->rotation, eye_mm), -1);
+}
+
+struct vec3 rig_camera_centre_mm(const struct rig_camera *camera) {
+    return vec3_scale(mat3_mul_transposed(&camera->rotation, camera->translation_mm), -1);
+}
+
+/* Brown's model: x'' = x'(1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x'y' + p2 (r² + 2x'²), y'' likewise. */
+static void distort(const struct rig_camera *c, double x, double y, double *ret_x, double *ret_y) {
+    double s = x * x + y * y;
+    double radial = 1 + s * (c->k1 + s * (c->k2 + s * c->k3));
+
+    *ret_x = x * radial + 2 * c->p1 * x * y + c->p2 * (s + 2 * x * x);
+    *ret_y = y * radial + c->p1 * (s + 2 * y * y) + 2 * c->p2 * x * y;
+}
+
+/* Derivative of distort(): {∂x''/∂x', ∂x''/∂y', ∂y''/∂x', ∂y''/∂y'}. */
+static void distort_jacobian(const struct rig_camera *c, double x, double y, double j[4]) {
+    double s = x * x + y * y;
+    double radial = 1 + s * (c->k1 + s * (c->k2 + s * c->k3));
+    double slope = 2 * (c->k1 + s * (2 * c->k2 + s * 3 * c->k3));
+
+    j[0] = radial + slope * x * x + 2 * c->p1 * y + 6 * c->p2 * x;
+    j[1] = slope * x * y + 2 * c->p1 * x + 2 * c->p2 * y;
+    j[2] = j[1];
+    j[3] = radial + slope * y * y + 6 * c->p1 * y + 2 * c->p2 * x;
+}
+
+/* d(r'')/dr' as a polynomial of s = r'². */
+static double radial_slope(const struct rig_camera *c, double s) {
+    return 1 + s * (3 * c->k1 + s * (5 * c->k2 + s * 7 * c->k3));
+}
+
+/* Whether the distorted radius grows all the way from the centre to s = r'². */
+static gboolean radius_grows(const struct rig_camera *c, double s) {
+    double a = 21 * c->k3, b = 10 * c->k2, d = 3 * c->k1;
+    double roots[2] = {-1, -1};
+
+    if (a != 0 && b * b - 4 * a * d >= 0) {
+        double q = -0.5 * (b + copysign(sqrt(b * b - 4 * a * d), b));
+        roots[0] = q / a;
+        roots[1] = q != 0 ? d / q : -1;
+    } else if (a == 0 && b != 0) {
+        roots[0] = -d / b;
+    }
+    for (int i = 0; i < 2; i++)
+        if (roots[i] > 0 && roots[i] < s && radial_slope(c, roots[i]) <= 0)
+            return FALSE;
+    return radial_slope(c, s) > 0;
+}
+
+gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
+                     double *ret_y_px) {
+    struct vec3 p = vec3_add(mat3_mul_vec(&camera->rotation, point_mm), camera->translation_mm);
+    if (!(p.z > 0))
+        return FALSE;
+    double x = p.x / p.z, y = p.y / p.z, j[4];
+    distort_jacobian(camera, x, y, j);
+    if (!radius_grows(camera, x * x + y * y) || !(j[0] * j[3] - j[1] * j[2] > 0))
+        return FALSE;
+    distort(camera, x, y, &x, &y);
+    *ret_x_px = camera->fx_px * x + camera->cx_px;
+    *ret_y_px = camera->fy_px * y + camera->cy_px;
+    return TRUE;
+}
+
+/* Newton's method from the distorted point, with steps halved while they make matters worse. */
+static void rig_undistort(const struct rig_camera *c, double xd, double yd, double *x, double *y) {
+    double scale = MAX(c->fx_px, c->fy_px), fx, fy, j[4];
+
+    *x = xd;
+    *y = yd;
+    distort(c, *x, *y, &fx, &fy);
+    double left = hypot(fx - xd, fy - yd);
+    for (int i = 0; i < INVERSE_STEPS && left * scale > INVERSE_TOLERANCE_PX; i++) {
+        distort_jacobian(c, *x, *y, j);
+        double det = j[0] * j[3] - j[1] * j[2];
+        if (det == 0)
+            return;
+        double dx = (j[3] * (fx - xd) - j[1] * (fy - yd)) / det;
+        double dy = (j[0] * (fy - yd) - j[2] * (fx - xd)) / det;
+        for (double step = 1;; step /= 2) {
+            double nx, ny;
+            distort(c, *x - step * dx, *y - step * dy, &nx, &ny);
+            double error = hypot(nx - xd, ny - yd);
+            if (error < left) {
+                *x -= step * dx;
+                *y -= step * dy;
+                fx = nx, fy = ny, left = error;
+                break;
+            }
+            if (step < 1e-6)
+                return;
+        }
+    }
+}
+
+struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y_px) {
+    double x, y;
+
+    rig_undistort(camera, (x_px - camera->cx_px) / camera->fx_px,
+                  (y_px - camera->cy_px) / camera->fy_px, &x, &y);
+    return vec3_unit(mat3_mul_transposed(&camera->rotation, vec3(x, y, 1)));
+}
+
+struct vec3 rig_turn(struct vec3 v, double angle_rad) {
+    double c = cos(angle_rad), s = sin(angle_rad);
+
+    return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
+}
+
+/* Rodrigues' formula for the rotation vector (tx, ty, 0). */
+static struct vec3 tilt(const double t[2], struct vec3 v, double sign) {
+    double angle = hypot(t[0], t[1]);
+
+    if (angle == 0)
+        return v;
+    struct vec3 k = vec3(t[0] / angle, t[1] / angle, 0);
+    struct vec3 across = vec3_scale(vec3_cross(k, v), sign * sin(angle));
+    struct vec3 along = vec3_scale(k, vec3_dot(k, v) * (1 - cos(angle)));
+    return vec3_add(vec3_add(vec3_scale(v, cos(angle)), across), along);
+}
+
+struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
+    if (!arc)
+        return rig_turn(direction, arc_rad);
+    return tilt(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
+}
+
+struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
+    struct vec3 p = rig_arc_direction(arc, arc_rad, point_mm);
+
+    return arc ? vec3_add(p, vec3(arc->centre_mm[0], arc->centre_mm[1], 0)) : p;
+}
+
+struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
+    if (!arc)
+        return rig_turn(point_mm, -arc_rad);
+    struct vec3 p = vec3_sub(point_mm, vec3(arc->centre_mm[0], arc->centre_mm[1], 0));
+    return rig_turn(tilt(arc->tilt_rad, p, -1), -(arc_rad + arc->zero_rad));
+}
+
+struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lamp *lamp,
+                                 double arc_rad) {
+    return rig_arc_point(arc, arc_rad, lamp->position_mm);
+}
+
+double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
+                           struct vec3 point_mm) {
+    struct vec3 way = vec3_sub(point_mm, rig_lamp_position_mm(arc, lamp, arc_rad));
+    double r_mm = vec3_length(way);
+    double cosine = vec3_dot(way, rig_arc_direction(arc, arc_rad, lamp->aim)) / r_mm;
+
+    if (cosine <= 0)
+        return 0;
+    return lamp->intensity * pow(cosine, lamp->exponent) / (r_mm * r_mm * 1e-6);
+}
+
+struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_laser *laser,
+                                  double arc_rad) {
+    return rig_arc_point(arc, arc_rad, laser->position_mm);
+}
+
+struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
+                                 double arc_rad, double sweep_rad) {
+    double s = sweep_rad * (1 + laser->stretch);
+    /* Rodrigues' formula for a vector perpendicular to the axis. */
+    struct vec3 normal = vec3_add(vec3_scale(laser->normal, cos(s)),
+                                  vec3_scale(vec3_cross(laser->axis, laser->normal), sin(s)));
+    struct rig_plane sheet = {.normal = rig_arc_direction(arc, arc_rad, normal)};
+
+    sheet.offset_mm = vec3_dot(sheet.normal, rig_laser_position_mm(arc, laser, arc_rad));
+    return sheet;
+}
+
+double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                           struct vec3 point_mm) {
+    struct vec3 way = vec3_sub(rig_arc_point_back(arc, arc_rad, point_mm), laser->position_mm);
+    struct vec3 beam = vec3_cross(laser->normal, laser->axis);
+
+    /* The half of the sheet that is lit lies on the beam's side of the axis. */
+    return atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam)) / (1 + laser->stretch);
+}
+
+/* The point of the quarter circle (unit radius) over azimuth 0 that is nearest to a direction. */
+static struct vec3 nearest_on_arc(struct vec3 direction) {
+    double theta = direction.x > 0 ? atan2(direction.x, direction.z) : 0;
+
+    return rig_direction(CLAMP(theta, 0, G_PI_2), 0);
+}
+
+double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm) {
+    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[camera]);
+    double distance = vec3_length(eye), radius = rig->arc_radius_mm;
+
+    if (distance <= radius)
+        return G_MAXDOUBLE; /* the arc is behind it */
+    struct vec3 towards = rig_turn(vec3_scale(eye, 1 / distance), -(arc_rad + rig->arc.zero_rad));
+    double apart = radius * vec3_length(vec3_sub(towards, nearest_on_arc(towards)));
+    double cone = radius_mm * (1 - radius / distance);
+
+    return apart - rig->arc_width_mm / 2 - cone;
+}
+
+void rig_angles(struct vec3 direction, double *ret_theta_rad, double *ret_phi_rad) {
+    double phi = atan2(direction.y, direction.x);
+
+    if (phi < 0)
+        phi += 2 * G_PI;
+    if (phi >= 2 * G_PI) /* a tiny negative angle rounds up to a full turn */
+        phi = 0;
+    *ret_theta_rad = atan2(hypot(direction.x, direction.y), direction.z);
+    *ret_phi_rad = phi;
+}
+
+struct vec3 rig_direction(double theta_rad, double phi_rad) {
+    return vec3(sin(theta_rad) * cos(phi_rad), sin(theta_rad) * sin(phi_rad), cos(theta_rad));
+}

@@ -1,0 +1,242 @@
+#include "ball_light.h"
+
+#include <math.h>
+#include <string.h>
+
+#define PARALLEL  1e-9 /* of the normal equations' determinant */
+#define AGREE     3.0  /* standard deviations, and */
+#define AGREE_RAD (0.5 * G_PI / 180)
+#define NEAREST   3.0 /* radii: a light is not among the balls */
+#define KNOWN     0.5 /* of the distance, that a place may be off by to be one */
+
+static gboolean ball_light_normal_at(const struct ball_outline *ball, double x_px, double y_px,
+                                     struct vec3 *ret) {
+    double x = (x_px - ball->x_px) / ball->radius_px, y = (ball->y_px - y_px) / ball->radius_px;
+    double rest = 1 - x * x - y * y;
+    if (!(rest > 0))
+        return FALSE;
+    *ret = vec3(x, y, sqrt(rest));
+    return TRUE;
+}
+
+gboolean ball_light_direction(const struct ball_outline *ball, double x_px, double y_px,
+                              struct vec3 *ret) {
+    struct vec3 n;
+    if (!ball_light_normal_at(ball, x_px, y_px, &n))
+        return FALSE;
+    *ret = vec3_sub(vec3_scale(n, 2 * n.z), vec3(0, 0, 1));
+    return TRUE;
+}
+
+/* A mirror ball maps equal areas to equal solid angles: the mean over the highlight is that over
+ * the lamp. Four points have the same second moments. */
+gboolean ball_light_mean_direction(const struct ball_outline *ball, double x_px, double y_px,
+                                   double xx_px2, double xy_px2, double yy_px2, struct vec3 *ret) {
+    const double x = sqrt(2 * xx_px2), skew = x > 0 ? 2 * xy_px2 / x : 0;
+    const double y = sqrt(MAX(0, 2 * yy_px2 - skew * skew));
+    const double points[4][2] = {{x, skew}, {-x, -skew}, {0, y}, {0, -y}};
+    struct vec3 sum = vec3(0, 0, 0), d;
+    for (int k = 0; k < 4; k++) {
+        if (!ball_light_direction(ball, x_px + points[k][0], y_px + points[k][1], &d))
+            return ball_light_direction(ball, x_px, y_px, ret);
+        sum = vec3_add(sum, d);
+    }
+    *ret = vec3_unit(sum);
+    return TRUE;
+}
+
+gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret) {
+    struct vec3 r[3];
+    for (int i = 0; i < 3; i++)
+        r[i] = vec3(a->m[i][0], a->m[i][1], a->m[i][2]);
+    struct vec3 c[3] = {vec3_cross(r[1], r[2]), vec3_cross(r[2], r[0]), vec3_cross(r[0], r[1])};
+    double det = vec3_dot(r[0], c[0]), size = a->m[0][0] + a->m[1][1] + a->m[2][2];
+    if (!(det > PARALLEL * size * size * size))
+        return FALSE;
+    *ret = vec3_scale(
+        vec3_add(vec3_add(vec3_scale(c[0], b.x), vec3_scale(c[1], b.y)), vec3_scale(c[2], b.z)),
+        1 / det);
+    return TRUE;
+}
+
+double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
+                            double y_px, double highlight_px) {
+    const double sine = hypot(x_px - ball->x_px, y_px - ball->y_px) / ball->radius_px;
+    const double cosine = sqrt(MAX(1 - sine * sine, 1e-6));
+    const double middle = highlight_px * highlight_px + circle_px * circle_px;
+    const double outwards = sqrt(middle + pow(sine * circle_px, 2)) / cosine;
+    return 2 / ball->radius_px * hypot(outwards, cosine * sqrt(middle));
+}
+
+static double angle_rad(struct vec3 a, struct vec3 b) {
+    return atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b));
+}
+
+struct model { /* what rays may agree on */
+    gboolean placed;
+    struct vec3 direction, place;
+};
+
+static double off_rad(const struct model *model, const struct ball_ray *ray) {
+    return angle_rad(ray->direction,
+                     model->placed ? vec3_sub(model->place, ray->from) : model->direction);
+}
+
+static struct vec3 mean_direction(const struct ball_ray *rays, int n, guint32 set) {
+    struct vec3 sum = vec3(0, 0, 0);
+    for (int i = 0; i < n; i++)
+        if (set >> i & 1)
+            sum = vec3_add(sum, rays[i].direction);
+    return vec3_unit(sum);
+}
+
+/* The projections across the rays: their sum, and the sum of how far each leaves a place unknown.
+ */
+static void add_across(struct mat3 *a, struct vec3 d, double weight) {
+    const double v[3] = {d.x, d.y, d.z};
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++)
+            a->m[j][k] += weight * ((j == k) - v[j] * v[k]);
+}
+
+/* Where the rays of a set come nearest to each other; FALSE: nowhere before all of them. */
+static gboolean meet(const struct ball_ray *rays, int n, guint32 set, struct mat3 *ret_normal,
+                     struct vec3 *ret) {
+    struct vec3 b = vec3(0, 0, 0);
+    memset(ret_normal, 0, sizeof *ret_normal);
+    for (int i = 0; i < n; i++) {
+        if (!(set >> i & 1))
+            continue;
+        const struct ball_ray *r = &rays[i];
+        add_across(ret_normal, r->direction, 1);
+        b = vec3_add(b,
+                     vec3_sub(r->from, vec3_scale(r->direction, vec3_dot(r->direction, r->from))));
+    }
+    if (!ball_light_solve(ret_normal, b, ret))
+        return FALSE;
+    for (int i = 0; i < n; i++)
+        if (set >> i & 1 && vec3_dot(vec3_sub(*ret, rays[i].from), rays[i].direction) < NEAREST)
+            return FALSE;
+    return TRUE;
+}
+
+struct vote {
+    struct model model;
+    guint32 set;
+    int count;
+    double misfit; /* of the set: sum of squares, in standard deviations */
+    gboolean tied; /* another set of as many */
+};
+
+/* sigma_rad: of the model. */
+static void vote(const struct ball_ray *rays, int n, const struct model *model, double sigma_rad,
+                 struct vote *best) {
+    struct vote mine = {.model = *model};
+    for (int i = 0; i < n; i++) {
+        const double off = off_rad(model, &rays[i]), sigma = hypot(rays[i].sigma_rad, sigma_rad);
+        if (off > MAX(AGREE * sigma, AGREE_RAD))
+            continue;
+        mine.set |= 1U << i;
+        mine.count++;
+        mine.misfit += pow(off / sigma, 2);
+    }
+    if (mine.count < best->count)
+        return;
+    const gboolean differs = mine.count == best->count && mine.set != best->set;
+    const gboolean tied = differs || (mine.count == best->count && best->tied);
+    if (mine.count > best->count || mine.misfit < best->misfit)
+        *best = mine;
+    best->tied = tied;
+}
+
+static struct vote vote_of_pairs(const struct ball_ray *rays, int n) {
+    struct vote best = {.count = 0};
+    for (int i = 0; i < n; i++)
+        for (int j = i + 1; j < n; j++) {
+            const guint32 pair = 1U << i | 1U << j;
+            const double sigma = MAX(rays[i].sigma_rad, rays[j].sigma_rad);
+            struct model model = {.direction = mean_direction(rays, n, pair)};
+            struct mat3 normal;
+            vote(rays, n, &model, sigma, &best);
+            model.placed = meet(rays, n, pair, &normal, &model.place);
+            if (model.placed)
+                vote(rays, n, &model, sigma, &best);
+        }
+    return best;
+}
+
+/* Of a place, each way: the rays' errors where they pass it, through the least squares. */
+static struct vec3 place_error(const struct ball_ray *rays, int n, guint32 set,
+                               const struct mat3 *normal, struct vec3 place) {
+    const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};
+    struct mat3 spread = {0};
+    double error[3] = {0};
+    for (int i = 0; i < n; i++)
+        if (set >> i & 1)
+            add_across(&spread, rays[i].direction,
+                       pow(vec3_length(vec3_sub(place, rays[i].from)) * rays[i].sigma_rad, 2) / 2);
+    for (int k = 0; k < 3; k++) {
+        struct vec3 row;
+        if (ball_light_solve(normal, unit[k], &row))
+            error[k] = sqrt(vec3_dot(row, mat3_mul_vec(&spread, row)));
+    }
+    return vec3(error[0], error[1], error[2]);
+}
+
+static void ball_light_place(const struct ball_ray *rays, int n, guint32 set,
+                             struct ball_light *ret) {
+    struct mat3 normal;
+    int count = 0;
+    ret->placed = meet(rays, n, set, &normal, &ret->place);
+    if (!ret->placed)
+        return;
+    ret->place_error = place_error(rays, n, set, &normal, ret->place);
+    for (int i = 0; i < n; i++)
+        if (set >> i & 1) {
+            const struct vec3 to = vec3_sub(ret->place, rays[i].from);
+            ret->miss += pow(vec3_length(vec3_cross(to, rays[i].direction)), 2);
+            ret->placed &= vec3_length(ret->place_error) < KNOWN * vec3_length(to);
+            count++;
+        }
+    ret->miss = sqrt(ret->miss / count);
+}
+
+/* Errors of what a set agrees on; larger if its rays differ by more than they should. */
+static void estimate(const struct ball_ray *rays, int n, guint32 set, struct ball_light *ret) {
+    double squares = 0, misfit = 0, count = 0;
+    ret->direction = mean_direction(rays, n, set);
+    ball_light_place(rays, n, set, ret);
+    const struct model model = {ret->placed, ret->direction, ret->place};
+    for (int i = 0; i < n; i++) {
+        ret->left_out[i] = !(set >> i & 1);
+        ret->off_rad[i] = off_rad(&model, &rays[i]);
+        if (ret->left_out[i])
+            continue;
+        squares += pow(rays[i].sigma_rad, 2);
+        misfit += pow(ret->off_rad[i] / rays[i].sigma_rad, 2);
+        count++;
+    }
+    const double freedom = count - (ret->placed ? 1.5 : 1);
+    const double worse = freedom > 0 ? MAX(1, sqrt(misfit / freedom)) : 1;
+    ret->sigma_rad = worse * sqrt(squares) / count;
+    ret->place_error = vec3_scale(ret->place_error, worse);
+}
+
+gboolean ball_light_join(const struct ball_ray *rays, int n, struct ball_light *ret) {
+    struct vote best = {.set = 1, .count = 1};
+    memset(ret, 0, sizeof *ret);
+    if (n > 1)
+        best = vote_of_pairs(rays, n);
+    if (2 * best.count > n && (best.count == n || !best.tied)) {
+        estimate(rays, n, best.set, ret);
+        return TRUE;
+    }
+    for (int i = 0; i < n; i++) {
+        ret->off_rad[i] = G_PI;
+        for (int j = 0; j < n; j++)
+            if (j != i)
+                ret->off_rad[i] =
+                    MIN(ret->off_rad[i], angle_rad(rays[i].direction, rays[j].direction));
+    }
+    return FALSE;
+}

@@ -1,0 +1,199 @@
+#include "ball_outline.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define RAYS        180
+#define NEAREST     0.75 /* of the given radius: where edges are looked for */
+#define FARTHEST    1.3
+#define STEP_PX     0.5
+#define REACH       4     /* steps on either side that an edge is the difference of */
+#define ABOVE       6.0   /* the edge, in units of the ray's median difference */
+#define LEAST       0.002 /* the edge at least, square root of light */
+#define TRIALS      400
+#define SEEN        0.4  /* of the rays must agree */
+#define EDGES       3    /* of a ray, strongest first: the ball shows edges too */
+#define NEIGHBOURS  3.0  /* times less sure than by residuals: neighbouring edges err alike */
+#define AGREE       0.01 /* of the radius */
+#define SMALLEST_PX 32   /* radius: around smaller ones any edge is as good as another */
+#define ROUNDS      5    /* of fitting and leaving out */
+#define FLOOR_PX    0.1  /* a fit is hardly better than that */
+#define MOST_STEPS  4096
+
+struct edges {
+    double x[RAYS * EDGES], y[RAYS * EDGES];
+    int ray[RAYS * EDGES];
+    int n;
+};
+
+static double ball_outline_value_at(const struct picture *picture, double x, double y) {
+    const int i = (int)floor(x), j = (int)floor(y);
+    if (i < 0 || j < 0 || i + 1 >= picture->width || j + 1 >= picture->height)
+        return NAN;
+    const float *v = picture->values + (gsize)j * (gsize)picture->width + i;
+    const double s = x - i, t = y - j;
+    return (1 - t) * ((1 - s) * (double)v[0] + s * (double)v[1]) +
+           t * ((1 - s) * (double)v[picture->width] + s * (double)v[picture->width + 1]);
+}
+
+static int ball_outline_compare(gconstpointer a, gconstpointer b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* How much the picture changes at steps of a ray; NULL: it is not in the picture. */
+static double *changes_on_ray(const struct picture *picture, const struct ball_outline *given,
+                              double angle, int n) {
+    g_autofree double *values = g_new(double, n);
+    double *changes = g_new0(double, n);
+    for (int i = 0; i < n; i++) {
+        const double radius = NEAREST * given->radius_px + i * STEP_PX;
+        values[i] = ball_outline_value_at(picture, given->x_px + radius * cos(angle),
+                                          given->y_px + radius * sin(angle));
+    }
+    for (int i = REACH; i < n - REACH; i++) {
+        double sum = 0;
+        for (int k = 1; k <= REACH; k++)
+            sum += (values[i + k] - values[i - k]) / REACH;
+        changes[i] = isnan(sum) ? 0 : fabs(sum);
+    }
+    return changes;
+}
+
+/* Takes the strongest edge off a ray; 0: there is none left. */
+static double take_edge(double *changes, int n, double least) {
+    int best = 1;
+    for (int i = 2; i < n - 1; i++)
+        if (changes[i] > changes[best])
+            best = i;
+    const double before = changes[best - 1], after = changes[best + 1], at = changes[best];
+    const double bend = before - 2 * at + after;
+    if (!(at > least))
+        return 0;
+    for (int i = MAX(best - 2 * REACH, 0); i <= MIN(best + 2 * REACH, n - 1); i++)
+        changes[i] = 0;
+    return STEP_PX * (best + (bend < 0 ? 0.5 * (before - after) / bend : 0));
+}
+
+static void ball_outline_find_edges(const struct picture *picture, const struct ball_outline *given,
+                                    struct edges *ret) {
+    const int n = MIN((int)((FARTHEST - NEAREST) * given->radius_px / STEP_PX), MOST_STEPS);
+    ret->n = 0;
+    for (int ray = 0; ray < RAYS && n > 4 * REACH; ray++) {
+        const double angle = 2 * G_PI * ray / RAYS;
+        g_autofree double *changes = changes_on_ray(picture, given, angle, n);
+        g_autofree double *sorted = g_memdup2(changes, (gsize)n * sizeof *changes);
+        qsort(sorted, (gsize)n, sizeof *sorted, ball_outline_compare);
+        const double least = MAX(LEAST, ABOVE * sorted[n / 2]);
+        double at;
+        for (int k = 0; k < EDGES && (at = take_edge(changes, n, least)) > 0; k++) {
+            const double radius = NEAREST * given->radius_px + at;
+            ret->x[ret->n] = given->x_px + radius * cos(angle);
+            ret->y[ret->n] = given->y_px + radius * sin(angle);
+            ret->ray[ret->n++] = ray;
+        }
+    }
+}
+
+static gboolean through_three(const struct edges *e, const int k[3], struct ball_outline *ret) {
+    const double ax = e->x[k[1]] - e->x[k[0]], ay = e->y[k[1]] - e->y[k[0]];
+    const double bx = e->x[k[2]] - e->x[k[0]], by = e->y[k[2]] - e->y[k[0]];
+    const double cross = 2 * (ax * by - ay * bx), a2 = ax * ax + ay * ay, b2 = bx * bx + by * by;
+    if (fabs(cross) < 1)
+        return FALSE;
+    const double x = (by * a2 - ay * b2) / cross, y = (ax * b2 - bx * a2) / cross;
+    *ret = (struct ball_outline){e->x[k[0]] + x, e->y[k[0]] + y, hypot(x, y)};
+    return TRUE;
+}
+
+static double off_px(const struct edges *e, int i, const struct ball_outline *circle) {
+    return hypot(e->x[i] - circle->x_px, e->y[i] - circle->y_px) - circle->radius_px;
+}
+
+static int agreeing(const struct edges *e, const struct ball_outline *circle, double within_px) {
+    int count = 0, last = -1;
+    for (int i = 0; i < e->n; i++)
+        if (e->ray[i] != last && fabs(off_px(e, i, circle)) < within_px) {
+            last = e->ray[i];
+            count++;
+        }
+    return count;
+}
+
+static gboolean is_near(const struct ball_outline *a, const struct ball_outline *given,
+                        double reach_px) {
+    return hypot(a->x_px - given->x_px, a->y_px - given->y_px) <= reach_px &&
+           fabs(a->radius_px - given->radius_px) <= reach_px;
+}
+
+static int most_agreed(const struct edges *e, const struct ball_outline *given, double reach_px,
+                       double within_px, struct ball_outline *ret) {
+    GRand *rand = g_rand_new_with_seed(1);
+    int most = 0;
+    for (int trial = 0; trial < TRIALS && e->n >= 3; trial++) {
+        const int k[3] = {g_rand_int_range(rand, 0, e->n), g_rand_int_range(rand, 0, e->n),
+                          g_rand_int_range(rand, 0, e->n)};
+        struct ball_outline circle;
+        if (!through_three(e, k, &circle) || !is_near(&circle, given, reach_px))
+            continue;
+        const int count = agreeing(e, &circle, within_px);
+        if (count > most) {
+            most = count;
+            *ret = circle;
+        }
+    }
+    g_rand_free(rand);
+    return most;
+}
+
+/* One step of Gauss and Newton for the edges that agree; FALSE: they do not tell a circle.
+ * ret_sigma_px: of the least known of centre and radius, by the edges' residuals. */
+static gboolean ball_outline_improve(const struct edges *e, double within_px,
+                                     struct ball_outline *circle, double *ret_sigma_px) {
+    const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};
+    struct mat3 a = {0};
+    struct vec3 b = vec3(0, 0, 0), step, row[3];
+    double squares = 0;
+    int count = 0;
+    for (int i = 0; i < e->n; i++) {
+        const double off = off_px(e, i, circle);
+        if (fabs(off) >= within_px)
+            continue;
+        const double r = off + circle->radius_px;
+        const double j[3] = {(e->x[i] - circle->x_px) / r, (e->y[i] - circle->y_px) / r, 1};
+        for (int k = 0; k < 9; k++)
+            a.m[k / 3][k % 3] += j[k / 3] * j[k % 3];
+        b = vec3_add(b, vec3_scale(vec3(j[0], j[1], j[2]), off));
+        squares += off * off;
+        count++;
+    }
+    if (!ball_light_solve(&a, b, &step) || !ball_light_solve(&a, unit[0], &row[0]) ||
+        !ball_light_solve(&a, unit[1], &row[1]) || !ball_light_solve(&a, unit[2], &row[2]))
+        return FALSE;
+    circle->x_px += step.x;
+    circle->y_px += step.y;
+    circle->radius_px += step.z;
+    *ret_sigma_px = sqrt(squares / count * MAX(row[0].x, MAX(row[1].y, row[2].z)));
+    return TRUE;
+}
+
+gboolean ball_outline_find(const struct picture *picture, const struct ball_outline *given,
+                           double reach_px, struct ball_outline *ret, double *ret_sigma_px) {
+    const double within_px = MAX(0.5, AGREE * given->radius_px);
+    g_autofree struct edges *edges = g_new(struct edges, 1);
+    struct ball_outline circle;
+    double sigma_px = 0;
+    if (given->radius_px < SMALLEST_PX)
+        return FALSE;
+    ball_outline_find_edges(picture, given, edges);
+    if (most_agreed(edges, given, reach_px, within_px, &circle) == 0)
+        return FALSE;
+    for (int round = 0; round < ROUNDS; round++)
+        if (!ball_outline_improve(edges, within_px, &circle, &sigma_px))
+            return FALSE;
+    if (agreeing(edges, &circle, within_px) < SEEN * RAYS || !is_near(&circle, given, reach_px))
+        return FALSE;
+    *ret = circle;
+    *ret_sigma_px = hypot(FLOOR_PX, NEIGHBOURS * sigma_px);
+    return TRUE;
+}

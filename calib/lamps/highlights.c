@@ -1,0 +1,355 @@
+#include "highlights.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define EDGE        0.2   /* of the peak: the spot's border, up to where its light is weighed */
+#define ABOVE_NOISE 12.0  /* the peak, in units of what the surroundings vary by */
+#define FLAT        0.998 /* of the brightest: as bright as it */
+#define FLAT_PIXELS 7     /* so many are as bright only where the spot is cut off */
+#define SIGHT_PX    0.03  /* standard deviation of a middle */
+#define CLIPPED_PX  0.1   /* the same where only a saturated spot's border tells it */
+#define SPECK       4     /* spots of fewer pixels are dust or hot pixels */
+#define STREAK      4.0   /* times longer than wide: a hair or a scratch */
+#define COMPARABLE  0.3   /* of the chosen spot's energy: another that may as well be the lamp */
+#define MOST_SPOTS  256   /* looked at, brightest first */
+#define SLANT       0.3   /* cosine at which a highlight is too near to the ball's rim */
+#define SPOT_SHARE  0.2   /* of a ball's picture, that a spot may take up */
+
+#define NOWHERE 0 /* label of pixels that belong to no spot */
+
+struct window {
+    const struct picture *picture;
+    int left, top, width, height;
+    float *values;   /* −G_MAXFLOAT: not in the circle */
+    guint16 *labels; /* which spot a pixel belongs to */
+    int *members;    /* the spots' pixels, one spot after the other */
+    int n_members;
+    float level, floor;
+};
+
+struct spot {
+    guint16 label;
+    int first, pixels;      /* in members */
+    float height;           /* of the peak above the level */
+    double energy;          /* sum of squares above the level: brightness and size both count */
+    struct highlight light; /* in the window */
+    double aspect;          /* length to width */
+    gboolean halo, cut;
+};
+
+static int highlights_compare(gconstpointer a, gconstpointer b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return x < y ? -1 : x > y;
+}
+
+static gboolean highlights_cut(struct window *w, double x, double y, double r) {
+    w->left = (int)ceil(x - r);
+    w->top = (int)ceil(y - r);
+    w->width = (int)floor(x + r) - w->left + 1;
+    w->height = (int)floor(y + r) - w->top + 1;
+    if (w->left < 0 || w->top < 0 || w->width < 5 || w->height < 5 ||
+        w->left + w->width > w->picture->width || w->top + w->height > w->picture->height)
+        return FALSE;
+    w->values = g_new(float, (gsize)w->width *(gsize)w->height);
+    w->labels = g_new0(guint16, (gsize)w->width * (gsize)w->height);
+    w->members = g_new(int, (gsize)w->width *(gsize)w->height);
+    for (int j = 0; j < w->height; j++)
+        for (int i = 0; i < w->width; i++) {
+            float value = w->picture->values[(w->top + j) * w->picture->width + w->left + i];
+            gboolean inside = hypot(w->left + i - x, w->top + j - y) <= r && isfinite(value);
+            w->values[j * w->width + i] = inside ? value : -G_MAXFLOAT;
+        }
+    return TRUE;
+}
+
+/* Median, and how far values usually are from it: 1.4826 times the median of distances is σ. */
+static void background(struct window *w) {
+    int n = 0, all = w->width * w->height;
+    g_autofree float *sorted = g_new(float, all);
+    for (int i = 0; i < all; i++)
+        if (w->values[i] > -G_MAXFLOAT)
+            sorted[n++] = w->values[i];
+    qsort(sorted, (gsize)n, sizeof *sorted, highlights_compare);
+    w->level = sorted[n / 2];
+    for (int i = 0; i < n; i++)
+        sorted[i] = fabsf(sorted[i] - w->level);
+    qsort(sorted, (gsize)n, sizeof *sorted, highlights_compare);
+    w->floor = MAX((float)ABOVE_NOISE * 1.4826f * sorted[n / 2], 0.05f * fabsf(w->level));
+}
+
+/* The brightest pixel that belongs to no spot yet. */
+static int brightest(const struct window *w) {
+    int best = -1;
+    for (int i = 0; i < w->width * w->height; i++)
+        if (w->labels[i] == NOWHERE && (best < 0 || w->values[i] > w->values[best]))
+            best = i;
+    return best;
+}
+
+/* Labels what hangs together with the peak, and tells what else it touches. */
+static void grow(struct window *w, int peak, struct spot *spot) {
+    const float least = w->level + (float)EDGE * spot->height;
+    spot->first = w->n_members;
+    w->members[w->n_members++] = peak;
+    w->labels[peak] = spot->label;
+    while (spot->first + spot->pixels < w->n_members) {
+        int at = w->members[spot->first + spot->pixels++], x = at % w->width, y = at / w->width;
+        for (int k = 0; k < 9; k++) {
+            int i = x + k % 3 - 1, j = y + k / 3 - 1, next = j * w->width + i;
+            if (i < 0 || j < 0 || i >= w->width || j >= w->height || w->values[next] < least) {
+                spot->cut |= i < 0 || j < 0 || i >= w->width || j >= w->height ||
+                             !(w->values[next] > -G_MAXFLOAT);
+                continue;
+            }
+            spot->halo |= w->labels[next] != NOWHERE && w->labels[next] != spot->label;
+            if (w->labels[next] == NOWHERE) {
+                w->labels[next] = spot->label;
+                w->members[w->n_members++] = next;
+            }
+        }
+    }
+}
+
+/* The middle and the extent of the spot's light above a share of its peak; in the window. */
+static void highlights_weigh(const struct window *w, const struct spot *spot, double share,
+                             struct highlight *ret) {
+    const float least = w->level + (float)share * spot->height;
+    double sum = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+    for (int k = 0; k < spot->pixels; k++) {
+        const int i = w->members[spot->first + k];
+        if (!(w->values[i] > least))
+            continue;
+        const double weight = (double)(w->values[i] - least);
+        const int column = i % w->width, row = i / w->width;
+        sum += weight;
+        x += weight * column;
+        y += weight * row;
+        xx += weight * column * column;
+        xy += weight * column * row;
+        yy += weight * row * row;
+    }
+    ret->x_px = x / sum;
+    ret->y_px = y / sum;
+    ret->xx_px2 = MAX(0, xx / sum - ret->x_px * ret->x_px);
+    ret->xy_px2 = xy / sum - ret->x_px * ret->y_px;
+    ret->yy_px2 = MAX(0, yy / sum - ret->y_px * ret->y_px);
+}
+
+/* From second moments of its pixels, each of which is a square. */
+static double aspect(const struct window *w, const struct spot *spot) {
+    double x = 0, y = 0, xx = 1.0 / 12, yy = 1.0 / 12, xy = 0;
+    const int *members = w->members + spot->first, n = spot->pixels;
+    for (int k = 0; k < n; k++) {
+        x += (double)(members[k] % w->width) / n;
+        y += (double)(int)(members[k] / w->width) / n;
+    }
+    for (int k = 0; k < n; k++) {
+        double dx = members[k] % w->width - x, dy = (int)(members[k] / w->width) - y;
+        xx += dx * dx / n;
+        yy += dy * dy / n;
+        xy += dx * dy / n;
+    }
+    double mean = (xx + yy) / 2, apart = hypot((xx - yy) / 2, xy);
+    return sqrt((mean + apart) / (mean - apart));
+}
+
+static void highlights_describe(const struct window *w, struct spot *spot) {
+    for (int k = 0; k < spot->pixels; k++)
+        spot->energy += pow((double)(w->values[w->members[spot->first + k]] - w->level), 2);
+    spot->aspect = aspect(w, spot);
+    highlights_weigh(w, spot, EDGE, &spot->light);
+}
+
+/* Every spot of its own, brightest first; what touches a brighter one is that one's halo. */
+static GArray *find_spots(struct window *w) {
+    GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
+    guint16 label = NOWHERE + 1;
+    int peak;
+    while (label <= MOST_SPOTS && (peak = brightest(w)) >= 0) {
+        struct spot spot = {.label = label++, .height = w->values[peak] - w->level};
+        if (!(spot.height > w->floor))
+            break;
+        grow(w, peak, &spot);
+        if (spot.halo)
+            continue;
+        highlights_describe(w, &spot);
+        g_array_append_val(spots, spot);
+    }
+    return spots;
+}
+
+/* Pixels of the spot that are as bright as the brightest of their phase of a colour filter, each of
+ * which may be cut off at a value of its own. */
+static int flat_pixels(const struct window *w, const struct spot *spot) {
+    float most[4] = {0};
+    int count = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < spot->pixels; k++) {
+            const int i = w->members[spot->first + k];
+            int phase = 2 * (i / w->width & 1) + (i % w->width & 1);
+            if (pass == 0)
+                most[phase] = fmaxf(most[phase], w->values[i]);
+            else
+                count += w->values[i] >= (float)FLAT * most[phase];
+        }
+    return count;
+}
+
+/* How far the middle moves as less and less of the border counts: glare and a lamp that is not
+ * round show so. */
+static double spread_px(const struct window *w, const struct spot *spot) {
+    static const double shares[] = {0.35, 0.5, 0.7, 0.9};
+    double sum = 0;
+    for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
+        struct highlight of;
+        highlights_weigh(w, spot, shares[i], &of);
+        sum += (pow(of.x_px - spot->light.x_px, 2) + pow(of.y_px - spot->light.y_px, 2)) / 2;
+    }
+    return sqrt(sum / G_N_ELEMENTS(shares));
+}
+
+static gboolean may_be_lamp(const struct spot *spot) {
+    return spot->pixels >= SPECK && spot->aspect < STREAK;
+}
+
+/* NULL, or why not to believe in the best spot. */
+static char *why_not(const struct window *w, const GArray *spots, const struct spot *best,
+                     const struct spot *other, double most_px) {
+    if (!best)
+        return g_strdup(spots->len > 0 ? "shows no lamp: what is bright in it are specks or streaks"
+                                       : "shows no lamp: nothing in it is brighter than the rest");
+    const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
+    if (best->pixels > most_px)
+        return g_strdup("shows a spot too large to be a lamp; is the ball glossy, the lamp far "
+                        "enough?");
+    if (best->cut)
+        return g_strdup_printf("shows the lamp at the edge of where it is looked for, at %.1f, "
+                               "%.1f px; is the ball where it is said to be?",
+                               x, y);
+    if (other && other->energy > COMPARABLE * best->energy)
+        return g_strdup_printf("shows two highlights, at %.1f, %.1f and at %.1f, %.1f px, either "
+                               "of which may be the lamp; cover what else shines",
+                               x, y, w->left + other->light.x_px, w->top + other->light.y_px);
+    return NULL;
+}
+
+static const struct spot *highlights_choose(const struct window *w, const GArray *spots,
+                                            double most_px, char **ret_why) {
+    const struct spot *best = NULL, *other = NULL;
+    for (guint i = 0; i < spots->len; i++) {
+        const struct spot *spot = &g_array_index(spots, struct spot, i);
+        if (!may_be_lamp(spot))
+            continue;
+        if (!best || spot->energy > best->energy) {
+            other = best;
+            best = spot;
+        } else if (!other || spot->energy > other->energy) {
+            other = spot;
+        }
+    }
+    *ret_why = why_not(w, spots, best, other, most_px);
+    return *ret_why ? NULL : best;
+}
+
+char *highlight_find(const struct picture *picture, double x_px, double y_px, double radius_px,
+                     double most_px, struct highlight *ret) {
+    struct window window = {.picture = picture};
+    if (!highlights_cut(&window, x_px, y_px, radius_px))
+        return g_strdup("is not wholly in the picture");
+    background(&window);
+    g_autoptr(GArray) spots = find_spots(&window);
+    char *why;
+    const struct spot *spot = highlights_choose(&window, spots, most_px, &why);
+    if (spot) {
+        const gboolean saturated = flat_pixels(&window, spot) >= FLAT_PIXELS;
+        *ret = spot->light;
+        ret->x_px += window.left;
+        ret->y_px += window.top;
+        ret->sigma_px = hypot(saturated ? CLIPPED_PX : SIGHT_PX, spread_px(&window, spot));
+        ret->energy = spot->energy;
+        ret->saturated = saturated;
+    }
+    g_free(window.values);
+    g_free(window.labels);
+    g_free(window.members);
+    return why;
+}
+
+struct outline {
+    double x, y, radius_px;
+};
+
+static gboolean outline_of(const struct rig_camera *camera, struct vec3 centre, double radius_mm,
+                           struct outline *ret) {
+    double range = vec3_length(vec3_sub(rig_camera_centre_mm(camera), centre));
+    ret->radius_px = MAX(camera->fx_px, camera->fy_px) * radius_mm / range;
+    return rig_project(camera, centre, &ret->x, &ret->y) && ret->radius_px < camera->width &&
+           ret->x > -camera->width && ret->x < 2 * camera->width && ret->y > -camera->height &&
+           ret->y < 2 * camera->height;
+}
+
+/* Another ball before it, or between it and the lamp, may hide what it shows. */
+static gboolean is_free(const struct lamp_target *target, int mark, double turntable_rad,
+                        struct vec3 towards) {
+    struct vec3 at = lamp_mark_mm(target, mark, turntable_rad);
+    struct vec3 way = vec3_unit(vec3_sub(towards, at));
+    for (int i = 0; i < target->n; i++) {
+        struct vec3 other = vec3_sub(lamp_mark_mm(target, i, turntable_rad), at);
+        double along = vec3_dot(other, way);
+        if (i != mark && along > 0 &&
+            vec3_length(vec3_sub(other, vec3_scale(way, along))) <
+                target->marks[i].size_mm + target->marks[mark].size_mm)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static void highlights_measure_ball(const struct rig *rig, const struct lamp_target *target,
+                                    const struct highlight_picture *from, int mark, double reach_mm,
+                                    GArray *sights, GPtrArray *rejected) {
+    const struct rig_camera *camera = &rig->cameras[from->camera];
+    struct vec3 centre = lamp_mark_mm(target, mark, from->turntable_rad);
+    struct vec3 eye = vec3_unit(vec3_sub(rig_camera_centre_mm(camera), centre));
+    struct vec3 lamp_mm = rig_lamp_position_mm(&rig->arc, &rig->lamps[from->lamp], from->arc_rad);
+    struct vec3 lamp = vec3_unit(vec3_sub(lamp_mm, centre));
+    double radius = target->marks[mark].size_mm, x, y;
+    struct highlight found;
+    struct outline ball, reach;
+    if (sqrt(MAX(0, (1 + vec3_dot(eye, lamp)) / 2)) < SLANT ||
+        !is_free(target, mark, from->turntable_rad, lamp_mm) ||
+        !is_free(target, mark, from->turntable_rad, rig_camera_centre_mm(camera)) ||
+        !outline_of(camera, centre, radius, &ball) ||
+        !outline_of(camera, centre, MIN(reach_mm, radius) + 0.25 * radius, &reach) ||
+        !lamp_highlight_px(camera, centre, radius, lamp_mm, &x, &y))
+        return;
+    double most_px = MAX(SPOT_SHARE * G_PI * ball.radius_px * ball.radius_px, 9);
+    g_autofree char *why = highlight_find(from->picture, x, y, reach.radius_px, most_px, &found);
+    if (!why && found.saturated) /* a rig's exposures are its own: it need not make do */
+        why = g_strdup("is saturated where it shows the lamp; expose less");
+    if (why) {
+        g_ptr_array_add(rejected,
+                        g_strdup_printf("%s: ball %d %s", from->picture->name, mark + 1, why));
+        return;
+    }
+    struct lamp_sight sight = {from->index, from->lamp,          from->camera,
+                               mark,        from->turntable_rad, from->arc_rad,
+                               found.x_px,  found.y_px,          SIGHT_PX};
+    g_array_append_val(sights, sight);
+}
+
+gboolean highlights_measure(const struct rig *rig, const struct lamp_target *target,
+                            const struct highlight_picture *from, double reach_mm, GArray *sights,
+                            GPtrArray *rejected, GError **error) {
+    const struct rig_camera *camera = &rig->cameras[from->camera];
+    if (from->picture->width != camera->width || from->picture->height != camera->height) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: has %d × %d pixels, and camera %s %d × %d", from->picture->name,
+                    from->picture->width, from->picture->height, camera->name, camera->width,
+                    camera->height);
+        return FALSE;
+    }
+    for (int mark = 0; mark < target->n; mark++)
+        highlights_measure_ball(rig, target, from, mark, reach_mm, sights, rejected);
+    return TRUE;
+}

@@ -1,0 +1,113 @@
+#include "lamps.h"
+
+#include "base/input_file.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MAX_BYTES (1 << 20)
+
+/* Standard deviations of sizes, if the target does not tell: posts are cut and set by hand, balls
+ * are made for bearings. */
+#define POST_MM 0.02
+#define BALL_MM 0.005
+
+struct reader {
+    GKeyFile *file;
+    const char *path;
+};
+
+static gboolean lamp_target_refuse(const struct reader *r, GError **error, const char *key,
+                                   const char *why) {
+    g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_TARGET, "%s: [target] %s: %s", r->path, key, why);
+    return FALSE;
+}
+
+static gboolean lamp_target_read_list(const struct reader *r, const char *key, double min,
+                                      double *ret, gsize most, gsize *ret_n, GError **error) {
+    g_autoptr(GError) cause = NULL;
+    g_autofree double *list = g_key_file_get_double_list(r->file, "target", key, ret_n, &cause);
+    if (!list || *ret_n == 0)
+        return lamp_target_refuse(r, error, key, cause ? cause->message : "is empty");
+    if (*ret_n > most)
+        return lamp_target_refuse(r, error, key, "has too many numbers");
+    for (gsize i = 0; i < *ret_n; i++) {
+        if (!(list[i] >= min) || !(list[i] <= 1000))
+            return lamp_target_refuse(r, error, key, "a number is out of range");
+        ret[i] = list[i];
+    }
+    return TRUE;
+}
+
+static gboolean read_marks(const struct reader *r, struct lamp_target *target, GError **error) {
+    double numbers[3 * LAMP_MAX_MARKS];
+    gsize n;
+    if (!lamp_target_read_list(r, "places_mm", -1000, numbers, G_N_ELEMENTS(numbers), &n, error))
+        return FALSE;
+    if (n % 3 != 0)
+        return lamp_target_refuse(r, error, "places_mm",
+                                  "must be x;y;height of each post, or x;y;radius of each ball");
+    target->n = (int)n / 3;
+    for (int i = 0; i < target->n; i++) {
+        target->marks[i] =
+            (struct lamp_mark){numbers[3 * i], numbers[3 * i + 1], numbers[3 * i + 2]};
+        if (!(target->marks[i].size_mm > 0.1))
+            return lamp_target_refuse(r, error, "places_mm",
+                                      "a height or radius is not above 0.1 mm");
+        for (int j = 0; j < i; j++)
+            if (hypot(target->marks[i].x_mm - target->marks[j].x_mm,
+                      target->marks[i].y_mm - target->marks[j].y_mm) < 0.1)
+                return lamp_target_refuse(r, error, "places_mm", "two stand in one place");
+    }
+    return TRUE;
+}
+
+static gboolean read_target(const struct reader *r, struct lamp_target *target, GError **error) {
+    gsize n;
+    g_autofree char *kind = g_key_file_get_string(r->file, "target", "kind", NULL);
+    if (g_strcmp0(kind, "poles") != 0 && g_strcmp0(kind, "balls") != 0)
+        return lamp_target_refuse(r, error, "kind", "must be poles or balls");
+    target->kind = g_str_equal(kind, "balls") ? LAMP_BALLS : LAMP_POLES;
+    target->tolerance_mm = target->kind == LAMP_BALLS ? BALL_MM : POST_MM;
+    if (g_key_file_has_key(r->file, "target", "tolerance_mm", NULL) &&
+        !lamp_target_read_list(r, "tolerance_mm", 0, &target->tolerance_mm, 1, &n, error))
+        return FALSE;
+    if (!lamp_target_read_list(r, "plane_mm", 0, &target->plane_mm, 1, &n, error) ||
+        !read_marks(r, target, error))
+        return FALSE;
+    if (target->kind == LAMP_BALLS)
+        return TRUE;
+    if (!lamp_target_read_list(r, "plate_mm", 1, target->plate_mm, 2, &n, error) ||
+        !lamp_target_read_list(r, "radius_mm", 0.05, &target->radius_mm, 1, &n, error))
+        return FALSE;
+    return n == 1 || lamp_target_refuse(r, error, "radius_mm", "must be one number");
+}
+
+static gboolean lamp_target_known_keys(const struct reader *r, GError **error) {
+    static const char *const known[] = {"kind",      "plane_mm",     "plate_mm", "radius_mm",
+                                        "places_mm", "tolerance_mm", NULL};
+    g_auto(GStrv) keys = g_key_file_get_keys(r->file, "target", NULL, NULL);
+    for (char **key = keys; key && *key; key++)
+        if (!g_strv_contains(known, *key))
+            return lamp_target_refuse(r, error, *key, "is not known");
+    return TRUE;
+}
+
+gboolean lamp_target_load(struct lamp_target *target, const char *path, GError **error) {
+    g_autoptr(GKeyFile) file = g_key_file_new();
+    g_autoptr(GError) cause = NULL;
+    const struct reader r = {file, path};
+    memset(target, 0, sizeof *target);
+    g_autofree char *text = input_file_read_text(path, MAX_BYTES, &cause);
+    if (!text) {
+        input_file_propagate(g_steal_pointer(&cause), LAMPS_ERROR, LAMPS_ERROR_TARGET,
+                             LAMPS_ERROR_TARGET, error);
+        return FALSE;
+    }
+    if (!g_key_file_load_from_data(file, text, (gsize)-1, G_KEY_FILE_NONE, &cause)) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_TARGET, "%s: not a target's description: %s",
+                    path, cause->message);
+        return FALSE;
+    }
+    return lamp_target_known_keys(&r, error) && read_target(&r, target, error);
+}

@@ -1,0 +1,528 @@
+#include "lamps.h"
+
+#include "geometry/drive.h"
+#include "geometry/fit.h"
+
+#include <math.h>
+#include <string.h>
+
+G_DEFINE_QUARK(lamps_error, lamps_error)
+
+#define REJECT          4.5
+#define LEAST_SIGHTS    6                 /* of a lamp */
+#define LEAST_ARC       (60 * G_PI / 180) /* spread of arc angles that tell the axis */
+#define MOST_LAMP_MM    10.0              /* standard error beyond which a lamp is not known */
+#define HIGHLIGHT_STEPS 50
+
+/* What a sight depends on, each at its place: arc, lamp, mark and its size, camera, drives. */
+enum { ON_ARC, ON_LAMP = 4, ON_MARK = 7, ON_SIZE = 9, ON_CAMERA, ON_TURN = 12, ON_SWING, ON };
+
+struct problem {
+    const struct rig *rig; /* nominal */
+    const struct lamp_target *target;
+    const struct lamp_sight *sights;
+    int n;
+    gboolean fit_arc;
+    int lamp_at[RIG_MAX_LAMPS]; /* first parameter; −1: not seen */
+    int mark_at[LAMP_MAX_MARKS];
+    int camera_at[RIG_MAX_CAMERAS];
+    int size_at[LAMP_MAX_MARKS];
+    struct drive turntable, arc;
+    int *turn, *swing; /* of each sight: which angles of the drives; −1: none */
+    double *aside;     /* of each sight: what its x and y change by, a pixel across and down */
+    int n_parameters;
+};
+
+struct vec3 lamp_mark_mm(const struct lamp_target *target, int mark, double turntable_rad) {
+    const struct lamp_mark *m = &target->marks[mark];
+    double z = target->plane_mm + (target->kind == LAMP_BALLS ? m->size_mm : 0);
+    return rig_turn(vec3(m->x_mm, m->y_mm, z), turntable_rad);
+}
+
+gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
+                        struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm) {
+    double height = target->marks[mark].size_mm;
+    double above = lamp_mm.z - foot_mm.z - height;
+    if (!(above > 0))
+        return FALSE;
+    struct vec3 top = vec3(foot_mm.x, foot_mm.y, foot_mm.z + height);
+    *ret_end_mm = vec3_add(top, vec3_scale(vec3_sub(top, lamp_mm), height / above));
+    if (ret_radius_mm)
+        *ret_radius_mm = target->radius_mm * (1 + height / above);
+    return TRUE;
+}
+
+/* The normal halves the angle between the ways to camera and lamp; found by taking the point there,
+ * which for a ball far from both converges at once. */
+gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_mm, double radius_mm,
+                           struct vec3 lamp_mm, double *ret_x, double *ret_y) {
+    struct vec3 eye = rig_camera_centre_mm(camera), p = centre_mm;
+    for (int i = 0; i < HIGHLIGHT_STEPS; i++) {
+        struct vec3 half = vec3_add(vec3_unit(vec3_sub(eye, p)), vec3_unit(vec3_sub(lamp_mm, p)));
+        if (!(vec3_length(half) > 1e-6))
+            return FALSE;
+        struct vec3 next = vec3_add(centre_mm, vec3_scale(vec3_unit(half), radius_mm));
+        double step = vec3_length(vec3_sub(next, p));
+        p = next;
+        if (step < 1e-12 * radius_mm)
+            break;
+    }
+    return rig_project(camera, p, ret_x, ret_y);
+}
+
+static struct rig_arc lamps_arc_of(const struct problem *problem, const double *x) {
+    struct rig_arc arc = problem->rig->arc;
+    if (problem->fit_arc) {
+        arc.tilt_rad[0] = x[0];
+        arc.tilt_rad[1] = x[1];
+        arc.centre_mm[0] = x[2];
+        arc.centre_mm[1] = x[3];
+    }
+    return arc;
+}
+
+static struct rig_lamp lamps_lamp_of(const struct problem *problem, const double *x, int lamp) {
+    struct rig_lamp found = problem->rig->lamps[lamp];
+    const double *p = x + problem->lamp_at[lamp];
+    found.position_mm = vec3(p[0], p[1], p[2]);
+    return found;
+}
+
+static void target_of(const struct problem *problem, const double *x, struct lamp_target *ret) {
+    *ret = *problem->target;
+    for (int i = 0; i < ret->n; i++)
+        if (problem->mark_at[i] >= 0) {
+            ret->marks[i].x_mm = x[problem->mark_at[i]];
+            ret->marks[i].y_mm = x[problem->mark_at[i] + 1];
+            ret->marks[i].size_mm = problem->target->marks[i].size_mm +
+                                    (problem->size_at[i] >= 0 ? x[problem->size_at[i]] : 0);
+        }
+}
+
+/* By what the drive was off when a sight was taken. */
+static double slip(const struct drive *drive, const int *which, int sight, const double *x) {
+    return which[sight] >= 0 ? x[drive->at + which[sight]] : 0;
+}
+
+/* turntable_rad: as it truly stood. Where a shadow ends is told in the sample frame of the angle
+ * that was commanded. */
+static gboolean lamps_predict(const struct problem *problem, const struct lamp_target *target,
+                              const struct lamp_sight *sight, double turntable_rad,
+                              struct vec3 lamp_mm, double ret[2]) {
+    if (target->kind == LAMP_BALLS)
+        return lamp_highlight_px(&problem->rig->cameras[sight->camera],
+                                 lamp_mark_mm(target, sight->mark, turntable_rad),
+                                 target->marks[sight->mark].size_mm, lamp_mm, &ret[0], &ret[1]);
+    struct vec3 end, lamp = rig_turn(lamp_mm, -turntable_rad);
+    if (!lamp_shadow_mm(target, sight->mark, lamp_mark_mm(target, sight->mark, 0), lamp, &end,
+                        NULL))
+        return FALSE;
+    end = rig_turn(end, turntable_rad - sight->turntable_rad);
+    ret[0] = end.x;
+    ret[1] = end.y;
+    return TRUE;
+}
+
+static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
+    const struct problem *problem = data;
+    struct lamp_target target;
+    struct rig_arc arc = lamps_arc_of(problem, x);
+    struct rig_lamp lamps[RIG_MAX_LAMPS];
+    target_of(problem, x, &target);
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (problem->lamp_at[i] >= 0)
+            lamps[i] = lamps_lamp_of(problem, x, i);
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        struct vec3 lamp =
+            s->lamp < 0
+                ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
+                : rig_lamp_position_mm(&arc, &lamps[s->lamp],
+                                       s->arc_rad + slip(&problem->arc, problem->swing, i, x));
+        const double *d = x + problem->camera_at[s->camera], *aside = problem->aside + 4 * i;
+        double at[2] = {0, 0};
+        gboolean seen = lamps_predict(
+            problem, &target, s, s->turntable_rad + slip(&problem->turntable, problem->turn, i, x),
+            lamp, at);
+        at[0] += aside[0] * d[0] + aside[1] * d[1];
+        at[1] += aside[2] * d[0] + aside[3] * d[1];
+        ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
+        ret[2 * i + 1] = seen ? (at[1] - s->y) / s->sigma : FIT_LOST;
+    }
+}
+
+/* What a sight on the plate moves by where its camera looks aside by a pixel. */
+static void lamps_find_aside(const struct problem *problem, const struct lamp_sight *s,
+                             double ret[4]) {
+    const struct rig_camera *camera = &problem->rig->cameras[s->camera];
+    double x[3], y[3];
+    for (int k = 0; k < 3; k++) {
+        struct vec3 p = vec3(s->x + (k == 1), s->y + (k == 2), problem->target->plane_mm);
+        if (!rig_project(camera, rig_turn(p, s->turntable_rad), &x[k], &y[k]))
+            return; /* is not seen then, and FIT_LOST */
+    }
+    double a = x[1] - x[0], b = x[2] - x[0], c = y[1] - y[0], d = y[2] - y[0];
+    double det = a * d - b * c;
+    if (!(fabs(det) > 1e-9))
+        return;
+    ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
+}
+
+static double *new_aside(const struct problem *problem) {
+    double *aside = g_new0(double, 4 * (gsize)problem->n);
+    for (int i = 0; i < problem->n; i++) {
+        double *a = aside + 4 * (gsize)i;
+        if (problem->target->kind == LAMP_BALLS)
+            a[0] = a[3] = 1;
+        else
+            lamps_find_aside(problem, &problem->sights[i], a);
+    }
+    return aside;
+}
+
+static int lamps_compare(gconstpointer a, gconstpointer b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* How much of a turn the angles cover: all but the largest gap between neighbours. */
+static double spread_rad(const struct lamp_sight *sights, int n) {
+    if (n < 1)
+        return 0;
+    g_autofree double *turns = g_new(double, n);
+    for (int i = 0; i < n; i++)
+        turns[i] = sights[i].arc_rad - 2 * G_PI * floor(sights[i].arc_rad / (2 * G_PI));
+    qsort(turns, (gsize)n, sizeof *turns, lamps_compare);
+    double gap = turns[0] + 2 * G_PI - turns[n - 1];
+    for (int i = 1; i < n; i++)
+        gap = MAX(gap, turns[i] - turns[i - 1]);
+    return 2 * G_PI - gap;
+}
+
+static gboolean few(const char *what, const char *name, int n, GError **error) {
+    g_set_error(
+        error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+        "%s %s: seen %d time(s), which is too few to tell where it is (%d are needed); take "
+        "more pictures of it",
+        what, name, n, LEAST_SIGHTS);
+    return FALSE;
+}
+
+/* Which angles the drives stood at. A post itself tells nothing of the arc. */
+static void find_angles(struct problem *problem) {
+    drive_init(&problem->turntable, problem->n);
+    drive_init(&problem->arc, problem->n);
+    problem->turn = g_new(int, problem->n);
+    problem->swing = g_new(int, problem->n);
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        problem->turn[i] = drive_angle(&problem->turntable, s->turntable_rad);
+        problem->swing[i] = s->lamp < 0 ? -1 : drive_angle(&problem->arc, s->arc_rad);
+    }
+}
+
+static int *lamps_new_depends(const struct problem *problem) {
+    int *depends = g_new(int, (gsize)problem->n *ON);
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        int *of = depends + (gsize)i * ON;
+        for (int k = 0; k < 4; k++)
+            of[ON_ARC + k] = problem->fit_arc && s->lamp >= 0 ? k : -1;
+        for (int k = 0; k < 3; k++)
+            of[ON_LAMP + k] = s->lamp >= 0 ? problem->lamp_at[s->lamp] + k : -1;
+        for (int k = 0; k < 2; k++) {
+            of[ON_MARK + k] = problem->mark_at[s->mark] + k;
+            of[ON_CAMERA + k] = problem->camera_at[s->camera] + k;
+        }
+        of[ON_SIZE] = problem->size_at[s->mark];
+        of[ON_TURN] = problem->turntable.at + problem->turn[i];
+        of[ON_SWING] = s->lamp >= 0 ? problem->arc.at + problem->swing[i] : -1;
+    }
+    return depends;
+}
+
+static double *lamps_new_sigmas(const struct problem *problem) {
+    double *sigma = g_new0(double, problem->n_parameters);
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
+        for (int k = 0; problem->camera_at[i] >= 0 && k < 2; k++)
+            sigma[problem->camera_at[i] + k] = LAMPS_CAMERA_PX;
+    for (int i = 0; i < LAMP_MAX_MARKS; i++)
+        if (problem->size_at[i] >= 0)
+            sigma[problem->size_at[i]] = problem->target->tolerance_mm;
+    for (int i = 0; i < problem->turntable.n; i++)
+        sigma[problem->turntable.at + i] = problem->turntable.sigma_rad;
+    for (int i = 0; i < problem->arc.n; i++)
+        sigma[problem->arc.at + i] = problem->arc.sigma_rad;
+    return sigma;
+}
+
+/* Which parameters there are. */
+static gboolean lamps_lay_out(struct problem *problem, GError **error) {
+    int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
+    gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
+    for (int i = 0; i < problem->n; i++) {
+        if (problem->sights[i].lamp >= 0) {
+            lamps[problem->sights[i].lamp]++;
+            seen++;
+        }
+        marks[problem->sights[i].mark]++;
+        cameras[problem->sights[i].camera] = TRUE;
+    }
+    if (seen == 0) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, "no lamp is seen in any picture");
+        return FALSE;
+    }
+    problem->fit_arc = spread_rad(problem->sights, problem->n) >= LEAST_ARC;
+    problem->n_parameters = problem->fit_arc ? 4 : 0;
+    for (int i = 0; i < RIG_MAX_LAMPS; i++) {
+        problem->lamp_at[i] = lamps[i] ? problem->n_parameters : -1;
+        if (lamps[i] > 0 && lamps[i] < LEAST_SIGHTS)
+            return few("lamp", problem->rig->lamps[i].name, lamps[i], error);
+        problem->n_parameters += lamps[i] ? 3 : 0;
+    }
+    for (int i = 0; i < LAMP_MAX_MARKS; i++) {
+        problem->mark_at[i] = marks[i] ? problem->n_parameters : -1;
+        problem->n_parameters += marks[i] ? 2 : 0;
+        problem->size_at[i] =
+            marks[i] && problem->target->tolerance_mm > 0 ? problem->n_parameters++ : -1;
+    }
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+        problem->camera_at[i] = cameras[i] ? problem->n_parameters : -1;
+        problem->n_parameters += cameras[i] ? 2 : 0;
+    }
+    problem->turntable.at = problem->n_parameters;
+    problem->arc.at = problem->turntable.at + problem->turntable.n;
+    problem->n_parameters = problem->arc.at + problem->arc.n;
+    return TRUE;
+}
+
+static void lamps_do_start(const struct problem *problem, double *x) {
+    const struct rig_arc *arc = &problem->rig->arc;
+    if (problem->fit_arc) {
+        x[0] = arc->tilt_rad[0], x[1] = arc->tilt_rad[1];
+        x[2] = arc->centre_mm[0], x[3] = arc->centre_mm[1];
+    }
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (problem->lamp_at[i] >= 0) {
+            double *p = x + problem->lamp_at[i];
+            struct vec3 at = problem->rig->lamps[i].position_mm;
+            p[0] = at.x, p[1] = at.y, p[2] = at.z;
+        }
+    for (int i = 0; i < problem->target->n; i++)
+        if (problem->mark_at[i] >= 0) {
+            x[problem->mark_at[i]] = problem->target->marks[i].x_mm;
+            x[problem->mark_at[i] + 1] = problem->target->marks[i].y_mm;
+        }
+}
+
+static double covariance_at(const struct problem *problem, const struct fit_result *fit, int i,
+                            int j) {
+    return fit->covariance[i * problem->n_parameters + j];
+}
+
+/* Turns all lamps so that they lie nearest to the nominal ones; the zero takes up the turn. */
+static void set_zero(const struct problem *problem, const struct fit_result *fit,
+                     struct lamps_result *ret) {
+    double cross = 0, dot = 0, variance = 0;
+    g_autofree double *slope = g_new0(double, problem->n_parameters);
+    for (int i = 0; i < problem->rig->n_lamps; i++) {
+        struct vec3 from = problem->rig->lamps[i].position_mm, to = ret->rig.lamps[i].position_mm;
+        if (problem->lamp_at[i] < 0)
+            continue;
+        cross += from.x * to.y - from.y * to.x;
+        dot += from.x * to.x + from.y * to.y;
+        slope[problem->lamp_at[i]] = -from.y;
+        slope[problem->lamp_at[i] + 1] = from.x;
+    }
+    double turn = dot > 0 ? atan2(cross, dot) : 0;
+    for (int i = 0; i < problem->n_parameters; i++)
+        for (int j = 0; j < problem->n_parameters; j++)
+            variance += slope[i] * slope[j] * covariance_at(problem, fit, i, j);
+    ret->zero_error_rad = dot > 0 ? sqrt(MAX(variance, 0)) / dot : 0;
+    ret->rig.arc.zero_rad = remainder(ret->rig.arc.zero_rad + turn, 2 * G_PI);
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (problem->lamp_at[i] >= 0) {
+            struct rig_lamp *lamp = &ret->rig.lamps[i];
+            lamp->position_mm = rig_turn(lamp->position_mm, -turn);
+        }
+}
+
+/* Aimed as far from the origin as the nominal lamp was. */
+static void keep_aim(const struct rig_lamp *nominal, struct rig_lamp *lamp) {
+    struct vec3 from = vec3_unit(nominal->position_mm), to = vec3_unit(lamp->position_mm);
+    struct vec3 axis = vec3_cross(from, to);
+    double s = vec3_length(axis), c = vec3_dot(from, to);
+    if (!(s > 1e-15))
+        return;
+    struct vec3 k = vec3_scale(axis, 1 / s), v = nominal->aim;
+    lamp->aim = vec3_unit(vec3_add(vec3_add(vec3_scale(v, c), vec3_scale(vec3_cross(k, v), s)),
+                                   vec3_scale(k, vec3_dot(k, v) * (1 - c))));
+}
+
+/* Of a lamp's place with the arc at 0: what is not known of the arc's axis moves it, too. */
+static void place_covariance(const struct problem *problem, const double *x,
+                             const struct fit_result *fit, int lamp, double ret[3][3]) {
+    const int n = problem->n_parameters, at = problem->lamp_at[lamp];
+    int of[7], count = 0;
+    struct vec3 by[7];
+    g_autofree double *moved = g_memdup2(x, sizeof(double) * (gsize)n);
+    for (int k = 0; problem->fit_arc && k < 4; k++)
+        of[count++] = k;
+    for (int k = 0; k < 3; k++)
+        of[count++] = at + k;
+    for (int i = 0; i < count; i++) {
+        const double step = of[i] < 2 && problem->fit_arc ? 1e-5 : 1e-2;
+        struct vec3 place[2];
+        for (int side = 0; side < 2; side++) {
+            moved[of[i]] = x[of[i]] + (side ? step : -step);
+            const struct rig_arc arc = lamps_arc_of(problem, moved);
+            const struct rig_lamp found = lamps_lamp_of(problem, moved, lamp);
+            place[side] = rig_lamp_position_mm(&arc, &found, 0);
+        }
+        moved[of[i]] = x[of[i]];
+        by[i] = vec3_scale(vec3_sub(place[1], place[0]), 0.5 / step);
+    }
+    memset(ret, 0, sizeof(double) * 9);
+    for (int i = 0; i < count; i++)
+        for (int j = 0; j < count; j++) {
+            const double c = covariance_at(problem, fit, of[i], of[j]);
+            const double a[3] = {by[i].x, by[i].y, by[i].z}, b[3] = {by[j].x, by[j].y, by[j].z};
+            for (int k = 0; k < 9; k++)
+                ret[k / 3][k % 3] += c * a[k / 3] * b[k % 3];
+        }
+}
+
+static void lamps_take(const struct problem *problem, const double *x, struct fit_result *fit,
+                       struct lamps_result *ret) {
+    ret->rig = *problem->rig;
+    ret->rig.arc = lamps_arc_of(problem, x);
+    ret->arc_known = problem->fit_arc;
+    target_of(problem, x, &ret->target);
+    for (int i = 0; i < ret->target.n; i++) /* or another round would believe them twice */
+        ret->target.marks[i].size_mm = problem->target->marks[i].size_mm;
+    for (int k = 0; problem->fit_arc && k < 2; k++) {
+        ret->tilt_error_rad[k] = sqrt(covariance_at(problem, fit, k, k));
+        ret->centre_error_mm[k] = sqrt(covariance_at(problem, fit, k + 2, k + 2));
+    }
+    for (int i = 0; i < problem->rig->n_lamps; i++) {
+        int at = problem->lamp_at[i];
+        ret->seen[i] = at >= 0;
+        if (at < 0)
+            continue;
+        ret->rig.lamps[i].position_mm = lamps_lamp_of(problem, x, i).position_mm;
+        place_covariance(problem, x, fit, i, ret->covariance_mm2[i]);
+    }
+    set_zero(problem, fit, ret);
+    double sum = 0;
+    for (int i = 0; i < problem->n; i++) {
+        const struct lamp_sight *s = &problem->sights[i];
+        if (fit->rejected[i])
+            continue;
+        ret->n_used++;
+        if (s->lamp >= 0)
+            ret->sights[s->lamp]++;
+        sum += s->sigma * s->sigma *
+               (pow(fit->residuals[2 * i], 2) + pow(fit->residuals[2 * i + 1], 2));
+    }
+    for (int i = 0; i < problem->rig->n_lamps; i++)
+        if (ret->seen[i])
+            keep_aim(&problem->rig->lamps[i], &ret->rig.lamps[i]);
+    ret->rms = sqrt(sum / MAX(2 * ret->n_used, 1));
+    ret->sigma = fit->sigma;
+    ret->turntable_rad = problem->turntable.sigma_rad;
+    ret->drive_rad = problem->arc.sigma_rad;
+    ret->degrees_of_freedom = fit->degrees_of_freedom;
+    ret->rejected = g_steal_pointer(&fit->rejected);
+}
+
+static gboolean check_result(const struct problem *problem, const struct fit_result *fit,
+                             const struct lamps_result *ret, GError **error) {
+    for (int i = 0; i < problem->rig->n_lamps; i++) {
+        const double(*c)[3] = ret->covariance_mm2[i];
+        if (!ret->seen[i])
+            continue;
+        const char *name = problem->rig->lamps[i].name;
+        if (ret->sights[i] < LEAST_SIGHTS)
+            return few("lamp", name, ret->sights[i], error);
+        double spread = sqrt(c[0][0] + c[1][1] + c[2][2]);
+        if (spread > 0 && spread < MOST_LAMP_MM && fit->undetermined < 0)
+            continue;
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                    "lamp %s: the pictures leave it open where it is (standard error %.3g mm); "
+                    "posts or balls further apart, more angles of arc and turntable, tell more",
+                    name, fit->undetermined < 0 ? spread : HUGE_VAL);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+/* Over and over, with what it has told about the drives. */
+static gboolean lamps_adjust(struct problem *problem, double *x, struct fit_result *ret) {
+    const int n = problem->n_parameters;
+    g_autofree int *depends = lamps_new_depends(problem);
+    g_autofree double *none = g_new0(double, n);
+    for (int round = 0;; round++) {
+        g_autofree double *sigma = lamps_new_sigmas(problem);
+        const struct fit fit = {.n_parameters = n,
+                                .n_observations = problem->n,
+                                .dimension = 2,
+                                .residuals = lamps_residuals,
+                                .data = problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON,
+                                .known = none,
+                                .known_sigma = sigma};
+        if (!fit_solve(&fit, x, ret))
+            return FALSE;
+        if (round == DRIVE_ROUNDS)
+            return TRUE;
+        drive_learn(&problem->turntable, x, ret->covariance, n);
+        drive_learn(&problem->arc, x, ret->covariance, n);
+        fit_result_clear(ret);
+    }
+}
+
+static void lamps_problem_clear(struct problem *problem) {
+    drive_clear(&problem->turntable);
+    drive_clear(&problem->arc);
+    g_free(problem->turn);
+    g_free(problem->swing);
+    g_free(problem->aside);
+}
+
+static gboolean lamps_fit_all(struct problem *problem, struct lamps_result *ret, GError **error) {
+    struct fit_result fitted;
+    if (!lamps_lay_out(problem, error))
+        return FALSE;
+    g_autofree double *x = g_new0(double, problem->n_parameters);
+    lamps_do_start(problem, x);
+    problem->aside = new_aside(problem);
+    if (!lamps_adjust(problem, x, &fitted)) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                    "%d sights are too few for %d unknowns; take more pictures", problem->n,
+                    problem->n_parameters);
+        return FALSE;
+    }
+    lamps_take(problem, x, &fitted, ret);
+    gboolean ok = check_result(problem, &fitted, ret, error);
+    fit_result_clear(&fitted);
+    if (!ok)
+        lamps_result_clear(ret);
+    return ok;
+}
+
+gboolean lamps_fit(const struct rig *rig, const struct lamp_target *target,
+                   const struct lamp_sight *sights, int n, struct lamps_result *ret,
+                   GError **error) {
+    struct problem problem = {.rig = rig, .target = target, .sights = sights, .n = n};
+    memset(ret, 0, sizeof *ret);
+    find_angles(&problem);
+    const gboolean ok = lamps_fit_all(&problem, ret, error);
+    lamps_problem_clear(&problem);
+    return ok;
+}
+
+void lamps_result_clear(struct lamps_result *result) {
+    g_clear_pointer(&result->rejected, g_free);
+}

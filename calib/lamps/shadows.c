@@ -1,0 +1,363 @@
+#include "shadows_private.h"
+
+#include <math.h>
+#include <string.h>
+
+#define LIT          0.8  /* of the brightest: lit as well */
+#define PATTERN      0.5  /* of the plate's level: no pattern of its own is darker */
+#define LEAST_TELL   0.35 /* contrast of a shadow */
+#define MOST_ODD     0.12 /* root mean square of what the shape leaves, of the lit level */
+#define LEAST_PIXELS 30
+#define MOST_HIDDEN  0.35 /* of the pixels around the shadow's end */
+#define BODY_LAMP    0.7  /* cosine of a lamp's angle from the zenith */
+#define FLOOR_PX     0.01 /* what the shape is not good for, added to each sight's error */
+
+struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target) {
+    struct plate_map *map = g_new(struct plate_map, 1);
+    struct vec3 eye = rig_camera_centre_mm(camera);
+    double reach = hypot(target->plate_mm[0], target->plate_mm[1]) / 2;
+    *map = (struct plate_map){camera->width, camera->height, NULL};
+    map->xy_mm = g_new(float, 2 * (gsize)camera->width * (gsize)camera->height);
+    float *xy = map->xy_mm;
+    for (int y = 0; y < camera->height; y++)
+        for (int x = 0; x < camera->width; x++, xy += 2) {
+            struct vec3 ray = rig_pixel_ray(camera, x, y);
+            double t = ray.z < 0 ? (target->plane_mm - eye.z) / ray.z : NAN;
+            xy[0] = (float)(eye.x + t * ray.x);
+            xy[1] = (float)(eye.y + t * ray.y);
+            if (!(hypot((double)xy[0], (double)xy[1]) <= reach))
+                xy[0] = xy[1] = NAN;
+        }
+    return map;
+}
+
+void plate_map_free(struct plate_map *map) {
+    if (!map)
+        return;
+    g_free(map->xy_mm);
+    g_free(map);
+}
+
+static void shadows_clear_shot(gpointer data) {
+    struct shot *shot = data;
+    g_free(shot->name);
+    g_free(shot->values);
+}
+
+ShadowView *shadow_view_new(const struct rig *rig, int camera, double turntable_rad,
+                            const struct lamp_target *target, const struct plate_map *map) {
+    ShadowView *view = g_new0(ShadowView, 1);
+    view->rig = rig;
+    view->map = map;
+    view->target = *target;
+    view->camera = camera;
+    view->turntable_rad = turntable_rad;
+    view->shots = g_array_new(FALSE, FALSE, sizeof(struct shot));
+    g_array_set_clear_func(view->shots, shadows_clear_shot);
+    return view;
+}
+
+void shadow_view_free(ShadowView *view) {
+    if (!view)
+        return;
+    g_array_unref(view->shots);
+    g_free(view->pattern);
+    g_free(view);
+}
+
+static gboolean on_plate(const ShadowView *view, gsize pixel) {
+    const float *xy = view->map->xy_mm + 2 * pixel;
+    struct vec3 p = rig_turn(vec3((double)xy[0], (double)xy[1], 0), -view->turntable_rad);
+    return fabs(p.x) < view->target.plate_mm[0] / 2 && fabs(p.y) < view->target.plate_mm[1] / 2;
+}
+
+static int shadows_compare(gconstpointer a, gconstpointer b) {
+    float x = *(const float *)a, y = *(const float *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* Of a sample of the values. */
+static double median_of(const float *values, gsize n) {
+    g_autofree float *some = g_new(float, n / 7 + 1);
+    gsize count = 0;
+    for (gsize i = 0; i < n; i += 7)
+        if (isfinite(values[i]))
+            some[count++] = values[i];
+    if (count == 0)
+        return 0;
+    qsort(some, count, sizeof *some, shadows_compare);
+    return (double)some[count / 2];
+}
+
+/* What the lamp gives each place of the plate is divided out, as well as that is known. */
+static float *shadows_shade(const ShadowView *view, const struct picture *picture, int lamp,
+                            double arc_rad) {
+    gsize n = (gsize)picture->width * (gsize)picture->height;
+    float *values = g_new(float, n);
+    const struct rig *rig = view->rig;
+    struct vec3 at = rig_lamp_position_mm(&rig->arc, &rig->lamps[lamp], arc_rad);
+    for (gsize i = 0; i < n; i++) {
+        values[i] = NAN;
+        if (!on_plate(view, i))
+            continue;
+        const float *xy = view->map->xy_mm + 2 * i;
+        struct vec3 p = vec3((double)xy[0], (double)xy[1], view->target.plane_mm);
+        struct vec3 way = vec3_sub(at, p);
+        double light = rig_lamp_irradiance(&rig->arc, &rig->lamps[lamp], arc_rad, p) * way.z /
+                       vec3_length(way);
+        if (light > 0)
+            values[i] = (float)((double)picture->values[i] / light);
+    }
+    return values;
+}
+
+gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int index, int lamp,
+                         double arc_rad, GError **error) {
+    gsize n = (gsize)picture->width * (gsize)picture->height;
+    if (picture->width != view->map->width || picture->height != view->map->height) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: has %d × %d pixels, and the camera %d × %d", picture->name, picture->width,
+                    picture->height, view->map->width, view->map->height);
+        return FALSE;
+    }
+    struct shot shot = {index, lamp, arc_rad, NULL, shadows_shade(view, picture, lamp, arc_rad)};
+    double level = median_of(shot.values, n);
+    if (!(level > 0)) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: the plate is dark, or not in the picture", picture->name);
+        g_free(shot.values);
+        return FALSE;
+    }
+    for (gsize i = 0; i < n; i++)
+        shot.values[i] = (float)((double)shot.values[i] / level);
+    shot.name = g_strdup(picture->name);
+    g_array_append_val(view->shots, shot);
+    return TRUE;
+}
+
+/* At each pixel what those pictures show in which it is lit; from three pictures on. */
+void shadow_find_pattern(ShadowView *view) {
+    gsize n = (gsize)view->map->width * (gsize)view->map->height;
+    if (view->pattern || view->shots->len < 3)
+        return;
+    view->pattern = g_new0(struct pattern, n);
+    for (gsize i = 0; i < n; i++) {
+        struct pattern *to = &view->pattern[i];
+        float most = 0;
+        for (guint k = 0; k < view->shots->len; k++)
+            most = fmaxf(most, g_array_index(view->shots, struct shot, k).values[i]);
+        to->least = most > (float)PATTERN ? (float)LIT * most : G_MAXFLOAT;
+        for (guint k = 0; k < view->shots->len; k++) {
+            float value = g_array_index(view->shots, struct shot, k).values[i];
+            if (value >= to->least) {
+                to->sum += value;
+                to->n++;
+            }
+        }
+    }
+}
+
+/* By the other pictures: by its own, too, the rims of its shadows would be part of the pattern, and
+ * shadows smaller. Where all but one are dark shadows lie upon each other: nothing is known, and
+ * taken to be plain. */
+double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel) {
+    const double value = (double)shot->values[pixel];
+    if (!view->pattern)
+        return value;
+    const struct pattern *of = &view->pattern[pixel];
+    const gboolean own = value >= (double)of->least;
+    const int others = of->n - own;
+    return of->n >= 2 && others > 0 ? value * others / ((double)of->sum - (own ? value : 0))
+                                    : value;
+}
+
+static gboolean set_slope(struct window *w, int column, int row) {
+    const struct plate_map *map = w->view->map;
+    if (column < 1 || row < 1 || column >= map->width - 1 || row >= map->height - 1)
+        return FALSE;
+    const float *at = map->xy_mm + 2 * ((gsize)row * (gsize)map->width + (gsize)column);
+    const float *right = at + 2, *left = at - 2, *down = at + 2 * map->width,
+                *up = at - 2 * map->width;
+    for (int k = 0; k < 2; k++) {
+        w->slope[2 * k] = ((double)right[k] - (double)left[k]) / 2;
+        w->slope[2 * k + 1] = ((double)down[k] - (double)up[k]) / 2;
+    }
+    const double *s = w->slope;
+    w->pixel_mm = sqrt((s[0] * s[0] + s[1] * s[1] + s[2] * s[2] + s[3] * s[3]) / 2);
+    w->long_mm = MAX(hypot(w->slope[0], w->slope[2]), hypot(w->slope[1], w->slope[3]));
+    return isfinite(w->pixel_mm);
+}
+
+/* Beyond the middle of a post's top, which is evenly bright as its side is not. */
+static gboolean is_beyond(const struct window *w, const struct pixel *p) {
+    double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
+    return (p->x - w->streak.to.x) * ax + (p->y - w->streak.to.y) * ay > 0;
+}
+
+/* Pixels that have a part in something else than plate and shadow are left out. */
+static void take_pixel(struct window *w, gsize i, double reach_mm, double margin_mm) {
+    const float *xy = w->view->map->xy_mm + 2 * i;
+    struct pixel p = {(double)xy[0], (double)xy[1],
+                      w->body ? (double)w->shot->values[i] : shadow_value(w->view, w->shot, i)};
+    double away = hypot(p.x - w->streak.to.x, p.y - w->streak.to.y);
+    if (!(away < reach_mm) || !isfinite(p.value) || (w->body && !is_beyond(w, &p)))
+        return;
+    gboolean near_end = away < w->streak.to_mm + w->pixel_mm;
+    w->near_end += near_end;
+    for (int k = 0; k < w->n_others; k++)
+        if (shadow_outside_mm(&w->others[k], p.x, p.y) < margin_mm + w->long_mm) {
+            w->hidden += near_end;
+            return;
+        }
+    g_array_append_val(w->pixels, p);
+}
+
+/* FALSE: the shadow's end lies outside of the picture or the plate, which is nobody's fault. */
+static gboolean fill_window(struct window *w, double reach_mm, double margin_mm) {
+    const ShadowView *view = w->view;
+    const struct rig_camera *camera = &view->rig->cameras[view->camera];
+    struct vec3 end = rig_turn(w->streak.to, -view->turntable_rad);
+    double x, y;
+    if (fabs(end.x) + w->streak.to_mm > w->target->plate_mm[0] / 2 ||
+        fabs(end.y) + w->streak.to_mm > w->target->plate_mm[1] / 2 ||
+        !rig_project(camera, w->streak.to, &x, &y) || !set_slope(w, (int)lround(x), (int)lround(y)))
+        return FALSE;
+    double det = fabs(w->slope[0] * w->slope[3] - w->slope[1] * w->slope[2]);
+    int columns = (int)ceil(reach_mm * hypot(w->slope[1], w->slope[3]) / det) + 1;
+    int rows = (int)ceil(reach_mm * hypot(w->slope[0], w->slope[2]) / det) + 1;
+    for (int j = (int)lround(y) - rows; j <= (int)lround(y) + rows; j++)
+        for (int i = (int)lround(x) - columns; i <= (int)lround(x) + columns; i++)
+            if (i >= 0 && j >= 0 && i < camera->width && j < camera->height)
+                take_pixel(w, (gsize)j * (gsize)camera->width + (gsize)i, reach_mm, margin_mm);
+    return TRUE;
+}
+
+static void shadows_reject(const struct window *w, GPtrArray *rejected, const char *why) {
+    if (rejected)
+        g_ptr_array_add(rejected,
+                        g_strdup_printf("%s: post %d %s", w->shot->name, w->mark + 1, why));
+}
+
+static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
+    gboolean near = w->near;
+    struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
+    if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS) {
+        shadows_reject(w, rejected,
+                       "hides the end of its shadow from the camera, or another one lies over it");
+        return;
+    }
+    if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) || !shadow_fit_shape(w, 0, &f)) {
+        shadows_reject(w, rejected, "has no shadow where it should end");
+        return;
+    }
+    double moved = hypot(f.p[0] - w->streak.to.x, f.p[1] - w->streak.to.y);
+    if (f.p[2] - f.p[3] < LEAST_TELL * f.p[2] || moved > (near ? 1.0 : 2.5) * w->streak.to_mm) {
+        shadows_reject(w, rejected, "has no clear shadow where it should end");
+        return;
+    }
+    if (f.rms > (near ? 1 : 2) * MOST_ODD * f.p[2]) {
+        shadows_reject(w, rejected, "throws a shadow that is not that of a round post");
+        return;
+    }
+    struct vec3 at = rig_turn(vec3(f.p[0], f.p[1], 0), -w->view->turntable_rad);
+    double floor_mm = FLOOR_PX * w->long_mm;
+    struct lamp_sight sight = {
+        .picture = w->shot->index,
+        .lamp = w->body ? -1 : w->shot->lamp,
+        .camera = w->view->camera,
+        .mark = w->mark,
+        .turntable_rad = w->view->turntable_rad,
+        .arc_rad = w->shot->arc_rad,
+        .x = at.x,
+        .y = at.y,
+        .sigma = sqrt((f.variance[0] + f.variance[1]) / 2 + floor_mm * floor_mm),
+    };
+    g_array_append_val(sights, sight);
+}
+
+/* All that may lie over a shadow, or over a post. */
+static void add_others(struct window *w, gboolean body, struct vec3 lamp_mm, struct vec3 eye_mm) {
+    w->n_others = 0;
+    for (int i = 0; i < w->target->n; i++) {
+        struct streak *next = &w->others[w->n_others];
+        if (!body || i != w->mark)
+            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, eye_mm, next);
+        next = &w->others[w->n_others];
+        if (body || i != w->mark)
+            w->n_others += shadow_streak(w->target, i, w->view->turntable_rad, lamp_mm, next);
+    }
+}
+
+/* A post's shadow, or the post itself: what the eye's light would leave dark. */
+static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm,
+                                 struct vec3 eye_mm, GArray *sights, GPtrArray *rejected) {
+    g_array_set_size(w->pixels, 0);
+    w->hidden = w->near_end = 0;
+    w->body = body;
+    if (!shadow_streak(w->target, w->mark, w->view->turntable_rad, body ? eye_mm : lamp_mm,
+                       &w->streak) ||
+        vec3_length(vec3_sub(w->streak.to, w->streak.from)) < w->target->radius_mm)
+        return; /* under its own foot */
+    add_others(w, body, lamp_mm, eye_mm);
+    double r = w->streak.to_mm;
+    if (fill_window(w, w->near ? 2.5 * r : 3.5 * r, w->near ? 0.15 * r : 0.5 * r))
+        fit_end(w, sights, rejected);
+}
+
+static void measure_shot(const ShadowView *view, const struct shot *shot, const struct rig *rig,
+                         const struct lamp_target *target, gboolean near, gboolean bodies,
+                         GArray *sights, GPtrArray *rejected) {
+    struct vec3 lamp = rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->lamp], shot->arc_rad);
+    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[view->camera]);
+    g_autoptr(GArray) pixels = g_array_new(FALSE, FALSE, sizeof(struct pixel));
+    struct window w = {
+        .view = view, .shot = shot, .target = target, .pixels = pixels, .near = near};
+    for (w.mark = 0; w.mark < target->n; w.mark++) {
+        shadows_measure_mark(&w, FALSE, lamp, eye, sights, rejected);
+        if (bodies)
+            shadows_measure_mark(&w, TRUE, lamp, eye, sights, NULL);
+    }
+}
+
+static int shadows_by_size(gconstpointer a, gconstpointer b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* How well a few pixels fit says little about how well the next ones would: half of what a sight is
+ * thought to be worth is what the view's others are. */
+static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
+    g_autoptr(GArray) sorted = g_array_new(FALSE, FALSE, sizeof(double));
+    for (guint i = first; i < sights->len; i++) {
+        const struct lamp_sight *s = &g_array_index(sights, struct lamp_sight, i);
+        if ((s->lamp < 0) == bodies)
+            g_array_append_val(sorted, s->sigma);
+    }
+    if (sorted->len == 0)
+        return;
+    g_array_sort(sorted, shadows_by_size);
+    const double usual = g_array_index(sorted, double, sorted->len / 2);
+    for (guint i = first; i < sights->len; i++) {
+        struct lamp_sight *s = &g_array_index(sights, struct lamp_sight, i);
+        if ((s->lamp < 0) == bodies)
+            s->sigma = sqrt((s->sigma * s->sigma + usual * usual) / 2);
+    }
+}
+
+void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct lamp_target *target,
+                         gboolean near, GArray *sights, GPtrArray *rejected) {
+    shadow_find_pattern(view);
+    gboolean seen = FALSE;
+    const guint first = sights->len;
+    for (guint i = 0; i < view->shots->len; i++) {
+        const struct shot *shot = &g_array_index(view->shots, struct shot, i);
+        /* From low lamps a post's side is bright and the plate is not. However often it is looked
+         * at, its edge lies in the same way over the same pixels: once is all it tells. */
+        struct vec3 lamp = vec3_unit(rig->lamps[shot->lamp].position_mm);
+        gboolean body = lamp.z > BODY_LAMP && !seen;
+        seen |= body;
+        measure_shot(view, shot, rig, target, near, body, sights, rejected);
+    }
+    share_sigmas(sights, first, FALSE);
+    share_sigmas(sights, first, TRUE);
+}

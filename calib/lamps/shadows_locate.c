@@ -1,0 +1,121 @@
+#include "shadows_private.h"
+
+#include <math.h>
+
+#define MOST_SHOTS  40  /* that are looked at for how the plate lies */
+#define LEAST_SCORE 0.5 /* of a shadow's middle line, how dark it must be */
+
+struct lie { /* how the plate lies, away from how it should */
+    double x_mm, y_mm, turn_rad;
+};
+
+static void move_marks(const struct lamp_target *from, const struct lie *lie,
+                       struct lamp_target *to) {
+    struct lamp_target moved = *from;
+    *to = moved;
+    for (int i = 0; i < to->n; i++) {
+        struct vec3 p = rig_turn(vec3(moved.marks[i].x_mm, moved.marks[i].y_mm, 0), lie->turn_rad);
+        to->marks[i].x_mm = p.x + lie->x_mm;
+        to->marks[i].y_mm = p.y + lie->y_mm;
+    }
+}
+
+struct score {
+    double sum;
+    int n;
+};
+
+/* How dark it is along the middle of a shadow. */
+static void score_streak(const ShadowView *view, const struct shot *shot, const struct streak *s,
+                         struct score *score) {
+    const struct rig_camera *camera = &view->rig->cameras[view->camera];
+    double length = vec3_length(vec3_sub(s->to, s->from));
+    for (double at = 2 * s->from_mm; at <= length; at += 1.5 * s->from_mm) {
+        struct vec3 p = vec3_add(s->from, vec3_scale(vec3_sub(s->to, s->from), at / length));
+        double x, y;
+        if (!rig_project(camera, p, &x, &y) || !(x > 0 && y > 0) || x > camera->width - 1 ||
+            y > camera->height - 1)
+            return;
+        double value =
+            shadow_value(view, shot, (gsize)lround(y) * (gsize)camera->width + (gsize)lround(x));
+        if (!isfinite(value))
+            continue;
+        score->sum += 1 - CLAMP(value, 0, 1);
+        score->n++;
+    }
+}
+
+static double score_lie(ShadowView *const *views, int n, const struct lamp_target *target,
+                        const struct lie *lie, int every) {
+    struct lamp_target moved;
+    struct score score = {0, 0};
+    int count = 0;
+    move_marks(target, lie, &moved);
+    for (int v = 0; v < n; v++) {
+        const struct rig *rig = views[v]->rig;
+        for (guint i = 0; i < views[v]->shots->len; i++) {
+            const struct shot *shot = &g_array_index(views[v]->shots, struct shot, i);
+            struct vec3 lamp =
+                rig_lamp_position_mm(&rig->arc, &rig->lamps[shot->lamp], shot->arc_rad);
+            if (count++ % every)
+                continue;
+            for (int mark = 0; mark < moved.n; mark++) {
+                struct streak streak;
+                if (shadow_streak(&moved, mark, views[v]->turntable_rad, lamp, &streak))
+                    score_streak(views[v], shot, &streak, &score);
+            }
+        }
+    }
+    return score.n ? score.sum / score.n : 0;
+}
+
+/* Around the best so far, on finer and finer grids. */
+static double shadows_locate_search(ShadowView *const *views, int n,
+                                    const struct lamp_target *target, const double reach[3],
+                                    int every, struct lie *best) {
+    double span[3] = {reach[0], reach[0], reach[1]}, step[3] = {reach[2], reach[2], 0}, most = -1;
+    step[2] = reach[2] / (0.35 * (target->plate_mm[0] + target->plate_mm[1]) / 2);
+    for (int round = 0; round < 4; round++) {
+        struct lie middle = *best;
+        for (double t = -span[2]; t <= span[2] + 1e-12; t += step[2])
+            for (double y = -span[1]; y <= span[1] + 1e-12; y += step[1])
+                for (double x = -span[0]; x <= span[0] + 1e-12; x += step[0]) {
+                    struct lie lie = {middle.x_mm + x, middle.y_mm + y, middle.turn_rad + t};
+                    double score = score_lie(views, n, target, &lie, every);
+                    if (score > most) {
+                        most = score;
+                        *best = lie;
+                    }
+                }
+        for (int k = 0; k < 3; k++) {
+            span[k] = step[k];
+            step[k] /= 2;
+        }
+    }
+    return most;
+}
+
+gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *target,
+                        double reach_mm, double reach_rad, GError **error) {
+    int shots = 0;
+    for (int i = 0; i < n; i++) {
+        shadow_find_pattern(views[i]);
+        shots += (int)views[i]->shots->len;
+    }
+    /* Steps of a post's radius: from one of them a shadow is always met. */
+    const double reach[3] = {reach_mm, reach_rad, target->radius_mm};
+    struct lie lie = {0, 0, 0};
+    double score = shadows_locate_search(views, n, target, reach, 1 + shots / MOST_SHOTS, &lie);
+    if (score < LEAST_SCORE) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s and %d other picture(s): the posts' shadows are not where the target's "
+                    "description has them, within %g mm and %.3g° (only %.0f %% of them are dark); "
+                    "is it this target, laid with its x along the turntable's, and are the posts "
+                    "as high as it says?",
+                    shots ? g_array_index(views[0]->shots, struct shot, 0).name : "no picture",
+                    MAX(shots - 1, 0), reach_mm, reach_rad * 180 / G_PI, 100 * score);
+        return FALSE;
+    }
+    move_marks(target, &lie, target);
+    return TRUE;
+}

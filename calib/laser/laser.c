@@ -1,0 +1,460 @@
+#include "laser.h"
+
+#include "geometry/drive.h"
+#include "geometry/fit.h"
+
+#include <math.h>
+#include <string.h>
+
+G_DEFINE_QUARK(laser_error, laser_error)
+
+#define POINT_MM      0.02 /* standard deviation across the sheet, about */
+#define REJECT        5.0
+#define LEAST_POINTS  60  /* of a laser, on each of two heights */
+#define LEAST_HEIGHTS 2.0 /* mm between them */
+#define STEP_POINTS   12  /* of a step on each height, to tell its sheet */
+
+#define ARC 4 /* parameters of the arc, the first ones */
+
+/* What a point depends on, each at its place: the arc, its laser, the camera, where the arc stood.
+ */
+enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 6, ON_SWING = ON_CAMERA + 2, ON };
+
+enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, PER_LASER };
+
+struct problem {
+    const struct rig *rig;
+    const struct laser_point *points;
+    int n;
+    struct laser_arc known;
+    int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
+    int camera_at[RIG_MAX_CAMERAS];
+    struct drive swing;
+    int *swing_of; /* of each point: which of the arc's angles */
+    int n_parameters;
+};
+
+/* Perpendicular to the axis: the way the light goes at s = 0, and across the sheet. */
+static struct vec3 beam_of(const struct rig_laser *laser) {
+    return vec3_cross(laser->normal, laser->axis);
+}
+
+static struct rig_laser laser_of(const struct problem *problem, const double *x, int i) {
+    const struct rig_laser *from = &problem->rig->lasers[i];
+    const double *p = x + problem->at[i];
+    struct rig_laser laser = *from;
+    struct vec3 beam = beam_of(from);
+    laser.position_mm = vec3_add(from->position_mm, vec3_add(vec3_scale(from->normal, p[ACROSS]),
+                                                             vec3_scale(beam, p[BEAM])));
+    laser.axis =
+        vec3_unit(vec3_add(from->axis, vec3_add(vec3_scale(beam, p[AXIS_BEAM]),
+                                                vec3_scale(from->normal, p[AXIS_ACROSS]))));
+    double along = vec3_dot(from->normal, laser.axis);
+    struct vec3 normal = vec3_unit(vec3_sub(from->normal, vec3_scale(laser.axis, along)));
+    laser.normal = vec3_unit(vec3_add(vec3_scale(normal, cos(p[ZERO])),
+                                      vec3_scale(vec3_cross(laser.axis, normal), sin(p[ZERO]))));
+    laser.stretch = from->stretch + p[STRETCH];
+    return laser;
+}
+
+/* The first four parameters. */
+static struct rig_arc laser_arc_of(const struct problem *problem, const double *x) {
+    struct rig_arc arc = problem->rig->arc;
+    arc.tilt_rad[0] += x[0];
+    arc.tilt_rad[1] += x[1];
+    arc.centre_mm[0] += x[2];
+    arc.centre_mm[1] += x[3];
+    return arc;
+}
+
+/* arc_rad: as it truly stood. d: how far the camera looks aside, px. */
+static double distance_mm(const struct rig_arc *arc, double arc_rad, const struct rig_laser *laser,
+                          const struct laser_point *point, const double d[2]) {
+    struct rig_plane sheet = rig_laser_sheet(arc, laser, arc_rad, point->sweep_rad);
+    const float *a = point->aside;
+    struct vec3 p = point->point_mm;
+    p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
+    p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
+    return vec3_dot(sheet.normal, p) - sheet.offset_mm;
+}
+
+static void laser_residuals(const double *x, double *ret, gconstpointer data) {
+    const struct problem *problem = data;
+    struct rig_arc arc = laser_arc_of(problem, x);
+    struct rig_laser lasers[RIG_MAX_LASERS];
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0)
+            lasers[i] = laser_of(problem, x, i);
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *point = &problem->points[i];
+        const double arc_rad = point->arc_rad + x[problem->swing.at + problem->swing_of[i]];
+        ret[i] = distance_mm(&arc, arc_rad, &lasers[point->laser], point,
+                             x + problem->camera_at[point->camera]) /
+                 point->sigma_mm;
+    }
+}
+
+struct levels { /* of a laser's points */
+    double low_mm, high_mm;
+    int n, n_low, n_high;
+    int sweep; /* one of its sweeps */
+};
+
+static struct levels levels_of(const struct problem *problem, int laser) {
+    struct levels l = {G_MAXDOUBLE, -G_MAXDOUBLE, 0, 0, 0, -1};
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        if (p->laser != laser)
+            continue;
+        l.low_mm = MIN(l.low_mm, p->point_mm.z);
+        l.high_mm = MAX(l.high_mm, p->point_mm.z);
+        l.sweep = p->sweep;
+        l.n++;
+    }
+    double middle = (l.low_mm + l.high_mm) / 2;
+    for (int i = 0; i < problem->n; i++)
+        if (problem->points[i].laser == laser) {
+            l.n_low += problem->points[i].point_mm.z < middle;
+            l.n_high += problem->points[i].point_mm.z >= middle;
+        }
+    return l;
+}
+
+static gboolean laser_check_levels(const struct problem *problem, int laser, const struct levels *l,
+                                   const char *const *sweep_names, GError **error) {
+    const char *name = problem->rig->lasers[laser].name;
+    if (l->high_mm - l->low_mm < LEAST_HEIGHTS) {
+        g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
+                    "%s: laser %s is seen on planes of one height only, %.3f mm, which says "
+                    "nothing about the angle of its sheet; sweep a second plane, at least %g mm "
+                    "higher or lower",
+                    sweep_names[l->sweep], name, l->low_mm, LEAST_HEIGHTS);
+        return FALSE;
+    }
+    if (MIN(l->n_low, l->n_high) >= LEAST_POINTS)
+        return TRUE;
+    g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                "%s: laser %s is seen in %d pixel(s) at %.3f mm and %d at %.3f mm; %d are needed "
+                "on each plane: is it bright enough, and the plane in view?",
+                sweep_names[l->sweep], name, l->n_low, l->low_mm, l->n_high, l->high_mm,
+                LEAST_POINTS);
+    return FALSE;
+}
+
+static gboolean laser_lay_out(struct problem *problem, const char *const *sweep_names,
+                              GError **error) {
+    problem->n_parameters = ARC;
+    gboolean any = FALSE;
+    for (int i = 0; i < problem->rig->n_lasers; i++) {
+        struct levels l = levels_of(problem, i);
+        problem->at[i] = l.n ? problem->n_parameters : -1;
+        problem->n_parameters += l.n ? PER_LASER : 0;
+        any |= l.n > 0;
+        if (l.n > 0 && !laser_check_levels(problem, i, &l, sweep_names, error))
+            return FALSE;
+    }
+    gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
+    for (int i = 0; i < problem->n; i++)
+        cameras[problem->points[i].camera] = TRUE;
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++) {
+        problem->camera_at[i] = cameras[i] ? problem->n_parameters : -1;
+        problem->n_parameters += cameras[i] ? 2 : 0;
+    }
+    problem->swing.at = problem->n_parameters;
+    problem->n_parameters += problem->swing.n;
+    if (!any)
+        g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                    "no laser's line is seen in any sweep");
+    return any;
+}
+
+static int *laser_new_depends(const struct problem *problem) {
+    int *depends = g_new(int, (gsize)problem->n *ON);
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        int *of = depends + (gsize)i * ON;
+        for (int k = 0; k < ARC; k++)
+            of[ON_ARC + k] = k;
+        for (int k = 0; k < PER_LASER; k++)
+            of[ON_LASER + k] = problem->at[p->laser] + k;
+        for (int k = 0; k < 2; k++)
+            of[ON_CAMERA + k] = problem->camera_at[p->camera] + k;
+        of[ON_SWING] = problem->swing.at + problem->swing_of[i];
+    }
+    return depends;
+}
+
+static double *laser_new_sigmas(const struct problem *problem) {
+    double *sigma = g_new0(double, problem->n_parameters);
+    for (int k = 0; k < ARC; k++)
+        sigma[k] = k < 2 ? problem->known.tilt_rad : problem->known.centre_mm;
+    for (int c = 0; c < problem->rig->n_cameras; c++)
+        for (int k = 0; problem->camera_at[c] >= 0 && k < 2; k++)
+            sigma[problem->camera_at[c] + k] = LASER_CAMERA_PX;
+    for (int i = 0; i < problem->swing.n; i++)
+        sigma[problem->swing.at + i] = problem->swing.sigma_rad;
+    return sigma;
+}
+
+/* Two straight lines through a step's points, one on each height, against the model's sheet. */
+struct tally {
+    double sum[2];
+    int n[2];
+};
+
+static void add_steps(const struct problem *problem, const struct fit_result *fit,
+                      struct laser_result *ret, int laser, double arc_rad, const struct levels *l) {
+    g_autoptr(GHashTable) steps =
+        g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, g_free);
+    double middle = (l->low_mm + l->high_mm) / 2;
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        if (p->laser != laser || p->arc_rad != arc_rad || fit->rejected[i])
+            continue;
+        gint64 key = llround(p->sweep_rad * 180 / G_PI * 10); /* tenths of a degree */
+        struct tally *tally = g_hash_table_lookup(steps, &key);
+        if (!tally) {
+            tally = g_new0(struct tally, 1);
+            g_hash_table_insert(steps, g_memdup2(&key, sizeof key), tally);
+        }
+        int high = p->point_mm.z >= middle;
+        tally->sum[high] += fit->residuals[i] * p->sigma_mm;
+        tally->n[high]++;
+    }
+    GHashTableIter iter;
+    gpointer key, value;
+    g_hash_table_iter_init(&iter, steps);
+    while (g_hash_table_iter_next(&iter, &key, &value)) {
+        const struct tally *t = value;
+        if (MIN(t->n[0], t->n[1]) < STEP_POINTS)
+            continue;
+        double low = t->sum[0] / t->n[0], high = t->sum[1] / t->n[1];
+        double sweep = (double)*(gint64 *)key / 10 * G_PI / 180;
+        struct rig_plane sheet =
+            rig_laser_sheet(&ret->rig.arc, &ret->rig.lasers[laser], arc_rad, sweep);
+        /* Between the two lines, measured in the sheet. */
+        double apart = (l->high_mm - l->low_mm) / MAX(hypot(sheet.normal.x, sheet.normal.y), 1e-3);
+        struct laser_step step = {
+            laser, arc_rad, sweep, (high - low) / apart, (low + high) / 2, t->n[0] + t->n[1]};
+        g_array_append_val(ret->steps, step);
+    }
+}
+
+static void tell_steps(const struct problem *problem, const struct fit_result *fit,
+                       struct laser_result *ret) {
+    ret->steps = g_array_new(FALSE, FALSE, sizeof(struct laser_step));
+    for (int laser = 0; laser < problem->rig->n_lasers; laser++) {
+        if (problem->at[laser] < 0)
+            continue;
+        struct levels l = levels_of(problem, laser);
+        g_autoptr(GArray) arcs = g_array_new(FALSE, FALSE, sizeof(double));
+        for (int i = 0; i < problem->n; i++) {
+            double arc = problem->points[i].arc_rad;
+            gboolean known = problem->points[i].laser != laser;
+            for (guint k = 0; k < arcs->len && !known; k++)
+                known = g_array_index(arcs, double, k) == arc;
+            if (!known)
+                g_array_append_val(arcs, arc);
+        }
+        for (guint k = 0; k < arcs->len; k++)
+            add_steps(problem, fit, ret, laser, g_array_index(arcs, double, k), &l);
+    }
+}
+
+static void take_laser(const struct problem *problem, const struct fit *fit,
+                       const struct fit_result *fitted, const double *x, int i,
+                       struct laser_result *ret) {
+    int at = problem->at[i];
+    ret->seen[i] = TRUE;
+    ret->rig.lasers[i] = laser_of(problem, x, i);
+    ret->source_error_mm[i] =
+        hypot(fit_error(fit, fitted, at + ACROSS), fit_error(fit, fitted, at + BEAM));
+    ret->axis_error_rad[i] =
+        hypot(fit_error(fit, fitted, at + AXIS_BEAM), fit_error(fit, fitted, at + AXIS_ACROSS));
+    ret->zero_error_rad[i] = fit_error(fit, fitted, at + ZERO);
+    ret->stretch_error[i] = fit_error(fit, fitted, at + STRETCH);
+}
+
+static void laser_take(const struct problem *problem, const struct fit *fit,
+                       struct fit_result *fitted, const double *x, struct laser_result *ret) {
+    double sum[RIG_MAX_LASERS] = {0}, all = 0;
+    ret->rig = *problem->rig;
+    ret->rig.arc = laser_arc_of(problem, x);
+    for (int k = 0; k < 2; k++) {
+        ret->tilt_error_rad[k] = fit_error(fit, fitted, k);
+        ret->centre_error_mm[k] = fit_error(fit, fitted, 2 + k);
+    }
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0)
+            take_laser(problem, fit, fitted, x, i, ret);
+    for (int i = 0; i < problem->n; i++) {
+        const struct laser_point *p = &problem->points[i];
+        double d = fitted->residuals[i] * p->sigma_mm;
+        if (fitted->rejected[i])
+            continue;
+        ret->points[p->laser]++;
+        sum[p->laser] += d * d;
+        all += d * d;
+    }
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        ret->rms_mm[i] = ret->points[i] ? sqrt(sum[i] / ret->points[i]) : 0;
+    ret->rms_all_mm = sqrt(all / MAX(fitted->n_used, 1));
+    ret->sigma = fitted->sigma;
+    ret->n_used = fitted->n_used;
+    ret->degrees_of_freedom = fitted->degrees_of_freedom;
+    tell_steps(problem, fitted, ret);
+    ret->rejected = g_steal_pointer(&fitted->rejected);
+}
+
+static gboolean check_told(const struct problem *problem, const struct fit_result *fitted,
+                           GError **error) {
+    if (fitted->undetermined < 0)
+        return TRUE;
+    const char *name = "arc";
+    for (int i = 0; i < problem->rig->n_lasers; i++)
+        if (problem->at[i] >= 0 && fitted->undetermined >= problem->at[i])
+            name = problem->rig->lasers[i].name;
+    g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
+                "%s: the sweeps leave open how it lies; sweep a larger part of both planes", name);
+    return FALSE;
+}
+
+/* A sweep that turns the other way than it is told, or much further or less, is a mistake in the
+ * rig file or table, which a calibration must not hide; nor could the file be read back. */
+static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
+    for (int i = 0; i < problem->rig->n_lasers; i++) {
+        const struct rig_laser *laser = &problem->rig->lasers[i];
+        if (problem->at[i] < 0)
+            continue;
+        const double turn = 1 + laser->stretch + x[problem->at[i] + STRETCH];
+        if (fabs(turn - 1) <= RIG_MOST_STRETCH)
+            continue;
+        if (turn < 0)
+            g_set_error(error, LASER_ERROR, LASER_ERROR_SWEEP,
+                        "laser %s: the direction of its sweep is reversed (a step of 1° turns the "
+                        "sheet by %.3f°); change the sign of steps_per_deg of its sweep axis in "
+                        "the rig file, or the motor's direction in its controller, or for imported "
+                        "pictures the sign of sweep_deg in the table, and capture or import again",
+                        laser->name, turn);
+        else
+            g_set_error(error, LASER_ERROR, LASER_ERROR_SWEEP,
+                        "laser %s: a step of 1° of its sweep turns the sheet by %.3f°, and at most "
+                        "%g° too much or too little can be calibrated; correct steps_per_deg of "
+                        "its sweep axis in the rig file, or for imported pictures sweep_deg in the "
+                        "table, and capture or import again",
+                        laser->name, turn, RIG_MOST_STRETCH);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+/* Over and over, with what it has told about the arc's drive. */
+static gboolean laser_adjust(struct problem *problem, struct laser_result *ret, GError **error) {
+    const int n = problem->n_parameters;
+    struct fit_result fitted;
+    g_autofree double *x = g_new0(double, n), *none = g_new0(double, n);
+    g_autofree int *depends = laser_new_depends(problem);
+    for (int round = 0;; round++) {
+        g_autofree double *sigma = laser_new_sigmas(problem);
+        const struct fit fit = {.n_parameters = n,
+                                .n_observations = problem->n,
+                                .dimension = 1,
+                                .residuals = laser_residuals,
+                                .data = problem,
+                                .reject = REJECT,
+                                .depends = depends,
+                                .n_depends = ON,
+                                .known = none,
+                                .known_sigma = sigma};
+        if (!fit_solve(&fit, x, &fitted)) {
+            g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                        "the sweeps' points are too few or not finite");
+            return FALSE;
+        }
+        const gboolean last = round == DRIVE_ROUNDS,
+                       ok = check_told(problem, &fitted, error) &&
+                            (!last || check_stretch(problem, x, error));
+        drive_learn(&problem->swing, x, fitted.covariance, n);
+        if (ok && last)
+            laser_take(problem, &fit, &fitted, x, ret);
+        fit_result_clear(&fitted);
+        if (!ok || last)
+            return ok;
+    }
+}
+
+gboolean laser_fit(const struct rig *rig, const struct laser_point *points, int n,
+                   const struct laser_arc *arc, const char *const *sweep_names,
+                   struct laser_result *ret, GError **error) {
+    struct problem problem = {.rig = rig, .points = points, .n = n, .known = *arc};
+    memset(ret, 0, sizeof *ret);
+    drive_init(&problem.swing, n);
+    problem.swing_of = g_new(int, n + 1);
+    for (int i = 0; i < n; i++)
+        problem.swing_of[i] = drive_angle(&problem.swing, points[i].arc_rad);
+    const gboolean ok =
+        laser_lay_out(&problem, sweep_names, error) && laser_adjust(&problem, ret, error);
+    drive_clear(&problem.swing);
+    g_free(problem.swing_of);
+    return ok;
+}
+
+void laser_result_clear(struct laser_result *result) {
+    g_clear_pointer(&result->rejected, g_free);
+    g_clear_pointer(&result->steps, g_array_unref);
+}
+
+/* What a pixel sees of the plane; FALSE: nothing of the part that counts. */
+static gboolean laser_plane_point(const struct rig_camera *camera, const struct laser_sweep *sweep,
+                                  int x, int y, struct vec3 *ret) {
+    struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x, y);
+    if (!(ray.z < -1e-6))
+        return FALSE;
+    *ret = vec3_add(eye, vec3_scale(ray, (sweep->plane_mm - eye.z) / ray.z));
+    ret->z = sweep->plane_mm;
+    return hypot(ret->x, ret->y) <= sweep->radius_mm;
+}
+
+/* By neighbouring pixels. */
+static void laser_find_aside(const struct rig_camera *camera, const struct laser_sweep *sweep,
+                             int x, int y, struct laser_point *point) {
+    struct vec3 right, down;
+    if (!laser_plane_point(camera, sweep, x + 1, y, &right) ||
+        !laser_plane_point(camera, sweep, x, y + 1, &down))
+        return; /* at the rim: as if the camera were perfect */
+    point->aside[0] = (float)(right.x - point->point_mm.x);
+    point->aside[1] = (float)(down.x - point->point_mm.x);
+    point->aside[2] = (float)(right.y - point->point_mm.y);
+    point->aside[3] = (float)(down.y - point->point_mm.y);
+}
+
+int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points) {
+    const struct rig_camera *camera = &rig->cameras[sweep->camera];
+    gsize n = (gsize)camera->width * (gsize)camera->height, seen = 0, taken = 0;
+    for (gsize i = 0; i < n; i++)
+        seen += sweep->peak[i] >= 0;
+    if (seen == 0)
+        return 0;
+    /* A fraction of those seen, evenly by their number, which is oblique to the lines. */
+    double every = MAX(1, (double)seen / (double)MAX(sweep->most, 1)), next = 0;
+    gsize number = 0;
+    for (gsize i = 0; i < n; i++) {
+        if (!(sweep->peak[i] >= 0) || (double)number++ < next)
+            continue;
+        next += every;
+        struct laser_point point = {.sweep = sweep->sweep,
+                                    .laser = sweep->laser,
+                                    .camera = sweep->camera,
+                                    .arc_rad = sweep->arc_rad,
+                                    .sweep_rad =
+                                        sweep->from_rad + (double)sweep->peak[i] * sweep->step_rad,
+                                    .sigma_mm = POINT_MM};
+        int x = (int)(i % (gsize)camera->width), y = (int)(i / (gsize)camera->width);
+        if (!laser_plane_point(camera, sweep, x, y, &point.point_mm))
+            continue;
+        laser_find_aside(camera, sweep, x, y, &point);
+        g_array_append_val(points, point);
+        taken++;
+    }
+    return (int)taken;
+}

@@ -1,0 +1,134 @@
+#include "colour.h"
+
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#define FEW_PATCHES 6
+#define MOST_OFF    10.0 /* ΔE*ab, RMS */
+#define DARK        0.01 /* Y below which patches count alike */
+#define LEAST_PIVOT 1e-6 /* of the largest: patches that do not span all colours */
+
+G_DEFINE_QUARK(colour_error, colour_error)
+
+/* CIE 15: f(t) of L*a*b*. */
+static double lab_curve(double t) {
+    return t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
+}
+
+static void to_lab(const double xyz[3], const double white[3], double ret[3]) {
+    double f[3];
+    for (int i = 0; i < 3; i++)
+        f[i] = lab_curve(xyz[i] / white[i]);
+    ret[0] = 116 * f[1] - 16;
+    ret[1] = 500 * (f[0] - f[1]);
+    ret[2] = 200 * (f[1] - f[2]);
+}
+
+double colour_difference(const double xyz_a[3], const double xyz_b[3], const double white[3]) {
+    double a[3], b[3], sum = 0;
+    to_lab(xyz_a, white, a);
+    to_lab(xyz_b, white, b);
+    for (int i = 0; i < 3; i++)
+        sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return sqrt(sum);
+}
+
+static void colour_apply(const double matrix[9], const double rgb[3], double ret[3]) {
+    for (int i = 0; i < 3; i++)
+        ret[i] = matrix[3 * i] * rgb[0] + matrix[3 * i + 1] * rgb[1] + matrix[3 * i + 2] * rgb[2];
+}
+
+static double colour_weight_of(const struct colour_patch *patch) {
+    return pow(MAX(patch->xyz[1], DARK), -4.0 / 3);
+}
+
+static gboolean check_patches(const struct colour_patch *patches, int n, GError **error) {
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < 3; k++)
+            if (!isfinite(patches[i].rgb[k]) || !isfinite(patches[i].xyz[k])) {
+                g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
+                            "patch %d has a value that is not a number", i + 1);
+                return FALSE;
+            }
+    if (n >= FEW_PATCHES)
+        return TRUE;
+    g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+                "%d patches are too few for nine unknowns and their errors; it takes %d of "
+                "different colours",
+                n, FEW_PATCHES);
+    return FALSE;
+}
+
+/* The inverse of Σ w·rgb·rgbᵀ; FALSE where the colours do not span it. */
+static gboolean colour_invert(const struct colour_patch *patches, int n, double ret[9]) {
+    memset(ret, 0, 9 * sizeof *ret);
+    double trace = 0;
+    for (int i = 0; i < n; i++)
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                ret[3 * a + b] +=
+                    colour_weight_of(&patches[i]) * patches[i].rgb[a] * patches[i].rgb[b];
+    for (int a = 0; a < 3; a++)
+        trace += ret[4 * a];
+    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', 3, ret, 3) != 0)
+        return FALSE;
+    for (int a = 0; a < 3; a++)
+        if (ret[4 * a] * ret[4 * a] < LEAST_PIVOT * trace)
+            return FALSE;
+    LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', 3, ret, 3);
+    ret[1] = ret[3];
+    ret[2] = ret[6];
+    ret[5] = ret[7];
+    return TRUE;
+}
+
+static void fit_row(const struct colour_patch *patches, int n, const double inverse[9], int row,
+                    struct colour_matrix *ret) {
+    double right[3] = {0}, squares = 0;
+    for (int i = 0; i < n; i++)
+        for (int a = 0; a < 3; a++)
+            right[a] += colour_weight_of(&patches[i]) * patches[i].rgb[a] * patches[i].xyz[row];
+    colour_apply(inverse, right, ret->matrix + 3 * row);
+    for (int i = 0; i < n; i++) {
+        double off = patches[i].xyz[row];
+        for (int a = 0; a < 3; a++)
+            off -= ret->matrix[3 * row + a] * patches[i].rgb[a];
+        squares += colour_weight_of(&patches[i]) * off * off;
+    }
+    for (int a = 0; a < 3; a++)
+        ret->error[3 * row + a] = sqrt(squares / (n - 3) * inverse[4 * a]);
+}
+
+gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
+                    GError **error) {
+    static const double grey[3] = {1, 1, 1};
+    struct colour_matrix found = {.known = TRUE, .patches = n};
+    double inverse[9], white[3], sum = 0;
+    if (!check_patches(patches, n, error))
+        return FALSE;
+    if (!colour_invert(patches, n, inverse)) {
+        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+                    "the patches are all of one kind: red, green and blue ones are needed");
+        return FALSE;
+    }
+    for (int row = 0; row < 3; row++)
+        fit_row(patches, n, inverse, row, &found);
+    colour_apply(found.matrix, grey, white);
+    for (int i = 0; i < n; i++) {
+        double xyz[3];
+        colour_apply(found.matrix, patches[i].rgb, xyz);
+        double off = colour_difference(xyz, patches[i].xyz, white);
+        sum += off * off / n;
+    }
+    found.residual = sqrt(sum);
+    if (!(white[0] > 0 && white[1] > 0 && white[2] > 0) || !(found.residual < MOST_OFF)) {
+        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
+                    "the patches are %.1f ΔE off what their values say: is it this chart, and does "
+                    "it lie as the file says?",
+                    found.residual);
+        return FALSE;
+    }
+    *ret = found;
+    return TRUE;
+}

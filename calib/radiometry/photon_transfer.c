@@ -1,0 +1,398 @@
+#include "photon_transfer.h"
+
+#include <math.h>
+
+#define TILE         16         /* pixels a side; smaller pictures have smaller tiles */
+#define SATURATED    0.98       /* of full scale */
+#define TRANSFER_TOP 0.7        /* EMVA 1288 §6.6: the slope is fitted up to 70 % of saturation */
+#define LEAST_RANGE  0.15       /* of full scale that the brightest tile must reach */
+#define ALIKE        0.05       /* pairs whose means differ by more of their signal are no pairs */
+#define ROUNDING     (1.0 / 12) /* DN²: variance of rounding to whole numbers */
+
+G_DEFINE_QUARK(transfer_error, transfer_error)
+
+struct tile {
+    double mean, variance; /* of both pictures; temporal, of one pixel in one of them */
+    double n;              /* pixels; 0: saturated somewhere */
+};
+
+/* All tiles of a pair. */
+struct tiles {
+    double exposure_s;
+    double mean, variance, n;
+    struct tile *tile;
+};
+
+struct fit {
+    const struct transfer_sensor *sensor;
+    int side, n_tiles;
+    struct tiles *dark, *lit;
+    int n_dark, n_lit;
+    struct transfer *to;
+};
+
+static double full_scale(const struct fit *fit) {
+    return (double)((1 << fit->sensor->bits) - 1);
+}
+
+static int photon_transfer_columns(const struct fit *fit) {
+    return fit->sensor->width / fit->side;
+}
+
+/* EMVA 1288 (release 4.0) eq. 17: half the variance of the difference, its mean taken off. */
+static struct tile photon_transfer_measure_tile(const struct fit *fit,
+                                                const struct transfer_pair *pair, int index) {
+    int x0 = index % photon_transfer_columns(fit) * fit->side,
+        y0 = index / photon_transfer_columns(fit) * fit->side;
+    double sum = 0, difference = 0, squares = 0, top = 0;
+    for (int y = y0; y < y0 + fit->side; y++)
+        for (int x = x0; x < x0 + fit->side; x++) {
+            gsize at = (gsize)y * (gsize)fit->sensor->width + (gsize)x;
+            double a = pair->first[at], b = pair->second[at];
+            sum += a + b;
+            difference += a - b;
+            squares += (a - b) * (a - b);
+            top = MAX(top, MAX(a, b));
+        }
+    double n = (double)fit->side * fit->side;
+    struct tile tile = {sum / (2 * n), (squares - difference * difference / n) / (2 * (n - 1)), n};
+    if (top >= SATURATED * full_scale(fit))
+        tile.n = 0;
+    return tile;
+}
+
+static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pair,
+                           const char *what, GError **error) {
+    gsize n = (gsize)fit->sensor->width * (gsize)fit->sensor->height, same = 0;
+    double first = 0, second = 0;
+    for (gsize i = 0; i < n; i++) {
+        if (!isfinite(pair->first[i]) || !isfinite(pair->second[i])) {
+            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                        "the %s pair at %g µs has a pixel that is not a number", what,
+                        pair->exposure_us);
+            return FALSE;
+        }
+        same += pair->first[i] == pair->second[i];
+        first += pair->first[i];
+        second += pair->second[i];
+    }
+    if (same == n && first > 0) {
+        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+                    "the %s pair at %g µs is one picture twice: nothing tells its noise", what,
+                    pair->exposure_us);
+        return FALSE;
+    }
+    if (fabs(first - second) > ALIKE * 0.5 * (first + second)) {
+        g_set_error(
+            error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
+            "the pictures of the %s pair at %g µs differ by %.1f %%: let the lamps warm up, "
+            "and keep other light out",
+            what, pair->exposure_us, 100 * fabs(first - second) / (0.5 * (first + second)));
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean photon_transfer_measure(struct fit *fit, const struct transfer_pair *pairs, int n,
+                                        const char *what, struct tiles *ret, GError **error) {
+    for (int i = 0; i < n; i++) {
+        if (!check_pair(fit, &pairs[i], what, error))
+            return FALSE;
+        ret[i].exposure_s = pairs[i].exposure_us * 1e-6;
+        ret[i].tile = g_new(struct tile, fit->n_tiles);
+        for (int k = 0; k < fit->n_tiles; k++) {
+            struct tile tile = ret[i].tile[k] = photon_transfer_measure_tile(fit, &pairs[i], k);
+            ret[i].mean += tile.mean * tile.n;
+            ret[i].variance += tile.variance * tile.n;
+            ret[i].n += tile.n;
+        }
+        if (ret[i].n > 0) {
+            ret[i].mean /= ret[i].n;
+            ret[i].variance /= ret[i].n;
+        }
+    }
+    return TRUE;
+}
+
+/* A straight line y = a + b·x by weighted least squares; FALSE if all x are alike. */
+struct line {
+    double w, wx, wy, wxx, wxy;
+};
+
+static void line_add(struct line *line, double x, double y, double weight) {
+    line->w += weight;
+    line->wx += weight * x;
+    line->wy += weight * y;
+    line->wxx += weight * x * x;
+    line->wxy += weight * x * y;
+}
+
+static gboolean line_fit(const struct line *line, double *ret_a, double *ret_b, double *ret_error_a,
+                         double *ret_error_b) {
+    double det = line->w * line->wxx - line->wx * line->wx;
+    if (!(det > 1e-9 * line->w * line->wxx))
+        return FALSE;
+    *ret_a = (line->wxx * line->wy - line->wx * line->wxy) / det;
+    *ret_b = (line->w * line->wxy - line->wx * line->wy) / det;
+    *ret_error_a = sqrt(line->wxx / det);
+    *ret_error_b = sqrt(line->w / det);
+    return TRUE;
+}
+
+/* Black level and dark current: EMVA 1288 §7.1. */
+static gboolean fit_dark(struct fit *fit, GError **error) {
+    struct line line = {0};
+    for (int i = 0; i < fit->n_dark; i++) {
+        const struct tiles *dark = &fit->dark[i];
+        if (dark->n > 0)
+            line_add(&line, dark->exposure_s, dark->mean,
+                     2 * dark->n / MAX(dark->variance, ROUNDING));
+    }
+    struct transfer *to = fit->to;
+    if (line_fit(&line, &to->black_dn, &to->dark_dn_s, &to->black_error_dn, &to->dark_error_dn_s))
+        return TRUE;
+    g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
+                "the dark pairs have one exposure only: the dark current takes two, as different "
+                "as the session's");
+    return FALSE;
+}
+
+/* A tile's dark level: measured at this exposure, or from the line. */
+static double dark_level(const struct fit *fit, int tile, double exposure_s) {
+    double sum = 0;
+    int n = 0;
+    for (int i = 0; i < fit->n_dark; i++)
+        if (fit->dark[i].exposure_s == exposure_s) {
+            sum += fit->dark[i].tile[tile].mean;
+            n++;
+        }
+    return n > 0 ? sum / n : fit->to->black_dn + fit->to->dark_dn_s * exposure_s;
+}
+
+/* The points of the transfer curve: signal above dark, temporal variance and its weight. */
+static GArray *transfer_points(const struct fit *fit) {
+    GArray *points = g_array_new(FALSE, FALSE, sizeof(struct tile));
+    double range = full_scale(fit) - fit->to->black_dn;
+    for (int i = 0; i < fit->n_dark; i++) /* dark pixels add no point each, but one a pair */
+        if (fit->dark[i].n > 0) {
+            struct tile point = {fit->to->dark_dn_s * fit->dark[i].exposure_s,
+                                 fit->dark[i].variance, fit->dark[i].n};
+            g_array_append_val(points, point);
+        }
+    for (int i = 0; i < fit->n_lit; i++)
+        for (int k = 0; k < fit->n_tiles; k++) {
+            struct tile point = fit->lit[i].tile[k];
+            point.mean -= dark_level(fit, k, fit->lit[i].exposure_s);
+            point.mean += fit->to->dark_dn_s * fit->lit[i].exposure_s; /* is shot noise too */
+            if (point.n > 0 && point.mean < TRANSFER_TOP * range)
+                g_array_append_val(points, point);
+        }
+    return points;
+}
+
+static double line_quality(const GArray *points, double floor, double slope) {
+    double sum = 0;
+    for (guint i = 0; i < points->len; i++) {
+        const struct tile *p = &g_array_index(points, struct tile, i);
+        double model = MAX(floor + slope * p->mean, ROUNDING), off = p->variance - model;
+        sum += off * off * (p->n - 1) / (2 * model * model);
+    }
+    return points->len > 2 ? sum / (points->len - 2) : 0;
+}
+
+/* EMVA 1288 eq. 19: σ² = σ₀² + K·(signal). The weights follow the fitted line, since those of the
+ * measured variances would favour points that came out too low. */
+static gboolean fit_curve(struct fit *fit, GError **error) {
+    g_autoptr(GArray) points = transfer_points(fit);
+    double floor = 1, slope = 0.1, floor_error = 0, slope_error = 0, top = 0;
+    for (guint i = 0; i < points->len; i++)
+        top = MAX(top, g_array_index(points, struct tile, i).mean);
+    if (top < LEAST_RANGE * (full_scale(fit) - fit->to->black_dn)) {
+        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
+                    "the brightest part that is not saturated is %.0f of %.0f DN: expose so that "
+                    "some pictures are between a third and two thirds of full scale",
+                    top, full_scale(fit));
+        return FALSE;
+    }
+    for (int pass = 0; pass < 8; pass++) {
+        struct line line = {0};
+        for (guint i = 0; i < points->len; i++) {
+            const struct tile *p = &g_array_index(points, struct tile, i);
+            double model = MAX(floor + slope * p->mean, ROUNDING);
+            line_add(&line, p->mean, p->variance, (p->n - 1) / (2 * model * model));
+        }
+        if (!line_fit(&line, &floor, &slope, &floor_error, &slope_error) || !(slope > 0)) {
+            g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
+                        "noise does not grow with light: the pictures are processed (denoised, "
+                        "sharpened) or all alike; use raw ones");
+            return FALSE;
+        }
+    }
+    struct transfer *to = fit->to;
+    double read = MAX(floor - ROUNDING, 0);
+    to->quality = line_quality(points, floor, slope);
+    double worse = sqrt(MAX(to->quality, 1));
+    to->gain_dn_e = slope;
+    to->gain_error_dn_e = slope_error * worse;
+    to->read_noise_e = sqrt(read) / slope;
+    to->read_noise_error_e = hypot(floor_error / (2 * sqrt(MAX(read, floor_error)) * slope),
+                                   to->read_noise_e * slope_error / slope) *
+                             worse;
+    to->n_points = (int)points->len;
+    return TRUE;
+}
+
+/* One tile over the exposures, for a·t·(1 − c·a·t/range) with its own a. */
+struct ramp {
+    double *t, *y, *weight;
+    int n;
+    double a;
+};
+
+struct ramps {
+    struct ramp *ramp;
+    int n;
+    double range, curvature, error;
+};
+
+static void add_ramp(const struct fit *fit, int tile, struct ramps *ramps) {
+    struct ramp ramp = {g_new(double, fit->n_lit), g_new(double, fit->n_lit),
+                        g_new(double, fit->n_lit), 0, 0};
+    double top = 0;
+    for (int i = 0; i < fit->n_lit; i++) {
+        const struct tile *lit = &fit->lit[i].tile[tile];
+        double t = fit->lit[i].exposure_s, y = lit->mean - dark_level(fit, tile, t);
+        if (lit->n == 0 || !(y > 0))
+            continue;
+        double variance = lit->variance / (2 * lit->n);
+        ramp.t[ramp.n] = t;
+        ramp.y[ramp.n] = y;
+        ramp.weight[ramp.n++] = 1 / MAX(variance, 1e-9);
+        if (t > top)
+            ramp.a = y / (top = t);
+    }
+    ramps->ramp[ramps->n++] = ramp;
+}
+
+/* Gauss and Newton's step for all tiles' a and the one curvature, the former eliminated. Returns
+ * the chi-square before the step. */
+static double photon_transfer_step(struct ramps *ramps) {
+    double schur = 0, right = 0, chi2 = 0, k = 1 / ramps->range;
+    g_autofree double *ga = g_new0(double, ramps->n), *aa = g_new0(double, ramps->n);
+    g_autofree double *ac = g_new0(double, ramps->n);
+    for (int r = 0; r < ramps->n; r++) {
+        const struct ramp *ramp = &ramps->ramp[r];
+        double cc = 0, gc = 0;
+        for (int i = 0; ramp->n >= 3 && i < ramp->n; i++) {
+            double at = ramp->a * ramp->t[i], w = ramp->weight[i];
+            double off = ramp->y[i] - at * (1 - ramps->curvature * at * k);
+            double da = ramp->t[i] * (1 - 2 * ramps->curvature * at * k), dc = -at * at * k;
+            aa[r] += w * da * da;
+            ac[r] += w * da * dc;
+            cc += w * dc * dc;
+            ga[r] += w * da * off;
+            gc += w * dc * off;
+            chi2 += w * off * off;
+        }
+        if (ramp->n < 3)
+            continue;
+        schur += cc - ac[r] * ac[r] / aa[r];
+        right += gc - ac[r] * ga[r] / aa[r];
+    }
+    double dc = schur > 0 ? right / schur : 0;
+    for (int r = 0; r < ramps->n; r++)
+        if (aa[r] > 0)
+            ramps->ramp[r].a += (ga[r] - ac[r] * dc) / aa[r];
+    ramps->curvature += dc;
+    ramps->error = schur > 0 ? 1 / sqrt(schur) : 0;
+    return chi2;
+}
+
+/* By how much, at most, the mean signal at an exposure lies off the best line through zero. */
+static double largest_deviation(const struct fit *fit, const struct ramps *ramps) {
+    double worst = 0;
+    for (int i = 0; i < fit->n_lit; i++) {
+        double off = 0, level = 0, t = fit->lit[i].exposure_s;
+        for (int r = 0; r < ramps->n; r++) {
+            const struct ramp *ramp = &ramps->ramp[r];
+            double wty = 0, wtt = 0;
+            for (int k = 0; k < ramp->n; k++) {
+                wty += ramp->y[k]; /* weights ~ 1/t: each exposure counts by its light */
+                wtt += ramp->t[k];
+            }
+            for (int k = 0; ramp->n >= 3 && k < ramp->n; k++)
+                if (ramp->t[k] == t) {
+                    off += ramp->y[k] - wty / wtt * t;
+                    level += wty / wtt * t;
+                }
+        }
+        if (level > 0)
+            worst = MAX(worst, fabs(off / level));
+    }
+    return worst;
+}
+
+static gboolean fit_linearity(struct fit *fit, GError **error) {
+    struct ramps ramps = {.range = full_scale(fit) - fit->to->black_dn};
+    ramps.ramp = g_new(struct ramp, fit->n_tiles);
+    for (int k = 0; k < fit->n_tiles; k++)
+        add_ramp(fit, k, &ramps);
+    double chi2 = 0, n = 0;
+    for (int r = 0; r < ramps.n; r++)
+        n += ramps.ramp[r].n >= 3 ? ramps.ramp[r].n - 1 : 0;
+    for (int i = 0; i < 10; i++)
+        chi2 = photon_transfer_step(&ramps);
+    fit->to->curvature = ramps.curvature;
+    fit->to->curvature_error = n > 1 ? ramps.error * sqrt(MAX(chi2 / (n - 1), 1)) : 0;
+    fit->to->linearity = largest_deviation(fit, &ramps);
+    for (int r = 0; r < ramps.n; r++) {
+        g_free(ramps.ramp[r].t);
+        g_free(ramps.ramp[r].y);
+        g_free(ramps.ramp[r].weight);
+    }
+    g_free(ramps.ramp);
+    if (n > 1 && ramps.error > 0 && isfinite(ramps.curvature))
+        return TRUE;
+    g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
+                "no part of the picture is lit and not saturated at three exposures or more: use "
+                "shorter ones");
+    return FALSE;
+}
+
+static gboolean photon_transfer_fit_all(struct fit *fit, const struct transfer_pair *dark,
+                                        const struct transfer_pair *lit, GError **error) {
+    return photon_transfer_measure(fit, dark, fit->n_dark, "dark", fit->dark, error) &&
+           photon_transfer_measure(fit, lit, fit->n_lit, "lit", fit->lit, error) &&
+           fit_dark(fit, error) && fit_curve(fit, error) && fit_linearity(fit, error);
+}
+
+static void free_tiles(struct tiles *tiles, int n) {
+    for (int i = 0; i < n; i++)
+        g_free(tiles[i].tile);
+    g_free(tiles);
+}
+
+gboolean transfer_fit(const struct transfer_sensor *sensor, const struct transfer_pair *dark,
+                      int n_dark, const struct transfer_pair *lit, int n_lit, struct transfer *ret,
+                      GError **error) {
+    if (n_dark < 2 || n_lit < 3) {
+        g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
+                    "there are %d dark and %d lit pairs; it takes two dark ones and three lit ones "
+                    "of different exposures",
+                    n_dark, n_lit);
+        return FALSE;
+    }
+    struct transfer found = {0};
+    int side = MIN(TILE, MIN(sensor->width, sensor->height) / 4 & ~1);
+    struct fit fit = {.sensor = sensor, .side = MAX(side, 2), .n_dark = n_dark, .n_lit = n_lit};
+    fit.n_tiles = (sensor->width / fit.side) * (sensor->height / fit.side);
+    fit.dark = g_new0(struct tiles, n_dark);
+    fit.lit = g_new0(struct tiles, n_lit);
+    fit.to = &found;
+    gboolean ok = photon_transfer_fit_all(&fit, dark, lit, error);
+    free_tiles(fit.dark, n_dark);
+    free_tiles(fit.lit, n_lit);
+    if (ok)
+        *ret = found;
+    return ok;
+}

@@ -1,0 +1,174 @@
+#include "radiometry.h"
+
+#include <string.h>
+
+G_DEFINE_QUARK(radiometry_error, radiometry_error)
+
+#define CELLS      12  /* a side of a picture, at most */
+#define CELL_PX    16  /* a side of a cell, at least */
+#define FEW_PIXELS 16  /* of a colour, in a cell */
+#define BORDER_MM  2   /* of the tile that is left out: its edge may be bevelled or soiled */
+#define MOST_ROWS  256 /* of two pixels that are looked at; larger pictures are sampled */
+
+static double half_diagonal(const struct rig_camera *camera) {
+    return 0.5 * hypot(camera->width - 1, camera->height - 1);
+}
+
+/* The functions that radiometry_camera.flat are the factors of. */
+static void flat_basis(const struct rig_camera *camera, double x_px, double y_px,
+                       double ret[RADIOMETRY_FLAT]) {
+    double x = (x_px - 0.5 * (camera->width - 1)) / half_diagonal(camera);
+    double y = (y_px - 0.5 * (camera->height - 1)) / half_diagonal(camera);
+    double s = x * x + y * y;
+    const double values[RADIOMETRY_FLAT] = {s,     s * s,         s * s * s, x,    y,
+                                            x * y, x * x - y * y, x * s,     y * s};
+    memcpy(ret, values, sizeof values);
+}
+
+/* As rig.h has it. */
+static double nominal_flat(const struct rig_camera *camera, double x_px, double y_px) {
+    double dx = x_px - camera->cx_px, dy = y_px - camera->cy_px, corner = half_diagonal(camera);
+    return MAX(1 - camera->vignetting * (dx * dx + dy * dy) / (corner * corner), 0.05);
+}
+
+double radiometry_flat(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
+                       double x_px, double y_px) {
+    double basis[RADIOMETRY_FLAT], log = 0;
+    if (radiometry && radiometry->known) {
+        flat_basis(camera, x_px, y_px, basis);
+        for (int i = 0; i < RADIOMETRY_FLAT; i++)
+            log += radiometry->flat[i] * basis[i];
+    }
+    return nominal_flat(camera, x_px, y_px) * exp(log);
+}
+
+/* What is being summed over the pixels of one colour in a cell. */
+struct sums {
+    double n, basis[RADIOMETRY_FLAT], signal, expected, squares, triples;
+    struct vec3 point;
+    float last[2]; /* the two pixels before in this row */
+    int last_x, last_y, run;
+};
+
+struct measuring {
+    const struct rig *rig;
+    const struct rig_camera *camera;
+    const char *cfa;
+    const float *mosaic;
+    const struct tile *tile;
+    const struct tile_shot *shot;
+    struct vec3 eye;
+    int cells; /* a side */
+    struct sums sums[CELLS * CELLS][3];
+};
+
+static int radiometry_colour_at(const char *cfa, int x, int y) {
+    char name = strcmp(cfa, "mono") == 0 ? 'g' : cfa[2 * (y & 1) + (x & 1)];
+    return name == 'r' ? 0 : name == 'g' ? 1 : 2;
+}
+
+static gboolean on_tile(const struct tile *tile, struct vec3 point_mm, double turntable_rad) {
+    struct vec3 p = rig_turn(point_mm, -turntable_rad);
+    return fabs(p.x) < tile->width_mm / 2 - BORDER_MM &&
+           fabs(p.y) < tile->height_mm / 2 - BORDER_MM;
+}
+
+static double expected(const struct measuring *m, struct vec3 p, int x, int y, int colour) {
+    const struct rig_lamp *lamp = &m->rig->lamps[m->shot->lamp];
+    struct vec3 way = vec3_sub(rig_lamp_position_mm(&m->rig->arc, lamp, m->shot->arc_rad), p);
+    double cosine = MAX(way.z / vec3_length(way), 0);
+    return m->camera->response * nominal_flat(m->camera, x, y) * m->tile->reflectance[colour] /
+           G_PI * cosine * rig_lamp_irradiance(&m->rig->arc, lamp, m->shot->arc_rad, p);
+}
+
+static void radiometry_add_pixel(struct measuring *m, int x, int y) {
+    struct vec3 ray = rig_pixel_ray(m->camera, x, y);
+    if (!(ray.z < 0))
+        return;
+    struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->tile->top_mm - m->eye.z) / ray.z));
+    if (!on_tile(m->tile, p, m->shot->turntable_rad))
+        return;
+    int row = y * m->cells / m->camera->height, column = x * m->cells / m->camera->width;
+    int cell = row * CELLS + column;
+    int colour = radiometry_colour_at(m->cfa, x, y);
+    struct sums *s = &m->sums[cell][colour];
+    float value = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x];
+    s->run = s->last_y == y && x - s->last_x <= 2 ? s->run + 1 : 1;
+    if (s->run > 2) { /* second differences: a slope is no noise */
+        double off = value - 2.0 * s->last[0] + s->last[1];
+        s->squares += off * off / 6;
+        s->triples++;
+    }
+    s->last[1] = s->last[0];
+    s->last[0] = value;
+    s->last_x = x;
+    s->last_y = y;
+    s->n++;
+    double basis[RADIOMETRY_FLAT];
+    flat_basis(m->camera, x, y, basis);
+    for (int i = 0; i < RADIOMETRY_FLAT; i++)
+        s->basis[i] += basis[i];
+    s->signal += value;
+    s->expected += expected(m, p, x, y, colour);
+    s->point = vec3_add(s->point, p);
+}
+
+static gboolean radiometry_is_good(const struct sums *s) {
+    return s->n >= FEW_PIXELS && 4 * s->triples >= FEW_PIXELS && isfinite(s->signal) &&
+           s->signal > 0 && s->expected > 0;
+}
+
+/* Photons make a pixel's variance grow with its mean: by how much is told by all cells of a picture
+ * together, better than by each alone. */
+static double variance_by_mean(const struct measuring *m) {
+    double variance = 0, mean = 0;
+    for (int i = 0; i < CELLS * CELLS; i++)
+        for (int k = 0; k < 3; k++) {
+            const struct sums *s = &m->sums[i][k];
+            if (!radiometry_is_good(s))
+                continue;
+            variance += s->squares;
+            mean += s->signal / s->n * s->triples;
+        }
+    return mean > 0 ? variance / mean : 0;
+}
+
+static void make_cell(const struct sums *s, double noise, struct tile_cell *cell) {
+    double mean = s->signal / s->n;
+    for (int i = 0; i < RADIOMETRY_FLAT; i++)
+        cell->basis[i] = s->basis[i] / s->n;
+    cell->point_mm = vec3_scale(s->point, 1 / s->n);
+    cell->signal = 1000 * mean;
+    cell->error = 1000 * sqrt(noise * mean / s->n);
+    cell->expected = s->expected / s->n;
+}
+
+int tile_measure(const struct rig *rig, int camera, const char *cfa, const float *mosaic,
+                 const struct tile *tile, const struct tile_shot *shots, int shot, GArray *cells) {
+    g_autofree struct measuring *m = g_new0(struct measuring, 1);
+    const struct rig_camera *c = &rig->cameras[camera];
+    m->rig = rig;
+    m->camera = c;
+    m->cfa = cfa;
+    m->mosaic = mosaic;
+    m->tile = tile;
+    m->shot = &shots[shot];
+    m->cells = CLAMP(MIN(c->width, c->height) / CELL_PX, 1, CELLS);
+    m->eye = rig_camera_centre_mm(c);
+    /* Whole rows, so that neighbours tell the noise. */
+    int stride = 2 * MAX(c->height / (2 * MOST_ROWS), 1);
+    for (int y = 0; y + 1 < c->height; y += stride)
+        for (int x = 0; x < 2 * c->width; x++)
+            radiometry_add_pixel(m, x % c->width, y + x / c->width);
+    int before = (int)cells->len;
+    double noise = variance_by_mean(m);
+    for (int i = 0; i < CELLS * CELLS && noise > 0; i++)
+        for (int k = 0; k < 3; k++) {
+            struct tile_cell cell = {.shot = shot, .camera = camera, .colour = k};
+            if (!radiometry_is_good(&m->sums[i][k]))
+                continue;
+            make_cell(&m->sums[i][k], noise, &cell);
+            g_array_append_val(cells, cell);
+        }
+    return (int)cells->len - before;
+}

@@ -1,0 +1,456 @@
+#include "radiometry.h"
+
+#include <lapacke.h>
+#include <string.h>
+
+#define STEPS           5
+#define GAUGE           1e8 /* weight of what fixes a free sum to zero */
+#define EXPONENT_SD     1.0 /* what is believed of a lamp before it was seen: */
+#define AIM_SD_RAD      0.035
+#define DRIFT_SD        0.05 /* of a lamp from shot to shot; pictures of one shot tell it far better */
+#define MOST_GAIN_ERROR 0.01
+#define OUTLIER         5.0 /* standard deviations */
+#define MOST_OUTLIERS   0.05
+#define MOST_RESIDUAL   0.03
+#define APART_RAD       (30 * G_PI / 180)
+#define MOST_FLAT_ERROR 0.05
+#define FEW_CELLS       30 /* of a camera */
+
+/* Lenses are smooth: what the tile did not reach is not bent at will. As RADIOMETRY_FLAT's. */
+static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1};
+
+/*
+ * Unknowns: of each camera, three logarithms of gain (of nominal) and its flat field; of each lamp
+ * three logarithms of intensity (of nominal), its exponent and two tilts of its aim; of each shot
+ * the logarithm of its output.
+ */
+#define CAMERA_SIZE (3 + RADIOMETRY_FLAT)
+#define LAMP_SIZE   6
+#define ROW_SIZE    (1 + RADIOMETRY_FLAT + 1 + 3 + 1)
+
+struct problem {
+    struct rig *rig;
+    const struct tile_shot *shots;
+    const struct tile_cell *cells;
+    int n_shots, n_cells, n;
+    gboolean *bad;
+    double *x;      /* found so far */
+    double *matrix; /* n × n, lower triangle; at last the covariance */
+    double *right;
+    double chi2, sum2;
+    int n_used;
+};
+
+static int camera_at(const struct problem *p, int camera) {
+    return camera * CAMERA_SIZE;
+}
+
+static int lamp_at(const struct problem *p, int lamp) {
+    return p->rig->n_cameras * CAMERA_SIZE + lamp * LAMP_SIZE;
+}
+
+static int radiometry_fit_shot_at(const struct problem *p, int shot) {
+    return p->rig->n_cameras * CAMERA_SIZE + p->rig->n_lamps * LAMP_SIZE + shot;
+}
+
+/* Two directions across the aim. */
+static void radiometry_fit_across(const struct rig_lamp *lamp, struct vec3 *ret_a,
+                                  struct vec3 *ret_b) {
+    struct vec3 side = fabs(lamp->aim.y) < 0.9 ? vec3(0, 1, 0) : vec3(1, 0, 0);
+    *ret_a = vec3_unit(vec3_cross(lamp->aim, side));
+    *ret_b = vec3_cross(lamp->aim, *ret_a);
+}
+
+static struct vec3 tilted_aim(const struct rig_lamp *lamp, double a, double b) {
+    struct vec3 e1, e2;
+    radiometry_fit_across(lamp, &e1, &e2);
+    return vec3_unit(vec3_add(lamp->aim, vec3_add(vec3_scale(e1, a), vec3_scale(e2, b))));
+}
+
+struct row {
+    int at[ROW_SIZE];
+    double value[ROW_SIZE];
+    int n;
+    double off, weight;
+};
+
+static void radiometry_fit_put(struct row *row, int at, double value) {
+    row->at[row->n] = at;
+    row->value[row->n++] = value;
+}
+
+/* The lamp's pattern towards a point: its logarithm less the nominal one, and derivatives. */
+static double lamp_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
+    const struct tile_shot *shot = &p->shots[cell->shot];
+    const struct rig_lamp *lamp = &p->rig->lamps[shot->lamp];
+    const double *x = p->x + lamp_at(p, shot->lamp);
+    struct vec3 way = vec3_unit(vec3_sub(
+        rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), lamp->position_mm));
+    struct vec3 aim = tilted_aim(lamp, x[4], x[5]), e1, e2;
+    double exponent = lamp->exponent + x[3], cosine = MAX(vec3_dot(way, aim), 1e-3);
+    radiometry_fit_across(lamp, &e1, &e2);
+    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
+    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4,
+                       exponent * (vec3_dot(way, e1) - cosine * vec3_dot(aim, e1)) / cosine);
+    radiometry_fit_put(row, lamp_at(p, shot->lamp) + 5,
+                       exponent * (vec3_dot(way, e2) - cosine * vec3_dot(aim, e2)) / cosine);
+    return exponent * log(cosine) - lamp->exponent * log(MAX(vec3_dot(way, lamp->aim), 1e-3));
+}
+
+static void cell_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
+    int lamp = p->shots[cell->shot].lamp;
+    memset(row, 0, sizeof *row);
+    radiometry_fit_put(row, camera_at(p, cell->camera) + cell->colour, 1);
+    for (int i = 0; i < RADIOMETRY_FLAT; i++)
+        radiometry_fit_put(row, camera_at(p, cell->camera) + 3 + i, cell->basis[i]);
+    radiometry_fit_put(row, lamp_at(p, lamp) + cell->colour, 1);
+    radiometry_fit_put(row, radiometry_fit_shot_at(p, cell->shot), 1);
+    double model = 0;
+    for (int i = 0; i < row->n; i++)
+        model += row->value[i] * p->x[row->at[i]];
+    model += lamp_row(p, cell, row);
+    row->off = log(cell->signal / cell->expected) - model;
+    row->weight = cell->signal * cell->signal / (cell->error * cell->error);
+}
+
+static void add_row(struct problem *p, const struct row *row) {
+    for (int i = 0; i < row->n; i++) {
+        p->right[row->at[i]] += row->weight * row->value[i] * row->off;
+        for (int j = 0; j < row->n; j++)
+            if (row->at[j] <= row->at[i])
+                p->matrix[(gsize)row->at[i] * (gsize)p->n + (gsize)row->at[j]] +=
+                    row->weight * row->value[i] * row->value[j];
+    }
+}
+
+/* A sum that nothing but convention fixes. */
+static void add_gauge(struct problem *p, const int *at, int n) {
+    double sum = 0;
+    for (int i = 0; i < n; i++)
+        sum += p->x[at[i]];
+    for (int i = 0; i < n; i++) {
+        p->right[at[i]] -= GAUGE * sum;
+        for (int j = 0; j < n; j++)
+            if (at[j] <= at[i])
+                p->matrix[(gsize)at[i] * (gsize)p->n + (gsize)at[j]] += GAUGE;
+    }
+}
+
+static double *diagonal(const struct problem *p, int i) {
+    return &p->matrix[(gsize)i * (gsize)p->n + (gsize)i];
+}
+
+static void add_gauges(struct problem *p) {
+    g_autofree int *at = g_new(int, MAX(p->n_shots, p->rig->n_cameras));
+    for (int k = 0; k < 3; k++) {
+        int n = 0;
+        for (int c = 0; c < p->rig->n_cameras; c++)
+            if (*diagonal(p, camera_at(p, c) + k) > 0)
+                at[n++] = camera_at(p, c) + k;
+        add_gauge(p, at, n);
+    }
+    for (int l = 0; l < p->rig->n_lamps; l++) {
+        int n = 0;
+        for (int s = 0; s < p->n_shots; s++)
+            if (p->shots[s].lamp == l && *diagonal(p, radiometry_fit_shot_at(p, s)) > 0)
+                at[n++] = radiometry_fit_shot_at(p, s);
+        add_gauge(p, at, n);
+    }
+}
+
+/* A sensor without filters is seen in green alone: its other colours are alike. */
+static void tie_colours(struct problem *p, int at) {
+    for (int k = 0; k < 3; k++) {
+        if (*diagonal(p, at + k) > 0 || *diagonal(p, at + 1) == 0)
+            continue;
+        int low = at + MIN(k, 1), high = at + MAX(k, 1);
+        double off = p->x[high] - p->x[low];
+        *diagonal(p, low) += GAUGE;
+        *diagonal(p, high) += GAUGE;
+        p->matrix[(gsize)high * (gsize)p->n + (gsize)low] -= GAUGE;
+        p->right[high] -= GAUGE * off;
+        p->right[low] += GAUGE * off;
+    }
+}
+
+static void add_prior(struct problem *p, int at, double sd) {
+    *diagonal(p, at) += 1 / (sd * sd);
+    p->right[at] -= p->x[at] / (sd * sd);
+}
+
+static void add_priors(struct problem *p) {
+    for (int c = 0; c < p->rig->n_cameras; c++)
+        for (int i = 0; i < RADIOMETRY_FLAT; i++)
+            add_prior(p, camera_at(p, c) + 3 + i, flat_sd[i]);
+    for (int s = 0; s < p->n_shots; s++)
+        add_prior(p, radiometry_fit_shot_at(p, s), DRIFT_SD);
+    for (int l = 0; l < p->rig->n_lamps; l++) {
+        add_prior(p, lamp_at(p, l) + 3, EXPONENT_SD);
+        add_prior(p, lamp_at(p, l) + 4, AIM_SD_RAD);
+        add_prior(p, lamp_at(p, l) + 5, AIM_SD_RAD);
+    }
+}
+
+static void radiometry_fit_build(struct problem *p) {
+    struct row row;
+    memset(p->matrix, 0, (gsize)p->n * (gsize)p->n * sizeof(double));
+    memset(p->right, 0, (gsize)p->n * sizeof(double));
+    p->chi2 = p->sum2 = 0;
+    p->n_used = 0;
+    for (int i = 0; i < p->n_cells; i++) {
+        if (p->bad[i])
+            continue;
+        cell_row(p, &p->cells[i], &row);
+        add_row(p, &row);
+        p->chi2 += row.weight * row.off * row.off;
+        p->sum2 += row.off * row.off;
+        p->n_used++;
+    }
+    add_gauges(p);
+    for (int c = 0; c < p->rig->n_cameras; c++)
+        tie_colours(p, camera_at(p, c));
+    for (int l = 0; l < p->rig->n_lamps; l++)
+        tie_colours(p, lamp_at(p, l));
+    add_priors(p);
+    for (int i = 0; i < p->n; i++) /* what nothing was seen of stays as it is */
+        if (*diagonal(p, i) == 0)
+            *diagonal(p, i) = 1;
+}
+
+static gboolean radiometry_fit_factor(struct problem *p, GError **error) {
+    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n) == 0)
+        return TRUE;
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                "the tile's pictures do not tell cameras and lamps apart: take it with every "
+                "camera under every lamp, at several arc and turntable angles");
+    return FALSE;
+}
+
+static gboolean radiometry_fit_solve(struct problem *p, GError **error) {
+    for (int i = 0; i < STEPS; i++) {
+        radiometry_fit_build(p);
+        if (!radiometry_fit_factor(p, error))
+            return FALSE;
+        LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', p->n, 1, p->matrix, p->n, p->right, 1);
+        for (int k = 0; k < p->n; k++)
+            p->x[k] += p->right[k];
+    }
+    radiometry_fit_build(p);
+    return TRUE;
+}
+
+static int drop_outliers(struct problem *p) {
+    double scale = sqrt(MAX(p->chi2 / MAX(p->n_used - p->n, 1), 1));
+    struct row row;
+    int n = 0;
+    for (int i = 0; i < p->n_cells; i++) {
+        cell_row(p, &p->cells[i], &row);
+        p->bad[i] = fabs(row.off) * sqrt(row.weight) > OUTLIER * scale;
+        n += p->bad[i];
+    }
+    return n;
+}
+
+/* Every lamp that is used, at arc angles that differ enough for its own fall-off to be told from
+ * the cameras'. */
+static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
+    for (int l = 0; l < p->rig->n_lamps; l++) {
+        double first = 0, apart = 0;
+        int n = 0;
+        for (int s = 0; s < p->n_shots; s++) {
+            if (p->shots[s].lamp != l)
+                continue;
+            first = n++ == 0 ? p->shots[s].arc_rad : first;
+            double turn = fabs(remainder(p->shots[s].arc_rad - first, 2 * G_PI));
+            apart = MAX(apart, turn);
+        }
+        if (n == 0 || apart >= APART_RAD)
+            continue;
+        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
+                    "lamp %s lights the tile from one side only (arc angles within %.0f°): its "
+                    "fall-off and the cameras' vignetting cannot be told apart; take it at several "
+                    "arc angles",
+                    p->rig->lamps[l].name, apart * 180 / G_PI);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean check_cells(const struct problem *p, GError **error) {
+    int seen[RIG_MAX_CAMERAS] = {0};
+    for (int i = 0; i < p->n_cells; i++)
+        seen[p->cells[i].camera]++;
+    for (int c = 0; c < p->rig->n_cameras; c++)
+        if (seen[c] > 0 && seen[c] < FEW_CELLS) {
+            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
+                        "camera %s sees too little of the tile (%d cells in all pictures): use a "
+                        "larger one, or one that lies where the camera looks",
+                        p->rig->cameras[c].name, seen[c]);
+            return FALSE;
+        }
+    if (p->n_cells >= FEW_CELLS)
+        return TRUE;
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
+                "no picture shows the tile: it must lie in the middle of the turntable, %d cells "
+                "were lit",
+                p->n_cells);
+    return FALSE;
+}
+
+static gboolean check_fit(const struct problem *p, int rejected, GError **error) {
+    double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
+    if (rejected <= MOST_OUTLIERS * p->n_cells && rms < MOST_RESIDUAL)
+        return TRUE;
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+                "what the pictures show is not a matt white tile under these lamps: %.1f %% off on "
+                "average, %d of %d cells quite different; is it clean, matt, level, where the "
+                "session says, and does no other light fall on it?",
+                100 * rms, rejected, p->n_cells);
+    return FALSE;
+}
+
+static double radiometry_fit_covariance(const struct problem *p, int i, int j) {
+    return p->matrix[(gsize)MAX(i, j) * (gsize)p->n + (gsize)MIN(i, j)];
+}
+
+/* The mean of three logarithms from `at`, and how each lies off it. */
+static void radiometry_fit_split_colours(const struct problem *p, int at, double worse,
+                                         double *ret_mean, double *ret_error, double colour[3],
+                                         double colour_error[3]) {
+    double mean = (p->x[at] + p->x[at + 1] + p->x[at + 2]) / 3, variance = 0;
+    double with[3] = {0};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            variance += radiometry_fit_covariance(p, at + i, at + j) / 9;
+            with[i] += radiometry_fit_covariance(p, at + i, at + j) / 3;
+        }
+    for (int i = 0; i < 3; i++) {
+        double own = radiometry_fit_covariance(p, at + i, at + i) - 2 * with[i] + variance;
+        colour[i] = exp(p->x[at + i] - mean);
+        colour_error[i] = colour[i] * sqrt(MAX(own, 0)) * worse;
+    }
+    *ret_mean = mean;
+    *ret_error = sqrt(MAX(variance, 0)) * worse;
+}
+
+static void store_camera(const struct problem *p, int c, double worse, struct tile_fit *ret) {
+    struct radiometry_camera *to = &ret->cameras[c];
+    int at = camera_at(p, c);
+    double mean;
+    for (int i = 0; i < p->n_cells; i++)
+        to->cells += p->cells[i].camera == c && !p->bad[i];
+    to->known = to->cells > 0;
+    radiometry_fit_split_colours(p, at, worse, &mean, &to->response_error, to->colour,
+                                 to->colour_error);
+    p->rig->cameras[c].response *= exp(mean);
+    for (int i = 0; i < RADIOMETRY_FLAT; i++) {
+        to->flat[i] = p->x[at + 3 + i];
+        to->flat_error[i] = sqrt(radiometry_fit_covariance(p, at + 3 + i, at + 3 + i)) * worse;
+    }
+}
+
+static void store_lamp(const struct problem *p, int l, double worse, struct tile_fit *ret) {
+    struct radiometry_lamp *to = &ret->lamps[l];
+    struct rig_lamp *lamp = &p->rig->lamps[l];
+    int at = lamp_at(p, l);
+    double mean;
+    for (int s = 0; s < p->n_shots; s++)
+        to->shots += p->shots[s].lamp == l;
+    to->known = to->shots > 0;
+    radiometry_fit_split_colours(p, at, worse, &mean, &to->intensity_error, to->colour,
+                                 to->colour_error);
+    if (!to->known)
+        return;
+    lamp->intensity *= exp(mean);
+    lamp->exponent = MAX(lamp->exponent + p->x[at + 3], 0);
+    lamp->aim = tilted_aim(lamp, p->x[at + 4], p->x[at + 5]);
+    to->exponent_error = sqrt(radiometry_fit_covariance(p, at + 3, at + 3)) * worse;
+    to->aim_error_rad = sqrt(0.5 * (radiometry_fit_covariance(p, at + 4, at + 4) +
+                                    radiometry_fit_covariance(p, at + 5, at + 5))) *
+                        worse;
+}
+
+static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct tile_fit *fit,
+                                            GError **error) {
+    for (int c = 0; c < rig->n_cameras; c++) {
+        /* The slopes and the curvature matter at the picture's edge, where x and r² are about 1. */
+        double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
+        if (fit->cameras[c].known && fit->cameras[c].response_error > MOST_GAIN_ERROR) {
+            g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                        "camera %s and others never see the tile in the same shot, so that lamps "
+                        "that drift cannot be told from cameras that differ: plan views of all "
+                        "cameras that share turntable angles",
+                        rig->cameras[c].name);
+            return FALSE;
+        }
+        if (!fit->cameras[c].known || worst < MOST_FLAT_ERROR)
+            continue;
+        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
+                    "the flat field of camera %s is known to %.0f %% only: take the tile at more "
+                    "arc and turntable angles, or use a larger one",
+                    rig->cameras[c].name, 100 * worst);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean radiometry_fit_finish(struct problem *p, struct tile_fit *ret, GError **error) {
+    if (!radiometry_fit_factor(p, error))
+        return FALSE;
+    LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n);
+    ret->degrees = MAX(p->n_used - p->n, 1);
+    ret->quality = p->chi2 / ret->degrees;
+    ret->residual = sqrt(p->sum2 / p->n_used);
+    double worse = sqrt(MAX(ret->quality, 1));
+    for (int c = 0; c < p->rig->n_cameras; c++)
+        store_camera(p, c, worse, ret);
+    for (int l = 0; l < p->rig->n_lamps; l++)
+        store_lamp(p, l, worse, ret);
+    ret->output = g_new(double, p->n_shots);
+    ret->output_error = g_new(double, p->n_shots);
+    for (int s = 0; s < p->n_shots; s++) {
+        ret->output[s] = exp(p->x[radiometry_fit_shot_at(p, s)]);
+        ret->output_error[s] = sqrt(radiometry_fit_covariance(p, radiometry_fit_shot_at(p, s),
+                                                              radiometry_fit_shot_at(p, s))) *
+                               worse;
+    }
+    return radiometry_fit_check_errors(p->rig, ret, error);
+}
+
+void tile_fit_clear(struct tile_fit *fit) {
+    g_clear_pointer(&fit->output, g_free);
+    g_clear_pointer(&fit->output_error, g_free);
+}
+
+static gboolean radiometry_fit_run(struct problem *p, struct tile_fit *ret, GError **error) {
+    if (!check_cells(p, error) || !radiometry_fit_check_shots(p, error) ||
+        !radiometry_fit_solve(p, error))
+        return FALSE;
+    ret->rejected = drop_outliers(p);
+    return radiometry_fit_solve(p, error) && check_fit(p, ret->rejected, error) &&
+           radiometry_fit_finish(p, ret, error);
+}
+
+gboolean tile_fit(struct rig *rig, const struct tile_shot *shots, int n_shots,
+                  const struct tile_cell *cells, int n_cells, struct tile_fit *ret,
+                  GError **error) {
+    struct rig found = *rig;
+    struct problem p = {
+        .rig = &found, .shots = shots, .cells = cells, .n_shots = n_shots, .n_cells = n_cells};
+    p.n = radiometry_fit_shot_at(&p, n_shots);
+    p.bad = g_new0(gboolean, n_cells);
+    p.x = g_new0(double, p.n);
+    p.right = g_new0(double, p.n);
+    p.matrix = g_new0(double, (gsize)p.n *(gsize)p.n);
+    memset(ret, 0, sizeof *ret);
+    gboolean ok = radiometry_fit_run(&p, ret, error);
+    g_free(p.bad);
+    g_free(p.x);
+    g_free(p.right);
+    g_free(p.matrix);
+    if (ok)
+        *rig = found;
+    else
+        tile_fit_clear(ret);
+    return ok;
+}

@@ -1,0 +1,22 @@
+# A room: a folder, a static library room_NAME of its sources, and an include path under its name
+# (#include "NAME/header.h"). It sees the headers of the rooms in USES and of nothing else;
+# ARCHITECTURE.md has the table of what each may use, and the test "rooms" holds the code against it.
+#
+#   mesorig_room(FOLDER [USES room…] [LIBRARIES library…] [WITHOUT source…])
+function(mesorig_room folder)
+  cmake_parse_arguments(PARSE_ARGV 1 ROOM "" "" "USES;LIBRARIES;WITHOUT")
+  get_filename_component(name ${folder} NAME)
+  set(path ${CMAKE_CURRENT_SOURCE_DIR}/${folder})
+  file(GLOB sources CONFIGURE_DEPENDS ${path}/*.c ${path}/*.cpp)
+  list(TRANSFORM ROOM_WITHOUT PREPEND ${path}/)
+  list(REMOVE_ITEM sources ${ROOM_WITHOUT})
+  set(includes ${PROJECT_BINARY_DIR}/rooms/${name})
+  file(MAKE_DIRECTORY ${includes})
+  file(CREATE_LINK ${path} ${includes}/${name} SYMBOLIC)
+  list(TRANSFORM ROOM_USES PREPEND room_)
+  add_library(room_${name} STATIC ${sources})
+  set_property(GLOBAL APPEND PROPERTY MESORIG_ROOMS room_${name})
+  target_include_directories(room_${name} PUBLIC ${includes})
+  target_link_libraries(room_${name} PUBLIC PkgConfig::GLIB ${ROOM_USES}
+                        PRIVATE ${ROOM_LIBRARIES} Threads::Threads m)
+endfunction()

@@ -1,0 +1,375 @@
+#include "bus_devices.h"
+#include "bus_errors.h"
+#include "bus_private.h"
+#include "plan/report.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+static const char *const state_names[] = {
+    [CAPTURE_HOMING] = "homing", [CAPTURE_RUNNING] = "running", [CAPTURE_PAUSING] = "pausing",
+    [CAPTURE_PAUSED] = "paused", [CAPTURE_DONE] = "done",       [CAPTURE_ABORTED] = "aborted",
+};
+
+static void bus_tell(Bus *bus) {
+    if (bus->func)
+        bus->func(bus, bus->data);
+}
+
+static void event(Capture *capture, const char *level, const char *source, const char *message,
+                  gpointer data) {
+    Bus *bus = data;
+    const gboolean bad = strcmp(level, "error") == 0;
+    bus_rig1_emit_event(bus->object, level, source, message);
+    if (bad)
+        g_hash_table_insert(bus->faults, g_strdup(source), g_strdup(message));
+    g_log_structured(G_LOG_DOMAIN,
+                     strcmp(level, "info") == 0 ? G_LOG_LEVEL_MESSAGE : G_LOG_LEVEL_WARNING,
+                     "MESORIG_SOURCE", source, "MESSAGE", "%s: %s", source, message);
+}
+
+/* Real seconds from now to the end. A simulated rig's clock runs at a pace of its own, which is
+ * taken from what was done so far. */
+static double bus_real_left_s(Bus *bus, const struct capture_status *status) {
+    if (!clock_is_virtual(bus->devices->clock))
+        return status->left_s;
+    const double simulated_s = status->elapsed_s - bus->started_elapsed_s;
+    const double real_s = (double)(g_get_monotonic_time() - bus->started_us) / G_USEC_PER_SEC;
+    return simulated_s > 0 ? status->left_s * real_s / simulated_s : -1;
+}
+
+static void show_status(Bus *bus, const struct capture_status *status) {
+    const gboolean runs = status->state <= CAPTURE_PAUSING;
+    const double left_s = runs ? bus_real_left_s(bus, status) : -1;
+    const guint64 end = left_s >= 0 && left_s < 1e9
+                            ? (guint64)(g_get_real_time() / G_USEC_PER_SEC) + (guint64)left_s
+                            : 0;
+    g_object_set(bus->object, "state", state_names[status->state], "reason",
+                 status->reason ? status->reason : "", "prompt",
+                 status->prompt ? status->prompt : "", "doing", status->doing ? status->doing : "",
+                 "shots", status->shots, "shots-done", status->shots_done, "frames", status->frames,
+                 "retakes", status->retakes, "elapsed", status->elapsed_s, "left", status->left_s,
+                 "predicted-end", end, NULL);
+}
+
+static void show_devices(Bus *bus) {
+    bus_rig1_set_devices(bus->object, bus_devices(bus->devices, bus->faults));
+}
+
+static void remove_control(Bus *bus) {
+    if (!bus->directory)
+        return;
+    g_autofree char *path = g_build_filename(bus->directory, BUS_CONTROL, NULL);
+    g_unlink(path);
+}
+
+static void end_capture(Bus *bus) {
+    if (bus->end_id)
+        g_source_remove(bus->end_id);
+    bus->end_id = 0;
+    if (bus->capture) {
+        remove_control(bus);
+        bus_keep_thumbnails(bus);
+    }
+    g_clear_pointer(&bus->capture, capture_free);
+}
+
+/* The session is let go of as soon as it has ended, so that another program may go on with it; what
+ * is shown stays. Not from within the capture's own call. */
+static gboolean end_capture_idle(gpointer data) {
+    Bus *bus = data;
+    bus->end_id = 0;
+    end_capture(bus);
+    show_devices(bus);
+    bus_tell(bus);
+    return G_SOURCE_REMOVE;
+}
+
+static void bus_changed(Capture *capture, gpointer data) {
+    Bus *bus = data;
+    struct capture_status status;
+    if (!bus->capture)
+        return; /* from within capture_start() */
+    capture_get_status(capture, &status);
+    show_status(bus, &status);
+    show_devices(bus);
+    bus_show_thumbnails(bus);
+    if (status.state >= CAPTURE_DONE && !bus->end_id)
+        bus->end_id = g_idle_add(end_capture_idle, bus);
+    bus_tell(bus);
+}
+
+gboolean bus_need_rig(Bus *bus, GError **error) {
+    if (bus->ending) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is being closed", bus->rig_path);
+        return FALSE;
+    }
+    if (!bus->devices)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_RIG, "no rig is open: call OpenRig first");
+    return bus->devices != NULL;
+}
+
+gboolean bus_need_capture(Bus *bus, GError **error) {
+    if (!bus->capture)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_NO_SESSION, "nothing is being captured");
+    return bus->capture != NULL;
+}
+
+gboolean bus_need_free(Bus *bus, GError **error) {
+    const char *beginning = bus_jobs_beginning(bus);
+    if (bus->capture)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "%s is being captured (%s): Abort it, or wait for its end", bus->directory,
+                    bus_rig1_get_state(bus->object));
+    else if (beginning)
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY,
+                    "%s is about to begin: Abort it, or wait for its end", beginning);
+    return !bus->capture && !beginning;
+}
+
+gboolean bus_need_absolute(const char *path, GError **error) {
+    if (g_path_is_absolute(path))
+        return TRUE;
+    g_set_error(error, BUS_ERROR, BUS_ERROR_BAD_PATH, "“%s” is not an absolute path", path);
+    return FALSE;
+}
+
+static void show_nothing(Bus *bus) {
+    g_object_set(bus->object, "state", bus->devices ? "idle" : "closed", "reason", "", "prompt", "",
+                 "doing", "", "rig-path", bus->rig_path ? bus->rig_path : "", "simulated",
+                 bus->devices && clock_is_virtual(bus->devices->clock), "session", "", "shots", 0,
+                 "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
+                 0.0, "predicted-end", (guint64)0, NULL);
+    show_devices(bus);
+    bus_tell(bus);
+}
+
+/* A simulated rig's time stands still until something is asked of it: what is to happen to it after
+ * so many seconds would else have happened before the first call. */
+static void hold_clock(Bus *bus, gboolean hold) {
+    if (bus->holds_clock == hold || !bus->devices)
+        return;
+    bus->holds_clock = hold;
+    (hold ? clock_hold : clock_release)(bus->devices->clock);
+}
+
+/* What shines on when this program dies is for whoever runs the rig to know before it does. */
+static void warn_of_lasers(const struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        const Laser *laser = devices->lasers[i];
+        if (rig_laser_unit(&devices->timing, i) == i && !laser->driver->simulated &&
+            laser->watchdog_s == 0)
+            g_warning("laser %s: its device (%s) has no watchdog, so it stays on if this computer "
+                      "stops or the line is cut: give it one, or wire an interlock relay; see "
+                      "\"Watchdogs of devices\" in docs/safety.md",
+                      laser->device.name, laser->device.info->name);
+    }
+}
+
+gboolean bus_open_rig(Bus *bus, const char *path, GError **error) {
+    if (!bus_need_free(bus, error) || !bus_need_absolute(path, error))
+        return FALSE;
+    if (bus->devices) {
+        g_set_error(error, BUS_ERROR, BUS_ERROR_BUSY, "the rig %s is open: call CloseRig first",
+                    bus->rig_path);
+        return FALSE;
+    }
+    bus->devices = devices_open(path, error);
+    if (!bus->devices)
+        return FALSE;
+    if (guardian_is_needed(bus->devices) && !(bus->guardian = guardian_start(path, error))) {
+        g_clear_pointer(&bus->devices, devices_close);
+        return FALSE;
+    }
+    bus->is_safe = FALSE;
+    warn_of_lasers(bus->devices);
+    hold_clock(bus, TRUE);
+    g_free(bus->rig_path);
+    bus->rig_path = g_strdup(path);
+    show_nothing(bus);
+    return TRUE;
+}
+
+void bus_close_rig(Bus *bus) {
+    g_autoptr(GError) error = NULL;
+    if (bus->ending)
+        return; /* from within bus_end(), which runs the main loop */
+    bus_jobs_stop_all(bus, "the rig was closed meanwhile");
+    g_clear_pointer(&bus->follower, follower_free);
+    end_capture(bus);
+    bus_drop_thumbnails(bus);
+    if (bus->guardian && !bus->is_safe && !bus_end(bus, &error))
+        g_warning("the rig is NOT safe: %s", error->message);
+    hold_clock(bus, FALSE);
+    guardian_set_busy(bus->guardian, TRUE); /* who does not answer is waited for once more */
+    g_clear_pointer(&bus->devices, devices_close);
+    guardian_end(bus->guardian, bus->is_safe);
+    bus->guardian = NULL;
+    g_clear_pointer(&bus->rig_path, g_free);
+    g_clear_pointer(&bus->directory, g_free);
+    g_hash_table_remove_all(bus->faults);
+    show_nothing(bus);
+}
+
+/* Sessions begun by a version that did not say which rig file it was, or with a rig that has since
+ * moved. */
+static void remember_rig(Bus *bus) {
+    g_autoptr(Session) session = session_open(bus->directory, SESSION_PRODUCTS, NULL);
+    g_autofree char *known = session ? session_value(session, "rig_path") : NULL;
+    if (session && g_strcmp0(known, bus->rig_path) != 0)
+        session_set_value(session, "rig_path", bus->rig_path, NULL);
+}
+
+static void write_control(Bus *bus) {
+    g_autofree char *path = g_build_filename(bus->directory, BUS_CONTROL, NULL);
+    g_autofree char *line = g_strconcat(bus->address, "\n", NULL);
+    g_autoptr(GError) error = NULL;
+    if (!g_file_set_contents(path, line, -1, &error))
+        g_message("other terminals will not find this session by its folder: %s", error->message);
+}
+
+static void show_beginning(Bus *bus, Capture *capture, const char *directory, gboolean process) {
+    struct capture_status status;
+    g_autoptr(GError) error = NULL;
+    g_free(bus->directory);
+    bus->directory = g_strdup(directory);
+    bus->capture = capture;
+    hold_clock(bus, FALSE);
+    bus_drop_thumbnails(bus);
+    capture_get_status(capture, &status);
+    bus->started_us = g_get_monotonic_time();
+    bus->started_elapsed_s = status.elapsed_s;
+    memset(bus->thumbnail_time_s, 0, sizeof(bus->thumbnail_time_s));
+    remember_rig(bus);
+    write_control(bus);
+    bus_rig1_set_session(bus->object, directory);
+    if (process && !(bus->follower = follower_start(directory, &error)))
+        event(capture, "warning", "process", error->message, bus);
+    bus_changed(capture, bus);
+}
+
+gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
+                   gboolean process, GError **error) {
+    const struct capture_callbacks callbacks = {bus_changed, event, bus};
+    bus->is_safe = FALSE;
+    g_clear_pointer(&bus->follower, follower_free);
+    g_hash_table_remove_all(bus->faults);
+    Capture *capture = resumed ? capture_go_on(bus->devices, directory, warning, &callbacks, error)
+                               : capture_begin(bus->devices, directory, &callbacks, error);
+    if (capture)
+        show_beginning(bus, capture, directory, process);
+    return capture != NULL;
+}
+
+gboolean bus_make_safe(Bus *bus, GError **error) {
+    if (!bus_need_rig(bus, error))
+        return FALSE;
+    bus_jobs_stop_begin(bus, "SafeState ended what was about to begin");
+    hold_clock(bus, FALSE);
+    if (bus->capture)
+        capture_abort(bus->capture);
+    const gboolean ok = devices_make_safe(bus->devices, error);
+    show_devices(bus);
+    return ok;
+}
+
+Bus *bus_new(const char *address) {
+    Bus *bus = g_new0(Bus, 1);
+    bus_errors_register();
+    bus->object = bus_rig1_skeleton_new();
+    g_object_set_data(G_OBJECT(bus->object), "bus", bus);
+    bus->address = g_strdup(address);
+    bus->faults = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    bus->jobs = g_ptr_array_new();
+    memcpy(bus->limits, preparer_default_limits, sizeof bus->limits);
+    bus->queue = bus_queue_new(bus);
+    bus_answer_calls(bus);
+    show_nothing(bus);
+    return bus;
+}
+
+static void unexport(GDBusInterfaceSkeleton *skeleton) {
+    GList *connections = g_dbus_interface_skeleton_get_connections(skeleton);
+    g_dbus_interface_skeleton_flush(skeleton);
+    if (connections)
+        g_dbus_interface_skeleton_unexport(skeleton);
+    g_list_free_full(connections, g_object_unref);
+}
+
+gboolean bus_end(Bus *bus, GError **error) {
+    bus_jobs_stop_all(bus, "mesorigd ends");
+    if (!bus->devices)
+        return TRUE;
+    end_capture(bus);
+    hold_clock(bus, FALSE);
+    bus->ending = TRUE;
+    bus->is_safe = devices_secure(bus->devices, error);
+    bus->ending = FALSE;
+    return bus->is_safe;
+}
+
+void bus_free(Bus *bus) {
+    if (!bus)
+        return;
+    bus->func = NULL;
+    bus_close_rig(bus);
+    bus_queue_close(bus->queue);
+    unexport(G_DBUS_INTERFACE_SKELETON(bus->object));
+    g_object_set_data(G_OBJECT(bus->object), "bus", NULL);
+    g_object_unref(bus->object);
+    g_hash_table_unref(bus->faults);
+    g_ptr_array_unref(bus->jobs);
+    g_free(bus->address);
+    g_free(bus);
+}
+
+void bus_listen(Bus *bus, BusFunc func, gpointer data) {
+    bus->func = func;
+    bus->data = data;
+}
+
+void bus_listen_client(Bus *bus, BusFunc gone, gpointer data) {
+    bus->client_gone = gone;
+    bus->client_data = data;
+}
+
+static void connection_closed(GDBusConnection *connection, gboolean by_peer, GError *error,
+                              gpointer object) {
+    if (g_dbus_interface_skeleton_has_connection(object, connection))
+        g_dbus_interface_skeleton_unexport_from_connection(object, connection);
+    Bus *bus = g_object_get_data(object, "bus");
+    if (bus)
+        bus_jobs_stop_client(bus, connection);
+    if (!bus || bus->client != connection)
+        return;
+    bus->client = NULL;
+    if (bus->client_gone)
+        bus->client_gone(bus, bus->client_data);
+}
+
+gboolean bus_export(Bus *bus, GDBusConnection *connection, GError **error) {
+    GDBusInterfaceSkeleton *skeleton = G_DBUS_INTERFACE_SKELETON(bus->object);
+    if (!g_dbus_interface_skeleton_export(skeleton, connection, BUS_PATH, error))
+        return FALSE;
+    bus_queue_guard(bus->queue, connection);
+    g_signal_connect_object(connection, "closed", G_CALLBACK(connection_closed), skeleton, 0);
+    return TRUE;
+}
+
+char *bus_status(Bus *bus) {
+    const char *state = bus_rig1_get_state(bus->object);
+    const int shots = bus_rig1_get_shots(bus->object), done = bus_rig1_get_shots_done(bus->object);
+    const char *reason = bus_rig1_get_reason(bus->object);
+    if (shots <= 0)
+        return g_strdup(state);
+    GString *text = g_string_new(state);
+    g_string_append_printf(text, ", %d %% (%d of %d shots)", (int)(100.0 * done / shots), done,
+                           shots);
+    if (*reason) {
+        g_string_append_printf(text, ": %s", reason);
+    } else if (done < shots && bus->capture) {
+        g_autofree char *left = report_duration(bus_rig1_get_left(bus->object));
+        g_string_append_printf(text, ", %s left", left);
+    }
+    return g_string_free(text, FALSE);
+}

@@ -1,0 +1,122 @@
+#include "bus_errors.h"
+#include "bus_private.h"
+
+/* What a handler does when it has failed: answers with the error. What has changed is told before a
+ * call is answered: who asks must not find the state of before. */
+static gboolean bus_calls_refuse(GDBusMethodInvocation *invocation, GError *error) {
+    g_dbus_method_invocation_take_error(invocation, bus_errors_wrap(error));
+    return TRUE;
+}
+
+static void bus_calls_claim(Bus *bus, GDBusMethodInvocation *invocation) {
+    if (!bus->client)
+        bus->client = g_dbus_method_invocation_get_connection(invocation);
+}
+
+static gboolean on_open_rig(BusRig1 *object, GDBusMethodInvocation *invocation, const char *path,
+                            Bus *bus) {
+    GError *error = NULL;
+    bus_calls_claim(bus, invocation);
+    if (!bus_open_rig(bus, path, &error))
+        return bus_calls_refuse(invocation, error);
+    g_dbus_interface_skeleton_flush(G_DBUS_INTERFACE_SKELETON(object));
+    bus_rig1_complete_open_rig(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_close_rig(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_need_rig(bus, &error))
+        return bus_calls_refuse(invocation, error);
+    bus_close_rig(bus);
+    bus_rig1_complete_close_rig(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_validate(BusRig1 *object, GDBusMethodInvocation *invocation,
+                            const char *session_path, const char *directory, Bus *bus) {
+    GError *error = NULL;
+    return bus_validate(bus, invocation, session_path, directory, &error) ||
+           bus_calls_refuse(invocation, error);
+}
+
+static gboolean on_start(BusRig1 *object, GDBusMethodInvocation *invocation,
+                         const char *session_path, const char *directory, GVariant *options,
+                         Bus *bus) {
+    GError *error = NULL;
+    bus_calls_claim(bus, invocation);
+    return bus_start(bus, invocation, session_path, directory, options, &error) ||
+           bus_calls_refuse(invocation, error);
+}
+
+static gboolean on_resume(BusRig1 *object, GDBusMethodInvocation *invocation, const char *directory,
+                          GVariant *options, Bus *bus) {
+    GError *error = NULL;
+    bus_calls_claim(bus, invocation);
+    return bus_start(bus, invocation, NULL, directory, options, &error) ||
+           bus_calls_refuse(invocation, error);
+}
+
+static gboolean on_pause(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_need_capture(bus, &error))
+        return bus_calls_refuse(invocation, error);
+    capture_pause(bus->capture);
+    bus_rig1_complete_pause(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_continue(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    if (!bus_need_capture(bus, &error))
+        return bus_calls_refuse(invocation, error);
+    if (!capture_continue(bus->capture, &error))
+        return bus_calls_refuse(invocation, error);
+    g_hash_table_remove_all(bus->faults);
+    bus_rig1_complete_continue(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_abort(BusRig1 *object, GDBusMethodInvocation *invocation, Bus *bus) {
+    GError *error = NULL;
+    const gboolean begun = bus_jobs_stop_begin(bus, "Abort ended what was about to begin");
+    if (!begun && !bus_need_capture(bus, &error))
+        return bus_calls_refuse(invocation, error);
+    if (bus->capture)
+        capture_abort(bus->capture);
+    bus_rig1_complete_abort(object, invocation);
+    return TRUE;
+}
+
+static gboolean on_get_thumbnail(BusRig1 *object, GDBusMethodInvocation *invocation,
+                                 const char *camera, Bus *bus) {
+    GError *error = NULL;
+    const struct capture_thumbnail *found = bus_thumbnail(bus, camera, &error);
+    if (!found)
+        return bus_calls_refuse(invocation, error);
+    GVariant *rgb = g_variant_new_fixed_array(G_VARIANT_TYPE_BYTE, found->rgb,
+                                              (gsize)found->width * found->height * 3, 1);
+    bus_rig1_complete_get_thumbnail(object, invocation, (guint)found->width, (guint)found->height,
+                                    rgb, found->time_s);
+    return TRUE;
+}
+
+/* All but SafeState, which bus_queue.c answers. */
+void bus_answer_calls(Bus *bus) {
+    const struct {
+        const char *signal;
+        GCallback handler;
+    } handlers[] = {
+        {"handle-open-rig", G_CALLBACK(on_open_rig)},
+        {"handle-close-rig", G_CALLBACK(on_close_rig)},
+        {"handle-validate", G_CALLBACK(on_validate)},
+        {"handle-start", G_CALLBACK(on_start)},
+        {"handle-resume", G_CALLBACK(on_resume)},
+        {"handle-pause", G_CALLBACK(on_pause)},
+        {"handle-continue", G_CALLBACK(on_continue)},
+        {"handle-abort", G_CALLBACK(on_abort)},
+        {"handle-get-thumbnail", G_CALLBACK(on_get_thumbnail)},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(handlers); i++)
+        g_signal_connect(bus->object, handlers[i].signal, handlers[i].handler, bus);
+}

@@ -1,0 +1,53 @@
+#include "bus_devices.h"
+
+struct listing {
+    GVariantBuilder builder;
+    GHashTable *faults;
+};
+
+static void bus_devices_add(struct listing *list, const struct device *device, const char *health) {
+    const char *fault = g_hash_table_lookup(list->faults, device->name);
+    g_autofree char *told = fault ? g_strconcat("fault: ", fault, NULL) : g_strdup(health);
+    g_variant_builder_add(&list->builder, "(ssss)", device->info->class_name, device->name,
+                          device->info->name, told);
+}
+
+static void bus_devices_add_axis(struct listing *list, const Axis *axis) {
+    if (axis)
+        bus_devices_add(list, &axis->device,
+                        !axis_is_homed(axis)   ? "not homed"
+                        : axis_is_moving(axis) ? "moving"
+                                               : "ok");
+}
+
+static void add_bank(struct listing *list, const LampBank *bank) {
+    int on = 0;
+    for (int i = 0; i < bank->n; i++)
+        on += lamps_is_on(bank, i);
+    g_autofree char *health = on ? g_strdup_printf("%d on", on) : g_strdup("off");
+    bus_devices_add(list, &bank->device, health);
+}
+
+GVariant *bus_devices(struct devices *devices, GHashTable *faults) {
+    struct listing list = {.faults = faults};
+    g_variant_builder_init(&list.builder, G_VARIANT_TYPE("a(ssss)"));
+    if (!devices)
+        return g_variant_builder_end(&list.builder);
+    bus_devices_add_axis(&list, devices->turntable);
+    bus_devices_add_axis(&list, devices->arc);
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (rig_laser_unit(&devices->timing, i) == i)
+            bus_devices_add_axis(&list, devices->sweeps[i]);
+    for (int i = 0; i < devices->n_banks; i++)
+        add_bank(&list, devices->banks[i]);
+    for (int i = 0; i < devices->geometry.n_cameras; i++)
+        bus_devices_add(&list, &devices->cameras[i]->device, "ok");
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (rig_laser_unit(&devices->timing, i) == i)
+            bus_devices_add(&list, &devices->lasers[i]->device,
+                            laser_is_on(devices->lasers[i]) ? "on" : "off");
+    for (int i = 0; i < devices->n_interlocks; i++)
+        bus_devices_add(&list, &devices->interlocks[i]->device,
+                        interlock_is_closed(devices->interlocks[i]) ? "closed" : "open");
+    return g_variant_builder_end(&list.builder);
+}

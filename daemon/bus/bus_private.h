@@ -1,0 +1,96 @@
+/*
+ * What bus.c (the rig, and the session that is being captured), bus_thumbnails.c (the cameras' last
+ * pictures), bus_calls.c (what methods of org.mesorig.Rig1 answer), bus_jobs.c (calls that a child
+ * works for) and bus_queue.c (calls that wait) share.
+ */
+#pragma once
+
+#include "bus.h"
+#include "capture/capture.h"
+#include "capture/follower.h"
+#include "preparer.h"
+#include "rig/guardian.h"
+#include "rig1-bus.h"
+
+struct bus_queue;
+
+struct Bus {
+    BusRig1 *object;
+    struct bus_queue *queue;
+    GPtrArray *jobs; /* of struct bus_job, owned by what they wait for */
+    struct preparer_limits limits[PREPARER_TASKS];
+    char *address;
+    struct devices *devices; /* NULL: closed */
+    char *rig_path;
+    Guardian *guardian; /* NULL: all is simulated */
+    gboolean ending;    /* the rig is being made safe for good: nothing begins any more */
+    gboolean is_safe;   /* it has been, and was read back */
+    gboolean holds_clock;
+    Capture *capture; /* NULL: nothing under way, not even paused */
+    char *directory;  /* of the session that is or was captured */
+    Follower *follower;
+    GHashTable *faults;       /* device name to message */
+    gint64 started_us;        /* real time */
+    double started_elapsed_s; /* on the rig's clock */
+    double thumbnail_time_s[RIG_MAX_CAMERAS];
+    gint64 thumbnail_sent_us[RIG_MAX_CAMERAS];
+    struct capture_thumbnail kept[RIG_MAX_CAMERAS]; /* the last of a capture that has ended */
+    guint end_id; /* the idle call that lets go of a capture that has ended */
+    BusFunc func;
+    gpointer data;
+    GDBusConnection *client; /* who runs this; only compared */
+    BusFunc client_gone;
+    gpointer client_data;
+};
+
+/* Errors BUS_ERROR_NO_RIG and BUS_ERROR_NO_SESSION. */
+gboolean bus_need_rig(Bus *bus, GError **error);
+gboolean bus_need_capture(Bus *bus, GError **error);
+
+/* Errors BUS_ERROR_BUSY and BUS_ERROR_BAD_PATH. */
+gboolean bus_need_free(Bus *bus, GError **error);
+gboolean bus_need_absolute(const char *path, GError **error);
+
+/* As the methods of these names. */
+void bus_close_rig(Bus *bus);
+gboolean bus_make_safe(Bus *bus, GError **error);
+
+/* Captures into a session directory that a job has made, or (resumed) examined. warning may be
+ * NULL. */
+gboolean bus_begin(Bus *bus, const char *directory, gboolean resumed, const char *warning,
+                   gboolean process, GError **error);
+
+/* As the methods of these names, in a child: the call is answered when that has ended. FALSE: it
+ * was refused at once, and is to be answered with the error. session_path NULL: as Resume. */
+gboolean bus_validate(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
+                      const char *directory, GError **error);
+gboolean bus_start(Bus *bus, GDBusMethodInvocation *invocation, const char *session_path,
+                   const char *directory, GVariant *options, GError **error);
+
+/* The session directory of a Start or Resume that has not been answered yet, or NULL. */
+const char *bus_jobs_beginning(Bus *bus);
+
+/* Answers calls of theirs with BUS_ERROR_CANCELLED and kills their children: a Start or Resume,
+ * FALSE if there is none; all; those of a client that has gone. */
+gboolean bus_jobs_stop_begin(Bus *bus, const char *why);
+void bus_jobs_stop_all(Bus *bus, const char *why);
+void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection);
+
+/* Watches over the calls that wait for the main loop: SafeState comes before all others, and of the
+ * others each client may have so many at once, beyond which they are refused. */
+struct bus_queue *bus_queue_new(Bus *bus);
+void bus_queue_guard(struct bus_queue *queue, GDBusConnection *connection);
+void bus_queue_close(struct bus_queue *queue); /* the bus is going */
+
+/* Tells of cameras with a new picture, of each once a second at most. */
+void bus_show_thumbnails(Bus *bus);
+
+/* The last pictures of a capture that ends stay, until they are dropped. */
+void bus_keep_thumbnails(Bus *bus);
+void bus_drop_thumbnails(Bus *bus);
+
+/* The camera's last picture, owned by bus and good until the main loop runs. */
+const struct capture_thumbnail *bus_thumbnail(Bus *bus, const char *camera, GError **error);
+
+/* Connects the handlers of all methods. */
+void bus_answer_calls(Bus *bus);

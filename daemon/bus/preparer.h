@@ -1,0 +1,47 @@
+/*
+ * Work for clients that takes long or reads what they name: sessions are read, planned and made,
+ * and those that are to be gone on with are examined, in a child process of limited time and
+ * memory. The main loop, which has lamps, lasers and axes in its hands, only waits for an answer.
+ *
+ * The child is the program mesorigd itself; it is told geometry and timing of the open rig, and
+ * opens no device. Main loop's thread.
+ */
+#pragma once
+
+#include "rig/devices.h"
+
+enum preparer_task {
+    PREPARER_CHECK,   /* capture_validate() */
+    PREPARER_BEGIN,   /* capture_create() */
+    PREPARER_EXAMINE, /* capture_examine() */
+    PREPARER_TASKS,
+};
+
+struct preparer_limits {
+    guint cpu_s, wall_s;
+    guint64 memory_bytes; /* of address space, beside what the program itself takes */
+};
+
+/* By task. Frames of a whole session may be examined. */
+extern const struct preparer_limits preparer_default_limits[PREPARER_TASKS];
+
+struct preparer_request {
+    enum preparer_task task;
+    struct preparer_limits limits;
+    const struct devices *devices;
+    const char *session_path; /* ignored by PREPARER_EXAMINE */
+    const char *directory;    /* empty: PREPARER_CHECK does without */
+    const char *calibration;  /* in place of that which the rig file names; NULL: none */
+};
+
+/* A child that is cancelled is killed. */
+void preparer_run(const struct preparer_request *request, GCancellable *cancellable,
+                  GAsyncReadyCallback callback, gpointer data);
+
+/* PREPARER_CHECK: the plan's report (report.h). PREPARER_EXAMINE: a string, empty or a warning for
+ * capture_go_on(). PREPARER_BEGIN: an empty string. g_variant_unref(). Errors are the task's own,
+ * or BUS_ERROR_LIMIT. */
+GVariant *preparer_finish(GAsyncResult *result, GError **error);
+
+/* The child: from a request at standard input to an answer at standard output. main()'s result. */
+int preparer_child(void);

@@ -1,0 +1,171 @@
+#include "preparer_private.h"
+
+#include "capture/capture.h"
+#include "plan/report.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#define NICE 10
+
+struct prepare_work {
+    gint32 parent, task;
+    guint32 cpu_s;
+    guint64 memory_bytes;
+    struct devices devices; /* geometry, timing and texts; no device is open */
+    char *text, *path, *calibration, *session_path, *directory;
+};
+
+static gboolean preparer_child_read_all(int fd, GByteArray *to) {
+    guint8 buffer[65536];
+    ssize_t n;
+    while ((n = read(fd, buffer, sizeof buffer)) > 0 || (n < 0 && errno == EINTR))
+        if (n > 0)
+            g_byte_array_append(to, buffer, (guint)n);
+    return n == 0;
+}
+
+static gboolean write_all(int fd, const guint8 *data, gsize size) {
+    while (size > 0) {
+        const ssize_t n = write(fd, data, size);
+        if (n < 0 && errno != EINTR)
+            return FALSE;
+        data += MAX(n, 0);
+        size -= (gsize)MAX(n, 0);
+    }
+    return TRUE;
+}
+
+static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
+    if (g_variant_get_size(bytes) != size)
+        return FALSE;
+    memcpy(to, g_variant_get_data(bytes), size);
+    return TRUE;
+}
+
+/* What mesorigd of the same version has written. */
+static gboolean read_request(struct prepare_work *work) {
+    g_autoptr(GByteArray) read = g_byte_array_new();
+    const char *version;
+    g_autoptr(GVariant) geometry = NULL, timing = NULL;
+    if (!preparer_child_read_all(STDIN_FILENO, read))
+        return FALSE;
+    g_autoptr(GBytes) bytes = g_byte_array_free_to_bytes(g_steal_pointer(&read));
+    g_autoptr(GVariant) request = g_variant_ref_sink(
+        g_variant_new_from_bytes(G_VARIANT_TYPE(PREPARER_REQUEST_TYPE), bytes, FALSE));
+    if (!g_variant_is_normal_form(request))
+        return FALSE;
+    g_variant_get(request, "(&siiut@ay@ay^ay^ay^ayd^ay^ay)", &version, &work->parent, &work->task,
+                  &work->cpu_s, &work->memory_bytes, &geometry, &timing, &work->text, &work->path,
+                  &work->calibration, &work->devices.calibration_days, &work->session_path,
+                  &work->directory);
+    work->devices.text = work->text;
+    work->devices.path = work->path;
+    work->devices.calibration_path = *work->calibration ? work->calibration : NULL;
+    return strcmp(version, MESORIG_VERSION) == 0 &&
+           take_bytes(geometry, &work->devices.geometry, sizeof work->devices.geometry) &&
+           take_bytes(timing, &work->devices.timing, sizeof work->devices.timing);
+}
+
+static void preparer_child_work_clear(struct prepare_work *work) {
+    g_free(work->text);
+    g_free(work->path);
+    g_free(work->calibration);
+    g_free(work->session_path);
+    g_free(work->directory);
+}
+
+/* A signal tells that the soft limit of computing time was met, but not the hard one. */
+static gboolean limit(int resource, guint64 value) {
+    const struct rlimit rlimit = {value, resource == RLIMIT_CPU ? value + 5 : value};
+    return setrlimit(resource, &rlimit) == 0;
+}
+
+/* The address sanitizer reserves terabytes for itself: with it there is no limit of memory. */
+static gboolean limit_memory(guint64 bytes) {
+#ifdef __SANITIZE_ADDRESS__
+    return bytes > 0;
+#else
+    g_autofree char *text = NULL;
+    g_file_get_contents("/proc/self/statm", &text, NULL, NULL);
+    const guint64 pages = text ? g_ascii_strtoull(text, NULL, 10) : 0;
+    return limit(RLIMIT_AS, pages * (guint64)sysconf(_SC_PAGESIZE) + bytes);
+#endif
+}
+
+/* Ends with who has asked, and takes no more than it was given. */
+static gboolean preparer_child_submit(const struct prepare_work *work) {
+    setpriority(PRIO_PROCESS, 0, NICE);
+    return prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work->parent &&
+           limit(RLIMIT_CORE, 0) && limit(RLIMIT_CPU, work->cpu_s) &&
+           limit_memory(work->memory_bytes);
+}
+
+static GVariant *preparer_child_check(const struct prepare_work *work,
+                                      const struct session_conf *conf, GError **error) {
+    const struct devices *devices = &work->devices;
+    struct plan *plan = *work->directory
+                            ? capture_validate(devices, conf, work->directory, error)
+                            : plan_build(conf, &devices->geometry, &devices->timing, error);
+    GVariant *report = plan ? report_plan(conf, plan) : NULL;
+    plan_free(plan);
+    return report;
+}
+
+static GVariant *preparer_child_examine(const struct prepare_work *work, GError **error) {
+    g_autofree char *warning = NULL;
+    if (!capture_examine(&work->devices, work->directory, &warning, error))
+        return NULL;
+    return g_variant_new_string(warning ? warning : "");
+}
+
+/* A floating result. */
+static GVariant *do_work(const struct prepare_work *work, GError **error) {
+    struct session_conf conf = {0};
+    GVariant *result = NULL;
+    if (work->task == PREPARER_EXAMINE)
+        return preparer_child_examine(work, error);
+    if (!session_conf_load(&conf, work->session_path, error))
+        return NULL;
+    if (work->task == PREPARER_CHECK)
+        result = preparer_child_check(work, &conf, error);
+    else if (capture_create(&work->devices, &conf, work->directory, error))
+        result = g_variant_new_string("");
+    session_conf_clear(&conf);
+    return result;
+}
+
+static gboolean preparer_child_answer(int fd, GVariant *result, const GError *error) {
+    g_autofree char *message = g_utf8_make_valid(error ? error->message : "", -1);
+    g_autoptr(GVariant) variant = g_variant_ref_sink(g_variant_new(
+        PREPARER_ANSWER, error ? g_quark_to_string(error->domain) : "", error ? error->code : 0,
+        message, result ? result : g_variant_new_string("")));
+    return write_all(fd, g_variant_get_data(variant), g_variant_get_size(variant));
+}
+
+/* What libraries print is not to be taken for the answer. */
+static int keep_output(void) {
+    const int fd = dup(STDOUT_FILENO);
+    return fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 ? fd : -1;
+}
+
+int preparer_child(void) {
+    struct prepare_work work = {0};
+    g_autoptr(GError) error = NULL;
+    close_range(STDERR_FILENO + 1, ~0U, 0);
+    const int fd = keep_output();
+    gboolean ok = fd >= 0 && read_request(&work) && preparer_child_submit(&work);
+    if (ok) {
+        GVariant *result = do_work(&work, &error);
+        ok = preparer_child_answer(fd, result, error);
+    } else {
+        g_printerr("mesorigd: --prepare is for mesorigd itself: it needs a request of the same "
+                   "version at its standard input\n");
+    }
+    preparer_child_work_clear(&work);
+    return ok ? 0 : 1;
+}

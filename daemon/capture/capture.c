@@ -1,0 +1,446 @@
+#include "capture_private.h"
+
+#include <math.h>
+
+#include "capture_calibration.h"
+#include "capture_check.h"
+#include "capture_marks.h"
+#include "capture_mount.h"
+#include "intake_darks.h"
+#include "intake_write.h"
+#include "thumbnail.h"
+
+static double load_value(Session *session, const char *key) {
+    g_autofree char *text = session_value(session, key);
+    double value = text ? g_ascii_strtod(text, NULL) : 0;
+    return isfinite(value) ? value : 0;
+}
+
+struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
+                              const char *directory, GError **error) {
+    if (directory && g_file_test(directory, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS,
+                    "%s exists already; choose another name, or resume it", directory);
+        return NULL;
+    }
+    struct plan *plan = plan_build(conf, &devices->geometry, &devices->timing, error);
+    if (plan && directory && !capture_check_disk(directory, plan->bytes, error))
+        g_clear_pointer(&plan, plan_free);
+    return plan;
+}
+
+static void count_shots(Capture *capture) {
+    for (guint i = 0; i < capture->shots->len; i++) {
+        const struct session_shot *shot = capture->shots->pdata[i];
+        capture->n_shots += shot->state != SHOT_SKIPPED;
+        capture->n_done += shot->state == SHOT_DONE;
+    }
+}
+
+/* The latest dark shot of a camera that was taken before what remains. */
+static const struct session_shot *dark_before(const GPtrArray *shots, int camera) {
+    const struct session_shot *found = NULL;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind == SHOT_DARK && shot->state == SHOT_DONE && shot->cameras & 1u << camera)
+            found = shot;
+        if (shot->state == SHOT_PLANNED)
+            break;
+    }
+    return found;
+}
+
+static gboolean load_darks(Capture *capture, GError **error) {
+    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        const struct session_shot *shot = dark_before(capture->shots, c);
+        if (shot && !intake_load_dark(capture->intake, shot, c, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static Capture *capture_new(struct devices *devices, Session *session,
+                            const struct capture_callbacks *callbacks) {
+    Capture *capture = g_new0(Capture, 1);
+    capture->devices = devices;
+    capture->session = session;
+    if (callbacks)
+        capture->callbacks = *callbacks;
+    capture->state = CAPTURE_PAUSED;
+    capture->since_us = -1;
+    capture->left_committed = -1;
+    g_queue_init(&capture->flights);
+    return capture;
+}
+
+/* Everything but the session itself; takes what it says of conf and shots. */
+static gboolean capture_set_up(Capture *capture, GError **error) {
+    struct intake_hooks intake_hooks = capture_intake_hooks;
+    struct sequencer_hooks hooks = capture_sequencer_hooks;
+    intake_hooks.data = hooks.data = capture;
+    Session *session = capture->session;
+    g_autofree char *text = session_text(session, "session.conf", error);
+    if (!text || !session_conf_parse(&capture->conf, text, session_path(session), error) ||
+        !(capture->shots = session_shots(session, error)))
+        return FALSE;
+    g_autofree char *calibration = session_text(session, "calibration.conf", error);
+    if (!calibration ||
+        !(capture->calibration = calibration_from_text(calibration, session_path(session), error)))
+        return FALSE;
+    struct intake_setup setup = {.devices = capture->devices,
+                                 .conf = &capture->conf,
+                                 .directory = session_path(session),
+                                 .calibration = capture->calibration};
+    capture->intake = intake_new(&setup, &intake_hooks);
+    capture->sequencer = sequencer_new(capture->devices, &capture->conf, &hooks);
+    capture->predicted_s = load_value(session, "predicted_s");
+    capture->lower_bound_s = load_value(session, "lower_bound_s");
+    capture->clock_base_s = load_value(session, "clock_s");
+    capture->begun_us = g_get_monotonic_time();
+    capture->real_base_s = load_value(session, "real_s");
+    capture->frames_base = load_value(session, "frames");
+    capture->retakes_base = load_value(session, "retakes");
+    count_shots(capture);
+    return capture_mount_load(capture, error);
+}
+
+static Session *create_session(const struct devices *devices, const struct session_conf *conf,
+                               const char *directory, const struct plan *plan,
+                               const struct calibration *calibration, GError **error) {
+    g_autofree char *text = calibration_to_text(calibration);
+    struct session_texts texts = {
+        .rig_conf = devices->text,
+        .session_conf = conf->text,
+        .calibration = text,
+        .rig_path = devices->path,
+    };
+    Session *session = session_create(directory, conf->name, &texts, &plan->session, error);
+    g_autofree char *reference = laser_reference_to_text(&conf->reference);
+    if (session && conf->reference.radius_mm > 0 &&
+        !session_set_value(session, LASER_REFERENCE_KEY, reference, error))
+        g_clear_pointer(&session, session_close);
+    return session;
+}
+
+static void capture_note(Session *session, const char *level, const char *source,
+                         const GPtrArray *messages) {
+    for (guint i = 0; messages && i < messages->len; i++)
+        session_add_event(session, 0, level, source, messages->pdata[i], NULL);
+}
+
+static void keep_value(Session *session, const char *key, double value) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), NULL);
+}
+
+static void keep_plan(Session *session, const struct plan *plan) {
+    keep_value(session, "predicted_s", plan->predicted_s);
+    keep_value(session, "lower_bound_s", plan->lower_bound_s);
+    keep_value(session, "predicted_bytes", (double)plan->bytes);
+    capture_note(session, "info", "plan", plan->notes);
+}
+
+/* Which calibration it was is in the session as a whole; here where it came from. */
+static void keep_calibration(Session *session, const struct devices *devices,
+                             const struct calibration *calibration, const GPtrArray *warnings) {
+    gboolean calibrated = FALSE;
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        calibrated |= calibration->parts[i].done;
+    session_set_value(session, "calibration", calibrated ? devices->calibration_path : "nominal",
+                      NULL);
+    capture_note(session, "warning", "calibration", warnings);
+}
+
+gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
+                        const char *directory, GError **error) {
+    struct plan *plan = capture_validate(devices, conf, directory, error);
+    if (!plan)
+        return FALSE;
+    g_autoptr(GPtrArray) warnings = NULL;
+    g_autoptr(Calibration) calibration = capture_calibration(devices, &warnings, error);
+    g_autoptr(Session) session =
+        calibration ? create_session(devices, conf, directory, plan, calibration, error) : NULL;
+    if (session) {
+        keep_plan(session, plan);
+        keep_calibration(session, devices, calibration, warnings);
+    }
+    plan_free(plan);
+    return session != NULL;
+}
+
+/* What was found when the session was made, to who listens. */
+static gboolean tell_beginning(Capture *capture, GError **error) {
+    g_autoptr(GPtrArray) events = session_events(capture->session, error);
+    for (guint i = 0; events && i < events->len && capture->callbacks.event; i++) {
+        const struct session_event *event = events->pdata[i];
+        capture->callbacks.event(capture, event->level, event->source, event->message,
+                                 capture->callbacks.data);
+    }
+    return events != NULL;
+}
+
+Capture *capture_begin(struct devices *devices, const char *directory,
+                       const struct capture_callbacks *callbacks, GError **error) {
+    Session *session = session_open(directory, SESSION_CAPTURE, error);
+    if (!session)
+        return NULL;
+    Capture *capture = capture_new(devices, session, callbacks);
+    if (!tell_beginning(capture, error) || !capture_set_up(capture, error)) {
+        capture_free(capture);
+        return NULL;
+    }
+    capture_begin_soon(capture);
+    return capture;
+}
+
+Capture *capture_start(struct devices *devices, const struct session_conf *conf,
+                       const char *directory, const struct capture_callbacks *callbacks,
+                       GError **error) {
+    return capture_create(devices, conf, directory, error)
+               ? capture_begin(devices, directory, callbacks, error)
+               : NULL;
+}
+
+static gboolean take_latest_time(Capture *capture, GError **error) {
+    g_autoptr(GPtrArray) frames = session_frames(capture->session, error);
+    for (guint i = 0; frames && i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (isfinite(frame->captured_s))
+            capture->clock_base_s = MAX(capture->clock_base_s, frame->captured_s);
+    }
+    return frames != NULL;
+}
+
+/* Every dark frame that what remains needs. */
+static gboolean can_read_darks(Session *session, const GPtrArray *shots,
+                               const struct session_conf *conf, const struct rig *rig) {
+    gint64 exposures[SHOT_MAX_DARKS];
+    const int n = shot_dark_exposures(conf, exposures);
+    for (int c = 0; c < rig->n_cameras; c++) {
+        const struct camera_format format = {.width = rig->cameras[c].width,
+                                             .height = rig->cameras[c].height};
+        const struct session_shot *shot = dark_before(shots, c);
+        for (int i = 0; shot && i < n; i++) {
+            g_autofree float *pixels = intake_read_dark(
+                session_path(session), shot, rig->cameras[c].name, &format, exposures[i], NULL);
+            if (!pixels)
+                return FALSE;
+        }
+    }
+    return TRUE;
+}
+
+/* A dark frame that cannot be read is looked into by its checksum, and so taken again. */
+static gboolean capture_do_examine(Session *session, const struct devices *devices,
+                                   char **ret_warning, GError **error) {
+    struct session_conf conf = {0};
+    if (!session_verify(session, FALSE, NULL, error))
+        return FALSE;
+    g_autofree char *text = session_text(session, "session.conf", error);
+    if (!text || !session_conf_parse(&conf, text, session_path(session), error))
+        return FALSE;
+    g_autoptr(GPtrArray) shots = session_shots(session, error);
+    gboolean ok = shots && capture_check_rig(session, shots, devices, error);
+    if (ok && !can_read_darks(session, shots, &conf, &devices->geometry))
+        ok = session_verify(session, TRUE, NULL, error);
+    session_conf_clear(&conf);
+    if (ok)
+        *ret_warning = capture_check_calibration(session, devices);
+    return ok;
+}
+
+gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
+                         GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_CAPTURE, error);
+    *ret_warning = NULL;
+    return session && capture_do_examine(session, devices, ret_warning, error);
+}
+
+static gboolean check_resumed(Capture *capture, GError **error) {
+    if (!capture_check_rig(capture->session, capture->shots, capture->devices, error) ||
+        !take_latest_time(capture, error))
+        return FALSE;
+    double part = 1 - (double)capture->n_done / MAX(capture->n_shots, 1);
+    double bytes = load_value(capture->session, "predicted_bytes") * part;
+    if (part > 0 &&
+        !capture_check_disk(session_path(capture->session), (guint64)MAX(bytes, 0), error))
+        return FALSE;
+    return load_darks(capture, error);
+}
+
+Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
+                       const struct capture_callbacks *callbacks, GError **error) {
+    Session *session = session_open(directory, SESSION_CAPTURE, error);
+    if (!session)
+        return NULL;
+    Capture *capture = capture_new(devices, session, callbacks);
+    if (!capture_set_up(capture, error) || !check_resumed(capture, error)) {
+        capture_free(capture);
+        return NULL;
+    }
+    if (warning)
+        capture_tell(capture, "warning", "rig", warning);
+    g_autofree char *message =
+        g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
+    capture_tell(capture, "info", "capture", message);
+    capture_begin_soon(capture);
+    return capture;
+}
+
+Capture *capture_resume(struct devices *devices, const char *directory,
+                        const struct capture_callbacks *callbacks, GError **error) {
+    g_autofree char *warning = NULL;
+    return capture_examine(devices, directory, &warning, error)
+               ? capture_go_on(devices, directory, warning, callbacks, error)
+               : NULL;
+}
+
+void capture_free(Capture *capture) {
+    if (!capture)
+        return;
+    clock_cancel(capture->devices->clock, &capture->starter);
+    if (capture->sequencer)
+        sequencer_stop(capture->sequencer, NULL);
+    if (capture->since_us >= 0)
+        capture_save_value(capture, "clock_s", capture_now_s(capture));
+    intake_free(capture->intake);
+    g_queue_clear_full(&capture->flights, capture_flight_free);
+    sequencer_free(capture->sequencer);
+    session_close(capture->session);
+    calibration_free(capture->calibration);
+    capture_marks_forget(capture);
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
+        frame_unref(capture->views[c].frame);
+        g_free(capture->views[c].thumbnail.rgb);
+    }
+    g_clear_handle_id(&capture->changed_source, g_source_remove);
+    g_clear_pointer(&capture->remaining, g_ptr_array_unref);
+    g_clear_pointer(&capture->leg, g_ptr_array_unref);
+    g_clear_pointer(&capture->shots, g_ptr_array_unref);
+    session_conf_clear(&capture->conf);
+    g_free(capture->reason);
+    g_free(capture->doing);
+    g_free(capture);
+}
+
+void capture_pause(Capture *capture) {
+    if (capture->state != CAPTURE_RUNNING && capture->state != CAPTURE_HOMING)
+        return;
+    capture_set_state(capture, CAPTURE_PAUSING);
+    if (capture->starter != 0) {
+        clock_cancel(capture->devices->clock, &capture->starter);
+        capture_start_clock(capture);
+        capture_pause_for(capture, "info", "capture", "paused by the user");
+        return;
+    }
+    sequencer_pause(capture->sequencer);
+}
+
+gboolean capture_continue(Capture *capture, GError **error) {
+    const char *open = sequencer_open_interlock(capture->sequencer);
+    if (capture->state != CAPTURE_PAUSED) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "the session is not paused%s",
+                    capture->state == CAPTURE_ABORTED ? " but aborted: resume it" : "");
+        return FALSE;
+    }
+    if (open) {
+        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK,
+                    "interlock %s is open; close it first", open);
+        return FALSE;
+    }
+    if (!capture_mount_answer(capture, error))
+        return FALSE;
+    capture_marks_accept(capture);
+    capture_tell(capture, "info", "capture", "continued");
+    capture_begin_soon(capture);
+    return TRUE;
+}
+
+void capture_abort(Capture *capture) {
+    if (capture->state == CAPTURE_DONE || capture->state == CAPTURE_ABORTED)
+        return;
+    g_autoptr(GError) error = NULL;
+    clock_cancel(capture->devices->clock, &capture->starter);
+    if (!sequencer_stop(capture->sequencer, &error))
+        capture_tell(capture, "error", "rig", error->message);
+    capture_clear_flights(capture);
+    capture_tell(capture, "info", "capture",
+                 "aborted; what is there stays, the session can be resumed");
+    capture_come_to_rest(capture, CAPTURE_ABORTED);
+}
+
+static double time_left_s(Capture *capture) {
+    if (capture->state == CAPTURE_DONE || !capture->remaining)
+        return capture->state == CAPTURE_DONE ? 0 : capture->predicted_s;
+    if (capture->left_committed != capture->committed || capture->state == CAPTURE_HOMING) {
+        const struct session_shot *const *shots =
+            (const struct session_shot *const *)capture->remaining->pdata + capture->committed;
+        capture->left_s = plan_remaining_s(
+            shots, (int)(capture->remaining->len - capture->committed), &capture->conf,
+            &capture->devices->timing, axis_position_deg(capture->devices->turntable),
+            axis_position_deg(capture->devices->arc));
+        capture->left_at_s = capture_now_s(capture);
+        capture->left_committed = capture->committed;
+    }
+    return MAX(capture->left_s - (capture_now_s(capture) - capture->left_at_s), 0);
+}
+
+static gboolean waits_for_somebody(const Capture *capture) {
+    return capture->state == CAPTURE_PAUSED && capture->wanted_mount >= 0;
+}
+
+static char *doing_now(const Capture *capture) {
+    int sub, n;
+    const struct rig *rig = &capture->devices->geometry;
+    const struct session_shot *shot = sequencer_shot(capture->sequencer, &sub, &n);
+    if (capture->state == CAPTURE_HOMING)
+        return g_strdup("homing the axes");
+    if (waits_for_somebody(capture))
+        return g_strdup("waiting for a laser to be mounted");
+    if (!shot)
+        return g_strdup(capture->state == CAPTURE_DONE      ? "done"
+                        : capture->state == CAPTURE_PAUSED  ? "paused"
+                        : capture->state == CAPTURE_ABORTED ? "aborted"
+                                                            : "writing the last frames");
+    if (shot->kind == SHOT_DARK)
+        return g_strdup_printf("dark frames, %d of %d", sub + 1, n);
+    const char *source =
+        shot->kind == SHOT_LAMP ? rig->lamps[shot->device].name : rig->lasers[shot->device].name;
+    return g_strdup_printf("%s at turntable %g°, arc %g°: %s %d of %d", source, shot->turntable_deg,
+                           shot->arc_deg, shot->kind == SHOT_LAMP ? "exposure" : "step", sub + 1,
+                           n);
+}
+
+void capture_get_status(Capture *capture, struct capture_status *ret) {
+    g_free(capture->doing);
+    capture->doing = doing_now(capture);
+    *ret = (struct capture_status){
+        .state = capture->state,
+        .reason = capture->state == CAPTURE_PAUSED ? capture->reason : NULL,
+        .prompt = waits_for_somebody(capture) ? capture->reason : NULL,
+        .doing = capture->doing,
+        .shots = capture->n_shots,
+        .shots_done = capture->n_done,
+        .frames = capture->frames,
+        .retakes = capture->retakes,
+        .elapsed_s = capture_now_s(capture),
+        .left_s = time_left_s(capture),
+        .predicted_s = capture->predicted_s,
+        .lower_bound_s = capture->lower_bound_s,
+    };
+}
+
+const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera) {
+    if (camera < 0 || camera >= capture->devices->geometry.n_cameras ||
+        !capture->views[camera].frame)
+        return NULL;
+    struct view *view = &capture->views[camera];
+    if (!view->fresh) {
+        g_free(view->thumbnail.rgb);
+        thumbnail_make(view->frame, &view->thumbnail.width, &view->thumbnail.height,
+                       &view->thumbnail.rgb);
+        view->thumbnail.time_s = view->time_s;
+        view->fresh = TRUE;
+    }
+    return &view->thumbnail;
+}

@@ -1,0 +1,95 @@
+/*
+ * A session being captured: devices, session directory, sequencer and intake together. What the bus
+ * shows and the commands drive. Main loop's thread.
+ *
+ * The sequencer (sequencer.c) moves, switches and triggers; the intake (intake.c) takes accepted
+ * frames, merges brackets to linear radiance and feeds sweeps in one worker lane a camera, and
+ * hands back what is to be committed. Any fault makes the rig safe and pauses the session with the
+ * reason; everything committed stays, and capture_continue() or a later capture_resume() goes on.
+ *
+ * Before the first sweep from another place of a laser that is mounted by hand, the session is
+ * paused with a prompt, as long as it takes; capture_continue() says that it is done. Where it is,
+ * the session remembers. At its beginning that is not known, and asked for before anything moves.
+ */
+#pragma once
+
+#include "plan/plan.h"
+#include "rig/devices.h"
+
+typedef struct Capture Capture;
+
+enum capture_state {
+    CAPTURE_HOMING,
+    CAPTURE_RUNNING,
+    CAPTURE_PAUSING, /* finishing what is under way */
+    CAPTURE_PAUSED,  /* by the user, or by a fault: see reason; the rig is safe */
+    CAPTURE_DONE,
+    CAPTURE_ABORTED,
+};
+
+struct capture_status {
+    enum capture_state state;
+    const char *reason;       /* of a pause; NULL otherwise */
+    const char *prompt;       /* the same, if it asks for something to be done; else NULL */
+    const char *doing;        /* in a few words, for people */
+    int shots, shots_done;    /* of the whole session, those from before a resume counted */
+    gint64 frames, retakes;   /* camera frames accepted and refused since started */
+    double elapsed_s, left_s; /* on the rig's clock; left_s predicted */
+    double predicted_s, lower_bound_s;
+};
+
+struct capture_thumbnail {
+    int width, height;
+    guint8 *rgb; /* width × height × 3 */
+    double time_s;
+};
+
+struct capture_callbacks {
+    void (*changed)(Capture *capture, gpointer data); /* at most every 100 ms of real time */
+    void (*event)(Capture *capture, const char *level, const char *source, const char *message,
+                  gpointer data);
+    gpointer data;
+};
+
+/* Checks everything (session against rig, free disk, blocked poses) without moving: what a capture
+ * would refuse. The plan is returned on success; free with plan_free(). */
+struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
+                              const char *directory, GError **error);
+
+/* Makes the session directory, with the plan and the calibration in it. Of devices, only what their
+ * files say is looked at: a process that has none open can do it (preparer.h). */
+gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
+                        const char *directory, GError **error);
+
+/* Starts with what capture_create() has made. Borrows devices. */
+Capture *capture_begin(struct devices *devices, const char *directory,
+                       const struct capture_callbacks *callbacks, GError **error);
+
+/* Whether a session directory can be gone on with: compares its frames with their rows, and plans
+ * those again that are lost. ret_warning: NULL, or what to tell then; g_free(). Of devices, as
+ * capture_create(). */
+gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
+                         GError **error);
+
+/* Goes on with what capture_examine() has found good; takes exactly what is missing. */
+Capture *capture_go_on(struct devices *devices, const char *directory, const char *warning,
+                       const struct capture_callbacks *callbacks, GError **error);
+
+/* Both steps in one process. */
+Capture *capture_start(struct devices *devices, const struct session_conf *conf,
+                       const char *directory, const struct capture_callbacks *callbacks,
+                       GError **error);
+Capture *capture_resume(struct devices *devices, const char *directory,
+                        const struct capture_callbacks *callbacks, GError **error);
+
+/* Makes the rig safe and closes the session. NULL is ignored. */
+void capture_free(Capture *capture);
+
+void capture_pause(Capture *capture); /* after the shot under way */
+gboolean capture_continue(Capture *capture, GError **error);
+void capture_abort(Capture *capture); /* now; the session can still be resumed later */
+
+void capture_get_status(Capture *capture, struct capture_status *ret);
+
+/* The latest picture of a camera, white at the 99th percentile; NULL before the first. */
+const struct capture_thumbnail *capture_thumbnail(Capture *capture, int camera);

@@ -1,0 +1,126 @@
+#include "capture_check.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/statvfs.h>
+
+#include "capture_calibration.h"
+#include "exr/exr.h"
+
+/* Beside what is predicted: the database's journal, and products that are being made. */
+#define SPARE_BYTES (G_GUINT64_CONSTANT(64) << 20)
+#define FULL_BELOW  (G_GUINT64_CONSTANT(1) << 20)
+
+static gboolean stat_nearest(const char *path, struct statvfs *ret) {
+    g_autofree char *at = g_canonicalize_filename(path, NULL);
+    while (statvfs(at, ret) < 0) {
+        if (errno != ENOENT || !strcmp(at, "/"))
+            return FALSE;
+        char *parent = g_path_get_dirname(at);
+        g_free(at);
+        at = parent;
+    }
+    return TRUE;
+}
+
+guint64 capture_free_bytes(const char *path) {
+    struct statvfs stat;
+    return stat_nearest(path, &stat) ? (guint64)stat.f_bavail * stat.f_frsize : G_MAXUINT64;
+}
+
+static gboolean says(const GError *error, int code) {
+    return strstr(error->message, g_strerror(code)) != NULL;
+}
+
+gboolean capture_is_full(const char *directory, const GError *error) {
+    return g_error_matches(error, SESSION_ERROR, SESSION_ERROR_FULL) ||
+           g_error_matches(error, EXR_ERROR, EXR_ERROR_FULL) || says(error, EFBIG) ||
+           capture_free_bytes(directory) < FULL_BELOW;
+}
+
+gboolean capture_check_disk(const char *path, guint64 bytes, GError **error) {
+    guint64 free_bytes = capture_free_bytes(path), needed = bytes + SPARE_BYTES;
+    if (free_bytes >= needed)
+        return TRUE;
+    g_autofree char *needed_text = g_format_size(needed);
+    g_autofree char *free_text = g_format_size(free_bytes);
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FULL,
+                "%s: the session needs %s, but %s are free there; free some space or choose "
+                "another disk",
+                path, needed_text, free_text);
+    return FALSE;
+}
+
+static gboolean check_camera_sizes(const char *path, const struct rig *then, const struct rig *now,
+                                   GError **error) {
+    for (int c = 0; c < MIN(then->n_cameras, now->n_cameras); c++) {
+        const struct rig_camera *a = &then->cameras[c], *b = &now->cameras[c];
+        if (!strcmp(a->name, b->name) && a->width == b->width && a->height == b->height)
+            continue;
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: camera %d was %s with %d × %d pixels when the session was begun and is %s "
+                    "with %d × %d now; use the rig file of the session",
+                    path, c, a->name, a->width, a->height, b->name, b->width, b->height);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean capture_check_check_shots(const char *path, const GPtrArray *shots,
+                                          const struct rig *rig, GError **error) {
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        int n = shot->kind == SHOT_SWEEP ? rig->n_lasers : rig->n_lamps;
+        gboolean device = shot->kind == SHOT_DARK || (shot->device >= 0 && shot->device < n);
+        if (device && shot->cameras != 0 && shot->cameras >> rig->n_cameras == 0)
+            continue;
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: shot %" G_GINT64_FORMAT
+                    " needs a camera, lamp or laser that rig %s does not have; use the rig file of "
+                    "the session",
+                    path, shot->id, rig->id);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+/* Whether what a capture would be begun with now is what this one was begun with. */
+static gboolean capture_check_is_same(Session *session, const struct devices *devices,
+                                      const char *text) {
+    g_autoptr(GPtrArray) warnings = NULL;
+    g_autofree char *begun_with = session_value(session, "calibration");
+    struct devices then = *devices;
+    if (begun_with && g_path_is_absolute(begun_with))
+        then.calibration_path = begun_with; /* it may not be the one that the rig file names */
+    g_autoptr(Calibration) now = capture_calibration(&then, &warnings, NULL);
+    g_autofree char *now_text = now ? calibration_to_text(now) : NULL;
+    return g_strcmp0(text, now_text) == 0;
+}
+
+gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
+                           GError **error) {
+    const struct rig *rig = &devices->geometry;
+    const char *path = session_path(session);
+    g_autofree char *text = session_text(session, "calibration.conf", error);
+    struct rig then;
+    if (!text || !rig_from_text(&then, text, path, error))
+        return FALSE;
+    if (strcmp(then.id, rig->id)) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: the session was begun on rig %s, but this is rig %s; give the rig file it "
+                    "was begun with",
+                    path, then.id, rig->id);
+        return FALSE;
+    }
+    return check_camera_sizes(path, &then, rig, error) &&
+           capture_check_check_shots(path, shots, rig, error);
+}
+
+char *capture_check_calibration(Session *session, const struct devices *devices) {
+    g_autofree char *text = session_text(session, "calibration.conf", NULL);
+    if (capture_check_is_same(session, devices, text))
+        return NULL;
+    return g_strdup("The rig's geometry or calibration is not the one the session was begun with; "
+                    "frames from before and after may not fit together. What is "
+                    "processed uses the calibration of the beginning.");
+}

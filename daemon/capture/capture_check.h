@@ -1,0 +1,21 @@
+/* What a capture asks before it moves anything: room on the disk, and whether a session fits the
+ * rig it is to be continued on. Main loop's thread. */
+#pragma once
+
+#include "plan/plan.h"
+
+/* Free bytes where a path is or will be; G_MAXUINT64 if that cannot be told. */
+guint64 capture_free_bytes(const char *path);
+
+/* Whether writing failed because there is no room. */
+gboolean capture_is_full(const char *directory, const GError *error);
+
+/* Refuses if that much does not fit, and says how much is missing. */
+gboolean capture_check_disk(const char *path, guint64 bytes, GError **error);
+
+/* Refuses a session of another rig, or one whose shots name devices this rig lacks. */
+gboolean capture_check_rig(Session *session, const GPtrArray *shots, const struct devices *devices,
+                           GError **error);
+
+/* A warning if the rig's calibration is not that of the session any more, else NULL; g_free(). */
+char *capture_check_calibration(Session *session, const struct devices *devices);

@@ -1,0 +1,137 @@
+#include "capture_marks.h"
+
+#include "session/outputs.h"
+
+/* What a calibration may be off by in a picture, and what turns are too small to care about. */
+#define SYSTEMATIC_PX 0.05
+#define LEAST_DEG     0.05
+#define WINDOW        8          /* shots that are looked at together */
+#define TURNTABLE     (1u << 31) /* of capture->moved; the other bits are cameras */
+#define KEY           "accepted_moves"
+
+static const struct mark_seen *marks_of(const struct flight *flight) {
+    return (const struct mark_seen *)(void *)flight->marks->data;
+}
+
+static void keep_outputs(Capture *capture, const struct flight *flight) {
+    const struct calibration *known = capture->calibration;
+    const struct mark_seen *seen = marks_of(flight);
+    if (!known->lamp_radiometry[flight->shot->device].known)
+        return;
+    for (int c = 0; c < known->rig.n_cameras; c++) {
+        g_autoptr(GArray) own = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+        double output, error;
+        for (guint i = 0; i < flight->marks->len; i++)
+            if (seen[i].camera == c)
+                g_array_append_val(own, seen[i]);
+        if (known->camera_radiometry[c].known &&
+            marks_output((struct mark_seen *)(void *)own->data, (int)own->len, &output, &error))
+            outputs_store(capture->session, flight->shot->id, known->rig.cameras[c].name, output,
+                          error, NULL);
+    }
+}
+
+static guint32 capture_marks_moved(const struct rig *rig, const struct marks_check *check) {
+    guint32 bits = check->slipped ? TURNTABLE : 0;
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (check->cameras[c].moved)
+            bits |= 1u << c;
+    return bits;
+}
+
+static guint32 accepted(const Capture *capture) {
+    g_autofree char *text = session_value(capture->session, KEY);
+    return text ? (guint32)g_ascii_strtoull(text, NULL, 10) : 0;
+}
+
+static void tell_first(Capture *capture, const struct marks_check *check) {
+    if (capture->marks_told)
+        return;
+    capture->marks_told = TRUE;
+    g_autofree char *text =
+        check->n_seen > 0
+            ? g_strdup_printf("quick check: %d marks seen, %.3f px off where calibration has them",
+                              check->n_seen, check->rms_px)
+            : g_strdup("no camera sees a mark: is something on them? Nothing tells whether the rig "
+                       "has moved, and what the lamps give");
+    capture_tell(capture, check->n_seen > 0 ? "info" : "warning", "marks", text);
+}
+
+/* What small cameras see in one shot is too little: the last few are looked at together. */
+static GArray *add_to_window(Capture *capture, const struct flight *flight) {
+    if (!capture->marks)
+        capture->marks = g_queue_new();
+    g_queue_push_tail(capture->marks, g_array_ref(flight->marks));
+    if (g_queue_get_length(capture->marks) > WINDOW)
+        g_array_unref(g_queue_pop_head(capture->marks));
+    GArray *all = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    for (const GList *at = capture->marks->head; at; at = at->next) {
+        const GArray *one = at->data;
+        g_array_append_vals(all, one->data, one->len);
+    }
+    return all;
+}
+
+static void check_seen(const Capture *capture, const GArray *seen, struct marks_check *ret) {
+    marks_check(&capture->calibration->rig, (const struct mark_seen *)(void *)seen->data,
+                (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
+}
+
+/* One light may make marks look displaced, by what it makes of a sample close to them; what has
+ * really moved has moved under the next light too. */
+static void tell_suspicion(Capture *capture, const char *what) {
+    g_autofree char *text = g_strdup_printf(
+        "something may have moved since the rig was calibrated: %s; the next shot will tell", what);
+    capture_tell(capture, "warning", "marks", text);
+}
+
+char *capture_marks_check(Capture *capture, const struct flight *flight) {
+    const struct rig *rig = &capture->calibration->rig;
+    if (flight->shot->kind != SHOT_LAMP || !flight->marks)
+        return NULL;
+    keep_outputs(capture, flight);
+    if (!capture->calibration->parts[CALIBRATION_CAMERAS].done)
+        return NULL;
+    struct marks_check check;
+    g_autoptr(GArray) window = add_to_window(capture, flight);
+    guint before = g_queue_get_length(capture->marks) - 1;
+    check_seen(capture, flight->marks, &check);
+    tell_first(capture, &check);
+    if (capture_marks_moved(rig, &check) != 0)
+        before = 0;
+    else
+        check_seen(capture, window, &check);
+    guint32 suspected = capture->suspected;
+    capture->suspected = capture_marks_moved(rig, &check) & ~accepted(capture);
+    if (capture->suspected == 0)
+        return NULL;
+    g_autofree char *what = marks_describe(rig, &check);
+    capture->moved = capture->suspected & suspected;
+    if (capture->moved == 0) {
+        tell_suspicion(capture, what);
+        return NULL;
+    }
+    capture_marks_forget(capture);
+    return g_strdup_printf("Something has moved since the rig was calibrated: %s. It may have been "
+                           "so in the last %u shots. Put it back or calibrate again; if you go on, "
+                           "it is taken as it is.",
+                           what, MAX(before, 1) + 1);
+}
+
+static void unref_array(gpointer array) {
+    g_array_unref(array);
+}
+
+void capture_marks_forget(Capture *capture) {
+    if (capture->marks)
+        g_queue_free_full(g_steal_pointer(&capture->marks), unref_array);
+    capture->suspected = 0;
+}
+
+void capture_marks_accept(Capture *capture) {
+    if (capture->moved == 0)
+        return;
+    g_autofree char *text = g_strdup_printf("%u", accepted(capture) | capture->moved);
+    session_set_value(capture->session, KEY, text, NULL);
+    capture->moved = 0;
+}

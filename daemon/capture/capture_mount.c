@@ -1,0 +1,133 @@
+#include "capture_mount.h"
+
+#include <string.h>
+
+static const struct rig_timing *timing_of(const Capture *capture) {
+    return &capture->devices->timing;
+}
+
+static const char *capture_mount_name_of(const Capture *capture, int laser) {
+    return capture->devices->geometry.lasers[laser].name;
+}
+
+static char *key_of(const Capture *capture, int unit) {
+    return g_strdup_printf("mount.%s", capture_mount_name_of(capture, unit));
+}
+
+/* −1 if the session does not say, or names what the rig file no longer has. */
+static int capture_mount_place_of(const Capture *capture, int unit) {
+    g_autofree char *key = key_of(capture, unit);
+    g_autofree char *said = session_value(capture->session, key);
+    for (int i = 0; said && i < capture->devices->geometry.n_lasers; i++) {
+        if (rig_laser_unit(timing_of(capture), i) == unit &&
+            !strcmp(capture_mount_name_of(capture, i), said))
+            return i;
+    }
+    return -1;
+}
+
+gboolean capture_mount_load(Capture *capture, GError **error) {
+    capture->wanted_mount = -1;
+    for (int i = 0; i < capture->devices->geometry.n_lasers; i++) {
+        capture->mounted[i] = i;
+        if (!timing_of(capture)->mounts[i])
+            continue;
+        int place = capture->mounted[i] = capture_mount_place_of(capture, i);
+        if (place >= 0 &&
+            !laser_mount(capture->devices->lasers[i], capture_mount_name_of(capture, place), error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* Where the unit is that a shot needs: −1 not known, 0 elsewhere, 1 in its place or not needed. */
+static int in_place(const Capture *capture, const struct session_shot *shot) {
+    if (shot->kind != SHOT_SWEEP)
+        return 1;
+    int place = capture->mounted[rig_laser_unit(timing_of(capture), shot->device)];
+    return place < 0 ? -1 : place == shot->device;
+}
+
+static gboolean is_hand_mounted(const Capture *capture, const struct session_shot *shot) {
+    return shot->kind == SHOT_SWEEP &&
+           timing_of(capture)->mounts[rig_laser_unit(timing_of(capture), shot->device)] != 0;
+}
+
+static void put_in_place_first(Capture *capture) {
+    GPtrArray *shots = capture->remaining;
+    guint end = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        if (is_hand_mounted(capture, shots->pdata[i]) && in_place(capture, shots->pdata[i]) == 1)
+            end = i + 1;
+    }
+    g_autoptr(GPtrArray) sorted = g_ptr_array_sized_new(end);
+    for (int wanted = 1; wanted >= 0; wanted--) {
+        for (guint i = 0; i < end; i++) {
+            if ((in_place(capture, shots->pdata[i]) == 1) == wanted)
+                g_ptr_array_add(sorted, shots->pdata[i]);
+        }
+    }
+    for (guint i = 0; i < end; i++)
+        shots->pdata[i] = sorted->pdata[i];
+}
+
+guint capture_mount_reach(Capture *capture) {
+    GPtrArray *shots = capture->remaining;
+    guint reach = 0;
+    put_in_place_first(capture);
+    while (reach < shots->len && in_place(capture, shots->pdata[reach]) == 1)
+        reach++;
+    for (guint i = reach; i < shots->len; i++) {
+        if (in_place(capture, shots->pdata[i]) < 0)
+            return 0;
+    }
+    return reach;
+}
+
+/* Units of which nothing is known are asked for first: whoever began the session is still there. */
+static int next_wanted(const Capture *capture) {
+    int wanted = -1;
+    for (guint i = capture->committed; i < capture->remaining->len; i++) {
+        const struct session_shot *shot = capture->remaining->pdata[i];
+        int known = in_place(capture, shot);
+        if (known < 0)
+            return shot->device;
+        if (known == 0 && wanted < 0)
+            wanted = shot->device;
+    }
+    return wanted;
+}
+
+static char *describe_place(const Capture *capture, int laser) {
+    double theta_rad, phi_rad;
+    rig_angles(capture->devices->geometry.lasers[laser].position_mm, &theta_rad, &phi_rad);
+    return g_strdup_printf("at %.4g° (%s)", theta_rad * 180 / G_PI,
+                           capture_mount_name_of(capture, laser));
+}
+
+void capture_mount_ask(Capture *capture) {
+    int wanted = next_wanted(capture);
+    g_return_if_fail(wanted >= 0);
+    const char *unit = capture_mount_name_of(capture, rig_laser_unit(timing_of(capture), wanted));
+    g_autofree char *place = describe_place(capture, wanted);
+    g_autofree char *prompt = g_strdup_printf("mount laser unit %s %s, then continue", unit, place);
+    capture->wanted_mount = wanted;
+    capture_pause_for(capture, "info", unit, prompt);
+}
+
+gboolean capture_mount_answer(Capture *capture, GError **error) {
+    int wanted = capture->wanted_mount;
+    if (wanted < 0)
+        return TRUE;
+    int unit = rig_laser_unit(timing_of(capture), wanted);
+    g_autofree char *key = key_of(capture, unit);
+    g_autofree char *place = describe_place(capture, wanted);
+    g_autofree char *told = g_strdup_printf("is mounted %s", place);
+    if (!session_set_value(capture->session, key, capture_mount_name_of(capture, wanted), error) ||
+        !laser_mount(capture->devices->lasers[unit], capture_mount_name_of(capture, wanted), error))
+        return FALSE;
+    capture->mounted[unit] = wanted;
+    capture->wanted_mount = -1;
+    capture_tell(capture, "info", capture_mount_name_of(capture, unit), told);
+    return TRUE;
+}

@@ -1,0 +1,93 @@
+/*
+ * What capture.c (how a session is opened, asked and told) and capture_run.c (what goes on while it
+ * runs) share.
+ */
+#pragma once
+
+#include "calibration/calibration.h"
+#include "capture.h"
+#include "intake.h"
+#include "sequencer.h"
+
+struct flight { /* a shot whose frames are with the intake */
+    const struct session_shot *shot;
+    guint32 back; /* cameras whose results are here */
+    struct session_frame frames[RIG_MAX_CAMERAS];
+    double signal_dn;                  /* highest of all cameras */
+    gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0: not worth a word */
+    GArray *marks;                     /* of struct mark_seen, of all cameras; NULL: none */
+};
+
+struct teller { /* of one camera */
+    gboolean told;
+    double told_s;
+    int untold;
+};
+
+struct view { /* a camera's latest picture */
+    Frame *frame;
+    double time_s;
+    gboolean fresh; /* the thumbnail is of that frame */
+    struct capture_thumbnail thumbnail;
+};
+
+struct Capture {
+    struct devices *devices;
+    struct capture_callbacks callbacks;
+    struct session_conf conf;
+    Session *session;
+    struct calibration *calibration; /* the session's */
+    Intake *intake;
+    Sequencer *sequencer;
+    enum capture_state state;
+    char *reason, *doing;
+    GPtrArray *shots;            /* all, owned */
+    GPtrArray *remaining;        /* of this run */
+    guint committed;             /* of remaining */
+    GPtrArray *leg;              /* those of them before a laser must be mounted elsewhere */
+    int mounted[RIG_MAX_LASERS]; /* the laser whose place a unit is at; −1: not known */
+    int wanted_mount;            /* the laser whose place is asked for; −1: none */
+    GQueue flights;
+    gboolean all_taken;
+    int n_shots, n_done;
+    gint64 frames, retakes;
+    gint64 begun_us;                               /* real time, monotonic */
+    double real_base_s, frames_base, retakes_base; /* of earlier runs of this session */
+    double clock_base_s; /* session clock at since_us, or while it stands */
+    gint64 since_us;     /* −1 while it stands */
+    double clock_saved_s;
+    double predicted_s, lower_bound_s;
+    double left_s, left_at_s; /* predicted, and when */
+    gint64 left_committed;    /* committed then; −1: not yet */
+    struct teller retake_tellers[RIG_MAX_CAMERAS], saturated_tellers[RIG_MAX_CAMERAS];
+    struct view views[RIG_MAX_CAMERAS];
+    guint32 moved;       /* of what the session was paused for: capture_marks.c */
+    guint32 suspected;   /* of what the shot before seemed to show */
+    GQueue *marks;       /* of GArray of struct mark_seen: of the last shots */
+    gboolean marks_told; /* how they looked at the beginning */
+    guint changed_source;
+    gint64 changed_at_us;
+    guint starter;
+};
+
+/* Seconds of the rig's clock during which this session ran, earlier runs included. */
+double capture_now_s(const Capture *capture);
+
+/* Into the session, if the disk still takes it, and to who listens. */
+void capture_tell(Capture *capture, const char *level, const char *source, const char *message);
+void capture_save_value(Capture *capture, const char *key, double value);
+
+extern const struct intake_hooks capture_intake_hooks;
+extern const struct sequencer_hooks capture_sequencer_hooks;
+
+/* Starts with what remains, from the main loop. */
+void capture_begin_soon(Capture *capture);
+
+/* The rig is safe already, or is made so: frames on their way are forgotten, the state is changed
+ * and kept. */
+void capture_pause_for(Capture *capture, const char *level, const char *source, const char *reason);
+void capture_come_to_rest(Capture *capture, enum capture_state state);
+void capture_set_state(Capture *capture, enum capture_state state);
+void capture_clear_flights(Capture *capture);
+void capture_start_clock(Capture *capture);
+void capture_flight_free(gpointer flight);

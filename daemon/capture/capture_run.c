@@ -1,0 +1,466 @@
+#include "capture_private.h"
+
+#include <math.h>
+#include <string.h>
+#include <sys/resource.h>
+
+#include "capture_check.h"
+#include "capture_marks.h"
+#include "capture_mount.h"
+
+#define CHANGED_MS 100
+/* A camera's retakes and saturated pictures are told one by one only if they are rare. */
+#define TELL_AGAIN_S 60
+#define SAVE_CLOCK_S 10
+/* Mean above dark, as a part of full scale, that a lamp must bring at least one camera. */
+#define LAMP_SIGNAL 0.0005
+/* Part of a picture that may be saturated in the shortest exposure before it is worth a word. */
+#define SATURATED_PART 0.001
+/* Mean of a dark frame above black, as a part of full scale, that is not dark any more. */
+#define DARK_PART 0.05
+
+static double session_clock_s(const Capture *capture, gint64 at_us) {
+    if (capture->since_us < 0)
+        return capture->clock_base_s;
+    return capture->clock_base_s + (at_us - capture->since_us) * 1e-6;
+}
+
+double capture_now_s(const Capture *capture) {
+    return session_clock_s(capture, clock_now_us(capture->devices->clock));
+}
+
+void capture_start_clock(Capture *capture) {
+    capture->since_us = clock_now_us(capture->devices->clock);
+}
+
+static void stop_clock(Capture *capture) {
+    capture->clock_base_s = capture_now_s(capture);
+    capture->since_us = -1;
+}
+
+static gboolean tell_changed(gpointer data) {
+    Capture *capture = data;
+    capture->changed_source = 0;
+    capture->changed_at_us = g_get_monotonic_time();
+    if (capture->callbacks.changed)
+        capture->callbacks.changed(capture, capture->callbacks.data);
+    return G_SOURCE_REMOVE;
+}
+
+static void capture_run_changed(Capture *capture) {
+    if (capture->changed_source != 0 || !capture->callbacks.changed)
+        return;
+    gint64 since_ms = (g_get_monotonic_time() - capture->changed_at_us) / 1000;
+    guint delay_ms = since_ms >= CHANGED_MS ? 0 : (guint)(CHANGED_MS - since_ms);
+    capture->changed_source = g_timeout_add(delay_ms, tell_changed, capture);
+}
+
+/* What is told is kept too, if the disk still takes it. */
+void capture_tell(Capture *capture, const char *level, const char *source, const char *message) {
+    session_add_event(capture->session, capture_now_s(capture), level, source, message, NULL);
+    if (capture->callbacks.event)
+        capture->callbacks.event(capture, level, source, message, capture->callbacks.data);
+}
+
+static void tell_rarely(Capture *capture, struct teller *teller, const char *source,
+                        const char *message) {
+    if (teller->told && capture_now_s(capture) < teller->told_s + TELL_AGAIN_S) {
+        teller->untold++;
+        return;
+    }
+    g_autofree char *text =
+        teller->untold == 0
+            ? g_strdup(message)
+            : g_strdup_printf("%s (and %d more since last told)", message, teller->untold);
+    *teller = (struct teller){.told = TRUE, .told_s = capture_now_s(capture)};
+    capture_tell(capture, "warning", source, text);
+}
+
+static void tell_rest(Capture *capture, struct teller *tellers, const char *what) {
+    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        if (tellers[c].untold > 0) {
+            g_autofree char *text =
+                tellers[c].untold == 1
+                    ? g_strdup_printf("1 more picture was %s", what)
+                    : g_strdup_printf("%d more pictures were %s", tellers[c].untold, what);
+            capture_tell(capture, "warning", capture->devices->geometry.cameras[c].name, text);
+        }
+        tellers[c] = (struct teller){0};
+    }
+}
+
+void capture_save_value(Capture *capture, const char *key, double value) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    g_ascii_dtostr(text, sizeof text, value);
+    session_set_value(capture->session, key, text, NULL);
+}
+
+/* What a report wants to know of the whole session, runs before a resume counted. */
+static void save_clock(Capture *capture) {
+    double real_s = (double)(g_get_monotonic_time() - capture->begun_us) * 1e-6;
+    struct rusage usage;
+
+    getrusage(RUSAGE_SELF, &usage);
+    capture->clock_saved_s = capture_now_s(capture);
+    capture_save_value(capture, "clock_s", capture->clock_saved_s);
+    capture_save_value(capture, "real_s", capture->real_base_s + real_s);
+    capture_save_value(capture, "frames", capture->frames_base + (double)capture->frames);
+    capture_save_value(capture, "retakes", capture->retakes_base + (double)capture->retakes);
+    capture_save_value(capture, "capture_peak_memory_mib", (double)usage.ru_maxrss / 1024);
+}
+
+static const char *const state_names[] = {
+    [CAPTURE_HOMING] = "running", [CAPTURE_RUNNING] = "running", [CAPTURE_PAUSING] = "running",
+    [CAPTURE_PAUSED] = "paused",  [CAPTURE_DONE] = "done",       [CAPTURE_ABORTED] = "aborted",
+};
+
+void capture_set_state(Capture *capture, enum capture_state state) {
+    gboolean kept = state_names[state] == state_names[capture->state];
+    capture->state = state;
+    if (!kept)
+        session_set_value(capture->session, "state", state_names[state], NULL);
+    capture_run_changed(capture);
+}
+
+void capture_flight_free(gpointer data) {
+    struct flight *flight = data;
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
+        g_free(flight->frames[c].path);
+        g_free(flight->frames[c].sha256);
+    }
+    if (flight->marks)
+        g_array_unref(flight->marks);
+    g_free(flight);
+}
+
+void capture_clear_flights(Capture *capture) {
+    intake_discard(capture->intake);
+    g_queue_clear_full(&capture->flights, capture_flight_free);
+}
+
+/* Nothing moves any more: says so, and keeps what must be kept. */
+void capture_come_to_rest(Capture *capture, enum capture_state state) {
+    tell_rest(capture, capture->retake_tellers, "refused or lost and taken again");
+    tell_rest(capture, capture->saturated_tellers, "saturated");
+    stop_clock(capture);
+    save_clock(capture);
+    capture_set_state(capture, state);
+}
+
+void capture_pause_for(Capture *capture, const char *level, const char *source,
+                       const char *reason) {
+    capture_clear_flights(capture);
+    g_free(capture->reason);
+    capture->reason = g_strdup(reason);
+    session_set_value(capture->session, "reason", reason, NULL);
+    capture_tell(capture, level, source, reason);
+    capture_come_to_rest(capture, CAPTURE_PAUSED);
+}
+
+/* A fault the intake or the disk has: the sequencer does not know of it yet. */
+static void stop_for(Capture *capture, const char *source, const char *reason) {
+    g_autoptr(GError) error = NULL;
+    gboolean safe = sequencer_stop(capture->sequencer, &error);
+    g_autofree char *text =
+        safe ? g_strdup(reason)
+             : g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
+    capture_pause_for(capture, "error", source, text);
+}
+
+static void stop_for_disk(Capture *capture, const GError *error) {
+    const char *path = session_path(capture->session);
+    g_autofree char *size = g_format_size(capture_free_bytes(path));
+    const char *advice = strstr(error->message, "; free some space"); /* given below */
+    g_autofree char *what = advice ? g_strndup(error->message, (gsize)(advice - error->message))
+                                   : g_strdup(error->message);
+    g_autofree char *reason =
+        capture_is_full(path, error)
+            ? g_strdup_printf("The disk is full: %s (%s free at %s). Nothing was lost; free some "
+                              "space, then go on.",
+                              what, size, path)
+            : g_strdup_printf("The session cannot be written: %s. Check the disk, then go on.",
+                              error->message);
+    stop_for(capture, "disk", reason);
+}
+
+static void when_all_is_committed(Capture *capture) {
+    if (!capture->all_taken || !g_queue_is_empty(&capture->flights))
+        return;
+    capture->all_taken = FALSE;
+    if (capture->committed == capture->remaining->len) {
+        capture_tell(capture, "info", "capture", "all shots are taken");
+        capture_come_to_rest(capture, CAPTURE_DONE);
+    } else if (capture->committed == capture->leg->len) {
+        capture_mount_ask(capture);
+    } else {
+        capture_pause_for(capture, "info", "capture", "paused by the user");
+    }
+}
+
+static char *note_of(const Capture *capture, const struct flight *flight) {
+    g_autoptr(GString) note = g_string_new(flight->shot->note);
+    gboolean any = FALSE;
+    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        if (flight->saturated[c] == 0)
+            continue;
+        g_string_append(note, any ? ", " : note->len > 0 ? "; saturated: " : "saturated: ");
+        g_string_append_printf(note, "%s %" G_GINT64_FORMAT " px",
+                               capture->devices->geometry.cameras[c].name, flight->saturated[c]);
+        any = TRUE;
+    }
+    return note->len > 0 ? g_strdup(note->str) : NULL;
+}
+
+/* FALSE after a fault: nothing is in flight any more. */
+static gboolean commit(Capture *capture, struct flight *flight) {
+    struct session_frame frames[RIG_MAX_CAMERAS];
+    int n = 0;
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++) {
+        if (flight->shot->cameras & 1u << c)
+            frames[n++] = flight->frames[c];
+    }
+    g_autoptr(GError) error = NULL;
+    g_autofree char *note = note_of(capture, flight);
+    if (!session_commit_shot(capture->session, flight->shot->id, SHOT_DONE, frames, n, note,
+                             &error)) {
+        stop_for_disk(capture, error);
+        return FALSE;
+    }
+    ((struct session_shot *)flight->shot)->state = SHOT_DONE;
+    capture->n_done++;
+    capture->committed++;
+    if (capture_now_s(capture) > capture->clock_saved_s + SAVE_CLOCK_S)
+        save_clock(capture);
+    return TRUE;
+}
+
+static gboolean lamp_gives_light(const Capture *capture, const struct flight *flight) {
+    int bits = 16;
+    for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
+        if (flight->shot->cameras & 1u << c)
+            bits = MIN(bits, capture->devices->cameras[c]->format.bits);
+    }
+    return flight->shot->kind != SHOT_LAMP || flight->signal_dn > LAMP_SIGNAL * ((1 << bits) - 1);
+}
+
+/* In planned order, whichever camera's worker was quicker. */
+static void commit_what_is_back(Capture *capture) {
+    struct flight *flight;
+    while ((flight = g_queue_peek_head(&capture->flights)) &&
+           flight->back == flight->shot->cameras) {
+        if (!lamp_gives_light(capture, flight)) {
+            const char *lamp = capture->devices->geometry.lamps[flight->shot->device].name;
+            g_autofree char *reason =
+                g_strdup_printf("lamp %s gives no light: no camera saw more than its dark level. "
+                                "Check the lamp, its fuse and its relay, then go on.",
+                                lamp);
+            stop_for(capture, lamp, reason);
+            return;
+        }
+        g_autofree char *moved = capture_marks_check(capture, flight);
+        if (moved) {
+            stop_for(capture, "marks", moved);
+            return;
+        }
+        if (!commit(capture, flight))
+            return;
+        capture_flight_free(g_queue_pop_head(&capture->flights));
+    }
+    capture_run_changed(capture);
+    when_all_is_committed(capture);
+}
+
+static void note_saturated(Capture *capture, struct flight *flight,
+                           const struct intake_result *result) {
+    const struct rig_camera *camera = &capture->devices->geometry.cameras[result->frame.camera];
+    if (result->saturated <= SATURATED_PART * camera->width * camera->height)
+        return;
+    flight->saturated[result->frame.camera] = result->saturated;
+    g_autofree char *message = g_strdup_printf(
+        "%" G_GINT64_FORMAT " pixels are saturated in the shortest exposure under lamp %s; a "
+        "shorter one in exposures_us would show them",
+        result->saturated, capture->devices->geometry.lamps[result->shot->device].name);
+    tell_rarely(capture, &capture->saturated_tellers[result->frame.camera], camera->name, message);
+}
+
+static void warn_of_light(Capture *capture, const struct intake_result *result) {
+    const struct camera_format *format = &capture->devices->cameras[result->frame.camera]->format;
+    double above = result->dark_dn - format->black_level;
+    if (above <= DARK_PART * ((1 << format->bits) - 1))
+        return;
+    g_autofree char *message = g_strdup_printf(
+        "the dark frames are not dark: %.0f DN above black on average; light comes in from outside",
+        above);
+    capture_tell(capture, "warning", capture->devices->geometry.cameras[result->frame.camera].name,
+                 message);
+}
+
+static struct flight *find_flight(Capture *capture, const struct session_shot *shot) {
+    for (GList *at = capture->flights.head; at; at = at->next) {
+        struct flight *flight = at->data;
+        if (flight->shot == shot)
+            return flight;
+    }
+    return NULL;
+}
+
+static void on_result(const struct intake_result *result, gpointer data) {
+    Capture *capture = data;
+    struct flight *flight = find_flight(capture, result->shot);
+    int camera = result->frame.camera;
+    if (!flight)
+        return;
+    if (result->error) {
+        stop_for_disk(capture, result->error);
+        return;
+    }
+    if (result->laser_seen) {
+        const char *laser = capture->devices->geometry.lasers[result->shot->device].name;
+        g_autofree char *reason = g_strdup_printf(
+            "laser %s stays on: camera %s still saw it after it was switched off. Cut its power, "
+            "check its relay, then go on.",
+            laser, capture->devices->geometry.cameras[camera].name);
+        stop_for(capture, laser, reason);
+        return;
+    }
+    flight->back |= 1u << camera;
+    flight->frames[camera] = result->frame;
+    flight->frames[camera].path = g_strdup(result->frame.path);
+    flight->frames[camera].sha256 = g_strdup(result->frame.sha256);
+    flight->signal_dn = MAX(flight->signal_dn, result->signal_dn);
+    if (result->marks) {
+        if (!flight->marks)
+            flight->marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+        g_array_append_vals(flight->marks, result->marks->data, result->marks->len);
+    }
+    if (result->shot->kind == SHOT_LAMP)
+        note_saturated(capture, flight, result);
+    if (result->shot->kind == SHOT_DARK)
+        warn_of_light(capture, result);
+    commit_what_is_back(capture);
+}
+
+static void on_room(gpointer data) {
+    Capture *capture = data;
+    sequencer_poke(capture->sequencer);
+}
+
+static void on_homed(gpointer data) {
+    Capture *capture = data;
+    capture->left_committed = -1;
+    if (capture->state == CAPTURE_HOMING)
+        capture_set_state(capture, CAPTURE_RUNNING);
+}
+
+static gboolean on_may_trigger(gpointer data) {
+    Capture *capture = data;
+    return !intake_is_full(capture->intake);
+}
+
+static void capture_run_on_frame(const struct session_shot *shot, int camera, int sub, Frame *frame,
+                                 int retakes, gpointer data) {
+    Capture *capture = data;
+    if (!g_queue_peek_tail(&capture->flights) ||
+        ((struct flight *)g_queue_peek_tail(&capture->flights))->shot != shot) {
+        struct flight *flight = g_new0(struct flight, 1);
+        flight->shot = shot;
+        flight->signal_dn = -HUGE_VAL;
+        g_queue_push_tail(&capture->flights, flight);
+    }
+    double time_s = session_clock_s(capture, frame->exposure_end_us);
+    intake_frame(capture->intake, shot, camera, sub, frame, retakes, time_s);
+    capture->frames++;
+    if (shot->kind != SHOT_DARK &&
+        (shot->kind != SHOT_SWEEP ||
+         shot_sweep_step(&capture->conf, shot, sub) < shot->sweep_steps)) {
+        struct view *view = &capture->views[camera];
+        frame_unref(view->frame);
+        view->frame = frame_ref(frame);
+        view->time_s = time_s;
+        view->fresh = FALSE;
+    }
+    capture_run_changed(capture);
+}
+
+static void on_retake(int camera, const char *why, gpointer data) {
+    Capture *capture = data;
+    capture->retakes++;
+    g_autofree char *message = g_strdup_printf("picture taken again: %s", why);
+    tell_rarely(capture, &capture->retake_tellers[camera],
+                capture->devices->geometry.cameras[camera].name, message);
+}
+
+static void on_finished(gpointer data) {
+    Capture *capture = data;
+    capture->all_taken = TRUE;
+    when_all_is_committed(capture);
+}
+
+static void on_fault(const char *source, const char *reason, gpointer data) {
+    capture_pause_for(data, "error", source, reason);
+}
+
+/* Told even if the session rests; who looks later finds it in the reason too. */
+static void on_unsafe(const char *source, const char *reason, gpointer data) {
+    Capture *capture = data;
+    if (capture->reason && strstr(capture->reason, reason))
+        return;
+    capture_tell(capture, "error", source, reason);
+    if (capture->state != CAPTURE_PAUSED)
+        return;
+    char *both = g_strdup_printf("%s %s", capture->reason, reason);
+    g_free(capture->reason);
+    capture->reason = both;
+    session_set_value(capture->session, "reason", both, NULL);
+    capture_run_changed(capture);
+}
+
+static void begin_leg(Capture *capture) {
+    guint n = capture_mount_reach(capture);
+    g_clear_pointer(&capture->leg, g_ptr_array_unref);
+    capture->leg = g_ptr_array_sized_new(n);
+    for (guint i = 0; i < n; i++)
+        g_ptr_array_add(capture->leg, capture->remaining->pdata[i]);
+    if (n == 0)
+        capture_mount_ask(capture);
+    else
+        sequencer_start(capture->sequencer, capture->leg);
+}
+
+static void capture_run_begin(gpointer data) {
+    Capture *capture = data;
+    capture->starter = 0;
+    g_clear_pointer(&capture->remaining, g_ptr_array_unref);
+    capture->remaining = g_ptr_array_new();
+    capture->committed = 0;
+    capture->left_committed = -1;
+    capture->all_taken = FALSE;
+    for (guint i = 0; i < capture->shots->len; i++) {
+        struct session_shot *shot = capture->shots->pdata[i];
+        if (shot->state == SHOT_PLANNED)
+            g_ptr_array_add(capture->remaining, shot);
+    }
+    capture_start_clock(capture);
+    if (capture->remaining->len == 0)
+        capture_come_to_rest(capture, CAPTURE_DONE);
+    else
+        begin_leg(capture);
+}
+
+/* Not from within the caller's call: events may come at once. */
+void capture_begin_soon(Capture *capture) {
+    g_clear_pointer(&capture->reason, g_free);
+    capture_set_state(capture, CAPTURE_HOMING);
+    capture->starter = clock_call_in(capture->devices->clock, 0, capture_run_begin, capture);
+}
+
+const struct intake_hooks capture_intake_hooks = {.result = on_result, .room = on_room};
+const struct sequencer_hooks capture_sequencer_hooks = {
+    .homed = on_homed,
+    .may_trigger = on_may_trigger,
+    .frame = capture_run_on_frame,
+    .retake = on_retake,
+    .finished = on_finished,
+    .fault = on_fault,
+    .unsafe = on_unsafe,
+};

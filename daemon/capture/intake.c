@@ -1,0 +1,573 @@
+#include "intake.h"
+
+#include <math.h>
+#include <sys/resource.h>
+
+#include "fiducials/marks.h"
+#include "intake_darks.h"
+#include "intake_write.h"
+#include "radiance.h"
+
+#define FULL_BYTES ((gsize)512 << 20)
+/* A sweep's frames are handed over several at a time: waking a worker costs more than its work. */
+#define BATCH 8
+/* A pixel this far above dark is lit; that many make a laser line. */
+#define LASER_PIXELS 4
+/* What moves and triggers goes first, then what takes frames, then what makes files of sweeps. */
+#define TAKE_NICE   5
+#define FINISH_NICE 10
+
+struct job {
+    guint generation;
+    const struct session_shot *shot;
+    int sub;
+    int retakes;
+    double time_s;
+    Frame *frame;
+};
+
+/* A sweep all of whose frames were taken. */
+struct ending {
+    struct job job; /* the last; its frame is owned */
+    Sweep *sweep, *short_sweep;
+    double dark_dn;
+    gboolean laser_seen;
+    GError *error;
+    gsize bytes; /* of the sweeps; they count as waiting */
+};
+
+/* A camera's worker. What the worker touches belongs to its thread; batch to the main loop's. To
+ * find the times of eight sweeps of 1024 × 768 that end at once, and to have them on disk, takes
+ * seconds: so that is another thread's work, and frames that come meanwhile find room. */
+struct lane {
+    Intake *intake;
+    int camera;
+    GThread *thread;
+    GAsyncQueue *queue; /* of GPtrArray of struct job; an empty one ends the thread */
+    GPtrArray *batch;
+    GThreadPool *finisher; /* of one thread, of struct ending */
+    GMutex mutex;
+    GCond finished;
+    int n_endings; /* guarded by mutex */
+
+    guint generation;
+    const struct session_shot *shot; /* being collected */
+    int n_frames;
+    Frame *bracket[PLAN_MAX_BRACKET];
+    guint32 *sums;
+    Sweep *sweep, *short_sweep;
+    gboolean laser_seen;
+    GError *error; /* the first, while a shot's frames are being kept */
+    struct intake_darks darks;
+};
+
+struct finished {
+    guint generation;
+    struct intake_result result;
+};
+
+struct Intake {
+    struct intake_setup setup;
+    struct intake_hooks hooks;
+    GPtrArray *lanes;
+    GAsyncQueue *finished;
+    GSource *wake;
+    guint generation; /* read by workers */
+    gsize bytes;      /* that wait; written by workers */
+    int full;         /* read by workers */
+};
+
+static void intake_job_free(gpointer data) {
+    struct job *job = data;
+    frame_unref(job->frame);
+    g_free(job);
+}
+
+static void finished_free(gpointer data) {
+    struct finished *finished = data;
+    g_free(finished->result.frame.path);
+    g_free(finished->result.frame.sha256);
+    g_clear_error(&finished->result.error);
+    if (finished->result.marks)
+        g_array_unref((GArray *)finished->result.marks);
+    g_free(finished);
+}
+
+static void lane_reset(struct lane *lane) {
+    for (int i = 0; i < PLAN_MAX_BRACKET; i++)
+        g_clear_pointer(&lane->bracket[i], frame_unref);
+    g_clear_pointer(&lane->sums, g_free);
+    g_clear_pointer(&lane->sweep, sweep_free);
+    g_clear_pointer(&lane->short_sweep, sweep_free);
+    g_clear_error(&lane->error);
+    lane->laser_seen = FALSE;
+    lane->n_frames = 0;
+    lane->shot = NULL;
+}
+
+static void intake_describe(struct lane *lane, const struct job *job, struct intake_file *file) {
+    const struct intake_setup *setup = &lane->intake->setup;
+    const struct rig *rig = &setup->devices->geometry;
+    *file = (struct intake_file){
+        .directory = setup->directory,
+        .shot = job->shot,
+        .camera = lane->camera,
+        .camera_name = rig->cameras[lane->camera].name,
+        .conf = setup->conf,
+        .last = job->frame,
+    };
+    if (job->shot->kind == SHOT_LAMP)
+        file->source_name = rig->lamps[job->shot->device].name;
+    if (job->shot->kind == SHOT_SWEEP)
+        file->source_name = rig->lasers[job->shot->device].name;
+}
+
+/* Hands a camera's part of a shot back to the main loop. Takes what result owns. */
+static void hand_back(struct lane *lane, const struct job *job, struct intake_result result) {
+    struct finished *finished = g_new0(struct finished, 1);
+    finished->generation = job->generation;
+    finished->result = result;
+    finished->result.shot = job->shot;
+    finished->result.frame.shot = job->shot->id;
+    finished->result.frame.camera = lane->camera;
+    finished->result.frame.retakes = job->retakes;
+    finished->result.frame.captured_s = job->time_s;
+    g_async_queue_push(lane->intake->finished, finished);
+    g_source_set_ready_time(lane->intake->wake, 0);
+}
+
+static void keep_raw(struct lane *lane, const struct job *job) {
+    struct intake_file file;
+    intake_describe(lane, job, &file);
+    if (!lane->error)
+        intake_write_raw(&file, job->sub, &lane->error);
+}
+
+static void take_dark(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    gsize n = (gsize)job->frame->width * job->frame->height;
+    if (job->sub % conf->dark_frames == 0) {
+        g_free(lane->sums);
+        lane->sums = g_new0(guint32, n);
+    }
+    radiance_add(job->frame, lane->sums);
+    if ((job->sub + 1) % conf->dark_frames != 0)
+        return;
+    float *pixels = g_new(float, n);
+    double mean = radiance_mean(lane->sums, conf->dark_frames, n, pixels);
+    intake_darks_set(&lane->darks, job->sub / conf->dark_frames, job->frame->exposure_us, pixels,
+                     mean);
+}
+
+static void finish_dark(struct lane *lane, const struct job *job) {
+    gint64 exposures[SHOT_MAX_DARKS];
+    int n = shot_dark_exposures(lane->intake->setup.conf, exposures);
+    struct intake_file file;
+    intake_describe(lane, job, &file);
+    struct intake_result result = {0};
+    const float *pixels[SHOT_MAX_DARKS];
+    for (int i = 0; i < n; i++) {
+        pixels[i] = lane->darks.levels[i].pixels;
+        result.dark_dn = MAX(result.dark_dn, lane->darks.levels[i].mean_dn);
+    }
+    file.dark_dn = result.dark_dn;
+    result.error = g_steal_pointer(&lane->error);
+    if (!result.error)
+        intake_write_dark(&file, exposures, pixels, n, &result.frame, &result.error);
+    hand_back(lane, job, result);
+}
+
+/* What the marks beside the sample show, or NULL if there are none. */
+static GArray *look_at_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
+    const struct calibration *calibration = lane->intake->setup.calibration;
+    const struct session_shot *shot = job->shot;
+    if (!calibration || calibration->rig.n_marks == 0 || shot->device >= calibration->rig.n_lamps)
+        return NULL;
+    struct mark_scene scene = {
+        .rig = &calibration->rig,
+        .camera = lane->camera,
+        .lamp = shot->device,
+        .turntable_rad = shot->turntable_deg * G_PI / 180,
+        .arc_rad = shot->arc_deg * G_PI / 180,
+        .radiometry = &calibration->camera_radiometry[lane->camera],
+        .lamp_radiometry = &calibration->lamp_radiometry[shot->device],
+    };
+    GArray *marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    marks_measure(&scene, cfa_name(job->frame->cfa), mosaic, marks);
+    return marks;
+}
+
+/* Of a sensor that is known not to be straight; what may as well be the calibration's noise is left
+ * alone. */
+static double bend_of(const struct lane *lane, const Frame *frame) {
+    const struct calibration *calibration = lane->intake->setup.calibration;
+    if (!calibration || !calibration->noise[lane->camera].known)
+        return 0;
+    const struct transfer *t = &calibration->noise[lane->camera].transfer;
+    if (fabs(t->curvature) <= 3 * t->curvature_error)
+        return 0;
+    return t->curvature / ((1 << frame->bits) - 1 - t->black_dn);
+}
+
+static void finish_lamp(struct lane *lane, const struct job *job) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const float *darks[PLAN_MAX_BRACKET];
+    struct intake_file file;
+    intake_describe(lane, job, &file);
+    for (int i = 0; i < conf->n_exposures; i++) {
+        const struct intake_dark *dark = intake_darks_at(&lane->darks, i, lane->bracket[i]);
+        darks[i] = dark->pixels;
+        file.dark_dn = dark->mean_dn;
+    }
+    file.bracket = (const Frame *const *)lane->bracket;
+    g_autofree float *merged = g_new(float, (gsize)job->frame->width * job->frame->height);
+    struct radiance_stats stats;
+    radiance_merge((const Frame *const *)lane->bracket, darks, conf->n_exposures, conf->gain_db,
+                   bend_of(lane, job->frame), merged, &stats);
+    file.saturated = stats.saturated;
+    const Frame *longest = lane->bracket[conf->n_exposures - 1];
+    if (conf->n_exposures > 1)
+        file.shorter_from = radiance_ceiling(longest->bits, longest->exposure_us, file.dark_dn,
+                                             conf->gain_db, bend_of(lane, job->frame));
+    struct intake_result result = {.signal_dn = stats.signal_dn, .saturated = stats.saturated};
+    result.marks = look_at_marks(lane, job, merged);
+    result.error = g_steal_pointer(&lane->error);
+    if (!result.error)
+        intake_write_lamp(&file, merged, &result.frame, &result.error);
+    hand_back(lane, job, result);
+}
+
+static void ending_free(struct ending *ending) {
+    frame_unref(ending->job.frame);
+    sweep_free(ending->sweep);
+    sweep_free(ending->short_sweep);
+    g_clear_error(&ending->error);
+    g_free(ending);
+}
+
+static void write_ending(struct lane *lane, struct ending *ending) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    struct intake_file file;
+    intake_describe(lane, &ending->job, &file);
+    file.dark_dn = ending->dark_dn;
+    if (ending->short_sweep)
+        sweep_set_shorter(ending->sweep, ending->short_sweep,
+                          conf->laser_exposure_us / conf->laser_short_us);
+    struct intake_result result = {.laser_seen = ending->laser_seen,
+                                   .error = g_steal_pointer(&ending->error)};
+    if (!result.error && !result.laser_seen)
+        intake_write_sweep(&file, ending->sweep, &result.frame, &result.error);
+    hand_back(lane, &ending->job, result);
+}
+
+static gboolean is_current(const Intake *intake, const struct job *job) {
+    return job->generation == (guint)g_atomic_int_get(&intake->generation);
+}
+
+static void add_bytes(Intake *intake, gssize bytes) {
+    const gsize before = (gsize)g_atomic_pointer_add(&intake->bytes, bytes);
+    if (bytes < 0 && g_atomic_int_get(&intake->full) &&
+        before + (gsize)bytes <= intake->setup.full_bytes / 2)
+        g_source_set_ready_time(intake->wake, 0);
+}
+
+/* The finisher's; setpriority() is of the calling thread alone, on Linux. */
+static void finish_sweep(gpointer data, gpointer lane_data) {
+    struct ending *ending = data;
+    struct lane *lane = lane_data;
+    const gsize bytes = ending->bytes;
+    setpriority(PRIO_PROCESS, 0, FINISH_NICE);
+    if (is_current(lane->intake, &ending->job))
+        write_ending(lane, ending);
+    ending_free(ending);
+    add_bytes(lane->intake, -(gssize)bytes);
+    g_mutex_lock(&lane->mutex);
+    lane->n_endings--;
+    g_cond_signal(&lane->finished);
+    g_mutex_unlock(&lane->mutex);
+}
+
+static void end_sweep(struct lane *lane, const struct job *job) {
+    struct ending *ending = g_new0(struct ending, 1);
+    ending->job = *job;
+    ending->job.frame = frame_ref(job->frame);
+    ending->sweep = g_steal_pointer(&lane->sweep);
+    ending->short_sweep = g_steal_pointer(&lane->short_sweep);
+    ending->dark_dn = intake_darks_at(&lane->darks, 0, job->frame)->mean_dn;
+    ending->laser_seen = lane->laser_seen;
+    ending->error = g_steal_pointer(&lane->error);
+    ending->bytes =
+        sweep_bytes(ending->sweep) + (ending->short_sweep ? sweep_bytes(ending->short_sweep) : 0);
+    add_bytes(lane->intake, (gssize)ending->bytes);
+    g_mutex_lock(&lane->mutex);
+    lane->n_endings++;
+    g_mutex_unlock(&lane->mutex);
+    g_thread_pool_push(lane->finisher, ending, NULL);
+}
+
+/* A camera's results come in the order of its shots. */
+static void await_endings(struct lane *lane) {
+    g_mutex_lock(&lane->mutex);
+    while (lane->n_endings > 0)
+        g_cond_wait(&lane->finished, &lane->mutex);
+    g_mutex_unlock(&lane->mutex);
+}
+
+/* Those of the frames that have one exposure. */
+static void intake_absorb(Sweep **sweep, struct job *const *jobs, int n,
+                          const struct session_conf *conf, gboolean shorter) {
+    const Frame *frame = jobs[0]->frame;
+    const guint16 *pixels[BATCH];
+    int count = 0;
+    for (int i = 0; i < n; i++)
+        if (shot_is_short(conf, jobs[i]->shot, jobs[i]->sub) == shorter)
+            pixels[count++] = jobs[i]->frame->pixels;
+    if (count > 0 && !*sweep)
+        *sweep = sweep_new(frame->width, frame->height, jobs[0]->shot->sweep_steps,
+                           radiance_saturation(frame->bits));
+    if (count > 0)
+        sweep_add_some(*sweep, pixels, count);
+}
+
+/* Frames of a sweep, one after the other; the one without the laser comes alone. */
+static void take_sweep(struct lane *lane, struct job *const *jobs, int n) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *job = jobs[0];
+    if (shot_sweep_step(conf, job->shot, job->sub) == job->shot->sweep_steps) {
+        const struct intake_dark *dark = intake_darks_at(&lane->darks, 0, job->frame);
+        gint64 lit = radiance_lit(job->frame, dark->pixels, conf->laser_threshold_dn);
+        lane->laser_seen = lit >= LASER_PIXELS;
+        return;
+    }
+    intake_absorb(&lane->sweep, jobs, n, conf, FALSE);
+    intake_absorb(&lane->short_sweep, jobs, n, conf, TRUE);
+    for (int i = 0; i < n && conf->keep_laser_frames; i++)
+        keep_raw(lane, jobs[i]);
+}
+
+/* n is 1, or that of frames that follow each other in a sweep. */
+static void intake_take(struct lane *lane, struct job *const *jobs, int n) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *job = jobs[n - 1];
+    if (lane->shot != job->shot || lane->generation != job->generation)
+        lane_reset(lane);
+    lane->shot = job->shot;
+    lane->generation = job->generation;
+    /* Frames come in order; another one would be mixed up with its neighbours. */
+    g_return_if_fail(job->sub == lane->n_frames + n - 1);
+    lane->n_frames += n;
+    gboolean last = lane->n_frames == shot_n_frames(conf, job->shot);
+    if (last && job->shot->kind != SHOT_SWEEP)
+        await_endings(lane);
+    if (conf->keep_exposures && job->shot->kind != SHOT_SWEEP)
+        keep_raw(lane, job);
+    switch (job->shot->kind) {
+    case SHOT_DARK:
+        take_dark(lane, job);
+        if (last)
+            finish_dark(lane, job);
+        break;
+    case SHOT_LAMP:
+        lane->bracket[job->sub] = frame_ref(job->frame);
+        if (last)
+            finish_lamp(lane, job);
+        break;
+    case SHOT_SWEEP:
+        take_sweep(lane, jobs, n);
+        if (last)
+            end_sweep(lane, job);
+        break;
+    }
+    if (last)
+        lane_reset(lane);
+}
+
+static gsize job_bytes(const struct job *job) {
+    return (gsize)job->frame->width * job->frame->height * sizeof(guint16);
+}
+
+/* Of some jobs, the first ones that are frames of one sweep, which go together; else 1. */
+static guint count_together(const struct lane *lane, struct job *const *jobs, guint most) {
+    const struct session_conf *conf = lane->intake->setup.conf;
+    const struct job *first = jobs[0];
+    guint n = 0;
+    if (first->shot->kind == SHOT_SWEEP)
+        while (n < most && n < BATCH && jobs[n]->shot == first->shot &&
+               jobs[n]->generation == first->generation && jobs[n]->sub == first->sub + (int)n &&
+               shot_sweep_step(conf, first->shot, jobs[n]->sub) < first->shot->sweep_steps)
+            n++;
+    return MAX(n, 1);
+}
+
+static gpointer lane_run(gpointer data) {
+    struct lane *lane = data;
+    Intake *intake = lane->intake;
+    setpriority(PRIO_PROCESS, 0, TAKE_NICE);
+    gboolean running = TRUE;
+    while (running) {
+        g_autoptr(GPtrArray) batch = g_async_queue_pop(lane->queue);
+        running = batch->len > 0;
+        for (guint i = 0, n = 0; i < batch->len; i += n) {
+            struct job *const *jobs = (struct job *const *)&batch->pdata[i];
+            n = count_together(lane, jobs, batch->len - i);
+            if (is_current(intake, jobs[0]))
+                intake_take(lane, jobs, (int)n);
+            for (guint k = 0; k < n; k++)
+                add_bytes(intake, -(gssize)job_bytes(jobs[k]));
+        }
+    }
+    lane_reset(lane);
+    return NULL;
+}
+
+static void tell_results(Intake *intake) {
+    struct finished *finished;
+    while ((finished = g_async_queue_try_pop(intake->finished))) {
+        if (finished->generation == intake->generation)
+            intake->hooks.result(&finished->result, intake->hooks.data);
+        finished_free(finished);
+    }
+}
+
+static void set_full(Intake *intake, gboolean full) {
+    if (full == intake->full)
+        return;
+    g_atomic_int_set(&intake->full, full);
+    if (full)
+        clock_hold(intake->setup.devices->clock);
+    else
+        clock_release(intake->setup.devices->clock);
+}
+
+static gsize queued_bytes(Intake *intake) {
+    return (gsize)g_atomic_pointer_get(&intake->bytes);
+}
+
+static gboolean intake_dispatch(GSource *source, GSourceFunc func, gpointer data) {
+    return func(data);
+}
+
+static gboolean woken(gpointer data) {
+    Intake *intake = data;
+    g_source_set_ready_time(intake->wake, -1);
+    tell_results(intake);
+    if (intake->full && queued_bytes(intake) <= intake->setup.full_bytes / 2) {
+        set_full(intake, FALSE);
+        intake->hooks.room(intake->hooks.data);
+    }
+    return G_SOURCE_CONTINUE;
+}
+
+static struct lane *lane_new(Intake *intake, int camera) {
+    struct lane *lane = g_new0(struct lane, 1);
+    lane->intake = intake;
+    lane->camera = camera;
+    lane->queue = g_async_queue_new();
+    lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
+    g_mutex_init(&lane->mutex);
+    g_cond_init(&lane->finished);
+    lane->finisher = g_thread_pool_new(finish_sweep, lane, 1, TRUE, NULL);
+    lane->thread =
+        g_thread_new(intake->setup.devices->geometry.cameras[camera].name, lane_run, lane);
+    return lane;
+}
+
+static void lane_free(gpointer data) {
+    struct lane *lane = data;
+    g_async_queue_push(lane->queue, g_ptr_array_new());
+    g_thread_join(lane->thread);
+    g_thread_pool_free(lane->finisher, FALSE, TRUE);
+    g_mutex_clear(&lane->mutex);
+    g_cond_clear(&lane->finished);
+    g_async_queue_unref(lane->queue);
+    g_ptr_array_unref(lane->batch);
+    intake_darks_clear(&lane->darks);
+    g_free(lane);
+}
+
+Intake *intake_new(const struct intake_setup *setup, const struct intake_hooks *hooks) {
+    static GSourceFuncs funcs = {.dispatch = intake_dispatch};
+    Intake *intake = g_new0(Intake, 1);
+    intake->setup = *setup;
+    if (setup->full_bytes == 0)
+        intake->setup.full_bytes = FULL_BYTES;
+    intake->hooks = *hooks;
+    intake->finished = g_async_queue_new_full(finished_free);
+    intake->wake = g_source_new(&funcs, sizeof(GSource));
+    g_source_set_callback(intake->wake, woken, intake, NULL);
+    g_source_attach(intake->wake, NULL);
+    intake->lanes = g_ptr_array_new_with_free_func(lane_free);
+    for (int c = 0; c < setup->devices->geometry.n_cameras; c++)
+        g_ptr_array_add(intake->lanes, lane_new(intake, c));
+    return intake;
+}
+
+void intake_free(Intake *intake) {
+    if (!intake)
+        return;
+    intake_discard(intake);
+    g_ptr_array_unref(intake->lanes);
+    g_source_destroy(intake->wake);
+    g_source_unref(intake->wake);
+    set_full(intake, FALSE);
+    g_async_queue_unref(intake->finished);
+    g_free(intake);
+}
+
+static void intake_flush(struct lane *lane) {
+    if (lane->batch->len == 0)
+        return;
+    g_async_queue_push(lane->queue, lane->batch);
+    lane->batch = g_ptr_array_new_with_free_func(intake_job_free);
+}
+
+void intake_frame(Intake *intake, const struct session_shot *shot, int camera, int sub,
+                  Frame *frame, int retakes, double time_s) {
+    struct lane *lane = intake->lanes->pdata[camera];
+    struct job *job = g_new0(struct job, 1);
+    *job = (struct job){intake->generation, shot, sub, retakes, time_s, frame_ref(frame)};
+    gsize bytes = job_bytes(job);
+    add_bytes(intake, (gssize)bytes);
+    g_ptr_array_add(lane->batch, job);
+    gboolean last = sub + 1 == shot_n_frames(intake->setup.conf, shot);
+    if (last || lane->batch->len >= BATCH)
+        intake_flush(lane);
+    if (queued_bytes(intake) < intake->setup.full_bytes)
+        return;
+    /* What waits in batches would never make room. */
+    for (guint i = 0; i < intake->lanes->len; i++)
+        intake_flush(intake->lanes->pdata[i]);
+    set_full(intake, TRUE);
+    g_source_set_ready_time(intake->wake, 0);
+}
+
+gboolean intake_is_full(const Intake *intake) {
+    return intake->full;
+}
+
+void intake_discard(Intake *intake) {
+    g_atomic_int_inc(&intake->generation);
+    for (guint i = 0; i < intake->lanes->len; i++)
+        intake_flush(intake->lanes->pdata[i]);
+}
+
+gboolean intake_load_dark(Intake *intake, const struct session_shot *shot, int camera,
+                          GError **error) {
+    struct lane *lane = intake->lanes->pdata[camera];
+    const struct camera_format *format = &intake->setup.devices->cameras[camera]->format;
+    const char *name = intake->setup.devices->geometry.cameras[camera].name;
+    gint64 exposures[SHOT_MAX_DARKS];
+    int n = shot_dark_exposures(intake->setup.conf, exposures);
+    gsize n_pixels = (gsize)format->width * format->height;
+    for (int i = 0; i < n; i++) {
+        g_autofree float *pixels =
+            intake_read_dark(intake->setup.directory, shot, name, format, exposures[i], error);
+        if (!pixels)
+            return FALSE;
+        double sum = 0;
+        for (gsize p = 0; p < n_pixels; p++)
+            sum += pixels[p];
+        intake_darks_set(&lane->darks, i, exposures[i], g_steal_pointer(&pixels), sum / n_pixels);
+    }
+    return TRUE;
+}

@@ -1,0 +1,432 @@
+#include "sequencer.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "intake.h"
+#include "radiance.h"
+#include "stage.h"
+
+/* How long a camera that is gone is given to come back before the next attempt. */
+#define REST_US (3 * G_USEC_PER_SEC)
+
+/* After the second refused picture in a row; then four times as long each time, up to REST_US: what
+ * disturbs a line or holds a computer up may last a second, and must not use all attempts up. */
+#define FIRST_REST_US 100000
+
+enum state { IDLE, HOMING, PREPARING, EXPOSING };
+
+struct eye { /* a camera in the picture under way */
+    Sequencer *sequencer;
+    int camera;
+    int refused;   /* in a row */
+    int retakes;   /* in this shot */
+    int shortened; /* in this shot: each time to a quarter of the shortest exposure */
+    gint64 rest_until_us;
+};
+
+struct Sequencer {
+    struct devices *devices;
+    const struct session_conf *conf;
+    struct sequencer_hooks hooks;
+    Stage *stage;
+    enum state state;
+    gboolean pausing;
+    const GPtrArray *shots;
+    guint next; /* index of the shot after the one under way */
+    const struct session_shot *shot;
+    int sub, n_subs;
+    guint32 pending;  /* cameras still to be triggered for this picture */
+    guint32 exposing; /* triggered, the lamp must stay */
+    guint32 waiting;  /* triggered, no frame yet */
+    struct eye eyes[RIG_MAX_CAMERAS];
+    guint timer;
+};
+
+static void advance(Sequencer *seq);
+static void sequencer_prepare(Sequencer *seq);
+
+static void quiet(Sequencer *seq) {
+    seq->state = IDLE;
+    seq->shot = NULL;
+    seq->pending = seq->exposing = seq->waiting = 0;
+    clock_cancel(seq->devices->clock, &seq->timer);
+}
+
+gboolean sequencer_stop(Sequencer *seq, GError **error) {
+    quiet(seq);
+    gboolean safe = stage_make_safe(seq->stage, error);
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
+        camera_disarm(seq->devices->cameras[c]);
+    return safe;
+}
+
+static void sequencer_fail(Sequencer *seq, const char *source, const char *reason) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *told = g_strdup(reason);
+    if (!sequencer_stop(seq, &error)) {
+        g_free(told);
+        told = g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
+    }
+    seq->hooks.fault(source, told, seq->hooks.data);
+}
+
+static void sequencer_finish(Sequencer *seq) {
+    g_autoptr(GError) error = NULL;
+    if (sequencer_stop(seq, &error)) {
+        seq->hooks.finished(seq->hooks.data);
+        return;
+    }
+    g_autofree char *told =
+        g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand, then go on.", error->message);
+    seq->hooks.fault("rig", told, seq->hooks.data);
+}
+
+/* Step k of n stands at from + k·(to − from)/(n − 1). The picture after the last one, with the
+ * laser off, is taken from the middle, where a laser that shines on would light the sample. */
+static double sweep_at_deg(const struct session_shot *shot, int step) {
+    double way = shot->sweep_to_deg - shot->sweep_from_deg;
+    if (step >= shot->sweep_steps)
+        return shot->sweep_from_deg + way / 2;
+    return shot->sweep_from_deg +
+           (shot->sweep_steps > 1 ? step * way / (shot->sweep_steps - 1) : 0);
+}
+
+static struct stage_goal goal_of(const Sequencer *seq, const struct session_shot *shot, int sub) {
+    struct stage_goal goal = {shot->turntable_deg, shot->arc_deg, -1, -1, -1, 0};
+    if (shot->kind == SHOT_LAMP)
+        goal.lamp = shot->device;
+    if (shot->kind == SHOT_SWEEP) {
+        int unit = rig_laser_unit(&seq->devices->timing, shot->device);
+        int step = shot_sweep_step(seq->conf, shot, sub);
+        goal.laser = step < shot->sweep_steps ? unit : -1;
+        goal.sweep = unit;
+        goal.sweep_deg = sweep_at_deg(shot, step);
+    }
+    return goal;
+}
+
+/* What the stage may do as soon as the picture under way is exposed. */
+static struct stage_goal goal_after(const Sequencer *seq) {
+    if (seq->pending)
+        return goal_of(seq, seq->shot, seq->sub);
+    if (seq->sub + 1 < seq->n_subs)
+        return goal_of(seq, seq->shot, seq->sub + 1);
+    if (seq->next < seq->shots->len && !seq->pausing)
+        return goal_of(seq, seq->shots->pdata[seq->next], 0);
+    struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
+    goal.lamp = goal.laser = -1;
+    return goal;
+}
+
+/* FALSE when there is nothing left to take. */
+static gboolean begin_shot(Sequencer *seq) {
+    if (seq->next >= seq->shots->len)
+        return FALSE;
+    seq->shot = seq->shots->pdata[seq->next++];
+    seq->sub = 0;
+    seq->n_subs = shot_n_frames(seq->conf, seq->shot);
+    seq->pending = seq->shot->cameras;
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+        seq->eyes[c].refused = seq->eyes[c].retakes = seq->eyes[c].shortened = 0;
+    return TRUE;
+}
+
+static gint64 exposure_us(const Sequencer *seq, int camera) {
+    gint64 us = shot_exposure_us(seq->conf, seq->shot, seq->sub);
+    return seq->sub == 0 ? us >> (2 * seq->eyes[camera].shortened) : us;
+}
+
+static gboolean sequencer_trigger(Sequencer *seq, int c, GError **error) {
+    Camera *camera = seq->devices->cameras[c];
+    struct camera_settings settings = {
+        .exposure_us = exposure_us(seq, c),
+        .gain_db = seq->conf->gain_db,
+    };
+    guint64 tag = (guint64)seq->shot->id << 16 | (guint64)seq->sub;
+    return camera_configure(camera, &settings, error) &&
+           (camera_is_armed(camera) || camera_arm(camera, error)) &&
+           camera_trigger(camera, tag, error);
+}
+
+/* The message, without the name of the device that who reads it sees before it anyway. */
+static const char *without_name(const char *message, const char *name) {
+    g_autofree char *prefix = g_strdup_printf("camera %s: ", name);
+    return g_str_has_prefix(message, prefix) ? message + strlen(prefix) : message;
+}
+
+static gint64 rest_us(int refused) {
+    gint64 us = refused < 2 ? 0 : FIRST_REST_US;
+    for (int i = 2; i < refused && us < REST_US; i++)
+        us *= 4;
+    return MIN(us, REST_US);
+}
+
+/* FALSE if that was one time too many: everything has been stopped. */
+static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
+    struct eye *eye = &seq->eyes[camera];
+    const char *name = seq->devices->geometry.cameras[camera].name;
+    eye->retakes++;
+    if (++eye->refused <= seq->conf->retries) {
+        gint64 until_us = clock_now_us(seq->devices->clock) + rest_us(eye->refused);
+        eye->rest_until_us = MAX(eye->rest_until_us, until_us);
+        seq->hooks.retake(camera, without_name(error->message, name), seq->hooks.data);
+        return seq->state != IDLE;
+    }
+    g_autofree char *advised = stage_advise("camera", name, error);
+    g_autofree char *reason =
+        g_strdup_printf("camera %s: no good picture in %d attempts; the last time: %s", name,
+                        eye->refused, without_name(advised, name));
+    sequencer_fail(seq, name, reason);
+    return FALSE;
+}
+
+/* Those that are gone stay pending, and rest. */
+static void trigger_pending(Sequencer *seq) {
+    seq->state = EXPOSING;
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
+        g_autoptr(GError) error = NULL;
+        guint32 bit = 1u << c;
+        if (!(seq->pending & bit))
+            continue;
+        if (sequencer_trigger(seq, c, &error)) {
+            seq->pending &= ~bit;
+            seq->exposing |= bit;
+            seq->waiting |= bit;
+            continue;
+        }
+        camera_disarm(seq->devices->cameras[c]);
+        seq->eyes[c].rest_until_us = clock_now_us(seq->devices->clock) + REST_US;
+        if (!count_refusal(seq, c, error))
+            return;
+    }
+    if (seq->waiting == 0) {
+        seq->state = PREPARING;
+        sequencer_prepare(seq);
+    }
+}
+
+static void timer_due(gpointer data) {
+    Sequencer *seq = data;
+    seq->timer = 0;
+    advance(seq);
+}
+
+static void sequencer_prepare(Sequencer *seq) {
+    struct stage_goal goal = goal_of(seq, seq->shot, seq->sub);
+    gint64 ready_us;
+    stage_pursue(seq->stage, &goal);
+    if (seq->state != PREPARING || !stage_has_reached(seq->stage, &goal, &ready_us))
+        return;
+    clock_cancel(seq->devices->clock, &seq->timer);
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
+        if (seq->pending & 1u << c)
+            ready_us = MAX(ready_us, seq->eyes[c].rest_until_us);
+    }
+    if (ready_us > clock_now_us(seq->devices->clock))
+        seq->timer = clock_call_at(seq->devices->clock, ready_us, timer_due, seq);
+    else if (seq->hooks.may_trigger(seq->hooks.data))
+        trigger_pending(seq);
+}
+
+static void start_shots(Sequencer *seq) {
+    seq->state = PREPARING;
+    seq->hooks.homed(seq->hooks.data);
+    if (seq->state != PREPARING)
+        return;
+    if (begin_shot(seq))
+        sequencer_prepare(seq);
+    else
+        sequencer_finish(seq);
+}
+
+/* Something has changed: does what can be done now. */
+static void advance(Sequencer *seq) {
+    if (seq->state == HOMING && stage_is_homed(seq->stage)) {
+        start_shots(seq);
+    } else if (seq->state == PREPARING) {
+        sequencer_prepare(seq);
+    } else if (seq->state == EXPOSING && seq->exposing == 0) {
+        struct stage_goal goal = goal_after(seq);
+        stage_pursue(seq->stage, &goal);
+    }
+}
+
+/* All cameras have answered: the refused ones once more, or the next picture, or the next shot. */
+static void picture_over(Sequencer *seq) {
+    seq->state = PREPARING;
+    if (seq->pending == 0 && seq->sub + 1 < seq->n_subs) {
+        seq->sub++;
+        seq->pending = seq->shot->cameras;
+    } else if (seq->pending == 0 && (seq->pausing || !begin_shot(seq))) {
+        sequencer_finish(seq);
+        return;
+    }
+    sequencer_prepare(seq);
+}
+
+static void answered(Sequencer *seq, int camera) {
+    guint32 bit = 1u << camera;
+    gboolean was_exposing = seq->exposing != 0;
+    seq->exposing &= ~bit;
+    seq->waiting &= ~bit;
+    if (seq->waiting == 0)
+        picture_over(seq);
+    else if (was_exposing && seq->exposing == 0)
+        advance(seq);
+}
+
+/* Whether a picture is to be taken again with a shorter exposure. Where there is none shorter, or
+ * that was done as often as a picture is retaken, it is kept as it is: a highlight must not end the
+ * night. */
+static gboolean shorten(Sequencer *seq, int camera, const Frame *frame, char **ret_why) {
+    struct eye *eye = &seq->eyes[camera];
+    const gint64 us = exposure_us(seq, camera);
+    if (seq->shot->kind != SHOT_LAMP || seq->sub != 0 || eye->shortened >= seq->conf->retries ||
+        us / 4 < seq->devices->cameras[camera]->format.min_exposure_us)
+        return FALSE;
+    const double pct =
+        100.0 * (double)radiance_saturated(frame) / ((double)frame->width * frame->height);
+    if (pct <= seq->conf->saturated_pct)
+        return FALSE;
+    eye->shortened++;
+    *ret_why = g_strdup_printf("%.2g %% of its pixels are saturated at %" G_GINT64_FORMAT
+                               " µs; it is taken again at %" G_GINT64_FORMAT " µs",
+                               pct, us, us / 4);
+    return TRUE;
+}
+
+static void take_frame(Sequencer *seq, int camera, Frame *frame) {
+    struct eye *eye = &seq->eyes[camera];
+    g_autofree char *why = NULL;
+    eye->refused = 0;
+    if (shorten(seq, camera, frame, &why)) {
+        eye->retakes++;
+        seq->hooks.retake(camera, why, seq->hooks.data);
+        if (seq->state != EXPOSING)
+            return;
+        seq->pending |= 1u << camera;
+        answered(seq, camera);
+        return;
+    }
+    seq->hooks.frame(seq->shot, camera, seq->sub, frame, eye->retakes, seq->hooks.data);
+    if (seq->state == EXPOSING)
+        answered(seq, camera);
+}
+
+static void take_again(Sequencer *seq, int camera, const GError *error) {
+    if (!count_refusal(seq, camera, error) || seq->state != EXPOSING)
+        return;
+    seq->pending |= 1u << camera;
+    answered(seq, camera);
+}
+
+static void on_camera(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
+                      gpointer data) {
+    struct eye *eye = data;
+    Sequencer *seq = eye->sequencer;
+    guint32 bit = 1u << eye->camera;
+    if (seq->state != EXPOSING || !(seq->waiting & bit))
+        return;
+    switch (event) {
+    case CAMERA_EXPOSED:
+        seq->exposing &= ~bit;
+        if (seq->exposing == 0)
+            advance(seq);
+        break;
+    case CAMERA_FRAME:
+        take_frame(seq, eye->camera, frame);
+        break;
+    case CAMERA_FAULT:
+        camera_disarm(camera); /* trigger() arms it again */
+        take_again(seq, eye->camera, error);
+        break;
+    case CAMERA_REFUSED:
+        take_again(seq, eye->camera, error);
+        break;
+    }
+}
+
+static void on_stage_changed(gpointer data) {
+    advance(data);
+}
+
+static void on_stage_fault(const char *source, const char *reason, gpointer data) {
+    Sequencer *seq = data;
+    if (seq->state != IDLE)
+        sequencer_fail(seq, source, reason);
+}
+
+static void on_stage_unsafe(const char *source, const char *reason, gpointer data) {
+    Sequencer *seq = data;
+    seq->hooks.unsafe(source, reason, seq->hooks.data);
+}
+
+Sequencer *sequencer_new(struct devices *devices, const struct session_conf *conf,
+                         const struct sequencer_hooks *hooks) {
+    Sequencer *seq = g_new0(Sequencer, 1);
+    struct stage_hooks stage_hooks = {on_stage_changed, on_stage_fault, on_stage_unsafe, seq};
+    seq->devices = devices;
+    seq->conf = conf;
+    seq->hooks = *hooks;
+    seq->stage = stage_new(devices, &stage_hooks);
+    for (int c = 0; c < devices->geometry.n_cameras; c++) {
+        seq->eyes[c] = (struct eye){.sequencer = seq, .camera = c};
+        camera_listen(devices->cameras[c], on_camera, &seq->eyes[c]);
+    }
+    return seq;
+}
+
+void sequencer_free(Sequencer *seq) {
+    if (!seq)
+        return;
+    clock_cancel(seq->devices->clock, &seq->timer);
+    for (int c = 0; c < seq->devices->geometry.n_cameras; c++)
+        camera_listen(seq->devices->cameras[c], NULL, NULL);
+    stage_free(seq->stage);
+    g_free(seq);
+}
+
+void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
+    g_return_if_fail(seq->state == IDLE);
+    seq->shots = shots;
+    seq->next = 0;
+    seq->pausing = FALSE;
+    for (int c = 0; c < RIG_MAX_CAMERAS; c++)
+        seq->eyes[c].rest_until_us = 0;
+    seq->state = HOMING;
+    const char *open = stage_open_interlock(seq->stage);
+    if (open) {
+        g_autofree char *reason = g_strdup_printf(
+            "interlock %s is open: laser and motion are forbidden. Close it, then go on.", open);
+        sequencer_fail(seq, open, reason);
+        return;
+    }
+    stage_home(seq->stage);
+}
+
+void sequencer_pause(Sequencer *seq) {
+    seq->pausing = TRUE;
+    gboolean untouched =
+        seq->state == PREPARING && seq->sub == 0 && seq->shot && seq->pending == seq->shot->cameras;
+    if (seq->state == HOMING || untouched)
+        sequencer_finish(seq);
+}
+
+void sequencer_poke(Sequencer *seq) {
+    advance(seq);
+}
+
+gboolean sequencer_is_running(const Sequencer *seq) {
+    return seq->state != IDLE;
+}
+
+const char *sequencer_open_interlock(const Sequencer *seq) {
+    return stage_open_interlock(seq->stage);
+}
+
+const struct session_shot *sequencer_shot(const Sequencer *seq, int *ret_sub, int *ret_n) {
+    *ret_sub = seq->sub;
+    *ret_n = seq->n_subs;
+    return seq->shot;
+}

@@ -1,0 +1,50 @@
+/*
+ * Takes shots in order: homes the axes, brings the stage to where each picture is taken, triggers
+ * the cameras, and hands on every accepted frame. As soon as the cameras have exposed, the stage
+ * goes on to the next picture while frames are read out. A state machine driven by the devices'
+ * events; every wait has the deadline of the class it waits for. Main loop's thread.
+ */
+#pragma once
+
+#include "plan/plan.h"
+
+typedef struct Sequencer Sequencer;
+
+struct sequencer_hooks {
+    void (*homed)(gpointer data);
+    /* Asked before cameras are triggered; if FALSE, sequencer_poke() says when to ask again. */
+    gboolean (*may_trigger)(gpointer data);
+    /* An accepted frame, in order of sub for each camera; retakes: of this camera in this shot. */
+    void (*frame)(const struct session_shot *shot, int camera, int sub, Frame *frame, int retakes,
+                  gpointer data);
+    /* A picture was refused or lost and is taken again. */
+    void (*retake)(int camera, const char *why, gpointer data);
+    /* All shots are taken, or the one under way after sequencer_pause(). The rig is safe. */
+    void (*finished)(gpointer data);
+    /* Nothing goes on; the rig is safe (or could not be made so, which reason tells with
+     * DEVICES_UNSAFE). */
+    void (*fault)(const char *source, const char *reason, gpointer data);
+    /* While nothing goes on: a lamp or laser that was told to go dark has not. */
+    void (*unsafe)(const char *source, const char *reason, gpointer data);
+    gpointer data;
+};
+
+/* Borrows devices and conf. */
+Sequencer *sequencer_new(struct devices *devices, const struct session_conf *conf,
+                         const struct sequencer_hooks *hooks);
+void sequencer_free(Sequencer *sequencer); /* NULL is ignored; does not make the rig safe */
+
+/* Homes, then takes the shots; not while something is under way. Borrows shots, an array of
+ * const struct session_shot *, until it is finished, stopped or faulted. */
+void sequencer_start(Sequencer *sequencer, const GPtrArray *shots);
+void sequencer_pause(Sequencer *sequencer);
+void sequencer_poke(Sequencer *sequencer);
+
+/* Now: the rig is made safe, frames on their way are forgotten, no hook is called. */
+gboolean sequencer_stop(Sequencer *sequencer, GError **error);
+
+gboolean sequencer_is_running(const Sequencer *sequencer);
+const char *sequencer_open_interlock(const Sequencer *sequencer);
+
+/* The shot under way, or NULL; and which of its pictures. */
+const struct session_shot *sequencer_shot(const Sequencer *sequencer, int *ret_sub, int *ret_n);

@@ -1,0 +1,52 @@
+/*
+ * Where the axes stand and what is lit. The sequencer says what it wants of them, as a goal; the
+ * stage sends every axis there and switches what differs, as soon as each device is free for it.
+ * Main loop's thread.
+ */
+#pragma once
+
+#include "rig/devices.h"
+
+struct stage_goal {
+    double turntable_deg, arc_deg;
+    int lamp, laser; /* which is lit; −1: none. Of a laser that is mounted by hand, its unit */
+    int sweep;       /* the laser whose sweep axis is to stand at sweep_deg; −1: none */
+    double sweep_deg;
+};
+
+struct stage_hooks {
+    void (*changed)(gpointer data); /* something has arrived, was switched or is homed */
+    /* reason: what happened, on which device, and what to do. May be called within stage_home() and
+     * stage_pursue(). */
+    void (*fault)(const char *source, const char *reason, gpointer data);
+    /* While the stage rests: what was told to go dark has not. */
+    void (*unsafe)(const char *source, const char *reason, gpointer data);
+    gpointer data;
+};
+
+typedef struct Stage Stage;
+
+Stage *stage_new(struct devices *devices, const struct stage_hooks *hooks);
+void stage_free(Stage *stage); /* NULL is ignored; switches and moves nothing */
+
+/* NULL if every interlock is closed, else the name of one that is open. */
+const char *stage_open_interlock(const Stage *stage);
+
+/* Homes every axis, all at once, as soon as those still stopping stand; what may still shine is
+ * switched off again, and it is homed only when all is dark. */
+void stage_home(Stage *stage);
+gboolean stage_is_homed(const Stage *stage);
+
+/* Does what can be done now towards a goal; to be called again whenever something has changed. What
+ * must go dark is switched off first. */
+void stage_pursue(Stage *stage, const struct stage_goal *goal);
+
+/* Whether everything is as the goal says; ret_at_us: from when its light is stable. */
+gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gint64 *ret_at_us);
+
+/* The safe state, now. Positions are unknown afterwards, and no hook but unsafe is called until
+ * stage_home(). */
+gboolean stage_make_safe(Stage *stage, GError **error);
+
+/* What went wrong with a device, and what to do, for people; g_free(). */
+char *stage_advise(const char *kind, const char *name, const GError *error);

@@ -1,0 +1,408 @@
+/* calibrate lights --images: the directions of light in photographs, by balls in them. */
+#include "calibrate_photos.h"
+
+#include "cli.h"
+#include "lamps/ball_outline.h"
+#include "lamps/highlights.h"
+#include "pictures/vision.h"
+#include "work.h"
+
+#include <math.h>
+#include <string.h>
+
+#define INSIDE     0.97 /* of a ball's radius: what is looked at */
+#define AROUND     1.3  /* of it: where a highlight shows that the ball is not where it is said */
+#define BRIGHTER   5.0  /* times the energy of the one on the ball: such a highlight */
+#define SPOT_SHARE 0.2  /* of a ball's disc, that a highlight may take up */
+#define GIVEN_PX   0.5  /* standard deviation of a circle that somebody read off a picture */
+#define MOVED      0.05 /* of the radius, that such a circle may be off by */
+#define LOST       0.25 /* of the radius, within which an outline tells of a mistake */
+#define DEG        (180 / G_PI)
+
+char *photos_folder, **photos_balls;
+double photos_radius_mm;
+
+struct light {
+    char *name; /* of the file */
+    struct ball_light found;
+};
+
+struct job {
+    const char *output;
+    struct ball_outline given[BALL_LIGHT_MOST], balls[BALL_LIGHT_MOST];
+    double sigma_px[BALL_LIGHT_MOST];   /* of balls */
+    gboolean outlined[BALL_LIGHT_MOST]; /* balls is from the pictures, not as given */
+    int n_balls;
+    GPtrArray *names; /* paths */
+    GArray *lights;   /* struct light */
+    GPtrArray *rejected;
+};
+
+static void clear_light(gpointer data) {
+    g_free(((struct light *)data)->name);
+}
+
+static gboolean parse_ball(const char *text, struct ball_outline *ret) {
+    g_auto(GStrv) words = g_strsplit(text, ",", 4);
+    double values[3];
+    if (g_strv_length(words) != 3)
+        return FALSE;
+    for (int i = 0; i < 3; i++) {
+        char *end;
+        values[i] = g_ascii_strtod(words[i], &end);
+        if (end == words[i] || *end || !isfinite(values[i]))
+            return FALSE;
+    }
+    *ret = (struct ball_outline){values[0], values[1], values[2]};
+    return values[2] >= 5;
+}
+
+static gboolean cli_calibrate_photos_is_photograph(const char *name) {
+    static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff"};
+    g_autofree char *lower = g_ascii_strdown(name, -1);
+    for (gsize i = 0; i < G_N_ELEMENTS(ends); i++)
+        if (g_str_has_suffix(lower, ends[i]))
+            return TRUE;
+    return FALSE;
+}
+
+static int cli_calibrate_photos_by_text(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static gboolean cli_calibrate_photos_list(struct job *job, GError **error) {
+    g_autoptr(GDir) dir = g_dir_open(photos_folder, 0, error);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir)))
+        if (cli_calibrate_photos_is_photograph(name))
+            g_ptr_array_add(job->names, g_build_filename(photos_folder, name, NULL));
+    g_ptr_array_sort(job->names, cli_calibrate_photos_by_text);
+    if (dir && job->names->len == 0)
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: there is no .jpg, .png or .tif picture in that folder", photos_folder);
+    return job->names->len > 0;
+}
+
+static void cli_calibrate_photos_reject(struct job *job, const char *name, int ball,
+                                        const char *why) {
+    g_ptr_array_add(job->rejected, g_strdup_printf("%s: ball %d %s", name, ball + 1, why));
+}
+
+/* Adds the square root of a picture's light, so that highlights do not outshine outlines. */
+static gboolean add_to_mean(struct picture **mean, const struct picture *picture, guint n,
+                            GError **error) {
+    const int pixels = picture->width * picture->height;
+    if (!*mean)
+        *mean = picture_new("mean", "", picture->width, picture->height);
+    if ((*mean)->width != picture->width || (*mean)->height != picture->height) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: has %d × %d pixels, and the first picture %d × %d; the balls must be at "
+                    "the same place in all of them",
+                    picture->name, picture->width, picture->height, (*mean)->width,
+                    (*mean)->height);
+        return FALSE;
+    }
+    for (int i = 0; i < pixels; i++)
+        (*mean)->values[i] += sqrtf(MAX(picture->values[i], 0)) / (float)n;
+    return TRUE;
+}
+
+/* Where the pictures show an outline, it is nearer to the truth than a circle somebody has drawn;
+ * but if they show only one far from it, that circle is a mistake. */
+static gboolean outline(struct job *job, const struct picture *mean, int i, GError **error) {
+    const struct ball_outline *given = &job->given[i];
+    struct ball_outline seen;
+    double sigma_px;
+    job->outlined[i] = ball_outline_find(mean, given, MAX(MOVED * given->radius_px, 1),
+                                         &job->balls[i], &job->sigma_px[i]);
+    if (job->outlined[i])
+        return TRUE;
+    if (ball_outline_find(mean, given, LOST * given->radius_px, &seen, &sigma_px)) {
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "ball %d is said to be at %.1f, %.1f px with a radius of %.1f px, but the "
+                    "pictures show an outline at %.1f, %.1f px with a radius of %.1f px; measure "
+                    "it again, and give --ball X,Y,R",
+                    i + 1, given->x_px, given->y_px, given->radius_px, seen.x_px, seen.y_px,
+                    seen.radius_px);
+        return FALSE;
+    }
+    job->balls[i] = *given;
+    job->sigma_px[i] = GIVEN_PX;
+    return TRUE;
+}
+
+static gboolean find_outlines(struct job *job, const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    g_autoptr(Picture) mean = NULL;
+    const int n = (int)job->names->len;
+    for (int i = 0; i < n; i++) {
+        g_autoptr(Picture) picture = vision_read(job->names->pdata[i], error);
+        if (!picture || !add_to_mean(&mean, picture, (guint)n, error) ||
+            !work_tell(work, "outlines", i + 1, n, begun_us, error))
+            return FALSE;
+    }
+    for (int i = 0; i < job->n_balls; i++)
+        if (!outline(job, mean, i, error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean on_a_ball(const struct job *job, double x_px, double y_px) {
+    for (int i = 0; i < job->n_balls; i++)
+        if (hypot(x_px - job->balls[i].x_px, y_px - job->balls[i].y_px) < job->balls[i].radius_px)
+            return TRUE;
+    return FALSE;
+}
+
+/* NULL, or why the circle is not where the lamp's highlight is. energy: of what is on the ball. */
+static char *look_around(const struct job *job, const struct picture *picture,
+                         const struct ball_outline *ball, double most_px, double energy) {
+    struct highlight around;
+    const double room = MIN(MIN(ball->x_px, picture->width - 1 - ball->x_px),
+                            MIN(ball->y_px, picture->height - 1 - ball->y_px));
+    g_autofree char *why = highlight_find(picture, ball->x_px, ball->y_px,
+                                          MIN(AROUND * ball->radius_px, room), most_px, &around);
+    if (why || on_a_ball(job, around.x_px, around.y_px) || around.energy < BRIGHTER * energy)
+        return NULL;
+    return g_strdup_printf(
+        "has a brighter highlight beside it, at %.1f, %.1f px; is the ball where "
+        "it is said to be?",
+        around.x_px, around.y_px);
+}
+
+/* Where a ball shows the light, in radii from the first one; NULL, or why not. */
+static char *cli_calibrate_photos_measure_ball(const struct job *job, const struct picture *picture,
+                                               int i, struct ball_ray *ret) {
+    const struct ball_outline *ball = &job->balls[i], *first = &job->balls[0];
+    const double most_px = MAX(SPOT_SHARE * G_PI * ball->radius_px * ball->radius_px, 9);
+    struct highlight found = {0};
+    g_autofree char *why =
+        highlight_find(picture, ball->x_px, ball->y_px, INSIDE * ball->radius_px, most_px, &found);
+    g_autofree char *outside =
+        job->outlined[i] ? NULL : look_around(job, picture, ball, most_px, found.energy);
+    if (outside || why)
+        return outside ? g_steal_pointer(&outside) : g_steal_pointer(&why);
+    const double x = (found.x_px - ball->x_px) / ball->radius_px;
+    const double y = (ball->y_px - found.y_px) / ball->radius_px;
+    if (!ball_light_mean_direction(ball, found.x_px, found.y_px, found.xx_px2, found.xy_px2,
+                                   found.yy_px2, &ret->direction))
+        return g_strdup("shows the lamp outside of its outline");
+    /* Balls of one size that seem larger are nearer; that they are so little is let be. */
+    ret->from = vec3((ball->x_px - first->x_px) / ball->radius_px + x,
+                     (first->y_px - ball->y_px) / ball->radius_px + y, sqrt(1 - x * x - y * y));
+    ret->sigma_rad =
+        ball_light_sigma_rad(ball, job->sigma_px[i], found.x_px, found.y_px, found.sigma_px);
+    return NULL;
+}
+
+static gboolean contradict(const char *name, const int *balls, int n,
+                           const struct ball_light *light, GError **error) {
+    int worst = 0;
+    for (int i = 1; i < n; i++)
+        if (light->off_rad[i] > light->off_rad[worst])
+            worst = i;
+    if (n == 2)
+        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+                    "%s: balls %d and %d contradict each other: they show the lamp %.1f° apart, "
+                    "and not where their rays could meet; look at their circles and highlights, or "
+                    "give a third ball",
+                    name, balls[0] + 1, balls[1] + 1, light->off_rad[0] * DEG);
+    else
+        g_set_error(
+            error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
+            "%s: the balls contradict each other: ball %d shows the lamp %.1f° from where "
+            "the nearest other does, and no majority of them agrees; look at their circles and "
+            "highlights",
+            name, balls[worst] + 1, light->off_rad[worst] * DEG);
+    return FALSE;
+}
+
+/* Of all balls that show it. */
+static gboolean cli_calibrate_photos_measure(struct job *job, const struct picture *picture,
+                                             GError **error) {
+    struct ball_ray rays[BALL_LIGHT_MOST];
+    int balls[BALL_LIGHT_MOST], n = 0;
+    struct light light;
+    for (int i = 0; i < job->n_balls; i++) {
+        g_autofree char *why = cli_calibrate_photos_measure_ball(job, picture, i, &rays[n]);
+        if (why)
+            cli_calibrate_photos_reject(job, picture->name, i, why);
+        else
+            balls[n++] = i;
+    }
+    if (n == 0)
+        return TRUE;
+    if (!ball_light_join(rays, n, &light.found))
+        return contradict(picture->name, balls, n, &light.found, error);
+    for (int i = 0; i < n; i++)
+        if (light.found.left_out[i]) {
+            g_autofree char *why = g_strdup_printf("shows the lamp %.1f° from where the others do",
+                                                   light.found.off_rad[i] * DEG);
+            cli_calibrate_photos_reject(job, picture->name, balls[i], why);
+        }
+    light.name = g_path_get_basename(picture->name);
+    g_array_append_val(job->lights, light);
+    return TRUE;
+}
+
+static gboolean write_lights(const struct job *job, GError **error) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_string_append_printf(text, "%u\n", job->lights->len);
+    for (guint i = 0; i < job->lights->len; i++) {
+        const struct light *light = &g_array_index(job->lights, struct light, i);
+        const struct vec3 way = light->found.direction;
+        const double d[3] = {way.x, way.y, way.z};
+        g_string_append(text, light->name);
+        for (int k = 0; k < 3; k++) {
+            char number[G_ASCII_DTOSTR_BUF_SIZE];
+            g_ascii_formatd(number, sizeof number, "%.6f", d[k]);
+            g_string_append_printf(text, " %s", number);
+        }
+        g_string_append_c(text, '\n');
+    }
+    return g_file_set_contents(job->output, text->str, (gssize)text->len, error);
+}
+
+static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data, GError **error) {
+    struct job *job = data;
+    if (!cli_calibrate_photos_list(job, error) || !find_outlines(job, work, error))
+        return FALSE;
+    const gint64 begun_us = g_get_monotonic_time();
+    for (guint i = 0; i < job->names->len; i++) {
+        g_autoptr(Picture) picture = vision_read(job->names->pdata[i], error);
+        if (!picture || !cli_calibrate_photos_measure(job, picture, error) ||
+            !work_tell(work, "lights", (int)i + 1, (int)job->names->len, begun_us, error))
+            return FALSE;
+    }
+    if (job->lights->len > 0)
+        return write_lights(job, error);
+    g_set_error_literal(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES, job->rejected->pdata[0]);
+    if (job->rejected->len > 1)
+        g_prefix_error(error, "no picture shows where its light is; the first of %u reasons: ",
+                       job->rejected->len);
+    return FALSE;
+}
+
+static double cli_calibrate_photos_unit(void) {
+    return photos_radius_mm > 0 ? photos_radius_mm : 1;
+}
+
+static GVariant *vec3_variant(struct vec3 v, double scale) {
+    return g_variant_new("(ddd)", scale * v.x, scale * v.y, scale * v.z);
+}
+
+static GVariant *light_variant(const struct light *light) {
+    const gboolean mm = photos_radius_mm > 0;
+    const struct ball_light *found = &light->found;
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(light->name));
+    g_variant_builder_add(&builder, "{sv}", "direction", vec3_variant(found->direction, 1));
+    g_variant_builder_add(&builder, "{sv}", "sigma_deg",
+                          g_variant_new_double(found->sigma_rad * DEG));
+    if (found->placed) {
+        g_variant_builder_add(&builder, "{sv}", mm ? "place_mm" : "place_radii",
+                              vec3_variant(found->place, cli_calibrate_photos_unit()));
+        g_variant_builder_add(&builder, "{sv}", mm ? "error_mm" : "error_radii",
+                              vec3_variant(found->place_error, cli_calibrate_photos_unit()));
+        g_variant_builder_add(&builder, "{sv}", "miss",
+                              g_variant_new_double(cli_calibrate_photos_unit() * found->miss));
+    }
+    return g_variant_builder_end(&builder);
+}
+
+static GVariant *ball_variant(const struct job *job, int i) {
+    const struct ball_outline *ball = &job->balls[i];
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "outline_px",
+                          g_variant_new("(ddd)", ball->x_px, ball->y_px, ball->radius_px));
+    g_variant_builder_add(&builder, "{sv}", "error_px", g_variant_new_double(job->sigma_px[i]));
+    g_variant_builder_add(&builder, "{sv}", "seen", g_variant_new_boolean(job->outlined[i]));
+    return g_variant_builder_end(&builder);
+}
+
+static void cli_calibrate_photos_tell_json(const struct job *job) {
+    GVariantBuilder builder, lights, balls;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_init(&lights, G_VARIANT_TYPE("aa{sv}"));
+    for (guint i = 0; i < job->lights->len; i++)
+        g_variant_builder_add_value(&lights,
+                                    light_variant(&g_array_index(job->lights, struct light, i)));
+    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(job->output));
+    g_variant_builder_init(&balls, G_VARIANT_TYPE("aa{sv}"));
+    for (int i = 0; i < job->n_balls; i++)
+        g_variant_builder_add_value(&balls, ball_variant(job, i));
+    g_variant_builder_add(&builder, "{sv}", "balls", g_variant_builder_end(&balls));
+    g_variant_builder_add(&builder, "{sv}", "lights", g_variant_builder_end(&lights));
+    g_variant_builder_add(
+        &builder, "{sv}", "rejected",
+        g_variant_new_strv((const char *const *)job->rejected->pdata, (gssize)job->rejected->len));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static void tell_light(const struct light *light) {
+    const struct ball_light *found = &light->found;
+    const struct vec3 d = found->direction,
+                      p = vec3_scale(found->place, cli_calibrate_photos_unit());
+    const struct vec3 e = vec3_scale(found->place_error, cli_calibrate_photos_unit());
+    g_print("  %-24s %+.4f %+.4f %+.4f ± %.2f°", light->name, d.x, d.y, d.z,
+            found->sigma_rad * DEG);
+    if (found->placed)
+        g_print("   at %.1f %.1f %.1f %s, ± %.1f %.1f %.1f", p.x, p.y, p.z,
+                photos_radius_mm > 0 ? "mm" : "radii", e.x, e.y, e.z);
+    g_print("\n");
+}
+
+static void tell_ball(const struct job *job, int i) {
+    const struct ball_outline *ball = &job->balls[i];
+    g_print("  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f px\n", i + 1,
+            job->outlined[i] ? "its outline is seen at" : "as given, its outline is not seen:",
+            ball->x_px, ball->y_px, ball->radius_px, job->sigma_px[i]);
+}
+
+static void cli_calibrate_photos_tell(const struct job *job) {
+    if (cli_json) {
+        cli_calibrate_photos_tell_json(job);
+        return;
+    }
+    g_print("%s: %u of %u photographs\n", job->output, job->lights->len, job->names->len);
+    for (int i = 0; i < job->n_balls; i++)
+        tell_ball(job, i);
+    for (guint i = 0; i < job->lights->len; i++)
+        tell_light(&g_array_index(job->lights, struct light, i));
+    for (guint i = 0; i < job->rejected->len; i++)
+        g_print("  left out: %s\n", (char *)job->rejected->pdata[i]);
+}
+
+static int cli_calibrate_photos_run_job(struct job *job) {
+    g_autoptr(GError) error = NULL;
+    double seconds = 0;
+    if (!cli_work_run(cli_calibrate_photos_work, job, &seconds, &error))
+        return cli_fail(error);
+    cli_calibrate_photos_tell(job);
+    return CLI_DONE;
+}
+
+static int bad_usage(const char *what) {
+    g_printerr("mesorig calibrate lights: %s\n", what);
+    return CLI_USAGE;
+}
+
+int photos_calibrate(const char *output) {
+    struct job job = {.output = output};
+    if (!photos_balls)
+        return bad_usage("where is the ball in the photographs? Give --ball X,Y,R in pixels");
+    for (char **text = photos_balls; *text; text++)
+        if (job.n_balls == BALL_LIGHT_MOST || !parse_ball(*text, &job.given[job.n_balls++]))
+            return bad_usage("--ball needs X,Y,R in pixels, R at least 5; at most 16 of them");
+    job.names = g_ptr_array_new_with_free_func(g_free);
+    job.rejected = g_ptr_array_new_with_free_func(g_free);
+    job.lights = g_array_new(FALSE, FALSE, sizeof(struct light));
+    g_array_set_clear_func(job.lights, clear_light);
+    const int code = cli_calibrate_photos_run_job(&job);
+    g_ptr_array_unref(job.names);
+    g_ptr_array_unref(job.rejected);
+    g_array_unref(job.lights);
+    return code;
+}

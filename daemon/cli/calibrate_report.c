@@ -1,0 +1,368 @@
+/* calibrate report: a calibration file as a page to look at. */
+#include "calibrate.h"
+#include "calibrate_tables.h"
+
+#include <string.h>
+
+#define DEG(rad) ((rad) * (180 / G_PI))
+#define PLOT     320 /* px of the page */
+
+static char *output_option;
+static const GOptionEntry entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Write the page here", "FILE.html"},
+    {NULL},
+};
+
+/* Of the page, whose numbers have decimal points: the programs set no locale for numbers. */
+static const char head[] =
+    "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration</title>"
+    "<style>body{font:15px/1.4 system-ui,sans-serif;max-width:64em;margin:2em auto;padding:0 1em;"
+    "color:#222}table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:"
+    "right;border-bottom:1px solid "
+    "#ddd}td{white-space:nowrap}td.text{white-space:normal;overflow-wrap:anywhere}"
+    "td:first-child,th:first-child,td.text{text-align:left}figure{"
+    "display:inline-block;margin:0 1em 1em 0}figcaption{font-size:13px;color:#555}svg{background:"
+    "#fafafa;border:1px solid #ccc}.none{color:#777}@media print{body{font-size:10px;margin:0}"
+    "td,th{padding:.2em .4em}}</style></head><body>\n";
+
+static char *escaped(const char *text) {
+    return g_markup_escape_text(text, -1);
+}
+
+static void cli_calibrate_report_add_part(GString *to, const struct calibration *calibration,
+                                          enum calibration_kind kind) {
+    const struct calibration_part *part = &calibration->parts[kind];
+    if (!part->done) {
+        g_string_append_printf(
+            to,
+            "<tr class=\"none\"><td>%s</td><td colspan=\"6\">not calibrated: nominal</td></tr>\n",
+            calibration_part_name(kind));
+        return;
+    }
+    g_autofree char *method = escaped(part->method);
+    g_autofree char *unit = escaped(part->residual_unit);
+    g_string_append_printf(
+        to,
+        "<tr><td>%s</td><td>%s</td><td class=\"text\">%s</td><td>%d</td><td>%u</td><td>%.3g "
+        "%s</td><td>%d</td>"
+        "</tr>\n",
+        calibration_part_name(kind), part->date, method, part->pictures, part->rejected->len,
+        part->residual_rms, unit, part->degrees_of_freedom);
+}
+
+static void add_parts(GString *to, const struct calibration *calibration) {
+    g_string_append_printf(
+        to, "<table><tr><th>part</th><th>date</th><th>method</th><th>pictures</th><th>rejected</th>"
+            "<th>residual RMS</th><th>degrees of freedom</th></tr>\n");
+    for (int i = 0; i < CALIBRATION_PARTS; i++)
+        cli_calibrate_report_add_part(to, calibration, (enum calibration_kind)i);
+    g_string_append_printf(to, "</table>\n");
+}
+
+static double sigma(const struct calibration_camera *camera, int parameter) {
+    return sqrt(camera->covariance[parameter][parameter]);
+}
+
+static void cli_calibrate_report_add_cameras(GString *to, const struct calibration *calibration) {
+    const struct rig *rig = &calibration->rig;
+    g_string_append_printf(
+        to,
+        "<h2>Cameras</h2>\n<table><tr><th>camera</th><th>x, y, z (mm)</th><th>from the zenith, "
+        "azimuth (°)</th><th>focal length (px)</th><th>centre (px)</th><th>k1</th><th>corners</th>"
+        "<th>RMS (px)</th></tr>\n");
+    for (int i = 0; i < rig->n_cameras; i++) {
+        const struct rig_camera *c = &rig->cameras[i];
+        const struct calibration_camera *e = &calibration->cameras[i];
+        const struct vec3 at = rig_camera_centre_mm(c);
+        g_autofree char *name = escaped(c->name);
+        double theta, phi;
+        rig_angles(at, &theta, &phi);
+        phi = phi > G_PI ? phi - 2 * G_PI : phi;
+        g_string_append_printf(
+            to,
+            "<tr><td>%s</td><td>%.2f, %.2f, %.2f</td><td>%.3f, %.3f</td><td>%.2f ± %.2f</td><td>"
+            "%.1f ± %.1f, %.1f ± %.1f</td><td>%.4f ± %.4f</td><td>%d</td><td>%.3f</td></tr>\n",
+            name, at.x, at.y, at.z, DEG(theta), DEG(phi), c->fx_px, sigma(e, CALIBRATION_FX),
+            c->cx_px, sigma(e, CALIBRATION_CX), c->cy_px, sigma(e, CALIBRATION_CY), c->k1,
+            sigma(e, CALIBRATION_K1), e->points, e->residual_rms_px);
+    }
+    g_string_append_printf(to, "</table>\n");
+}
+
+/* The rig from the side (x, z) and from above (x, y); everything with the arc at 0. */
+struct plan {
+    double scale, left_mm, top_mm; /* of the page's corner */
+    gboolean above;
+};
+
+static void add_mark(GString *to, const struct plan *plan, struct vec3 at, const char *colour,
+                     const char *name, gboolean left) {
+    const double x = (at.x - plan->left_mm) * plan->scale;
+    const double y = (plan->top_mm - (plan->above ? at.y : at.z)) * plan->scale;
+    g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\"/>\n", x, y,
+                           colour);
+    if (plan->above)
+        return; /* what stands above one another would be written over one another */
+    g_autofree char *text = escaped(name);
+    g_string_append_printf(
+        to, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"10\" text-anchor=\"%s\">%s</text>\n",
+        left ? x - 6 : x + 6, y + 3, left ? "end" : "start", text);
+}
+
+static void stretch(double range[2], double value) {
+    range[0] = MIN(range[0], value);
+    range[1] = MAX(range[1], value);
+}
+
+/* So that everything fits, with a turntable of 150 mm and names beside. */
+static void fit_plan(struct plan *plan, const struct rig *rig) {
+    double x[2] = {-150, 150}, y[2] = {plan->above ? -150 : -20, plan->above ? 150 : 20};
+    for (int i = 0; i < rig->n_cameras + rig->n_lamps + rig->n_lasers; i++) {
+        const int lamp = i - rig->n_cameras, laser = lamp - rig->n_lamps;
+        const struct vec3 at = lamp < 0    ? rig_camera_centre_mm(&rig->cameras[i])
+                               : laser < 0 ? rig->lamps[lamp].position_mm
+                                           : rig->lasers[laser].position_mm;
+        stretch(x, at.x);
+        stretch(y, plan->above ? at.y : at.z);
+    }
+    const double across = MAX(x[1] - x[0], y[1] - y[0]);
+    plan->scale = (PLOT - 80) / MAX(across, 1.0);
+    plan->left_mm = (x[0] + x[1]) / 2 - PLOT / plan->scale / 2;
+    plan->top_mm = (y[0] + y[1]) / 2 + PLOT / plan->scale / 2;
+}
+
+static void add_plan(GString *to, const struct rig *rig, gboolean above) {
+    struct plan plan = {.above = above};
+    fit_plan(&plan, rig);
+    const double x = -plan.left_mm * plan.scale, y = plan.top_mm * plan.scale;
+    g_string_append_printf(to, "<figure><svg width=\"%d\" height=\"%d\">\n", PLOT, PLOT);
+    if (above)
+        g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"#ddd\"/>\n",
+                               x, y, 150 * plan.scale);
+    else
+        g_string_append_printf(to,
+                               "<path d=\"M%.1f %.1fh%.1f\" stroke=\"#999\" stroke-width=\"3\"/>\n",
+                               x - 150 * plan.scale, y, 300 * plan.scale);
+    for (int i = 0; i < rig->n_cameras; i++)
+        add_mark(to, &plan, rig_camera_centre_mm(&rig->cameras[i]), "#1764ab", rig->cameras[i].name,
+                 FALSE);
+    for (int i = 0; i < rig->n_lamps; i++)
+        add_mark(to, &plan, rig->lamps[i].position_mm, "#e2a100", rig->lamps[i].name, FALSE);
+    for (int i = 0; i < rig->n_lasers; i++)
+        add_mark(to, &plan, rig->lasers[i].position_mm, "#c0222b", rig->lasers[i].name, TRUE);
+    g_string_append_printf(to, "</svg><figcaption>%s; %.0f mm across</figcaption></figure>\n",
+                           above ? "from above: x to the right, y up"
+                                 : "from the side: x to the right, z up",
+                           PLOT / plan.scale);
+}
+
+static void add_positions(GString *to, const struct rig *rig) {
+    g_string_append_printf(
+        to, "<h2>Positions</h2>\n<p>Cameras blue, lamps yellow, lasers red; lamps and lasers with "
+            "the arc at 0°.</p>\n");
+    add_plan(to, rig, FALSE);
+    add_plan(to, rig, TRUE);
+}
+
+static double *cli_calibrate_report_list(GKeyFile *file, const char *group, const char *key,
+                                         gsize *ret_n) {
+    double *values = g_key_file_get_double_list(file, group, key, ret_n, NULL);
+    if (!values)
+        *ret_n = 0;
+    return values;
+}
+
+/* Arrows so long that the longest tenth of them are a few pixels of the page. */
+static void add_vectors(GString *to, const struct calibration *calibration, int camera) {
+    const struct rig_camera *c = &calibration->rig.cameras[camera];
+    const struct calibration_camera *e = &calibration->cameras[camera];
+    g_autofree char *group = g_strdup_printf("camera residuals %d", camera);
+    g_autofree char *name = escaped(c->name);
+    gsize n[4];
+    GKeyFile *file = calibration->extra;
+    g_autofree double *x = cli_calibrate_report_list(file, group, "x_px", &n[0]),
+                      *y = cli_calibrate_report_list(file, group, "y_px", &n[1]);
+    g_autofree double *dx = cli_calibrate_report_list(file, group, "dx_px", &n[2]),
+                      *dy = cli_calibrate_report_list(file, group, "dy_px", &n[3]);
+    const gsize all = MIN(MIN(n[0], n[1]), MIN(n[2], n[3]));
+    const double scale = (double)PLOT / c->width;
+    const double arrow = e->residual_rms_px > 0 ? 8 / e->residual_rms_px : 1;
+    if (all == 0)
+        return;
+    g_string_append_printf(
+        to, "<figure><svg width=\"%d\" height=\"%.0f\"><path stroke=\"#1764ab\" fill=\"none\" d=\"",
+        PLOT, c->height * scale);
+    for (gsize i = 0; i < all; i++)
+        g_string_append_printf(to, "M%.1f %.1fl%.1f %.1f", x[i] * scale, y[i] * scale,
+                               dx[i] * arrow, dy[i] * arrow);
+    g_string_append_printf(
+        to,
+        "\"/></svg><figcaption>%s: %.3f px RMS, drawn %.0f times as long</figcaption></figure>\n",
+        name, e->residual_rms_px, arrow / scale);
+}
+
+static void add_residuals(GString *to, const struct calibration *calibration) {
+    if (!calibration->parts[CALIBRATION_CAMERAS].done)
+        return;
+    g_string_append_printf(
+        to,
+        "<h2>Residuals</h2>\n<p>From where corners were seen to where they should have been. A "
+        "pattern that all share is what the model of the lens leaves over; noise has none.</p>\n");
+    for (int i = 0; i < calibration->rig.n_cameras; i++)
+        add_vectors(to, calibration, i);
+}
+
+static void cli_calibrate_report_add_turntable(GString *to, const struct calibration *calibration) {
+    gsize n, m;
+    g_autofree double *at =
+        cli_calibrate_report_list(calibration->extra, "turntable", "commanded_deg", &n);
+    g_autofree double *error =
+        cli_calibrate_report_list(calibration->extra, "turntable", "error_deg", &m);
+    double most = 1e-4;
+    n = MIN(n, m);
+    for (gsize i = 0; i < n; i++)
+        most = MAX(most, fabs(error[i]));
+    if (n == 0)
+        return;
+    g_string_append_printf(
+        to,
+        "<h2>Turntable</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 80h%d\" "
+        "stroke=\"#999\"/>\n",
+        2 * PLOT, 2 * PLOT);
+    for (gsize i = 0; i < n; i++) {
+        const double turn = at[i] - 360 * floor(at[i] / 360);
+        g_string_append_printf(to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3\" fill=\"#1764ab\"/>\n",
+                               8 + turn / 360 * (2 * PLOT - 16), 80 - 72 * error[i] / most);
+    }
+    g_string_append_printf(
+        to,
+        "</svg><figcaption>how much further it was than commanded, over a turn; the full height "
+        "is ± %.4f°</figcaption></figure>\n",
+        most);
+}
+
+struct drift {
+    gsize n;
+    double *taken_s, *lamp, *output;
+    double last_s, most;
+};
+
+static gboolean drift_read(const struct calibration *calibration, struct drift *ret) {
+    gsize n[3];
+    ret->taken_s = cli_calibrate_report_list(calibration->extra, "lamp drift", "taken_s", &n[0]);
+    ret->lamp = cli_calibrate_report_list(calibration->extra, "lamp drift", "lamp", &n[1]);
+    ret->output = cli_calibrate_report_list(calibration->extra, "lamp drift", "output", &n[2]);
+    ret->n = MIN(MIN(n[0], n[1]), n[2]);
+    ret->last_s = 1;
+    ret->most = 1e-4;
+    for (gsize i = 0; i < ret->n; i++) {
+        ret->last_s = MAX(ret->last_s, ret->taken_s[i]);
+        ret->most = MAX(ret->most, fabs(ret->output[i] - 1));
+    }
+    return ret->n > 0;
+}
+
+static void drift_clear(struct drift *drift) {
+    g_free(drift->taken_s);
+    g_free(drift->lamp);
+    g_free(drift->output);
+}
+
+/* Lamps' colours go around the wheel. */
+static void add_drift_of(GString *to, const struct drift *drift, int lamp, int n_lamps) {
+    for (gsize i = 0; i < drift->n; i++) {
+        if (drift->lamp[i] != lamp)
+            continue;
+        g_string_append_printf(
+            to, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\" fill=\"hsl(%d,65%%,45%%)\"/>\n",
+            8 + drift->taken_s[i] / drift->last_s * (2 * PLOT - 16),
+            80 - 72 * (drift->output[i] - 1) / drift->most, 360 * lamp / MAX(n_lamps, 1));
+    }
+}
+
+static void add_drift(GString *to, const struct calibration *calibration) {
+    const struct rig *rig = &calibration->rig;
+    struct drift drift;
+    if (!drift_read(calibration, &drift)) {
+        drift_clear(&drift);
+        return;
+    }
+    g_string_append_printf(
+        to,
+        "<h2>Drift of the lamps</h2>\n<figure><svg width=\"%d\" height=\"160\"><path d=\"M0 "
+        "80h%d\" stroke=\"#999\"/>\n",
+        2 * PLOT, 2 * PLOT);
+    for (int l = 0; l < rig->n_lamps; l++)
+        add_drift_of(to, &drift, l, rig->n_lamps);
+    g_string_append_printf(
+        to,
+        "</svg><figcaption>what each lamp gave of its mean while the tile was taken, over %.1f "
+        "minutes; the full height is ± %.2f %%:",
+        drift.last_s / 60, 100 * drift.most);
+    for (int l = 0; l < rig->n_lamps; l++) {
+        g_autofree char *name = escaped(rig->lamps[l].name);
+        g_string_append_printf(to, " <span style=\"color:hsl(%d,65%%,45%%)\">%s</span>",
+                               360 * l / rig->n_lamps, name);
+    }
+    g_string_append_printf(to, "</figcaption></figure>\n");
+    drift_clear(&drift);
+}
+
+static void add_rejected(GString *to, const struct calibration *calibration) {
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        const GPtrArray *rejected = calibration->parts[i].rejected;
+        if (rejected->len == 0)
+            continue;
+        g_string_append_printf(
+            to, "<h2>Rejected: %s</h2>\n<details><summary>%u of them</summary>\n<ul>\n",
+            calibration_part_name((enum calibration_kind)i), rejected->len);
+        for (guint k = 0; k < rejected->len; k++) {
+            g_autofree char *text = escaped(rejected->pdata[k]);
+            g_string_append_printf(to, "<li>%s</li>\n", text);
+        }
+        g_string_append_printf(to, "</ul></details>\n");
+    }
+}
+
+static char *page(const struct calibration *calibration) {
+    GString *to = g_string_new(head);
+    g_autofree char *id = escaped(calibration->rig.id);
+    g_string_append_printf(to, "<h1>Calibration of rig %s</h1>\n", id);
+    add_parts(to, calibration);
+    cli_calibrate_report_add_cameras(to, calibration);
+    calibrate_table_lamps(to, calibration);
+    calibrate_table_lasers(to, calibration);
+    calibrate_table_light(to, calibration);
+    add_positions(to, &calibration->rig);
+    add_residuals(to, calibration);
+    cli_calibrate_report_add_turntable(to, calibration);
+    add_drift(to, calibration);
+    add_rejected(to, calibration);
+    g_string_append_printf(to, "</body></html>\n");
+    return g_string_free(to, FALSE);
+}
+
+static int cli_calibrate_report_run(const struct command *command, int argc, char **argv) {
+    g_autoptr(GError) error = NULL;
+    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    if (!output_option)
+        return cli_usage(command, "where to? Give -o FILE.html");
+    g_autoptr(Calibration) calibration = calibration_read(argv[1], &error);
+    g_autofree char *text = calibration ? page(calibration) : NULL;
+    if (!text || !g_file_set_contents(output_option, text, -1, &error))
+        return cli_fail(error);
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output_option));
+        cli_print_json(g_variant_builder_end(&builder));
+    } else {
+        g_print("%s: look at it in a browser\n", output_option);
+    }
+    return CLI_DONE;
+}
+
+const struct command calibrate_report = {"calibrate report", "FILE -o FILE.html",
+                                         "Draw what a calibration file says, as a page.",
+                                         cli_calibrate_report_run};

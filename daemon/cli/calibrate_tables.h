@@ -1,0 +1,11 @@
+/*
+ * Tables of `mesorig calibrate report`: lamps, lasers and light, as HTML. Any thread.
+ */
+#pragma once
+
+#include "calibration/calibration.h"
+
+/* Nothing is added of a part that was not calibrated. */
+void calibrate_table_lamps(GString *to, const struct calibration *calibration);
+void calibrate_table_lasers(GString *to, const struct calibration *calibration);
+void calibrate_table_light(GString *to, const struct calibration *calibration);

@@ -1,0 +1,194 @@
+#include "bus/bus.h"
+#include "cli.h"
+#include "link.h"
+#include "monitor.h"
+#include "process.h"
+#include "rig/devices.h"
+#include "session/session.h"
+
+#include <string.h>
+
+static char *output, *rig_option, *calibration;
+static gboolean process, yes;
+
+#define YES_ENTRY                                                                                  \
+    {                                                                                              \
+        "yes", 0, 0, G_OPTION_ARG_NONE, &yes,                                                      \
+            "Say at once that what is to be done by hand is done; on a simulated rig", NULL        \
+    }
+
+static const GOptionEntry capture_entries[] = {
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output, "Session directory to make", "DIR"},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration,
+     "Take this calibration, not the one that the rig file names", "FILE"},
+    YES_ENTRY,
+    {NULL},
+};
+
+static const GOptionEntry resume_entries[] = {
+    {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_option,
+     "Rig file, if it is not where it was when the session was begun", "RIG"},
+    {"process", 0, 0, G_OPTION_ARG_NONE, &process, "Make the products while frames come in", NULL},
+    YES_ENTRY,
+    {NULL},
+};
+
+/* A daemon that has the rig, or may have it; a simulated rig gets one of its own. */
+static Link *find_daemon(const char *rig, GError **error) {
+    GError *why = NULL;
+    gboolean simulated = FALSE;
+    struct rig geometry;
+    /* A mistake in the file is told before anything is said about a daemon. */
+    if (!devices_read_geometry(rig, &geometry, error) ||
+        !cli_rig_is_simulated(rig, &simulated, error))
+        return NULL;
+    if (yes && !simulated) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_SUPPORTED,
+                    "--yes is for simulated rigs: at %s somebody has to do what is asked for", rig);
+        return NULL;
+    }
+    Link *link = link_find_rig(rig, &why);
+    if (why) {
+        g_propagate_error(error, why);
+        return NULL;
+    }
+    if (!link)
+        link = simulated ? link_start(error) : link_find(NULL, error);
+    return link;
+}
+
+static gboolean open_rig(Link *link, const char *rig, GError **error) {
+    const char *open = bus_rig1_get_rig_path(link_rig(link));
+    if (g_strcmp0(open, rig) == 0)
+        return TRUE;
+    if (open && *open) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_BUSY,
+                    "the daemon has another rig open, %s; busctl call %s %s %s CloseRig closes it",
+                    open, BUS_NAME, BUS_PATH, BUS_NAME);
+        return FALSE;
+    }
+    return bus_rig1_call_open_rig_sync(link_rig(link), rig, NULL, error);
+}
+
+static GVariant *start_options(void) {
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    if (process)
+        g_variant_builder_add(&builder, "{sv}", "process", g_variant_new_boolean(TRUE));
+    if (calibration) {
+        g_autofree char *path = cli_absolute(calibration);
+        g_variant_builder_add(&builder, "{sv}", "calibration", g_variant_new_string(path));
+    }
+    return g_variant_builder_end(&builder);
+}
+
+/* Errors that say how it came to them, since nobody else will. */
+static int lost(Link *link, const char *directory) {
+    g_autofree char *log = link_log(link);
+    g_autoptr(GError) error =
+        g_error_new(G_IO_ERROR, G_IO_ERROR_CLOSED,
+                    "mesorigd has ended unexpectedly; what was committed stays: mesorig resume "
+                    "%s%s%s",
+                    directory, *log ? "\nIts last words:\n" : "", log);
+    return cli_fail(error);
+}
+
+static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end end,
+                                const char *directory) {
+    g_autofree char *summary = monitor_summary(monitor);
+    const char *go_on = link_is_private(link) ? "resume" : "continue";
+    const char *reason = monitor_reason(monitor);
+    switch (end) {
+    case MONITOR_LOST:
+        return lost(link, directory);
+    case MONITOR_DONE:
+        if (!cli_json)
+            g_print("done: %s\n", summary);
+        return CLI_DONE;
+    case MONITOR_DETACHED:
+        if (!cli_json)
+            g_print("the capture goes on in mesorigd: mesorig watch, pause, abort\n");
+        return CLI_DONE;
+    case MONITOR_FAULT:
+        if (!cli_json)
+            g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s\n",
+                       strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
+                       directory);
+        return CLI_FAILED;
+    default:
+        if (!cli_json)
+            g_printerr("mesorig: %s, the rig is safe: %s\nto go on: mesorig resume %s\n",
+                       end == MONITOR_PAUSED ? "paused" : "aborted", summary, directory);
+        return CLI_FAILED;
+    }
+}
+
+/* session: NULL to resume. */
+static int cli_capture_run(const char *rig, const char *session, const char *directory) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Link) link = find_daemon(rig, &error);
+    if (!link || !open_rig(link, rig, &error))
+        return cli_fail(error);
+    g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
+    const gboolean ok = session ? bus_rig1_call_start_sync(link_rig(link), session, directory,
+                                                           start_options(), NULL, &error)
+                                : bus_rig1_call_resume_sync(link_rig(link), directory,
+                                                            start_options(), NULL, &error);
+    if (!ok)
+        return cli_fail(error);
+    monitor_set_answer(monitor, yes ? ANSWER_AT_ONCE : ANSWER_ENTER);
+    const enum monitor_end end = monitor_run(monitor, FALSE);
+    const gboolean private = link_is_private(link);
+    const int code = cli_capture_tell_end(link, monitor, end, directory);
+    g_clear_pointer(&monitor, monitor_free);
+    g_clear_pointer(&link, link_free);
+    /* A private daemon has taken its child along; what is up to date is not made again. */
+    return code == CLI_DONE && process && private ? process_run(directory, FALSE) : code;
+}
+
+static int run_capture(const struct command *command, int argc, char **argv) {
+    if (!cli_parse(command, capture_entries, TRUE, &argc, &argv, 2, 2))
+        return CLI_USAGE;
+    if (!output)
+        return cli_usage(command, "where to? Give -o DIR");
+    g_autofree char *rig = cli_absolute(argv[1]);
+    g_autofree char *session = cli_absolute(argv[2]);
+    g_autofree char *directory = cli_absolute(output);
+    return cli_capture_run(rig, session, directory);
+}
+
+static char *rig_of_session(const char *directory, GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    if (!session)
+        return NULL;
+    if (rig_option)
+        return cli_absolute(rig_option);
+    g_autofree char *path = session_value(session, "rig_path");
+    if (path && g_file_test(path, G_FILE_TEST_EXISTS))
+        return g_steal_pointer(&path);
+    if (path)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "%s was begun with the rig file %s, which is not there any more: give --rig "
+                    "RIG",
+                    directory, path);
+    else
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "%s does not say which rig file it was begun with: give --rig RIG", directory);
+    return NULL;
+}
+
+static int run_resume(const struct command *command, int argc, char **argv) {
+    g_autoptr(GError) error = NULL;
+    if (!cli_parse(command, resume_entries, TRUE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    g_autofree char *directory = cli_absolute(argv[1]);
+    g_autofree char *rig = rig_of_session(directory, &error);
+    return rig ? cli_capture_run(rig, NULL, directory) : cli_fail(error);
+}
+
+const struct command cli_capture = {"capture", "RIG SESSION -o DIR",
+                                    "Capture a session, or begin to, and show how it goes.",
+                                    run_capture};
+const struct command cli_resume = {
+    "resume", "DIR", "Go on with a session: exactly what is missing is taken.", run_resume};

@@ -1,0 +1,166 @@
+#include "cli.h"
+
+#include "base/config.h"
+#include "base/json.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+gboolean cli_json;
+char *cli_address, *cli_bus;
+
+static const GOptionEntry json_entries[] = {
+    {"json", 0, 0, G_OPTION_ARG_NONE, &cli_json, "Print JSON", NULL},
+    {NULL},
+};
+
+const GOptionEntry cli_link_entries[] = {
+    {"address", 0, 0, G_OPTION_ARG_STRING, &cli_address, "Talk to the daemon at this address",
+     "unix:path=…"},
+    {"bus", 0, 0, G_OPTION_ARG_STRING, &cli_bus, "Talk to the daemon on this bus",
+     "system|session"},
+    {NULL},
+};
+
+int cli_usage(const struct command *command, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *message = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_printerr("mesorig %s: %s\nUsage: mesorig %s %s\n", command->name, message, command->name,
+               command->arguments);
+    return CLI_USAGE;
+}
+
+static gboolean cli_cli_check_link(const struct command *command) {
+    if (cli_bus && strcmp(cli_bus, "system") != 0 && strcmp(cli_bus, "session") != 0) {
+        cli_usage(command, "--bus is system or session");
+        return FALSE;
+    }
+    if (cli_bus && cli_address) {
+        cli_usage(command, "give --bus or --address, not both");
+        return FALSE;
+    }
+    return TRUE;
+}
+
+gboolean cli_parse(const struct command *command, const GOptionEntry *entries, gboolean link,
+                   int *argc, char ***argv, int min, int max) {
+    g_autoptr(GOptionContext) context = g_option_context_new(command->arguments);
+    g_autoptr(GError) error = NULL;
+    g_autofree char *program = g_strconcat("mesorig ", command->name, NULL);
+    g_set_prgname(program);
+    g_option_context_set_summary(context, command->help);
+    if (entries)
+        g_option_context_add_main_entries(context, entries, NULL);
+    if (link)
+        g_option_context_add_main_entries(context, cli_link_entries, NULL);
+    g_option_context_add_main_entries(context, json_entries, NULL);
+    if (!g_option_context_parse(context, argc, argv, &error)) {
+        cli_usage(command, "%s", error->message);
+        return FALSE;
+    }
+    if (*argc > 1 && strcmp((*argv)[1], "--") == 0) {
+        memmove(*argv + 1, *argv + 2, sizeof(char *) * (gsize)(*argc - 1));
+        (*argc)--;
+    }
+    if (*argc - 1 < min || *argc - 1 > max) {
+        cli_usage(command, *argc - 1 < min ? "there is something missing" : "too many arguments");
+        return FALSE;
+    }
+    return cli_cli_check_link(command);
+}
+
+int cli_fail(const GError *error) {
+    g_autoptr(GError) told = g_error_copy(error);
+    g_dbus_error_strip_remote_error(told);
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_string(told->message));
+        cli_print_json(g_variant_builder_end(&builder));
+    } else {
+        g_printerr("mesorig: %s\n", told->message);
+    }
+    return CLI_FAILED;
+}
+
+/* Whether a terminal would act on it rather than show it. */
+static gboolean is_control(gunichar c) {
+    return (g_unichar_iscntrl(c) && c != '\n' && c != '\t') || (c >= 0x202a && c <= 0x202e) ||
+           (c >= 0x2066 && c <= 0x2069);
+}
+
+static char *without_controls(const char *text) {
+    g_autofree char *valid = g_utf8_make_valid(text, -1);
+    GString *clean = g_string_new(NULL);
+    for (const char *at = valid; *at; at = g_utf8_next_char(at)) {
+        const gunichar c = g_utf8_get_char(at);
+        g_string_append_unichar(clean, is_control(c) ? 0xfffd : c);
+    }
+    return g_string_free(clean, FALSE);
+}
+
+static void cli_cli_put(FILE *to, const char *text) {
+    g_autofree char *clean = without_controls(text);
+    g_autofree char *ascii = g_get_charset(NULL) ? NULL : g_str_to_ascii(clean, "C");
+    fputs(ascii ? ascii : clean, to);
+    fflush(to);
+}
+
+static void put_out(const char *text) {
+    cli_cli_put(stdout, text);
+}
+
+static void put_err(const char *text) {
+    cli_cli_put(stderr, text);
+}
+
+void cli_print_readably(void) {
+    g_set_print_handler(put_out);
+    g_set_printerr_handler(put_err);
+}
+
+/* stdout keeps that a write has failed, but not why. */
+static void cli_cli_check_output(void) {
+    errno = 0;
+    const gboolean failed = fflush(stdout) != 0 || ferror(stdout);
+    if (!failed)
+        return;
+    g_printerr("mesorig: standard output could not be written%s%s; its end is missing\n",
+               errno ? ": " : "", errno ? g_strerror(errno) : "");
+    _exit(CLI_FAILED);
+}
+
+void cli_check_output_at_exit(void) {
+    atexit(cli_cli_check_output);
+}
+
+void cli_print_json(GVariant *value) {
+    g_autofree char *text = json_text(value);
+    fputs(text, stdout);
+    fputc('\n', stdout);
+    fflush(stdout);
+}
+
+char *cli_absolute(const char *path) {
+    return g_canonicalize_filename(path, NULL);
+}
+
+gboolean cli_rig_is_simulated(const char *path, gboolean *ret, GError **error) {
+    g_autoptr(Config) config = config_load(path, error);
+    gsize n = 0;
+    if (!config)
+        return FALSE;
+    const struct config_section *sections = config_sections(config, &n);
+    *ret = TRUE;
+    for (gsize i = 0; i < n; i++) {
+        const char *driver = config_value(&sections[i], "driver", NULL);
+        if (driver && !g_str_has_prefix(driver, "sim-"))
+            *ret = FALSE;
+    }
+    return TRUE;
+}

@@ -1,0 +1,10 @@
+/*
+ * A picture of how a capture went: shots over time, the axes' angles, what each shot was, and what
+ * happened. For who comes back in the morning.
+ */
+#pragma once
+
+#include "session/session.h"
+
+/* Writes a PNG of 1280 × 800. A session of which nothing was captured yet is an error. */
+gboolean history_write_png(Session *session, const char *path, GError **error);

@@ -1,0 +1,373 @@
+#include "monitor.h"
+
+#include "cli.h"
+#include "plan/report.h"
+#include "progress.h"
+
+#include <glib-unix.h>
+#include <signal.h>
+#include <string.h>
+#include <termios.h>
+#include <unistd.h>
+
+#define JSON_INTERVAL_US (1 * G_USEC_PER_SEC)
+
+struct Monitor {
+    Link *link;
+    gboolean control, patient;
+    GMainLoop *loop;
+    Progress *progress;
+    enum monitor_end end;
+    gboolean ended;
+    int interrupts;
+    gboolean faulty; /* an error was told since it last ran */
+    char *shown_state, *reason;
+    enum monitor_answer answer;
+    char *prompt;   /* as it was told last; empty: there is none */
+    guint enter_id; /* waits for the Enter key */
+    gint64 begun_us, json_us;
+    gint64 frames_before; /* since when frames a second are counted */
+    guint signal_ids[3], check_id;
+};
+
+static double real_s(const Monitor *monitor) {
+    return (double)(g_get_monotonic_time() - monitor->begun_us) / G_USEC_PER_SEC;
+}
+
+static double frames_per_s(const Monitor *monitor) {
+    const double seconds = real_s(monitor);
+    const gint64 frames = bus_rig1_get_frames(link_rig(monitor->link)) - monitor->frames_before;
+    return seconds > 0.05 && frames > 0 ? (double)frames / seconds : 0;
+}
+
+static double cli_monitor_real_left_s(BusRig1 *rig) {
+    const guint64 end = bus_rig1_get_predicted_end(rig);
+    return end ? MAX(0.0, (double)end - (double)g_get_real_time() / G_USEC_PER_SEC) : -1;
+}
+
+static double fraction(BusRig1 *rig) {
+    const int shots = bus_rig1_get_shots(rig);
+    return shots > 0 ? (double)bus_rig1_get_shots_done(rig) / shots : 0;
+}
+
+static void add_status(GVariantBuilder *to, BusRig1 *rig) {
+#define ADD(key, make, value) g_variant_builder_add(to, "{sv}", key, make(value))
+    ADD("state", g_variant_new_string, bus_rig1_get_state(rig));
+    ADD("reason", g_variant_new_string, bus_rig1_get_reason(rig));
+    ADD("prompt", g_variant_new_string, bus_rig1_get_prompt(rig));
+    ADD("doing", g_variant_new_string, bus_rig1_get_doing(rig));
+    ADD("rig", g_variant_new_string, bus_rig1_get_rig_path(rig));
+    ADD("simulated", g_variant_new_boolean, bus_rig1_get_simulated(rig));
+    ADD("session", g_variant_new_string, bus_rig1_get_session(rig));
+    ADD("shots", g_variant_new_int32, bus_rig1_get_shots(rig));
+    ADD("shots_done", g_variant_new_int32, bus_rig1_get_shots_done(rig));
+    ADD("percent", g_variant_new_double, 100 * fraction(rig));
+    ADD("frames", g_variant_new_int64, bus_rig1_get_frames(rig));
+    ADD("retakes", g_variant_new_int64, bus_rig1_get_retakes(rig));
+    ADD("elapsed_s", g_variant_new_double, bus_rig1_get_elapsed(rig));
+    ADD("left_s", g_variant_new_double, bus_rig1_get_left(rig));
+    ADD("predicted_end", g_variant_new_uint64, bus_rig1_get_predicted_end(rig));
+#undef ADD
+}
+
+GVariant *monitor_status(BusRig1 *rig) {
+    GVariantBuilder builder;
+    GVariant *devices = bus_rig1_get_devices(rig);
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    add_status(&builder, rig);
+    if (devices)
+        g_variant_builder_add(&builder, "{sv}", "devices", devices);
+    return g_variant_builder_end(&builder);
+}
+
+static void cli_monitor_print_json_progress(Monitor *monitor) {
+    GVariantBuilder builder;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    add_status(&builder, link_rig(monitor->link));
+    g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(real_s(monitor)));
+    g_variant_builder_add(&builder, "{sv}", "frames_per_s",
+                          g_variant_new_double(frames_per_s(monitor)));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static char *retakes_text(BusRig1 *rig) {
+    const gint64 retakes = bus_rig1_get_retakes(rig);
+    return retakes == 0   ? g_strdup("no retakes")
+           : retakes == 1 ? g_strdup("1 retake")
+                          : g_strdup_printf("%" G_GINT64_FORMAT " retakes", retakes);
+}
+
+static char *time_text(const Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    g_autofree char *elapsed = report_duration(bus_rig1_get_elapsed(rig));
+    g_autofree char *real = report_duration(real_s(monitor));
+    if (bus_rig1_get_simulated(rig))
+        return g_strdup_printf("%s simulated in %s", elapsed, real);
+    return g_steal_pointer(&elapsed);
+}
+
+static char *progress_text(const Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    const char *state = bus_rig1_get_state(rig), *reason = bus_rig1_get_reason(rig);
+    const double left_s = cli_monitor_real_left_s(rig);
+    g_autofree char *retakes = retakes_text(rig);
+    g_autofree char *times = time_text(monitor);
+    GString *text = g_string_new(NULL);
+    g_string_append_printf(text, "%d/%d shots", bus_rig1_get_shots_done(rig),
+                           bus_rig1_get_shots(rig));
+    if (strcmp(state, "paused") == 0) {
+        g_string_append_printf(text, ", paused: %s", reason);
+    } else {
+        /* What matters most comes first: a narrow terminal cuts the end. */
+        if (strcmp(state, "running") != 0)
+            g_string_append_printf(text, ", %s", state);
+        if (left_s >= 0) {
+            g_autofree char *left = report_duration(left_s);
+            g_string_append_printf(text, ", %s left", left);
+        }
+        g_string_append_printf(text, ", %.0f frames/s, %s, %s", frames_per_s(monitor), retakes,
+                               times);
+    }
+    return g_string_free(text, FALSE);
+}
+
+static void cli_monitor_show(Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    const char *state = bus_rig1_get_state(rig);
+    const gboolean news = g_strcmp0(state, monitor->shown_state) != 0;
+    const gint64 now_us = g_get_monotonic_time();
+    g_free(monitor->shown_state);
+    monitor->shown_state = g_strdup(state);
+    if (cli_json && (news || now_us >= monitor->json_us + JSON_INTERVAL_US)) {
+        monitor->json_us = now_us;
+        cli_monitor_print_json_progress(monitor);
+    } else if (bus_rig1_get_shots(rig) > 0) {
+        g_autofree char *text = progress_text(monitor);
+        progress_show(monitor->progress, fraction(rig), text, news);
+    }
+}
+
+static void cli_monitor_finish(Monitor *monitor, enum monitor_end end) {
+    if (monitor->ended)
+        return;
+    monitor->ended = TRUE;
+    monitor->end = end;
+    g_main_loop_quit(monitor->loop);
+}
+
+static gboolean cli_monitor_answer(Monitor *monitor) {
+    g_autoptr(GError) error = NULL;
+    if (bus_rig1_call_continue_sync(link_rig(monitor->link), NULL, &error))
+        return TRUE;
+    g_dbus_error_strip_remote_error(error);
+    progress_line(monitor->progress, "cannot go on: %s", error->message);
+    return FALSE;
+}
+
+static gboolean on_enter(gint fd, GIOCondition condition, gpointer data) {
+    Monitor *monitor = data;
+    char typed[256];
+    const gssize n = read(fd, typed, sizeof(typed));
+    if (n > 0 && (!memchr(typed, '\n', (gsize)n) || !cli_monitor_answer(monitor)))
+        return G_SOURCE_CONTINUE;
+    monitor->enter_id = 0;
+    return G_SOURCE_REMOVE;
+}
+
+static void forget_enter(Monitor *monitor) {
+    if (monitor->enter_id)
+        g_source_remove(monitor->enter_id);
+    monitor->enter_id = 0;
+}
+
+/* Keys that were struck before it was asked answer nothing. */
+static void wait_for_enter(Monitor *monitor) {
+    tcflush(STDIN_FILENO, TCIFLUSH);
+    monitor->enter_id =
+        g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, on_enter, monitor);
+    progress_line(monitor->progress, "press Enter when it is done");
+}
+
+/* A job in the background would be stopped when it touches its terminal. */
+static gboolean has_enter_key(void) {
+    return isatty(STDIN_FILENO) && tcgetpgrp(STDIN_FILENO) == getpgrp();
+}
+
+/* The event has told what is to be done; this says how to answer it, once. */
+static void check_prompt(Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    const char *prompt = bus_rig1_get_prompt(rig);
+    if (g_strcmp0(prompt, monitor->prompt) == 0)
+        return;
+    forget_enter(monitor);
+    g_free(monitor->prompt);
+    monitor->prompt = g_strdup(prompt);
+    if (!prompt || !*prompt)
+        return;
+    if (monitor->answer == ANSWER_AT_ONCE)
+        cli_monitor_answer(monitor);
+    else if (monitor->answer == ANSWER_ENTER && has_enter_key())
+        wait_for_enter(monitor);
+    else
+        progress_line(monitor->progress, "to answer: mesorig continue %s",
+                      bus_rig1_get_session(rig));
+}
+
+static void cli_monitor_check(Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    if (link_is_lost(monitor->link) || monitor->ended) {
+        cli_monitor_finish(monitor, MONITOR_LOST);
+        return;
+    }
+    const char *state = bus_rig1_get_state(rig);
+    cli_monitor_show(monitor);
+    check_prompt(monitor);
+    if (strcmp(state, "running") == 0)
+        monitor->faulty = FALSE;
+    if (strcmp(state, "done") == 0) {
+        cli_monitor_finish(monitor, MONITOR_DONE);
+    } else if (strcmp(state, "paused") == 0) {
+        g_free(monitor->reason);
+        monitor->reason = g_strdup(bus_rig1_get_reason(rig));
+        if (monitor->interrupts > 0)
+            cli_monitor_finish(monitor, MONITOR_PAUSED);
+        else if (monitor->faulty && !monitor->patient)
+            cli_monitor_finish(monitor, MONITOR_FAULT);
+    } else if (strcmp(state, "aborted") == 0 || strcmp(state, "idle") == 0 ||
+               strcmp(state, "closed") == 0) {
+        cli_monitor_finish(monitor, MONITOR_ABORTED);
+    }
+}
+
+static void on_properties(GDBusProxy *proxy, GVariant *properties, GStrv invalidated,
+                          gpointer data) {
+    Monitor *monitor = data;
+    if (g_main_loop_is_running(monitor->loop))
+        cli_monitor_check(monitor);
+}
+
+static void cli_monitor_on_event(BusRig1 *rig, const char *level, const char *source,
+                                 const char *message, gpointer data) {
+    Monitor *monitor = data;
+    if (strcmp(level, "error") == 0)
+        monitor->faulty = TRUE;
+    if (cli_json) {
+        GVariantBuilder builder;
+        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(&builder, "{sv}", "event", g_variant_new_string(message));
+        g_variant_builder_add(&builder, "{sv}", "level", g_variant_new_string(level));
+        g_variant_builder_add(&builder, "{sv}", "source", g_variant_new_string(source));
+        cli_print_json(g_variant_builder_end(&builder));
+    } else if (strcmp(level, "info") == 0) {
+        progress_line(monitor->progress, "%s: %s", source, message);
+    } else {
+        progress_line(monitor->progress, "%s: %s: %s", level, source, message);
+    }
+}
+
+static void on_closed(GDBusConnection *connection, gboolean by_peer, GError *error, gpointer data) {
+    cli_monitor_finish(data, MONITOR_LOST);
+}
+
+static void on_owner(GDBusProxy *proxy, GParamSpec *spec, gpointer data) {
+    Monitor *monitor = data;
+    if (link_is_lost(monitor->link))
+        cli_monitor_finish(monitor, MONITOR_LOST);
+}
+
+static gboolean cli_monitor_check_idle(gpointer data) {
+    Monitor *monitor = data;
+    monitor->check_id = 0;
+    cli_monitor_check(monitor);
+    return G_SOURCE_REMOVE;
+}
+
+/* Once: after the shot under way. Twice: now. What the daemon showed before it answered may still
+ * wait to be heard, its start even: the state is looked at after that. */
+static gboolean on_interrupt(gpointer data) {
+    Monitor *monitor = data;
+    g_autoptr(GError) error = NULL;
+    if (!monitor->control) {
+        cli_monitor_finish(monitor, MONITOR_DETACHED);
+        return G_SOURCE_CONTINUE;
+    }
+    if (monitor->interrupts++ == 0) {
+        progress_line(monitor->progress,
+                      "pausing after the shot under way; Ctrl-C once more stops at once");
+        if (!bus_rig1_call_pause_sync(link_rig(monitor->link), NULL, &error))
+            cli_monitor_finish(monitor, MONITOR_PAUSED);
+        else if (!monitor->check_id)
+            monitor->check_id = g_idle_add(cli_monitor_check_idle, monitor);
+    } else {
+        bus_rig1_call_abort_sync(link_rig(monitor->link), NULL, NULL);
+        cli_monitor_finish(monitor, MONITOR_ABORTED);
+    }
+    return G_SOURCE_CONTINUE;
+}
+
+Monitor *monitor_new(Link *link, gboolean control) {
+    const int signals[] = {SIGINT, SIGTERM, SIGHUP};
+    Monitor *monitor = g_new0(Monitor, 1);
+    monitor->link = link;
+    monitor->control = control;
+    monitor->loop = g_main_loop_new(NULL, FALSE);
+    monitor->progress = progress_new("capture");
+    BusRig1 *rig = link_rig(link);
+    g_signal_connect(rig, "g-properties-changed", G_CALLBACK(on_properties), monitor);
+    g_signal_connect(rig, "event", G_CALLBACK(cli_monitor_on_event), monitor);
+    g_signal_connect(rig, "notify::g-name-owner", G_CALLBACK(on_owner), monitor);
+    g_signal_connect(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), "closed",
+                     G_CALLBACK(on_closed), monitor);
+    for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
+        monitor->signal_ids[i] = g_unix_signal_add(signals[i], on_interrupt, monitor);
+    return monitor;
+}
+
+void monitor_free(Monitor *monitor) {
+    if (!monitor)
+        return;
+    BusRig1 *rig = link_rig(monitor->link);
+    g_signal_handlers_disconnect_by_data(rig, monitor);
+    g_signal_handlers_disconnect_by_data(g_dbus_proxy_get_connection(G_DBUS_PROXY(rig)), monitor);
+    for (gsize i = 0; i < G_N_ELEMENTS(monitor->signal_ids); i++)
+        g_source_remove(monitor->signal_ids[i]);
+    forget_enter(monitor);
+    g_clear_handle_id(&monitor->check_id, g_source_remove);
+    progress_free(monitor->progress);
+    g_main_loop_unref(monitor->loop);
+    g_free(monitor->shown_state);
+    g_free(monitor->reason);
+    g_free(monitor->prompt);
+    g_free(monitor);
+}
+
+void monitor_set_answer(Monitor *monitor, enum monitor_answer answer) {
+    monitor->answer = answer;
+}
+
+enum monitor_end monitor_run(Monitor *monitor, gboolean patient) {
+    monitor->patient = patient;
+    monitor->begun_us = g_get_monotonic_time();
+    /* What the daemon has shown before it answered our last call lies waiting. */
+    while (g_main_context_iteration(NULL, FALSE))
+        ;
+    monitor->frames_before = bus_rig1_get_frames(link_rig(monitor->link));
+    cli_monitor_check(monitor);
+    if (!monitor->ended)
+        g_main_loop_run(monitor->loop);
+    progress_end(monitor->progress);
+    return monitor->end;
+}
+
+const char *monitor_reason(const Monitor *monitor) {
+    return monitor->reason ? monitor->reason : "";
+}
+
+char *monitor_summary(const Monitor *monitor) {
+    BusRig1 *rig = link_rig(monitor->link);
+    g_autofree char *retakes = retakes_text(rig);
+    g_autofree char *times = time_text(monitor);
+    return g_strdup_printf("%d of %d shots, %" G_GINT64_FORMAT " frames, %s, %s",
+                           bus_rig1_get_shots_done(rig), bus_rig1_get_shots(rig),
+                           bus_rig1_get_frames(rig), retakes, times);
+}

@@ -1,0 +1,42 @@
+/* Follows what a daemon does until it ends, and shows it. */
+#pragma once
+
+#include "link.h"
+
+enum monitor_end {
+    MONITOR_DONE,
+    MONITOR_FAULT,    /* paused by a fault; the rig is safe */
+    MONITOR_PAUSED,   /* by our Ctrl-C */
+    MONITOR_ABORTED,  /* by our second Ctrl-C, or by somebody else */
+    MONITOR_DETACHED, /* Ctrl-C, and it goes on without us */
+    MONITOR_LOST,     /* the daemon has gone */
+};
+
+typedef struct Monitor Monitor;
+
+/* control: Ctrl-C pauses the capture; else it only ends the watching. Borrows link. To be made
+ * before a capture is started, so that no event is missed. */
+Monitor *monitor_new(Link *link, gboolean control);
+void monitor_free(Monitor *monitor);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Monitor, monitor_free)
+
+enum monitor_answer {
+    ANSWER_ELSEWHERE, /* mesorig continue, in another terminal */
+    ANSWER_ENTER,     /* that too, or the Enter key here, if there is one */
+    ANSWER_AT_ONCE,   /* for simulated rigs: nobody has to do anything */
+};
+
+/* What is done where the rig asks for something to be done by hand; ANSWER_ELSEWHERE at first. */
+void monitor_set_answer(Monitor *monitor, enum monitor_answer answer);
+
+/* Runs the main loop. patient: a fault does not end it, since somebody may mend it and go on. */
+enum monitor_end monitor_run(Monitor *monitor, gboolean patient);
+
+/* Why it is paused; owned by the monitor. */
+const char *monitor_reason(const Monitor *monitor);
+
+/* "3340 shots, 51234 frames, no retakes, 2 h 48 min simulated in 3 min 02 s"; g_free(). */
+char *monitor_summary(const Monitor *monitor);
+
+/* All that the daemon shows, as "a{sv}"; floating. */
+GVariant *monitor_status(BusRig1 *rig);

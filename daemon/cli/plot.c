@@ -1,0 +1,156 @@
+#include "plot.h"
+
+#include <cairo-svg.h>
+#include <math.h>
+
+#define TEXT 17.0
+
+static gboolean is_svg(const char *path) {
+    return g_str_has_suffix(path, ".svg");
+}
+
+cairo_t *plot_new(const char *path, GError **error) {
+    if (!is_svg(path) && !g_str_has_suffix(path, ".png")) {
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT,
+                    "%s: a plot's name ends in .png or .svg", path);
+        return NULL;
+    }
+    cairo_surface_t *surface =
+        is_svg(path) ? cairo_svg_surface_create(path, PLOT_WIDTH, PLOT_HEIGHT)
+                     : cairo_image_surface_create(CAIRO_FORMAT_RGB24, PLOT_WIDTH, PLOT_HEIGHT);
+    cairo_t *cr = cairo_create(surface);
+    cairo_surface_destroy(surface);
+    cairo_set_source_rgb(cr, 1, 1, 1);
+    cairo_paint(cr);
+    cairo_select_font_face(cr, "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+    cairo_set_font_size(cr, TEXT);
+    plot_ink(cr);
+    return cr;
+}
+
+gboolean plot_finish(cairo_t *cr, const char *path, GError **error) {
+    cairo_surface_t *surface = cairo_surface_reference(cairo_get_target(cr));
+    cairo_status_t status = cairo_status(cr);
+    cairo_destroy(cr);
+    if (!status && !is_svg(path))
+        status = cairo_surface_write_to_png(surface, path);
+    cairo_surface_finish(surface);
+    status = status ? status : cairo_surface_status(surface);
+    cairo_surface_destroy(surface);
+    if (status)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_FAILED, "%s: cannot be written: %s", path,
+                    cairo_status_to_string(status));
+    return status == CAIRO_STATUS_SUCCESS;
+}
+
+void plot_ink(cairo_t *cr) {
+    cairo_set_source_rgb(cr, 0.13, 0.14, 0.16);
+}
+
+/* Okabe and Ito's, without yellow, which is lost on white, and with darker ones. */
+void plot_colour(cairo_t *cr, int i) {
+    static const double colours[PLOT_COLOURS][3] = {
+        {0.00, 0.45, 0.70}, {0.84, 0.37, 0.00}, {0.00, 0.62, 0.45}, {0.80, 0.47, 0.65},
+        {0.34, 0.71, 0.91}, {0.90, 0.62, 0.00}, {0.35, 0.35, 0.38}, {0.55, 0.20, 0.10},
+        {0.00, 0.00, 0.00}, {0.55, 0.55, 0.10}};
+    const double *c = colours[i % PLOT_COLOURS];
+    cairo_set_source_rgb(cr, c[0], c[1], c[2]);
+}
+
+void plot_text(cairo_t *cr, double x, double y, double align, const char *text) {
+    cairo_text_extents_t size;
+    cairo_text_extents(cr, text, &size);
+    cairo_move_to(cr, x - align * size.x_advance, y);
+    cairo_show_text(cr, text);
+    cairo_new_path(cr); /* a line to what comes next is not wanted */
+}
+
+#define DISC_Y      430.0
+#define DISC_RADIUS 270.0
+#define BAR_Y       760.0
+
+/* From dark blue to yellow, even in lightness. */
+static void set_heat(cairo_t *cr, double t) {
+    static const double stops[6][3] = {{0.27, 0.00, 0.33}, {0.25, 0.27, 0.53}, {0.16, 0.47, 0.56},
+                                       {0.13, 0.66, 0.52}, {0.48, 0.82, 0.32}, {0.99, 0.91, 0.14}};
+    const double at = CLAMP(t, 0, 1) * 5;
+    const int i = MIN((int)at, 4);
+    double c[3];
+    for (int k = 0; k < 3; k++)
+        c[k] = stops[i][k] + (at - i) * (stops[i + 1][k] - stops[i][k]);
+    cairo_set_source_rgb(cr, c[0], c[1], c[2]);
+}
+
+static void draw_rings(cairo_t *cr, double centre, const char *title) {
+    plot_text(cr, centre, DISC_Y - DISC_RADIUS - 22, 0.5, title);
+    cairo_set_line_width(cr, 1);
+    for (int theta = 30; theta <= 90; theta += 30) {
+        g_autofree char *text = g_strdup_printf("%d°", theta);
+        cairo_set_source_rgb(cr, 0.82, 0.83, 0.85);
+        cairo_arc(cr, centre, DISC_Y, DISC_RADIUS * theta / 90, 0, 2 * G_PI);
+        cairo_stroke(cr);
+        cairo_set_source_rgb(cr, 0.5, 0.5, 0.52);
+        plot_text(cr, centre + 4, DISC_Y + DISC_RADIUS * theta / 90 - 5, 0, text);
+    }
+    plot_ink(cr);
+}
+
+/* A dot a direction, as large as there is room. */
+static void draw_directions(cairo_t *cr, double centre, const float *theta_deg,
+                            const float *phi_deg, const struct compare_sums *sums, int n,
+                            double most) {
+    const double radius = CLAMP(DISC_RADIUS / sqrt(6.0 * n), 3, 18);
+    for (int i = 0; i < n; i++) {
+        const double r = DISC_RADIUS * theta_deg[i] / 90, phi = phi_deg[i] * G_PI / 180;
+        set_heat(cr, most > 0 ? sums[i].error / most : 0);
+        cairo_arc(cr, centre + r * cos(phi), DISC_Y - r * sin(phi), radius, 0, 2 * G_PI);
+        cairo_fill_preserve(cr);
+        cairo_set_source_rgba(cr, 0, 0, 0, 0.35);
+        cairo_stroke(cr);
+    }
+    plot_ink(cr);
+}
+
+static double largest_error(const struct compare_sums *sums, int n, double most) {
+    for (int i = 0; i < n; i++)
+        most = isfinite(sums[i].error) ? MAX(most, sums[i].error) : most;
+    return most;
+}
+
+static void draw_bar(cairo_t *cr, double most) {
+    const double left = 390, width = 500;
+    g_autofree char *text = g_strdup_printf("%.3g %% relative error", 100 * most);
+    for (int i = 0; i < 250; i++) {
+        set_heat(cr, i / 249.0);
+        cairo_rectangle(cr, left + i * width / 250, BAR_Y - 14, width / 250 + 0.5, 18);
+        cairo_fill(cr);
+    }
+    plot_ink(cr);
+    plot_text(cr, left - 10, BAR_Y, 1, "0");
+    plot_text(cr, left + width + 10, BAR_Y, 0, text);
+}
+
+gboolean plot_comparison(const char *path, const struct material_info *a,
+                         const struct material_info *b, const struct comparison *c,
+                         GError **error) {
+    cairo_t *cr = plot_new(path, error);
+    if (!cr)
+        return FALSE;
+    double most = largest_error(c->views, c->n_views, 0);
+    most = largest_error(c->lights, c->n_lights, most);
+    g_autofree char *title = g_strdup_printf("%s against %s", b->label, a->label);
+    g_autofree char *text = g_strdup_printf(
+        "relative error %.2f %%, luminance off by %.4f on average, ΔE %.2f; 1:%.0f in size",
+        100 * c->all.error, c->all.luminance_error, c->all.delta_e,
+        (double)a->bytes / (double)b->bytes);
+    cairo_set_font_size(cr, 24);
+    plot_text(cr, 40, 50, 0, title);
+    cairo_set_font_size(cr, TEXT);
+    plot_text(cr, 40, 82, 0, text);
+    draw_rings(cr, 330, "views");
+    draw_rings(cr, 950, "lights");
+    draw_directions(cr, 330, a->view_theta_deg, a->view_phi_deg, c->views, c->n_views, most);
+    draw_directions(cr, 950, a->light_theta_deg, a->light_phi_deg, c->lights, c->n_lights, most);
+    draw_bar(cr, most);
+    return plot_finish(cr, path, error);
+}

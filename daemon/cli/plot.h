@@ -1,0 +1,35 @@
+/* Pictures of numbers for the command line: PNG, or SVG if the file's name says so. */
+#pragma once
+
+#include "codecs/compare.h"
+
+#include <cairo.h>
+
+#define PLOT_WIDTH  1280
+#define PLOT_HEIGHT 800
+
+/* White, dark ink, text of 17 points. NULL with an error unless path ends in .png or .svg. */
+cairo_t *plot_new(const char *path, GError **error);
+/* Writes the file and frees cr. */
+gboolean plot_finish(cairo_t *cr, const char *path, GError **error);
+
+void plot_ink(cairo_t *cr);
+#define PLOT_COLOURS 10
+void plot_colour(cairo_t *cr, int i); /* told apart by the colour-blind too; i from 0, cyclic */
+/* align: 0 left, 0.5 centred, 1 right of (x, y). */
+void plot_text(cairo_t *cr, double x, double y, double align, const char *text);
+
+/* Errors of views and of lights on two hemispheres seen from above. */
+gboolean plot_comparison(const char *path, const struct material_info *a,
+                         const struct material_info *b, const struct comparison *comparison,
+                         GError **error);
+
+struct plot_point {
+    char *series, *label; /* owned by whoever made it */
+    double bytes, error;
+};
+
+/* Rate and distortion: error against size, both logarithmic. points: of one series together, in
+ * order of size; raw_bytes is what sizes are compared with. */
+gboolean plot_curve(const char *path, const char *name, double raw_bytes,
+                    const struct plot_point *points, int n, GError **error);

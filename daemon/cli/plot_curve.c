@@ -1,0 +1,186 @@
+#include "plot.h"
+
+#include <math.h>
+
+#define TEXT   17.0
+#define LEFT   110.0
+#define RIGHT  (PLOT_WIDTH - 230.0)
+#define TOP    110.0
+#define BOTTOM (PLOT_HEIGHT - 90.0)
+#define LINE   (TEXT + 2)
+#define LEAST  1e-4 /* errors below are those of rounding, and stand there */
+
+/* Both axes are logarithmic. */
+struct axes {
+    double ratio[2], error[2];
+};
+
+static double cli_plot_curve_x_of(const struct axes *axes, double ratio) {
+    return LEFT +
+           (RIGHT - LEFT) * log(ratio / axes->ratio[0]) / log(axes->ratio[1] / axes->ratio[0]);
+}
+
+static double y_of(const struct axes *axes, double error) {
+    return BOTTOM - (BOTTOM - TOP) * log(MAX(error, LEAST) / axes->error[0]) /
+                        log(axes->error[1] / axes->error[0]);
+}
+
+static void widen(double range[2]) {
+    range[0] /= 1.3;
+    range[1] *= 1.3;
+    if (!(range[1] / range[0] > 2)) {
+        range[0] /= 1.5;
+        range[1] *= 1.5;
+    }
+}
+
+static struct axes fit_axes(double raw_bytes, const struct plot_point *points, int n) {
+    struct axes axes = {{G_MAXDOUBLE, 0}, {G_MAXDOUBLE, 0}};
+    for (int i = 0; i < n; i++) {
+        const double ratio = raw_bytes / points[i].bytes, error = MAX(points[i].error, LEAST);
+        axes.ratio[0] = MIN(axes.ratio[0], ratio);
+        axes.ratio[1] = MAX(axes.ratio[1], ratio);
+        axes.error[0] = MIN(axes.error[0], error);
+        axes.error[1] = MAX(axes.error[1], error);
+    }
+    widen(axes.ratio);
+    widen(axes.error);
+    return axes;
+}
+
+static void draw_tick(cairo_t *cr, const struct axes *axes, gboolean on_x, double value) {
+    const double *range = on_x ? axes->ratio : axes->error;
+    if (value < range[0] || value > range[1])
+        return;
+    g_autofree char *text =
+        on_x ? g_strdup_printf("1:%g", value)
+             : g_strdup_printf(value < 1.5 * LEAST ? "≤ %g %%" : "%g %%", 100 * value);
+    const double x = on_x ? cli_plot_curve_x_of(axes, value) : LEFT,
+                 y = on_x ? BOTTOM : y_of(axes, value);
+    cairo_set_source_rgb(cr, 0.88, 0.89, 0.90);
+    cairo_set_line_width(cr, 1);
+    cairo_move_to(cr, x, y);
+    cairo_line_to(cr, on_x ? x : RIGHT, on_x ? TOP : y);
+    cairo_stroke(cr);
+    plot_ink(cr);
+    if (on_x)
+        plot_text(cr, x, BOTTOM + 26, 0.5, text);
+    else
+        plot_text(cr, LEFT - 10, y + 6, 1, text);
+}
+
+static void cli_plot_curve_draw_axes(cairo_t *cr, const struct axes *axes) {
+    static const double steps[] = {1, 2, 5};
+    for (int power = -6; power <= 6; power++)
+        for (int i = 0; i < 3; i++) {
+            draw_tick(cr, axes, TRUE, steps[i] * pow(10, power));
+            draw_tick(cr, axes, FALSE, steps[i] * pow(10, power));
+        }
+    plot_text(cr, (LEFT + RIGHT) / 2, BOTTOM + 60, 0.5,
+              "size against the BTF in half floats: in a renderer, of what is packed on disk");
+}
+
+/* Round, square or pointed, so that more than colours tell series apart. */
+static void draw_mark(cairo_t *cr, double x, double y, int shape) {
+    if (shape == 0) {
+        cairo_arc(cr, x, y, 4.5, 0, 2 * G_PI);
+    } else if (shape == 1) {
+        cairo_rectangle(cr, x - 4, y - 4, 8, 8);
+    } else {
+        cairo_move_to(cr, x, y - 6);
+        cairo_line_to(cr, x + 5.5, y + 4);
+        cairo_line_to(cr, x - 5.5, y + 4);
+    }
+    cairo_fill(cr);
+}
+
+/* One model. */
+struct series {
+    const struct plot_point *points; /* in order of size */
+    int n, colour;
+    double x, y; /* of the smallest */
+    double name; /* height of its name's base line */
+};
+
+static void cli_plot_curve_draw_series(cairo_t *cr, const struct axes *axes, double raw_bytes,
+                                       const struct series *series) {
+    plot_colour(cr, series->colour);
+    cairo_set_line_width(cr, 2.2);
+    for (int i = 0; i < series->n; i++)
+        cairo_line_to(cr, cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes),
+                      y_of(axes, series->points[i].error));
+    cairo_stroke(cr);
+    for (int i = 0; i < series->n; i++)
+        draw_mark(cr, cli_plot_curve_x_of(axes, raw_bytes / series->points[i].bytes),
+                  y_of(axes, series->points[i].error), series->colour % 3);
+}
+
+static void draw_name(cairo_t *cr, const struct series *series) {
+    const double dashes[] = {2, 4};
+    plot_colour(cr, series->colour);
+    plot_text(cr, RIGHT + 14, series->name, 0, series->points[0].series);
+    cairo_set_line_width(cr, 0.8);
+    cairo_move_to(cr, RIGHT + 10, series->name - 6);
+    cairo_line_to(cr, series->x + 7, series->y);
+    cairo_set_dash(cr, dashes, 2, 0);
+    cairo_stroke(cr);
+    cairo_set_dash(cr, NULL, 0, 0);
+}
+
+static int cli_plot_curve_by_height(gconstpointer a, gconstpointer b) {
+    const struct series *p = a, *q = b;
+    if (p->y != q->y)
+        return p->y < q->y ? -1 : 1;
+    return (p->x < q->x) - (p->x > q->x);
+}
+
+/* Names stand in the order of what they name, one below the other, so that few lines cross. */
+static void place_names(GArray *list) {
+    g_array_sort(list, cli_plot_curve_by_height);
+    for (guint i = 0; i < list->len; i++) {
+        struct series *series = &g_array_index(list, struct series, i);
+        series->name = MAX(series->y + 6, i ? series[-1].name + LINE : TOP);
+    }
+    for (guint i = list->len; i-- > 0;) {
+        struct series *series = &g_array_index(list, struct series, i);
+        series->name = MIN(series->name, i + 1 < list->len ? series[1].name - LINE : BOTTOM);
+    }
+}
+
+static GArray *part_series(const struct axes *axes, double raw_bytes,
+                           const struct plot_point *points, int n) {
+    GArray *list = g_array_new(FALSE, FALSE, sizeof(struct series));
+    for (int from = 0, end; from < n; from = end) {
+        for (end = from; end < n && g_str_equal(points[end].series, points[from].series);)
+            end++;
+        const struct series series = {.points = points + from,
+                                      .n = end - from,
+                                      .colour = (int)list->len,
+                                      .x =
+                                          cli_plot_curve_x_of(axes, raw_bytes / points[from].bytes),
+                                      .y = y_of(axes, points[from].error)};
+        g_array_append_val(list, series);
+    }
+    return list;
+}
+
+gboolean plot_curve(const char *path, const char *name, double raw_bytes,
+                    const struct plot_point *points, int n, GError **error) {
+    cairo_t *cr = plot_new(path, error);
+    if (!cr)
+        return FALSE;
+    const struct axes axes = fit_axes(raw_bytes, points, n);
+    g_autoptr(GArray) list = part_series(&axes, raw_bytes, points, n);
+    g_autofree char *title = g_strdup_printf("%s: error against size", name);
+    cairo_set_font_size(cr, 24);
+    plot_text(cr, 40, 50, 0, title);
+    cairo_set_font_size(cr, TEXT);
+    plot_text(cr, 40, 82, 0, "relative RMS error of all values");
+    cli_plot_curve_draw_axes(cr, &axes);
+    place_names(list);
+    for (guint i = 0; i < list->len; i++)
+        draw_name(cr, &g_array_index(list, struct series, i));
+    for (guint i = 0; i < list->len; i++)
+        cli_plot_curve_draw_series(cr, &axes, raw_bytes, &g_array_index(list, struct series, i));
+    return plot_finish(cr, path, error);
+}

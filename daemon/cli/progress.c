@@ -1,0 +1,122 @@
+#include "progress.h"
+
+#include "cli.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#define INTERVAL_US  100000
+#define LONGEST_BAR  40
+#define SHORTEST_BAR 8
+
+struct Progress {
+    char *what;
+    gboolean tty, utf8, drawn;
+    int told; /* tenths, on what is no terminal */
+    gint64 shown_us;
+};
+
+Progress *progress_new(const char *what) {
+    Progress *progress = g_new0(Progress, 1);
+    progress->what = g_strdup(what);
+    progress->tty = isatty(STDOUT_FILENO);
+    progress->utf8 = g_get_charset(NULL);
+    progress->told = -1;
+    return progress;
+}
+
+void progress_end(Progress *progress) {
+    if (progress->drawn)
+        fputc('\n', stdout);
+    progress->drawn = FALSE;
+    fflush(stdout);
+}
+
+void progress_free(Progress *progress) {
+    if (!progress)
+        return;
+    progress_end(progress);
+    g_free(progress->what);
+    g_free(progress);
+}
+
+static int cli_progress_columns(void) {
+    struct winsize size;
+    return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+}
+
+static void append_bar(GString *line, int width, double fraction, gboolean utf8) {
+    static const char *const eighths[] = {" ", "▏", "▎", "▍", "▌", "▋", "▊", "▉"};
+    const int full = (int)(fraction * width * 8);
+    g_string_append(line, utf8 ? "▕" : "[");
+    for (int i = 0; i < width; i++) {
+        const int here = full - 8 * i;
+        if (here >= 8)
+            g_string_append(line, utf8 ? "█" : "#");
+        else
+            g_string_append(line, utf8 && here > 0 ? eighths[here] : " ");
+    }
+    g_string_append(line, utf8 ? "▏ " : "] ");
+}
+
+/* Past g_print(), which replaces control characters. */
+static void begin_line(void) {
+    fputs("\r", stdout);
+}
+
+static void clear_rest(void) {
+    fputs("\033[K", stdout);
+    fflush(stdout);
+}
+
+/* The bar takes what room the text leaves; a text that is too long is cut at its end, so that the
+ * line never wraps and can be drawn over. */
+static void cli_progress_draw(Progress *progress, double fraction, const char *text) {
+    g_autoptr(GString) line = g_string_new(NULL);
+    g_string_append_printf(line, "%s %3d %% ", progress->what, (int)floor(fraction * 100));
+    const int used = (int)g_utf8_strlen(line->str, -1) + (int)g_utf8_strlen(text, -1);
+    const int room = cli_progress_columns() - 1 - used - 3;
+    append_bar(line, CLAMP(room, SHORTEST_BAR, LONGEST_BAR), fraction, progress->utf8);
+    g_string_append(line, text);
+    g_autofree char *cut = g_utf8_substring(
+        line->str, 0, MIN(cli_progress_columns() - 1, (int)g_utf8_strlen(line->str, -1)));
+    begin_line();
+    g_print("%s", cut);
+    clear_rest();
+    progress->drawn = TRUE;
+}
+
+void progress_show(Progress *progress, double fraction, const char *text, gboolean now) {
+    const gint64 now_us = g_get_monotonic_time();
+    fraction = isfinite(fraction) ? CLAMP(fraction, 0, 1) : 0;
+    if (cli_json)
+        return;
+    if (progress->tty) {
+        if (!now && now_us < progress->shown_us + INTERVAL_US)
+            return;
+        progress->shown_us = now_us;
+        cli_progress_draw(progress, fraction, text);
+    } else if ((int)(fraction * 10) > progress->told) {
+        progress->told = (int)(fraction * 10);
+        g_print("%s: %d %%, %s\n", progress->what, (int)floor(fraction * 100), text);
+        fflush(stdout);
+    }
+}
+
+void progress_line(Progress *progress, const char *format, ...) {
+    va_list arguments;
+    if (cli_json)
+        return;
+    va_start(arguments, format);
+    g_autofree char *text = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    if (progress->drawn) {
+        begin_line();
+        clear_rest();
+    }
+    g_print("%s\n", text);
+    progress->drawn = FALSE;
+    fflush(stdout);
+}

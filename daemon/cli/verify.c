@@ -1,0 +1,192 @@
+/* verify: whether every file of a session still is what was committed, and what mends it. */
+#include "cli.h"
+#include "session/session.h"
+#include "work.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+struct verify {
+    const char *path;
+    /* found */
+    char *directory;
+    int n_frames, n_products;
+    GPtrArray *frames, *products; /* of struct session_damage */
+    GPtrArray *unknown;           /* relative paths */
+    char *not_noted;              /* why resume will not hear of damaged frames; or NULL */
+};
+
+static int cli_verify_by_name(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static const char *const folders[] = {"frames", "laser", "products", "products/btf", NULL};
+
+/* What belongs to a session without a row of its own: the database, locks, work that goes on, and
+ * the raw pictures of a frame, in a folder of its name. */
+static gboolean is_expected(const char *path, gboolean folder, GHashTable *known) {
+    static const char *const files[] = {"session.db", "session.db-wal", "session.db-shm",
+                                        "capture.lock", NULL};
+    g_autofree char *frame = g_strconcat(path, ".exr", NULL);
+
+    if (g_strv_contains(folder ? folders : files, path))
+        return TRUE;
+    if (g_str_has_prefix(path, "products/"))
+        return !folder && (g_hash_table_contains(known, path) || g_str_has_suffix(path, ".lock") ||
+                           g_str_has_suffix(path, ".checkpoint"));
+    return g_hash_table_contains(known, folder ? frame : path);
+}
+
+static void find_unknown(struct verify *verify, const char *folder, GHashTable *known) {
+    g_autofree char *path = g_build_filename(verify->directory, folder, NULL);
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+
+    for (const char *name; dir && (name = g_dir_read_name(dir));) {
+        g_autofree char *relative = *folder ? g_build_filename(folder, name, NULL) : g_strdup(name);
+        g_autofree char *file = g_build_filename(path, name, NULL);
+        GStatBuf status;
+        const gboolean is_folder = g_lstat(file, &status) == 0 && S_ISDIR(status.st_mode);
+        if (!is_expected(relative, is_folder, known))
+            g_ptr_array_add(verify->unknown, g_steal_pointer(&relative));
+        else if (is_folder && g_strv_contains(folders, relative))
+            find_unknown(verify, relative, known);
+    }
+}
+
+static gboolean list_unknown(struct verify *verify, Session *session, GError **error) {
+    g_autoptr(GHashTable) known = session_products(session, error);
+    g_autoptr(GPtrArray) frames = known ? session_frames(session, error) : NULL;
+
+    for (guint i = 0; frames && i < frames->len; i++)
+        g_hash_table_add(known, g_strdup(((struct session_frame *)frames->pdata[i])->path));
+    if (frames)
+        find_unknown(verify, "", known);
+    g_ptr_array_sort(verify->unknown, cli_verify_by_name);
+    return frames != NULL;
+}
+
+/* Resume hashes frames only where it is told to. */
+static void note_frames(struct verify *verify, Session *session) {
+    g_autoptr(GError) error = NULL;
+
+    for (guint i = 0; i < verify->frames->len && !error; i++) {
+        const struct session_damage *damage = verify->frames->pdata[i];
+        session_note_damage(session, damage->path, damage->what, &error);
+    }
+    verify->not_noted = error ? g_strdup(error->message) : NULL;
+}
+
+static gboolean cli_verify_work(const struct work *work, gpointer data, GError **error) {
+    struct verify *verify = data;
+    g_autoptr(Session) session = session_open(verify->path, SESSION_PRODUCTS, NULL);
+
+    if (!session && !(session = session_open(verify->path, SESSION_READ, error)))
+        return FALSE;
+    verify->directory = g_strdup(session_path(session));
+    verify->frames =
+        session_find_damage(session, SESSION_FRAMES, "", work, &verify->n_frames, error);
+    if (!verify->frames)
+        return FALSE;
+    note_frames(verify, session);
+    verify->products =
+        session_find_damage(session, SESSION_PRODUCTS_MADE, "", work, &verify->n_products, error);
+    verify->unknown = g_ptr_array_new_with_free_func(g_free);
+    return verify->products && list_unknown(verify, session, error);
+}
+
+static void add_damages(GVariantBuilder *list, const GPtrArray *damages, gboolean missing) {
+    for (guint i = 0; i < damages->len; i++) {
+        const struct session_damage *damage = damages->pdata[i];
+        if (damage->missing != missing)
+            continue;
+        g_variant_builder_open(list, G_VARIANT_TYPE_VARDICT);
+        g_variant_builder_add(list, "{sv}", "path", g_variant_new_string(damage->path));
+        g_variant_builder_add(list, "{sv}", "what", g_variant_new_string(damage->what));
+        g_variant_builder_add(list, "{sv}", "repair",
+                              g_variant_new_string(damage->remedy ? damage->remedy : ""));
+        g_variant_builder_close(list);
+    }
+}
+
+static GVariant *damages_variant(const struct verify *verify, gboolean missing) {
+    GVariantBuilder list;
+    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
+    add_damages(&list, verify->frames, missing);
+    add_damages(&list, verify->products, missing);
+    return g_variant_builder_end(&list);
+}
+
+static void cli_verify_tell_json(const struct verify *verify) {
+    GVariantBuilder builder, unknown;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_init(&unknown, G_VARIANT_TYPE_STRING_ARRAY);
+    for (guint i = 0; i < verify->unknown->len; i++) {
+        g_autofree char *valid = g_utf8_make_valid(verify->unknown->pdata[i], -1);
+        g_variant_builder_add(&unknown, "s", valid);
+    }
+    g_variant_builder_add(&builder, "{sv}", "frames", g_variant_new_int32(verify->n_frames));
+    g_variant_builder_add(&builder, "{sv}", "products", g_variant_new_int32(verify->n_products));
+    g_variant_builder_add(&builder, "{sv}", "damaged", damages_variant(verify, FALSE));
+    g_variant_builder_add(&builder, "{sv}", "missing", damages_variant(verify, TRUE));
+    g_variant_builder_add(&builder, "{sv}", "unknown", g_variant_builder_end(&unknown));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static void tell_damages(const GPtrArray *damages, GPtrArray *remedies) {
+    for (guint i = 0; i < damages->len; i++) {
+        const struct session_damage *damage = damages->pdata[i];
+        const char *remedy = damage->remedy ? damage->remedy : "import the session again";
+        g_print("%-9s %s: %s\n", damage->missing ? "missing" : "damaged", damage->path,
+                damage->what);
+        if (!g_ptr_array_find_with_equal_func(remedies, remedy, g_str_equal, NULL))
+            g_ptr_array_add(remedies, (gpointer)remedy);
+    }
+}
+
+static void cli_verify_tell(const struct verify *verify) {
+    g_autoptr(GPtrArray) remedies = g_ptr_array_new();
+    if (cli_json) {
+        cli_verify_tell_json(verify);
+        return;
+    }
+    tell_damages(verify->frames, remedies);
+    tell_damages(verify->products, remedies);
+    for (guint i = 0; i < verify->unknown->len; i++) {
+        g_autofree char *shown = g_strescape(verify->unknown->pdata[i], NULL);
+        g_print("unknown   %s: the session does not list it; move it away, or leave it\n", shown);
+    }
+    g_print("%d frames, %d products: %u are damaged or missing, %u other files are unknown\n",
+            verify->n_frames, verify->n_products, verify->frames->len + verify->products->len,
+            verify->unknown->len);
+    for (guint i = 0; i < remedies->len; i++)
+        g_print("to repair %s\n", (const char *)remedies->pdata[i]);
+    if (verify->not_noted)
+        g_printerr("resume will not hear of the damaged frames, which could not be noted: %s; "
+                   "run verify as who may write the session\n",
+                   verify->not_noted);
+}
+
+static int cli_verify_run(const struct command *command, int argc, char **argv) {
+    g_autoptr(GError) error = NULL;
+    double seconds = 0;
+    if (!cli_parse(command, NULL, FALSE, &argc, &argv, 1, 1))
+        return CLI_USAGE;
+    struct verify verify = {.path = argv[1]};
+    const gboolean ok = cli_work_run(cli_verify_work, &verify, &seconds, &error);
+    if (ok)
+        cli_verify_tell(&verify);
+    const gboolean whole =
+        ok && verify.frames->len + verify.products->len + verify.unknown->len == 0;
+    g_clear_pointer(&verify.frames, g_ptr_array_unref);
+    g_clear_pointer(&verify.products, g_ptr_array_unref);
+    g_clear_pointer(&verify.unknown, g_ptr_array_unref);
+    g_free(verify.directory);
+    g_free(verify.not_noted);
+    if (!ok)
+        return cli_fail(error);
+    return whole ? CLI_DONE : CLI_FAILED;
+}
+
+const struct command cli_verify = {
+    "verify", "DIR", "Compare every file of a session with its checksum; say what repairs it.",
+    cli_verify_run};

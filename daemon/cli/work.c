@@ -1,0 +1,93 @@
+#include "work.h"
+
+#include "cli.h"
+#include "plan/report.h"
+#include "progress.h"
+
+#include <glib-unix.h>
+#include <signal.h>
+
+struct bar {
+    Progress *progress;
+    char *stage;
+    gint64 json_us;
+};
+
+static void cli_work_print_json_progress(struct bar *bar, const struct work_progress *progress) {
+    const gint64 now_us = g_get_monotonic_time();
+    GVariantBuilder builder;
+    if (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC)
+        return;
+    bar->json_us = now_us;
+    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_variant_builder_add(&builder, "{sv}", "stage", g_variant_new_string(progress->stage));
+    g_variant_builder_add(&builder, "{sv}", "done", g_variant_new_int32(progress->done));
+    g_variant_builder_add(&builder, "{sv}", "total", g_variant_new_int32(progress->total));
+    g_variant_builder_add(&builder, "{sv}", "left_s", g_variant_new_double(progress->left_s));
+    cli_print_json(g_variant_builder_end(&builder));
+}
+
+static void on_progress(const struct work_progress *progress, gpointer data) {
+    struct bar *bar = data;
+    if (cli_json) {
+        cli_work_print_json_progress(bar, progress);
+        return;
+    }
+    if (g_strcmp0(progress->stage, bar->stage) != 0) {
+        progress_free(bar->progress);
+        g_autofree char *what = g_strdup_printf("%-9s", progress->stage);
+        bar->progress = progress_new(what);
+        g_free(bar->stage);
+        bar->stage = g_strdup(progress->stage);
+    }
+    g_autoptr(GString) text = g_string_new(NULL);
+    g_string_append_printf(text, "%d/%d", progress->done, progress->total);
+    if (progress->left_s >= 0) {
+        g_autofree char *left = report_duration(progress->left_s);
+        g_string_append_printf(text, ", %s left", left);
+    }
+    const double fraction = progress->total > 0 ? (double)progress->done / progress->total : 0;
+    progress_show(bar->progress, fraction, text->str, progress->done == progress->total);
+}
+
+/* The work has no main loop: the signals get a thread with one. */
+static gboolean cli_work_on_signal(gpointer cancellable) {
+    g_cancellable_cancel(cancellable);
+    return G_SOURCE_CONTINUE;
+}
+
+static gpointer wait_for_signals(gpointer loop) {
+    g_main_loop_run(loop);
+    return NULL;
+}
+
+static gboolean quit_loop(gpointer loop) {
+    g_main_loop_quit(loop);
+    return G_SOURCE_REMOVE;
+}
+
+static void attach(GMainContext *context, GSource *source, GSourceFunc func, gpointer data) {
+    g_source_set_callback(source, func, data, NULL);
+    g_source_attach(source, context);
+    g_source_unref(source);
+}
+
+gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError **error) {
+    g_autoptr(GMainContext) context = g_main_context_new();
+    g_autoptr(GMainLoop) loop = g_main_loop_new(context, FALSE);
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
+    const gint64 begun_us = g_get_monotonic_time();
+    struct bar bar = {0};
+    for (gsize i = 0; i < G_N_ELEMENTS(numbers); i++)
+        attach(context, g_unix_signal_source_new(numbers[i]), cli_work_on_signal, cancellable);
+    GThread *thread = g_thread_new("signals", wait_for_signals, loop);
+    const struct work work = {.progress = on_progress, .data = &bar, .cancellable = cancellable};
+    const gboolean ok = func(&work, data, error);
+    attach(context, g_idle_source_new(), quit_loop, loop);
+    g_thread_join(thread);
+    progress_free(bar.progress);
+    g_free(bar.stage);
+    *ret_seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
+    return ok;
+}

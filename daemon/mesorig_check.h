@@ -1,9 +1,0 @@
-/* The plot of “mesorig check”. */
-#pragma once
-
-#include "mesorig_plot.h"
-#include "processing/energy.h"
-
-/* E_r of all views and E_i of all lights, of one texel and of the mean, as in seed 001 Fig. 3. */
-gboolean plot_energy(const char *path, const struct btf_matrix *btf, const struct energy *energy,
-                     GError **error);

@@ -1,0 +1,221 @@
+/* mesorigd: holds the devices of a rig, runs sessions, and is told what to do over D-Bus. */
+#include "bus/bus.h"
+#include "bus/preparer.h"
+#include "rig/guardian.h"
+#include "rig/safe_state.h"
+
+#include <glib-unix.h>
+#include <locale.h>
+#include <stdio.h>
+#include <sys/stat.h>
+#include <systemd/sd-daemon.h>
+
+struct daemon {
+    GMainLoop *loop;
+    Bus *bus;
+    GDBusServer *server;
+    guint name_id, watchdog_id;
+    gboolean was_owner;
+    int exit_code;
+};
+
+static char *bus_kind, *listen_address, *rig_path, *safe_path, *guardian_path;
+static gboolean exit_with_client, prepare, version;
+
+static const GOptionEntry entries[] = {
+    {"bus", 0, 0, G_OPTION_ARG_STRING, &bus_kind, "Be on this bus: system or session", "BUS"},
+    {"listen", 0, 0, G_OPTION_ARG_STRING, &listen_address,
+     "Serve clients of the same user at unix:path=…, on no bus", "ADDRESS"},
+    {"rig", 0, 0, G_OPTION_ARG_FILENAME, &rig_path, "Open this rig at once", "FILE"},
+    {"exit-with-client", 0, 0, G_OPTION_ARG_NONE, &exit_with_client,
+     "With --listen: end when the client has gone that opened the rig", NULL},
+    {"safe-state", 0, 0, G_OPTION_ARG_FILENAME, &safe_path,
+     "Switch lamps and lasers of this rig off, stop its axes, and end", "RIG"},
+    {"guardian", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_FILENAME, &guardian_path,
+     "Make this rig safe when the daemon that has started this has gone", "RIG"},
+    {"prepare", 0, G_OPTION_FLAG_HIDDEN, G_OPTION_ARG_NONE, &prepare,
+     "Work for the mesorigd that has started this one", NULL},
+    {"version", 0, 0, G_OPTION_ARG_NONE, &version, "Say which version this is", NULL},
+    {NULL},
+};
+
+static int mesorigd_fail(const GError *error) {
+    g_printerr("mesorigd: %s\n", error->message);
+    return 1;
+}
+
+static int safe_state(const char *path) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(SafeState) state = safe_state_read(path, &error);
+    if (!state) {
+        g_prefix_error(&error, "the rig is NOT safe: ");
+        return mesorigd_fail(error);
+    }
+    return safe_state_make(state) ? 0 : 1;
+}
+
+static void quit(struct daemon *daemon, int exit_code) {
+    daemon->exit_code = exit_code;
+    g_main_loop_quit(daemon->loop);
+}
+
+static gboolean mesorigd_on_signal(gpointer data) {
+    quit(data, 0);
+    return G_SOURCE_CONTINUE;
+}
+
+static void on_client_gone(Bus *bus, gpointer data) {
+    quit(data, 0);
+}
+
+static void on_changed(Bus *bus, gpointer data) {
+    g_autofree char *status = bus_status(bus);
+    sd_notifyf(0, "STATUS=%s", status);
+}
+
+static gboolean feed_watchdog(gpointer data) {
+    sd_notify(0, "WATCHDOG=1");
+    return G_SOURCE_CONTINUE;
+}
+
+static void say_ready(struct daemon *daemon) {
+    guint64 watchdog_us = 0;
+    g_autofree char *status = bus_status(daemon->bus);
+    sd_notifyf(0, "READY=1\nSTATUS=%s", status);
+    bus_listen(daemon->bus, on_changed, daemon);
+    if (daemon->watchdog_id == 0 && sd_watchdog_enabled(0, &watchdog_us) > 0) {
+        feed_watchdog(NULL);
+        daemon->watchdog_id = g_timeout_add((guint)MAX(watchdog_us / 2000, 1), feed_watchdog, NULL);
+    }
+}
+
+static void on_bus(GDBusConnection *connection, const char *name, gpointer data) {
+    struct daemon *daemon = data;
+    g_autoptr(GError) error = NULL;
+    if (!bus_export(daemon->bus, connection, &error)) {
+        mesorigd_fail(error);
+        quit(daemon, 1);
+    }
+}
+
+static void on_name(GDBusConnection *connection, const char *name, gpointer data) {
+    struct daemon *daemon = data;
+    daemon->was_owner = TRUE;
+    say_ready(daemon);
+}
+
+static void on_name_lost(GDBusConnection *connection, const char *name, gpointer data) {
+    struct daemon *daemon = data;
+    if (!connection)
+        g_printerr("mesorigd: there is no %s bus, or it has gone: give --bus or --listen\n",
+                   bus_kind);
+    else if (!daemon->was_owner)
+        g_printerr("mesorigd: another mesorigd is on the %s bus, or its policy forbids the name "
+                   "%s to this user\n",
+                   bus_kind, BUS_NAME);
+    else
+        g_printerr("mesorigd: lost the name %s on the bus\n", BUS_NAME);
+    quit(daemon, 1);
+}
+
+static gboolean go_public(struct daemon *daemon, GError **error) {
+    if (listen_address) {
+        /* For the socket alone: who owns it may connect. */
+        const mode_t before = umask(0077);
+        daemon->server = bus_serve(daemon->bus, listen_address, error);
+        umask(before);
+        if (daemon->server)
+            say_ready(daemon);
+        return daemon->server != NULL;
+    }
+    const GBusType type = g_str_equal(bus_kind, "system") ? G_BUS_TYPE_SYSTEM : G_BUS_TYPE_SESSION;
+    daemon->name_id = g_bus_own_name(type, BUS_NAME, G_BUS_NAME_OWNER_FLAGS_DO_NOT_QUEUE, on_bus,
+                                     on_name, on_name_lost, daemon, NULL);
+    return TRUE;
+}
+
+static gboolean open_first_rig(Bus *bus, GError **error) {
+    if (!rig_path)
+        return TRUE;
+    g_autofree char *path = g_canonicalize_filename(rig_path, NULL);
+    return bus_open_rig(bus, path, error);
+}
+
+static void mesorigd_make_safe(Bus *bus) {
+    g_autoptr(GError) error = NULL;
+    if (bus_end(bus, &error))
+        g_message("the rig is safe");
+    else
+        g_warning("the rig is NOT safe: %s", error->message);
+}
+
+/* The rig is made safe first, whoever still listens. */
+static void shut_down(struct daemon *daemon) {
+    sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
+    mesorigd_make_safe(daemon->bus);
+    g_clear_handle_id(&daemon->watchdog_id, g_source_remove);
+    if (daemon->server)
+        bus_unserve(daemon->bus, daemon->server);
+    bus_free(daemon->bus);
+    if (daemon->name_id)
+        g_bus_unown_name(daemon->name_id);
+}
+
+static int mesorigd_serve(void) {
+    struct daemon daemon = {.loop = g_main_loop_new(NULL, FALSE)};
+    g_autoptr(GError) error = NULL;
+    daemon.bus = bus_new(listen_address ? listen_address : bus_kind);
+    if (exit_with_client)
+        bus_listen_client(daemon.bus, on_client_gone, &daemon);
+    const int signals[] = {SIGTERM, SIGINT, SIGHUP};
+    guint ids[G_N_ELEMENTS(signals)];
+    for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
+        ids[i] = g_unix_signal_add(signals[i], mesorigd_on_signal, &daemon);
+    if (open_first_rig(daemon.bus, &error) && go_public(&daemon, &error))
+        g_main_loop_run(daemon.loop);
+    if (error)
+        daemon.exit_code = mesorigd_fail(error);
+    shut_down(&daemon);
+    for (gsize i = 0; i < G_N_ELEMENTS(signals); i++)
+        g_source_remove(ids[i]);
+    g_main_loop_unref(daemon.loop);
+    return daemon.exit_code;
+}
+
+static int usage(const char *message) {
+    g_printerr("mesorigd: %s\nTry: mesorigd --help\n", message);
+    return 2;
+}
+
+int main(int argc, char **argv) {
+    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
+    g_autoptr(GError) error = NULL;
+    setlocale(LC_CTYPE, "");
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    g_option_context_set_summary(context, "Runs a material-capture rig, as told over D-Bus "
+                                          "(org.mesorig.Rig1).");
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, &argc, &argv, &error))
+        return usage(error->message);
+    if (argc > 1)
+        return usage("there are no arguments beside the options");
+    if (version) {
+        g_print("mesorigd %s\n", MESORIG_VERSION);
+        return 0;
+    }
+    if (prepare)
+        return preparer_child();
+    if (safe_path)
+        return safe_state(safe_path);
+    if (guardian_path)
+        return guardian_main(guardian_path);
+    if (bus_kind && listen_address)
+        return usage("give --bus or --listen, not both");
+    if (!bus_kind)
+        bus_kind = g_strdup("system");
+    if (!g_str_equal(bus_kind, "system") && !g_str_equal(bus_kind, "session"))
+        return usage("--bus is system or session");
+    if (exit_with_client && !listen_address)
+        return usage("--exit-with-client needs --listen");
+    return mesorigd_serve();
+}

@@ -1,0 +1,460 @@
+#include "plan_private.h"
+
+#include <string.h>
+
+#include "shot_frames.h"
+
+#define DEG(rad) ((rad) * (180 / G_PI))
+#define RAD(deg) ((deg) * (G_PI / 180))
+
+G_DEFINE_QUARK(plan_error, plan_error)
+
+static int pose_for(struct plan_build *b, gint64 turn_udeg, gint64 arc_udeg) {
+    gint64 key = turn_udeg * 4 * PLAN_FULL_TURN + arc_udeg;
+    int index = GPOINTER_TO_INT(g_hash_table_lookup(b->pose_index, &key)) - 1;
+
+    if (index < 0) {
+        struct plan_pose pose = {turn_udeg, arc_udeg};
+        index = (int)b->poses->len;
+        g_array_append_val(b->poses, pose);
+        g_hash_table_insert(b->pose_index, g_memdup2(&key, sizeof key), GINT_TO_POINTER(index + 1));
+    }
+    return index;
+}
+
+/* The sweep angles at which the sheet passes the edges of the sample's box. */
+static gboolean set_sweep(const struct plan_build *b, struct session_shot *shot, GError **error) {
+    const struct session_grid *grid = &b->conf->grid;
+    const struct rig_laser *laser = &b->rig->lasers[shot->device];
+    const struct axis_motion *limits = &b->timing->sweep[shot->device];
+    double from = G_MAXDOUBLE, to = -G_MAXDOUBLE;
+
+    for (int corner = 0; corner < 8; corner++) {
+        double x = grid->width_mm / 2 + b->conf->sweep_margin_mm;
+        double y = grid->height_mm / 2 + b->conf->sweep_margin_mm;
+        double z = grid->reference_mm - (corner & 4 ? grid->depth_mm : 0);
+        struct vec3 p =
+            rig_turn(vec3(corner & 1 ? x : -x, corner & 2 ? y : -y, z), RAD(shot->turntable_deg));
+        double s = DEG(rig_laser_sweep_rad(&b->rig->arc, laser, RAD(shot->arc_deg), p));
+        from = MIN(from, s);
+        to = MAX(to, s);
+    }
+    shot->sweep_from_deg = from;
+    shot->sweep_to_deg = to;
+    shot->sweep_steps = b->conf->sweep_steps;
+    if (from >= limits->min_deg && to <= limits->max_deg && to > from && to - from < 180)
+        return TRUE;
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                "laser %s must sweep from %.2f° to %.2f° to pass the whole sample, and its sweep "
+                "axis goes from %g° to %g°: reduce [capture] sweep_margin_mm or widen the limits "
+                "in the rig file",
+                laser->name, from, to, limits->min_deg, limits->max_deg);
+    return FALSE;
+}
+
+struct pose_plan { /* shots of some cameras in one pose */
+    gint64 turn_udeg, arc_udeg;
+    guint32 cameras;
+    int azimuth; /* index into azimuths */
+    enum session_shot_state state;
+    const char *note;
+};
+
+static gboolean add_shot(struct plan_build *b, const struct pose_plan *p,
+                         enum session_shot_kind kind, const struct session_direction *source,
+                         GError **error) {
+    struct session_shot shot = {.kind = kind,
+                                .pose = pose_for(b, p->turn_udeg, p->arc_udeg),
+                                .turntable_deg = (double)p->turn_udeg / UDEG,
+                                .arc_deg = (double)p->arc_udeg / UDEG,
+                                .source = source->index,
+                                .device = source->device,
+                                .cameras = p->cameras,
+                                .state = p->state};
+
+    if (kind == SHOT_SWEEP && !set_sweep(b, &shot, error))
+        return FALSE;
+    shot.note = g_strdup(p->note);
+    g_array_append_val(b->shots, shot);
+    return TRUE;
+}
+
+static gboolean add_shots(struct plan_build *b, const struct pose_plan *p, GError **error) {
+    if (!p->cameras)
+        return TRUE;
+    for (guint i = 0; i < b->lights->len; i++)
+        if (g_array_index(b->light_at, int, i) == p->azimuth &&
+            !add_shot(b, p, SHOT_LAMP, &g_array_index(b->lights, struct session_direction, i),
+                      error))
+            return FALSE;
+    for (guint i = 0; i < b->lasers->len; i++)
+        if (g_array_index(b->laser_at, int, i) == p->azimuth &&
+            !add_shot(b, p, SHOT_SWEEP, &g_array_index(b->lasers, struct session_direction, i),
+                      error))
+            return FALSE;
+    return TRUE;
+}
+
+/* Positions, with the arc at 0, of the lights that shine at one azimuth. */
+static int lights_at(const struct plan_build *b, int azimuth,
+                     struct vec3 ret[RIG_MAX_LAMPS + RIG_MAX_LASERS]) {
+    gboolean lamp[RIG_MAX_LAMPS] = {FALSE}, laser[RIG_MAX_LASERS] = {FALSE};
+    int n = 0;
+
+    for (guint i = 0; i < b->lights->len; i++)
+        if (g_array_index(b->light_at, int, i) == azimuth)
+            lamp[g_array_index(b->lights, struct session_direction, i).device] = TRUE;
+    for (guint i = 0; i < b->lasers->len; i++)
+        if (g_array_index(b->laser_at, int, i) == azimuth)
+            laser[g_array_index(b->lasers, struct session_direction, i).device] = TRUE;
+    for (int i = 0; i < b->rig->n_lamps; i++)
+        if (lamp[i])
+            ret[n++] = b->rig->lamps[i].position_mm;
+    for (int i = 0; i < b->rig->n_lasers; i++)
+        if (laser[i])
+            ret[n++] = b->rig->lasers[i].position_mm;
+    return n;
+}
+
+static char *camera_names(const struct rig *rig, guint32 cameras) {
+    GString *names = g_string_new(NULL);
+
+    for (int c = 0; c < rig->n_cameras; c++)
+        if (cameras & 1u << c)
+            g_string_append_printf(names, "%s%s", names->len ? ", " : "", rig->cameras[c].name);
+    return g_string_free(names, FALSE);
+}
+
+/* Notes of the same text are counted. */
+static void plan_note(struct plan_build *b, const char *text) {
+    int one = 1;
+
+    for (guint i = 0; i < b->notes->len; i++)
+        if (g_str_equal(b->notes->pdata[i], text)) {
+            g_array_index(b->note_counts, int, i)++;
+            return;
+        }
+    g_ptr_array_add(b->notes, g_strdup(text));
+    g_array_append_val(b->note_counts, one);
+}
+
+static gboolean refuse_blocked(const struct pose_plan *p, const char *names, GError **error) {
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_BLOCKED,
+                "the light arc stands in the picture of %s with the turntable at %g° and the arc "
+                "at %g°: turn [lights] and [lasers] by another offset_deg, or set [capture] "
+                "on_blocked = shift",
+                names, (double)p->turn_udeg / UDEG, (double)p->arc_udeg / UDEG);
+    return FALSE;
+}
+
+/* Cameras in whose picture the arc stands get a pose of their own, or none. */
+static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const struct vec3 *lights,
+                            int n_lights, GError **error) {
+    g_autofree char *names = camera_names(b->rig, p.cameras), *text = NULL;
+    gint64 shift;
+
+    if (b->conf->on_blocked == BLOCKED_REFUSE)
+        return refuse_blocked(&p, names, error);
+    if (b->conf->on_blocked == BLOCKED_SHIFT &&
+        plan_shift(b->rig, &b->timing->arc, p.cameras, p.arc_udeg, b->radius_mm, lights, n_lights,
+                   &shift) &&
+        plan_axis_reach(&b->timing->arc, p.arc_udeg + shift, &p.arc_udeg)) {
+        text = g_strdup_printf("arc shifted by %+.1f°: it stood in the picture of %s",
+                               (double)shift / UDEG, names);
+    } else {
+        text = g_strdup_printf("skipped: the arc stands in the picture of %s%s", names,
+                               b->conf->on_blocked == BLOCKED_SHIFT ? ", shifted by 20° too" : "");
+        p.state = SHOT_SKIPPED;
+    }
+    plan_note(b, text);
+    p.note = text;
+    return add_shots(b, &p, error);
+}
+
+static gboolean add_pose(struct plan_build *b, const struct plan_turn *turn, int azimuth,
+                         GError **error) {
+    struct vec3 lights[RIG_MAX_LAMPS + RIG_MAX_LASERS];
+    int n_lights = lights_at(b, azimuth, lights);
+    gint64 arc_udeg = turn->udeg + g_array_index(b->azimuths, gint64, azimuth);
+    struct pose_plan p = {.turn_udeg = turn->udeg, .azimuth = azimuth, .state = SHOT_PLANNED};
+
+    if (!plan_axis_reach(&b->timing->arc, arc_udeg, &p.arc_udeg)) {
+        g_set_error(
+            error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+            "the light arc cannot turn to %g°, which the turntable at %g° needs: its limits "
+            "are %g° to %g°. Leave out directions, or change the limits in the rig file",
+            (double)plan_wrap(arc_udeg) / UDEG, (double)turn->udeg / UDEG, b->timing->arc.min_deg,
+            b->timing->arc.max_deg);
+        return FALSE;
+    }
+    guint32 blocked = plan_blocked(b->rig, turn->cameras, (double)p.arc_udeg / UDEG, b->radius_mm,
+                                   lights, n_lights);
+    p.cameras = turn->cameras & ~blocked;
+    if (!add_shots(b, &p, error))
+        return FALSE;
+    p.cameras = blocked;
+    return !blocked || add_blocked(b, p, lights, n_lights, error);
+}
+
+static gboolean add_poses(struct plan_build *b, GError **error) {
+    struct session_shot dark = {.kind = SHOT_DARK, .source = -1, .device = -1};
+
+    for (guint t = 0; t < b->turns->len; t++)
+        dark.cameras |= g_array_index(b->turns, struct plan_turn, t).cameras;
+    g_array_append_val(b->shots, dark);
+    for (guint t = 0; t < b->turns->len; t++)
+        for (guint a = 0; a < b->azimuths->len; a++)
+            if (!add_pose(b, &g_array_index(b->turns, struct plan_turn, t), (int)a, error))
+                return FALSE;
+    return TRUE;
+}
+
+static gboolean plan_check_exposure(const struct plan_build *b, int camera, double exposure_us,
+                                    const char *key, GError **error) {
+    gint64 min = b->timing->min_exposure_us[camera], max = b->timing->max_exposure_us[camera];
+
+    if (llround(exposure_us) >= min && llround(exposure_us) <= max)
+        return TRUE;
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
+                "[capture] %s: %g us is outside what camera %s can do, %" G_GINT64_FORMAT
+                " to %" G_GINT64_FORMAT " us",
+                key, exposure_us, b->rig->cameras[camera].name, min, max);
+    return FALSE;
+}
+
+static gboolean check_exposures(const struct plan_build *b, GError **error) {
+    const struct session_conf *conf = b->conf;
+
+    for (guint v = 0; v < b->views->len; v++) {
+        int camera = g_array_index(b->views, struct session_direction, v).device;
+        for (int i = 0; i < conf->n_exposures; i++)
+            if (!plan_check_exposure(b, camera, conf->exposures_us[i], "exposures_us", error))
+                return FALSE;
+        if (!plan_check_exposure(b, camera, conf->laser_exposure_us, "laser_exposure_us", error) ||
+            (conf->laser_short_us > 0 &&
+             !plan_check_exposure(b, camera, conf->laser_short_us, "laser_short_us", error)))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static guint64 plan_bytes_of(const struct plan_build *b, const struct session_shot *shot,
+                             int n_frames) {
+    guint64 pixels = 0;
+
+    for (int c = 0; c < b->rig->n_cameras; c++)
+        if (shot->cameras & 1u << c)
+            pixels += (guint64)b->rig->cameras[c].width * (guint64)b->rig->cameras[c].height;
+    guint64 raw = b->conf->keep_exposures ? pixels * 4 * (guint64)n_frames : 0;
+    if (shot->kind == SHOT_LAMP)
+        return pixels * 2 + raw;
+    if (shot->kind == SHOT_DARK)
+        return pixels * 4 * (guint64)(n_frames / b->conf->dark_frames) + raw;
+    return pixels * 4 * (3 + (b->conf->keep_laser_frames ? (guint64)n_frames : 0));
+}
+
+static void plan_count(const struct plan_build *b, struct plan *plan) {
+    for (guint i = 0; i < b->shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        if (shot->state != SHOT_PLANNED)
+            continue;
+        int n = shot_n_frames(b->conf, shot);
+        plan->n_frames += n * __builtin_popcount(shot->cameras);
+        plan->bytes += plan_bytes_of(b, shot, n);
+    }
+}
+
+static void take_notes(struct plan_build *b, struct plan *plan) {
+    for (guint i = 0; i < b->notes->len; i++) {
+        int n = g_array_index(b->note_counts, int, i);
+        g_ptr_array_add(plan->notes, g_strdup_printf("%d pose%s: %s", n, n == 1 ? "" : "s",
+                                                     (char *)b->notes->pdata[i]));
+    }
+}
+
+static void plan_predict(struct plan_build *b, struct plan *plan) {
+    const struct plan_pose *poses = (const struct plan_pose *)(gpointer)b->poses->data;
+    int n_poses = (int)b->poses->len;
+    g_autoptr(GArray) nested = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+
+    g_array_append_vals(nested, b->shots->data, b->shots->len);
+    plan_order_nested(nested, poses, n_poses, b->timing);
+    plan->nested_s = plan_total_s(nested, b->conf, b->timing);
+    plan->lower_bound_s = plan_lower_bound_s(b->shots, poses, n_poses, b->conf, b->timing);
+    plan->n_poses = b->conf->order == ORDER_VIEWS
+                        ? plan_order_nested(b->shots, poses, n_poses, b->timing)
+                        : plan_order(b->shots, poses, n_poses, b->timing);
+    plan->predicted_s = plan_total_s(b->shots, b->conf, b->timing);
+    for (guint i = 0; i < b->shots->len; i++)
+        g_array_index(b->shots, struct session_shot, i).id = i + 1;
+}
+
+/* How often somebody has to mount a laser in the order that was found. */
+static int count_mounts(const struct plan_build *b) {
+    int in_place[RIG_MAX_LASERS], n = 0;
+
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        in_place[i] = -1;
+    for (guint i = 0; i < b->shots->len; i++) {
+        const struct session_shot *shot = &g_array_index(b->shots, struct session_shot, i);
+        if (shot->kind != SHOT_SWEEP || shot->state != SHOT_PLANNED)
+            continue;
+        int unit = rig_laser_unit(b->timing, shot->device);
+        n += b->timing->mounts[unit] != 0 && in_place[unit] != shot->device;
+        in_place[unit] = shot->device;
+    }
+    return n;
+}
+
+static struct plan *plan_finish(struct plan_build *b) {
+    struct plan *plan = g_new0(struct plan, 1);
+
+    plan->notes = g_ptr_array_new_with_free_func(g_free);
+    plan_predict(b, plan);
+    plan_count(b, plan);
+    plan->n_mounts = count_mounts(b);
+    take_notes(b, plan);
+    plan->session = (struct session_plan){.grid = b->conf->grid,
+                                          .n_views = (int)b->views->len,
+                                          .n_lights = (int)b->lights->len,
+                                          .n_lasers = (int)b->lasers->len,
+                                          .n_shots = (int)b->shots->len};
+    plan->session.views = (gpointer)g_array_free(g_steal_pointer(&b->views), FALSE);
+    plan->session.lights = (gpointer)g_array_free(g_steal_pointer(&b->lights), FALSE);
+    plan->session.lasers = (gpointer)g_array_free(g_steal_pointer(&b->lasers), FALSE);
+    plan->session.shots = (gpointer)g_array_free(g_steal_pointer(&b->shots), FALSE);
+    char *missing = plan_missing(&plan->session);
+    if (missing)
+        g_ptr_array_add(plan->notes, missing);
+    return plan;
+}
+
+static void clear_direction(gpointer direction) {
+    g_free(((struct session_direction *)direction)->note);
+}
+
+static void plan_clear_shot(gpointer shot) {
+    g_free(((struct session_shot *)shot)->note);
+}
+
+static GArray *owning_array(gsize size, GDestroyNotify clear) {
+    GArray *array = g_array_new(FALSE, FALSE, (guint)size);
+
+    g_array_set_clear_func(array, clear);
+    return array;
+}
+
+static void build_init(struct plan_build *b) {
+    b->views = owning_array(sizeof(struct session_direction), clear_direction);
+    b->lights = owning_array(sizeof(struct session_direction), clear_direction);
+    b->lasers = owning_array(sizeof(struct session_direction), clear_direction);
+    b->turns = g_array_new(FALSE, FALSE, sizeof(struct plan_turn));
+    b->azimuths = g_array_new(FALSE, FALSE, sizeof(gint64));
+    b->light_at = g_array_new(FALSE, FALSE, sizeof(int));
+    b->laser_at = g_array_new(FALSE, FALSE, sizeof(int));
+    b->poses = g_array_new(FALSE, FALSE, sizeof(struct plan_pose));
+    b->pose_index = g_hash_table_new_full(g_int64_hash, g_int64_equal, g_free, NULL);
+    b->shots = owning_array(sizeof(struct session_shot), plan_clear_shot);
+    b->notes = g_ptr_array_new_with_free_func(g_free);
+    b->note_counts = g_array_new(FALSE, FALSE, sizeof(int));
+}
+
+static void build_clear(struct plan_build *b) {
+    g_clear_pointer(&b->views, g_array_unref);
+    g_clear_pointer(&b->lights, g_array_unref);
+    g_clear_pointer(&b->lasers, g_array_unref);
+    g_clear_pointer(&b->shots, g_array_unref);
+    g_array_unref(b->turns);
+    g_array_unref(b->azimuths);
+    g_array_unref(b->light_at);
+    g_array_unref(b->laser_at);
+    g_array_unref(b->poses);
+    g_hash_table_unref(b->pose_index);
+    g_ptr_array_unref(b->notes);
+    g_array_unref(b->note_counts);
+}
+
+/* A message that begins with a section of the session file gets its file and line too. */
+static void plan_add_place(const struct session_conf *conf, GError *error) {
+    const char *end = *error->message == '[' ? strchr(error->message, ']') : NULL;
+    if (!end || !conf->path || !conf->text)
+        return;
+    g_autofree char *head = g_strndup(error->message, (gsize)(end + 1 - error->message));
+    g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
+    int at = 0;
+    while (lines[at] && !g_str_has_prefix(g_strchug(lines[at]), head))
+        at++;
+    char *placed = lines[at] ? g_strdup_printf("%s:%d: %s", conf->path, at + 1, error->message)
+                             : g_strdup_printf("%s: %s", conf->path, error->message);
+    g_free(error->message);
+    error->message = placed;
+}
+
+/* The time that planning takes grows with the square of the poses, the memory with that of the
+ * arc's angles. */
+static gboolean plan_check_size(guint64 n, int most, const char *what, GError **error) {
+    if (n <= (guint64)most)
+        return TRUE;
+    g_set_error(error, PLAN_ERROR, PLAN_ERROR_SIZE,
+                "[views]: these directions need %" G_GUINT64_FORMAT
+                " %s, and a plan has at most %d: give fewer, or rings of counts and offsets that "
+                "share angles",
+                n, what, most);
+    return FALSE;
+}
+
+static gboolean plan_check_directions(const struct plan_build *b, GError **error) {
+    const guint64 turns = b->turns->len;
+    return plan_check_size(turns * b->azimuths->len, PLAN_MAX_POSES, "poses", error) &&
+           plan_check_size(turns * (b->lights->len + b->lasers->len), PLAN_MAX_SHOTS, "shots",
+                           error);
+}
+
+/* With those that cameras have for themselves since the arc stood in their pictures. */
+static gboolean check_poses(const struct plan_build *b, GError **error) {
+    g_autoptr(GHashTable) angles = g_hash_table_new(g_int64_hash, g_int64_equal);
+    for (guint i = 0; i < b->poses->len; i++)
+        g_hash_table_add(angles, &g_array_index(b->poses, struct plan_pose, i).arc_udeg);
+    return plan_check_size(b->poses->len, PLAN_MAX_POSES, "poses", error) &&
+           plan_check_size(b->shots->len, PLAN_MAX_SHOTS, "shots", error) &&
+           plan_check_size(g_hash_table_size(angles), PLAN_MAX_ARC_ANGLES,
+                           "different angles of the arc", error);
+}
+
+struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
+                        const struct rig_timing *timing, GError **error) {
+    struct plan_build b = {.conf = conf, .rig = rig, .timing = timing};
+    struct plan *plan = NULL;
+    GError *why = NULL;
+
+    b.radius_mm = hypot(conf->grid.width_mm, conf->grid.height_mm) / 2;
+    build_init(&b);
+    if (plan_add_directions(&b, &why) && plan_check_directions(&b, &why) &&
+        check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why))
+        plan = plan_finish(&b);
+    else
+        plan_add_place(conf, why);
+    build_clear(&b);
+    if (why)
+        g_propagate_error(error, why);
+    return plan;
+}
+
+static void free_directions(const struct session_direction *directions, int n) {
+    for (int i = 0; i < n; i++)
+        g_free(directions[i].note);
+    g_free((gpointer)directions);
+}
+
+void plan_free(struct plan *plan) {
+    if (!plan)
+        return;
+    free_directions(plan->session.views, plan->session.n_views);
+    free_directions(plan->session.lights, plan->session.n_lights);
+    free_directions(plan->session.lasers, plan->session.n_lasers);
+    for (int i = 0; i < plan->session.n_shots; i++)
+        g_free(plan->session.shots[i].note);
+    g_free((gpointer)plan->session.shots);
+    g_ptr_array_unref(plan->notes);
+    g_free(plan);
+}

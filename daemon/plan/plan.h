@@ -1,0 +1,112 @@
+/*
+ * From a rig and a session file to an ordered list of poses and shots. A pure function: it opens
+ * nothing and moves nothing, and the same input gives the same plan.
+ *
+ * Every view (camera at turntable angle τ) is taken under every light (lamp at arc angle
+ * α = φ_l + τ) and swept from every laser position, so what is planned is a set of poses (τ, α),
+ * each with its shots. Both axes move together. All orders make the same exposures; they differ in
+ * the moves. The order is chosen by predicted time.
+ *
+ * Predicted time counts what the sequencer does: before a shot everything is prepared at once (both
+ * axes, lamp or laser and its warm-up, the sweep's first step) while frames are read out; a lamp
+ * that the shot before has left on is warm. plan_time.c has the model, and proves the lower bound:
+ * the time that no order of the shots can beat, since before each of them there pass at least its
+ * warm-up, or, where the lamp was left on, the quickest move into its pose.
+ *
+ * Where lamps take longer to warm up than axes to move, the quickest order visits the poses once
+ * for each lamp.
+ *
+ * Sweeps of a laser unit that is mounted by hand come in blocks, one for each place it is needed
+ * at, its own first: less often it cannot be mounted. The operator's time, and that of homing the
+ * axes afterwards, is in no prediction.
+ */
+#pragma once
+
+#include "frames/laser_lines.h"
+#include "rig/devices.h"
+#include "session/session.h"
+
+struct ring { /* directions of one elevation: φ = offset + k·360/count */
+    double theta_deg, offset_deg;
+    int count;
+};
+
+#define PLAN_MAX_RINGS   32
+#define PLAN_MAX_BRACKET 12
+
+/* What is planned in minutes, with half a gigabyte: 200 views under 200 lights, each with a pose of
+ * its own. */
+#define PLAN_MAX_POSES      40000
+#define PLAN_MAX_SHOTS      100000
+#define PLAN_MAX_ARC_ANGLES 8192
+
+enum on_blocked { BLOCKED_SHIFT, BLOCKED_SKIP, BLOCKED_REFUSE };
+
+/* ORDER_VIEWS: one turntable angle after the other, so that views are there long before the end. */
+enum session_order { ORDER_QUICKEST, ORDER_VIEWS };
+
+/* A session file, parsed strictly; see etc/demo/session.conf for every key. */
+struct session_conf {
+    char *name;
+    struct session_grid grid;
+    struct laser_reference reference; /* around the sample; radius_mm 0: none */
+    struct ring views[PLAN_MAX_RINGS], lights[PLAN_MAX_RINGS], lasers[PLAN_MAX_RINGS];
+    int n_views, n_lights, n_lasers;       /* rings */
+    double exposures_us[PLAN_MAX_BRACKET]; /* of lamp shots, ascending; with
+                                              keep_exposures some may be equal */
+    int n_exposures;
+    double laser_exposure_us;
+    double laser_short_us; /* of a second frame at each step of a sweep; 0: none */
+    int sweep_steps;
+    double sweep_margin_mm; /* the sheet sweeps the sample and this much on both sides */
+    double gain_db;
+    int dark_frames;           /* averaged for each exposure */
+    int retries;               /* of one shot, before the session is paused */
+    double saturated_pct;      /* pixels that may be saturated in the shortest exposure */
+    double laser_threshold_dn; /* above background, for a peak to count */
+    enum on_blocked on_blocked;
+    enum session_order order;
+    gboolean keep_laser_frames, keep_exposures;
+    char *text; /* as it was read */
+    char *path; /* for messages */
+};
+
+gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error);
+gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
+                            GError **error);
+void session_conf_clear(struct session_conf *conf);
+
+struct plan {
+    struct session_plan session; /* grid, directions, shots; owned by the plan */
+    int n_poses;                 /* visits counted: a pose may be visited again for another lamp */
+    int n_frames;                /* camera frames to be triggered, brackets and sweeps counted */
+    guint64 bytes;               /* on disk, predicted */
+    double predicted_s;
+    double lower_bound_s;
+    int n_mounts;     /* by hand, that at the beginning counted; 0: no unit has a further place */
+    double nested_s;  /* predicted for the nested order: for τ, for α, for lamps */
+    GPtrArray *notes; /* char *: what was re-planned or left out, and why */
+};
+
+#define PLAN_ERROR plan_error_quark()
+GQuark plan_error_quark(void);
+enum plan_error {
+    PLAN_ERROR_NO_CAMERA, /* none at an asked elevation; lists those there are */
+    PLAN_ERROR_NO_LAMP,
+    PLAN_ERROR_NO_LASER,
+    PLAN_ERROR_LIMITS,  /* an axis cannot get there, an exposure is out of range */
+    PLAN_ERROR_BLOCKED, /* the arc stands in a camera's view, and on_blocked says refuse */
+    PLAN_ERROR_SIZE,    /* more poses or shots than a plan may have */
+};
+
+/* rig is the nominal geometry: azimuths that differ by a calibration's hundredths of a degree would
+ * not share poses. Step k of a sweep is meant to be at from + (to − from)·k/(steps − 1). */
+struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
+                        const struct rig_timing *timing, GError **error);
+void plan_free(struct plan *plan); /* NULL is ignored */
+
+/* Predicted time of those of the shots that are still planned, in this order and from a given pose;
+ * for the time left. */
+double plan_remaining_s(const struct session_shot *const *shots, int n,
+                        const struct session_conf *conf, const struct rig_timing *timing,
+                        double turntable_deg, double arc_deg);

@@ -1,0 +1,94 @@
+#include "btf/btf.h"
+#include "plan_private.h"
+
+#define RAD(deg)          ((deg) * (G_PI / 180))
+#define LARGEST_SHIFT_DEG 20
+#define SHIFT_STEP_UDEG   (UDEG / 10)
+
+/* Free width between a body and the cone from an eye to the disc of radius_mm around the origin;
+ * the body stands nearer to the origin than the eye. */
+static double cone_clearance_mm(struct vec3 eye, struct vec3 body, double radius_mm,
+                                double body_mm) {
+    double distance = vec3_length(eye);
+    struct vec3 towards = vec3_scale(eye, 1 / distance);
+    double along = vec3_dot(body, towards);
+
+    if (along <= 0)
+        return G_MAXDOUBLE;
+    double apart = vec3_length(vec3_sub(body, vec3_scale(towards, along)));
+    return apart - body_mm - radius_mm * (1 - along / distance);
+}
+
+/* Lamps, lasers and cameras are taken to be as wide as the arc that carries the lights. */
+static gboolean is_blocked(const struct rig *rig, int camera, double arc_rad, double radius_mm,
+                           const struct vec3 *lights, int n_lights) {
+    struct vec3 eye = rig_camera_centre_mm(&rig->cameras[camera]);
+
+    if (rig_arc_clearance_mm(rig, camera, arc_rad, radius_mm) < 0)
+        return TRUE;
+    for (int i = 0; i < n_lights; i++) {
+        struct vec3 light = rig_turn(lights[i], arc_rad);
+        gboolean nearer = vec3_length(light) < vec3_length(eye);
+        if (cone_clearance_mm(nearer ? eye : light, nearer ? light : eye, radius_mm,
+                              rig->arc_width_mm / 2) < 0)
+            return TRUE;
+    }
+    return FALSE;
+}
+
+guint32 plan_blocked(const struct rig *rig, guint32 cameras, double arc_deg, double radius_mm,
+                     const struct vec3 *lights, int n_lights) {
+    guint32 blocked = 0;
+
+    for (int c = 0; c < rig->n_cameras; c++)
+        if ((cameras & 1u << c) && is_blocked(rig, c, RAD(arc_deg), radius_mm, lights, n_lights))
+            blocked |= 1u << c;
+    return blocked;
+}
+
+gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint32 cameras,
+                    gint64 arc_udeg, double radius_mm, const struct vec3 *lights, int n_lights,
+                    gint64 *ret_shift_udeg) {
+    for (gint64 shift = SHIFT_STEP_UDEG; shift <= LARGEST_SHIFT_DEG * UDEG;
+         shift += SHIFT_STEP_UDEG) {
+        for (int sign = 1; sign >= -1; sign -= 2) {
+            gint64 reached;
+            double arc_deg = (double)(arc_udeg + sign * shift) / UDEG;
+            if (!plan_axis_reach(arc, arc_udeg + sign * shift, &reached) ||
+                plan_blocked(rig, cameras, arc_deg, radius_mm, lights, n_lights))
+                continue;
+            *ret_shift_udeg = sign * shift;
+            return TRUE;
+        }
+    }
+    return FALSE;
+}
+
+static int missing_of(const struct session_plan *plan, const struct session_direction *view) {
+    int n = 0;
+    for (int i = 0; i < plan->n_shots; i++) {
+        const struct session_shot *shot = &plan->shots[i];
+        n += shot->kind == SHOT_LAMP && shot->state == SHOT_SKIPPED &&
+             shot->turntable_deg == view->turntable_deg && (shot->cameras >> view->device & 1) != 0;
+    }
+    return n;
+}
+
+char *plan_missing(const struct session_plan *plan) {
+    int views = 0, pictures = 0;
+    for (int i = 0; i < plan->n_views; i++) {
+        const int n = missing_of(plan, &plan->views[i]);
+        if (n > BTF_MOST_MISSING * plan->n_lights)
+            views++;
+        else
+            pictures += n;
+    }
+    if (views > 0)
+        return g_strdup_printf("%d of %d views miss more than %g %% of their lights: there will be "
+                               "no BTF of them; another offset_deg of [lights] may help",
+                               views, plan->n_views, 100 * BTF_MOST_MISSING);
+    return pictures > 0 ? g_strdup_printf("%d pictures of the BTF will be made of those of other "
+                                          "lights; another offset_deg of [lights] may help",
+                                          pictures)
+                        : NULL;
+}

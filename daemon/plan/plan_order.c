@@ -1,0 +1,475 @@
+#include "plan_private.h"
+
+#include <string.h>
+
+/* Prices looked up before the search for a better order gives up. */
+#define SEARCH_BUDGET 300000
+/* Sessions of more shots than this keep the order their poses give. */
+#define SEARCH_LARGEST 1500
+/* Up to so many, all candidates are improved, not the best alone. */
+#define SEARCH_ALL      40
+#define LONGEST_CARRIED 8
+
+typedef GArray Order; /* of guint: indices of shots */
+
+static const struct session_shot *plan_order_shot_at(GArray *shots, guint index) {
+    return &g_array_index(shots, struct session_shot, index);
+}
+
+static gboolean plan_order_is_lit(const struct session_shot *shot) {
+    return shot->state == SHOT_PLANNED && shot->kind != SHOT_DARK;
+}
+
+/* What is planned in each pose: lamps by number, then sweeps by how long they take to prepare. */
+struct pose_shots {
+    GArray *lamps, *sweeps; /* of guint */
+};
+
+struct orderer {
+    GArray *shots;
+    const int *block_of;             /* of each shot */
+    int block;                       /* that is being ordered */
+    int before;                      /* the last shot of the block before, −1: none */
+    const struct session_shot *dark; /* what the first shot comes after, or NULL */
+    const struct rig_timing *timing;
+    struct plan_moves *moves;
+    struct pose_shots *poses;
+    double readout_s;
+    int lit; /* lamp that the last shot of the order left on, −1: none */
+};
+
+/* Only what is lit and belongs to the block that is being ordered. */
+static gboolean is_ours(const struct orderer *o, guint index) {
+    return plan_order_is_lit(plan_order_shot_at(o->shots, index)) && o->block_of[index] == o->block;
+}
+
+static int compare_lamps(gconstpointer a, gconstpointer b, gpointer data) {
+    guint x = *(const guint *)a, y = *(const guint *)b;
+    const struct session_shot *s = plan_order_shot_at(data, x), *t = plan_order_shot_at(data, y);
+
+    if (s->device != t->device)
+        return s->device - t->device;
+    return x < y ? -1 : x > y;
+}
+
+static int compare_sweeps(gconstpointer a, gconstpointer b, gpointer data) {
+    const struct orderer *o = data;
+    guint x = *(const guint *)a, y = *(const guint *)b;
+    double s = plan_lead_s(NULL, plan_order_shot_at(o->shots, x), o->timing);
+    double t = plan_lead_s(NULL, plan_order_shot_at(o->shots, y), o->timing);
+
+    if (s != t)
+        return s > t ? -1 : 1;
+    return x < y ? -1 : x > y;
+}
+
+static void plan_order_collect(struct orderer *o) {
+    int n_poses = o->moves->n;
+
+    o->poses = g_new(struct pose_shots, n_poses);
+    for (int p = 0; p < n_poses; p++) {
+        o->poses[p].lamps = g_array_new(FALSE, FALSE, sizeof(guint));
+        o->poses[p].sweeps = g_array_new(FALSE, FALSE, sizeof(guint));
+    }
+    for (guint i = 0; i < o->shots->len; i++) {
+        const struct session_shot *shot = plan_order_shot_at(o->shots, i);
+        if (!is_ours(o, i))
+            continue;
+        struct pose_shots *pose = &o->poses[shot->pose];
+        // NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): set for every pose above
+        g_array_append_val(shot->kind == SHOT_LAMP ? pose->lamps : pose->sweeps, i);
+        o->readout_s = MAX(o->readout_s, plan_readout_s(shot, o->timing));
+    }
+    for (int p = 0; p < n_poses; p++) {
+        g_array_sort_with_data(o->poses[p].lamps, compare_lamps, o->shots);
+        g_array_sort_with_data(o->poses[p].sweeps, compare_sweeps, o);
+    }
+}
+
+static void uncollect(struct orderer *o) {
+    for (int p = 0; p < o->moves->n; p++) {
+        g_array_unref(o->poses[p].lamps);
+        g_array_unref(o->poses[p].sweeps);
+    }
+    g_clear_pointer(&o->poses, g_free);
+}
+
+static void plan_order_append(struct orderer *o, Order *order, guint index) {
+    const struct session_shot *shot = plan_order_shot_at(o->shots, index);
+
+    g_array_append_val(order, index);
+    o->lit = shot->kind == SHOT_LAMP ? shot->device : -1;
+}
+
+/* Up or down the lamps, so that one that is still on from the pose before comes first. */
+static void append_lamps(struct orderer *o, Order *order, const GArray *lamps) {
+    guint n = lamps->len;
+    gboolean down =
+        n > 0 && plan_order_shot_at(o->shots, g_array_index(lamps, guint, n - 1))->device == o->lit;
+
+    for (guint i = 0; i < n; i++)
+        plan_order_append(o, order, g_array_index(lamps, guint, down ? n - 1 - i : i));
+}
+
+static void append_sweeps(struct orderer *o, Order *order, const GArray *sweeps) {
+    for (guint i = 0; i < sweeps->len; i++)
+        plan_order_append(o, order, g_array_index(sweeps, guint, i));
+}
+
+/* What takes longest to prepare comes first: it is prepared during the move. */
+static void append_pose(struct orderer *o, Order *order, int pose) {
+    const struct pose_shots *shots = &o->poses[pose];
+    double lamp_s = 0, sweep_s = 0;
+
+    if (shots->lamps->len)
+        lamp_s = plan_lead_s(
+            NULL, plan_order_shot_at(o->shots, g_array_index(shots->lamps, guint, 0)), o->timing);
+    if (shots->sweeps->len)
+        sweep_s = plan_lead_s(
+            NULL, plan_order_shot_at(o->shots, g_array_index(shots->sweeps, guint, 0)), o->timing);
+    if (sweep_s >= lamp_s)
+        append_sweeps(o, order, shots->sweeps);
+    append_lamps(o, order, shots->lamps);
+    if (sweep_s < lamp_s)
+        append_sweeps(o, order, shots->sweeps);
+}
+
+/* Everything in a pose before the next one. */
+static void order_by_poses(struct orderer *o, Order *order) {
+    g_autofree int *poses = g_new(int, o->moves->n);
+    int n = 0;
+
+    for (int p = 0; p < o->moves->n; p++)
+        // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): collect() made them all
+        if (o->poses[p].lamps->len + o->poses[p].sweeps->len > 0)
+            poses[n++] = p;
+    plan_tour(o->moves, poses, n, o->readout_s);
+    o->lit = -1;
+    for (int i = 0; i < n; i++)
+        append_pose(o, order, poses[i]);
+}
+
+static gboolean has_lamp(const struct orderer *o, int pose, int lamp) {
+    const GArray *lamps = o->poses[pose].lamps;
+
+    for (guint i = 0; i < lamps->len; i++)
+        if (plan_order_shot_at(o->shots, g_array_index(lamps, guint, i))->device == lamp)
+            return TRUE;
+    return FALSE;
+}
+
+/* The lamp that is needed in most of the poses with sweeps; −1 if there is none. */
+static int lamp_beside_sweeps(const struct orderer *o) {
+    int best = -1, most = 0;
+
+    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++) {
+        int n = 0;
+        for (int p = 0; p < o->moves->n; p++)
+            n += o->poses[p].sweeps->len > 0 && has_lamp(o, p, lamp);
+        if (n > most) {
+            most = n;
+            best = lamp;
+        }
+    }
+    return best;
+}
+
+static void tour_with_lamp(struct orderer *o, Order *order, int lamp, gboolean sweep, int *poses) {
+    int n = 0;
+
+    for (int p = 0; p < o->moves->n; p++)
+        if (has_lamp(o, p, lamp))
+            poses[n++] = p;
+    plan_tour(o->moves, poses, n, o->readout_s);
+    for (int k = 0; k < n; k++) {
+        const struct pose_shots *shots = &o->poses[poses[k]];
+        for (guint i = 0; i < shots->lamps->len; i++) {
+            guint index = g_array_index(shots->lamps, guint, i);
+            if (plan_order_shot_at(o->shots, index)->device == lamp)
+                plan_order_append(o, order, index);
+        }
+        if (sweep)
+            append_sweeps(o, order, shots->sweeps);
+    }
+}
+
+/* One lamp in all poses before the next one: what is quickest where lamps take longer to warm up
+ * than axes to move. Sweeps are taken beside one lamp, or, if that is −1, at last. */
+static void order_by_lamps(struct orderer *o, Order *order, int beside) {
+    g_autofree int *poses = g_new(int, o->moves->n);
+    int n = 0;
+
+    for (int lamp = 0; lamp < RIG_MAX_LAMPS; lamp++)
+        tour_with_lamp(o, order, lamp, lamp == beside, poses);
+    for (int p = 0; p < o->moves->n; p++)
+        if (o->poses[p].sweeps->len && !has_lamp(o, p, beside))
+            poses[n++] = p;
+    plan_tour(o->moves, poses, n, o->readout_s);
+    for (int k = 0; k < n; k++)
+        append_sweeps(o, order, o->poses[poses[k]].sweeps);
+}
+
+static int compare_nested(gconstpointer a, gconstpointer b, gpointer data) {
+    const struct session_shot *s = plan_order_shot_at(data, *(const guint *)a);
+    const struct session_shot *t = plan_order_shot_at(data, *(const guint *)b);
+
+    if (s->turntable_deg != t->turntable_deg)
+        return s->turntable_deg > t->turntable_deg ? 1 : -1;
+    if (s->arc_deg != t->arc_deg)
+        return s->arc_deg > t->arc_deg ? 1 : -1;
+    if (s->kind != t->kind)
+        return s->kind > t->kind ? 1 : -1;
+    return compare_lamps(a, b, data);
+}
+
+static void order_nested(const struct orderer *o, Order *order) {
+    for (guint i = 0; i < o->shots->len; i++)
+        if (is_ours(o, i))
+            g_array_append_val(order, i);
+    g_array_sort_with_data(order, compare_nested, o->shots);
+}
+
+/* The shots in an order, with the dark ones, which go where the first pose is, before them, and
+ * those that are skipped after them. */
+static GArray *arranged(GArray *shots, const Order *order) {
+    GArray *result = g_array_new(FALSE, FALSE, sizeof(struct session_shot));
+
+    for (guint i = 0; i < shots->len; i++) {
+        struct session_shot shot = *plan_order_shot_at(shots, i);
+        if (shot.kind != SHOT_DARK)
+            continue;
+        if (order->len) {
+            const struct session_shot *first =
+                plan_order_shot_at(shots, g_array_index(order, guint, 0));
+            shot.turntable_deg = first->turntable_deg;
+            shot.arc_deg = first->arc_deg;
+            shot.pose = first->pose;
+        }
+        g_array_append_val(result, shot);
+    }
+    for (guint i = 0; i < order->len; i++)
+        g_array_append_vals(result, plan_order_shot_at(shots, g_array_index(order, guint, i)), 1);
+    for (guint i = 0; i < shots->len; i++)
+        if (plan_order_shot_at(shots, i)->state != SHOT_PLANNED)
+            g_array_append_vals(result, plan_order_shot_at(shots, i), 1);
+    return result;
+}
+
+/* The same shots in another order; what they own stays theirs. */
+static void replace(GArray *shots, const GArray *with) {
+    g_assert(shots->len == with->len);
+    memcpy(shots->data, with->data, with->len * sizeof(struct session_shot));
+}
+
+/* Instead of indices of poses, numbers of visits. */
+static int number_visits(GArray *shots) {
+    int visit = -1, pose = -1;
+
+    for (guint i = 0; i < shots->len; i++) {
+        struct session_shot *shot = &g_array_index(shots, struct session_shot, i);
+        if (shot->pose != pose)
+            visit++;
+        pose = shot->pose;
+        shot->pose = visit;
+    }
+    return visit + 1;
+}
+
+/* What passes between the end of one shot's exposures and the start of another's. The first one
+ * comes after the block before or the dark frames, those in its own pose; after the last one there
+ * is its read-out. */
+static double plan_order_between(gconstpointer data, int from, int to) {
+    const struct orderer *o = data;
+
+    if (from < 0 && to < 0)
+        return 0;
+    if (to < 0)
+        return plan_readout_s(plan_order_shot_at(o->shots, (guint)from), o->timing);
+    const struct session_shot *next = plan_order_shot_at(o->shots, (guint)to);
+    if (from < 0)
+        from = o->before;
+    if (from < 0)
+        return plan_lead_s(o->dark, next, o->timing);
+    const struct session_shot *before = plan_order_shot_at(o->shots, (guint)from);
+    double move_s = plan_move_s(o->moves, before->pose, next->pose);
+    double lead_s = plan_lead_s(before, next, o->timing);
+    return MAX(move_s, lead_s);
+}
+
+static struct plan_path plan_order_path_of(const struct orderer *o, Order *order) {
+    return (struct plan_path){.order = (int *)(gpointer)order->data,
+                              .n = (int)order->len,
+                              .cost = plan_order_between,
+                              .data = o,
+                              .longest_carried = LONGEST_CARRIED};
+}
+
+static Order *ordered(struct orderer *o, int candidate) {
+    Order *order = g_array_new(FALSE, FALSE, sizeof(guint));
+
+    if (candidate == 0)
+        order_by_poses(o, order);
+    else if (candidate == 1)
+        order_by_lamps(o, order, -1);
+    else if (candidate == 2)
+        order_by_lamps(o, order, lamp_beside_sweeps(o));
+    else
+        order_nested(o, order);
+    if (order->len <= SEARCH_ALL) {
+        struct plan_path path = plan_order_path_of(o, order);
+        plan_path_improve(&path, SEARCH_BUDGET);
+    }
+    return order;
+}
+
+static Order *best_of_block(struct orderer *o) {
+    Order *best = NULL;
+    double best_s = G_MAXDOUBLE;
+
+    for (int candidate = 0; candidate < 4; candidate++) {
+        g_autoptr(GArray) order = ordered(o, candidate);
+        struct plan_path path = plan_order_path_of(o, order);
+        double cost_s = plan_path_cost(&path);
+        if (cost_s < best_s - 1e-9) {
+            best_s = cost_s;
+            g_clear_pointer(&best, g_array_unref);
+            best = g_steal_pointer(&order);
+        }
+    }
+    struct plan_path path = plan_order_path_of(o, best);
+    if (best->len <= SEARCH_LARGEST)
+        plan_path_improve(&path, SEARCH_BUDGET);
+    return best;
+}
+
+static Order *nested_of_block(struct orderer *o) {
+    Order *order = g_array_new(FALSE, FALSE, sizeof(guint));
+
+    order_nested(o, order);
+    return order;
+}
+
+/* Blocks one after the other, each ordered for itself. */
+static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
+                        Order *(*order_block)(struct orderer *o)) {
+    Order *whole = g_array_new(FALSE, FALSE, sizeof(guint));
+
+    o->block_of = block_of;
+    o->before = -1;
+    for (o->block = 0; o->block < n_blocks; o->block++) {
+        plan_order_collect(o);
+        g_autoptr(GArray) order = order_block(o);
+        g_array_append_vals(whole, order->data, order->len);
+        if (order->len)
+            o->before = (int)g_array_index(order, guint, order->len - 1);
+        uncollect(o);
+    }
+    o->before = -1;
+    return whole;
+}
+
+/* As many blocks as the unit with most places has that are needed; each sweep is in the block of
+ * its place, counted from the unit's own. So every unit is mounted once at each place, and less
+ * often cannot be. All else is in the first block. */
+static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *block_of) {
+    int rank[RIG_MAX_LASERS] = {0}, n_blocks = 1;
+    guint32 used = 0;
+
+    for (guint i = 0; i < shots->len; i++)
+        if (plan_order_is_lit(plan_order_shot_at(shots, i)) &&
+            plan_order_shot_at(shots, i)->kind == SHOT_SWEEP)
+            used |= 1u << plan_order_shot_at(shots, i)->device;
+    for (int laser = 0; laser < RIG_MAX_LASERS; laser++) {
+        int unit = rig_laser_unit(timing, laser);
+        guint32 places = timing->mounts[unit] | 1u << unit;
+        rank[laser] = __builtin_popcount(places & used & ((1u << laser) - 1));
+        if (used & 1u << laser)
+            n_blocks = MAX(n_blocks, rank[laser] + 1);
+    }
+    for (guint i = 0; i < shots->len; i++)
+        block_of[i] = plan_order_shot_at(shots, i)->kind == SHOT_SWEEP
+                          ? rank[plan_order_shot_at(shots, i)->device]
+                          : 0;
+    return n_blocks;
+}
+
+/* Lamps, which go with any block, where their pose is visited for a sweep anyway. */
+static void spread_lamps(GArray *shots, int n_poses, int *block_of) {
+    g_autofree int *last = g_new0(int, n_poses);
+
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = plan_order_shot_at(shots, i);
+        if (plan_order_is_lit(shot) && shot->kind == SHOT_SWEEP)
+            last[shot->pose] = MAX(last[shot->pose], block_of[i]);
+    }
+    for (guint i = 0; i < shots->len; i++)
+        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = last[plan_order_shot_at(shots, i)->pose];
+}
+
+/* The same, a lamp at a time: where lamps take long to warm up, every block visits the poses
+ * anyway, with a lamp of its own. */
+static void spread_lamps_singly(GArray *shots, int n_blocks, int *block_of) {
+    for (guint i = 0; i < shots->len; i++)
+        if (plan_order_shot_at(shots, i)->kind == SHOT_LAMP)
+            block_of[i] = plan_order_shot_at(shots, i)->device % n_blocks;
+}
+
+static void keep_quicker(const struct orderer *o, Order **best, Order *order) {
+    struct plan_path ours = plan_order_path_of(o, order), known = plan_order_path_of(o, *best);
+    gboolean quicker = plan_path_cost(&ours) < plan_path_cost(&known) - 1e-9;
+
+    g_array_unref(quicker ? *best : order);
+    if (quicker)
+        *best = order;
+}
+
+static Order *best_order(struct orderer *o) {
+    g_autofree int *block_of = g_new0(int, o->shots->len);
+    int n_blocks = block_by_mount(o->shots, o->timing, block_of);
+    Order *best = in_blocks(o, block_of, n_blocks, best_of_block);
+
+    if (n_blocks == 1)
+        return best;
+    keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, nested_of_block));
+    spread_lamps(o->shots, o->moves->n, block_of);
+    keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
+    spread_lamps_singly(o->shots, n_blocks, block_of);
+    keep_quicker(o, &best, in_blocks(o, block_of, n_blocks, best_of_block));
+    return best;
+}
+
+static struct orderer orderer_of(GArray *shots, const struct plan_pose *poses, int n_poses,
+                                 const struct rig_timing *timing) {
+    struct orderer o = {.shots = shots, .timing = timing, .before = -1};
+
+    for (guint i = 0; i < shots->len; i++)
+        if (plan_order_shot_at(shots, i)->kind == SHOT_DARK)
+            o.dark = plan_order_shot_at(shots, i);
+    o.moves = plan_moves_new(poses, n_poses, timing);
+    return o;
+}
+
+int plan_order(GArray *shots, const struct plan_pose *poses, int n_poses,
+               const struct rig_timing *timing) {
+    struct orderer o = orderer_of(shots, poses, n_poses, timing);
+    g_autoptr(GArray) order = best_order(&o);
+    g_autoptr(GArray) result = arranged(shots, order);
+
+    plan_moves_free(o.moves);
+    replace(shots, result);
+    return number_visits(shots);
+}
+
+int plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
+                      const struct rig_timing *timing) {
+    struct orderer o = orderer_of(shots, poses, n_poses, timing);
+    g_autofree int *block_of = g_new0(int, shots->len);
+    int n_blocks = block_by_mount(shots, timing, block_of);
+    g_autoptr(GArray) order = in_blocks(&o, block_of, n_blocks, nested_of_block);
+    g_autoptr(GArray) result = arranged(shots, order);
+
+    plan_moves_free(o.moves);
+    replace(shots, result);
+    return number_visits(shots);
+}

@@ -1,0 +1,100 @@
+#include "plan_private.h"
+
+#include <string.h>
+
+#define GAIN 1e-9
+
+static double plan_search_cost(const struct plan_path *t, int from, int to) {
+    return t->cost(t->data, from, to);
+}
+
+/* What stands at a place, −1 before the first and after the last. */
+static int at(const struct plan_path *t, int place) {
+    return place < 0 || place >= t->n ? -1 : t->order[place];
+}
+
+static double edge(const struct plan_path *t, int from_place, int to_place) {
+    return plan_search_cost(t, at(t, from_place), at(t, to_place));
+}
+
+double plan_path_cost(const struct plan_path *path) {
+    double sum = 0;
+
+    for (int i = 0; i <= path->n; i++)
+        sum += edge(path, i - 1, i);
+    return sum;
+}
+
+/* Both edges of a stretch that begins with a and ends with b, put between two places. */
+static double plan_search_join(const struct plan_path *t, int from_place, int a, int b,
+                               int to_place) {
+    return plan_search_cost(t, at(t, from_place), a) + plan_search_cost(t, b, at(t, to_place));
+}
+
+/* 2-opt: turns the stretch i … j around where that gains. Moves have a direction (backlash), so the
+ * stretch itself costs something else backwards. */
+static gboolean improve_by_turning(struct plan_path *t, gint64 *budget) {
+    gboolean improved = FALSE;
+
+    for (int i = 0; i < t->n - 1 && *budget > 0; i++) {
+        double change = 0;
+        for (int j = i + 1; j<t->n && * budget> 0; j++, (*budget)--) {
+            change += plan_search_cost(t, t->order[j], t->order[j - 1]) - edge(t, j - 1, j);
+            double ends = plan_search_join(t, i - 1, t->order[j], t->order[i], j + 1) -
+                          edge(t, i - 1, i) - edge(t, j, j + 1);
+            if (change + ends >= -GAIN)
+                continue;
+            for (int a = i, b = j; a < b; a++, b--) {
+                int kept = t->order[a];
+                t->order[a] = t->order[b];
+                t->order[b] = kept;
+            }
+            improved = TRUE;
+            break;
+        }
+    }
+    return improved;
+}
+
+/* Takes the k from place i out and puts them before place j, which is not among them. */
+static void carry(struct plan_path *t, int i, int k, int j) {
+    g_autofree int *taken = g_memdup2(t->order + i, sizeof(int) * (gsize)k);
+
+    if (j > i) {
+        memmove(t->order + i, t->order + i + k, sizeof(int) * (gsize)(j - i - k));
+        memcpy(t->order + j - k, taken, sizeof(int) * (gsize)k);
+    } else {
+        memmove(t->order + j + k, t->order + j, sizeof(int) * (gsize)(i - j));
+        memcpy(t->order + j, taken, sizeof(int) * (gsize)k);
+    }
+}
+
+/* Or-opt: carries a few in a row to where they cost less. */
+static gboolean improve_by_carrying(struct plan_path *t, gint64 *budget) {
+    gboolean improved = FALSE;
+
+    for (int k = 1; k <= t->longest_carried; k++)
+        for (int i = 0; i + k <= t->n && *budget > 0; i++) {
+            double gain = edge(t, i - 1, i) + edge(t, i + k - 1, i + k) - edge(t, i - 1, i + k);
+            if (gain <= GAIN)
+                continue;
+            for (int j = 0; j <= t->n; j++, (*budget)--) {
+                if (j >= i && j <= i + k)
+                    continue;
+                double loss = plan_search_join(t, j - 1, t->order[i], t->order[i + k - 1], j) -
+                              edge(t, j - 1, j);
+                if (loss >= gain - GAIN)
+                    continue;
+                carry(t, i, k, j);
+                improved = TRUE;
+                break;
+            }
+        }
+    return improved;
+}
+
+void plan_path_improve(struct plan_path *path, gint64 budget) {
+    while (budget > 0 && plan_path_cost(path) > path->least + GAIN &&
+           (improve_by_turning(path, &budget) || improve_by_carrying(path, &budget)))
+        ;
+}

@@ -1,0 +1,473 @@
+#include "plan.h"
+
+#include <string.h>
+
+#define MAX_DIRECTIONS 1024
+/* Where a pixel's peak was is kept in 15 bits, see frames/sweep.c. */
+#define MAX_SWEEP_STEPS G_MAXINT16
+
+struct preset {
+    const char *name;
+    const char *rings;
+};
+
+static const struct preset hemisphere_presets[] = {
+    {"12x5", "15:12; 30:12; 45:12; 60:12; 75:12"},
+    {"12x8", "12:12; 21:12; 30:12; 39:12; 48:12; 57:12; 66:12; 75:12"},
+    {"81", "0:1; 15:6; 30:12; 45:18; 60:20; 75:24"},
+    {"26", "15:2; 30:6; 45:6; 60:6; 75:6"},
+    {NULL, NULL},
+};
+
+struct fields {
+    char *name;
+    double width_mm, height_mm, reference_mm, depth_mm;
+    double flat_mm, flat_error_mm, flat_radius_mm;
+    struct option_doubles flat_hole_mm;
+    int texels, texels_x, texels_y;
+    struct option_doubles exposures_us;
+    double gain_db, laser_exposure_us, laser_short_us, sweep_margin_mm, laser_threshold_dn,
+        saturated_pct;
+    int sweep_steps, dark_frames, retries, on_blocked, order;
+    gboolean keep_laser_frames, keep_exposures;
+};
+
+#define FIELD(member) G_STRUCT_OFFSET(struct fields, member)
+
+static const struct option session_options[] = {
+    {"name", OPTION_STRING, .offset = FIELD(name), .help = "Name of the sample or session"},
+    {NULL},
+};
+
+static const struct option sample_options[] = {
+    {"width_mm", OPTION_DOUBLE, "mm", 0.1, 2000, .offset = FIELD(width_mm),
+     .help = "Width of the sample, along x at turntable 0"},
+    {"height_mm", OPTION_DOUBLE, "mm", 0.1, 2000, .offset = FIELD(height_mm),
+     .help = "Height of the sample, along y at turntable 0"},
+    {"texels", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels),
+     .help = "Texels across and along; or give texels_x and texels_y"},
+    {"texels_x", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels_x),
+     .help = "Texels across the width"},
+    {"texels_y", OPTION_INT, NULL, 0, 8192, "0", .offset = FIELD(texels_y),
+     .help = "Texels along the height"},
+    {"reference_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = FIELD(reference_mm),
+     .help = "Height of the reference plane, just above the structure, over the turntable's top"},
+    {"depth_mm", OPTION_DOUBLE, "mm", 0, 500, .offset = FIELD(depth_mm),
+     .help = "Depth of the structure below the reference plane, at most"},
+    {"flat_radius_mm", OPTION_DOUBLE, "mm", 0, 2000, "0", .offset = FIELD(flat_radius_mm),
+     .help = "How far a flat, level face around the sample reaches, on which the laser's line "
+             "tells where its sheet truly is; 0: there is none"},
+    {"flat_hole_mm", OPTION_DOUBLES, "mm", 0, 2000, "", .offset = FIELD(flat_hole_mm),
+     .help = "Width and height of the box in its middle that the sample lies in"},
+    {"flat_mm", OPTION_DOUBLE, "mm", 0, 500, "0", .offset = FIELD(flat_mm),
+     .help = "Height of that face over the turntable's top"},
+    {"flat_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0.02", .offset = FIELD(flat_error_mm),
+     .help = "Standard error of flat_mm"},
+    {NULL},
+};
+
+static const char *const blocked_choices[] = {"shift", "skip", "refuse", NULL};
+static const char *const order_choices[] = {"quickest", "views", NULL};
+
+static const struct option capture_options[] = {
+    {"exposures_us", OPTION_DOUBLES, "us", 1, 60e6, .offset = FIELD(exposures_us),
+     .help = "Exposures of one bracket under a lamp, ascending, at most twelve"},
+    {"gain_db", OPTION_DOUBLE, "dB", 0, 60, "0", .offset = FIELD(gain_db),
+     .help = "Gain of all cameras"},
+    {"laser_exposure_us", OPTION_DOUBLE, "us", 1, 60e6, "4000", .offset = FIELD(laser_exposure_us),
+     .help = "Exposure of a frame of a laser sweep"},
+    {"laser_short_us", OPTION_DOUBLE, "us", 0, 60e6, "0", .offset = FIELD(laser_short_us),
+     .help = "Exposure of one more frame at each step of a laser sweep, shorter, for pixels that "
+             "saturate in the other; 0: none"},
+    {"sweep_steps", OPTION_INT, NULL, 8, MAX_SWEEP_STEPS, "96", .offset = FIELD(sweep_steps),
+     .help = "Frames of one laser sweep"},
+    {"sweep_margin_mm", OPTION_DOUBLE, "mm", 0, 200, "2", .offset = FIELD(sweep_margin_mm),
+     .help = "How far a sweep goes beyond the sample on both sides"},
+    {"dark_frames", OPTION_INT, NULL, 1, 1000, "4", .offset = FIELD(dark_frames),
+     .help = "Dark frames averaged for each exposure"},
+    {"retries", OPTION_INT, NULL, 0, 100, "3", .offset = FIELD(retries),
+     .help = "How often a shot is taken again before the session is paused"},
+    {"saturated_pct", OPTION_DOUBLE, "%", 0, 100, "0.1", .offset = FIELD(saturated_pct),
+     .help = "Pixels that may be saturated in the shortest exposure before a picture is taken "
+             "again with a quarter of it"},
+    {"laser_threshold_dn", OPTION_DOUBLE, "DN", 0, 65535, "40", .offset = FIELD(laser_threshold_dn),
+     .help = "How far a laser's peak must stand above the background to count"},
+    {"on_blocked", OPTION_CHOICE, .fallback = "shift", .choices = blocked_choices,
+     .offset = FIELD(on_blocked),
+     .help = "What to do where the light arc stands in a camera's picture"},
+    {"order", OPTION_CHOICE, .fallback = "quickest", .choices = order_choices,
+     .offset = FIELD(order),
+     .help = "The quickest order of shots, or view after view, so that the material can be looked "
+             "at while it is captured"},
+    {"keep_laser_frames", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_laser_frames),
+     .help = "Keep every frame of the laser sweeps as well"},
+    {"keep_exposures", OPTION_BOOL, .fallback = "no", .offset = FIELD(keep_exposures),
+     .help = "Keep every dark frame and every exposure of a bracket as well; an exposure may then "
+             "be given twice: calibration tells noise by such pairs"},
+    {NULL},
+};
+
+struct ring_fields {
+    char *preset;
+    char **rings;
+    double offset_deg;
+};
+
+#define RING(member) G_STRUCT_OFFSET(struct ring_fields, member)
+
+static const struct option ring_options[] = {
+    {"preset", OPTION_STRING, .fallback = "", .offset = RING(preset),
+     .help = "Directions by name: 12x5, 12x8, 81 or 26"},
+    {"rings", OPTION_STRINGS, .fallback = "", .offset = RING(rings),
+     .help = "Directions as theta:count or theta:count:offset, in degrees, one item a ring"},
+    {"offset_deg", OPTION_DOUBLE, "degrees", -360, 360, "0", .offset = RING(offset_deg),
+     .help = "Added to the azimuth of all rings"},
+    {NULL},
+};
+
+static gboolean number_between(const char *text, double min, double max, double *ret) {
+    char *end = NULL;
+
+    *ret = g_ascii_strtod(text, &end);
+    return *text && !*end && strspn(text, "0123456789+-.eE") == strlen(text) && *ret >= min &&
+           *ret <= max;
+}
+
+static gboolean parse_ring(const char *text, struct ring *ring) {
+    g_auto(GStrv) words = g_strsplit(text, ":", 4);
+    guint n = g_strv_length(words);
+    double count, offset = 0;
+
+    if (n < 2 || n > 3)
+        return FALSE;
+    for (guint i = 0; i < n; i++)
+        g_strstrip(words[i]);
+    if (!number_between(words[0], 0, 89, &ring->theta_deg) ||
+        !number_between(words[1], 1, 720, &count) || count != (int)count ||
+        (n == 3 && !number_between(words[2], -360, 360, &offset)))
+        return FALSE;
+    ring->count = (int)count;
+    ring->offset_deg = offset;
+    return ring->theta_deg > 0 || ring->count == 1;
+}
+
+static int greatest_divisor(int a, int b) {
+    return b ? greatest_divisor(b, a % b) : a;
+}
+
+/* Azimuths o1 + k·360/n1 and o2 + l·360/n2 meet where o1 − o2 is a multiple of 360/lcm(n1, n2). */
+static gboolean rings_meet(const struct ring *a, const struct ring *b) {
+    if (fabs(a->theta_deg - b->theta_deg) > 1e-6)
+        return FALSE;
+    if (a->theta_deg == 0)
+        return TRUE;
+    double lcm = (double)a->count / greatest_divisor(a->count, b->count) * b->count;
+    double step = 360 / lcm;
+    return fabs(remainder(a->offset_deg - b->offset_deg, step)) < 2e-6;
+}
+
+static gboolean check_rings(const struct config_section *section, const struct ring *rings, int n,
+                            GError **error) {
+    int directions = 0;
+
+    for (int i = 0; i < n; i++) {
+        directions += rings[i].count;
+        for (int j = 0; j < i; j++)
+            if (rings_meet(&rings[i], &rings[j])) {
+                config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
+                                 "rings %d and %d share a direction at theta %g; leave one out or "
+                                 "give it another offset",
+                                 j + 1, i + 1, rings[i].theta_deg);
+                return FALSE;
+            }
+    }
+    if (directions > MAX_DIRECTIONS) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
+                         "%d directions in all; at most %d", directions, MAX_DIRECTIONS);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean fill_rings(const struct config_section *section, char **items, double offset_deg,
+                           struct ring *rings, int *ret_n, GError **error) {
+    guint n = g_strv_length(items);
+
+    if (n < 1 || n > PLAN_MAX_RINGS) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "rings", "%u rings; give 1 to %d", n,
+                         PLAN_MAX_RINGS);
+        return FALSE;
+    }
+    for (guint i = 0; i < n; i++) {
+        if (!parse_ring(items[i], &rings[i])) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, "rings",
+                             "\"%s\" is not theta:count or theta:count:offset with theta from 0 to "
+                             "89 degrees, count from 1 to 720 (1 at theta 0), offset from -360 to "
+                             "360",
+                             items[i]);
+            return FALSE;
+        }
+        rings[i].offset_deg += offset_deg;
+    }
+    *ret_n = (int)n;
+    return check_rings(section, rings, *ret_n, error);
+}
+
+static char **preset_rings(const struct config_section *section, const char *name, GError **error) {
+    g_autoptr(GString) names = g_string_new(NULL);
+
+    for (const struct preset *p = hemisphere_presets; p->name; p++) {
+        if (g_str_equal(p->name, name)) {
+            char **items = g_strsplit(p->rings, ";", -1);
+            for (char **item = items; *item; item++)
+                g_strstrip(*item);
+            return items;
+        }
+        g_string_append_printf(names, "%s%s", names->len ? ", " : "", p->name);
+    }
+    config_set_error(error, CONFIG_ERROR_UNKNOWN, section, "preset",
+                     "there is no \"%s\"; choose from: %s, or write rings = theta:count; ...", name,
+                     names->str);
+    return NULL;
+}
+
+static gboolean read_rings(const struct config_section *section, struct ring *rings, int *ret_n,
+                           GError **error) {
+    struct ring_fields fields = {0};
+
+    *ret_n = 0;
+    if (!section)
+        return TRUE;
+    if (!options_parse(ring_options, section, NULL, &fields, error))
+        return FALSE;
+    gboolean ok = FALSE, has_preset = *fields.preset != '\0', has_rings = *fields.rings != NULL;
+    g_auto(GStrv) preset = NULL;
+    if (has_preset == has_rings)
+        config_set_error(error, CONFIG_ERROR_MISSING, section, NULL,
+                         "give either preset or rings%s", has_preset ? ", not both" : "");
+    else if (!has_preset || (preset = preset_rings(section, fields.preset, error)))
+        ok = fill_rings(section, preset ? preset : fields.rings, fields.offset_deg, rings, ret_n,
+                        error);
+    options_clear(ring_options, &fields);
+    return ok;
+}
+
+static const struct config_section *session_conf_need(const Config *config, const char *class_name,
+                                                      GError **error) {
+    const struct config_section *section = config_find(config, class_name, NULL);
+
+    if (!section)
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: there is no section [%s]",
+                    config_path(config), class_name);
+    return section;
+}
+
+static gboolean check_sections(const Config *config, GError **error) {
+    static const char *const known[] = {"session", "sample",  "views", "lights",
+                                        "lasers",  "capture", NULL};
+    gsize n;
+    const struct config_section *sections = config_sections(config, &n);
+
+    for (gsize i = 0; i < n; i++)
+        if (!g_strv_contains(known, sections[i].class_name) || sections[i].name) {
+            config_set_error(error, CONFIG_ERROR_UNKNOWN, &sections[i], NULL,
+                             "there is no such section; a session file has [session] [sample] "
+                             "[views] [lights] [lasers] [capture]");
+            return FALSE;
+        }
+    return TRUE;
+}
+
+static gboolean session_conf_take_name(struct session_conf *conf,
+                                       const struct config_section *section, struct fields *fields,
+                                       GError **error) {
+    const char *name = fields->name;
+
+    if (!*name || *name == '.' || strlen(name) > 100 || strchr(name, '/') ||
+        !g_utf8_validate(name, -1, NULL)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "name",
+                         "must be 1 to 100 characters that can be part of a file's name");
+        return FALSE;
+    }
+    conf->name = g_steal_pointer(&fields->name);
+    return TRUE;
+}
+
+static gboolean take_grid(struct session_conf *conf, const struct config_section *section,
+                          const struct fields *f, GError **error) {
+    gboolean both = f->texels > 0, each = f->texels_x > 0 && f->texels_y > 0;
+
+    if (both == each || (both && (f->texels_x || f->texels_y))) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "texels",
+                         "give either texels, or both texels_x and texels_y, 1 or more");
+        return FALSE;
+    }
+    if (f->depth_mm > f->reference_mm) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "depth_mm",
+                         "%g mm reaches below the turntable's top: reference_mm is %g", f->depth_mm,
+                         f->reference_mm);
+        return FALSE;
+    }
+    conf->grid = (struct session_grid){.width = both ? f->texels : f->texels_x,
+                                       .height = both ? f->texels : f->texels_y,
+                                       .width_mm = f->width_mm,
+                                       .height_mm = f->height_mm,
+                                       .reference_mm = f->reference_mm,
+                                       .depth_mm = f->depth_mm};
+    return TRUE;
+}
+
+static gboolean take_reference(struct session_conf *conf, const struct config_section *section,
+                               const struct fields *f, GError **error) {
+    const struct option_doubles *hole = &f->flat_hole_mm;
+
+    if (f->flat_radius_mm == 0)
+        return TRUE;
+    if (hole->n != 2 || hole->values[0] < f->width_mm || hole->values[1] < f->height_mm) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_hole_mm",
+                         "must be two numbers, width; height, of a box that holds the sample, at "
+                         "least %g;%g",
+                         f->width_mm, f->height_mm);
+        return FALSE;
+    }
+    if (f->flat_radius_mm <= MIN(hole->values[0], hole->values[1]) / 2 ||
+        f->flat_mm > f->reference_mm) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "flat_radius_mm",
+                         "nothing of the flat face is left: it must reach beyond the box of "
+                         "flat_hole_mm, and flat_mm may not be above reference_mm");
+        return FALSE;
+    }
+    conf->reference = (struct laser_reference){.plane_mm = f->flat_mm,
+                                               .plane_error_mm = f->flat_error_mm,
+                                               .hole_mm = {hole->values[0], hole->values[1]},
+                                               .top_mm = f->reference_mm,
+                                               .radius_mm = f->flat_radius_mm};
+    return TRUE;
+}
+
+static gboolean take_capture(struct session_conf *conf, const struct config_section *section,
+                             const struct fields *f, GError **error) {
+    int n = f->exposures_us.n;
+
+    if (n < 1 || n > PLAN_MAX_BRACKET) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "exposures_us",
+                         "%d exposures; give 1 to %d, separated by ';'", n, PLAN_MAX_BRACKET);
+        return FALSE;
+    }
+    for (int i = 0; i < n; i++) {
+        conf->exposures_us[i] = f->exposures_us.values[i];
+        double before = i > 0 ? conf->exposures_us[i - 1] : 0;
+        if (conf->exposures_us[i] < before ||
+            (conf->exposures_us[i] == before && !f->keep_exposures)) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, "exposures_us",
+                             "%g does not follow on %g: write the shortest first",
+                             conf->exposures_us[i], before);
+            return FALSE;
+        }
+    }
+    if (f->laser_short_us != 0 &&
+        (f->laser_short_us < 1 || llround(f->laser_short_us) >= llround(f->laser_exposure_us))) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "laser_short_us",
+                         "must be 0, or from 1 to less than laser_exposure_us, which is %g",
+                         f->laser_exposure_us);
+        return FALSE;
+    }
+    conf->n_exposures = n;
+    conf->gain_db = f->gain_db;
+    conf->laser_exposure_us = f->laser_exposure_us;
+    conf->laser_short_us = f->laser_short_us;
+    conf->sweep_steps = f->sweep_steps;
+    conf->sweep_margin_mm = f->sweep_margin_mm;
+    conf->dark_frames = f->dark_frames;
+    conf->retries = f->retries;
+    conf->saturated_pct = f->saturated_pct;
+    conf->laser_threshold_dn = f->laser_threshold_dn;
+    conf->on_blocked = (enum on_blocked)f->on_blocked;
+    conf->order = (enum session_order)f->order;
+    conf->keep_laser_frames = f->keep_laser_frames;
+    conf->keep_exposures = f->keep_exposures;
+    return TRUE;
+}
+
+static gboolean session_conf_read_session(struct session_conf *conf, const Config *config,
+                                          GError **error) {
+    const struct config_section *section = session_conf_need(config, "session", error);
+    struct fields f = {0};
+
+    if (!section || !options_parse(session_options, section, NULL, &f, error))
+        return FALSE;
+    gboolean ok = session_conf_take_name(conf, section, &f, error);
+    options_clear(session_options, &f);
+    return ok;
+}
+
+static gboolean session_conf_read_sample(struct session_conf *conf, const Config *config,
+                                         GError **error) {
+    const struct config_section *section = session_conf_need(config, "sample", error);
+    struct fields f = {0};
+
+    if (!section || !options_parse(sample_options, section, NULL, &f, error))
+        return FALSE;
+    gboolean ok = take_grid(conf, section, &f, error) && take_reference(conf, section, &f, error);
+    options_clear(sample_options, &f);
+    return ok;
+}
+
+static gboolean read_capture(struct session_conf *conf, const Config *config, GError **error) {
+    const struct config_section *section = session_conf_need(config, "capture", error);
+    struct fields f = {0};
+
+    if (!section || !options_parse(capture_options, section, NULL, &f, error))
+        return FALSE;
+    gboolean ok = take_capture(conf, section, &f, error);
+    options_clear(capture_options, &f);
+    return ok;
+}
+
+static gboolean session_conf_read_directions(struct session_conf *conf, const Config *config,
+                                             GError **error) {
+    const struct config_section *views = session_conf_need(config, "views", error);
+
+    if (!views || !read_rings(views, conf->views, &conf->n_views, error) ||
+        !read_rings(config_find(config, "lights", NULL), conf->lights, &conf->n_lights, error) ||
+        !read_rings(config_find(config, "lasers", NULL), conf->lasers, &conf->n_lasers, error))
+        return FALSE;
+    if (conf->n_lights + conf->n_lasers > 0)
+        return TRUE;
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                "%s: there is neither [lights] nor [lasers]: nothing to take", config_path(config));
+    return FALSE;
+}
+
+static gboolean read_config(struct session_conf *conf, const Config *config, GError **error) {
+    conf->text = g_strdup(config_text(config));
+    conf->path = g_strdup(config_path(config));
+    if (check_sections(config, error) && session_conf_read_session(conf, config, error) &&
+        session_conf_read_sample(conf, config, error) &&
+        session_conf_read_directions(conf, config, error) && read_capture(conf, config, error))
+        return TRUE;
+    session_conf_clear(conf);
+    return FALSE;
+}
+
+gboolean session_conf_load(struct session_conf *conf, const char *path, GError **error) {
+    memset(conf, 0, sizeof *conf);
+    g_autoptr(Config) config = config_load(path, error);
+
+    return config && read_config(conf, config, error);
+}
+
+gboolean session_conf_parse(struct session_conf *conf, const char *text, const char *path,
+                            GError **error) {
+    memset(conf, 0, sizeof *conf);
+    g_autoptr(Config) config = config_parse(text, path, error);
+
+    return config && read_config(conf, config, error);
+}
+
+void session_conf_clear(struct session_conf *conf) {
+    g_free(conf->name);
+    g_free(conf->text);
+    g_free(conf->path);
+    memset(conf, 0, sizeof *conf);
+}

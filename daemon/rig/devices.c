@@ -1,0 +1,502 @@
+#include "devices_private.h"
+
+#include <string.h>
+
+/* Longer than any class waits for a device that has to answer or to stand. */
+#define SECURE_MS 20000
+
+/*
+ * With several interlocks the lasers are guarded by one that stands for all of them: closed while
+ * every one is. It is told by listeners on the others.
+ */
+static gboolean open_all(Interlock *interlock, GError **error) {
+    return TRUE;
+}
+
+static void devices_close_all(Interlock *interlock) {
+}
+
+static const struct interlock_driver all_driver = {
+    .info = {.class_name = "interlock", .name = "all", .help = "All interlocks of the rig"},
+    .open = open_all,
+    .close = devices_close_all,
+};
+
+static gboolean all_closed(const struct devices *devices) {
+    for (int i = 0; i < devices->n_interlocks; i++)
+        if (!interlock_is_closed(devices->interlocks[i]))
+            return FALSE;
+    return TRUE;
+}
+
+static void devices_on_interlock(Interlock *interlock, gboolean closed, gpointer data) {
+    struct devices *devices = data;
+
+    interlock_report(devices->guard, closed && all_closed(devices));
+}
+
+static gboolean open_guard(struct devices *devices, GError **error) {
+    g_autoptr(Config) config = config_parse("[interlock of the rig]\ndriver=all\n", "", error);
+    if (!config)
+        return FALSE;
+    devices->guard = interlock_open(&all_driver, config_find(config, "interlock", "of the rig"),
+                                    NULL, devices->clock, error);
+    if (!devices->guard)
+        return FALSE;
+    for (int i = 0; i < devices->n_interlocks; i++)
+        interlock_listen(devices->interlocks[i], devices_on_interlock, devices);
+    interlock_report(devices->guard, all_closed(devices));
+    return TRUE;
+}
+
+/* What a driver says when it cannot open its device, with the place in the rig file that asked for
+ * it. */
+static void devices_add_place(const struct config_section *section, GError **error) {
+    const char *path = config_path(section->config);
+
+    if (error && *error && !strstr((*error)->message, path))
+        g_prefix_error(error, "%s:%d: [%s]: ", path, section->line, section->group);
+}
+
+static gboolean open_interlocks(struct devices *devices, const struct layout *layout,
+                                GError **error) {
+    for (int i = 0; i < layout->n_interlocks; i++) {
+        const struct config_section *section = layout->interlocks[i];
+        const struct interlock_driver *driver = drivers_interlock(section, error);
+        if (!driver)
+            return FALSE;
+        Interlock *opened = interlock_open(driver, section, NULL, devices->clock, error);
+        if (!opened) {
+            devices_add_place(section, error);
+            return FALSE;
+        }
+        devices->interlocks[devices->n_interlocks++] = opened;
+    }
+    return devices->n_interlocks == 0 || open_guard(devices, error);
+}
+
+static Axis *devices_open_axis(struct devices *devices, const struct config_section *section,
+                               GError **error) {
+    const struct axis_driver *driver = drivers_axis(section, error);
+    Axis *axis = driver ? axis_open(driver, section, NULL, devices->clock, error) : NULL;
+
+    if (!axis)
+        devices_add_place(section, error);
+    return axis;
+}
+
+static int same_sweep(const struct layout *layout, int laser) {
+    for (int i = 0; i < laser; i++)
+        if (layout->sweeps[i] == layout->sweeps[laser])
+            return i;
+    return -1;
+}
+
+static gboolean open_axes(struct devices *devices, const struct layout *layout, GError **error) {
+    devices->turntable = devices_open_axis(devices, layout->turntable, error);
+    if (!devices->turntable)
+        return FALSE;
+    devices->arc = devices_open_axis(devices, layout->arc, error);
+    if (!devices->arc)
+        return FALSE;
+    devices->timing.turntable = devices->turntable->motion;
+    devices->timing.arc = devices->arc->motion;
+    for (int i = 0; i < layout->geometry.n_lasers; i++) {
+        int same = same_sweep(layout, i);
+        devices->sweeps[i] = same >= 0 ? devices->sweeps[same]
+                                       : devices_open_axis(devices, layout->sweeps[i], error);
+        if (!devices->sweeps[i])
+            return FALSE;
+        devices->timing.sweep[i] = devices->sweeps[i]->motion;
+    }
+    return TRUE;
+}
+
+static gboolean open_banks(struct devices *devices, const struct layout *layout, GError **error) {
+    for (int i = 0; i < layout->n_banks; i++) {
+        const struct lamps_driver *driver = drivers_lamps(layout->banks[i], error);
+        if (!driver)
+            return FALSE;
+        LampBank *bank = lamps_open(driver, layout->banks[i], NULL, devices->clock, error);
+        if (!bank) {
+            devices_add_place(layout->banks[i], error);
+            return FALSE;
+        }
+        devices->banks[devices->n_banks++] = bank;
+    }
+    for (int i = 0; i < layout->geometry.n_lamps; i++) {
+        LampBank *bank = devices->banks[layout->lamp_bank[i]];
+        if (layout->lamp_index[i] >= bank->n) {
+            config_set_error(error, CONFIG_ERROR_VALUE, layout->lamps[i], "index",
+                             "%d is too large: %s has the lamps 0 to %d", layout->lamp_index[i],
+                             bank->device.name, bank->n - 1);
+            return FALSE;
+        }
+        devices->lamps[i].bank = bank;
+        devices->lamps[i].index = layout->lamp_index[i];
+        devices->timing.lamp_warm_up_s[i] = bank->warm_up_s;
+    }
+    return TRUE;
+}
+
+/* A place that the driver does not know is to be told now, not when somebody has climbed there. */
+static gboolean open_mount(struct devices *devices, const struct layout *layout, int i,
+                           GError **error) {
+    int unit = layout->unit[i];
+    Laser *laser = devices->lasers[unit];
+
+    if (!laser_mount(laser, layout->lasers[i]->name, error) ||
+        !laser_mount(laser, layout->lasers[unit]->name, error)) {
+        devices_add_place(layout->lasers[i], error);
+        return FALSE;
+    }
+    devices->lasers[i] = laser;
+    devices->timing.mounts[unit] |= 1u << i;
+    devices->timing.laser_warm_up_s[i] = laser->warm_up_s;
+    return TRUE;
+}
+
+static gboolean open_lasers(struct devices *devices, const struct layout *layout, GError **error) {
+    g_autofree const char **keys = layout_keys("laser");
+
+    for (int i = 0; i < layout->geometry.n_lasers; i++) {
+        if (layout->unit[i] != i) {
+            if (!open_mount(devices, layout, i, error))
+                return FALSE;
+            continue;
+        }
+        const struct laser_driver *driver = drivers_laser(layout->lasers[i], error);
+        if (!driver)
+            return FALSE;
+        devices->lasers[i] = laser_open(driver, layout->lasers[i], keys, devices->clock, error);
+        if (!devices->lasers[i]) {
+            devices_add_place(layout->lasers[i], error);
+            return FALSE;
+        }
+        laser_guard(devices->lasers[i], devices->guard);
+        devices->timing.laser_warm_up_s[i] = devices->lasers[i]->warm_up_s;
+    }
+    return TRUE;
+}
+
+static gboolean devices_check_format(const Camera *camera, const struct rig_camera *said,
+                                     const struct config_section *section, GError **error) {
+    const struct camera_format *format = &camera->format;
+    gboolean wide = said->width != format->width;
+
+    if (!wide && said->height == format->height)
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, section, wide ? "width" : "height",
+                     "is %d, but the camera's pictures are %d × %d: write width = %d and height = "
+                     "%d",
+                     wide ? said->width : said->height, format->width, format->height,
+                     format->width, format->height);
+    return FALSE;
+}
+
+static gboolean finish_camera(struct devices *devices, const struct layout *layout, int i,
+                              GError **error) {
+    Camera *camera = devices->cameras[i];
+
+    if (!camera_open_finish(camera, error)) {
+        devices_add_place(layout->cameras[i], error);
+        return FALSE;
+    }
+    if (!devices_check_format(camera, &layout->geometry.cameras[i], layout->cameras[i], error))
+        return FALSE;
+    devices->timing.trigger_us[i] = camera->format.trigger_us;
+    devices->timing.readout_us[i] = camera->format.readout_us;
+    devices->timing.min_exposure_us[i] = camera->format.min_exposure_us;
+    devices->timing.max_exposure_us[i] = camera->format.max_exposure_us;
+    devices->timing.bits[i] = camera->format.bits;
+    return TRUE;
+}
+
+/* All are set off before any is waited for, so that many take no longer than the slowest. */
+static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
+    g_autofree const char **keys = layout_keys("camera");
+
+    for (int i = 0; i < layout->geometry.n_cameras; i++) {
+        const struct camera_driver *driver = drivers_camera(layout->cameras[i], error);
+        if (!driver)
+            return FALSE;
+        devices->cameras[i] =
+            camera_open_begin(driver, layout->cameras[i], keys, devices->clock, error);
+        if (!devices->cameras[i]) {
+            devices_add_place(layout->cameras[i], error);
+            return FALSE;
+        }
+    }
+    for (int i = 0; i < layout->geometry.n_cameras; i++)
+        if (!finish_camera(devices, layout, i, error))
+            return FALSE;
+    return TRUE;
+}
+
+static struct devices *open_layout(const struct layout *layout, GError **error) {
+    struct devices *devices = g_new0(struct devices, 1);
+
+    devices->clock = layout->virtual_clock ? clock_new_virtual() : clock_new_real();
+    devices->geometry = layout->geometry;
+    devices->text = g_strdup(config_text(layout->config));
+    devices->path = g_canonicalize_filename(config_path(layout->config), NULL);
+    devices->calibration_path = g_strdup(layout->calibration_path);
+    devices->calibration_days = layout->calibration_days;
+    if (open_interlocks(devices, layout, error) && open_axes(devices, layout, error) &&
+        open_banks(devices, layout, error) && open_lasers(devices, layout, error) &&
+        open_cameras(devices, layout, error))
+        return devices;
+    devices_close(devices);
+    return NULL;
+}
+
+struct devices *devices_open(const char *rig_path, GError **error) {
+    struct layout layout;
+
+    if (!layout_read(&layout, rig_path, error))
+        return NULL;
+    struct devices *devices = open_layout(&layout, error);
+    layout_clear(&layout);
+    return devices;
+}
+
+gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error) {
+    struct layout layout;
+
+    if (!layout_read(&layout, rig_path, error))
+        return FALSE;
+    *ret = layout.geometry;
+    layout_clear(&layout);
+    return TRUE;
+}
+
+gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
+                                GError **error) {
+    struct layout layout;
+
+    if (!layout_parse(&layout, text, path, error))
+        return FALSE;
+    *ret = layout.geometry;
+    layout_clear(&layout);
+    return TRUE;
+}
+
+static gboolean is_first_sweep(const struct devices *devices, int laser) {
+    for (int i = 0; i < laser; i++)
+        if (devices->sweeps[i] == devices->sweeps[laser])
+            return FALSE;
+    return TRUE;
+}
+
+/* Light first: it is what may hurt somebody. */
+void devices_close(struct devices *devices) {
+    if (!devices)
+        return;
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        if (rig_laser_unit(&devices->timing, i) == i)
+            laser_close(devices->lasers[i]);
+    for (int i = 0; i < devices->n_banks; i++)
+        lamps_close(devices->banks[i]);
+    for (int i = 0; i < RIG_MAX_LASERS; i++)
+        if (is_first_sweep(devices, i))
+            axis_close(devices->sweeps[i]);
+    axis_close(devices->arc);
+    axis_close(devices->turntable);
+    for (int i = 0; i < RIG_MAX_CAMERAS; i++)
+        camera_close(devices->cameras[i]);
+    for (int i = 0; i < devices->n_interlocks; i++)
+        interlock_close(devices->interlocks[i]);
+    interlock_close(devices->guard);
+    clock_unref(devices->clock);
+    g_free(devices->text);
+    g_free(devices->path);
+    g_free(devices->calibration_path);
+    g_free(devices);
+}
+
+/* Keeps the first error's kind and all messages. */
+static void devices_collect(GError **collected, GError *error) {
+    if (!error)
+        return;
+    if (!*collected) {
+        *collected = error;
+        return;
+    }
+    char *both = g_strconcat((*collected)->message, "; ", error->message, NULL);
+    g_free((*collected)->message);
+    (*collected)->message = both;
+    g_error_free(error);
+}
+
+static void devices_stop(Axis *axis, GError **collected) {
+    GError *error = NULL;
+
+    if (axis)
+        axis_stop(axis, &error);
+    devices_collect(collected, error);
+}
+
+gboolean devices_make_safe(struct devices *devices, GError **error) {
+    GError *collected = NULL;
+
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        GError *failed = NULL;
+        if (rig_laser_unit(&devices->timing, i) == i)
+            laser_set(devices->lasers[i], FALSE, &failed);
+        devices_collect(&collected, failed);
+    }
+    for (int i = 0; i < devices->n_banks; i++) {
+        GError *failed = NULL;
+        lamps_all_off(devices->banks[i], &failed);
+        devices_collect(&collected, failed);
+    }
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (is_first_sweep(devices, i))
+            devices_stop(devices->sweeps[i], &collected);
+    devices_stop(devices->arc, &collected);
+    devices_stop(devices->turntable, &collected);
+    if (!collected)
+        return TRUE;
+    g_propagate_error(error, collected);
+    return FALSE;
+}
+
+/* What a device has answered to devices_secure(). */
+struct answer {
+    gboolean done;
+    GError *error;
+};
+
+struct securing {
+    struct answer lasers[RIG_MAX_LASERS], banks[DEVICES_MAX_BANKS], axes[RIG_MAX_LASERS + 2];
+    gboolean too_late;
+};
+
+/* The last one counts: those before may be to what a session had asked for. */
+static void take_answer(struct answer *answer, const GError *error) {
+    answer->done = TRUE;
+    g_clear_error(&answer->error);
+    answer->error = error ? g_error_copy(error) : NULL;
+}
+
+static void devices_on_laser_off(Laser *laser, gboolean on, const GError *error, gpointer data) {
+    if (!on)
+        take_answer(data, error);
+}
+
+static void on_lamps_off(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                         gpointer data) {
+    if (index < 0 && !on)
+        take_answer(data, error);
+}
+
+static void on_axis_stopped(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
+    take_answer(data, error);
+}
+
+static void secure_axis(Axis *axis, struct answer *answer) {
+    g_autoptr(GError) error = NULL;
+    if (!axis)
+        return;
+    answer->done = FALSE;
+    axis_listen(axis, on_axis_stopped, answer);
+    if (!axis_halt(axis, &error))
+        take_answer(answer, error);
+}
+
+static void secure_laser(Laser *laser, struct answer *answer) {
+    g_autoptr(GError) error = NULL;
+    answer->done = FALSE;
+    laser_listen(laser, devices_on_laser_off, answer);
+    if (!laser_set(laser, FALSE, &error))
+        take_answer(answer, error);
+}
+
+static void secure_bank(LampBank *bank, struct answer *answer) {
+    g_autoptr(GError) error = NULL;
+    answer->done = FALSE;
+    lamps_listen(bank, on_lamps_off, answer);
+    if (!lamps_all_off(bank, &error))
+        take_answer(answer, error);
+}
+
+static gboolean on_too_late(gpointer data) {
+    ((struct securing *)data)->too_late = TRUE;
+    return G_SOURCE_CONTINUE;
+}
+
+/* The answers, in the order in which they are asked for; NULL ends them. */
+static struct answer *nth_answer(struct securing *securing, gsize i) {
+    struct answer *const lists[] = {securing->lasers, securing->banks, securing->axes};
+    const gsize lengths[] = {G_N_ELEMENTS(securing->lasers), G_N_ELEMENTS(securing->banks),
+                             G_N_ELEMENTS(securing->axes)};
+    for (gsize list = 0; list < G_N_ELEMENTS(lists); i -= lengths[list++])
+        if (i < lengths[list])
+            return &lists[list][i];
+    return NULL;
+}
+
+static gboolean is_answered(struct securing *securing) {
+    struct answer *answer;
+    for (gsize i = 0; (answer = nth_answer(securing, i)); i++)
+        if (!answer->done)
+            return FALSE;
+    return TRUE;
+}
+
+/* Classes keep deadlines of their own; this is for a rig whose clock does not run. */
+static void await_answers(struct securing *securing) {
+    guint timer = g_timeout_add(SECURE_MS, on_too_late, securing);
+    while (!is_answered(securing) && !securing->too_late)
+        g_main_context_iteration(NULL, TRUE);
+    g_source_remove(timer);
+}
+
+static void deafen(struct devices *devices) {
+    for (int i = 0; i < devices->geometry.n_lasers; i++) {
+        if (devices->lasers[i])
+            laser_listen(devices->lasers[i], NULL, NULL);
+        if (devices->sweeps[i])
+            axis_listen(devices->sweeps[i], NULL, NULL);
+    }
+    for (int i = 0; i < devices->n_banks; i++)
+        lamps_listen(devices->banks[i], NULL, NULL);
+    if (devices->arc)
+        axis_listen(devices->arc, NULL, NULL);
+    if (devices->turntable)
+        axis_listen(devices->turntable, NULL, NULL);
+}
+
+static gboolean collect_answers(struct securing *securing, GError **error) {
+    GError *collected = NULL;
+    struct answer *answer;
+    for (gsize i = 0; (answer = nth_answer(securing, i)); i++) {
+        if (!answer->done)
+            g_set_error(&answer->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
+                        "a device has not answered within %d s", SECURE_MS / 1000);
+        devices_collect(&collected, answer->error);
+    }
+    if (collected)
+        g_propagate_error(error, collected);
+    return collected == NULL;
+}
+
+gboolean devices_secure(struct devices *devices, GError **error) {
+    struct securing securing = {0};
+    struct answer *answer;
+    for (gsize i = 0; (answer = nth_answer(&securing, i)); i++)
+        answer->done = TRUE; /* but for those that there are */
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (rig_laser_unit(&devices->timing, i) == i)
+            secure_laser(devices->lasers[i], &securing.lasers[i]);
+    for (int i = 0; i < devices->n_banks; i++)
+        secure_bank(devices->banks[i], &securing.banks[i]);
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        if (is_first_sweep(devices, i))
+            secure_axis(devices->sweeps[i], &securing.axes[i]);
+    secure_axis(devices->arc, &securing.axes[RIG_MAX_LASERS]);
+    secure_axis(devices->turntable, &securing.axes[RIG_MAX_LASERS + 1]);
+    await_answers(&securing);
+    deafen(devices);
+    return collect_answers(&securing, error);
+}

@@ -1,0 +1,93 @@
+/*
+ * The rig as its file describes it: every device opened through its driver, and the nominal
+ * geometry (geometry/rig.h) that the same sections give. The visible arrays of drivers are in
+ * devices.c.
+ *
+ * Sections: [rig]; [axis turntable], [axis arc] and one axis a laser sweep; [lamps BANK] and a
+ * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME],
+ * optional.
+ *
+ * A [laser NAME] with mount_of is no device but a further place of the unit that it names, which
+ * somebody has to mount there. In geometry and timing it is a laser like any other.
+ */
+#pragma once
+
+#include "drivers/axis.h"
+#include "drivers/camera.h"
+#include "drivers/interlock.h"
+#include "drivers/lamps.h"
+#include "drivers/laser.h"
+#include "geometry/rig.h"
+
+#define DEVICES_MAX_BANKS      8
+#define DEVICES_MAX_INTERLOCKS 4
+
+/* How long things take: what a plan needs to know of the devices. Indices as in struct rig. */
+struct rig_timing {
+    struct axis_motion turntable, arc, sweep[RIG_MAX_LASERS];
+    double lamp_warm_up_s[RIG_MAX_LAMPS];
+    double laser_warm_up_s[RIG_MAX_LASERS];
+    guint32 mounts[RIG_MAX_LASERS]; /* the lasers (bits) that are further places of this unit */
+    gint64 trigger_us[RIG_MAX_CAMERAS], readout_us[RIG_MAX_CAMERAS];
+    gint64 min_exposure_us[RIG_MAX_CAMERAS], max_exposure_us[RIG_MAX_CAMERAS];
+    int bits[RIG_MAX_CAMERAS];
+};
+
+/* The unit that is mounted at a laser's place: the laser itself, or the one it is a mount of. */
+static inline int rig_laser_unit(const struct rig_timing *timing, int laser) {
+    for (int unit = 0; unit < RIG_MAX_LASERS; unit++)
+        if (timing->mounts[unit] & 1u << laser)
+            return unit;
+    return laser;
+}
+
+struct devices {
+    Clock *clock;
+    struct rig geometry; /* nominal, from the rig file */
+    struct rig_timing timing;
+    Axis *turntable, *arc;
+    Camera *cameras[RIG_MAX_CAMERAS]; /* as geometry.cameras */
+    LampBank *banks[DEVICES_MAX_BANKS];
+    int n_banks;
+    struct {
+        LampBank *bank; /* one of banks */
+        int index;
+    } lamps[RIG_MAX_LAMPS];        /* as geometry.lamps */
+    Laser *lasers[RIG_MAX_LASERS]; /* as geometry.lasers; a mount's is its unit's */
+    Axis *sweeps[RIG_MAX_LASERS];  /* the sweep of each */
+    Interlock *interlocks[DEVICES_MAX_INTERLOCKS];
+    int n_interlocks;
+    Interlock *guard; /* stands for all of them: what guards the lasers; NULL if there is none */
+    char *text;       /* the rig file as it was read */
+    char *path;       /* of the rig file, absolute */
+    char *calibration_path; /* that the rig file names, absolute; NULL: none */
+    double calibration_days;
+};
+
+/* Opens everything, or nothing. Moves nothing; lamps and lasers are off afterwards. Every error
+ * names file, line and key. */
+struct devices *devices_open(const char *rig_path, GError **error);
+
+/* The geometry alone, checked in the same way, without opening a device. */
+gboolean devices_read_geometry(const char *rig_path, struct rig *ret, GError **error);
+/* Of a rig file's text, as sessions keep it; path is for errors. */
+gboolean devices_parse_geometry(const char *text, const char *path, struct rig *ret,
+                                GError **error);
+
+/* Lamps and lasers off, axes stopped, everything closed. NULL is ignored. */
+void devices_close(struct devices *devices);
+
+/* Commands the safe state now: all lamps and lasers off, all axes stopped. Errors are collected
+ * into the first one; every device is tried. */
+gboolean devices_make_safe(struct devices *devices, GError **error);
+
+/* The same, and waits until every device has answered: lasers and lamps that they are off, axes
+ * that they stand, also those that another program has set off. FALSE: at least one has not, or
+ * otherwise. Runs the main loop; nobody else listens to the devices any more. */
+gboolean devices_secure(struct devices *devices, GError **error);
+
+/* In a reason or an event when lamps, lasers or axes may not be what they should. */
+#define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
+
+/* All drivers and their options, for `mesorig drivers`; name NULL: all. g_free(). */
+char *devices_describe_drivers(const char *name, gboolean json);

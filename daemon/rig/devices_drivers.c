@@ -1,0 +1,151 @@
+#include "devices_private.h"
+
+#include "aravis/camera.h"
+#include "devices/devices.h"
+#include "modbus/devices.h"
+#include "usb/relays.h"
+#include "usb/tic.h"
+#include "v4l2/v4l2.h"
+
+#include "base/json.h"
+
+/* Every driver there is. A new one is written in drivers/ and named here. */
+static const struct axis_driver *const axis_drivers[] = {&sim_axis_driver, &modbus_axis_driver,
+                                                         &tic_axis_driver, NULL};
+static const struct lamps_driver *const lamps_drivers[] = {&sim_lamps_driver, &modbus_relays_driver,
+                                                           &usb_relays_driver, NULL};
+static const struct camera_driver *const camera_drivers[] = {
+    &sim_camera_driver, &aravis_camera_driver, &v4l2_camera_driver, NULL};
+static const struct laser_driver *const laser_drivers[] = {&sim_laser_driver, &modbus_laser_driver,
+                                                           &usb_relay_laser_driver, NULL};
+static const struct interlock_driver *const interlock_drivers[] = {&sim_interlock_driver,
+                                                                   &modbus_inputs_driver, NULL};
+
+/* Every class's driver begins with its info. */
+static const struct {
+    const char *class_name;
+    gconstpointer const *drivers;
+} classes[] = {
+    {"axis", (gconstpointer const *)axis_drivers},
+    {"lamps", (gconstpointer const *)lamps_drivers},
+    {"camera", (gconstpointer const *)camera_drivers},
+    {"laser", (gconstpointer const *)laser_drivers},
+    {"interlock", (gconstpointer const *)interlock_drivers},
+};
+
+static gconstpointer devices_drivers_find(const struct config_section *section,
+                                          gconstpointer const *drivers, GError **error) {
+    const char *name = config_value(section, "driver", NULL);
+    g_autoptr(GString) names = g_string_new(NULL);
+
+    for (; *drivers; drivers++) {
+        const struct driver_info *info = *drivers;
+        if (g_strcmp0(info->name, name) == 0)
+            return info;
+        g_string_append_printf(names, "%s%s", names->len ? ", " : "", info->name);
+    }
+    if (name)
+        config_set_error(error, CONFIG_ERROR_UNKNOWN, section, "driver",
+                         "there is no driver \"%s\" for this class; choose from: %s", name,
+                         names->str);
+    else
+        config_set_error(error, CONFIG_ERROR_MISSING, section, "driver",
+                         "must be given; choose from: %s", names->str);
+    return NULL;
+}
+
+const struct axis_driver *drivers_axis(const struct config_section *section, GError **error) {
+    return devices_drivers_find(section, (gconstpointer const *)axis_drivers, error);
+}
+
+const struct lamps_driver *drivers_lamps(const struct config_section *section, GError **error) {
+    return devices_drivers_find(section, (gconstpointer const *)lamps_drivers, error);
+}
+
+const struct camera_driver *drivers_camera(const struct config_section *section, GError **error) {
+    return devices_drivers_find(section, (gconstpointer const *)camera_drivers, error);
+}
+
+const struct laser_driver *drivers_laser(const struct config_section *section, GError **error) {
+    return devices_drivers_find(section, (gconstpointer const *)laser_drivers, error);
+}
+
+const struct interlock_driver *drivers_interlock(const struct config_section *section,
+                                                 GError **error) {
+    return devices_drivers_find(section, (gconstpointer const *)interlock_drivers, error);
+}
+
+const struct driver_info *drivers_by_name(const struct config_section *section) {
+    const struct driver_info *info = NULL;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(classes) && !info; i++)
+        info = devices_drivers_find(section, classes[i].drivers, NULL);
+    return info;
+}
+
+const struct driver_info *drivers_info(const struct config_section *section, GError **error) {
+    for (gsize i = 0; i < G_N_ELEMENTS(classes); i++)
+        if (g_str_equal(classes[i].class_name, section->class_name))
+            return devices_drivers_find(section, classes[i].drivers, error);
+    g_return_val_if_reached(NULL);
+}
+
+static void describe_json(const char *class_name, const char *name, const char *help,
+                          const struct option *options, GString *to) {
+    g_string_append(to, to->len > 1 ? ",{\"class\":" : "{\"class\":");
+    json_append_string(to, class_name);
+    g_string_append(to, ",\"name\":");
+    json_append_string(to, name);
+    g_string_append(to, ",\"help\":");
+    json_append_string(to, help);
+    g_string_append(to, ",\"options\":");
+    options_describe_json(options, to);
+    g_string_append_c(to, '}');
+}
+
+static void devices_drivers_describe(const char *class_name, const char *name, const char *help,
+                                     const struct option *options, gboolean json, GString *to) {
+    if (json) {
+        describe_json(class_name, name, help, options, to);
+        return;
+    }
+    g_string_append_printf(to, "%s%s (%s): %s\n", to->len ? "\n" : "", name, class_name, help);
+    options_describe(options, to);
+}
+
+/* What sections of the rig file say beside, or without, a driver. */
+static void describe_sections(const char *name, gboolean json, GString *to) {
+    static const char *const sections[][2] = {
+        {"rig", "The rig as a whole, in its section [rig]"},
+        {"lamp", "A lamp of a bank, in a section [lamp NAME]"},
+        {"camera", "A camera's place, in its section [camera NAME] beside its driver's options"},
+        {"laser", "A laser's place, in its section [laser NAME] beside its driver's options"},
+        {"mark", "A white mark on the turntable beside the sample, in a section [mark NAME]"},
+    };
+
+    for (gsize i = 0; i < G_N_ELEMENTS(sections); i++)
+        if (!name || g_str_equal(name, sections[i][0]))
+            devices_drivers_describe("section", sections[i][0], sections[i][1],
+                                     layout_options(sections[i][0]), json, to);
+}
+
+char *devices_describe_drivers(const char *name, gboolean json) {
+    GString *text = g_string_new(json ? "[" : NULL);
+    gsize empty = text->len;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(classes); i++)
+        for (gconstpointer const *driver = classes[i].drivers; *driver; driver++) {
+            const struct driver_info *info = *driver;
+            if (!name || g_str_equal(name, info->name))
+                devices_drivers_describe(info->class_name, info->name, info->help, info->options,
+                                         json, text);
+        }
+    describe_sections(name, json, text);
+    if (text->len == empty) {
+        g_string_free(text, TRUE);
+        return NULL;
+    }
+    if (json)
+        g_string_append_c(text, ']');
+    return g_string_free(text, FALSE);
+}

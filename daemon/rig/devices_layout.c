@@ -1,0 +1,538 @@
+#include "devices_private.h"
+
+#include <string.h>
+
+#define RAD(deg) ((deg) * (G_PI / 180))
+#define MAX_KEYS 32
+
+struct rig_fields {
+    char *id, *calibration;
+    int clock;
+    double calibration_days, arc_radius_mm, arc_width_mm;
+};
+
+static const char *const clock_choices[] = {"real", "virtual", NULL};
+
+#define RIG(member) G_STRUCT_OFFSET(struct rig_fields, member)
+static const struct option rig_options[] = {
+    {"id", OPTION_STRING, .offset = RIG(id),
+     .help = "Name of this rig; a calibration of another one is refused"},
+    {"clock", OPTION_CHOICE, .fallback = "real", .choices = clock_choices, .offset = RIG(clock),
+     .help = "Virtual time jumps to the next event; for simulated devices alone"},
+    {"calibration", OPTION_STRING, .fallback = "", .offset = RIG(calibration),
+     .help = "Its calibration, a file beside this one; without it geometry and light are as said "
+             "here"},
+    {"calibration_days", OPTION_DOUBLE, "days", 0, 100000, "30", .offset = RIG(calibration_days),
+     .help = "A part that was calibrated longer ago is warned of"},
+    {"arc_radius_mm", OPTION_DOUBLE, "mm", 1, 100000, .offset = RIG(arc_radius_mm),
+     .help = "Radius of the light arc's inner edge"},
+    {"arc_width_mm", OPTION_DOUBLE, "mm", 0, 10000, .offset = RIG(arc_width_mm),
+     .help = "Width of the light arc and what hangs on it: what it hides from a camera"},
+    {NULL},
+};
+
+struct place_fields { /* of a lamp, camera or laser */
+    char *bank, *sweep, *mount_of;
+    int index, width, height;
+    double theta_deg, phi_deg, distance_mm, exponent, intensity, focal_px, response;
+    double k1, k2, k3, p1, p2, vignetting;
+};
+
+#define PLACE(member) G_STRUCT_OFFSET(struct place_fields, member)
+#define THETA                                                                                      \
+    {                                                                                              \
+        "theta_deg", OPTION_DOUBLE, "degrees", 0, 89.9,                                            \
+            .offset = PLACE(theta_deg), .help = "Elevation it stands at, from straight above"      \
+    }
+#define DISTANCE                                                                                   \
+    {                                                                                              \
+        "distance_mm", OPTION_DOUBLE, "mm", 1, 100000,                                             \
+            .offset = PLACE(distance_mm),                                                          \
+            .help = "Distance from the middle of the turntable's top, which it points at"          \
+    }
+
+static const struct option lamp_options[] = {
+    {"bank", OPTION_STRING, .offset = PLACE(bank), .help = "The lamp bank that switches it"},
+    {"index", OPTION_INT, NULL, 0, 1023, .offset = PLACE(index),
+     .help = "Its number there, from 0"},
+    THETA,
+    DISTANCE,
+    {"exponent", OPTION_DOUBLE, NULL, 0, 1000, "1", .offset = PLACE(exponent),
+     .help = "Its intensity falls with the cosine of the angle off its axis to this power"},
+    {"intensity", OPTION_DOUBLE, "W/sr", 1e-6, RIG_MOST_INTENSITY, "1", .offset = PLACE(intensity),
+     .help = "Radiant intensity along its axis"},
+    {NULL},
+};
+
+static const struct option camera_options[] = {
+    THETA,
+    {"phi_deg", OPTION_DOUBLE, "degrees", -360, 360, .offset = PLACE(phi_deg),
+     .help = "Azimuth it stands at, counter-clockwise seen from above"},
+    DISTANCE,
+    {"width", OPTION_INT, "px", 1, 65536, .offset = PLACE(width), .help = "Width of its pictures"},
+    {"height", OPTION_INT, "px", 1, 65536, .offset = PLACE(height),
+     .help = "Height of its pictures"},
+    {"focal_px", OPTION_DOUBLE, "px", 1, 1e6, .offset = PLACE(focal_px), .help = "Focal length"},
+    {"response", OPTION_DOUBLE, "DN/s per W/(sr m²)", RIG_LEAST_RESPONSE, RIG_MOST_RESPONSE, "1",
+     .offset = PLACE(response), .help = "Counts a second for a radiance of one, at no gain"},
+    {"k1", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k1), .help = "Radial distortion"},
+    {"k2", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k2), .help = "Radial distortion"},
+    {"k3", OPTION_DOUBLE, NULL, -100, 100, "0", .offset = PLACE(k3), .help = "Radial distortion"},
+    {"p1", OPTION_DOUBLE, NULL, -10, 10, "0", .offset = PLACE(p1), .help = "Tangential distortion"},
+    {"p2", OPTION_DOUBLE, NULL, -10, 10, "0", .offset = PLACE(p2), .help = "Tangential distortion"},
+    {"vignetting", OPTION_DOUBLE, NULL, 0, 0.99, "0", .offset = PLACE(vignetting),
+     .help = "Part of the response that is lost in the corners"},
+    {NULL},
+};
+
+static const struct option laser_options[] = {
+    {"sweep", OPTION_STRING, .offset = PLACE(sweep), .help = "The axis that sweeps its line"},
+    {"mount_of", OPTION_STRING, .fallback = "", .offset = PLACE(mount_of),
+     .help = "The laser that is mounted here by hand; then give only theta_deg and distance_mm"},
+    THETA,
+    DISTANCE,
+    {NULL},
+};
+
+static const struct option mount_options[] = {
+    {"mount_of", OPTION_STRING, .offset = PLACE(mount_of),
+     .help = "The laser that is mounted here by hand"},
+    THETA,
+    DISTANCE,
+    {NULL},
+};
+
+struct mark_fields {
+    double x_mm, y_mm, z_mm, radius_mm;
+    struct option_doubles reflectance;
+};
+
+#define MARK(member) G_STRUCT_OFFSET(struct mark_fields, member)
+static const struct option mark_place_options[] = {
+    {"x_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(x_mm),
+     .help = "Its middle, with the turntable at 0"},
+    {"y_mm", OPTION_DOUBLE, "mm", -10000, 10000, .offset = MARK(y_mm), .help = "Its middle"},
+    {"z_mm", OPTION_DOUBLE, "mm", -1000, 1000, "0", .offset = MARK(z_mm),
+     .help = "Its face, above the turntable's top"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 1000, .offset = MARK(radius_mm), .help = "Of its face"},
+    {"reflectance", OPTION_DOUBLES, NULL, 0.01, 2, "0.9", .offset = MARK(reflectance),
+     .help = "Of its face, one value or three for red, green and blue"},
+    {NULL},
+};
+
+const struct option *layout_options(const char *class_name) {
+    static const struct {
+        const char *class_name;
+        const struct option *options;
+    } tables[] = {{"rig", rig_options},
+                  {"lamp", lamp_options},
+                  {"camera", camera_options},
+                  {"laser", laser_options},
+                  {"mark", mark_place_options}};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(tables); i++)
+        if (g_str_equal(class_name, tables[i].class_name))
+            return tables[i].options;
+    return NULL;
+}
+
+static const char **devices_layout_names_of(const struct option *options, const char *first) {
+    GPtrArray *names = g_ptr_array_new();
+
+    if (first)
+        g_ptr_array_add(names, (gpointer)first);
+    for (; options && options->name; options++)
+        g_ptr_array_add(names, (gpointer)options->name);
+    g_ptr_array_add(names, NULL);
+    return (const char **)g_ptr_array_free(names, FALSE);
+}
+
+const char **layout_keys(const char *class_name) {
+    return devices_layout_names_of(layout_options(class_name), NULL);
+}
+
+/* Checks the driver's options without opening it, and reads the rig's own from the same section. */
+static gboolean devices_layout_read_device(const struct config_section *section,
+                                           struct place_fields *place, GError **error) {
+    const struct driver_info *info = drivers_info(section, error);
+    const struct option *options = layout_options(section->class_name);
+
+    if (!info)
+        return FALSE;
+    g_autofree const char **theirs = devices_layout_names_of(info->options, "driver");
+    g_autofree const char **ours = devices_layout_names_of(options, "driver");
+    g_autofree gpointer priv = g_malloc0(MAX(info->priv_size, 1));
+    if (!options_parse(info->options, section, ours, priv, error))
+        return FALSE;
+    options_clear(info->options, priv);
+    return !options || options_parse(options, section, theirs, place, error);
+}
+
+static gboolean devices_layout_read_rig(struct layout *layout, GError **error) {
+    const struct config_section *section = config_find(layout->config, "rig", NULL);
+    struct rig_fields fields = {0};
+
+    if (!section || section->name) {
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING, "%s: there is no section [rig]",
+                    config_path(layout->config));
+        return FALSE;
+    }
+    if (!options_parse(rig_options, section, NULL, &fields, error))
+        return FALSE;
+    gboolean ok = *fields.id && strlen(fields.id) < sizeof layout->geometry.id;
+    if (ok)
+        g_strlcpy(layout->geometry.id, fields.id, sizeof layout->geometry.id);
+    else
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "id", "must be 1 to %d bytes long",
+                         (int)sizeof layout->geometry.id - 1);
+    layout->geometry.arc_radius_mm = fields.arc_radius_mm;
+    layout->geometry.arc_width_mm = fields.arc_width_mm;
+    layout->virtual_clock = fields.clock == 1;
+    layout->calibration_days = fields.calibration_days;
+    if (*fields.calibration) {
+        g_autofree char *folder = g_path_get_dirname(config_path(layout->config));
+        layout->calibration_path = g_canonicalize_filename(fields.calibration, folder);
+    }
+    options_clear(rig_options, &fields);
+    return ok;
+}
+
+static gboolean count_up(int *n, int most, const struct config_section *section, GError **error) {
+    if (*n < most) {
+        (*n)++;
+        return TRUE;
+    }
+    config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                     "one too many: there may be %d of this class", most);
+    return FALSE;
+}
+
+static gboolean devices_layout_take_name(const struct config_section *section, char to[RIG_NAME],
+                                         GError **error) {
+    if (strlen(section->name) < RIG_NAME && g_utf8_validate(section->name, -1, NULL)) {
+        g_strlcpy(to, section->name, RIG_NAME);
+        return TRUE;
+    }
+    config_set_error(error, CONFIG_ERROR_VALUE, section, NULL,
+                     "the name must be UTF-8 of at most %d bytes", RIG_NAME - 1);
+    return FALSE;
+}
+
+static struct vec3 devices_layout_position(const struct place_fields *place) {
+    return vec3_scale(rig_direction(RAD(place->theta_deg), RAD(place->phi_deg)),
+                      place->distance_mm);
+}
+
+static gboolean read_camera(struct layout *layout, const struct config_section *section,
+                            GError **error) {
+    struct rig *rig = &layout->geometry;
+    struct place_fields p = {0};
+    int i = rig->n_cameras;
+
+    if (!count_up(&rig->n_cameras, RIG_MAX_CAMERAS, section, error) ||
+        !devices_layout_take_name(section, rig->cameras[i].name, error) ||
+        !devices_layout_read_device(section, &p, error))
+        return FALSE;
+    struct rig_camera *camera = &rig->cameras[i];
+    camera->width = p.width;
+    camera->height = p.height;
+    camera->fx_px = camera->fy_px = p.focal_px;
+    camera->cx_px = (p.width - 1) / 2.0;
+    camera->cy_px = (p.height - 1) / 2.0;
+    camera->k1 = p.k1;
+    camera->k2 = p.k2;
+    camera->k3 = p.k3;
+    camera->p1 = p.p1;
+    camera->p2 = p.p2;
+    camera->vignetting = p.vignetting;
+    camera->response = p.response;
+    rig_camera_look_at(camera, devices_layout_position(&p), vec3(0, 0, 0));
+    layout->cameras[i] = section;
+    return TRUE;
+}
+
+static int find_section(const struct config_section *const *sections, int n, const char *name) {
+    for (int i = 0; i < n; i++)
+        if (g_str_equal(sections[i]->name, name))
+            return i;
+    return -1;
+}
+
+static gboolean wire_lamp(struct layout *layout, int i, const struct place_fields *p,
+                          GError **error) {
+    const struct config_section *section = layout->lamps[i];
+    int bank = find_section(layout->banks, layout->n_banks, p->bank);
+
+    if (bank < 0) {
+        config_set_error(error, CONFIG_ERROR_MISSING, section, "bank",
+                         "there is no section [lamps %s]; name one that there is", p->bank);
+        return FALSE;
+    }
+    for (int k = 0; k < i; k++)
+        if (layout->lamp_bank[k] == bank && layout->lamp_index[k] == p->index) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, "index",
+                             "lamp %d of %s is [lamp %s] already, in line %d", p->index, p->bank,
+                             layout->lamps[k]->name, layout->lamps[k]->line);
+            return FALSE;
+        }
+    layout->lamp_bank[i] = bank;
+    layout->lamp_index[i] = p->index;
+    return TRUE;
+}
+
+static gboolean read_lamp(struct layout *layout, const struct config_section *section,
+                          GError **error) {
+    struct rig *rig = &layout->geometry;
+    struct place_fields p = {0};
+    int i = rig->n_lamps;
+
+    if (!count_up(&rig->n_lamps, RIG_MAX_LAMPS, section, error) ||
+        !devices_layout_take_name(section, rig->lamps[i].name, error) ||
+        !options_parse(lamp_options, section, NULL, &p, error))
+        return FALSE;
+    layout->lamps[i] = section;
+    gboolean ok = wire_lamp(layout, i, &p, error);
+    rig->lamps[i].position_mm = devices_layout_position(&p);
+    rig->lamps[i].aim = vec3_scale(vec3_unit(rig->lamps[i].position_mm), -1);
+    rig->lamps[i].exponent = p.exponent;
+    rig->lamps[i].intensity = p.intensity;
+    options_clear(lamp_options, &p);
+    return ok;
+}
+
+static gboolean wire_laser(struct layout *layout, int i, const char *sweep, GError **error) {
+    const struct config_section *axis = config_find(layout->config, "axis", sweep);
+
+    if (axis && axis != layout->turntable && axis != layout->arc) {
+        layout->sweeps[i] = axis;
+        return TRUE;
+    }
+    config_set_error(error, CONFIG_ERROR_MISSING, layout->lasers[i], "sweep",
+                     axis ? "the axis \"%s\" does not sweep a laser; give it an axis of its own"
+                          : "there is no section [axis %s]; name the axis that sweeps the line",
+                     sweep);
+    return FALSE;
+}
+
+/* A further place of a laser that stands above it in the file. */
+static gboolean wire_mount(struct layout *layout, int i, const char *name, GError **error) {
+    int unit = find_section(layout->lasers, i, name);
+
+    if (unit >= 0 && layout->unit[unit] == unit) {
+        layout->unit[i] = unit;
+        layout->sweeps[i] = layout->sweeps[unit];
+        return TRUE;
+    }
+    config_set_error(error, CONFIG_ERROR_MISSING, layout->lasers[i], "mount_of",
+                     unit >= 0 ? "\"%s\" is itself a mount; name the laser that it is a mount of"
+                               : "there is no section [laser %s] above this one; name the laser "
+                                 "that is mounted here, and write it first",
+                     name);
+    return FALSE;
+}
+
+static gboolean read_mount(struct layout *layout, int i, struct place_fields *p, GError **error) {
+    return options_parse(mount_options, layout->lasers[i], NULL, p, error) &&
+           wire_mount(layout, i, p->mount_of, error);
+}
+
+static gboolean read_unit(struct layout *layout, int i, struct place_fields *p, GError **error) {
+    layout->unit[i] = i;
+    return devices_layout_read_device(layout->lasers[i], p, error) &&
+           wire_laser(layout, i, p->sweep, error);
+}
+
+static void place_laser(struct rig_laser *laser, const struct place_fields *place) {
+    laser->position_mm = devices_layout_position(place);
+    laser->axis = vec3(0, 1, 0);
+    laser->normal = vec3_unit(vec3_cross(laser->axis, vec3_scale(laser->position_mm, -1)));
+}
+
+static gboolean read_laser(struct layout *layout, const struct config_section *section,
+                           GError **error) {
+    struct rig *rig = &layout->geometry;
+    struct place_fields p = {0};
+    int i = rig->n_lasers;
+
+    if (!count_up(&rig->n_lasers, RIG_MAX_LASERS, section, error) ||
+        !devices_layout_take_name(section, rig->lasers[i].name, error))
+        return FALSE;
+    layout->lasers[i] = section;
+    gboolean is_mount = config_value(section, "mount_of", NULL) != NULL;
+    gboolean ok = is_mount ? read_mount(layout, i, &p, error) : read_unit(layout, i, &p, error);
+    if (ok)
+        place_laser(&rig->lasers[i], &p);
+    options_clear(laser_options, &p);
+    return ok;
+}
+
+static gboolean read_mark(struct layout *layout, const struct config_section *section,
+                          GError **error) {
+    struct rig *rig = &layout->geometry;
+    struct mark_fields p = {0};
+    int i = rig->n_marks;
+
+    if (!count_up(&rig->n_marks, RIG_MAX_MARKS, section, error) ||
+        !devices_layout_take_name(section, rig->marks[i].name, error) ||
+        !options_parse(mark_place_options, section, NULL, &p, error))
+        return FALSE;
+    gboolean ok = p.reflectance.n == 1 || p.reflectance.n == 3;
+    if (!ok)
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "reflectance",
+                         "%d numbers are given; give one, or three separated by ';'",
+                         p.reflectance.n);
+    rig->marks[i].centre_mm = vec3(p.x_mm, p.y_mm, p.z_mm);
+    rig->marks[i].radius_mm = p.radius_mm;
+    for (int k = 0; ok && k < 3; k++)
+        rig->marks[i].reflectance[k] = p.reflectance.values[p.reflectance.n == 3 ? k : 0];
+    options_clear(mark_place_options, &p);
+    return ok;
+}
+
+static gboolean take_section(struct layout *layout, const struct config_section *section,
+                             GError **error) {
+    if (g_str_equal(section->class_name, "axis")) {
+        if (g_str_equal(section->name, "turntable"))
+            layout->turntable = section;
+        if (g_str_equal(section->name, "arc"))
+            layout->arc = section;
+        return devices_layout_read_device(section, NULL, error);
+    }
+    if (g_str_equal(section->class_name, "lamps")) {
+        layout->banks[MIN(layout->n_banks, DEVICES_MAX_BANKS - 1)] = section;
+        return count_up(&layout->n_banks, DEVICES_MAX_BANKS, section, error) &&
+               devices_layout_read_device(section, NULL, error);
+    }
+    if (g_str_equal(section->class_name, "interlock")) {
+        layout->interlocks[MIN(layout->n_interlocks, DEVICES_MAX_INTERLOCKS - 1)] = section;
+        return count_up(&layout->n_interlocks, DEVICES_MAX_INTERLOCKS, section, error) &&
+               devices_layout_read_device(section, NULL, error);
+    }
+    return TRUE;
+}
+
+static gboolean devices_layout_take_place(struct layout *layout,
+                                          const struct config_section *section, GError **error) {
+    if (g_str_equal(section->class_name, "camera"))
+        return read_camera(layout, section, error);
+    if (g_str_equal(section->class_name, "lamp"))
+        return read_lamp(layout, section, error);
+    if (g_str_equal(section->class_name, "laser"))
+        return read_laser(layout, section, error);
+    if (g_str_equal(section->class_name, "mark"))
+        return read_mark(layout, section, error);
+    return TRUE;
+}
+
+static gboolean check_class(const struct config_section *section, GError **error) {
+    static const char *const named[] = {"axis",  "lamps",     "lamp", "camera",
+                                        "laser", "interlock", "mark", NULL};
+    gboolean is_rig = g_str_equal(section->class_name, "rig");
+
+    if (!is_rig && !g_strv_contains(named, section->class_name)) {
+        config_set_error(
+            error, CONFIG_ERROR_UNKNOWN, section, NULL,
+            "there is no such section; a rig file has [rig], [axis NAME], [lamps "
+            "NAME], [lamp NAME], [camera NAME], [laser NAME], [interlock NAME] and [mark "
+            "NAME]");
+        return FALSE;
+    }
+    if (is_rig == (section->name == NULL))
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_SYNTAX, section, NULL,
+                     is_rig ? "has no name: write [rig]%s" : "needs a name: write [%s NAME]",
+                     is_rig ? "" : section->class_name);
+    return FALSE;
+}
+
+static gboolean missing(const struct layout *layout, const char *what, GError **error) {
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                "%s: there is no section %s; a rig needs [axis turntable], [axis arc], cameras, "
+                "and lamps or lasers",
+                config_path(layout->config), what);
+    return FALSE;
+}
+
+/* Axes that nothing uses are misspelt ones. */
+static gboolean check_axis(const struct layout *layout, const struct config_section *section,
+                           GError **error) {
+    if (!g_str_equal(section->class_name, "axis") || section == layout->turntable ||
+        section == layout->arc)
+        return TRUE;
+    for (int i = 0; i < layout->geometry.n_lasers; i++)
+        if (layout->sweeps[i] == section)
+            return TRUE;
+    config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
+                     "nothing uses this axis: it is neither turntable nor arc, and no laser names "
+                     "it as its sweep");
+    return FALSE;
+}
+
+/* Virtual time would run away from a real device. */
+static gboolean check_clock(const struct layout *layout, const struct config_section *section,
+                            GError **error) {
+    const char *driver = config_value(section, "driver", NULL);
+
+    if (!layout->virtual_clock || !driver || g_str_has_prefix(driver, "sim-"))
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, section, "driver",
+                     "%s is a real device and cannot keep virtual time; write clock = real in "
+                     "[rig]",
+                     driver);
+    return FALSE;
+}
+
+static gboolean check_whole(const struct layout *layout, GError **error) {
+    gsize n;
+    const struct config_section *sections = config_sections(layout->config, &n);
+
+    for (gsize i = 0; i < n; i++)
+        if (!check_axis(layout, &sections[i], error) || !check_clock(layout, &sections[i], error))
+            return FALSE;
+    if (!layout->turntable)
+        return missing(layout, "[axis turntable]", error);
+    if (!layout->arc)
+        return missing(layout, "[axis arc]", error);
+    if (layout->geometry.n_cameras == 0)
+        return missing(layout, "[camera NAME]", error);
+    if (layout->geometry.n_lamps + layout->geometry.n_lasers == 0)
+        return missing(layout, "[lamp NAME] or [laser NAME]", error);
+    return TRUE;
+}
+
+typedef gboolean (*SectionFunc)(struct layout *layout, const struct config_section *section,
+                                GError **error);
+
+static gboolean each_section(struct layout *layout, SectionFunc func, GError **error) {
+    gsize n;
+    const struct config_section *sections = config_sections(layout->config, &n);
+
+    for (gsize i = 0; i < n; i++)
+        if (!check_class(&sections[i], error) || !func(layout, &sections[i], error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean take_config(struct layout *layout, Config *config, GError **error) {
+    memset(layout, 0, sizeof *layout);
+    layout->config = config;
+    if (layout->config && each_section(layout, take_section, error) &&
+        devices_layout_read_rig(layout, error) &&
+        each_section(layout, devices_layout_take_place, error) && check_whole(layout, error))
+        return TRUE;
+    layout_clear(layout);
+    return FALSE;
+}
+
+gboolean layout_read(struct layout *layout, const char *path, GError **error) {
+    return take_config(layout, config_load(path, error), error);
+}
+
+gboolean layout_parse(struct layout *layout, const char *text, const char *path, GError **error) {
+    return take_config(layout, config_parse(text, path, error), error);
+}
+
+void layout_clear(struct layout *layout) {
+    g_clear_pointer(&layout->config, config_free);
+    g_clear_pointer(&layout->calibration_path, g_free);
+}

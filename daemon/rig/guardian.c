@@ -1,0 +1,216 @@
+#include "guardian.h"
+
+#include "safe_state.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/pidfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#define BEAT_MS    1000
+#define HANG_US    (4500 * 1000) /* so that it is dark five seconds after it has hung */
+#define END_MS     5000          /* how long a killed daemon is waited for */
+#define RESTART_US (10 * G_USEC_PER_SEC)
+
+enum word { BEAT = 'b', PAUSE = 'p', GOODBYE = 'q' };
+
+struct Guardian {
+    char *rig_path;
+    int socket;
+    guint timer, watch;
+    gint64 started_us;
+};
+
+static gboolean is_real(const struct device *device) {
+    return !g_str_has_prefix(device->info->name, "sim-");
+}
+
+gboolean guardian_is_needed(const struct devices *devices) {
+    gboolean real = is_real(&devices->turntable->device) || is_real(&devices->arc->device);
+
+    for (int i = 0; i < devices->geometry.n_lasers; i++)
+        real |= is_real(&devices->lasers[i]->device) || is_real(&devices->sweeps[i]->device);
+    for (int i = 0; i < devices->n_banks; i++)
+        real |= is_real(&devices->banks[i]->device);
+    return real;
+}
+
+/* A guardian that has ended is told by on_ended(), not here. */
+static void guardian_say(Guardian *guardian, enum word word) {
+    const char byte = (char)word;
+    if (send(guardian->socket, &byte, 1, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
+        g_debug("the guardian does not hear: %s", g_strerror(errno));
+}
+
+static gboolean on_beat(gpointer data) {
+    guardian_say(data, BEAT);
+    return G_SOURCE_CONTINUE;
+}
+
+/* Between fork and exec: only what is safe there. What ends the daemon is not to end it too. */
+static void guardian_prepare_child(gpointer unused) {
+    static const int ignored[] = {SIGTERM, SIGINT, SIGHUP, SIGQUIT, SIGABRT, SIGPIPE};
+    setsid();
+    for (gsize i = 0; i < G_N_ELEMENTS(ignored); i++)
+        signal(ignored[i], SIG_IGN);
+}
+
+static gboolean guardian_do_start(Guardian *guardian, GError **error);
+
+static void on_ended(GPid pid, int status, gpointer data) {
+    Guardian *guardian = data;
+    const gboolean lasted = g_get_monotonic_time() - guardian->started_us > RESTART_US;
+    g_autoptr(GError) error = NULL;
+
+    guardian->watch = 0;
+    g_spawn_close_pid(pid);
+    g_clear_handle_id(&guardian->timer, g_source_remove);
+    close(guardian->socket);
+    guardian->socket = -1;
+    g_warning("the guardian of %s has ended (status 0x%04x)%s", guardian->rig_path, (guint)status,
+              lasted ? "; it is started again"
+                     : ": if this program dies, nobody switches lasers and lamps off");
+    if (lasted && !guardian_do_start(guardian, &error))
+        g_warning("%s", error->message);
+}
+
+/* Its standard input is one end of a pair of sockets: its end is known however the daemon dies. */
+static gboolean guardian_do_start(Guardian *guardian, GError **error) {
+    const char *const argv[] = {"/proc/self/exe", "mesorigd", "--guardian", guardian->rig_path,
+                                NULL};
+    const GSpawnFlags flags = G_SPAWN_FILE_AND_ARGV_ZERO | G_SPAWN_DO_NOT_REAP_CHILD;
+    int fds[2];
+    GPid pid;
+
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, fds) < 0) {
+        g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(errno),
+                    "no guardian for %s: no pair of sockets: %s", guardian->rig_path,
+                    g_strerror(errno));
+        return FALSE;
+    }
+    const gboolean started =
+        g_spawn_async_with_fds(NULL, (char **)argv, NULL, flags, guardian_prepare_child, NULL, &pid,
+                               fds[1], -1, -1, error);
+    close(fds[1]);
+    if (!started) {
+        close(fds[0]);
+        g_prefix_error(error, "no guardian for %s: ", guardian->rig_path);
+        return FALSE;
+    }
+    guardian->socket = fds[0];
+    guardian->started_us = g_get_monotonic_time();
+    guardian->watch = g_child_watch_add(pid, on_ended, guardian);
+    guardian->timer = g_timeout_add(BEAT_MS, on_beat, guardian);
+    return TRUE;
+}
+
+Guardian *guardian_start(const char *rig_path, GError **error) {
+    Guardian *guardian = g_new0(Guardian, 1);
+
+    guardian->rig_path = g_strdup(rig_path);
+    if (guardian_do_start(guardian, error))
+        return guardian;
+    g_free(guardian->rig_path);
+    g_free(guardian);
+    return NULL;
+}
+
+void guardian_set_busy(Guardian *guardian, gboolean busy) {
+    if (guardian && guardian->socket >= 0)
+        guardian_say(guardian, busy ? PAUSE : BEAT);
+}
+
+static void guardian_on_gone(GPid pid, int status, gpointer unused) {
+    g_spawn_close_pid(pid);
+}
+
+void guardian_end(Guardian *guardian, gboolean safe) {
+    if (!guardian)
+        return;
+    g_clear_handle_id(&guardian->timer, g_source_remove);
+    if (guardian->socket >= 0) {
+        if (safe)
+            guardian_say(guardian, GOODBYE);
+        close(guardian->socket);
+    }
+    if (guardian->watch) {
+        GSource *watch = g_main_context_find_source_by_id(NULL, guardian->watch);
+        g_source_set_callback(watch, G_SOURCE_FUNC(guardian_on_gone), NULL, NULL);
+    }
+    g_free(guardian->rig_path);
+    g_free(guardian);
+}
+
+/* What it has heard of the daemon. */
+enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD };
+
+static enum news hear(gint64 *until_us) {
+    char words[64];
+    const ssize_t n = recv(STDIN_FILENO, words, sizeof words, MSG_DONTWAIT);
+
+    if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))
+        return NEWS_DEAD;
+    for (ssize_t i = 0; i < n; i++) {
+        if (words[i] == GOODBYE)
+            return NEWS_GOODBYE;
+        *until_us = words[i] == PAUSE ? G_MAXINT64 : g_get_monotonic_time() + HANG_US;
+    }
+    return NEWS_NONE;
+}
+
+static void kill_daemon(int daemon) {
+    struct pollfd at = {.fd = daemon, .events = POLLIN};
+
+    g_printerr("mesorigd: guardian: the daemon has not been heard for %.1f s: it is killed\n",
+               HANG_US / 1e6);
+    if (daemon < 0 || pidfd_send_signal(daemon, SIGKILL, NULL, 0) < 0)
+        g_printerr("mesorigd: guardian: the daemon cannot be killed: %s\n", g_strerror(errno));
+    else
+        poll(&at, 1, END_MS);
+}
+
+/* Until the daemon says goodbye, dies or hangs; whether the rig is to be made safe. */
+static gboolean watch_daemon(int daemon) {
+    gint64 until_us = g_get_monotonic_time() + HANG_US;
+
+    for (;;) {
+        struct pollfd at[] = {{.fd = STDIN_FILENO, .events = POLLIN},
+                              {.fd = daemon, .events = POLLIN}};
+        const gint64 left_us = MAX(until_us - g_get_monotonic_time(), 0);
+        const int wait_ms = until_us == G_MAXINT64 ? -1 : (int)(left_us / 1000) + 1;
+        const int ready = poll(at, G_N_ELEMENTS(at), wait_ms);
+        if (ready < 0 && errno != EINTR)
+            return TRUE;
+        if (ready > 0) {
+            const enum news news = at[0].revents ? hear(&until_us) : NEWS_DEAD;
+            if (news != NEWS_NONE)
+                return news == NEWS_DEAD;
+        }
+        if (ready == 0 && g_get_monotonic_time() > until_us + G_USEC_PER_SEC) {
+            /* This process was held up itself, and the daemon perhaps with it. */
+            until_us = g_get_monotonic_time() + HANG_US;
+        } else if (ready == 0) {
+            kill_daemon(daemon);
+            return TRUE;
+        }
+    }
+}
+
+int guardian_main(const char *rig_path) {
+    const int daemon = pidfd_open(getppid(), 0);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(SafeState) state = safe_state_read(rig_path, &error);
+
+    if (!watch_daemon(daemon))
+        return 0;
+    g_printerr("mesorigd: guardian: the daemon has left without a goodbye: %s is made safe\n",
+               rig_path);
+    if (!state) {
+        g_printerr("mesorigd: guardian: NOT safe: %s\n", error->message);
+        return 1;
+    }
+    return safe_state_make(state) ? 0 : 1;
+}

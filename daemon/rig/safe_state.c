@@ -1,0 +1,530 @@
+#include "safe_state.h"
+
+#include "devices_private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <poll.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define PATIENCE_US (5 * G_USEC_PER_SEC)  /* what fails is tried again for so long */
+#define PAUSE_US    (200 * 1000)          /* and so long in between */
+#define LIMIT_US    (30 * G_USEC_PER_SEC) /* a line's process is given up after this */
+#define MAX_TEXT    1500                  /* with the rest of a struct result less than PIPE_BUF */
+
+struct job { /* a device to be made safe */
+    const struct config_section *section;
+    const struct driver_info *info; /* NULL: its driver is not known */
+    char *name;                     /* "laser top" */
+    char *line;                     /* devices of the same are seen to by one process, in turn */
+};
+
+struct SafeState {
+    Config *config;
+    GPtrArray *jobs; /* of struct job, lights first */
+};
+
+struct result { /* written by one process, read by the other */
+    int job;
+    gboolean safe;
+    char text[MAX_TEXT];
+};
+
+struct mended { /* a section of which only what is good was kept */
+    GString *text;
+    GString *notes;  /* what was left out */
+    GString *doubts; /* what was left out and may say which device it is */
+};
+
+/* Keys that say neither which device it is nor what switches or stops it. */
+static const char *const harmless[] = {"warm_up_s",
+                                       "warm_up_ms",
+                                       "wraps",
+                                       "min_deg",
+                                       "max_deg",
+                                       "speed_deg_s",
+                                       "accel_deg_s2",
+                                       "backlash_deg",
+                                       "settle_ms",
+                                       "home_deg",
+                                       "steps_per_deg",
+                                       "tolerance_deg",
+                                       "target_register",
+                                       "target_bits",
+                                       "speed_register",
+                                       "speed_bits",
+                                       "speed_scale",
+                                       "accel_register",
+                                       "accel_bits",
+                                       "accel_scale",
+                                       "start",
+                                       "home",
+                                       "homing",
+                                       "clear",
+                                       "watchdog",
+                                       "watchdog_ms",
+                                       "poll_ms",
+                                       "start_ms",
+                                       "stall_ms",
+                                       "lost_ms",
+                                       "homed_bit",
+                                       "fault_bit",
+                                       "limit_bit",
+                                       "verify",
+                                       "watchdog_register",
+                                       "watchdog_after_s",
+                                       "watchdog_scale",
+                                       "pulse_coil",
+                                       NULL};
+
+/* Keys of the line itself: with a wrong one the device is not heard, and not believed to be off. */
+static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
+                                        "late_ms", "retries", NULL};
+
+static void safe_state_job_free(gpointer data) {
+    struct job *job = data;
+    g_free(job->name);
+    g_free(job->line);
+    g_free(job);
+}
+
+static gboolean is_class(const char *name, const char *const *classes) {
+    return g_strv_contains(classes, name);
+}
+
+static const char *const device_classes[] = {"laser", "lamps", "axis", NULL};
+
+static const char *class_of(const struct job *job) {
+    return job->info ? job->info->class_name : job->section->class_name;
+}
+
+static gboolean is_axis(const struct job *job) {
+    return strcmp(class_of(job), "axis") == 0;
+}
+
+/* Sections whose driver is one of lasers, lamps and axes, whatever they are called; and those that
+ * are called so, or by no known name, without a driver that is known. */
+static gboolean is_job(const struct config_section *section, const struct driver_info *info) {
+    static const char *const others[] = {"rig", "lamp", "camera", "interlock", "mark", NULL};
+
+    if (info)
+        return is_class(info->class_name, device_classes);
+    if (config_value(section, "mount_of", NULL))
+        return FALSE;
+    return is_class(section->class_name, device_classes) ||
+           (!is_class(section->class_name, others) && *config_keys(section));
+}
+
+static char *line_of(const struct config_section *section) {
+    const char *bus = config_value(section, "bus", NULL);
+    const char *serial = config_value(section, "serial", NULL);
+    const char *path = config_value(section, "path", NULL);
+
+    return bus ? g_strdup(bus)
+               : g_strdup_printf("usb %s %s", serial ? serial : "", path ? path : "");
+}
+
+static void add_job(SafeState *state, const struct config_section *section) {
+    const struct driver_info *info = drivers_by_name(section);
+
+    if (!is_job(section, info))
+        return;
+    struct job *job = g_new0(struct job, 1);
+    job->section = section;
+    job->info = info;
+    job->name = g_strconcat(class_of(job), section->name ? " " : "", section->name, NULL);
+    job->line = line_of(section);
+    g_ptr_array_add(state->jobs, job);
+}
+
+/* Lasers, then lamps, then axes, otherwise as in the file. */
+static int compare_jobs(gconstpointer a, gconstpointer b) {
+    const struct job *const *jobs[] = {a, b};
+    int ranks[2];
+
+    for (int i = 0; i < 2; i++) {
+        const char *name = class_of(*jobs[i]);
+        ranks[i] = strcmp(name, "axis") == 0 ? 2 : strcmp(name, "lamps") == 0;
+    }
+    return ranks[0] != ranks[1] ? ranks[0] - ranks[1]
+                                : (*jobs[0])->section->line - (*jobs[1])->section->line;
+}
+
+SafeState *safe_state_read(const char *rig_path, GError **error) {
+    Config *config = config_load_lenient(rig_path, error);
+    gsize n;
+
+    if (!config)
+        return NULL;
+    SafeState *state = g_new0(SafeState, 1);
+    state->config = config;
+    state->jobs = g_ptr_array_new_with_free_func(safe_state_job_free);
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++)
+        add_job(state, &sections[i]);
+    g_ptr_array_sort(state->jobs, compare_jobs);
+    return state;
+}
+
+void safe_state_free(SafeState *state) {
+    if (!state)
+        return;
+    g_ptr_array_unref(state->jobs);
+    config_free(state->config);
+    g_free(state);
+}
+
+static void add_words(GString *to, const char *words) {
+    g_string_append_printf(to, "%s%s", to->len ? "; " : "", words);
+}
+
+/* Whether all that says which device it is stands in the section: then a key that is not understood
+ * is not one of those, misspelt. */
+static gboolean says_which(const struct job *job) {
+    for (const struct option *option = job->info->options; option && option->name; option++)
+        if (!g_strv_contains(harmless, option->name) && !g_strv_contains(line_keys, option->name) &&
+            !config_value(job->section, option->name, NULL))
+            return FALSE;
+    return TRUE;
+}
+
+/* Lines that could not be read at all. One with the heading's number is the heading, of which the
+ * rest was; but where there is none, the first keys may be missing too. */
+static void note_problems(const struct job *job, struct mended *mended) {
+    gsize n_problems, n;
+    const struct config_problem *problems = config_problems(job->section->config, &n_problems);
+    const struct config_section *sections = config_sections(job->section->config, &n);
+    const int begin = job->section->line;
+    const gboolean last = job->section == &sections[n - 1];
+    const int end = last ? G_MAXINT : (job->section + 1)->line;
+
+    for (gsize i = 0; i < n_problems; i++) {
+        if (problems[i].line < begin || problems[i].line >= end)
+            continue;
+        const gboolean headless = strcmp(job->section->class_name, CONFIG_NO_HEADING) == 0;
+        const gboolean harms = headless || (problems[i].line != begin && !says_which(job));
+        add_words(harms ? mended->doubts : mended->notes, problems[i].message);
+    }
+}
+
+/* Every key on the line that it has in the file, so that errors of drivers name that. */
+static void add_line(struct mended *mended, int *at, int line, const char *key, const char *value) {
+    const int target = mended->text->len ? MAX(line, *at + 1) : line; /* never two on one */
+
+    for (; *at < target; (*at)++)
+        g_string_append_c(mended->text, '\n');
+    g_string_append_printf(mended->text, "%s%s%s", key, value ? " = " : "", value ? value : "");
+}
+
+/* Only a stop is written to an axis, no speed that may be wrong; and no watchdog is set up. */
+static gboolean safe_state_is_wanted(const char *key, gboolean quick) {
+    static const char *const unwanted[] = {"speed_register",    "accel_register", "watchdog",
+                                           "watchdog_register", "pulse_coil",     NULL};
+    return !g_strv_contains(unwanted, key) && !(quick && strcmp(key, "retries") == 0);
+}
+
+static void mend_keys(const struct job *job, gboolean quick, const char *const *also,
+                      struct mended *mended) {
+    int at = 1;
+    g_autofree char *heading = g_strdup_printf("[%s]", job->section->group);
+
+    add_line(mended, &at, job->section->line, heading, NULL);
+    for (const char *const *key = config_keys(job->section); *key; key++) {
+        g_autoptr(GError) error = NULL;
+        int line = 0;
+        const char *value = config_value(job->section, *key, &line);
+        if (strcmp(*key, "driver") == 0 ||
+            options_check_key(job->info->options, job->section, also, *key, &error)) {
+            if (!g_strv_contains(also, *key) && safe_state_is_wanted(*key, quick))
+                add_line(mended, &at, line, *key, value);
+            continue;
+        }
+        const gboolean unknown = g_error_matches(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN);
+        const gboolean harms =
+            unknown ? !says_which(job)
+                    : !g_strv_contains(harmless, *key) && !g_strv_contains(line_keys, *key);
+        add_words(harms ? mended->doubts : mended->notes, error->message);
+    }
+}
+
+static gboolean has_option(const struct driver_info *info, const char *key) {
+    for (const struct option *option = info->options; option && option->name; option++)
+        if (strcmp(option->name, key) == 0)
+            return TRUE;
+    return FALSE;
+}
+
+/* Keys without a default that do not matter here; the driver wants them all the same. */
+static void safe_state_add_missing(const struct job *job, const char *const *also, gboolean quick,
+                                   struct mended *mended) {
+    for (const struct option *option = job->info->options; option && option->name; option++) {
+        const gboolean list = option->type == OPTION_STRINGS;
+        const char *value = config_value(job->section, option->name, NULL);
+        if (option->fallback || !g_strv_contains(harmless, option->name) ||
+            (value &&
+             options_check_key(job->info->options, job->section, also, option->name, NULL)))
+            continue;
+        const double one = option->min == option->max ? 1 : CLAMP(1, option->min, option->max);
+        g_string_append_printf(mended->text, "\n%s = %s%d", option->name, list ? "0=" : "",
+                               (int)ceil(one));
+        if (!value)
+            g_string_append_printf(mended->notes, "%s%s is missing", mended->notes->len ? "; " : "",
+                                   option->name);
+    }
+    if (quick && has_option(job->info, "retries"))
+        g_string_append(mended->text, "\nretries = 0");
+}
+
+/* quick: not tried again while others wait for their turn. */
+static void mend_section(const struct job *job, gboolean quick, struct mended *ret) {
+    g_autofree const char **layout = layout_keys("laser");
+    g_autoptr(GPtrArray) also = g_ptr_array_new();
+
+    *ret = (struct mended){g_string_new(NULL), g_string_new(NULL), g_string_new(NULL)};
+    for (const char **key = layout; strcmp(class_of(job), "laser") == 0 && *key; key++)
+        g_ptr_array_add(also, (gpointer)*key);
+    g_ptr_array_add(also, NULL);
+    note_problems(job, ret);
+    mend_keys(job, quick, (const char *const *)also->pdata, ret);
+    safe_state_add_missing(job, (const char *const *)also->pdata, quick, ret);
+    g_string_append_printf(ret->text, "\n");
+}
+
+static void mended_clear(struct mended *mended) {
+    g_string_free(mended->text, TRUE);
+    g_string_free(mended->notes, TRUE);
+    g_string_free(mended->doubts, TRUE);
+}
+
+/* Alone in a rig of its own. */
+static gboolean safe_state_open_device(struct devices *devices, const struct job *job,
+                                       const struct config_section *section, GError **error) {
+    gconstpointer driver = job->info;
+
+    devices->clock = clock_new_real();
+    if (is_axis(job)) {
+        devices->turntable = axis_open(driver, section, NULL, devices->clock, error);
+        return devices->turntable != NULL;
+    }
+    if (strcmp(class_of(job), "lamps") == 0) {
+        devices->banks[0] = lamps_open(driver, section, NULL, devices->clock, error);
+        devices->n_banks = devices->banks[0] != NULL;
+        return devices->n_banks > 0;
+    }
+    devices->lasers[0] = laser_open(driver, section, NULL, devices->clock, error);
+    devices->geometry.n_lasers = devices->lasers[0] != NULL;
+    return devices->geometry.n_lasers > 0;
+}
+
+static gboolean secure_section(const struct job *job, const char *text, GError **error) {
+    g_autoptr(Config) config = config_parse(text, config_path(job->section->config), error);
+    gsize n;
+
+    if (!config)
+        return FALSE;
+    struct devices *devices = g_new0(struct devices, 1);
+    const gboolean safe =
+        safe_state_open_device(devices, job, config_sections(config, &n), error) &&
+        devices_secure(devices, error);
+    devices_close(devices);
+    return safe;
+}
+
+static void set_result(struct result *result, gboolean safe, const struct job *job,
+                       const char *format, ...) G_GNUC_PRINTF(4, 5);
+static void set_result(struct result *result, gboolean safe, const struct job *job,
+                       const char *format, ...) {
+    va_list args;
+
+    va_start(args, format);
+    g_autofree char *words = g_strdup_vprintf(format, args);
+    va_end(args);
+    result->safe = safe;
+    g_snprintf(result->text, sizeof result->text, "%s: %s%s", job->name,
+               safe ? "" : "NOT safe: ", words);
+}
+
+static void no_driver(const struct job *job, GError **error) {
+    if (is_class(job->section->class_name, device_classes))
+        drivers_info(job->section, error);
+    else
+        config_set_error(error, CONFIG_ERROR_UNKNOWN, job->section, NULL,
+                         "there is no such section, and its driver is not known");
+}
+
+/* FALSE: to be tried again. */
+static gboolean try_job(const struct job *job, gboolean quick, struct result *result) {
+    g_autoptr(GError) error = NULL;
+    struct mended mended;
+
+    if (!job->info) {
+        no_driver(job, &error);
+        set_result(result, FALSE, job, "%s", error->message);
+        return TRUE;
+    }
+    mend_section(job, quick, &mended);
+    const char *done = is_axis(job) ? "stands" : "off";
+    const char *notes = mended.notes->str;
+    const gboolean safe = secure_section(job, mended.text->str, &error);
+    if (!safe)
+        set_result(result, FALSE, job, "%s%s%s%s%s", error->message, *notes ? "; " : "", notes,
+                   mended.doubts->len ? "; " : "", mended.doubts->str);
+    else if (mended.doubts->len)
+        set_result(result, FALSE, job,
+                   "what its section names is %s, read back, but may not be it: %s%s%s", done,
+                   mended.doubts->str, *notes ? "; " : "", notes);
+    else
+        set_result(result, TRUE, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);
+    mended_clear(&mended);
+    return safe || error->domain != DEVICE_ERROR;
+}
+
+static void send_result(int fd, const struct result *result) {
+    if (write(fd, result, sizeof *result) != sizeof *result)
+        g_printerr("mesorigd: %s\n", result->text);
+}
+
+/* One line's devices, in a process of its own. */
+static void work_line(const SafeState *state, const char *line, int fd) {
+    const gint64 until = g_get_monotonic_time() + PATIENCE_US;
+    g_autofree gboolean *done = g_new0(gboolean, state->jobs->len);
+    gboolean again = TRUE, late = FALSE;
+
+    for (int pass = 0; again; pass++) {
+        again = FALSE;
+        if (pass > 0)
+            g_usleep(PAUSE_US);
+        late = g_get_monotonic_time() > until;
+        for (guint i = 0; i < state->jobs->len; i++) {
+            const struct job *job = state->jobs->pdata[i];
+            struct result result = {.job = (int)i};
+            if (done[i] || strcmp(job->line, line) != 0)
+                continue;
+            done[i] = try_job(job, pass == 0, &result) || late;
+            if (done[i])
+                send_result(fd, &result);
+            again |= !done[i];
+        }
+    }
+}
+
+static pid_t start_line(const SafeState *state, const char *line, const int *fds) {
+    const pid_t pid = fork();
+
+    if (pid != 0)
+        return pid;
+    close(fds[0]);
+    work_line(state, line, fds[1]);
+    _exit(0);
+}
+
+static gboolean is_first_of_line(const SafeState *state, guint i) {
+    const struct job *job = state->jobs->pdata[i];
+
+    for (guint k = 0; k < i; k++)
+        if (strcmp(((const struct job *)state->jobs->pdata[k])->line, job->line) == 0)
+            return FALSE;
+    return TRUE;
+}
+
+/* One process a line; if none can be had, it is done here. */
+static GArray *start_lines(const SafeState *state, const int *fds) {
+    GArray *pids = g_array_new(FALSE, FALSE, sizeof(pid_t));
+
+    for (guint i = 0; i < state->jobs->len; i++) {
+        const struct job *job = state->jobs->pdata[i];
+        if (!is_first_of_line(state, i))
+            continue;
+        const pid_t pid = start_line(state, job->line, fds);
+        if (pid > 0)
+            g_array_append_val(pids, pid);
+        else
+            work_line(state, job->line, fds[1]);
+    }
+    return pids;
+}
+
+/* What the lines' processes say, until the last has ended. */
+static void hear_results(int fd, gboolean *heard, gboolean *ret_safe) {
+    const gint64 until = g_get_monotonic_time() + LIMIT_US;
+    struct result result;
+    ssize_t n = 1;
+
+    while (n > 0) {
+        struct pollfd at = {.fd = fd, .events = POLLIN};
+        const gint64 left_us = until - g_get_monotonic_time();
+        const int ready = left_us > 0 ? poll(&at, 1, (int)(left_us / 1000) + 1) : 0;
+        if (ready < 0 && errno == EINTR)
+            continue;
+        if (ready <= 0)
+            return;
+        n = read(fd, &result, sizeof result);
+        if (n != sizeof result)
+            continue;
+        result.text[MAX_TEXT - 1] = '\0';
+        heard[result.job] = TRUE;
+        *ret_safe &= result.safe;
+        g_print("%s\n", result.text);
+    }
+}
+
+static void end_lines(GArray *pids) {
+    for (guint i = 0; i < pids->len; i++) {
+        kill(g_array_index(pids, pid_t, i), SIGKILL);
+        waitpid(g_array_index(pids, pid_t, i), NULL, 0);
+    }
+    g_array_unref(pids);
+}
+
+static gboolean make_jobs(const SafeState *state) {
+    g_autofree gboolean *heard = g_new0(gboolean, state->jobs->len);
+    gboolean safe = TRUE;
+    int fds[2];
+
+    if (pipe2(fds, O_CLOEXEC) < 0) {
+        g_print("NOT safe: no pipe: %s\n", g_strerror(errno));
+        return FALSE;
+    }
+    GArray *pids = start_lines(state, fds);
+    close(fds[1]);
+    hear_results(fds[0], heard, &safe);
+    end_lines(pids);
+    close(fds[0]);
+    for (guint i = 0; i < state->jobs->len; i++) {
+        const struct job *job = state->jobs->pdata[i];
+        if (heard[i])
+            continue;
+        safe = FALSE;
+        g_print("%s: NOT safe: its driver has crashed, or has not come to an end within %d s\n",
+                job->name, (int)(LIMIT_US / G_USEC_PER_SEC));
+    }
+    return safe;
+}
+
+/* Problems of devices are told with them; those of the rest are told here. */
+static void tell_problems(const SafeState *state) {
+    gsize n;
+    const struct config_problem *problems = config_problems(state->config, &n);
+
+    for (gsize i = 0; i < n; i++)
+        g_printerr("mesorigd: left out: %s\n", problems[i].message);
+}
+
+gboolean safe_state_make(const SafeState *state) {
+    tell_problems(state);
+    if (state->jobs->len == 0) {
+        g_printerr("mesorigd: NOT safe: %s names no laser, no lamps and no axis\n",
+                   config_path(state->config));
+        return FALSE;
+    }
+    const gboolean safe = make_jobs(state);
+    if (safe)
+        g_print("lamps and lasers are off, axes stand\n");
+    else
+        g_printerr("mesorigd: the rig is NOT safe: switch off by hand what is named above\n");
+    return safe;
+}

@@ -1,0 +1,127 @@
+#include "btf_directions.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "base/text_table.h"
+
+#define MOST     4096
+#define LOWEST   89.0 /* degrees: below there is nothing to be measured */
+#define SAME_DEG 0.01
+
+void btf_directions_free(struct btf_directions *directions) {
+    if (!directions)
+        return;
+    g_free(directions->name);
+    g_free(directions->view_theta_deg);
+    g_free(directions->view_phi_deg);
+    g_free(directions->light_theta_deg);
+    g_free(directions->light_phi_deg);
+    g_free(directions);
+}
+
+struct btf_directions *btf_directions_81(void) {
+    static const int counts[] = {1, 6, 12, 18, 20, 24};
+    struct btf_directions *ret = g_new0(struct btf_directions, 1);
+    int n = 0;
+    *ret = (struct btf_directions){.name = g_strdup("81"),
+                                   .view_theta_deg = g_new(float, 81),
+                                   .view_phi_deg = g_new(float, 81)};
+    for (gsize ring = 0; ring < G_N_ELEMENTS(counts); ring++)
+        for (int k = 0; k < counts[ring]; k++, n++) {
+            ret->view_theta_deg[n] = 15.0f * (float)ring;
+            ret->view_phi_deg[n] = 360.0f * (float)k / (float)counts[ring];
+        }
+    ret->n_views = ret->n_lights = n;
+    ret->light_theta_deg = g_memdup2(ret->view_theta_deg, sizeof(float) * (gsize)n);
+    ret->light_phi_deg = g_memdup2(ret->view_phi_deg, sizeof(float) * (gsize)n);
+    return ret;
+}
+
+struct list {
+    GArray *theta, *phi; /* float */
+};
+
+/* θ and φ may both be a little beside it, all around and at the pole. */
+static gboolean btf_directions_same(double theta_a, double phi_a, double theta_b, double phi_b) {
+    const double across = remainder(phi_a - phi_b, 360) * sin(theta_a * G_PI / 180);
+    return hypot(theta_a - theta_b, across) < SAME_DEG;
+}
+
+static gboolean btf_directions_add(const TextTable *table, int row, double theta, double phi,
+                                   struct list *to, GError **error) {
+    const char *path = text_table_path(table);
+    const int line = text_table_line(table, row);
+    for (guint i = 0; i < to->theta->len; i++)
+        if (btf_directions_same(theta, phi, (double)g_array_index(to->theta, float, i),
+                                (double)g_array_index(to->phi, float, i)))
+            return data_error_fail(path, line, error, "the direction θ %g°, φ %g° is there already",
+                                   theta, phi);
+    if (to->theta->len >= MOST)
+        return data_error_fail(path, line, error, "there are more than %d directions", MOST);
+    const float pair[] = {(float)theta, (float)phi};
+    g_array_append_val(to->theta, pair[0]);
+    g_array_append_val(to->phi, pair[1]);
+    return TRUE;
+}
+
+static gboolean btf_directions_read_row(const TextTable *table, int row, const int columns[3],
+                                        struct list *views, struct list *lights, GError **error) {
+    const char *of = text_table_text(table, row, columns[0]);
+    const gboolean both = strcmp(of, "both") == 0;
+    const gboolean view = both || strcmp(of, "view") == 0, light = both || strcmp(of, "light") == 0;
+    double theta, phi;
+    if (!view && !light)
+        return data_error_fail(text_table_path(table), text_table_line(table, row), error,
+                               "“%s” is none of view, light, both", of);
+    if (!text_table_number(table, row, columns[1], NAN, &theta, error) ||
+        !text_table_number(table, row, columns[2], NAN, &phi, error))
+        return FALSE;
+    if (!(theta >= 0 && theta <= LOWEST) || !(fabs(phi) <= 720))
+        return data_error_fail(text_table_path(table), text_table_line(table, row), error,
+                               "θ must be 0 to %g°, φ −720 to 720°", LOWEST);
+    return (!view || btf_directions_add(table, row, theta, phi, views, error)) &&
+           (!light || btf_directions_add(table, row, theta, phi, lights, error));
+}
+
+static gboolean btf_directions_read_rows(const TextTable *table, struct list *views,
+                                         struct list *lights, GError **error) {
+    const char *path = text_table_path(table);
+    const int columns[] = {text_table_column(table, "of"), text_table_column(table, "theta_deg"),
+                           text_table_column(table, "phi_deg")};
+    if (columns[0] < 0 || columns[1] < 0 || columns[2] < 0)
+        return data_error_fail(path, 0, error,
+                               "a table of directions has the columns of, theta_deg and phi_deg");
+    for (int row = 0; row < text_table_rows(table); row++)
+        if (!btf_directions_read_row(table, row, columns, views, lights, error))
+            return FALSE;
+    if (views->theta->len == 0 || lights->theta->len == 0)
+        return data_error_fail(path, 0, error, "there is no %s in it",
+                               views->theta->len == 0 ? "view" : "light");
+    return TRUE;
+}
+
+static struct list new_list(void) {
+    return (struct list){g_array_new(FALSE, FALSE, sizeof(float)),
+                         g_array_new(FALSE, FALSE, sizeof(float))};
+}
+
+struct btf_directions *btf_directions_read(const char *path, GError **error) {
+    g_autoptr(TextTable) table = text_table_read(path, error);
+    if (!table)
+        return NULL;
+    struct list views = new_list(), lights = new_list();
+    struct btf_directions *ret = g_new0(struct btf_directions, 1);
+    const gboolean ok = btf_directions_read_rows(table, &views, &lights, error);
+    ret->name = g_path_get_basename(path);
+    ret->n_views = (int)views.theta->len;
+    ret->n_lights = (int)lights.theta->len;
+    ret->view_theta_deg = (float *)(void *)g_array_free(views.theta, FALSE);
+    ret->view_phi_deg = (float *)(void *)g_array_free(views.phi, FALSE);
+    ret->light_theta_deg = (float *)(void *)g_array_free(lights.theta, FALSE);
+    ret->light_phi_deg = (float *)(void *)g_array_free(lights.phi, FALSE);
+    if (!ok)
+        g_clear_pointer(&ret, btf_directions_free);
+    return ret;
+}

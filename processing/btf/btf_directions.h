@@ -1,0 +1,22 @@
+/* Sets of directions that a BTF is wanted in. Any thread. */
+#pragma once
+
+#include "base/data_error.h"
+
+struct btf_directions {
+    char *name; /* what is said of it */
+    int n_views, n_lights;
+    float *view_theta_deg, *view_phi_deg;   /* n_views */
+    float *light_theta_deg, *light_phi_deg; /* n_lights */
+};
+
+void btf_directions_free(struct btf_directions *directions); /* NULL is ignored */
+
+/* The papers' 81 × 81 (Schneider 2004 §3, Meseth et al. 2003 §2), in Bonn's rings: 0°: 1, 15°: 6,
+ * 30°: 12, 45°: 18, 60°: 20, 75°: 24. */
+struct btf_directions *btf_directions_81(void);
+
+/* A table (text_table.h) with columns of, theta_deg and phi_deg; of: "view", "light" or "both".
+ * DATA_ERROR_INVALID with file and line: θ not within 0 … 89°, a direction twice, none of a kind,
+ * more than 4096. */
+struct btf_directions *btf_directions_read(const char *path, GError **error);

@@ -1,0 +1,58 @@
+#include <math.h>
+
+#include "btf_matrix.h"
+
+static gboolean is_hole(float *const *planes, int n, gsize at) {
+    for (int i = 0; i < n; i++)
+        if (isnan(planes[i][at]))
+            return TRUE;
+    return FALSE;
+}
+
+/* The mean of the neighbours that are there; FALSE: none is. */
+static gboolean btf_holes_fill(float *const *planes, int n, int width, int height,
+                               const gint8 *there, int pixel) {
+    const int x = pixel % width, y = pixel / width;
+    double sums[8] = {0};
+    int found = 0;
+    for (int j = MAX(y - 1, 0); j <= MIN(y + 1, height - 1); j++)
+        for (int i = MAX(x - 1, 0); i <= MIN(x + 1, width - 1); i++) {
+            if (!there[j * width + i])
+                continue;
+            found++;
+            for (int k = 0; k < n; k++)
+                sums[k] += planes[k][j * width + i];
+        }
+    for (int k = 0; found > 0 && k < n; k++)
+        planes[k][pixel] = (float)(sums[k] / found);
+    return found > 0;
+}
+
+int btf_fill_holes(float *const *planes, int n, int width, int height) {
+    const int pixels = width * height;
+    g_autofree int *holes = g_new(int, pixels);
+    g_autofree gint8 *there = g_new(gint8, pixels);
+    int all = 0;
+    g_return_val_if_fail(n <= 8, -1);
+    for (int i = 0; i < pixels; i++) {
+        there[i] = !is_hole(planes, n, (gsize)i);
+        if (!there[i])
+            holes[all++] = i;
+    }
+    if (all == pixels)
+        return -1;
+    for (int left = all; left > 0;) {
+        int kept = 0, filled = 0;
+        g_autofree int *now = g_new(int, left);
+        for (int i = 0; i < left; i++)
+            if (btf_holes_fill(planes, n, width, height, there, holes[i]))
+                now[filled++] = holes[i];
+            else
+                holes[kept++] = holes[i];
+        /* What was filled now counts only for those further in. */
+        for (int i = 0; i < filled; i++)
+            there[now[i]] = 1;
+        left = kept;
+    }
+    return all;
+}

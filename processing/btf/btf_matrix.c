@@ -1,0 +1,276 @@
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "btf.h"
+#include "btf_private.h"
+
+#define COLOURS 3
+
+char *btf_matrix_session(const char *path) {
+    static const char suffix[] = "/products/btf";
+    char *absolute = g_canonicalize_filename(path, NULL);
+    g_autofree char *database = g_build_filename(absolute, "session.db", NULL);
+    if (g_str_has_suffix(absolute, suffix) && !g_file_test(database, G_FILE_TEST_EXISTS))
+        absolute[strlen(absolute) - strlen(suffix)] = '\0';
+    return absolute;
+}
+
+void btf_matrix_free(struct btf_matrix *btf) {
+    if (!btf)
+        return;
+    g_free(btf->name);
+    g_free(btf->directory);
+    g_free(btf->view_theta_deg);
+    g_free(btf->view_phi_deg);
+    g_free(btf->light_theta_deg);
+    g_free(btf->light_phi_deg);
+    g_free(btf->values);
+    btf_scratch_free(btf->scratch);
+    g_free(btf);
+}
+
+gint64 btf_matrix_bytes(int width, int height, int n_views, int n_lights) {
+    return (gint64)width * height * n_views * n_lights * COLOURS * (gint64)sizeof(float);
+}
+
+const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
+                             float *buffer, gsize *ret_stride, GError **error) {
+    const gsize row = (gsize)btf->n_lights * COLOURS;
+    if (btf->values) {
+        *ret_stride = row * (gsize)btf->n_views;
+        return btf->values + (gsize)first * *ret_stride + (gsize)view * row;
+    }
+    *ret_stride = row;
+    return btf_scratch_read(btf->scratch, view, first, n, buffer, error) ? buffer : NULL;
+}
+
+gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
+                               const int *places, float *ret, GError **error) {
+    const gsize row = (gsize)btf->n_lights * COLOURS;
+    if (!btf->values)
+        return btf_scratch_place_rows(btf->scratch, view, first, n, places, ret, error);
+    const float *from = btf->values + ((gsize)first * (gsize)btf->n_views + (gsize)view) * row;
+    for (int i = 0; i < n; i++)
+        memcpy(ret + (gsize)places[i] * row, from + (gsize)i * (gsize)btf->n_views * row,
+               sizeof(float) * row);
+    return TRUE;
+}
+
+static int btf_matrix_by_name(gconstpointer a, gconstpointer b) {
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+static GPtrArray *list_views(const Session *session, GError **error) {
+    g_autofree char *folder = session_file(session, "products/btf");
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+    GPtrArray *paths = g_ptr_array_new_with_free_func(g_free);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir)))
+        if (g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr"))
+            g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
+    if (paths->len == 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: there is no BTF yet; “mesorig process” makes it", folder);
+        g_clear_pointer(&paths, g_ptr_array_unref);
+        return NULL;
+    }
+    g_ptr_array_sort(paths, btf_matrix_by_name);
+    return paths;
+}
+
+static gboolean view_error(const char *path, GError **error, const char *what) {
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%s: %s; delete the file and process again, or import again", path, what);
+    return FALSE;
+}
+
+static gboolean btf_matrix_direction(const struct exr_part *part, const char *of, const char *path,
+                                     float *ret_theta_deg, float *ret_phi_deg, GError **error) {
+    return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
+           view_error(path, error, "a direction is missing or not a number");
+}
+
+gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, const char *path,
+                         GError **error) {
+    btf->n_lights = (int)first->parts->len;
+    if (btf->n_lights < 1)
+        return view_error(path, error, "there are no lights in it");
+    btf->light_theta_deg = g_new0(float, btf->n_lights);
+    btf->light_phi_deg = g_new0(float, btf->n_lights);
+    for (int i = 0; i < btf->n_lights; i++)
+        if (!btf_matrix_direction(g_ptr_array_index(first->parts, (guint)i), "light", path,
+                                  &btf->light_theta_deg[i], &btf->light_phi_deg[i], error))
+            return FALSE;
+    return TRUE;
+}
+
+/* Memory or a file for all views, once the first says how many lights there are. */
+static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
+                                 const struct exr_file *first, const char *path, GError **error) {
+    if (!btf_take_lights(btf, first, path, error))
+        return FALSE;
+    const gint64 bytes = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
+    if (memory > 0 && bytes > memory) {
+        g_autofree char *folder = g_build_filename(btf->directory, "products", NULL);
+        btf->scratch = btf_scratch_new(folder, (gsize)btf->n_lights * COLOURS, btf->n_views,
+                                       btf->width * btf->height, error);
+        return btf->scratch != NULL;
+    }
+    btf->values = g_try_new0(float, (gsize)bytes / sizeof(float));
+    if (!btf->values)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "a BTF of %d × %d texels, %d views and %d lights needs %.1f GiB of memory; "
+                    "“mesorig compress --memory” takes less",
+                    btf->width, btf->height, btf->n_views, btf->n_lights,
+                    (double)bytes / (1 << 30));
+    return btf->values != NULL;
+}
+
+static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struct exr_part *part,
+                                       int light, const char *path, GError **error) {
+    float theta, phi;
+    if (part->width != btf->width || part->height != btf->height)
+        return view_error(path, error, "its texels are not those of the session");
+    if (!exr_part_plane(part, "R") || !exr_part_plane(part, "G") || !exr_part_plane(part, "B"))
+        return view_error(path, error, "a colour is missing");
+    if (!btf_matrix_direction(part, "light", path, &theta, &phi, error))
+        return FALSE;
+    if (theta != btf->light_theta_deg[light] || phi != btf->light_phi_deg[light])
+        return view_error(path, error, "its lights are not those of the first view");
+    return TRUE;
+}
+
+/* Those that were set to 0 when the picture was made become what they are. Imported pictures have
+ * no marks, but say how many are. */
+static void mark_holes(const struct exr_part *part, float *const planes[COLOURS]) {
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    const float *mark = exr_part_plane(part, "mark");
+    int holes = 0;
+    for (gsize i = 0; mark && i < n; i++)
+        if (mark[i] >= BTF_MARK_HOLE && mark[i] < 2 * BTF_MARK_HOLE)
+            planes[0][i] = NAN;
+    if (mark)
+        return;
+    if (!exr_get_int(part, "mesorig.holes", &holes, NULL) || holes <= 0)
+        return;
+    for (gsize i = 0; i < n; i++)
+        if (planes[0][i] == 0 && planes[1][i] == 0 && planes[2][i] == 0)
+            planes[0][i] = NAN;
+}
+
+/* A picture of holes alone is black: one of thousands should not cost the others. */
+static int fill_holes(const struct exr_part *part, float *const planes[COLOURS]) {
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    mark_holes(part, planes);
+    const int filled = btf_fill_holes(planes, COLOURS, part->width, part->height);
+    for (int c = 0; filled < 0 && c < COLOURS; c++)
+        memset(planes[c], 0, sizeof(float) * n);
+    return filled < 0 ? (int)n : filled;
+}
+
+static gboolean btf_matrix_check_values(const struct exr_part *part, int light,
+                                        float *const planes[COLOURS], const char *path,
+                                        gint64 *holes, GError **error) {
+    const int pixels = part->width * part->height;
+    *holes += fill_holes(part, planes);
+    for (int c = 0; c < COLOURS; c++)
+        for (int i = 0; i < pixels; i++)
+            if (!isfinite(planes[c][i])) {
+                g_autofree char *what = g_strdup_printf("under light %d texel (%d, %d) is infinite",
+                                                        light, i % part->width, i / part->width);
+                return view_error(path, error, what);
+            }
+    return TRUE;
+}
+
+gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
+                       const char *path, float *first, gsize stride, GError **error) {
+    static const char *const channels[] = {"R", "G", "B"};
+    const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
+    g_autofree float **planes = g_new0(float *, n);
+    if ((int)file->parts->len != btf->n_lights)
+        return view_error(path, error, "its lights are not as many as those of the first view");
+    for (int light = 0; light < btf->n_lights; light++) {
+        const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
+        if (!btf_matrix_check_light(btf, part, light, path, error))
+            return FALSE;
+        for (int c = 0; c < COLOURS; c++)
+            planes[light * COLOURS + c] = exr_part_plane(part, channels[c]);
+        if (!btf_matrix_check_values(part, light, planes + (gsize)(light * COLOURS), path,
+                                     &btf->holes, error))
+            return FALSE;
+        struct btf_marks marks = {0};
+        btf_add_marks(part, &marks);
+        btf->bounds += marks.bounds;
+        btf->shorter += marks.shorter;
+        btf->predicted += marks.predicted;
+    }
+    for (gsize texel = 0; texel < texels; texel++)
+        for (gsize i = 0; i < n; i++)
+            first[texel * stride + i] = planes[i] ? planes[i][texel] : 0;
+    return btf_matrix_direction(g_ptr_array_index(file->parts, 0), "view", path,
+                                &btf->view_theta_deg[view], &btf->view_phi_deg[view], error);
+}
+
+static gboolean btf_matrix_add_view(struct btf_matrix *btf, const struct exr_file *file, int view,
+                                    const char *path, GError **error) {
+    const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
+    if (btf->values)
+        return btf_take_view(btf, file, view, path, btf->values + (gsize)view * n,
+                             n * (gsize)btf->n_views, error);
+    g_autofree float *buffer = g_new(float, texels *n);
+    return btf_take_view(btf, file, view, path, buffer, n, error) &&
+           btf_scratch_write(btf->scratch, view, buffer, error);
+}
+
+static gboolean btf_matrix_read_views(struct btf_matrix *btf, gint64 memory, const GPtrArray *paths,
+                                      const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    gboolean ok = TRUE;
+    for (int view = 0; ok && view < btf->n_views; view++) {
+        const char *path = g_ptr_array_index(paths, (guint)view);
+        struct exr_file *file = exr_read(path, error);
+        ok = file && (view > 0 || btf_matrix_begin(btf, memory, file, path, error)) &&
+             btf_matrix_add_view(btf, file, view, path, error);
+        exr_file_free(file);
+        ok = ok && work_tell(work, "read", view + 1, btf->n_views, begun_us, error);
+    }
+    return ok;
+}
+
+struct btf_matrix *btf_open(const char *path, gboolean verify, GPtrArray **ret_paths,
+                            GError **error) {
+    struct session_grid grid;
+    g_autofree char *directory = btf_matrix_session(path);
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    if (!session || !session_grid(session, &grid, error) ||
+        (verify && !session_check_products(session, "products/btf/", error)) ||
+        !(*ret_paths = list_views(session, error)))
+        return NULL;
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    btf->name = g_strdup(session_name(session));
+    btf->directory = g_strdup(session_path(session));
+    btf->width = grid.width;
+    btf->height = grid.height;
+    btf->texel_mm = grid.width_mm / grid.width;
+    btf->reference_mm = grid.reference_mm;
+    btf->n_views = (int)(*ret_paths)->len;
+    btf->view_theta_deg = g_new0(float, btf->n_views);
+    btf->view_phi_deg = g_new0(float, btf->n_views);
+    return btf;
+}
+
+struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error) {
+    return btf_matrix_read_within(0, path, work, error);
+}
+
+struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
+                                          GError **error) {
+    g_autoptr(GPtrArray) paths = NULL;
+    struct btf_matrix *btf = btf_open(path, TRUE, &paths, error);
+    if (btf && !btf_matrix_read_views(btf, memory, paths, work, error))
+        g_clear_pointer(&btf, btf_matrix_free);
+    return btf;
+}

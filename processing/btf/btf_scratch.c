@@ -1,0 +1,136 @@
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#include "btf_private.h"
+#include "exr/exr_half.h"
+
+#define PIECE 16384 /* values converted at a time: stays in the cache */
+
+struct btf_scratch {
+    int fd;
+    gsize row; /* values */
+    gsize n_texels;
+    guint64 *hashes; /* of what was written of each view */
+};
+
+static gboolean io_error(GError **error, const char *what) {
+    const int code = errno;
+    g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code),
+                "the BTF's values in a temporary file: %s: %s", what, g_strerror(code));
+    return FALSE;
+}
+
+struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, int n_texels,
+                                    GError **error) {
+    const gint64 bytes = (gint64)row * n_views * n_texels * (gint64)sizeof(guint16);
+    int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    if (fd < 0)
+        fd = open(g_get_tmp_dir(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    /* Asked for before the reading begins, not found missing at its end. */
+    if (fd < 0 || (errno = posix_fallocate(fd, 0, bytes)) != 0) {
+        g_autofree char *size = g_format_size((guint64)bytes);
+        g_autofree char *what = g_strdup_printf("%s in %s", size, folder);
+        io_error(error, what);
+        if (fd >= 0)
+            close(fd);
+        return NULL;
+    }
+    struct btf_scratch *scratch = g_new0(struct btf_scratch, 1);
+    *scratch = (struct btf_scratch){fd, row, (gsize)n_texels, g_new0(guint64, n_views)};
+    return scratch;
+}
+
+void btf_scratch_free(struct btf_scratch *scratch) {
+    if (!scratch)
+        return;
+    close(scratch->fd);
+    g_free(scratch->hashes);
+    g_free(scratch);
+}
+
+static off_t btf_scratch_place(const struct btf_scratch *scratch, int view, gsize first) {
+    return (off_t)((((gsize)view * scratch->n_texels) + first) * scratch->row * sizeof(guint16));
+}
+
+/* All of it, whatever the kernel gives at a time. */
+static gboolean btf_scratch_transfer(int fd, gboolean write, guint8 *bytes, gsize n, off_t at) {
+    while (n > 0) {
+        const gssize done = write ? pwrite(fd, bytes, n, at) : pread(fd, bytes, n, at);
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done <= 0) {
+            errno = done == 0 ? EIO : errno;
+            return FALSE;
+        }
+        bytes += done;
+        at += done;
+        n -= (gsize)done;
+    }
+    return TRUE;
+}
+
+gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                                const float *values, GError **error) {
+    guint16 halves[PIECE];
+    const gsize all = (gsize)n * scratch->row;
+    off_t at = btf_scratch_place(scratch, view, (gsize)first);
+    if (first == 0)
+        scratch->hashes[view] = 0;
+    for (gsize i = 0; i < all; i += PIECE) {
+        const gsize part = MIN(PIECE, all - i);
+        exr_half_from_floats(halves, values + i, part);
+        scratch->hashes[view] =
+            XXH3_64bits_withSeed(halves, part * sizeof *halves, scratch->hashes[view]);
+        if (!btf_scratch_transfer(scratch->fd, TRUE, (guint8 *)halves, part * sizeof *halves, at))
+            return io_error(error, "writing");
+        at += (off_t)(part * sizeof *halves);
+    }
+    return TRUE;
+}
+
+gboolean btf_scratch_write(struct btf_scratch *scratch, int view, const float *values,
+                           GError **error) {
+    return btf_scratch_write_rows(scratch, view, 0, (int)scratch->n_texels, values, error);
+}
+
+gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first, int n, float *ret,
+                          GError **error) {
+    guint16 halves[PIECE];
+    const gsize all = (gsize)n * scratch->row;
+    off_t at = btf_scratch_place(scratch, view, (gsize)first);
+    for (gsize i = 0; i < all; i += PIECE) {
+        const gsize part = MIN(PIECE, all - i);
+        if (!btf_scratch_transfer(scratch->fd, FALSE, (guint8 *)halves, part * sizeof *halves, at))
+            return io_error(error, "reading");
+        exr_half_to_floats(ret + i, halves, part);
+        at += (off_t)(part * sizeof *halves);
+    }
+    return TRUE;
+}
+
+gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
+                                const int *places, float *ret, GError **error) {
+    guint16 halves[PIECE];
+    const gsize row = scratch->row;
+    const int at_once = (int)(PIECE / row);
+    for (int i = 0; at_once == 0 && i < n; i++)
+        if (!btf_scratch_read(scratch, view, first + i, 1, ret + (gsize)places[i] * row, error))
+            return FALSE;
+    for (int i = 0; at_once > 0 && i < n; i += at_once) {
+        const int rows = MIN(at_once, n - i);
+        if (!btf_scratch_transfer(scratch->fd, FALSE, (guint8 *)halves,
+                                  (gsize)rows * row * sizeof *halves,
+                                  btf_scratch_place(scratch, view, (gsize)first + (gsize)i)))
+            return io_error(error, "reading");
+        for (int j = 0; j < rows; j++)
+            exr_half_to_floats(ret + (gsize)places[i + j] * row, halves + (gsize)j * row, row);
+    }
+    return TRUE;
+}
+
+guint64 btf_scratch_hash(const struct btf_scratch *scratch, int view) {
+    return scratch->hashes[view];
+}

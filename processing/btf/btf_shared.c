@@ -1,0 +1,129 @@
+#include <string.h>
+
+#include "btf_private.h"
+
+#include "base/data_error.h"
+#include "session/session.h"
+
+#define COLOURS 3
+
+struct shared {
+    const struct team *team;
+    struct btf_matrix *btf;
+    const GPtrArray *paths;
+    int first, end; /* texels of this rank */
+    gsize *starts;  /* of all ranks, in values of a view */
+    float *mine;    /* what this rank got of a view */
+};
+
+/* FALSE on all ranks if it is on one. */
+static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
+    double failed = !ok;
+    team->sum_doubles(team, &failed, 1);
+    if (ok && failed > 0)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "another of the %d processes could not read its part", team->n_ranks);
+    return failed == 0;
+}
+
+/* Views of a round, one a rank: root's texels become everybody's. */
+static void deal_view(struct shared *shared, int root, int view, const float *values) {
+    const struct btf_matrix *btf = shared->btf;
+    const gsize n = (gsize)btf->n_lights * COLOURS, row = n * (gsize)btf->n_views;
+    shared->team->deal(shared->team, root, values, shared->starts, shared->mine);
+    for (int i = 0; i < shared->end - shared->first; i++)
+        memcpy(btf->values + (gsize)i * row + (gsize)view * n, shared->mine + (gsize)i * n,
+               sizeof(float) * n);
+}
+
+static gboolean read_round(struct shared *shared, int from, float *buffer, GError **error) {
+    struct btf_matrix *btf = shared->btf;
+    const int view = from + shared->team->rank;
+    gboolean ok = TRUE;
+    if (view < btf->n_views) {
+        const char *path = g_ptr_array_index(shared->paths, (guint)view);
+        struct exr_file *file = session_check_product(path, error) ? exr_read(path, error) : NULL;
+        ok = file &&
+             btf_take_view(btf, file, view, path, buffer, (gsize)btf->n_lights * COLOURS, error);
+        exr_file_free(file);
+    }
+    if (!all_ok(shared->team, ok, error))
+        return FALSE;
+    for (int root = 0; root < MIN(shared->team->n_ranks, btf->n_views - from); root++)
+        deal_view(shared, root, from + root, buffer);
+    return TRUE;
+}
+
+static gboolean read_lights(struct shared *shared, GError **error) {
+    const char *path = g_ptr_array_index(shared->paths, 0);
+    struct exr_file *first = exr_read_headers(path, error);
+    const gboolean ok = first && btf_take_lights(shared->btf, first, path, error);
+    exr_file_free(first);
+    return ok;
+}
+
+/* Each rank's share, in texels and in values of a view. */
+static gboolean take_part(struct shared *shared, GError **error) {
+    struct btf_matrix *btf = shared->btf;
+    const gsize n = (gsize)btf->n_lights * COLOURS;
+    shared->starts = g_new0(gsize, shared->team->n_ranks + 1);
+    for (int rank = 0; rank < shared->team->n_ranks; rank++) {
+        int first, end;
+        team_part(shared->team, rank, btf->width * btf->height, TEAM_ROWS, &first, &end);
+        shared->starts[rank + 1] = (gsize)end * n;
+    }
+    team_part(shared->team, shared->team->rank, btf->width * btf->height, TEAM_ROWS, &shared->first,
+              &shared->end);
+    const gsize mine = (gsize)(shared->end - shared->first);
+    shared->mine = g_new(float, mine *n + 1);
+    btf->values = g_try_new0(float, mine *n *(gsize)btf->n_views + 1);
+    if (!btf->values)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%" G_GSIZE_FORMAT " texels do not fit into memory; take more processes", mine);
+    return btf->values != NULL;
+}
+
+/* What only those know who read a view. */
+static void share_directions(const struct shared *shared) {
+    struct btf_matrix *btf = shared->btf;
+    double marks[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,
+                      (double)btf->predicted};
+    shared->team->sum_floats(shared->team, btf->view_theta_deg, (gsize)btf->n_views);
+    shared->team->sum_floats(shared->team, btf->view_phi_deg, (gsize)btf->n_views);
+    shared->team->sum_doubles(shared->team, marks, G_N_ELEMENTS(marks));
+    btf->holes = (gint64)marks[0];
+    btf->bounds = (gint64)marks[1];
+    btf->shorter = (gint64)marks[2];
+    btf->predicted = (gint64)marks[3];
+}
+
+static gboolean read_shared(struct shared *shared, const struct work *work, GError **error) {
+    struct btf_matrix *btf = shared->btf;
+    const gint64 begun_us = g_get_monotonic_time();
+    const int step = shared->team->n_ranks;
+    if (!all_ok(shared->team, read_lights(shared, error) && take_part(shared, error), error))
+        return FALSE;
+    g_autofree float *buffer =
+        g_new(float, (gsize)btf->width *(gsize)btf->height *(gsize)btf->n_lights *COLOURS);
+    for (int view = 0; view < btf->n_views; view += step) {
+        if (!read_round(shared, view, buffer, error))
+            return FALSE;
+        const int done = MIN(view + step, btf->n_views);
+        work_tell(work, "read", done, btf->n_views, begun_us, NULL);
+    }
+    share_directions(shared);
+    return TRUE;
+}
+
+struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
+                                          const struct work *work, GError **error) {
+    g_autoptr(GPtrArray) paths = NULL;
+    struct shared shared = {team, btf_open(path, FALSE, &paths, error)};
+    shared.paths = paths;
+    if (!all_ok(team, shared.btf != NULL, error) || !shared.btf ||
+        !read_shared(&shared, work, error))
+        g_clear_pointer(&shared.btf, btf_matrix_free);
+    g_free(shared.starts);
+    g_free(shared.mine);
+    return shared.btf;
+}

@@ -1,0 +1,287 @@
+#include "direction_grid.h"
+
+#include "base/data_error.h"
+#include "base/direction.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#define LINEAR 4    /* 1, x, y, z */
+#define DENSE  3000 /* directions all over the hemisphere */
+#define NEAR   1e-3 /* what staying near the smooth interpolant counts */
+
+/* What measured directions count beside all of those together. Where many of them lie midway
+ * between samples, as the rings of the papers' 81 do on a grid of 12, these would swing to meet
+ * them. So they count less, down to LEAST, until no sample is more than MOST_GAIN times the values'
+ * size. */
+#define MEASURED  3.0
+#define LEAST     0.05
+#define MOST_GAIN 2.6
+
+void direction_grid_direction(double s, double t, float ret[3]) {
+    const double a = 2 * CLAMP(s, 0, 1) - 1, b = 2 * CLAMP(t, 0, 1) - 1;
+    const gboolean across = fabs(a) > fabs(b);
+    const double rho = across ? a : b;
+    const double phi = rho == 0 ? 0 : across ? G_PI_4 * b / a : G_PI_2 - G_PI_4 * a / b;
+    const double out = rho * sqrt(2 - rho * rho);
+    ret[0] = (float)(out * cos(phi));
+    ret[1] = (float)(out * sin(phi));
+    ret[2] = (float)(1 - rho * rho);
+}
+
+void direction_grid_square(const float direction[3], double *ret_s, double *ret_t) {
+    const double rho = sqrt(CLAMP(1 - (double)direction[2], 0, 1));
+    double phi = atan2((double)direction[1], (double)direction[0]), a, b;
+    if (phi < -G_PI_4)
+        phi += 2 * G_PI;
+    const int side = CLAMP((int)floor((phi + G_PI_4) / G_PI_2), 0, 3);
+    const double along = rho, across = rho * (phi - side * G_PI_2) / G_PI_4;
+    a = side == 0 ? along : side == 1 ? -across : side == 2 ? -along : across;
+    b = side == 0 ? across : side == 1 ? along : side == 2 ? -across : -along;
+    *ret_s = CLAMP((a + 1) / 2, 0, 1);
+    *ret_t = CLAMP((b + 1) / 2, 0, 1);
+}
+
+void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
+                            float ret_weight[4]) {
+    double s, t;
+    direction_grid_square(direction, &s, &t);
+    const double x = s * (n_grid - 1), y = t * (n_grid - 1);
+    const int i = MIN((int)x, n_grid - 2), j = MIN((int)y, n_grid - 2);
+    const float u = (float)(x - i), v = (float)(y - j);
+    for (int k = 0; k < 4; k++) {
+        ret_index[k] = (j + k / 2) * n_grid + i + k % 2;
+        ret_weight[k] = (k % 2 ? u : 1 - u) * (k / 2 ? v : 1 - v);
+    }
+}
+
+/* Everything about one set of measured directions. */
+struct smooth {
+    int n;
+    float *directions; /* n × 3 */
+    double lowest;     /* z of the lowest one */
+    double *inverse;   /* (n + LINEAR) × n: from values to coefficients */
+    gboolean lights;
+};
+
+static double kernel(const float *a, const float *b) {
+    const double x = (double)a[0] - b[0], y = (double)a[1] - b[1], z = (double)a[2] - b[2];
+    return sqrt(x * x + y * y + z * z);
+}
+
+static void smooth_row(const struct smooth *smooth, const float *direction, double *ret) {
+    for (int i = 0; i < smooth->n; i++)
+        ret[i] = kernel(direction, smooth->directions + (gsize)(3 * i));
+    ret[smooth->n] = 1;
+    for (int k = 0; k < 3; k++)
+        ret[smooth->n + 1 + k] = direction[k];
+}
+
+/* The shortest solution, so that directions that repeat, lie in a plane or are alone do no harm. */
+static gboolean direction_grid_invert(struct smooth *smooth) {
+    const int n = smooth->n, m = n + LINEAR;
+    g_autofree double *a = g_new0(double, m *m), *singular = g_new(double, m);
+    int rank;
+    for (int i = 0; i < n; i++) {
+        smooth_row(smooth, smooth->directions + (gsize)(3 * i), a + (gsize)i * (gsize)m);
+        for (int k = n; k < m; k++)
+            a[(gsize)k * (gsize)m + (gsize)i] = a[(gsize)i * (gsize)m + (gsize)k];
+    }
+    smooth->inverse = g_new0(double, m *n);
+    for (int i = 0; i < n; i++)
+        smooth->inverse[(gsize)i * (gsize)n + (gsize)i] = 1;
+    return LAPACKE_dgelsd(LAPACK_ROW_MAJOR, m, m, n, a, m, smooth->inverse, n, singular, 1e-7,
+                          &rank) == 0;
+}
+
+static gboolean smooth_init(struct smooth *smooth, const float *theta_deg, const float *phi_deg,
+                            int n, gboolean lights) {
+    *smooth = (struct smooth){n, g_new(float, 3 * n), 1, NULL, lights};
+    for (int i = 0; i < n; i++) {
+        float *direction = smooth->directions + (gsize)(3 * i);
+        direction_from_deg(theta_deg[i], phi_deg[i], direction);
+        smooth->lowest = MIN(smooth->lowest, direction[2]);
+    }
+    smooth->lowest = MAX(smooth->lowest, 1e-3);
+    return direction_grid_invert(smooth);
+}
+
+static void smooth_clear(struct smooth *smooth) {
+    g_free(smooth->directions);
+    g_free(smooth->inverse);
+}
+
+/* Rows of what each measured value counts in the smooth interpolant at these directions. */
+static double *smooth_at(const struct smooth *smooth, const float *directions, int count) {
+    const int m = smooth->n + LINEAR;
+    g_autofree double *rows = g_new(double, (gsize)count *(gsize)m);
+    double *ret = g_new(double, (gsize)count *(gsize)smooth->n);
+    for (int i = 0; i < count; i++) {
+        const float *d = directions + (gsize)(3 * i);
+        const double low = smooth->lowest, out = hypot((double)d[0], (double)d[1]);
+        const gboolean below = d[2] < low;
+        const double scale = below ? sqrt(1 - low * low) / MAX(out, 1e-9) : 1;
+        const float at[3] = {(float)(d[0] * scale), (float)(d[1] * scale),
+                             below ? (float)low : d[2]};
+        double *row = rows + (gsize)i * (gsize)m;
+        smooth_row(smooth, at, row);
+        if (below && smooth->lights)
+            cblas_dscal(m, MAX(d[2], 0) / low, row, 1);
+    }
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, count, smooth->n, m, 1, rows, m,
+                smooth->inverse, smooth->n, 0, ret, smooth->n);
+    return ret;
+}
+
+/* Adds weight × (bilinear at direction − row of target)² to the normal equations. */
+static void add_equation(int n_grid, const float *direction, double weight, const double *target,
+                         int n, double *matrix, double *right) {
+    const int samples = n_grid * n_grid;
+    int index[4];
+    float share[4];
+    direction_grid_weights(n_grid, direction, index, share);
+    for (int a = 0; a < 4; a++) {
+        for (int b = 0; b < 4; b++)
+            matrix[(gsize)index[a] * (gsize)samples + (gsize)index[b]] +=
+                weight * share[a] * share[b];
+        cblas_daxpy(n, weight * share[a], target, 1, right + (gsize)index[a] * (gsize)n, 1);
+    }
+}
+
+/* Evenly spread: a Fibonacci spiral. */
+static float *dense_directions(void) {
+    float *ret = g_new(float, 3 * DENSE);
+    for (int i = 0; i < DENSE; i++) {
+        const double z = 1 - (i + 0.5) / DENSE, r = sqrt(1 - z * z);
+        const double phi = G_PI * (1 + sqrt(5)) * (i + 0.5);
+        ret[3 * i] = (float)(r * cos(phi));
+        ret[3 * i + 1] = (float)(r * sin(phi));
+        ret[3 * i + 2] = (float)z;
+    }
+    return ret;
+}
+
+static float *grid_directions(int n_grid) {
+    float *ret = g_new(float, 3 * n_grid * n_grid);
+    for (int i = 0; i < n_grid * n_grid; i++) {
+        const int column = i % n_grid, row = i / n_grid;
+        direction_grid_direction(column / (n_grid - 1.0), row / (n_grid - 1.0),
+                                 ret + (gsize)(3 * i));
+    }
+    return ret;
+}
+
+/* Normal equations of the samples: matrix × samples = right × values. */
+struct equations {
+    gsize samples, n;
+    double *matrix, *right;
+};
+
+static struct equations equations_new(int n_grid, int n) {
+    const gsize samples = (gsize)n_grid * (gsize)n_grid;
+    return (struct equations){samples, (gsize)n, g_new0(double, samples *samples),
+                              g_new0(double, samples *(gsize)n)};
+}
+
+static void equations_clear(struct equations *equations) {
+    g_free(equations->matrix);
+    g_free(equations->right);
+}
+
+/* To be what the smooth interpolant is, all over the hemisphere. */
+static struct equations follow_smooth(const struct smooth *smooth, int n_grid) {
+    struct equations ret = equations_new(n_grid, smooth->n);
+    g_autofree float *dense = dense_directions(), *grid = grid_directions(n_grid);
+    g_autofree double *at_dense = smooth_at(smooth, dense, DENSE);
+    g_autofree double *at_grid = smooth_at(smooth, grid, (int)ret.samples);
+    for (gsize i = 0; i < DENSE; i++)
+        add_equation(n_grid, dense + 3 * i, 1.0 / DENSE, at_dense + i * ret.n, (int)ret.n,
+                     ret.matrix, ret.right);
+    for (gsize i = 0; i < ret.samples; i++) {
+        const double near = NEAR / (double)ret.samples;
+        ret.matrix[i * ret.samples + i] += near;
+        cblas_daxpy((int)ret.n, near, at_grid + i * ret.n, 1, ret.right + i * ret.n, 1);
+    }
+    return ret;
+}
+
+/* To be the measured values where they were measured. */
+static struct equations follow_measured(const struct smooth *smooth, int n_grid) {
+    struct equations ret = equations_new(n_grid, smooth->n);
+    g_autofree double *one = g_new0(double, ret.n);
+    for (gsize i = 0; i < ret.n; i++) {
+        one[i] = 1;
+        add_equation(n_grid, smooth->directions + 3 * i, 1 / (double)ret.n, one, (int)ret.n,
+                     ret.matrix, ret.right);
+        one[i] = 0;
+    }
+    return ret;
+}
+
+/* Samples × n, the measured values counting so much beside the others. */
+static double *direction_grid_solve(const struct equations *smooth,
+                                    const struct equations *measured, double weight) {
+    const gsize samples = smooth->samples, n = smooth->n;
+    g_autofree double *matrix = g_memdup2(smooth->matrix, sizeof(double) * samples * samples);
+    double *ret = g_memdup2(smooth->right, sizeof(double) * samples * n);
+    cblas_daxpy((int)(samples * samples), weight, measured->matrix, 1, matrix, 1);
+    cblas_daxpy((int)(samples * n), weight, measured->right, 1, ret, 1);
+    LAPACKE_dposv(LAPACK_ROW_MAJOR, 'U', (int)samples, (int)n, matrix, (int)samples, ret, (int)n);
+    return ret;
+}
+
+/* How much larger than the values a sample can get. */
+static double gain_of(const double *rows, gsize samples, gsize n) {
+    double most = 0;
+    for (gsize i = 0; i < samples; i++)
+        most = MAX(most, cblas_dasum((int)n, rows + i * n, 1));
+    return most;
+}
+
+float *direction_grid_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
+                               gboolean lights, GError **error) {
+    gboolean ok =
+        n >= 1 && n <= 4096 && n_grid >= DIRECTION_GRID_MIN && n_grid <= DIRECTION_GRID_MAX;
+    for (int i = 0; ok && i < n; i++)
+        ok = isfinite(theta_deg[i]) && isfinite(phi_deg[i]) && fabsf(theta_deg[i]) <= 90;
+    struct smooth smooth;
+    if (!ok || !smooth_init(&smooth, theta_deg, phi_deg, n, lights)) {
+        if (ok)
+            smooth_clear(&smooth);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%d directions cannot be put on a grid of %d: 1 to 4096 are needed, above the "
+                    "horizon, and a grid of %d to %d",
+                    n, n_grid, DIRECTION_GRID_MIN, DIRECTION_GRID_MAX);
+        return NULL;
+    }
+    struct equations everywhere = follow_smooth(&smooth, n_grid);
+    struct equations measured = follow_measured(&smooth, n_grid);
+    const gsize samples = everywhere.samples, values = everywhere.n;
+    smooth_clear(&smooth);
+    double *rows = direction_grid_solve(&everywhere, &measured, MEASURED);
+    for (double w = MEASURED; w > LEAST && gain_of(rows, samples, values) > MOST_GAIN; w /= 2) {
+        g_free(rows);
+        rows = direction_grid_solve(&everywhere, &measured, w / 2);
+    }
+    equations_clear(&everywhere);
+    equations_clear(&measured);
+    float *ret = g_new(float, samples *values);
+    for (gsize i = 0; i < samples * values; i++)
+        ret[i] = (float)rows[i];
+    g_free(rows);
+    return ret;
+}
+
+void direction_grid_angles(int n_grid, float **ret_theta_deg, float **ret_phi_deg) {
+    const int samples = n_grid * n_grid;
+    g_autofree float *grid = grid_directions(n_grid);
+    *ret_theta_deg = g_new(float, samples);
+    *ret_phi_deg = g_new(float, samples);
+    for (int i = 0; i < samples; i++) {
+        const float *d = grid + (gsize)(3 * i);
+        (*ret_theta_deg)[i] = acosf(CLAMP(d[2], -1, 1)) * 180 / (float)G_PI;
+        (*ret_phi_deg)[i] = atan2f(d[1], d[0]) * 180 / (float)G_PI;
+    }
+}

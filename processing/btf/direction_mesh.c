@@ -1,0 +1,324 @@
+#include "direction_mesh.h"
+
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "triangulation.h"
+
+#define TOGETHER  (0.25 * G_PI / 180 / 2) /* apart in the plane, near its middle */
+#define FLAT      0.02                    /* a triangle's height, of its longest side */
+#define MOST_AWAY 0.5                     /* of a triangle's height, that it is extrapolated by */
+#define AROUND    20                      /* neighbours that slopes are found from, at most */
+#define TERMS     5                       /* of a quadric without a constant */
+#define RANK      0.02                    /* singular values below, of the largest, say nothing */
+#define ROUNDING  1e-9
+
+/* Four values at once, wherever they lie. */
+typedef float lanes __attribute__((vector_size(16), aligned(4)));
+
+struct triangle {
+    int corner[3]; /* counter-clockwise */
+};
+
+struct slope { /* at one direction */
+    int n, index[AROUND];
+    float x[AROUND], y[AROUND]; /* of each neighbour's difference to it */
+};
+
+struct DirectionMesh {
+    int n;
+    gboolean lights;
+    double *points; /* n × 2, as the middle sees them */
+    gboolean *used;
+    GArray *triangles;
+    struct slope *slopes; /* n */
+};
+
+void direction_mesh_point(struct vec3 direction, double ret[2]) {
+    const double scale = 1 / (1 + MAX(direction.z, 0));
+    ret[0] = direction.x * scale;
+    ret[1] = direction.y * scale;
+}
+
+static double direction_mesh_cosine(const double point[2]) {
+    const double r2 = point[0] * point[0] + point[1] * point[1];
+    return (1 - r2) / (1 + r2);
+}
+
+static double apart(const double *a, const double *b) {
+    return hypot(a[0] - b[0], a[1] - b[1]);
+}
+
+static double direction_mesh_area(const double *a, const double *b, const double *c) {
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+static gboolean is_flat(const double *a, const double *b, const double *c) {
+    const double longest = MAX(apart(a, b), MAX(apart(b, c), apart(c, a)));
+    return !(direction_mesh_area(a, b, c) > FLAT * longest * longest);
+}
+
+static void choose_used(DirectionMesh *mesh, int skip) {
+    for (int i = 0; i < mesh->n; i++) {
+        mesh->used[i] = i != skip;
+        for (int k = 0; k < i && mesh->used[i]; k++)
+            mesh->used[i] = !mesh->used[k] || apart(mesh->points + (gsize)(2 * i),
+                                                    mesh->points + (gsize)(2 * k)) > TOGETHER;
+    }
+}
+
+static void direction_mesh_triangulate(DirectionMesh *mesh) {
+    g_autofree double *points = g_new(double, 2 * (gsize)mesh->n + 1);
+    g_autofree int *index = g_new(int, (gsize)mesh->n + 1);
+    int n = 0, n_triangles;
+    for (int i = 0; i < mesh->n; i++)
+        if (mesh->used[i]) {
+            memcpy(points + 2 * (gsize)n, mesh->points + 2 * (gsize)i, 2 * sizeof *points);
+            index[n++] = i;
+        }
+    if (n < 3)
+        return;
+    Triangulation *triangulation = triangulation_new(points, n);
+    const int *corners = triangulation_corners(triangulation, &n_triangles);
+    for (int t = 0; t < n_triangles; t++) {
+        const int *c = corners + (gsize)(3 * t);
+        const struct triangle triangle = {{index[c[0]], index[c[1]], index[c[2]]}};
+        if (!is_flat(points + (gsize)(2 * c[0]), points + (gsize)(2 * c[1]),
+                     points + (gsize)(2 * c[2])))
+            g_array_append_val(mesh->triangles, triangle);
+    }
+    triangulation_free(triangulation);
+}
+
+/* Marks all that share a triangle with one that is marked so far. */
+static void spread(const DirectionMesh *mesh, guint8 *marked) {
+    g_autofree guint8 *before = g_memdup2(marked, (gsize)mesh->n);
+    for (guint t = 0; t < mesh->triangles->len; t++) {
+        const int *c = g_array_index(mesh->triangles, struct triangle, t).corner;
+        if (before[c[0]] || before[c[1]] || before[c[2]])
+            marked[c[0]] = marked[c[1]] = marked[c[2]] = 1;
+    }
+}
+
+struct near {
+    int index;
+    double distance;
+};
+
+static int direction_mesh_by_distance(const void *a, const void *b) {
+    const struct near *x = a, *y = b;
+    return x->distance != y->distance ? (x->distance < y->distance ? -1 : 1) : x->index - y->index;
+}
+
+/* The quadric through a corner's own value that fits its neighbours' best, the nearer the better:
+ * its slopes are linear in the neighbours' differences. Where they do not tell all five terms, the
+ * shortest solution. */
+static void fit_slope(const DirectionMesh *mesh, int at, const struct near *around, int n,
+                      struct slope *ret) {
+    const double unit = around[n - 1].distance;
+    double a[AROUND * TERMS], b[AROUND * AROUND] = {0}, singular[TERMS];
+    int rank;
+    for (int i = 0; i < n; i++) {
+        const double *p = mesh->points + (gsize)(2 * around[i].index);
+        const double x = (p[0] - mesh->points[2 * at]) / unit;
+        const double y = (p[1] - mesh->points[2 * at + 1]) / unit;
+        const double terms[TERMS] = {x, y, x * x, x * y, y * y};
+        const double weight = unit / around[i].distance;
+        for (int k = 0; k < TERMS; k++)
+            a[i * TERMS + k] = weight * terms[k];
+        b[i * AROUND + i] = weight;
+    }
+    if (LAPACKE_dgelsd(LAPACK_ROW_MAJOR, n, TERMS, n, a, TERMS, b, AROUND, singular, RANK, &rank))
+        return;
+    ret->n = n;
+    for (int i = 0; i < n; i++) {
+        ret->index[i] = around[i].index;
+        ret->x[i] = (float)(b[i] / unit);
+        ret->y[i] = (float)(b[AROUND + i] / unit);
+    }
+}
+
+static void find_slope(DirectionMesh *mesh, int at) {
+    g_autofree guint8 *marked = g_new0(guint8, mesh->n);
+    g_autofree struct near *around = g_new(struct near, mesh->n);
+    int n = 0;
+    marked[at] = 1;
+    spread(mesh, marked);
+    spread(mesh, marked);
+    for (int i = 0; i < mesh->n; i++)
+        if (marked[i] && i != at)
+            around[n++] = (struct near){
+                i, apart(mesh->points + (gsize)(2 * i), mesh->points + (gsize)(2 * at))};
+    qsort(around, (gsize)n, sizeof *around, direction_mesh_by_distance);
+    if (n >= TERMS)
+        fit_slope(mesh, at, around, MIN(n, AROUND), &mesh->slopes[at]);
+}
+
+DirectionMesh *direction_mesh_new(const struct vec3 *directions, int n, int skip, gboolean lights) {
+    DirectionMesh *mesh = g_new0(DirectionMesh, 1);
+    *mesh = (DirectionMesh){.n = n,
+                            .lights = lights,
+                            .points = g_new(double, 2 * (gsize)n),
+                            .used = g_new0(gboolean, n),
+                            .triangles = g_array_new(FALSE, FALSE, sizeof(struct triangle)),
+                            .slopes = g_new0(struct slope, n)};
+    for (int i = 0; i < n; i++)
+        direction_mesh_point(directions[i], mesh->points + 2 * (gsize)i);
+    choose_used(mesh, skip);
+    direction_mesh_triangulate(mesh);
+    for (int i = 0; i < n; i++)
+        if (mesh->used[i])
+            find_slope(mesh, i);
+    return mesh;
+}
+
+void direction_mesh_free(DirectionMesh *mesh) {
+    if (!mesh)
+        return;
+    g_free(mesh->points);
+    g_free(mesh->used);
+    g_array_unref(mesh->triangles);
+    g_free(mesh->slopes);
+    g_free(mesh);
+}
+
+/* Barycentric; returns the smallest, which is negative outside, −∞ of a triangle that has turned
+ * over. */
+static double direction_mesh_weigh(const DirectionMesh *mesh, const double *points, int triangle,
+                                   const double at[2], double ret[3]) {
+    const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
+    const double *a = points + (gsize)(2 * corner[0]), *b = points + (gsize)(2 * corner[1]);
+    const double *c = points + (gsize)(2 * corner[2]), whole = direction_mesh_area(a, b, c);
+    if (!(whole > 0))
+        return -G_MAXDOUBLE;
+    ret[0] = direction_mesh_area(b, c, at) / whole;
+    ret[1] = direction_mesh_area(c, a, at) / whole;
+    ret[2] = 1 - ret[0] - ret[1];
+    return MIN(ret[0], MIN(ret[1], ret[2]));
+}
+
+void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
+                          struct direction_guess *ret) {
+    const int n = (int)mesh->triangles->len;
+    g_autofree struct near *list = g_new(struct near, (gsize)n + 1);
+    double at[2], weights[3];
+    direction_mesh_point(direction, at);
+    for (int t = 0; t < n; t++)
+        list[t] = (struct near){t, -direction_mesh_weigh(mesh, mesh->points, t, at, weights)};
+    qsort(list, (gsize)n, sizeof *list, direction_mesh_by_distance);
+    ret->n = MIN(n, DIRECTION_MESH_GUESSES);
+    for (int k = 0; k < ret->n; k++)
+        ret->triangle[k] = list[k].index;
+}
+
+/* The triangle that holds it, or else is least far from doing so. −1: there is none. */
+static int direction_mesh_find(const DirectionMesh *mesh, const double *points, const double at[2],
+                               const struct direction_guess *guess, double ret[3]) {
+    const int n = (int)mesh->triangles->len;
+    double best = -G_MAXDOUBLE, weights[3];
+    int found = -1;
+    for (int k = 0; k < guess->n + n && best < -ROUNDING; k++) {
+        const int t = k < guess->n ? guess->triangle[k] : k - guess->n;
+        const double inside = direction_mesh_weigh(mesh, points, t, at, weights);
+        if (inside <= best)
+            continue;
+        best = inside;
+        found = t;
+        memcpy(ret, weights, sizeof weights);
+    }
+    return found;
+}
+
+/* Of a point too far out: back to where extrapolation ends, the others in proportion. */
+static gboolean hold(double weights[3]) {
+    double positive = 0, negative = 0;
+    gboolean held = FALSE;
+    for (int k = 0; k < 3; k++) {
+        held |= weights[k] < -MOST_AWAY;
+        weights[k] = MAX(weights[k], -MOST_AWAY);
+        positive += MAX(weights[k], 0);
+        negative += MIN(weights[k], 0);
+    }
+    for (int k = 0; held && k < 3; k++)
+        if (weights[k] > 0)
+            weights[k] *= (1 - negative) / positive;
+    return held;
+}
+
+static void direction_mesh_nearest(const DirectionMesh *mesh, const double *points,
+                                   const double at[2], struct direction_share *ret) {
+    double best = G_MAXDOUBLE;
+    *ret = (struct direction_share){.weight = {1}, .held = TRUE};
+    for (int i = 0; i < mesh->n; i++) {
+        const double distance = apart(points + (gsize)(2 * i), at);
+        if (!mesh->used[i] || distance >= best)
+            continue;
+        best = distance;
+        ret->corner[0] = ret->corner[1] = ret->corner[2] = i;
+    }
+}
+
+/* By how much reflectance, which holds n·l, falls from where it was measured last. */
+static double fade(const double *points, const struct direction_share *share, const double at[2]) {
+    double end[2] = {0};
+    for (int k = 0; k < 3; k++)
+        for (int axis = 0; axis < 2; axis++)
+            end[axis] += (double)share->weight[k] * points[2 * share->corner[k] + axis];
+    return CLAMP(direction_mesh_cosine(at) / MAX(direction_mesh_cosine(end), 1e-3), 0, 1);
+}
+
+void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
+                          const struct direction_guess *guess, struct direction_share *ret) {
+    double weights[3], end[2] = {0};
+    const int triangle = direction_mesh_find(mesh, points, at, guess, weights);
+    if (triangle < 0)
+        direction_mesh_nearest(mesh, points, at, ret);
+    else {
+        const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
+        ret->held = hold(weights);
+        for (int k = 0; k < 3; k++)
+            for (int axis = 0; axis < 2; axis++)
+                end[axis] += weights[k] * points[2 * corner[k] + axis];
+        for (int k = 0; k < 3; k++) {
+            ret->corner[k] = corner[k];
+            ret->weight[k] = (float)weights[k];
+            for (int axis = 0; axis < 2; axis++)
+                ret->along[k][axis] = (float)(0.5 * (end[axis] - points[2 * corner[k] + axis]));
+        }
+    }
+    const float factor = ret->held && mesh->lights ? (float)fade(points, ret, at) : 1;
+    for (int k = 0; k < 3; k++)
+        ret->weight[k] *= factor;
+}
+
+void direction_mesh_slopes(const DirectionMesh *mesh, const float *values, int row, float *ret) {
+    for (int i = 0; i < mesh->n; i++) {
+        const struct slope *slope = &mesh->slopes[i];
+        const float *own = values + (gsize)i * (gsize)row;
+        float *x = ret + 2 * (gsize)i * (gsize)row, *y = x + row;
+        memset(x, 0, 2 * sizeof(float) * (gsize)row);
+        for (int k = 0; k < slope->n; k++) {
+            const float *other = values + (gsize)slope->index[k] * (gsize)row;
+            for (int c = 0; c < row; c += 4) {
+                const lanes step = *(const lanes *)(other + c) - *(const lanes *)(own + c);
+                *(lanes *)(x + c) += slope->x[k] * step;
+                *(lanes *)(y + c) += slope->y[k] * step;
+            }
+        }
+    }
+}
+
+void direction_mesh_weights(const DirectionMesh *mesh, const struct direction_share *share,
+                            float *ret_weights) {
+    for (int k = 0; k < 3; k++) {
+        const struct slope *slope = &mesh->slopes[share->corner[k]];
+        ret_weights[share->corner[k]] += share->weight[k];
+        for (int i = 0; i < slope->n; i++) {
+            const float weight = share->weight[k] * (share->along[k][0] * slope->x[i] +
+                                                     share->along[k][1] * slope->y[i]);
+            ret_weights[slope->index[i]] += weight;
+            ret_weights[share->corner[k]] -= weight;
+        }
+    }
+}

@@ -1,0 +1,234 @@
+#include "energy.h"
+
+#include "base/data_error.h"
+
+#include <math.h>
+
+#define SAME_DEG 1.0
+#define SAMPLES_ASIDE                                                                              \
+    200 /* of the disc over which the hemisphere's cosine-weighted parts are found */
+#define LEAST_COSINE 0.05 /* lights flatter than that tell nothing by division */
+#define ROWS         256  /* texels read at a time */
+
+struct direction {
+    double x, y, z;
+};
+
+static struct direction energy_direction_of(double theta_deg, double phi_deg) {
+    double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
+    return (struct direction){sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)};
+}
+
+static double energy_cosine(struct direction a, struct direction b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+static struct direction *energy_directions(const float *theta_deg, const float *phi_deg, int n) {
+    struct direction *all = g_new(struct direction, n);
+    for (int i = 0; i < n; i++)
+        all[i] = energy_direction_of((double)theta_deg[i], (double)phi_deg[i]);
+    return all;
+}
+
+/* Nearest of n; −1 if there is none within SAME_DEG. */
+static int energy_same(const struct direction *all, int n, struct direction to) {
+    int best = -1;
+    double most = cos(SAME_DEG * G_PI / 180);
+    for (int i = 0; i < n; i++)
+        if (energy_cosine(all[i], to) >= most) {
+            most = energy_cosine(all[i], to);
+            best = i;
+        }
+    return best;
+}
+
+/* A disc of even density is the hemisphere weighted by its cosine, seen from above. */
+static double *weigh_views(const struct direction *views, int n) {
+    double *weight = g_new0(double, n), total = 0;
+    for (int j = 0; j < SAMPLES_ASIDE; j++)
+        for (int i = 0; i < SAMPLES_ASIDE; i++) {
+            double x = 2 * (i + 0.5) / SAMPLES_ASIDE - 1, y = 2 * (j + 0.5) / SAMPLES_ASIDE - 1;
+            if (x * x + y * y >= 1)
+                continue;
+            struct direction d = {x, y, sqrt(1 - x * x - y * y)};
+            int next = 0;
+            for (int k = 1; k < n; k++)
+                next = energy_cosine(views[k], d) > energy_cosine(views[next], d) ? k : next;
+            weight[next]++;
+            total++;
+        }
+    for (int i = 0; i < n; i++)
+        weight[i] /= total;
+    return weight;
+}
+
+/* Of pairs (v, l) whose exchange (l, v) was measured too: index of the latter, or −1. */
+static int *exchanges(const struct btf_matrix *btf, const struct direction *views,
+                      const struct direction *lights) {
+    g_autofree int *view_as_light = g_new(int, btf->n_views);
+    g_autofree int *light_as_view = g_new(int, btf->n_lights);
+    int *other = g_new(int, btf->n_views * btf->n_lights);
+    for (int v = 0; v < btf->n_views; v++)
+        view_as_light[v] = energy_same(lights, btf->n_lights, views[v]);
+    for (int l = 0; l < btf->n_lights; l++)
+        light_as_view[l] = energy_same(views, btf->n_views, lights[l]);
+    for (int v = 0; v < btf->n_views; v++)
+        for (int l = 0; l < btf->n_lights; l++) {
+            gboolean there = view_as_light[v] >= 0 && light_as_view[l] >= 0 &&
+                             views[v].z > LEAST_COSINE && lights[l].z > LEAST_COSINE;
+            other[v * btf->n_lights + l] =
+                there ? light_as_view[l] * btf->n_lights + view_as_light[v] : -1;
+        }
+    return other;
+}
+
+/* Squares of the differences of pairs, and of the pairs, once each. */
+struct symmetry {
+    double differences, squares;
+    int pairs;
+};
+
+/* values: B(v, l) in luminance. */
+static void add_symmetry(const int *other, const struct direction *lights, int n_views,
+                         int n_lights, const double *values, struct symmetry *to) {
+    for (int i = 0; i < n_views * n_lights; i++) {
+        int k = other[i];
+        if (k <= i)
+            continue;
+        double a = values[i] / lights[i % n_lights].z, b = values[k] / lights[k % n_lights].z;
+        to->differences += (a - b) * (a - b);
+        to->squares += 0.25 * (a + b) * (a + b);
+        to->pairs++;
+    }
+}
+
+static double asymmetry_of(const struct symmetry *symmetry) {
+    return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
+}
+
+/* E_r and E_i of B(v, l). */
+static void sum_fields(const double *values, int n_views, int n_lights, double *ret_r,
+                       double *ret_i) {
+    for (int v = 0; v < n_views; v++)
+        for (int l = 0; l < n_lights; l++) {
+            ret_r[v] += values[v * n_lights + l] / n_lights;
+            ret_i[l] += values[v * n_lights + l] / n_views;
+        }
+}
+
+struct texels { /* a block of them, in luminance */
+    double *values;
+    int first, n;
+};
+
+static gboolean energy_read_texels(const struct btf_matrix *btf, struct texels *texels,
+                                   float *buffer, GError **error) {
+    gsize all = (gsize)btf->n_views * (gsize)btf->n_lights;
+    for (int v = 0; v < btf->n_views; v++) {
+        gsize stride = 0;
+        const float *rows =
+            btf_matrix_rows(btf, v, texels->first, texels->n, buffer, &stride, error);
+        if (!rows)
+            return FALSE;
+        for (int i = 0; i < texels->n; i++)
+            for (int l = 0; l < btf->n_lights; l++) {
+                const float *rgb = rows + (gsize)i * stride + 3 * (gsize)l;
+                texels->values[(gsize)i * all + (gsize)v * (gsize)btf->n_lights + (gsize)l] =
+                    0.2126 * (double)rgb[0] + 0.7152 * (double)rgb[1] + 0.0722 * (double)rgb[2];
+            }
+    }
+    return TRUE;
+}
+
+/* The mean over texels, the wanted texel's sums, and the asymmetry of all texels alone. */
+static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
+                           const struct direction *lights, struct energy *energy, double *ret_mean,
+                           GError **error) {
+    int n_texels = btf->width * btf->height, n_values = btf->n_views * btf->n_lights;
+    g_autofree float *buffer = g_new(float, 3 * (gsize)ROWS * (gsize)btf->n_lights);
+    g_autofree double *values = g_new0(double, (gsize)ROWS *(gsize)n_values);
+    struct symmetry alone = {0};
+    for (int first = 0; first < n_texels; first += ROWS) {
+        struct texels texels = {values, first, MIN(ROWS, n_texels - first)};
+        if (!energy_read_texels(btf, &texels, buffer, error))
+            return FALSE;
+        for (int i = 0; i < texels.n; i++) {
+            const double *one = values + (gsize)i * (gsize)n_values;
+            for (int k = 0; k < n_values; k++)
+                ret_mean[k] += one[k] / n_texels;
+            add_symmetry(other, lights, btf->n_views, btf->n_lights, one, &alone);
+            if (first + i == energy->texel)
+                sum_fields(one, btf->n_views, btf->n_lights, energy->texel_e_r, energy->texel_e_i);
+        }
+    }
+    energy->texel_asymmetry = asymmetry_of(&alone);
+    return TRUE;
+}
+
+static void find_albedos(struct energy *energy, const double *mean, const double *weight,
+                         const struct direction *lights) {
+    for (int l = 0; l < energy->n_lights; l++) {
+        double sum = 0;
+        for (int v = 0; v < energy->n_views; v++)
+            sum += weight[v] * mean[v * energy->n_lights + l];
+        energy->albedo[l] = lights[l].z > LEAST_COSINE ? sum / lights[l].z : 0;
+        energy->largest_albedo = MAX(energy->largest_albedo, energy->albedo[l]);
+    }
+}
+
+static struct energy *new_energy(const struct btf_matrix *btf, int texel) {
+    struct energy *energy = g_new0(struct energy, 1);
+    energy->n_views = btf->n_views;
+    energy->n_lights = btf->n_lights;
+    energy->texel = texel;
+    energy->e_r = g_new0(double, btf->n_views);
+    energy->texel_e_r = g_new0(double, btf->n_views);
+    energy->e_i = g_new0(double, btf->n_lights);
+    energy->texel_e_i = g_new0(double, btf->n_lights);
+    energy->albedo = g_new0(double, btf->n_lights);
+    for (int v = 0; v < btf->n_views; v++)
+        energy->covered_deg = MAX(energy->covered_deg, (double)btf->view_theta_deg[v]);
+    return energy;
+}
+
+void energy_free(struct energy *energy) {
+    if (!energy)
+        return;
+    g_free(energy->e_r);
+    g_free(energy->texel_e_r);
+    g_free(energy->e_i);
+    g_free(energy->texel_e_i);
+    g_free(energy->albedo);
+    g_free(energy);
+}
+
+struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **error) {
+    int n_texels = btf->width * btf->height;
+    g_return_val_if_fail(btf->n_views > 0 && btf->n_lights > 0, NULL);
+    if (texel < -1 || texel >= n_texels) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: there is no texel %d; there are 0 … %d", btf->name, texel, n_texels - 1);
+        return NULL;
+    }
+    if (texel < 0)
+        texel = btf->height / 2 * btf->width + btf->width / 2;
+    g_autofree struct direction *views =
+        energy_directions(btf->view_theta_deg, btf->view_phi_deg, btf->n_views);
+    g_autofree struct direction *lights =
+        energy_directions(btf->light_theta_deg, btf->light_phi_deg, btf->n_lights);
+    g_autofree int *other = exchanges(btf, views, lights);
+    g_autofree double *mean = g_new0(double, btf->n_views * btf->n_lights);
+    struct energy *energy = new_energy(btf, texel);
+    if (!sum_texels(btf, other, lights, energy, mean, error)) {
+        energy_free(energy);
+        return NULL;
+    }
+    g_autofree double *weight = weigh_views(views, btf->n_views);
+    sum_fields(mean, btf->n_views, btf->n_lights, energy->e_r, energy->e_i);
+    find_albedos(energy, mean, weight, lights);
+    struct symmetry symmetry = {0};
+    add_symmetry(other, lights, btf->n_views, btf->n_lights, mean, &symmetry);
+    energy->pairs = symmetry.pairs;
+    energy->asymmetry = asymmetry_of(&symmetry);
+    return energy;
+}

@@ -1,0 +1,158 @@
+#include "near_field.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "btf.h"
+#include "btf_private.h"
+
+#define DEGREE (G_PI / 180)
+
+void near_field_free(struct near_field *near_field) {
+    if (!near_field)
+        return;
+    g_free(near_field->view_theta_deg);
+    g_free(near_field->view_phi_deg);
+    g_free(near_field->light_theta_deg);
+    g_free(near_field->light_phi_deg);
+    g_free(near_field->camera_mm);
+    g_free(near_field->lamp_mm);
+    g_free(near_field);
+}
+
+static gboolean near_field_damaged(const char *path, GError **error, const char *what) {
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: %s; delete the file and process again",
+                path, what);
+    return FALSE;
+}
+
+static gboolean near_field_has(const struct exr_part *part, const char *name) {
+    double ignored[3];
+    return exr_get_v3d(part, name, ignored, NULL);
+}
+
+static gboolean near_field_take_place(const struct near_field *near_field,
+                                      const struct exr_part *part, const char *name,
+                                      const char *path, struct vec3 *ret, GError **error) {
+    double at[3];
+    if (!exr_get_v3d(part, name, at, NULL))
+        return near_field_damaged(path, error,
+                                  "some of its parts say where camera and lamp were, some not");
+    if (!isfinite(at[0]) || !isfinite(at[1]) || !(at[2] > near_field->grid.reference_mm) ||
+        !isfinite(at[2]))
+        return near_field_damaged(path, error, "a camera or lamp is not above the sample");
+    *ret = vec3(at[0], at[1], at[2]);
+    return TRUE;
+}
+
+/* What a view's headers say. */
+static gboolean take_view(struct near_field *to, const struct exr_file *file, int view,
+                          const char *path, GError **error) {
+    if ((int)file->parts->len != to->n_lights)
+        return near_field_damaged(path, error,
+                                  "its lights are not as many as those of the first view");
+    for (int light = 0; light < to->n_lights; light++) {
+        const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
+        struct vec3 *lamp = to->lamp_mm ? to->lamp_mm + (gsize)view * (gsize)to->n_lights : NULL;
+        float theta, phi;
+        if (!btf_direction(part, "view", &to->view_theta_deg[view], &to->view_phi_deg[view]) ||
+            !btf_direction(part, "light", &theta, &phi))
+            return near_field_damaged(path, error, "a direction is missing or not a number");
+        if (theta != to->light_theta_deg[light] || phi != to->light_phi_deg[light])
+            return near_field_damaged(path, error, "its lights are not those of the first view");
+        if (!lamp &&
+            (near_field_has(part, "view.centre_mm") || near_field_has(part, "light.position_mm")))
+            return near_field_damaged(path, error,
+                                      "some of its parts say where camera and lamp were, some not");
+        if (lamp &&
+            (!near_field_take_place(to, part, "view.centre_mm", path, &to->camera_mm[view],
+                                    error) ||
+             !near_field_take_place(to, part, "light.position_mm", path, &lamp[light], error)))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* Room for all views, once the first says how many lights there are and whether it says where. */
+static void near_field_begin(struct near_field *to, const struct btf_matrix *btf,
+                             const struct exr_file *first) {
+    const gsize n_lights = (gsize)btf->n_lights, n_views = (gsize)btf->n_views;
+    to->n_lights = btf->n_lights;
+    to->light_theta_deg = g_memdup2(btf->light_theta_deg, sizeof(float) * n_lights);
+    to->light_phi_deg = g_memdup2(btf->light_phi_deg, sizeof(float) * n_lights);
+    if (!near_field_has(g_ptr_array_index(first->parts, 0), "view.centre_mm"))
+        return;
+    to->camera_mm = g_new0(struct vec3, n_views);
+    to->lamp_mm = g_new0(struct vec3, n_views * n_lights);
+}
+
+static gboolean near_field_do_read_views(struct near_field *to, struct btf_matrix *btf,
+                                         const GPtrArray *paths, GError **error) {
+    gboolean ok = TRUE;
+    for (int view = 0; ok && view < to->n_views; view++) {
+        const char *path = g_ptr_array_index(paths, (guint)view);
+        struct exr_file *file = exr_read_headers(path, error);
+        ok = file && (view > 0 || btf_take_lights(btf, file, path, error));
+        if (ok && view == 0)
+            near_field_begin(to, btf, file);
+        ok = ok && take_view(to, file, view, path, error);
+        exr_file_free(file);
+    }
+    return ok;
+}
+
+struct near_field *near_field_read(const char *path, GError **error) {
+    g_autoptr(GPtrArray) paths = NULL;
+    struct btf_matrix *btf = btf_open(path, TRUE, &paths, error);
+    if (!btf)
+        return NULL;
+    g_autoptr(Session) session = session_open(btf->directory, SESSION_READ, error);
+    struct near_field *ret = g_new0(struct near_field, 1);
+    ret->n_views = btf->n_views;
+    ret->view_theta_deg = g_new0(float, btf->n_views);
+    ret->view_phi_deg = g_new0(float, btf->n_views);
+    if (!session || !session_grid(session, &ret->grid, error) ||
+        !near_field_do_read_views(ret, btf, paths, error))
+        g_clear_pointer(&ret, near_field_free);
+    btf_matrix_free(btf);
+    return ret;
+}
+
+static struct vec3 centre_of(const struct near_field *near_field, int texel) {
+    const struct session_grid *grid = &near_field->grid;
+    return rectify_point_mm(grid, texel % grid->width + 0.5, (int)(texel / grid->width) + 0.5);
+}
+
+static struct vec3 view_from(const struct near_field *n, int view, struct vec3 from) {
+    return n->camera_mm ? vec3_unit(vec3_sub(n->camera_mm[view], from))
+                        : rig_direction((double)n->view_theta_deg[view] * DEGREE,
+                                        (double)n->view_phi_deg[view] * DEGREE);
+}
+
+static struct vec3 light_from(const struct near_field *n, int view, int light, struct vec3 from) {
+    const gsize at = (gsize)view * (gsize)n->n_lights + (gsize)light;
+    return n->lamp_mm ? vec3_unit(vec3_sub(n->lamp_mm[at], from))
+                      : rig_direction((double)n->light_theta_deg[light] * DEGREE,
+                                      (double)n->light_phi_deg[light] * DEGREE);
+}
+
+struct vec3 near_field_view(const struct near_field *near_field, int view, int texel) {
+    return view_from(near_field, view, centre_of(near_field, texel));
+}
+
+struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel) {
+    return light_from(near_field, view, light, centre_of(near_field, texel));
+}
+
+static struct vec3 middle(const struct near_field *near_field) {
+    return vec3(0, 0, near_field->grid.reference_mm);
+}
+
+struct vec3 near_field_view_centre(const struct near_field *near_field, int view) {
+    return view_from(near_field, view, middle(near_field));
+}
+
+struct vec3 near_field_light_centre(const struct near_field *near_field, int view, int light) {
+    return light_from(near_field, view, light, middle(near_field));
+}

@@ -1,0 +1,467 @@
+#include <math.h>
+#include <string.h>
+
+#include "btf.h"
+#include "texel_resampler.h"
+
+#define LANES        RESAMPLER_LANES
+#define COLOURS      3
+#define DEGREE       (G_PI / 180)
+#define MOST_LEFT    1024  /* texels that directions are left out of */
+#define COUNTS       0.02f /* of a value, that a corner is whose mark it gets */
+#define MOSTLY_HOLES 0.5f
+
+typedef float lanes __attribute__((vector_size(16), aligned(4)));
+
+static struct vec3 nominal(const float *theta_deg, const float *phi_deg, int i) {
+    return rig_direction((double)theta_deg[i] * DEGREE, (double)phi_deg[i] * DEGREE);
+}
+
+static struct resampler_target *targets(const DirectionMesh *mesh, const float *theta_deg,
+                                        const float *phi_deg, int n) {
+    struct resampler_target *ret = g_new0(struct resampler_target, n);
+    for (int i = 0; i < n; i++) {
+        ret[i].direction = nominal(theta_deg, phi_deg, i);
+        direction_mesh_point(ret[i].direction, ret[i].point);
+        direction_mesh_guess(mesh, ret[i].direction, &ret[i].guess);
+    }
+    return ret;
+}
+
+/* Over the directions asked for, and where to look in it for those that were measured. */
+static DirectionMesh *back_mesh(const struct resampler_target *to, int n_to,
+                                const struct vec3 *from, int n_from, gboolean lights,
+                                double **ret_points, struct direction_guess **ret_guesses) {
+    g_autofree struct vec3 *directions = g_new0(struct vec3, n_to);
+    *ret_points = g_new0(double, 2 * (gsize)n_to);
+    *ret_guesses = g_new0(struct direction_guess, n_from);
+    for (int i = 0; i < n_to; i++) {
+        directions[i] = to[i].direction;
+        memcpy(*ret_points + 2 * (gsize)i, to[i].point, sizeof to[i].point);
+    }
+    DirectionMesh *mesh = direction_mesh_new(directions, n_to, -1, lights);
+    for (int i = 0; i < n_from; i++)
+        direction_mesh_guess(mesh, from[i], &(*ret_guesses)[i]);
+    return mesh;
+}
+
+static struct resampler_left_out *leave_out(const struct vec3 *directions, int n, gboolean lights) {
+    struct resampler_left_out *ret = g_new(struct resampler_left_out, n);
+    for (int i = 0; i < n; i++) {
+        ret[i].mesh = direction_mesh_new(directions, n, i, lights);
+        direction_mesh_guess(ret[i].mesh, directions[i], &ret[i].guess);
+    }
+    return ret;
+}
+
+void resampler_init(struct resampler *r, const struct near_field *near,
+                    const struct btf_directions *to, gboolean own) {
+    const int n_texels = near->grid.width * near->grid.height;
+    g_autofree struct vec3 *views = g_new0(struct vec3, near->n_views);
+    g_autofree struct vec3 *lights = g_new0(struct vec3, near->n_lights);
+    for (int i = 0; i < near->n_views; i++)
+        views[i] = near_field_view_centre(near, i);
+    for (int i = 0; i < near->n_lights; i++)
+        lights[i] = near_field_light_centre(near, 0, i);
+    *r = (struct resampler){.near = near,
+                            .n_views = to->n_views,
+                            .n_lights = to->n_lights,
+                            .own = own,
+                            .left_step = (n_texels + MOST_LEFT - 1) / MOST_LEFT};
+    r->from_views = direction_mesh_new(views, near->n_views, -1, FALSE);
+    r->from_lights = direction_mesh_new(lights, near->n_lights, -1, TRUE);
+    r->views = targets(r->from_views, to->view_theta_deg, to->view_phi_deg, to->n_views);
+    r->lights = targets(r->from_lights, to->light_theta_deg, to->light_phi_deg, to->n_lights);
+    r->to_views = back_mesh(r->views, to->n_views, views, near->n_views, FALSE, &r->to_view_points,
+                            &r->back_views);
+    r->to_lights = back_mesh(r->lights, to->n_lights, lights, near->n_lights, TRUE,
+                             &r->to_light_points, &r->back_lights);
+    r->left_views = leave_out(views, near->n_views, FALSE);
+    r->left_lights = leave_out(lights, near->n_lights, TRUE);
+}
+
+void resampler_clear(struct resampler *r) {
+    for (int i = 0; r->left_views && i < r->near->n_views; i++)
+        direction_mesh_free(r->left_views[i].mesh);
+    for (int i = 0; r->left_lights && i < r->near->n_lights; i++)
+        direction_mesh_free(r->left_lights[i].mesh);
+    direction_mesh_free(r->from_views);
+    direction_mesh_free(r->from_lights);
+    direction_mesh_free(r->to_views);
+    direction_mesh_free(r->to_lights);
+    g_free(r->views);
+    g_free(r->lights);
+    g_free(r->to_view_points);
+    g_free(r->to_light_points);
+    g_free(r->back_views);
+    g_free(r->back_lights);
+    g_free(r->left_views);
+    g_free(r->left_lights);
+}
+
+struct resampler_sums *resampler_sums_new(const struct resampler *r) {
+    struct resampler_sums *sums = g_new0(struct resampler_sums, 1);
+    sums->from = g_new0(struct resampler_from, r->near->n_views);
+    sums->to = g_new0(struct resampler_to, r->n_views);
+    return sums;
+}
+
+void resampler_sums_free(struct resampler_sums *sums) {
+    if (!sums)
+        return;
+    g_free(sums->from);
+    g_free(sums->to);
+    g_free(sums);
+}
+
+void resampler_from_add(const struct resampler_from *more, struct resampler_from *to) {
+    to->back += more->back;
+    to->back_norm += more->back_norm;
+    to->left_view += more->left_view;
+    to->left_view_norm += more->left_view_norm;
+    to->left_light += more->left_light;
+    to->left_light_norm += more->left_light_norm;
+}
+
+void resampler_to_add(const struct resampler_to *more, struct resampler_to *to) {
+    to->moved_deg += more->moved_deg;
+    to->most_moved_deg = MAX(to->most_moved_deg, more->most_moved_deg);
+    to->nominal += more->nominal;
+    to->norm += more->norm;
+    to->held += more->held;
+}
+
+void resampler_sums_add(const struct resampler *r, const struct resampler_sums *more,
+                        struct resampler_sums *to) {
+    for (int i = 0; i < r->near->n_views; i++)
+        resampler_from_add(&more->from[i], &to->from[i]);
+    for (int i = 0; i < r->n_views; i++)
+        resampler_to_add(&more->to[i], &to->to[i]);
+    to->light_moved_deg += more->light_moved_deg;
+    to->light_most_moved_deg = MAX(to->light_most_moved_deg, more->light_most_moved_deg);
+    to->texels += more->texels;
+    to->sampled += more->sampled;
+}
+
+/* One texel's directions, how it was measured in them, and what is on the way. */
+struct texel_work {
+    const struct resampler *r;
+    int texel;
+    struct vec3 *views;                        /* n_views */
+    double *view_points;                       /* × 2 */
+    double *light_points;                      /* of one view: n_lights × 2 */
+    int lights_of;                             /* whose lights those are; −1: nobody's */
+    struct direction_share *view_shares;       /* of the views asked for */
+    struct direction_share *light_shares;      /* of the lights asked for, for view lights_of */
+    struct direction_share *back_light_shares; /* of its lights in those asked for */
+    guint8 *held;                              /* of the lights asked for, for the first view */
+    float *values;  /* with holes as 1 in the last lane, else 0; views × lights × lanes */
+    guint8 *marks;  /* views × lights; NULL: there are none */
+    float *between; /* views × lights asked for × lanes */
+    float *slopes;  /* twice as many as the largest of these */
+};
+
+static void texel_resampler_combine(const struct direction_share *share, const float *values,
+                                    const float *slopes, int row, float *ret) {
+    const float *f[3], *x[3], *y[3];
+    for (int k = 0; k < 3; k++) {
+        f[k] = values + (gsize)share->corner[k] * (gsize)row;
+        x[k] = slopes + 2 * (gsize)share->corner[k] * (gsize)row;
+        y[k] = x[k] + row;
+    }
+    for (int c = 0; c < row; c += LANES) {
+        lanes sum = {0};
+        for (int k = 0; k < 3; k++)
+            sum += share->weight[k] *
+                   (*(const lanes *)(f[k] + c) + share->along[k][0] * *(const lanes *)(x[k] + c) +
+                    share->along[k][1] * *(const lanes *)(y[k] + c));
+        *(lanes *)(ret + c) = sum;
+    }
+}
+
+/* The same lamps at the same places as for the view whose shares there are. */
+static gboolean same_lights(const struct texel_work *w, int view) {
+    const struct near_field *near = w->r->near;
+    const gsize n = (gsize)near->n_lights;
+    return w->lights_of >= 0 && (!near->lamp_mm || memcmp(near->lamp_mm + (gsize)view * n,
+                                                          near->lamp_mm + (gsize)w->lights_of * n,
+                                                          n * sizeof *near->lamp_mm) == 0);
+}
+
+static void texel_resampler_take_lights(struct texel_work *w, int view) {
+    const struct resampler *r = w->r;
+    if (same_lights(w, view))
+        return;
+    w->lights_of = view;
+    for (int i = 0; i < r->near->n_lights; i++)
+        direction_mesh_point(near_field_light(r->near, view, i, w->texel),
+                             w->light_points + 2 * (gsize)i);
+    for (int i = 0; i < r->n_lights; i++)
+        direction_mesh_share(r->from_lights, w->light_points, r->lights[i].point,
+                             &r->lights[i].guess, &w->light_shares[i]);
+    for (int i = 0; i < r->near->n_lights; i++)
+        direction_mesh_share(r->to_lights, r->to_light_points, w->light_points + 2 * (gsize)i,
+                             &r->back_lights[i], &w->back_light_shares[i]);
+}
+
+/* Marks apart; what is asked for is mostly a hole where more than half of it was. */
+static void take_values(struct texel_work *w, const float *values) {
+    const gsize n = (gsize)w->r->near->n_views * (gsize)w->r->near->n_lights;
+    memcpy(w->values, values, sizeof(float) * n * LANES);
+    for (gsize i = 0; i < n; i++) {
+        const int mark = (int)values[i * LANES + COLOURS];
+        if (mark && !w->marks)
+            w->marks = g_new0(guint8, n);
+        if (w->marks)
+            w->marks[i] = (guint8)mark;
+        w->values[i * LANES + COLOURS] = (mark & BTF_MARK_HOLE) != 0;
+    }
+}
+
+static guint8 any_of(const struct direction_share *share, const guint8 *marks, gsize step) {
+    guint8 mark = 0;
+    for (int k = 0; k < 3; k++)
+        if (fabsf(share->weight[k]) >= COUNTS)
+            mark |= marks[(gsize)share->corner[k] * step];
+    return mark & (BTF_MARK_BOUND | BTF_MARK_SHORTER | BTF_MARK_PREDICTED);
+}
+
+static void texel_resampler_finish(const struct resampler *r, const guint8 *marks, float *ret) {
+    const gsize n = (gsize)r->n_views * (gsize)r->n_lights;
+    for (gsize i = 0; i < n; i++) {
+        float *value = ret + i * LANES;
+        const gboolean hole = value[COLOURS] > MOSTLY_HOLES;
+        for (int c = 0; c < COLOURS; c++)
+            value[c] = hole ? 0 : MAX(value[c], 0);
+        value[COLOURS] = hole ? BTF_MARK_HOLE : marks ? marks[i] : 0;
+    }
+}
+
+/* Lights of each view, then views. */
+static void forward(struct texel_work *w, float *ret) {
+    const struct resampler *r = w->r;
+    const gsize n_lights = (gsize)r->n_lights, n_from = (gsize)r->near->n_lights;
+    g_autofree guint8 *half = NULL, *marks = NULL;
+    if (w->marks) {
+        half = g_new0(guint8, (gsize)r->near->n_views * n_lights);
+        marks = g_new0(guint8, (gsize)r->n_views * n_lights);
+    }
+    for (int view = 0; view < r->near->n_views; view++) {
+        const float *values = w->values + (gsize)view * n_from * LANES;
+        float *to = w->between + (gsize)view * n_lights * LANES;
+        texel_resampler_take_lights(w, view);
+        direction_mesh_slopes(r->from_lights, values, LANES, w->slopes);
+        for (gsize i = 0; i < n_lights; i++) {
+            texel_resampler_combine(&w->light_shares[i], values, w->slopes, LANES, to + i * LANES);
+            if (view == 0)
+                w->held[i] = w->light_shares[i].held;
+            if (half)
+                half[(gsize)view * n_lights + i] =
+                    any_of(&w->light_shares[i], w->marks + (gsize)view * n_from, 1);
+        }
+    }
+    const int row = r->n_lights * LANES;
+    direction_mesh_slopes(r->from_views, w->between, row, w->slopes);
+    for (int view = 0; view < r->n_views; view++) {
+        const gsize first = (gsize)view * n_lights;
+        texel_resampler_combine(&w->view_shares[view], w->between, w->slopes, row,
+                                ret + first * LANES);
+        for (gsize i = 0; marks && i < n_lights; i++)
+            marks[first + i] = any_of(&w->view_shares[view], half + i, n_lights);
+    }
+    texel_resampler_finish(r, marks, ret);
+}
+
+/* Neither a hole nor made of the pictures of other lights, which would flatter. */
+static gboolean was_measured(const struct texel_work *w, gsize i) {
+    return w->values[i * LANES + COLOURS] == 0 && !(w->marks && w->marks[i] & BTF_MARK_PREDICTED);
+}
+
+static void add_difference(const float *a, const float *b, double *error, double *norm) {
+    for (int c = 0; c < COLOURS; c++) {
+        const double difference = (double)a[c] - (double)b[c];
+        *error += difference * difference;
+        *norm += (double)b[c] * (double)b[c];
+    }
+}
+
+/* What the result says of what was measured. */
+static void back(struct texel_work *w, const float *made, struct resampler_sums *sums) {
+    const struct resampler *r = w->r;
+    const int row = r->n_lights * LANES;
+    const gsize n_from = (gsize)r->near->n_lights;
+    g_autofree float *slopes = g_new0(float, 2 * (gsize)r->n_views * (gsize)row);
+    direction_mesh_slopes(r->to_views, made, row, slopes);
+    for (int view = 0; view < r->near->n_views; view++) {
+        struct resampler_from *sum = &sums->from[view];
+        struct direction_share share;
+        float value[LANES];
+        direction_mesh_share(r->to_views, r->to_view_points, w->view_points + (gsize)(2 * view),
+                             &r->back_views[view], &share);
+        texel_resampler_combine(&share, made, slopes, row, w->between);
+        texel_resampler_take_lights(w, view);
+        direction_mesh_slopes(r->to_lights, w->between, LANES, w->slopes);
+        for (gsize i = 0; i < n_from; i++) {
+            const gsize at = (gsize)view * n_from + i;
+            texel_resampler_combine(&w->back_light_shares[i], w->between, w->slopes, LANES, value);
+            if (was_measured(w, at))
+                add_difference(value, w->values + at * LANES, &sum->back, &sum->back_norm);
+        }
+    }
+}
+
+static void add_weighted(const float *weights, int n, const float *values, gsize step, int row,
+                         float *ret) {
+    memset(ret, 0, sizeof(float) * (gsize)row);
+    for (int i = 0; i < n; i++)
+        for (int c = 0; weights[i] != 0 && c < row; c += LANES)
+            *(lanes *)(ret + c) += weights[i] * *(const lanes *)(values + (gsize)i * step + c);
+}
+
+static float *weights_without(const struct resampler_left_out *left, int n, const double *points,
+                              const double *at) {
+    struct direction_share share;
+    float *weights = g_new0(float, n);
+    direction_mesh_share(left->mesh, points, at, &left->guess, &share);
+    direction_mesh_weights(left->mesh, &share, weights);
+    return weights;
+}
+
+/* Each view predicted by the others. */
+static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
+    const struct near_field *near = w->r->near;
+    const int row = near->n_lights * LANES;
+    g_autofree float *predicted = g_new0(float, row);
+    for (int view = 0; view < near->n_views && near->n_views > 1; view++) {
+        struct resampler_from *sum = &sums->from[view];
+        const float *measured = w->values + (gsize)view * (gsize)row;
+        g_autofree float *weights =
+            weights_without(&w->r->left_views[view], near->n_views, w->view_points,
+                            w->view_points + (gsize)(2 * view));
+        add_weighted(weights, near->n_views, w->values, (gsize)row, row, predicted);
+        for (gsize i = 0; i < (gsize)near->n_lights; i++)
+            if (was_measured(w, (gsize)view * (gsize)near->n_lights + i))
+                add_difference(predicted + i * LANES, measured + i * LANES, &sum->left_view,
+                               &sum->left_view_norm);
+    }
+}
+
+/* What is seen under each light by what is under the others. */
+static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
+    const struct near_field *near = w->r->near;
+    const gsize n = (gsize)near->n_lights;
+    texel_resampler_take_lights(w, 0);
+    for (gsize light = 0; light < n && n > 1; light++) {
+        g_autofree float *weights = weights_without(&w->r->left_lights[light], near->n_lights,
+                                                    w->light_points, w->light_points + 2 * light);
+        for (int view = 0; view < near->n_views; view++) {
+            const float *values = w->values + (gsize)view * n * LANES;
+            struct resampler_from *sum = &sums->from[view];
+            float predicted[LANES];
+            add_weighted(weights, near->n_lights, values, LANES, LANES, predicted);
+            if (was_measured(w, (gsize)view * n + light))
+                add_difference(predicted, values + light * LANES, &sum->left_light,
+                               &sum->left_light_norm);
+        }
+    }
+}
+
+/* To the nearest of n directions. */
+static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
+    double best = G_MAXDOUBLE;
+    for (int i = 0; i < n; i++) {
+        const struct vec3 difference = vec3_sub(to, from[i]);
+        best = MIN(best, vec3_dot(difference, difference));
+    }
+    return 2 * asin(MIN(sqrt(best) / 2, 1)) / DEGREE;
+}
+
+static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
+    const struct resampler *r = w->r;
+    g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->n_lights);
+    int held = 0;
+    for (int i = 0; i < r->near->n_lights; i++)
+        lights[i] = near_field_light(r->near, 0, i, w->texel);
+    for (int i = 0; i < r->n_lights; i++) {
+        const double moved = moved_deg(r->lights[i].direction, lights, r->near->n_lights);
+        sums->light_moved_deg += moved / r->n_lights;
+        sums->light_most_moved_deg = MAX(sums->light_most_moved_deg, moved);
+        held += w->held[i];
+    }
+    for (int i = 0; i < r->n_views; i++) {
+        struct resampler_to *sum = &sums->to[i];
+        const double moved = moved_deg(r->views[i].direction, w->views, r->near->n_views);
+        sum->moved_deg += moved;
+        sum->most_moved_deg = MAX(sum->most_moved_deg, moved);
+        sum->held += w->view_shares[i].held ? 1 : (double)held / r->n_lights;
+    }
+}
+
+static void add_nominal(const struct texel_work *w, const float *made,
+                        struct resampler_sums *sums) {
+    const struct resampler *r = w->r;
+    for (int view = 0; view < r->n_views; view++)
+        for (int i = 0; i < r->n_lights; i++) {
+            const gsize at = (gsize)view * (gsize)r->n_lights + (gsize)i;
+            const float *value = made + at * LANES;
+            if (r->own && !((int)value[COLOURS] & BTF_MARK_HOLE) && was_measured(w, at))
+                add_difference(w->values + at * LANES, value, &sums->to[view].nominal,
+                               &sums->to[view].norm);
+        }
+}
+
+static void texel_resampler_begin(struct texel_work *w) {
+    const struct resampler *r = w->r;
+    const gsize n_views = (gsize)r->near->n_views, n_lights = (gsize)r->near->n_lights;
+    const gsize most = MAX(n_views, (gsize)r->n_views) * MAX(n_lights, (gsize)r->n_lights);
+    w->lights_of = -1;
+    w->views = g_new0(struct vec3, n_views);
+    w->view_points = g_new0(double, 2 * n_views);
+    w->light_points = g_new0(double, 2 * n_lights);
+    w->view_shares = g_new0(struct direction_share, r->n_views);
+    w->light_shares = g_new0(struct direction_share, r->n_lights);
+    w->back_light_shares = g_new0(struct direction_share, n_lights);
+    w->held = g_new0(guint8, r->n_lights);
+    w->values = g_new0(float, n_views *n_lights *LANES);
+    w->between = g_new0(float, most *LANES);
+    w->slopes = g_new0(float, 2 * most * LANES);
+    for (int i = 0; i < r->near->n_views; i++) {
+        w->views[i] = near_field_view(r->near, i, w->texel);
+        direction_mesh_point(w->views[i], w->view_points + 2 * (gsize)i);
+    }
+    for (int i = 0; i < r->n_views; i++)
+        direction_mesh_share(r->from_views, w->view_points, r->views[i].point, &r->views[i].guess,
+                             &w->view_shares[i]);
+}
+
+static void texel_resampler_end(struct texel_work *w) {
+    g_free(w->views);
+    g_free(w->view_points);
+    g_free(w->light_points);
+    g_free(w->view_shares);
+    g_free(w->light_shares);
+    g_free(w->back_light_shares);
+    g_free(w->held);
+    g_free(w->values);
+    g_free(w->marks);
+    g_free(w->between);
+    g_free(w->slopes);
+}
+
+void resampler_texel(const struct resampler *r, int texel, const float *values, float *ret,
+                     struct resampler_sums *sums) {
+    struct texel_work w = {.r = r, .texel = texel};
+    texel_resampler_begin(&w);
+    take_values(&w, values);
+    forward(&w, ret);
+    add_moved(&w, sums);
+    add_nominal(&w, ret, sums);
+    back(&w, ret, sums);
+    if (texel % r->left_step == 0) {
+        predict_views(&w, sums);
+        predict_lights(&w, sums);
+        sums->sampled++;
+    }
+    sums->texels++;
+    texel_resampler_end(&w);
+}

@@ -1,0 +1,229 @@
+#include "triangulation.h"
+
+#include <math.h>
+
+#define JITTER 1e-7
+
+struct triangle {
+    int corner[3]; /* counter-clockwise */
+};
+
+struct Triangulation {
+    int n;
+    double *points; /* n × 2, moved apart */
+    GArray *triangles;
+    GArray *hull; /* of int, counter-clockwise */
+    guint last;   /* where the last point lay: the next one is near */
+};
+
+static const double *point(const Triangulation *t, int index) {
+    return t->points + 2 * index;
+}
+
+/* Twice the area of a, b, c; positive if counter-clockwise. */
+static double triangulation_area(const double *a, const double *b, const double *c) {
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+
+static double triangulation_turn(const Triangulation *t, int a, int b, int c) {
+    return triangulation_area(point(t, a), point(t, b), point(t, c));
+}
+
+static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
+    double m[3][3];
+    const double *d = point(t, other);
+    for (int k = 0; k < 3; k++) {
+        m[k][0] = point(t, corner[k])[0] - d[0];
+        m[k][1] = point(t, corner[k])[1] - d[1];
+        m[k][2] = m[k][0] * m[k][0] + m[k][1] * m[k][1];
+    }
+    double det = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+                 m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+                 m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+    return det > 1e-15;
+}
+
+static int compare_x(gconstpointer a, gconstpointer b, gpointer data) {
+    const Triangulation *t = data;
+    const double *p = point(t, *(const int *)a), *q = point(t, *(const int *)b);
+    if (p[0] != q[0])
+        return p[0] < q[0] ? -1 : 1;
+    return p[1] < q[1] ? -1 : p[1] > q[1];
+}
+
+/* Joins a point right of all others to the edges of the hull that it sees. */
+static void triangulation_add_point(Triangulation *t, int p) {
+    const int *hull = (const int *)t->hull->data;
+    guint n = t->hull->len;
+    g_autoptr(GArray) next = g_array_new(FALSE, FALSE, sizeof(int));
+    gboolean added = FALSE;
+    for (guint k = 0; k < n; k++) {
+        int before = hull[(k + n - 1) % n], here = hull[k], after = hull[(k + 1) % n];
+        gboolean sees_in = triangulation_turn(t, before, here, p) < 0.0;
+        gboolean sees_out = triangulation_turn(t, here, after, p) < 0.0;
+        if (sees_out) {
+            struct triangle triangle = {{after, here, p}};
+            g_array_append_val(t->triangles, triangle);
+        }
+        if (!(sees_in && sees_out))
+            g_array_append_val(next, here);
+        if (sees_out && !sees_in) {
+            g_array_append_val(next, p);
+            added = TRUE;
+        }
+    }
+    if (!added)
+        return; /* within rounding of the border: its neighbours stand for it */
+    g_array_unref(t->hull);
+    t->hull = g_steal_pointer(&next);
+}
+
+static void sweep(Triangulation *t, const int *order) {
+    g_array_append_vals(t->hull, order, MIN(t->n, 3));
+    if (t->n < 3)
+        return;
+    struct triangle first = {{order[0], order[1], order[2]}};
+    if (triangulation_turn(t, order[0], order[1], order[2]) < 0.0) {
+        first = (struct triangle){{order[0], order[2], order[1]}};
+        g_array_index(t->hull, int, 1) = order[2];
+        g_array_index(t->hull, int, 2) = order[1];
+    }
+    g_array_append_val(t->triangles, first);
+    for (int k = 3; k < t->n; k++)
+        triangulation_add_point(t, order[k]);
+}
+
+static gboolean find_edge(const Triangulation *t, int a, int b, guint *ret_triangle,
+                          int *ret_edge) {
+    for (guint k = 0; k < t->triangles->len; k++) {
+        const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
+        for (int e = 0; e < 3; e++)
+            if (corner[e] == a && corner[(e + 1) % 3] == b) {
+                *ret_triangle = k;
+                *ret_edge = e;
+                return TRUE;
+            }
+    }
+    return FALSE;
+}
+
+static gboolean flip(Triangulation *t, guint k, int edge) {
+    struct triangle *one = &g_array_index(t->triangles, struct triangle, k);
+    int a = one->corner[edge], b = one->corner[(edge + 1) % 3], c = one->corner[(edge + 2) % 3];
+    guint mate;
+    int mate_edge;
+    if (!find_edge(t, b, a, &mate, &mate_edge))
+        return FALSE;
+    struct triangle *two = &g_array_index(t->triangles, struct triangle, mate);
+    int d = two->corner[(mate_edge + 2) % 3];
+    if (!in_circle(t, one->corner, d) || triangulation_turn(t, c, a, d) <= 0.0 ||
+        triangulation_turn(t, c, d, b) <= 0.0)
+        return FALSE;
+    *one = (struct triangle){{c, a, d}};
+    *two = (struct triangle){{c, d, b}};
+    return TRUE;
+}
+
+/* Lawson's flips end by themselves; the bound is against rounding. */
+static void make_delaunay(Triangulation *t) {
+    gboolean flipped = TRUE;
+    for (int pass = 0; flipped && pass < 200; pass++) {
+        flipped = FALSE;
+        for (guint k = 0; k < t->triangles->len; k++)
+            for (int edge = 0; edge < 3; edge++)
+                flipped |= flip(t, k, edge);
+    }
+}
+
+Triangulation *triangulation_new(const double *points, int n) {
+    Triangulation *t = g_new0(Triangulation, 1);
+    t->n = n;
+    t->points = g_new(double, 2 * (gsize)n);
+    t->triangles = g_array_new(FALSE, FALSE, sizeof(struct triangle));
+    t->hull = g_array_new(FALSE, FALSE, sizeof(int));
+    g_autofree int *order = g_new(int, n);
+    g_autoptr(GRand) random = g_rand_new_with_seed(1);
+    for (int k = 0; k < n; k++) {
+        order[k] = k;
+        for (int axis = 0; axis < 2; axis++)
+            t->points[2 * k + axis] =
+                points[2 * k + axis] + g_rand_double_range(random, -JITTER, JITTER);
+    }
+    g_qsort_with_data(order, n, sizeof(int), compare_x, t);
+    sweep(t, order);
+    make_delaunay(t);
+    return t;
+}
+
+void triangulation_free(Triangulation *t) {
+    if (t == NULL)
+        return;
+    g_array_unref(t->hull);
+    g_array_unref(t->triangles);
+    g_free(t->points);
+    g_free(t);
+}
+
+static gboolean inside(const Triangulation *t, guint k, const double at[2], double ret[3]) {
+    const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
+    const double *a = point(t, corner[0]), *b = point(t, corner[1]), *c = point(t, corner[2]);
+    double whole = triangulation_area(a, b, c);
+    if (whole <= 0.0)
+        return FALSE;
+    ret[0] = triangulation_area(b, c, at) / whole;
+    ret[1] = triangulation_area(c, a, at) / whole;
+    ret[2] = 1.0 - ret[0] - ret[1];
+    return ret[0] >= 0.0 && ret[1] >= 0.0 && ret[2] >= 0.0;
+}
+
+/* The distance from the nearest point of the edge a … b, squared. */
+static double edge_distance(const double *a, const double *b, const double at[2],
+                            double *ret_share) {
+    double along[2] = {b[0] - a[0], b[1] - a[1]};
+    double length = along[0] * along[0] + along[1] * along[1];
+    double share = (at[0] - a[0]) * along[0] + (at[1] - a[1]) * along[1];
+    *ret_share = length > 0.0 ? CLAMP(share / length, 0.0, 1.0) : 0.0;
+    double x = a[0] + *ret_share * along[0] - at[0], y = a[1] + *ret_share * along[1] - at[1];
+    return x * x + y * y;
+}
+
+static void on_border(const Triangulation *t, const double at[2], int ret_index[3],
+                      double ret_weight[3], double ret_nearest[2]) {
+    const int *hull = (const int *)t->hull->data;
+    double best = G_MAXDOUBLE;
+    for (guint k = 0; k < t->hull->len; k++) {
+        int i = hull[k], j = hull[(k + 1) % t->hull->len];
+        double share, distance = edge_distance(point(t, i), point(t, j), at, &share);
+        if (distance >= best)
+            continue;
+        best = distance;
+        ret_index[0] = ret_index[2] = i;
+        ret_index[1] = j;
+        ret_weight[0] = 1.0 - share;
+        ret_weight[1] = share;
+        ret_weight[2] = 0.0;
+        for (int axis = 0; axis < 2; axis++)
+            ret_nearest[axis] = (1.0 - share) * point(t, i)[axis] + share * point(t, j)[axis];
+    }
+}
+
+void triangulation_weights(Triangulation *t, const double at[2], int ret_index[3],
+                           double ret_weight[3], double ret_nearest[2]) {
+    for (guint k = 0; k < t->triangles->len; k++) {
+        guint here = (t->last + k) % t->triangles->len;
+        if (!inside(t, here, at, ret_weight))
+            continue;
+        t->last = here;
+        for (int c = 0; c < 3; c++)
+            ret_index[c] = g_array_index(t->triangles, struct triangle, here).corner[c];
+        ret_nearest[0] = at[0];
+        ret_nearest[1] = at[1];
+        return;
+    }
+    on_border(t, at, ret_index, ret_weight, ret_nearest);
+}
+
+const int *triangulation_corners(const Triangulation *t, int *ret_n) {
+    *ret_n = (int)t->triangles->len;
+    return (const int *)(const void *)t->triangles->data;
+}

@@ -1,0 +1,66 @@
+/*
+ * Eigen-maps of a BTF (Wang et al. 2005 §5): A with rows (texel, light, channel) and columns (view)
+ * is factored by SVD, BTF(x, y, v, l) ≈ Σ_i W_i(v) E_i(x, y, l).
+ *
+ * On disk, one EXR "eigenmaps.exr":
+ *   part "weights"            channel "W", width n_views, height n_terms, float; row i is W_i(v)
+ *   part "views", "lights"    channels "phi_deg","theta_deg", width n, height 1, float
+ *   part "E000_light_0000"    channels B G R, half, width × height texels; term, light
+ * attributes of "weights": mesorig.kind = "eigenmaps", mesorig.name (string), texel_mm (double),
+ * reference_mm (double)
+ */
+#pragma once
+
+#include <glib.h>
+
+struct eigenmaps {
+    char *name;
+    int width, height; /* texels */
+    double texel_mm, reference_mm;
+    int n_views, n_lights, n_terms;
+    float *view_theta_deg, *view_phi_deg;   /* n_views */
+    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    float *weights;                         /* n_terms × n_views */
+    float *maps; /* n_terms × n_lights × height × width × 3 (R, G, B) */
+};
+
+void eigenmaps_free(struct eigenmaps *maps); /* NULL is ignored */
+struct eigenmaps *eigenmaps_read(const char *path, GError **error);
+gboolean eigenmaps_write(const char *path, const struct eigenmaps *maps, GError **error);
+
+/* Gives the columns of A one view at a time: n_lights × height × width × 3 floats (R, G, B). */
+typedef gboolean (*EigenmapsColumn)(int view, float *ret_column, gpointer data, GError **error);
+
+/* Fills weights and maps (allocated here), everything else being set; the largest entry of each W_i
+ * is positive. The result does not depend on the number of threads. ret_error is
+ * ‖A − Â‖_F / ‖A‖_F. Where all columns fit into EIGENMAPS_MEMORY it is exact, else randomised. */
+#define EIGENMAPS_MEMORY ((gsize)256 << 20)
+gboolean eigenmaps_compute(struct eigenmaps *maps, EigenmapsColumn column, gpointer data,
+                           double *ret_error, GError **error);
+
+/*
+ * Exact: W_i are the unit eigenvectors of AᵀA, in double precision, E_i = A·W_i. That the Gram
+ * matrix has the squares of the singular values costs half of the digits, and leaves those down to
+ * 1e-8 of the largest: halves have 5e-4. Columns that do not fit are asked for again and again,
+ * n_views/fit/2 + 2 times each or so.
+ *
+ * Randomised, asking for each column twice, and with a target now and then thrice: the range of Aᵀ
+ * is that of its sketch (Halko, Martinsson and Tropp 2011, algorithm 4.1 for Aᵀ, in whose place of
+ * a Gaussian Ω is a matrix of one random sign a row in a random one of 16384 columns: Clarkson and
+ * Woodruff 2013), (SA)ᵀ of n_views × 16384. A is projected onto the first n_terms right singular
+ * vectors of SA, and up to 8 more where there is memory for them; those are turned to what is best
+ * within their span (their §5.1), in double precision, and the last left out. The seed is fixed.
+ */
+enum eigenmaps_method { EIGENMAPS_AUTO, EIGENMAPS_EXACT, EIGENMAPS_RANDOMISED };
+
+struct eigenmaps_options {
+    gsize memory; /* for columns beside the result, of which one is held at least; 0:
+                     EIGENMAPS_MEMORY */
+    double
+        target; /* 0, or the error to reach: n_terms is then the most there may be, and becomes
+                   the fewest with which it is; if it cannot be, the error says how near it came */
+    enum eigenmaps_method method;
+};
+gboolean eigenmaps_compute_with(struct eigenmaps *maps, const struct eigenmaps_options *options,
+                                EigenmapsColumn column, gpointer data, double *ret_error,
+                                GError **error);

@@ -1,0 +1,287 @@
+#include <cblas.h>
+#include <math.h>
+#include <string.h>
+
+#include "eigenmaps_private.h"
+#include "lpca/lpca_private.h"
+
+#define CHUNK    EIGENMAPS_CHUNK
+#define SKETCH   16384 /* rows of it */
+#define WORD     64    /* signs drawn at a time */
+#define LANES    8
+#define SEGMENTS 8 /* parts of the rows that threads take */
+#define SPARE    8 /* directions found beside those that are wanted, at most */
+#define SEED     0x6d65736f72696721u
+
+struct randomised {
+    const struct eigenmaps_job *job;
+    gsize rows;
+    int n_views;
+    float *columns; /* slots of rows */
+    int slots;
+    double *buckets; /* SEGMENTS × SKETCH */
+    double squares[SEGMENTS];
+    float *sketch;      /* n_views × SKETCH */
+    double all;         /* ‖A‖² */
+    double *directions; /* n_views × n_views: rows, by what the sketch has of them */
+    double *values;     /* n_views: how much that is, squared */
+    int found;          /* columns of z */
+    float *z;           /* found × rows: A times the first directions */
+    float *factors;     /* found × slots */
+    int held;           /* columns in slots */
+    double *gram;       /* SEGMENTS × found²; then its eigenvectors in columns */
+    double *turned;     /* found: squares of what they hold, descending */
+};
+
+/* Steele, Lea and Flood 2014: a good mixture of the bits of a counter. */
+static guint64 eigenmaps_randomised_draw(guint64 counter) {
+    guint64 z = SEED + counter * 0x9e3779b97f4a7c15u;
+    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
+    return z ^ z >> 31;
+}
+
+/* Squares are summed LANES at a time, so that compilers can. */
+static void add_signed(const float *from, int n, guint64 signs, double *to, double *squares) {
+    int i = 0;
+    for (; i + LANES <= n; i += LANES, signs >>= LANES)
+        for (int lane = 0; lane < LANES; lane++) {
+            const double value = from[i + lane];
+            to[i + lane] += (signs & 1u << lane) ? -value : value;
+            squares[lane] += value * value;
+        }
+    for (; i < n; i++, signs >>= 1) {
+        to[i] += (signs & 1) ? -from[i] : from[i];
+        squares[0] += (double)from[i] * from[i];
+    }
+}
+
+/* Rows of one chunk of SKETCH go to as many buckets, each chunk's turned by a random number. */
+static void sketch_segment(int segment, gpointer data) {
+    struct randomised *r = data;
+    double *buckets = r->buckets + (gsize)segment * SKETCH, squares[LANES] = {0};
+    memset(buckets, 0, sizeof(double) * SKETCH);
+    for (gsize from = (gsize)segment * SKETCH; from < r->rows; from += (gsize)SEGMENTS * SKETCH) {
+        const gsize end = MIN(from + SKETCH, r->rows);
+        const gsize turn = eigenmaps_randomised_draw(2 * from + 1) % SKETCH;
+        for (gsize i = from; i < end; i += WORD) {
+            const int n = (int)MIN(WORD, end - i);
+            const gsize place = (i - from + turn) % SKETCH;
+            const int before = (int)MIN((gsize)n, SKETCH - place);
+            const guint64 signs = eigenmaps_randomised_draw(2 * i);
+            add_signed(r->columns + i, before, signs, buckets + place, squares);
+            if (before < n)
+                add_signed(r->columns + i + before, n - before, signs >> before, buckets, squares);
+        }
+    }
+    r->squares[segment] = 0;
+    for (int lane = 0; lane < LANES; lane++)
+        r->squares[segment] += squares[lane];
+}
+
+/* Pass one. */
+static gboolean make_sketch(struct randomised *r, GError **error) {
+    r->buckets = g_new(double, SEGMENTS *SKETCH);
+    r->sketch = g_new(float, (gsize)r->n_views *SKETCH);
+    for (int view = 0; view < r->n_views; view++) {
+        float *to = r->sketch + (gsize)view * SKETCH;
+        if (!eigenmaps_get_column(r->job, view, r->columns, error))
+            return FALSE;
+        work_for_each(0, SEGMENTS, sketch_segment, r);
+        for (gsize i = 0; i < SKETCH; i++) {
+            double sum = 0;
+            for (gsize segment = 0; segment < SEGMENTS; segment++)
+                sum += r->buckets[segment * SKETCH + i];
+            to[i] = (float)sum;
+        }
+        for (int segment = 0; segment < SEGMENTS; segment++)
+            r->all += r->squares[segment];
+    }
+    g_clear_pointer(&r->buckets, g_free);
+    return TRUE;
+}
+
+/* The right singular vectors of the sketch. */
+static gboolean find_directions(struct randomised *r, GError **error) {
+    const int n = r->n_views;
+    g_autofree double *wide = g_new(double, (gsize)n *CHUNK), *ascending = g_new(double, n);
+    g_autofree double *gram = g_new0(double, (gsize)n *n);
+    for (gsize from = 0; from < SKETCH; from += CHUNK) {
+        eigenmaps_widen(r->sketch, SKETCH, n, from, wide);
+        cblas_dsyrk(CblasRowMajor, CblasUpper, CblasNoTrans, n, CHUNK, 1, wide, CHUNK, 1, gram, n);
+    }
+    g_clear_pointer(&r->sketch, g_free);
+    if (!eigenmaps_eigenvectors(gram, n, ascending, error))
+        return FALSE;
+    r->directions = g_new(double, (gsize)n *n);
+    r->values = g_new(double, n);
+    for (int i = 0; i < n; i++) {
+        r->values[i] = MAX(ascending[n - 1 - i], 0);
+        for (int view = 0; view < n; view++)
+            r->directions[(gsize)i * n + view] = gram[(gsize)view * n + (n - 1 - i)];
+    }
+    return TRUE;
+}
+
+/* Rows from … to before end of a segment. */
+static void segment_rows(const struct randomised *r, int segment, gsize *ret_from, gsize *ret_end) {
+    const gsize chunks = (r->rows + CHUNK - 1) / CHUNK;
+    *ret_from = MIN(r->rows, chunks * (gsize)segment / SEGMENTS * CHUNK);
+    *ret_end = MIN(r->rows, chunks * (gsize)(segment + 1) / SEGMENTS * CHUNK);
+}
+
+static void project_segment(int segment, gpointer data) {
+    struct randomised *r = data;
+    gsize from, end;
+    segment_rows(r, segment, &from, &end);
+    for (; from < end; from += CHUNK)
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, r->found,
+                    (int)MIN(CHUNK, end - from), r->held, 1, r->factors, r->slots,
+                    r->columns + from, (int)r->rows, 1, r->z + from, (int)r->rows);
+}
+
+/* Pass two: as many columns at a time as there is room for. */
+static gboolean eigenmaps_randomised_project(struct randomised *r, GError **error) {
+    g_free(r->z);
+    g_free(r->factors);
+    r->factors = g_new(float, (gsize)r->found *(gsize)r->slots);
+    r->z = eigenmaps_new_columns(r->job, r->found, error);
+    if (!r->z)
+        return FALSE;
+    memset(r->z, 0, sizeof(float) * r->rows * (gsize)r->found);
+    for (int view = 0; view < r->n_views; view += r->held) {
+        r->held = MIN(r->slots, r->n_views - view);
+        for (int i = 0; i < r->held; i++) {
+            if (!eigenmaps_get_column(r->job, view + i, r->columns + r->rows * (gsize)i, error))
+                return FALSE;
+            for (int j = 0; j < r->found; j++)
+                r->factors[j * r->slots + i] =
+                    (float)r->directions[(gsize)j * r->n_views + view + i];
+        }
+        work_for_each(0, SEGMENTS, project_segment, r);
+    }
+    return TRUE;
+}
+
+static void gram_segment(int segment, gpointer data) {
+    struct randomised *r = data;
+    g_autofree double *wide = g_new(double, (gsize)r->found *CHUNK);
+    double *to = r->gram + (gsize)segment * (gsize)r->found * (gsize)r->found;
+    gsize from, end;
+    segment_rows(r, segment, &from, &end);
+    for (; from < end; from += CHUNK) {
+        const gsize n = eigenmaps_widen(r->z, r->rows, r->found, from, wide);
+        cblas_dsyrk(CblasRowMajor, CblasUpper, CblasNoTrans, r->found, (int)n, 1, wide, CHUNK, 1,
+                    to, r->found);
+    }
+}
+
+/* What is best within the directions found: eigenvectors of ZᵀZ, in columns. */
+static gboolean eigenmaps_randomised_solve(struct randomised *r, GError **error) {
+    const int n = r->found;
+    const gsize square = (gsize)n * (gsize)n;
+    g_autofree double *ascending = g_new(double, n);
+    g_free(r->gram);
+    g_free(r->turned);
+    r->gram = g_new0(double, SEGMENTS *square);
+    r->turned = g_new(double, n);
+    work_for_each(0, SEGMENTS, gram_segment, r);
+    for (gsize segment = 1; segment < SEGMENTS; segment++)
+        for (gsize i = 0; i < square; i++)
+            r->gram[i] += r->gram[segment * square + i];
+    if (!eigenmaps_eigenvectors(r->gram, n, ascending, error))
+        return FALSE;
+    for (int i = 0; i < n; i++)
+        r->turned[i] = MAX(ascending[n - 1 - i], 0);
+    return TRUE;
+}
+
+/* Z becomes the maps in place: their rows are those of Z turned. */
+static void turn_segment(int segment, gpointer data) {
+    struct randomised *r = data;
+    const int terms = r->job->maps->n_terms;
+    g_autofree float *turned = g_new(float, (gsize)terms *CHUNK);
+    gsize from, end;
+    segment_rows(r, segment, &from, &end);
+    for (; from < end; from += CHUNK) {
+        const gsize n = MIN(CHUNK, end - from);
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, terms, (int)n, r->found, 1,
+                    r->factors, r->found, r->z + from, (int)r->rows, 0, turned, CHUNK);
+        for (int i = 0; i < terms; i++)
+            memcpy(r->z + (gsize)i * r->rows + from, turned + (gsize)i * CHUNK, sizeof(float) * n);
+    }
+}
+
+static void eigenmaps_randomised_take(struct randomised *r) {
+    struct eigenmaps *maps = r->job->maps;
+    const int n = r->found, terms = maps->n_terms;
+    g_autofree double *turn = g_new0(double, (gsize)terms *n), *signs = g_new0(double, terms);
+    g_autofree double *weights = g_new(double, (gsize)terms * r->n_views);
+    for (int i = 0; i < terms; i++)
+        for (int j = 0; j < n; j++)
+            turn[i * n + j] = r->gram[j * n + (n - 1 - i)];
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, terms, r->n_views, n, 1, turn, n,
+                r->directions, r->n_views, 0, weights, r->n_views);
+    eigenmaps_take_weights(maps, weights, signs);
+    g_free(r->factors);
+    r->factors = g_new(float, (gsize)terms *n);
+    for (int i = 0; i < terms * n; i++)
+        r->factors[i] = (float)(signs[i / n] * turn[i]);
+    work_for_each(0, SEGMENTS, turn_segment, r);
+    maps->maps = g_realloc_n(g_steal_pointer(&r->z), r->rows * (gsize)terms, sizeof(float));
+}
+
+/* How many directions to project onto, if this many are wanted. */
+static int directions_for(const struct randomised *r, int wanted) {
+    const int spare = (int)MIN(SPARE, r->job->fit / 2);
+    return MIN(r->n_views, wanted + spare);
+}
+
+/* The sketch's values are near enough to begin with; then those of A within what was found count.
+ */
+static gboolean eigenmaps_randomised_search(struct randomised *r, double *ret_error,
+                                            GError **error) {
+    struct eigenmaps *maps = r->job->maps;
+    const double target = r->job->options->target;
+    const int most = maps->n_terms;
+    double rest = 0, ignored;
+    for (int i = r->n_views - 1; i >= most; i--)
+        rest += r->values[i];
+    int wanted = eigenmaps_fewest(r->values, most, rest, target, &ignored);
+    for (;; wanted = MIN(most, wanted + MAX(2, wanted / 4))) {
+        r->found = directions_for(r, wanted);
+        if (!eigenmaps_randomised_project(r, error) || !eigenmaps_randomised_solve(r, error))
+            return FALSE;
+        rest = r->all;
+        const int terms = MIN(most, r->found);
+        for (int i = 0; i < terms; i++)
+            rest -= r->turned[i];
+        maps->n_terms = eigenmaps_fewest(r->turned, terms, MAX(rest, 0), target, ret_error);
+        if (target <= 0 || *ret_error <= target)
+            break;
+        maps->n_terms = most;
+        if (wanted == most)
+            return eigenmaps_missed(r->job, *ret_error, error);
+    }
+    eigenmaps_randomised_take(r);
+    return TRUE;
+}
+
+gboolean eigenmaps_randomised(const struct eigenmaps_job *job, double *ret_error, GError **error) {
+    struct randomised r = {job, job->rows, job->maps->n_views};
+    const gsize spare = MIN(SPARE, job->fit / 2);
+    r.slots = (int)CLAMP(job->fit - spare, 1, (gsize)r.n_views);
+    r.columns = eigenmaps_new_columns(job, r.slots, error);
+    const gboolean ok = r.columns && make_sketch(&r, error) && find_directions(&r, error) &&
+                        eigenmaps_randomised_search(&r, ret_error, error);
+    g_free(r.columns);
+    g_free(r.buckets);
+    g_free(r.sketch);
+    g_free(r.directions);
+    g_free(r.values);
+    g_free(r.z);
+    g_free(r.factors);
+    g_free(r.gram);
+    g_free(r.turned);
+    return ok;
+}

@@ -1,0 +1,106 @@
+/*
+ * Analytic models of a BTF, fitted texel by texel: a few numbers a texel instead of a table. All
+ * are of luminance Y = 0.2126 R + 0.7152 G + 0.0722 B, times a colour; ⟨x⟩ is max(x, 0). l and v
+ * are unit vectors to light and view in the sample frame. Values hold n·l (pipeline.h): nothing is
+ * to be multiplied by it again.
+ *
+ * Models of each view on its own ("reflectance fields"), to be interpolated between views:
+ *   fields     Y_v(l) = Σ_{i=1..k} ⟨(X_i, Y_i, Z_i) · l⟩^N_i                       Meseth et al.
+ * 2003 eq. 1 ptm        Y_v(l) = C0 lx² + C1 ly² + C2 lx ly + C3 lx + C4 ly + C5   (Malzbender et
+ * al. 2001) Models of all views at once: lafortune  Y(v, l) = lz · (D + Σ_{i=1..k} ⟨(X_i, Y_i, Z_i)
+ * · (vx lx, vy ly, vz lz)⟩^N_i) (Lafortune et al. 1997) ward, ashikhmin  RGB(v, l) = ⟨n·l⟩ ·
+ * diffuse + specular · s(v, l), with normal n and tangent t a texel, b = n × t, and h the half
+ * vector, hx = h·t, hy = h·b, hn = h·n; 0 where n·l ≤ 0: ward s = √(n·l / max(n·v, 0.1)) / (4 U V)
+ * · exp(−2 ((hx/U)² + (hy/V)²) / (1 + hn)) (Ward 1992; the exponent of Kang & Cho 2011 eq. 3 with
+ * its squares) ashikhmin  s = √((U+1)(V+1)) / 8 · hn^((U hx² + V hy²)/(1 − hn²)) · n·l / (h·l ·
+ * max(n·l, n·v, 0.1)) (Ashikhmin & Shirley 2000, Fresnel's factor left out) Both are π f_r n·l,
+ * since values are relative to a white diffuser.
+ *
+ * No half float overflows: exponents lie in LOBES_MIN_EXPONENT … LOBES_MAX_EXPONENT, and a lobe's
+ * peak |(X, Y, Z)|^N is at most four times the brightest value it was fitted to and LOBES_MAX_PEAK.
+ *
+ * On disk, one EXR "fields.exr" (ptm.exr, …) of half floats. A part is a picture of the texels, or
+ * for fields and ptm those of all views one below the other, line v · height + y:
+ *   part "colour"              channels B G R, what Y is multiplied by (not ward, ashikhmin)
+ *   part "lobe1" … "lobek"     channels N X Y Z (fields, lafortune)
+ *   part "diffuse"             channel "D" (lafortune); channels B G R (ward, ashikhmin)
+ *   part "polynomial"          channels C0 … C5 (ptm)
+ *   part "specular"            channels B G R      |
+ *   parts "normal", "tangent"  channels X Y Z      | ward, ashikhmin
+ *   part "roughness"           channels U V        |
+ *   parts "views", "lights"    channels "phi_deg", "theta_deg", width n, height 1, float
+ * Attributes of the first part: mesorig.kind ("fields", "ptm", "lafortune", "ward" or "ashikhmin"),
+ * mesorig.name (string); mesorig.lobes, mesorig.slices, mesorig.width, mesorig.height (int);
+ * mesorig.error, mesorig.exact_error, mesorig.luminance_error, texel_mm, reference_mm (double).
+ */
+#pragma once
+
+#include "lpca/lpca.h"
+
+#define LOBES_MAX_LOBES    3
+#define LOBES_MIN_EXPONENT 0.5F
+#define LOBES_MAX_EXPONENT 64.0F
+#define LOBES_MAX_PEAK     64.0F
+
+enum lobes_model { LOBES_FIELDS, LOBES_PTM, LOBES_LAFORTUNE, LOBES_WARD, LOBES_ASHIKHMIN };
+#define LOBES_MODELS 5
+
+const char *lobes_model_name(enum lobes_model model);
+gboolean lobes_model_parse(const char *name, enum lobes_model *ret);
+
+struct lobes {
+    enum lobes_model model;
+    char *name;
+    int width, height; /* texels */
+    double texel_mm, reference_mm;
+    int n_views, n_lights;
+    float *view_theta_deg, *view_phi_deg;   /* n_views */
+    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    int n_lobes;  /* fields and lafortune: k, 1 … LOBES_MAX_LOBES; else 0 */
+    int n_slices; /* n_views for fields and ptm, else 1 */
+    int n_values; /* of a texel of a slice */
+    /* n_slices × height × width × n_values, in the order: R G B of the colour, then
+     *   fields     k × X Y Z N
+     *   ptm        C0 … C5
+     *   lafortune  D, k × X Y Z N
+     * ward, ashikhmin: R G B diffuse, R G B specular, X Y Z normal, X Y Z tangent, U V */
+    float *values;
+    /* Of the BTF it was made of, as lobes_error() finds them: relative RMS of R G B, and the mean
+     * of |Y − Ŷ| (Meseth et al. 2003, Table 1). exact_error: the first one before values became
+     * halves. */
+    double error, luminance_error, exact_error;
+};
+
+struct lobes_options {
+    enum lobes_model model;
+    int n_lobes; /* 0: 2, as Meseth et al. 2003 have it; ignored by models without lobes */
+    struct work work;
+    /* NULL, or where what is done is kept, now and then and when the work is cancelled. Of the same
+     * BTF and model the next call goes on from there, with the same result. */
+    Checkpoint *checkpoint;
+};
+
+void lobes_free(struct lobes *lobes); /* NULL is ignored */
+
+/* Least squares in luminance over all lights (and views). Values of the BTF that are NaN are left
+ * out of the fit; infinite ones are refused. What has no value at all becomes black. The result
+ * holds what the file gives back, halves, and does not depend on the number of threads.
+ * Stage "fit". */
+struct lobes *lobes_compute(const struct btf_matrix *btf, const struct lobes_options *options,
+                            GError **error);
+
+/* One texel at the measured directions: n_views × n_lights × 3. */
+void lobes_reconstruct(const struct lobes *lobes, int texel, float *ret);
+
+/* R G B of a texel of a slice in any direction; view is ignored by fields and ptm. */
+void lobes_evaluate(const struct lobes *lobes, int slice, int texel, const float view[3],
+                    const float light[3], float ret[3]);
+
+/* Sets error and luminance_error, over all values that are not NaN; returns error. */
+double lobes_error(struct lobes *lobes, const struct btf_matrix *btf, int n_threads);
+
+/* Bytes of all values as halves, as a renderer holds them. */
+gint64 lobes_bytes(const struct lobes *lobes);
+
+gboolean lobes_write(const char *path, const struct lobes *lobes, GError **error);
+struct lobes *lobes_read(const char *path, GError **error);

@@ -1,0 +1,51 @@
+/* What the files of lobes.h share. */
+#pragma once
+
+#include "base/direction.h"
+#include "exr/exr.h"
+#include "lobes.h"
+
+#define LOBES_MAX_PARAMETERS (4 * LOBES_MAX_LOBES + 1)
+
+/*
+ * Many small non-linear least-squares problems of one kind at once: Levenberg–Marquardt with eight
+ * problems side by side in the lanes of vectors, each with its own damping, bounds and end. A lane
+ * whose problem is solved takes the next one. A problem's result does not depend on the others.
+ *
+ * Parameters while fitting, chosen so that a lobe of exponent 1 is linear in them:
+ *   lobe       g (3), log N:   |g| ⟨g/|g| · w⟩^N,  so that (X, Y, Z) = g/|g| · |g|^(1/N)
+ *   fields     k lobes
+ *   lafortune  k lobes, D
+ *   ward       slopes of the normal (2), angle of the tangent, log U, log V, diffuse, specular
+ *   ashikhmin  the same
+ */
+struct lobes_fit {
+    enum lobes_model model; /* not ptm, which is linear */
+    int n_lobes;
+    int n_views, n_lights;       /* fields: one view, which is ignored */
+    const float *views, *lights; /* × 3, unit vectors */
+};
+
+int lobes_fit_parameters(const struct lobes_fit *fit);
+
+/* rows: n × n_views × n_lights of luminance, NaN where there is none. parameters: n × those of a
+ * problem; the start, then the result. ret_costs: n sums of squares, may be NULL. Returns the steps
+ * that were taken in all problems together. */
+gint64 lobes_fit_rows(const struct lobes_fit *fit, const float *rows, int n, float *parameters,
+                      float *ret_costs);
+
+/* Where to begin: n × parameters for n rows. */
+struct lobes_start;
+struct lobes_start *lobes_start_new(const struct lobes_fit *fit);
+void lobes_start_free(struct lobes_start *start);
+/* variant 0 … lobes_start_variants() − 1: where there are several, the best end counts. */
+int lobes_start_variants(const struct lobes_fit *fit);
+void lobes_start_rows(const struct lobes_start *start, int variant, const float *rows, int n,
+                      float *ret_parameters);
+
+/* Names of the part and channel a value lies in; g_free() the part's. */
+char *lobes_value_part(const struct lobes *lobes, int value, const char **ret_channel);
+
+/* What lobes_write() and lobes_read() have in a file; path is for messages. */
+struct exr_file *lobes_to_exr(const struct lobes *lobes);
+struct lobes *lobes_from_exr(const struct exr_file *file, const char *path, GError **error);

@@ -1,0 +1,141 @@
+/*
+ * Local PCA of a BTF (Schneider 2004 §3, after Müller et al. 2003). The BTF is understood as one
+ * BRDF a texel; texels are clustered, and each cluster has its own mean and eigen-BRDFs:
+ *
+ *   B(x) ≈ E_{0,k(x)} + Σ_{i=1..c} w_i(x) E_{i,k(x)}
+ *
+ * The w_i span what the principal axes of a cluster in the reduced space say of its texels, and the
+ * E_i are the best for them in all dimensions, so that both are known when all has been read twice.
+ * Of packed ones, as the paper has it, w_i(x) = ⟨B(x) − E_{0,k(x)}, E_{i,k(x)}⟩: all is read once
+ * more. E_{0,k} is the mean of cluster k, with weight 1 (§4 of the paper leaves it out of its sum).
+ * Values hold n·l already. The E_{i,k}, i ≥ 1, are orthonormal and in order of what they explain,
+ * so that leaving out the last ones is again the best with fewer; those a cluster has no use for
+ * are 0.
+ *
+ * On disk, one EXR "lpca.exr":
+ *   part "clusters"         channel "K", width × height texels, float: k(x)
+ *   part "weights"          channels "W01" … "Wcc", width × height texels, half (or float): w_i(x)
+ *   part "scales"           channel "S", width n_clusters, height c + 1, float
+ *   part "means"            channels B G R, width n_lights, height n_clusters · n_views
+ *   part "E01" … "Ecc"      the same shape: line k · n_views + v, column l:
+ *                           E_{i,k}(v, l) / (S_{i,k} S_{i,k,l})
+ *   part "views", "lights"  channels "phi_deg", "theta_deg", width n, height 1, float
+ *   part "weight_scales"    channel "S", width n_clusters, height c, float; 8bit-weights alone
+ *   part "light_scales"     channel "S", width n_lights, height n_clusters · (c + 1), half: line
+ *                           k · (c + 1) + i, column l: S_{i,k,l}; if missing, 1
+ *
+ * Attributes of "clusters": mesorig.kind = "lpca", mesorig.name (string), mesorig.quantise (string:
+ * float, half, 8bit, 8bit-weights, packed), mesorig.error (double, see lpca_error()), texel_mm,
+ * reference_mm (double), mesorig.grid (int) where there is an n_grid, and mesorig.colours (string)
+ * = "log" where they are that, see below.
+ *
+ * Quantised to 8 bits (§6.3), the stored E_i, i ≥ 1, are integers −127 … 127 (they are signed),
+ * each with a scale of its own, and those of a light with one more: under grazing light all is
+ * dark, and the steps of bright light would be seen. (Not on a grid: it is drawn with the file's 8
+ * bits.) Means stay halves, since no small weight makes their steps smaller.
+ * With 8bit-weights so are the weights of each component of each cluster. EXR has no 8-bit
+ * channels: the integers lie in halves, without loss. Else all scales are 1.
+ *
+ * Decorrelated colours (LPCA_LOG): in place of R, G, B the sums are of ln(Y + ε), (R − Y)/(Y + ε),
+ * (B − Y)/(Y + ε), with Y = 0.2126 R + 0.7152 G + 0.0722 B and ε = LPCA_LOG_OFFSET: what is dark
+ * then counts as much as what is bright.
+ */
+#pragma once
+
+#include "base/team.h"
+#include "btf/btf_checkpoint.h"
+#include "btf/btf_matrix.h"
+
+#define LPCA_MAX_CLUSTERS   1024
+#define LPCA_MAX_COMPONENTS 64
+
+/* lpca_quantise() takes the first LPCA_QUANTISE_KINDS; lpca_pack.h makes packed ones. */
+enum lpca_quantise { LPCA_FLOAT, LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS, LPCA_PACKED };
+#define LPCA_QUANTISE_KINDS 4
+const char *lpca_quantise_name(enum lpca_quantise quantise);
+gboolean lpca_quantise_parse(const char *name, enum lpca_quantise *ret);
+
+enum lpca_colours { LPCA_RGB, LPCA_LOG };
+#define LPCA_LOG_OFFSET 0.01F
+/* n colours of three, in place. */
+void lpca_to_log(float *values, gsize n);
+void lpca_from_log(float *values, gsize n);
+
+struct lpca {
+    char *name;
+    int width, height; /* texels */
+    double texel_mm, reference_mm;
+    int n_views, n_lights, n_clusters, n_components;
+    int n_grid; /* 0; or views and lights are the n_grid² samples of resample.h, not measured ones
+                 */
+    float *view_theta_deg, *view_phi_deg;   /* n_views */
+    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    int *clusters;                          /* height × width: k(x) */
+    float *weights;                         /* height × width × n_components */
+    float *brdfs;  /* n_clusters × (n_components + 1) × n_views × n_lights × 3 (R, G, B) */
+    float *scales; /* n_clusters × (n_components + 1): steps of brdfs if 8 bit, else 1 */
+    float *light_scales;  /* n_clusters × (n_components + 1) × n_lights; NULL: all are 1 */
+    float *weight_scales; /* n_clusters × n_components: likewise of weights */
+    enum lpca_quantise quantise;
+    enum lpca_colours colours;
+    double error;               /* as lpca_error() found it; 0 if it was not asked */
+    struct lpca_packed *packed; /* what its file holds if it is packed, see lpca_pack.h; or NULL */
+};
+
+/* What came nearest. */
+struct lpca_nearest {
+    int n_clusters, n_components; /* 0: nothing */
+    double error;
+};
+
+struct lpca_options {
+    int n_clusters, n_components;
+    double target; /* 0, or the error to reach: n_components is then the most it may take */
+    struct work work;
+    enum lpca_colours colours;
+    gint64 memory;           /* 0, or bytes that must do beside the BTF's values */
+    const struct team *team; /* NULL: this process is alone */
+    gboolean to_pack;        /* up to LPCA_MAX_PACKED components, which only lpca_pack.h takes */
+    /* NULL, or where what is done is kept, now and then and when the work is cancelled or fails.
+     * The same call goes on from there, with the same result. Not with a team. */
+    Checkpoint *checkpoint;
+    struct lpca_nearest *nearest; /* may be NULL: filled where a target is not reached */
+};
+
+void lpca_free(struct lpca *lpca); /* NULL is ignored */
+
+/* Of a whole matrix of finite values, in memory or in a file; LPCA_FLOAT. Clusters that nothing
+ * needs are left out: a constant material has one. Bytes do not depend on the number of threads.
+ * Stages "reduce", "cluster", "polish", "weights" if it is to be packed, now and then "check". With
+ * a target the clustering is made for 1, 2, 4, … components until it is reached; if it cannot be,
+ * the error says how near it came.
+ *
+ * With a team every rank calls this, btf->values being the rows of its part of the texels alone
+ * (TEAM_ROWS), and all get the whole result. Clusters do not depend on the number of ranks;
+ * other numbers do as their sums are rounded. */
+struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
+                          GError **error);
+
+/* The same with fewer components. */
+struct lpca *lpca_truncated(const struct lpca *lpca, int n_components);
+
+/* Rounds what is in memory to what a file of that kind gives back. Once, from LPCA_FLOAT. */
+void lpca_quantise(struct lpca *lpca, enum lpca_quantise quantise);
+
+/* Bytes it takes beside the BTF's values. */
+gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options);
+
+/* ‖X − X̂‖_F / ‖X‖_F of R, G, B, also kept in lpca->error; 0 for a black BTF. */
+double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads);
+/* The same for options' team, with progress. */
+gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
+                           const struct lpca_options *options, GError **error);
+
+/* Bytes of index, weights and BRDFs as a renderer holds them; of a packed one as if in halves. */
+gint64 lpca_bytes(const struct lpca *lpca);
+
+/* One texel: n_views × n_lights × 3. */
+void lpca_reconstruct(const struct lpca *lpca, int texel, float *ret);
+
+gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error);
+struct lpca *lpca_read(const char *path, GError **error);

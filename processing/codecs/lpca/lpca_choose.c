@@ -1,0 +1,227 @@
+#include "lpca_choose.h"
+
+#include "base/data_error.h"
+#include "btf/btf_checkpoint.h"
+#include "lpca_private.h"
+
+#define PATIENCE 2 /* more clusters are tried so often without getting better */
+
+/* How far a choice is; in the checkpoint as it is. */
+struct choice {
+    struct lpca_wish wish;
+    gint32 clusters, worse;            /* to be tried next, and how often that did not help */
+    struct lpca_nearest best, nearest; /* the best so far; of those that do not reach the error */
+};
+
+struct choosing {
+    const struct btf_matrix *btf;
+    const struct lpca_options *options;
+    const struct lpca_wish *wish;
+    struct choice choice;
+    struct lpca *best;
+};
+
+/* What it would take as a file of that kind. */
+static gint64 lpca_choose_size_of(const struct btf_matrix *btf, const struct lpca_wish *wish,
+                                  int clusters, int components) {
+    const struct lpca like = {
+        .width = btf->width,
+        .height = btf->height,
+        .n_views = wish->n_grid ? wish->n_grid * wish->n_grid : btf->n_views,
+        .n_lights = wish->n_grid ? wish->n_grid * wish->n_grid : btf->n_lights,
+        .n_clusters = clusters,
+        .n_components = components,
+        .quantise = wish->quantise,
+    };
+    return lpca_bytes(&like);
+}
+
+static gint64 raw_bytes(const struct btf_matrix *btf) {
+    return 2 * 3 * (gint64)btf->width * btf->height * btf->n_views * btf->n_lights;
+}
+
+/* With an error to reach: smaller than the best so far, and than the BTF; of a few texels, as many
+ * components as hold everything. */
+static gint64 most_bytes(const struct choosing *choosing) {
+    const struct btf_matrix *btf = choosing->btf;
+    const struct lpca_wish *wish = choosing->wish;
+    const struct lpca_nearest *best = &choosing->choice.best;
+    gint64 most = wish->bytes > 0 ? wish->bytes : G_MAXINT64;
+    if (wish->error <= 0)
+        return most;
+    if (best->n_clusters > 0)
+        return MIN(most, lpca_choose_size_of(btf, wish, best->n_clusters, best->n_components) - 1);
+    const gint64 texels = (gint64)btf->width * btf->height;
+    const int all = (int)MIN(texels, LPCA_MAX_COMPONENTS);
+    return MIN(most, MAX(raw_bytes(btf), lpca_choose_size_of(btf, wish, 1, all)));
+}
+
+/* 0 if not even one component fits. */
+static int most_components(const struct choosing *choosing, int clusters) {
+    const struct btf_matrix *btf = choosing->btf;
+    const gint64 bytes = most_bytes(choosing);
+    int c = MIN(choosing->wish->n_components, LPCA_MAX_COMPONENTS);
+    c = MIN(c, btf->n_views * btf->n_lights * 3);
+    while (c > 0 && lpca_choose_size_of(btf, choosing->wish, clusters, c) > bytes)
+        c--;
+    return c;
+}
+
+static struct lpca *too_small(const struct btf_matrix *btf, const struct lpca_wish *wish,
+                              GError **error) {
+    g_autofree char *wanted = g_format_size((guint64)wish->bytes);
+    g_autofree char *least = g_format_size((guint64)lpca_choose_size_of(btf, wish, 1, 1));
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%s is too little: one cluster of one component takes %s", wanted, least);
+    return NULL;
+}
+
+static struct lpca *lpca_choose_not_reached(const struct choosing *choosing, GError **error) {
+    const struct lpca_nearest *nearest = &choosing->choice.nearest;
+    const struct lpca_wish *wish = choosing->wish;
+    const gint64 takes =
+        lpca_choose_size_of(choosing->btf, wish, nearest->n_clusters, nearest->n_components);
+    g_autofree char *size = g_format_size((guint64)takes);
+    g_autofree char *limit =
+        g_format_size((guint64)(wish->bytes > 0 ? wish->bytes : raw_bytes(choosing->btf)));
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "an error of %.3g %% is not reached within %s%s: what came nearest is %.3g %%, by "
+                "%d %s of %d %s, which take %s; allow a larger error (that of the values as they "
+                "are, with the capture's noise)",
+                100 * wish->error, limit, wish->bytes > 0 ? "" : ", which the BTF itself takes",
+                100 * nearest->error, nearest->n_clusters,
+                nearest->n_clusters == 1 ? "cluster" : "clusters", nearest->n_components,
+                nearest->n_components == 1 ? "component" : "components", size);
+    return NULL;
+}
+
+/* Sizes are compared by the limit that each has. */
+static gboolean is_better(const struct choosing *choosing, const struct lpca *one) {
+    return choosing->choice.best.n_clusters == 0 || choosing->wish->error > 0 ||
+           one->error < choosing->choice.best.error;
+}
+
+static void lpca_choose_keep_best(struct choosing *choosing) {
+    const struct lpca *best = choosing->best;
+    Checkpoint *checkpoint = choosing->options->checkpoint;
+    choosing->choice.best =
+        (struct lpca_nearest){best->n_clusters, best->n_components, best->error};
+    if (checkpoint)
+        lpca_keep_whole(checkpoint, "best", best);
+}
+
+/* Limits of memory end the search where something was found already. */
+static gboolean may_end(const struct choosing *choosing, const GError *failed) {
+    return g_error_matches(failed, DATA_ERROR, DATA_ERROR_INVALID) &&
+           choosing->choice.best.n_clusters + choosing->choice.nearest.n_clusters > 0;
+}
+
+/* What is kept of the choice changes only once the try is over. */
+static gboolean try_clusters(struct choosing *choosing, GError **error) {
+    struct choice *choice = &choosing->choice;
+    g_autoptr(GError) failed = NULL;
+    struct lpca_options now = *choosing->options;
+    struct lpca_nearest nearest = {0};
+    int worse = choice->worse + 1;
+    now.n_clusters = choice->clusters;
+    now.n_components = most_components(choosing, choice->clusters);
+    now.target = choosing->wish->error;
+    now.nearest = &nearest;
+    struct lpca *lpca = now.n_components > 0 ? lpca_compute(choosing->btf, &now, &failed) : NULL;
+    if (failed && nearest.n_clusters == 0 && !may_end(choosing, failed)) {
+        g_propagate_error(error, g_steal_pointer(&failed));
+        return FALSE;
+    }
+    if (failed && nearest.n_clusters == 0) {
+        worse = PATIENCE;
+    } else if (lpca && is_better(choosing, lpca)) {
+        lpca_free(choosing->best);
+        choosing->best = g_steal_pointer(&lpca);
+        lpca_choose_keep_best(choosing);
+        worse = 0;
+    } else if (nearest.n_clusters > 0 &&
+               (choice->nearest.n_clusters == 0 || nearest.error < choice->nearest.error)) {
+        choice->nearest = nearest;
+        worse = choosing->best ? worse : 0;
+    }
+    choice->worse = worse;
+    choice->clusters *= 2;
+    lpca_free(lpca);
+    return TRUE;
+}
+
+/* From what the file has, or from the beginning. */
+static void lpca_choose_resume(struct choosing *choosing) {
+    Checkpoint *checkpoint = choosing->options->checkpoint;
+    const struct lpca_wish *wish = choosing->wish;
+    choosing->choice = (struct choice){.wish = *wish, .clusters = 1};
+    if (!checkpoint)
+        return;
+    g_autofree char *what =
+        g_strdup_printf("choose %.17g, %" G_GINT64_FORMAT ", %d, %d, %d", wish->error, wish->bytes,
+                        wish->n_components, (int)wish->quantise, wish->n_grid);
+    btf_checkpoint_begin(checkpoint, choosing->btf, what);
+    const struct choice *found = checkpoint_get(checkpoint, "choice", sizeof *found);
+    if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes) {
+        const struct lpca_nearest *best = &found->best;
+        choosing->best = lpca_kept_whole(checkpoint, "best", choosing->btf, best->n_clusters,
+                                         best->n_components);
+        if (choosing->best || best->n_clusters == 0)
+            choosing->choice = *found;
+    }
+    if (choosing->best) {
+        choosing->best->error = choosing->choice.best.error;
+        choosing->best->colours = choosing->options->colours;
+        lpca_keep_whole(checkpoint, "best", choosing->best);
+    }
+    checkpoint_keep(checkpoint, "choice", &choosing->choice, sizeof choosing->choice);
+}
+
+static void lpca_choose_leave(const struct choosing *choosing) {
+    if (!choosing->options->checkpoint)
+        return;
+    checkpoint_drop(choosing->options->checkpoint, "choice");
+    lpca_drop_whole(choosing->options->checkpoint, "best");
+}
+
+static gboolean lpca_choose_is_used(const struct lpca *lpca, int component) {
+    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    for (int k = 0; k < lpca->n_clusters; k++) {
+        const float *brdf = lpca_brdf(lpca, k, component);
+        for (gsize i = 0; i < d; i++)
+            if (brdf[i] != 0)
+                return TRUE;
+    }
+    return FALSE;
+}
+
+/* A size may hold more components than a material has a use for. */
+static struct lpca *without_unused(struct lpca *lpca) {
+    int c = lpca->n_components;
+    while (c > 1 && !lpca_choose_is_used(lpca, c))
+        c--;
+    if (c == lpca->n_components)
+        return lpca;
+    struct lpca *fewer = lpca_truncated(lpca, c);
+    fewer->error = lpca->error;
+    lpca_free(lpca);
+    return fewer;
+}
+
+struct lpca *lpca_choose(const struct btf_matrix *btf, const struct lpca_options *options,
+                         const struct lpca_wish *wish, GError **error) {
+    const gint64 most = MIN((gint64)btf->width * btf->height, LPCA_MAX_CLUSTERS);
+    struct choosing choosing = {btf, options, wish, {.wish = *wish}, NULL};
+    gboolean ok = TRUE;
+    if (wish->bytes > 0 && most_components(&choosing, 1) == 0)
+        return too_small(btf, wish, error);
+    lpca_choose_resume(&choosing);
+    while (ok && choosing.choice.clusters <= most && choosing.choice.worse < PATIENCE)
+        ok = try_clusters(&choosing, error);
+    lpca_choose_leave(&choosing);
+    if (!ok)
+        g_clear_pointer(&choosing.best, lpca_free);
+    else if (!choosing.best)
+        return lpca_choose_not_reached(&choosing, error);
+    return ok ? without_unused(choosing.best) : NULL;
+}

@@ -1,0 +1,426 @@
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "lpca_private.h"
+
+#define SEED             19
+#define MEANS_ITERATIONS 3 /* without axes, to begin with */
+#define MOST_ITERATIONS  40
+#define POWER_STEPS      2
+#define SETTLED          1e-4 /* of the error: less gain ends the iteration */
+#define BLOCK            512  /* rows assigned at a time */
+
+void lpca_reduced_clear(struct lpca_reduced *reduced) {
+    g_clear_pointer(&reduced->labels, g_free);
+    g_clear_pointer(&reduced->means, g_free);
+    g_clear_pointer(&reduced->bases, g_free);
+    g_clear_pointer(&reduced->members, g_ptr_array_unref);
+}
+
+static double distance(const float *a, const float *b, int n) {
+    double sum = 0;
+    for (int i = 0; i < n; i++)
+        sum += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
+    return sum;
+}
+
+static int lpca_cluster_draw(GRand *random, const double *shares, int n, double all) {
+    double left = g_rand_double(random) * all;
+    int last = 0;
+    for (int i = 0; i < n; i++) {
+        if (shares[i] <= 0)
+            continue;
+        last = i;
+        left -= shares[i];
+        if (left < 0)
+            break;
+    }
+    return last;
+}
+
+/* Ranks do blocks from *ret_first to before *ret_end, and then tell each other. */
+static void blocks_of(const struct lpca_reduced *reduced, int *ret_first, int *ret_end) {
+    const struct team *team = reduced->options->team;
+    const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
+    team_part(team, team ? team->rank : 0, blocks, 1, ret_first, ret_end);
+}
+
+/* An array of a value of size bytes a row, which ranks have filled in their blocks. */
+static void lpca_cluster_share_rows(const struct lpca_reduced *reduced, void *values, gsize size) {
+    const struct team *team = reduced->options->team;
+    const int blocks = (reduced->n + BLOCK - 1) / BLOCK;
+    if (!team)
+        return;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        team_part(team, i, blocks, 1, &first, &end);
+        starts[i + 1] = (gsize)MIN(end * BLOCK, reduced->n) * size;
+    }
+    team->share(team, values, starts);
+}
+
+struct seeding {
+    const struct lpca_reduced *reduced;
+    const float *seed;
+    gboolean first;
+    int from;        /* block */
+    double *nearest; /* n */
+};
+
+static void seed_block(int block, gpointer data) {
+    const struct seeding *seeding = data;
+    const int r = seeding->reduced->r, from = (seeding->from + block) * BLOCK;
+    for (int i = from; i < MIN(from + BLOCK, seeding->reduced->n); i++) {
+        const float *row = seeding->reduced->rows + (gsize)i * (gsize)r;
+        const double d = distance(row, seeding->seed, r);
+        seeding->nearest[i] = seeding->first ? d : MIN(seeding->nearest[i], d);
+    }
+}
+
+/* k-means++: as many seeds as there are rows that differ, at most. */
+static void seed_means(struct lpca_reduced *reduced) {
+    g_autofree double *nearest = g_new(double, reduced->n);
+    GRand *random = g_rand_new_with_seed(SEED);
+    const gsize r = (gsize)reduced->r;
+    double first = 0;
+    int seeds = 0, next = g_rand_int_range(random, 0, reduced->n), from, end;
+    blocks_of(reduced, &from, &end);
+    while (seeds < reduced->k) {
+        float *mean = reduced->means + (gsize)seeds * r;
+        struct seeding seeding = {reduced, mean, seeds == 0, from, nearest};
+        double all = 0;
+        memcpy(mean, reduced->rows + (gsize)next * r, sizeof(float) * r);
+        work_for_each(reduced->options->work.n_threads, end - from, seed_block, &seeding);
+        lpca_cluster_share_rows(reduced, nearest, sizeof *nearest);
+        for (int i = 0; i < reduced->n; i++)
+            all += nearest[i];
+        if (seeds++ == 0)
+            first = all;
+        if (all <= 1e-12 * first)
+            break;
+        next = lpca_cluster_draw(random, nearest, reduced->n, all);
+    }
+    reduced->k = seeds;
+    g_rand_free(random);
+}
+
+/* One multiplication gives all products of rows with means and axes. */
+struct assignment {
+    const struct lpca_reduced *reduced;
+    int c;          /* axes in use; 0: k-means */
+    float *factors; /* k × (c + 1) × r: mean, then axes */
+    float *offsets; /* k × (c + 1): products of a cluster's mean with its factors */
+    float *errors;  /* n: of the best cluster */
+    int *labels;
+    int from; /* block */
+};
+
+static void assign_row(const struct assignment *to, int row, const float *products) {
+    const struct lpca_reduced *reduced = to->reduced;
+    const float *values = reduced->rows + (gsize)row * (gsize)reduced->r;
+    const int stride = to->c + 1;
+    double norm = 0, best = G_MAXDOUBLE;
+    for (int i = 0; i < reduced->r; i++)
+        norm += (double)values[i] * values[i];
+    for (int k = 0; k < reduced->k; k++) {
+        const float *p = products + k * stride, *o = to->offsets + k * stride;
+        double error = norm - 2.0 * p[0] + o[0];
+        for (int i = 1; i <= to->c; i++)
+            error -= ((double)p[i] - o[i]) * ((double)p[i] - o[i]);
+        if (error < best) {
+            best = error;
+            to->labels[row] = k;
+        }
+    }
+    to->errors[row] = (float)MAX(best, 0);
+}
+
+static void assign_block(int block, gpointer data) {
+    const struct assignment *to = data;
+    const int r = to->reduced->r, columns = to->reduced->k * (to->c + 1);
+    const int from = (to->from + block) * BLOCK, n = MIN(BLOCK, to->reduced->n - from);
+    g_autofree float *products = g_new(float, (gsize)n *(gsize)columns);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, columns, r, 1,
+                to->reduced->rows + (gsize)from * (gsize)r, r, to->factors, r, 0, products,
+                columns);
+    for (int i = 0; i < n; i++)
+        assign_row(to, from + i, products + (gsize)i * (gsize)columns);
+}
+
+static void lpca_cluster_prepare(struct assignment *to) {
+    const struct lpca_reduced *reduced = to->reduced;
+    const gsize r = (gsize)reduced->r;
+    for (int k = 0; k < reduced->k; k++) {
+        const float *mean = reduced->means + (gsize)k * r;
+        const gsize first = (gsize)k * (gsize)(to->c + 1);
+        memcpy(to->factors + first * r, mean, sizeof(float) * r);
+        memcpy(to->factors + (first + 1) * r, reduced->bases + (gsize)(k * reduced->c) * r,
+               sizeof(float) * r * (gsize)to->c);
+        for (int i = 0; i <= to->c; i++)
+            to->offsets[first + (gsize)i] =
+                cblas_sdot((int)r, mean, 1, to->factors + (first + (gsize)i) * r, 1);
+    }
+}
+
+/* The sum of squared errors. */
+static double lpca_cluster_assign(struct lpca_reduced *reduced, int c, float *errors) {
+    const gsize factors = (gsize)reduced->k * (gsize)(c + 1);
+    struct assignment to = {reduced, c, NULL, NULL, errors, reduced->labels};
+    double sum = 0;
+    int end;
+    blocks_of(reduced, &to.from, &end);
+    to.factors = g_new(float, factors *(gsize)reduced->r);
+    to.offsets = g_new(float, factors);
+    lpca_cluster_prepare(&to);
+    work_for_each(reduced->options->work.n_threads, end - to.from, assign_block, &to);
+    lpca_cluster_share_rows(reduced, errors, sizeof *errors);
+    lpca_cluster_share_rows(reduced, reduced->labels, sizeof *reduced->labels);
+    for (int i = 0; i < reduced->n; i++)
+        sum += errors[i];
+    g_free(to.factors);
+    g_free(to.offsets);
+    return sum;
+}
+
+static void lpca_cluster_collect(struct lpca_reduced *reduced) {
+    for (int k = 0; k < reduced->k; k++)
+        g_array_set_size(g_ptr_array_index(reduced->members, k), 0);
+    for (int i = 0; i < reduced->n; i++)
+        g_array_append_val((GArray *)g_ptr_array_index(reduced->members, reduced->labels[i]), i);
+}
+
+/* A cluster that lost all its rows takes the worst of them, if that is any use. */
+static void lpca_cluster_refill(struct lpca_reduced *reduced, float *errors) {
+    for (int k = 0; k < reduced->k; k++) {
+        int worst = 0;
+        if (((GArray *)g_ptr_array_index(reduced->members, k))->len > 0)
+            continue;
+        for (int i = 1; i < reduced->n; i++)
+            if (errors[i] > errors[worst])
+                worst = i;
+        if (errors[worst] <= 0)
+            break;
+        errors[worst] = 0;
+        reduced->labels[worst] = k;
+    }
+    lpca_cluster_collect(reduced);
+}
+
+/* The rows of a cluster less their mean, which becomes the cluster's. */
+static float *centred(const struct lpca_reduced *reduced, int k) {
+    const GArray *members = g_ptr_array_index(reduced->members, k);
+    const gsize r = (gsize)reduced->r;
+    float *rows = g_new(float, MAX(members->len, 1) * r), *mean = reduced->means + (gsize)k * r;
+    g_autofree double *sums = g_new0(double, r);
+    for (guint i = 0; i < members->len; i++) {
+        const float *row = reduced->rows + (gsize)g_array_index(members, int, i) * r;
+        memcpy(rows + i * r, row, sizeof(float) * r);
+        for (gsize j = 0; j < r; j++)
+            sums[j] += row[j];
+    }
+    for (gsize j = 0; j < r; j++)
+        mean[j] = (float)(sums[j] / members->len);
+    for (guint i = 0; i < members->len; i++)
+        for (gsize j = 0; j < r; j++)
+            rows[i * r + j] -= mean[j];
+    return rows;
+}
+
+/* All axes from the covariance; what has no extent is 0. */
+static void exact_axes(const struct lpca_reduced *reduced, const float *rows, int n, float *axes) {
+    const int r = reduced->r, c = reduced->c;
+    g_autofree float *covariance = g_new0(float, (gsize)r *(gsize)r);
+    g_autofree float *values = g_new0(float, r);
+    g_autofree float *vectors = g_new0(float, (gsize)r *(gsize)c);
+    g_autofree int *support = g_new0(int, 2 * r);
+    int found = 0;
+    cblas_ssyrk(CblasColMajor, CblasUpper, CblasNoTrans, r, n, 1, rows, r, 0, covariance, r);
+    memset(axes, 0, sizeof(float) * (gsize)r * (gsize)c);
+    if (LAPACKE_ssyevr(LAPACK_COL_MAJOR, 'V', 'I', 'U', r, covariance, r, 0, 0, r - c + 1, r, 0,
+                       &found, values, vectors, r, support) != 0)
+        return;
+    for (int i = 0; i < found; i++)
+        if (values[found - 1 - i] > 1e-7F * values[found - 1])
+            memcpy(axes + (gsize)i * (gsize)r, vectors + (gsize)(found - 1 - i) * (gsize)r,
+                   sizeof(float) * (gsize)r);
+}
+
+enum axes { NO_AXES, EXACT_AXES, BETTER_AXES };
+
+struct update {
+    struct lpca_reduced *reduced;
+    enum axes axes;
+    int from; /* cluster */
+};
+
+static void update_cluster(int block, gpointer data) {
+    const struct update *update = data;
+    struct lpca_reduced *reduced = update->reduced;
+    const int k = update->from + block;
+    const int n = (int)((GArray *)g_ptr_array_index(reduced->members, k))->len;
+    const int r = reduced->r, c = reduced->c;
+    if (n == 0)
+        return;
+    g_autofree float *rows = centred(reduced, k);
+    float *axes = reduced->bases + (gsize)(k * c) * (gsize)r;
+    if (update->axes == NO_AXES)
+        return;
+    if (update->axes == EXACT_AXES) {
+        exact_axes(reduced, rows, n, axes);
+        return;
+    }
+    g_autofree float *products = g_new(float, (gsize)n *(gsize)c);
+    for (int step = 0; step < POWER_STEPS; step++) {
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, c, r, 1, rows, r, axes, r, 0,
+                    products, c);
+        cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, c, r, n, 1, products, c, rows, r, 0,
+                    axes, r);
+        lpca_orthonormalise(axes, c, r, FALSE);
+    }
+}
+
+/* An array of size floats a cluster, likewise. */
+static void share_clusters(const struct lpca_reduced *reduced, float *values, gsize size) {
+    const struct team *team = reduced->options->team;
+    if (!team)
+        return;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        team_part(team, i, reduced->k, 1, &first, &end);
+        starts[i + 1] = (gsize)end * size * sizeof(float);
+    }
+    team->share(team, values, starts);
+}
+
+static void update(struct lpca_reduced *reduced, enum axes axes) {
+    const struct team *team = reduced->options->team;
+    const gsize r = (gsize)reduced->r;
+    struct update all = {reduced, axes};
+    int end;
+    team_part(team, team ? team->rank : 0, reduced->k, 1, &all.from, &end);
+    work_for_each(reduced->options->work.n_threads, end - all.from, update_cluster, &all);
+    share_clusters(reduced, reduced->means, r);
+    if (axes != NO_AXES)
+        share_clusters(reduced, reduced->bases, (gsize)reduced->c * r);
+}
+
+static void drop_empty(struct lpca_reduced *reduced) {
+    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
+    int kept = 0;
+    for (int k = 0; k < reduced->k; k++) {
+        GArray *members = g_ptr_array_index(reduced->members, kept);
+        if (members->len == 0) {
+            g_ptr_array_remove_index(reduced->members, (guint)kept);
+            continue;
+        }
+        memmove(reduced->means + (gsize)kept * r, reduced->means + (gsize)k * r, sizeof(float) * r);
+        memmove(reduced->bases + (gsize)kept * c * r, reduced->bases + (gsize)k * c * r,
+                sizeof(float) * c * r);
+        for (guint i = 0; i < members->len; i++)
+            reduced->labels[g_array_index(members, int, i)] = kept;
+        kept++;
+    }
+    reduced->k = kept;
+}
+
+static gboolean lpca_cluster_tell(const struct lpca_reduced *reduced, int done, gint64 begun,
+                                  GError **error) {
+    const int total = MEANS_ITERATIONS + MOST_ITERATIONS;
+    const double spent = (double)(g_get_monotonic_time() - begun) / G_USEC_PER_SEC;
+    const struct work_progress progress = {"cluster", done, total,
+                                           done > 0 ? spent / done * (total - done) : -1};
+    if (reduced->options->work.progress)
+        reduced->options->work.progress(&progress, reduced->options->work.data);
+    return !g_cancellable_set_error_if_cancelled(reduced->options->work.cancellable, error);
+}
+
+/* Between two iterations. */
+static void lpca_cluster_keep(const struct lpca_reduced *reduced, int iteration, double before) {
+    struct lpca_run *run = reduced->run;
+    if (!run)
+        return;
+    run->state.k = reduced->k;
+    run->state.iteration = iteration;
+    run->state.before = before;
+}
+
+/* FALSE when cancelled. */
+static gboolean lpca_cluster_tell_and_save(const struct lpca_reduced *reduced, int done,
+                                           gint64 begun, GError **error) {
+    Checkpoint *checkpoint = reduced->run ? reduced->options->checkpoint : NULL;
+    const gboolean ok = lpca_cluster_tell(reduced, done, begun, error);
+    if (checkpoint)
+        (ok ? checkpoint_save_if_due : checkpoint_save)(checkpoint);
+    return ok;
+}
+
+static gboolean iterate(struct lpca_reduced *reduced, int from, double before, GError **error) {
+    g_autofree float *errors = g_new(float, reduced->n);
+    const gint64 begun = g_get_monotonic_time();
+    for (int i = from; reduced->k > 1 && i < MEANS_ITERATIONS + MOST_ITERATIONS; i++) {
+        const gboolean means = i < MEANS_ITERATIONS;
+        lpca_cluster_keep(reduced, i, before);
+        if (!lpca_cluster_tell_and_save(reduced, i, begun, error))
+            return FALSE;
+        const double sum = lpca_cluster_assign(reduced, means ? 0 : reduced->c, errors);
+        lpca_cluster_collect(reduced);
+        lpca_cluster_refill(reduced, errors);
+        update(reduced, i + 1 < MEANS_ITERATIONS    ? NO_AXES
+                        : i + 1 == MEANS_ITERATIONS ? EXACT_AXES
+                                                    : BETTER_AXES);
+        if (i > MEANS_ITERATIONS && sum >= before * (1 - SETTLED))
+            break;
+        before = i < MEANS_ITERATIONS ? G_MAXDOUBLE : sum;
+    }
+    if (reduced->k == 1)
+        lpca_cluster_collect(reduced);
+    update(reduced, EXACT_AXES);
+    drop_empty(reduced);
+    if (reduced->run) {
+        reduced->run->state.k = reduced->k;
+        lpca_enter(reduced->run, LPCA_POLISHING);
+    }
+    return lpca_cluster_tell_and_save(reduced, MEANS_ITERATIONS + MOST_ITERATIONS, begun, error);
+}
+
+/* As the run's file has it, if it has; what is seeded is kept from now on. */
+static void restore(struct lpca_reduced *reduced) {
+    struct lpca_run *run = reduced->run;
+    if (run->state.stage < LPCA_CLUSTERING) {
+        lpca_cluster_keep(reduced, 0, G_MAXDOUBLE);
+        lpca_enter(run, LPCA_CLUSTERING);
+    }
+    reduced->k = run->state.k;
+    lpca_keep(run, LPCA_KEPT_LABELS, reduced->labels);
+    if (run->state.stage > LPCA_POLISHING)
+        return;
+    lpca_keep(run, LPCA_KEPT_MEANS, reduced->means);
+    lpca_keep(run, LPCA_KEPT_BASES, reduced->bases);
+}
+
+gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error) {
+    const gsize k = (gsize)reduced->k, r = (gsize)reduced->r;
+    reduced->labels = g_new0(int, reduced->n);
+    reduced->means = g_new0(float, k *r);
+    reduced->bases = g_new0(float, k *(gsize)reduced->c *r);
+    reduced->members = g_ptr_array_new_with_free_func((GDestroyNotify)g_array_unref);
+    for (gsize i = 0; i < k; i++)
+        g_ptr_array_add(reduced->members, g_array_new(FALSE, FALSE, sizeof(int)));
+    const int stage = reduced->run ? reduced->run->state.stage : LPCA_REDUCED;
+    if (stage < LPCA_CLUSTERING)
+        seed_means(reduced);
+    if (reduced->run)
+        restore(reduced);
+    g_ptr_array_set_size(reduced->members, reduced->k);
+    if (stage >= LPCA_CLUSTERING)
+        lpca_cluster_collect(reduced);
+    if (stage > LPCA_CLUSTERING)
+        return TRUE;
+    const struct lpca_state *state = reduced->run ? &reduced->run->state : NULL;
+    return iterate(reduced, state ? state->iteration : 0, state ? state->before : G_MAXDOUBLE,
+                   error);
+}

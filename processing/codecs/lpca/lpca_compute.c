@@ -1,0 +1,504 @@
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "lpca_pack.h"
+#include "lpca_private.h"
+
+#define SEED    7
+#define SAMPLES 768 /* texels whose span the clustering works in, at least */
+#define REDUCED 128 /* dimensions of that span, at least */
+#define TILE    128 /* of the Gram matrix */
+#define STRIP   256 /* columns of the axes made at a time */
+#define COLOURS 3
+
+void lpca_orthonormalise(float *rows, int n, int length, gboolean drop) {
+    g_autofree float *tau = g_new0(float, n), *diagonal = g_new0(float, n);
+    float largest = 0;
+    LAPACKE_sgeqrf(LAPACK_COL_MAJOR, length, n, rows, length, tau);
+    for (int i = 0; i < n; i++) {
+        diagonal[i] = fabsf(rows[(gsize)i * (gsize)length + (gsize)i]);
+        largest = MAX(largest, diagonal[i]);
+    }
+    LAPACKE_sorgqr(LAPACK_COL_MAJOR, length, n, n, rows, length, tau);
+    for (int i = 0; drop && i < n; i++)
+        if (!(diagonal[i] > 1e-6F * largest))
+            memset(rows + (gsize)i * (gsize)length, 0, sizeof(float) * (gsize)length);
+}
+
+/* Of what could not be read 0; takes failed. */
+static void unreadable(struct lpca_run *run, GError *failed, float *rows, gsize values) {
+    g_mutex_lock(&run->lock);
+    if (!run->failed)
+        run->failed = g_steal_pointer(&failed);
+    g_mutex_unlock(&run->lock);
+    g_clear_error(&failed);
+    memset(rows, 0, sizeof(float) * values);
+}
+
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+                         float *ret) {
+    GError *failed = NULL;
+    const gsize values = (gsize)n * (gsize)run->columns;
+    if (!btf_matrix_place_rows(run->btf, view, texel - run->first, n, places, ret, &failed))
+        unreadable(run, failed, ret, values);
+    else if (run->options->colours == LPCA_LOG)
+        lpca_to_log(ret, values / COLOURS);
+}
+
+const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
+                           gsize *ret_stride) {
+    GError *failed = NULL;
+    const gsize columns = (gsize)run->columns, values = (gsize)n * columns;
+    const float *rows =
+        btf_matrix_rows(run->btf, view, texel - run->first, n, buffer, ret_stride, &failed);
+    if (!rows) {
+        unreadable(run, failed, buffer, values);
+        *ret_stride = columns;
+        return buffer;
+    }
+    if (run->options->colours == LPCA_RGB)
+        return rows;
+    for (gsize i = 0; rows != buffer && i < (gsize)n; i++)
+        memcpy(buffer + i * columns, rows + i * *ret_stride, sizeof(float) * columns);
+    lpca_to_log(buffer, values / COLOURS);
+    *ret_stride = columns;
+    return buffer;
+}
+
+struct stage {
+    struct lpca_run *run;
+    WorkBlock func;
+    gpointer data;
+};
+
+/* What was read amiss does not count as done. */
+static void stage_block(int block, gpointer data) {
+    const struct stage *stage = data;
+    struct lpca_run *run = stage->run;
+    if (run->done && g_atomic_int_get(&run->done[block]))
+        return;
+    work_use_one_blas_thread();
+    stage->func(block, stage->data);
+    if (!run->done)
+        return;
+    g_mutex_lock(&run->lock);
+    if (!run->failed)
+        g_atomic_int_set(&run->done[block], 1);
+    g_mutex_unlock(&run->lock);
+}
+
+static void lpca_compute_tell_and_save(const struct work_progress *progress, gpointer data) {
+    const struct lpca_options *options = data;
+    if (options->work.progress)
+        options->work.progress(progress, options->work.data);
+    if (options->checkpoint)
+        checkpoint_save_if_due(options->checkpoint);
+}
+
+gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
+                         gpointer data, GError **error) {
+    struct work work = run->options->work;
+    work.progress = lpca_compute_tell_and_save;
+    work.data = (gpointer)run->options;
+    struct stage all = {run, func, data};
+    const gboolean ended = work_parallel(&work, stage, n, stage_block, &all, error);
+    if (ended && run->failed)
+        g_propagate_error(error, g_error_copy(run->failed));
+    if (ended && !run->failed)
+        return TRUE;
+    if (run->options->checkpoint)
+        checkpoint_save(run->options->checkpoint);
+    return FALSE;
+}
+
+/* The rows whose span the clustering works in. */
+struct sample {
+    struct lpca_run *run;
+    int n;
+    float *rows;    /* n × d, less their mean */
+    float *gram;    /* n × n, lower half */
+    int found;      /* axes */
+    float *vectors; /* found × n: of the Gram matrix, by what they hold */
+};
+
+/* Drawn, for a regular choice would follow the weave. In a team each reads what it has. */
+static int *draw_texels(const struct lpca_run *run, int n) {
+    int *texels = g_new0(int, run->n);
+    GRand *random = g_rand_new_with_seed(SEED);
+    for (int i = 0; i < run->n; i++)
+        texels[i] = i;
+    for (int i = 0; i < n; i++) {
+        const int other = g_rand_int_range(random, i, run->n), texel = texels[other];
+        texels[other] = texels[i];
+        texels[i] = texel;
+    }
+    g_rand_free(random);
+    return texels;
+}
+
+static void lpca_compute_read_sample(const struct sample *sample, const int *texels) {
+    struct lpca_run *run = sample->run;
+    const gsize columns = (gsize)run->columns, d = (gsize)run->d;
+    g_autofree float *buffer = g_new(float, columns);
+    for (int i = 0; i < sample->n; i++) {
+        float *row = sample->rows + (gsize)i * d;
+        gsize stride;
+        for (int view = 0; view < run->btf->n_views; view++)
+            if (texels[i] >= run->first && texels[i] < run->end)
+                memcpy(row + (gsize)view * columns,
+                       lpca_run_rows(run, view, texels[i], 1, buffer, &stride),
+                       sizeof(float) * columns);
+    }
+}
+
+static void centre_sample(const struct sample *sample) {
+    struct lpca_run *run = sample->run;
+    const gsize d = (gsize)run->d;
+    g_autofree double *sums = g_new0(double, d);
+    for (int i = 0; i < sample->n; i++)
+        for (gsize j = 0; j < d; j++)
+            sums[j] += sample->rows[(gsize)i * d + j];
+    for (gsize j = 0; j < d; j++)
+        run->mean[j] = (float)(sums[j] / sample->n);
+    for (int i = 0; i < sample->n; i++)
+        for (gsize j = 0; j < d; j++)
+            sample->rows[(gsize)i * d + j] -= run->mean[j];
+}
+
+static void gram_tile(int block, gpointer data) {
+    const struct sample *sample = data;
+    const int n = sample->n, tiles = (n + TILE - 1) / TILE, d = sample->run->d;
+    const int i = block / tiles * TILE, j = block % tiles * TILE;
+    if (j > i)
+        return;
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, MIN(TILE, n - i), MIN(TILE, n - j), d, 1,
+                sample->rows + (gsize)i * (gsize)d, d, sample->rows + (gsize)j * (gsize)d, d, 0,
+                sample->gram + (gsize)i * (gsize)n + (gsize)j, n);
+}
+
+static void axes_strip(int block, gpointer data) {
+    const struct sample *sample = data;
+    const int d = sample->run->d, from = block * STRIP;
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, sample->found, MIN(STRIP, d - from),
+                sample->n, 1, sample->vectors, sample->n, sample->rows + from, d, 0,
+                sample->run->axes + from, d);
+}
+
+/* The principal axes of the sample: those of its Gram matrix, carried over. */
+static gboolean solve_gram(struct sample *sample, GError **error) {
+    const int m = sample->n, wanted = MIN(sample->run->r, m);
+    g_autofree float *values = g_new0(float, m);
+    g_autofree float *vectors = g_new0(float, (gsize)m *(gsize)wanted);
+    g_autofree int *support = g_new0(int, 2 * m);
+    int found = 0;
+    /* The lower half by rows is the upper one by columns. */
+    const int info = LAPACKE_ssyevr(LAPACK_COL_MAJOR, 'V', 'I', 'U', m, sample->gram, m, 0, 0,
+                                    m - wanted + 1, m, 0, &found, values, vectors, m, support);
+    if (info != 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the principal axes of %d texels were not found (ssyevr: %d)", m, info);
+        return FALSE;
+    }
+    sample->vectors = g_new(float, (gsize)m *(gsize)wanted);
+    for (int i = 0; i < found && values[found - 1 - i] > 1e-7F * values[found - 1]; i++) {
+        const float *from = vectors + (gsize)(found - 1 - i) * (gsize)m;
+        const float size = sqrtf(values[found - 1 - i]);
+        for (int j = 0; j < m; j++)
+            sample->vectors[(gsize)i * (gsize)m + (gsize)j] = from[j] / size;
+        sample->found = i + 1;
+    }
+    return TRUE;
+}
+
+static gboolean lpca_compute_find_axes(struct sample *sample, GError **error) {
+    struct lpca_run *run = sample->run;
+    const int tiles = (sample->n + TILE - 1) / TILE;
+    sample->gram = g_new0(float, (gsize)sample->n *(gsize)sample->n);
+    work_for_each(run->options->work.n_threads, tiles * tiles, gram_tile, sample);
+    if (!solve_gram(sample, error))
+        return FALSE;
+    if (sample->found > 0) {
+        work_for_each(run->options->work.n_threads, (run->d + STRIP - 1) / STRIP, axes_strip,
+                      sample);
+        lpca_orthonormalise(run->axes, sample->found, run->d, TRUE);
+    }
+    return TRUE;
+}
+
+/* More than components, which are not all among the axes of a sample; of it three times as many. */
+static int reduced_to(int d, int n_components) {
+    return MIN(d, MAX(REDUCED, n_components + n_components / 4));
+}
+
+static int lpca_compute_samples_of(int texels, int r) {
+    return MIN(texels, MAX(SAMPLES, 3 * r));
+}
+
+static gboolean lpca_compute_draw_axes(struct lpca_run *run, GError **error) {
+    struct sample sample = {run, lpca_compute_samples_of(run->n, run->r)};
+    g_autofree int *texels = draw_texels(run, sample.n);
+    sample.rows = g_new0(float, (gsize)sample.n *(gsize)run->d);
+    lpca_compute_read_sample(&sample, texels);
+    if (run->options->team)
+        run->options->team->sum_floats(run->options->team, sample.rows,
+                                       (gsize)sample.n * (gsize)run->d);
+    centre_sample(&sample);
+    const gboolean ok = lpca_compute_find_axes(&sample, error);
+    g_free(sample.rows);
+    g_free(sample.gram);
+    g_free(sample.vectors);
+    return ok;
+}
+
+static void reduce_block(int block, gpointer data) {
+    struct lpca_run *run = data;
+    const int from = run->first + block * TEAM_ROWS, n = MIN(TEAM_ROWS, run->end - from);
+    const gsize r = (gsize)run->r;
+    float *to = run->rows + (gsize)from * r;
+    g_autofree float *buffer = g_new(float, (gsize)n *(gsize)run->columns);
+    for (int view = 0; view < run->btf->n_views; view++) {
+        const gsize at = (gsize)view * (gsize)run->columns;
+        gsize stride;
+        const float *rows = lpca_run_rows(run, view, from, n, buffer, &stride);
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, run->r, run->columns, 1, rows,
+                    (int)stride, run->axes + at, run->d, view > 0, to, run->r);
+    }
+    for (int i = 0; i < n; i++)
+        for (gsize j = 0; j < r; j++)
+            to[(gsize)i * r + j] -= run->offsets[j];
+}
+
+/* All ranks get the rows of all. */
+static void lpca_compute_share_rows(const struct lpca_run *run) {
+    const struct team *team = run->options->team;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        team_part(team, i, run->n, TEAM_ROWS, &first, &end);
+        starts[i + 1] = (gsize)end * (gsize)run->r * sizeof(float);
+    }
+    team->share(team, run->rows, starts);
+}
+
+static gboolean reduce(struct lpca_run *run, GError **error) {
+    const int blocks = (run->end - run->first + TEAM_ROWS - 1) / TEAM_ROWS;
+    run->mean = g_new(float, run->d);
+    run->axes = g_new0(float, (gsize)run->r *(gsize)run->d);
+    run->rows = g_new(float, (gsize)run->n *(gsize)run->r);
+    run->offsets = g_new0(float, run->r);
+    if (run->state.stage < LPCA_REDUCING) {
+        if (!lpca_compute_draw_axes(run, error))
+            return FALSE;
+        lpca_enter(run, LPCA_REDUCING);
+    }
+    lpca_keep(run, LPCA_KEPT_MEAN, run->mean);
+    lpca_keep(run, LPCA_KEPT_ROWS, run->rows);
+    if (run->state.stage > LPCA_REDUCING)
+        return TRUE;
+    lpca_keep(run, LPCA_KEPT_AXES, run->axes);
+    lpca_keep_blocks(run, blocks);
+    cblas_sgemv(CblasRowMajor, CblasNoTrans, run->r, run->d, 1, run->axes, run->d, run->mean, 1, 0,
+                run->offsets, 1);
+    if (!lpca_run_blocks(run, "reduce", blocks, reduce_block, run, error))
+        return FALSE;
+    lpca_drop_blocks(run);
+    lpca_enter(run, LPCA_REDUCED);
+    g_clear_pointer(&run->axes, g_free);
+    if (run->options->team)
+        lpca_compute_share_rows(run);
+    return TRUE;
+}
+
+static struct lpca *lpca_compute_make(struct lpca_run *run, int n_components, GError **error) {
+    struct lpca_reduced reduced = {.n = run->n,
+                                   .r = run->r,
+                                   .rows = run->rows,
+                                   .options = run->options,
+                                   .run = run,
+                                   .k = run->options->n_clusters,
+                                   .c = n_components};
+    run->state.c = n_components;
+    struct lpca *lpca = lpca_cluster(&reduced, error) ? lpca_polish(run, &reduced, error) : NULL;
+    /* Logarithms are not orthonormal in R, G, B. */
+    if (lpca && (lpca->colours == LPCA_LOG || lpca->error < 0) && !lpca_run_error(run, lpca, error))
+        g_clear_pointer(&lpca, lpca_free);
+    lpca_reduced_clear(&reduced);
+    return lpca;
+}
+
+/* The fewest components of this clustering that reach the target. */
+static struct lpca *fewest(struct lpca *lpca, struct lpca_run *run, GError **error) {
+    struct lpca_state *state = &run->state;
+    gboolean ok = TRUE;
+    if (state->enough == 0) {
+        state->enough = lpca->n_components;
+        state->enough_error = lpca->error;
+    }
+    while (ok && state->enough > state->few + 1) {
+        const int middle = (state->enough + state->few) / 2;
+        struct lpca *fewer = lpca_truncated(lpca, middle);
+        ok = lpca_run_error(run, fewer, error);
+        if (ok && fewer->error <= run->options->target) {
+            state->enough = middle;
+            state->enough_error = fewer->error;
+        } else if (ok) {
+            state->few = middle;
+        }
+        lpca_free(fewer);
+    }
+    struct lpca *ret = ok ? lpca_truncated(lpca, state->enough) : NULL;
+    if (ret)
+        ret->error = state->enough_error;
+    lpca_leave(run);
+    lpca_free(lpca);
+    return ret;
+}
+
+static struct lpca *lpca_compute_not_reached(const struct lpca_run *run, struct lpca *lpca,
+                                             GError **error) {
+    const struct lpca_options *options = run->options;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "an error of %.3g %% is not reached with %d clusters of %d components (%.3g %%); "
+                "allow more of them",
+                100 * options->target, lpca->n_clusters, lpca->n_components, 100 * lpca->error);
+    if (options->nearest)
+        *options->nearest =
+            (struct lpca_nearest){lpca->n_clusters, lpca->n_components, lpca->error};
+    lpca_free(lpca);
+    return NULL;
+}
+
+static struct lpca *lpca_compute_search(struct lpca_run *run, GError **error) {
+    const struct lpca_options *options = run->options;
+    for (int c = MAX(run->state.c, 1);; c = MIN(2 * c, options->n_components)) {
+        struct lpca *lpca = lpca_compute_make(run, c, error);
+        if (!lpca)
+            return NULL;
+        if (lpca->error <= options->target)
+            return fewest(lpca, run, error);
+        lpca_enter(run, LPCA_REDUCED);
+        if (c == options->n_components)
+            return lpca_compute_not_reached(run, lpca, error);
+        lpca_free(lpca);
+    }
+}
+
+gint64 lpca_memory(const struct btf_matrix *btf, const struct lpca_options *options) {
+    const gint64 n = (gint64)btf->width * btf->height, k = options->n_clusters;
+    const gint64 d = lpca_dimensions(btf->n_views, btf->n_lights), c = options->n_components;
+    const gint64 r = reduced_to((int)d, (int)c), samples = lpca_compute_samples_of((int)n, (int)r);
+    const gint64 threads =
+        options->work.n_threads > 0 ? options->work.n_threads : (gint64)g_get_num_processors();
+    const gint64 reducing = samples * (d + samples) + 2 * samples * r;
+    const gint64 clustering = 2 * n * (r + 2);
+    const gint64 polishing = 2 * k * (c + 1) * d + 2 * n * c;
+    /* Thrice as it is, with what is turned, and two that are rounded, each with its whole numbers.
+     */
+    const gint64 packing = options->to_pack ? 7 * ((c + 1) * d + n * c) : 0;
+    const gint64 buffers = threads * 2 * LPCA_BLOCK * (d / btf->n_views + c);
+    /* Copied to be written. */
+    const gint64 kept = options->checkpoint ? n * (r + c + 1) + MAX(r, k * (c + 1)) * d : 0;
+    return (gint64)sizeof(float) *
+           (MAX(r * d + n * r + MAX(MAX(reducing, clustering), polishing), packing) + buffers +
+            kept);
+}
+
+/* Rounded up, so that what is read off is enough. */
+static char *format_need(gint64 bytes) {
+    gint64 unit = 1;
+    while (bytes / unit >= 1000)
+        unit *= 1000;
+    const gint64 step = MAX(unit / 10, 1);
+    return g_format_size((guint64)((bytes + step - 1) / step * step));
+}
+
+/* FALSE with an error, which says what would do. */
+static gboolean lpca_compute_check_memory(const struct btf_matrix *btf,
+                                          const struct lpca_options *options, GError **error) {
+    const gint64 least = lpca_memory(btf, options);
+    if (options->memory <= 0 || least <= options->memory)
+        return TRUE;
+    /* Given that much, a BTF that is smaller would not stay in a file. */
+    const gint64 values = btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights);
+    g_autofree char *need = format_need(least + (values <= least ? values : 0));
+    g_autofree char *given = g_format_size((guint64)(options->memory + (btf->values ? values : 0)));
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%d clusters of %d components for %d × %d texels, %d views and %d lights take %s "
+                "of memory, not %s; allow more, or ask for fewer of them",
+                options->n_clusters, options->n_components, btf->width, btf->height, btf->n_views,
+                btf->n_lights, need, given);
+    return FALSE;
+}
+
+static gboolean lpca_compute_check_sizes(const struct btf_matrix *btf,
+                                         const struct lpca_options *options, GError **error) {
+    const gint64 texels = (gint64)btf->width * btf->height;
+    const gint64 values = (gint64)btf->n_views * btf->n_lights * COLOURS;
+    const int most = options->to_pack ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
+    const char *what = NULL;
+    if (texels < 1 || values < 1 || texels > G_MAXINT / 2 || values > G_MAXINT / 2)
+        what = "there are no texels, views or lights, or far too many";
+    else if (options->n_clusters < 1 || options->n_clusters > MIN(texels, LPCA_MAX_CLUSTERS))
+        what = "there can be 1 to 1024 clusters, and no more than texels";
+    else if (options->n_components < 1 || options->n_components > MIN(values, most))
+        what = "there can be 1 to 64 components, and no more than values of a texel";
+    else if (!isfinite(options->target) || options->target < 0)
+        what = "the error to reach must be a number above 0";
+    if (what)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%d clusters of %d components for %d × %d texels, %d views and %d lights: %s",
+                    options->n_clusters, options->n_components, btf->width, btf->height,
+                    btf->n_views, btf->n_lights, what);
+    return what == NULL && lpca_compute_check_memory(btf, options, error);
+}
+
+/* What came from a file was looked at when it was read. */
+static gboolean lpca_compute_check_values(const struct lpca_run *run, GError **error) {
+    const gsize d = (gsize)run->d, n = (gsize)(run->end - run->first) * d;
+    for (gsize i = 0; run->btf->values && i < n; i++)
+        if (!isfinite(run->btf->values[i])) {
+            const int texel = run->first + (int)(i / d);
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                        "view %d, texel (%d, %d) is not a number; make that view's BTF again",
+                        (int)(i % d) / run->columns, texel % run->btf->width,
+                        texel / run->btf->width);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+struct lpca *lpca_compute(const struct btf_matrix *btf, const struct lpca_options *options,
+                          GError **error) {
+    struct lpca *lpca = NULL;
+    g_return_val_if_fail(!options->team || !options->checkpoint, NULL);
+    if (!lpca_compute_check_sizes(btf, options, error))
+        return NULL;
+    struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
+    run.d = lpca_dimensions(btf->n_views, btf->n_lights);
+    run.columns = run.d / btf->n_views;
+    run.r = reduced_to(run.d, options->n_components);
+    team_part(options->team, options->team ? options->team->rank : 0, run.n, TEAM_ROWS, &run.first,
+              &run.end);
+    if (!lpca_compute_check_values(&run, error))
+        return NULL;
+    g_mutex_init(&run.lock);
+    /* The order of sums, and with it the last bits, would depend on the number of threads. */
+    const int threads = openblas_get_num_threads();
+    openblas_set_num_threads(1);
+    lpca_resume(&run);
+    if (reduce(&run, error))
+        lpca = options->target > 0 ? lpca_compute_search(&run, error)
+                                   : lpca_compute_make(&run, options->n_components, error);
+    openblas_set_num_threads(threads);
+    lpca_leave(&run);
+    g_mutex_clear(&run.lock);
+    g_clear_error(&run.failed);
+    g_free(run.mean);
+    g_free(run.axes);
+    g_free(run.offsets);
+    g_free(run.rows);
+    return lpca;
+}

@@ -1,0 +1,393 @@
+#include <math.h>
+#include <string.h>
+
+#include "exr/exr.h"
+#include "lpca_pack_private.h"
+
+#define COLOURS 3
+
+static const char *const colours[] = {"R", "G", "B"};
+
+static struct exr_part *lpca_file_directions_part(const char *name, const float *theta_deg,
+                                                  const float *phi_deg, int n) {
+    static const char *const channels[] = {"phi_deg", "theta_deg", NULL};
+    struct exr_part *part = exr_part_new(name, n, 1, channels, EXR_FLOAT);
+    memcpy(part->planes[0], phi_deg, sizeof(float) * (gsize)n);
+    memcpy(part->planes[1], theta_deg, sizeof(float) * (gsize)n);
+    return part;
+}
+
+static struct exr_part *clusters_part(const struct lpca *lpca) {
+    static const char *const channels[] = {"K", NULL};
+    struct exr_part *part =
+        exr_part_new("clusters", lpca->width, lpca->height, channels, EXR_FLOAT);
+    for (int i = 0; i < lpca->width * lpca->height; i++)
+        part->planes[0][i] = (float)lpca->clusters[i];
+    exr_set_string(part, "mesorig.kind", "lpca");
+    exr_set_string(part, "mesorig.name", lpca->name ? lpca->name : "");
+    exr_set_string(part, "mesorig.quantise", lpca_quantise_name(lpca->quantise));
+    exr_set_double(part, "mesorig.error", lpca->error);
+    if (lpca->n_grid > 0)
+        exr_set_int(part, "mesorig.grid", lpca->n_grid);
+    if (lpca->colours == LPCA_LOG)
+        exr_set_string(part, "mesorig.colours", "log");
+    if (lpca->quantise == LPCA_PACKED)
+        exr_set_double(part, "mesorig.step", lpca->packed->step);
+    exr_set_double(part, "texel_mm", lpca->texel_mm);
+    exr_set_double(part, "reference_mm", lpca->reference_mm);
+    return part;
+}
+
+static float weight_scale(const struct lpca *lpca, int texel, int component) {
+    return lpca->weight_scales[lpca->clusters[texel] * lpca->n_components + component];
+}
+
+static float stored_weight(const struct lpca *lpca, int texel, int component) {
+    const float weight = lpca->weights[(gsize)texel * (gsize)lpca->n_components + (gsize)component];
+    return lpca->quantise == LPCA_8BIT_WEIGHTS
+               ? roundf(weight / weight_scale(lpca, texel, component))
+               : weight;
+}
+
+static struct exr_part *weights_part(const struct lpca *lpca) {
+    const int c = lpca->n_components;
+    g_auto(GStrv) channels = g_new0(char *, c + 1);
+    for (int i = 0; i < c; i++)
+        channels[i] = g_strdup_printf("W%02d", i + 1);
+    struct exr_part *part =
+        exr_part_new("weights", lpca->width, lpca->height, (const char *const *)channels,
+                     lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
+    for (int texel = 0; texel < lpca->width * lpca->height; texel++)
+        for (int i = 0; i < c; i++)
+            part->planes[i][texel] = stored_weight(lpca, texel, i);
+    return part;
+}
+
+/* n of each cluster. */
+static struct exr_part *scales_part(const char *name, const struct lpca *lpca, const float *scales,
+                                    int n) {
+    static const char *const channels[] = {"S", NULL};
+    struct exr_part *part = exr_part_new(name, lpca->n_clusters, n, channels, EXR_FLOAT);
+    for (int i = 0; i < lpca->n_clusters * n; i++)
+        part->planes[0][i % n * lpca->n_clusters + i / n] = scales[i];
+    return part;
+}
+
+static struct exr_part *light_scales_part(const struct lpca *lpca) {
+    static const char *const channels[] = {"S", NULL};
+    const int tables = lpca->n_clusters * (lpca->n_components + 1);
+    struct exr_part *part =
+        exr_part_new("light_scales", lpca->n_lights, tables, channels, EXR_HALF);
+    memcpy(part->planes[0], lpca->light_scales,
+           sizeof(float) * (gsize)lpca->n_lights * (gsize)tables);
+    return part;
+}
+
+static char *table_name(int component) {
+    return component == 0 ? g_strdup("means") : g_strdup_printf("E%02d", component);
+}
+
+static gsize table_size(const struct lpca *lpca) {
+    return (gsize)lpca->n_views * (gsize)lpca->n_lights;
+}
+
+/* Of value i of a table that is not a mean. */
+static float step_of(const struct lpca *lpca, gsize table, gsize i) {
+    const gsize n = (gsize)lpca->n_lights;
+    return lpca->scales[table] * (lpca->light_scales ? lpca->light_scales[table * n + i % n] : 1);
+}
+
+static struct exr_part *table_part(const struct lpca *lpca, int component) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    const gsize tables = (gsize)lpca->n_components + 1;
+    const gsize size = table_size(lpca);
+    g_autofree char *name = table_name(component);
+    struct exr_part *part =
+        exr_part_new(name, lpca->n_lights, lpca->n_clusters * lpca->n_views, channels,
+                     lpca->quantise == LPCA_FLOAT ? EXR_FLOAT : EXR_HALF);
+    for (int k = 0; k < lpca->n_clusters; k++) {
+        const gsize table = (gsize)k * tables + (gsize)component;
+        const float *rgb = lpca->brdfs + table * size * COLOURS;
+        for (gsize i = 0; i < size * COLOURS; i++)
+            part->planes[COLOURS - 1 - i % COLOURS][(gsize)k * size + i / COLOURS] =
+                lpca->quantise >= LPCA_8BIT && component > 0
+                    ? roundf(rgb[i] / step_of(lpca, table, i / COLOURS))
+                    : rgb[i];
+    }
+    return part;
+}
+
+struct exr_file *lpca_to_exr(const struct lpca *lpca) {
+    struct exr_file *file = exr_file_new();
+    const gboolean packed = lpca->quantise == LPCA_PACKED;
+    exr_file_add(file, clusters_part(lpca));
+    if (packed)
+        lpca_packed_add_parts(file, lpca);
+    else
+        exr_file_add(file, weights_part(lpca));
+    exr_file_add(file, scales_part("scales", lpca, packed ? lpca->packed->scales : lpca->scales,
+                                   lpca->n_components + 1));
+    if (lpca->quantise == LPCA_8BIT_WEIGHTS)
+        exr_file_add(file,
+                     scales_part("weight_scales", lpca, lpca->weight_scales, lpca->n_components));
+    if (lpca->light_scales)
+        exr_file_add(file, light_scales_part(lpca));
+    for (int i = 0; !packed && i <= lpca->n_components; i++)
+        exr_file_add(file, table_part(lpca, i));
+    exr_file_add(file, lpca_file_directions_part("views", lpca->view_theta_deg, lpca->view_phi_deg,
+                                                 lpca->n_views));
+    exr_file_add(file, lpca_file_directions_part("lights", lpca->light_theta_deg,
+                                                 lpca->light_phi_deg, lpca->n_lights));
+    return file;
+}
+
+gboolean lpca_write(const char *path, const struct lpca *lpca, GError **error) {
+    struct exr_file *file = lpca_to_exr(lpca);
+    /* PIZ rounds nothing, and ZIP is smaller for the integers of 8 bits. */
+    gboolean ok =
+        exr_write(path, file, lpca->quantise >= LPCA_8BIT ? EXR_ZIP : EXR_PIZ, TRUE, error);
+    exr_file_free(file);
+    return ok;
+}
+
+static gboolean lpca_file_format_error(const char *path, GError **error, const char *what) {
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: this is not a whole local PCA: %s; compress again", path, what);
+    return FALSE;
+}
+
+/* NULL if the part, of this size, or the channel is not there, or a value is not a number. */
+static const float *plane(const struct exr_file *file, const char *name, const char *channel,
+                          int width, int height) {
+    const struct exr_part *part = exr_file_part(file, name);
+    const float *values = part ? exr_part_plane(part, channel) : NULL;
+    if (!values || part->width != width || part->height != height)
+        return NULL;
+    for (gsize i = 0; i < (gsize)width * (gsize)height; i++)
+        if (!isfinite(values[i]))
+            return NULL;
+    return values;
+}
+
+static gboolean lpca_file_read_directions(const struct exr_file *file, const char *name,
+                                          float **ret_theta, float **ret_phi, int *ret_n) {
+    const struct exr_part *part = exr_file_part(file, name);
+    const float *theta = part ? plane(file, name, "theta_deg", part->width, 1) : NULL;
+    const float *phi = part ? plane(file, name, "phi_deg", part->width, 1) : NULL;
+    if (!theta || !phi)
+        return FALSE;
+    *ret_n = part->width;
+    *ret_theta = g_memdup2(theta, sizeof(float) * (gsize)part->width);
+    *ret_phi = g_memdup2(phi, sizeof(float) * (gsize)part->width);
+    return TRUE;
+}
+
+static gboolean lpca_file_read_colours(struct lpca *lpca, const struct exr_part *part) {
+    const char *name = "rgb";
+    exr_get_string(part, "mesorig.colours", &name, NULL);
+    lpca->colours = strcmp(name, "log") == 0 ? LPCA_LOG : LPCA_RGB;
+    return lpca->colours == LPCA_LOG || strcmp(name, "rgb") == 0;
+}
+
+static gboolean lpca_file_read_head(struct lpca *lpca, const struct exr_file *file,
+                                    const char *path, GError **error) {
+    const struct exr_part *part = exr_file_part(file, "clusters");
+    const char *kind = NULL, *name = NULL, *quantise = NULL;
+    if (!part || !exr_get_string(part, "mesorig.kind", &kind, NULL) || strcmp(kind, "lpca") != 0)
+        return lpca_file_format_error(path, error, "there is no part \"clusters\" of that kind");
+    if (!exr_get_string(part, "mesorig.name", &name, error) ||
+        !exr_get_string(part, "mesorig.quantise", &quantise, error) ||
+        !exr_get_double(part, "mesorig.error", &lpca->error, error) ||
+        !exr_get_double(part, "texel_mm", &lpca->texel_mm, error) ||
+        !exr_get_double(part, "reference_mm", &lpca->reference_mm, error))
+        return FALSE;
+    lpca->name = g_strdup(name);
+    lpca->width = part->width;
+    lpca->height = part->height;
+    if (!lpca_quantise_parse(quantise, &lpca->quantise))
+        return lpca_file_format_error(
+            path, error, "mesorig.quantise is not float, half, 8bit, 8bit-weights or packed");
+    if (!lpca_file_read_colours(lpca, part))
+        return lpca_file_format_error(path, error, "mesorig.colours is not rgb or log");
+    if (!(lpca->texel_mm > 0) || !isfinite(lpca->texel_mm) || !isfinite(lpca->reference_mm))
+        return lpca_file_format_error(path, error, "texel_mm or reference_mm makes no sense");
+    if (!lpca_file_read_directions(file, "views", &lpca->view_theta_deg, &lpca->view_phi_deg,
+                                   &lpca->n_views) ||
+        !lpca_file_read_directions(file, "lights", &lpca->light_theta_deg, &lpca->light_phi_deg,
+                                   &lpca->n_lights))
+        return lpca_file_format_error(path, error, "views or lights are missing or damaged");
+    if (exr_get_int(part, "mesorig.grid", &lpca->n_grid, NULL) &&
+        (lpca->n_grid < 2 || lpca->n_grid > 1024 || lpca->n_views != lpca->n_grid * lpca->n_grid ||
+         lpca->n_lights != lpca->n_views))
+        return lpca_file_format_error(path, error, "its views and lights are not those of a grid");
+    part = exr_file_part(file, "scales");
+    const int most = lpca->quantise == LPCA_PACKED ? LPCA_MAX_PACKED : LPCA_MAX_COMPONENTS;
+    if (!part || part->width > LPCA_MAX_CLUSTERS || part->height < 2 || part->height > most + 1)
+        return lpca_file_format_error(path, error, "scales are missing or damaged");
+    lpca->n_clusters = part->width;
+    lpca->n_components = part->height - 1;
+    return TRUE;
+}
+
+/* Back from how scales_part() has them. */
+static float *read_scales(const struct exr_file *file, const char *name, int clusters, int n) {
+    const float *scales = plane(file, name, "S", clusters, n);
+    float *ret = scales ? g_new0(float, (gsize)clusters *(gsize)n) : NULL;
+    for (int i = 0; ret && i < clusters * n; i++)
+        ret[i] = scales[i % n * clusters + i / n];
+    return ret;
+}
+
+static gboolean read_weight_scales(struct lpca *lpca, const struct exr_file *file) {
+    const int c = lpca->n_components, n = lpca->n_clusters * c;
+    if (lpca->quantise == LPCA_8BIT_WEIGHTS) {
+        lpca->weight_scales = read_scales(file, "weight_scales", lpca->n_clusters, c);
+        return lpca->weight_scales != NULL;
+    }
+    lpca->weight_scales = g_new(float, n);
+    for (int i = 0; i < n; i++)
+        lpca->weight_scales[i] = 1;
+    return TRUE;
+}
+
+/* Those that are not there are 1. */
+static gboolean read_light_scales(struct lpca *lpca, const struct exr_file *file) {
+    if (!exr_file_part(file, "light_scales"))
+        return TRUE;
+    const int tables = lpca->n_clusters * (lpca->n_components + 1);
+    const gsize n = (gsize)tables * (gsize)lpca->n_lights;
+    const float *scales = plane(file, "light_scales", "S", lpca->n_lights, tables);
+    for (gsize i = 0; scales && i < n; i++)
+        if (!(scales[i] > 0))
+            return FALSE;
+    if (scales)
+        lpca->light_scales = g_memdup2(scales, sizeof(float) * n);
+    return scales != NULL;
+}
+
+static gboolean read_clusters(struct lpca *lpca, const struct exr_file *file, const char *path,
+                              GError **error) {
+    const int n = lpca->width * lpca->height;
+    const float *clusters = plane(file, "clusters", "K", lpca->width, lpca->height);
+    if (!clusters)
+        return lpca_file_format_error(path, error, "clusters are missing or damaged");
+    lpca->clusters = g_new(int, n);
+    for (int i = 0; i < n; i++) {
+        if (!(clusters[i] >= 0) || clusters[i] >= (float)lpca->n_clusters ||
+            clusters[i] != floorf(clusters[i]))
+            return lpca_file_format_error(path, error, "a texel is of a cluster that is not there");
+        lpca->clusters[i] = (int)clusters[i];
+    }
+    return TRUE;
+}
+
+static gboolean lpca_file_read_texels(struct lpca *lpca, const struct exr_file *file,
+                                      const char *path, GError **error) {
+    const int c = lpca->n_components, n = lpca->width * lpca->height;
+    if (!read_weight_scales(lpca, file))
+        return lpca_file_format_error(path, error, "weight_scales are missing or damaged");
+    lpca->weights = g_try_new(float, (gsize)n *(gsize)c);
+    for (int i = 0; i < c; i++) {
+        g_autofree char *channel = g_strdup_printf("W%02d", i + 1);
+        const float *weights = plane(file, "weights", channel, lpca->width, lpca->height);
+        if (!weights || !lpca->weights)
+            return lpca_file_format_error(path, error, "weights are missing or damaged");
+        for (int texel = 0; texel < n; texel++)
+            lpca->weights[(gsize)texel * (gsize)c + (gsize)i] =
+                weights[texel] * weight_scale(lpca, texel, i);
+    }
+    return TRUE;
+}
+
+static gboolean read_table(struct lpca *lpca, const struct exr_file *file, int component) {
+    const gsize tables = (gsize)lpca->n_components + 1;
+    const gsize size = table_size(lpca);
+    g_autofree char *name = table_name(component);
+    const gint64 height = (gint64)lpca->n_clusters * lpca->n_views;
+    for (int c = 0; c < COLOURS; c++) {
+        const float *values =
+            height <= G_MAXINT ? plane(file, name, colours[c], lpca->n_lights, (int)height) : NULL;
+        if (!values)
+            return FALSE;
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const gsize table = (gsize)k * tables + (gsize)component;
+            for (gsize i = 0; i < size; i++)
+                lpca->brdfs[(table * size + i) * COLOURS + (gsize)c] =
+                    values[(gsize)k * size + i] *
+                    (component > 0 ? step_of(lpca, table, i) : lpca->scales[table]);
+        }
+    }
+    return TRUE;
+}
+
+static gboolean lpca_file_read_tables(struct lpca *lpca, const struct exr_file *file,
+                                      const char *path, GError **error) {
+    const int tables = lpca->n_components + 1, n = lpca->n_clusters * tables;
+    lpca->scales = read_scales(file, "scales", lpca->n_clusters, tables);
+    const struct exr_part *means = exr_file_part(file, "means");
+    /* Checked before memory is asked for: the sizes come from parts of a few values. */
+    if (!lpca->scales || !means || means->width != lpca->n_lights ||
+        means->height != (gint64)lpca->n_clusters * lpca->n_views)
+        return lpca_file_format_error(path, error, "scales or means are missing or damaged");
+    if (!read_light_scales(lpca, file))
+        return lpca_file_format_error(path, error, "light_scales are damaged");
+    lpca->brdfs = g_try_new(float, (gsize)n *table_size(lpca) * COLOURS);
+    if (!lpca->brdfs)
+        return lpca_file_format_error(path, error, "it is larger than memory");
+    for (int i = 0; i < tables; i++)
+        if (!read_table(lpca, file, i)) {
+            g_autofree char *name = table_name(i);
+            g_autofree char *what = g_strdup_printf("part %s is missing or damaged", name);
+            return lpca_file_format_error(path, error, what);
+        }
+    return TRUE;
+}
+
+static gboolean read_packed(struct lpca *lpca, const struct exr_file *file, const char *path,
+                            GError **error) {
+    const int tables = lpca->n_components + 1;
+    const gsize n = (gsize)lpca->n_clusters * (gsize)tables;
+    struct lpca_packed *packed = lpca->packed = lpca_packed_new();
+    if (lpca->colours != LPCA_RGB || lpca->n_grid > 0 ||
+        !exr_get_double(exr_file_part(file, "clusters"), "mesorig.step", &packed->step, NULL) ||
+        !(packed->step > 0) || !isfinite(packed->step))
+        return lpca_file_format_error(path, error, "what it says of its packing makes no sense");
+    packed->scales = read_scales(file, "scales", lpca->n_clusters, tables);
+    for (gsize i = 0; packed->scales && i < n; i++)
+        if (!(packed->scales[i] > 0))
+            return lpca_file_format_error(path, error, "a scale is not above 0");
+    if (!packed->scales || !lpca_packed_read_parts(lpca, file))
+        return lpca_file_format_error(path, error, "what is packed is missing or damaged");
+    lpca->scales = lpca_ones(n);
+    lpca->weight_scales = lpca_ones((gsize)lpca->n_clusters * (gsize)lpca->n_components);
+    lpca->weights =
+        g_try_new(float, (gsize)lpca->width *(gsize)lpca->height *(gsize)lpca->n_components);
+    lpca->brdfs = g_try_new(float, n *table_size(lpca) * COLOURS);
+    if (!lpca->weights || !lpca->brdfs)
+        return lpca_file_format_error(path, error, "it is larger than memory");
+    lpca_unpack(lpca, 0);
+    return TRUE;
+}
+
+static gboolean lpca_file_read_values(struct lpca *lpca, const struct exr_file *file,
+                                      const char *path, GError **error) {
+    if (lpca->quantise == LPCA_PACKED)
+        return read_packed(lpca, file, path, error);
+    return lpca_file_read_texels(lpca, file, path, error) &&
+           lpca_file_read_tables(lpca, file, path, error);
+}
+
+struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error) {
+    struct lpca *lpca = g_new0(struct lpca, 1);
+    if (!lpca_file_read_head(lpca, file, path, error) || !read_clusters(lpca, file, path, error) ||
+        !lpca_file_read_values(lpca, file, path, error))
+        g_clear_pointer(&lpca, lpca_free);
+    return lpca;
+}
+
+struct lpca *lpca_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    struct lpca *lpca = file ? lpca_from_exr(file, path, error) : NULL;
+    exr_file_free(file);
+    return lpca;
+}

@@ -1,0 +1,398 @@
+#include "lpca_pack_private.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "exr/exr_half.h"
+
+#define COLOURS 3
+#define ROUND   0.38 /* not a half: what is small is more often noise, and cheaper as 0 */
+
+/* Those of a file once they are straight. */
+struct turns {
+    float *views, *lights;
+    float colours[9];
+};
+
+struct lpca_packer {
+    struct lpca *lpca; /* a copy */
+    int n_threads;
+    struct lpca_packed axes; /* all of them, and scales; no numbers */
+    struct turns turns;
+    float *tables, *maps; /* turned */
+};
+
+struct lpca_packed *lpca_packed_new(void) {
+    return g_new0(struct lpca_packed, 1);
+}
+
+static void lpca_pack_clear(struct lpca_packed *packed) {
+    g_free(packed->views);
+    g_free(packed->lights);
+    g_free(packed->scales);
+    g_free(packed->tables);
+    g_free(packed->maps);
+}
+
+void lpca_packed_free(struct lpca_packed *packed) {
+    if (!packed)
+        return;
+    lpca_pack_clear(packed);
+    g_free(packed);
+}
+
+float *lpca_cosines(int n) {
+    float *ret = g_new(float, (gsize)n *(gsize)n);
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++)
+            ret[i * n + j] =
+                (float)(sqrt((i > 0 ? 2.0 : 1.0) / n) * cos(G_PI * i * (2 * j + 1) / (2.0 * n)));
+    return ret;
+}
+
+static int n_tables(const struct lpca *lpca) {
+    return lpca->n_clusters * (lpca->n_components + 1);
+}
+
+static gsize dimensions(const struct lpca *lpca) {
+    return (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+}
+
+/* What an error in a table counts for. */
+static float *lpca_pack_find_scales(const struct lpca *lpca) {
+    const int c = lpca->n_components, tables = c + 1, texels = lpca->width * lpca->height;
+    g_autofree double *sums = g_new0(double, n_tables(lpca));
+    float *scales = g_new(float, n_tables(lpca));
+    for (int x = 0; x < texels; x++) {
+        double *of = sums + (gsize)lpca->clusters[x] * (gsize)tables;
+        const float *w = lpca->weights + (gsize)x * (gsize)c;
+        of[0] += 1;
+        for (int i = 0; i < c; i++)
+            of[i + 1] += (double)w[i] * w[i];
+    }
+    for (int i = 0; i < n_tables(lpca); i++)
+        scales[i] = sums[i] > 0 ? (float)sqrt(sums[i]) : 1;
+    return scales;
+}
+
+/* Lines of views become lines of views and colours, each of lights. */
+static void lpca_pack_split_colours(const float *from, int views, int lights, float *to) {
+    for (int v = 0; v < views; v++)
+        for (int l = 0; l < lights; l++)
+            for (int c = 0; c < COLOURS; c++)
+                to[(v * COLOURS + c) * lights + l] = from[(v * lights + l) * COLOURS + c];
+}
+
+static void join_colours(const float *from, int views, int lights, float *to) {
+    for (int v = 0; v < views; v++)
+        for (int l = 0; l < lights; l++)
+            for (int c = 0; c < COLOURS; c++)
+                to[(v * lights + l) * COLOURS + c] = from[(v * COLOURS + c) * lights + l];
+}
+
+/* Sums over tables of products of each way with itself. */
+struct ways {
+    float *views, *lights;
+    double colours[9];
+};
+
+static void add_table(const struct lpca *lpca, const float *scales, int table, struct ways *to) {
+    const int v = lpca->n_views, l = lpca->n_lights;
+    const float *values = lpca->brdfs + (gsize)table * dimensions(lpca);
+    const float scale = scales[table] * scales[table];
+    g_autofree float *split = g_new(float, dimensions(lpca));
+    lpca_pack_split_colours(values, v, l, split);
+    cblas_ssyrk(CblasRowMajor, CblasUpper, CblasNoTrans, v, l * COLOURS, scale, values, l * COLOURS,
+                1, to->views, v);
+    cblas_ssyrk(CblasRowMajor, CblasUpper, CblasTrans, l, v * COLOURS, scale, split, l, 1,
+                to->lights, l);
+    for (int pair = 0; pair < v * l; pair++)
+        for (int i = 0; i < 9; i++)
+            to->colours[i] += (double)scale * values[pair * COLOURS + i / COLOURS] *
+                              values[pair * COLOURS + i % COLOURS];
+}
+
+/* Principal axes of an upper half by rows, the largest first, as they come back from halves. */
+static void principal(const float *sums, int n, float *ret) {
+    g_autofree double *matrix = g_new(double, (gsize)n *(gsize)n), *values = g_new(double, n);
+    for (int i = 0; i < n * n; i++)
+        matrix[i] = sums[i];
+    if (LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'V', 'U', n, matrix, n, values) != 0)
+        for (int i = 0; i < n * n; i++)
+            matrix[i] = i % (n + 1) == n - 1;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++)
+            ret[i * n + j] = (float)matrix[j * n + n - 1 - i];
+    g_autofree guint16 *halves = g_new(guint16, (gsize)n * (gsize)n);
+    exr_half_from_floats(halves, ret, (gsize)n * (gsize)n);
+    exr_half_to_floats(ret, halves, (gsize)n * (gsize)n);
+}
+
+/* Rows become orthonormal, each as little other than it was as can be. */
+static void lpca_pack_straighten(float *rows, int n, int length) {
+    for (int i = 0; i < n; i++) {
+        float *row = rows + (gsize)i * (gsize)length;
+        for (int j = 0; j < i; j++) {
+            const float *other = rows + (gsize)j * (gsize)length;
+            double product = 0;
+            for (int k = 0; k < length; k++)
+                product += (double)row[k] * other[k];
+            for (int k = 0; k < length; k++)
+                row[k] -= (float)product * other[k];
+        }
+        double norm = 0;
+        for (int k = 0; k < length; k++)
+            norm += (double)row[k] * row[k];
+        for (int k = 0; norm > 0 && k < length; k++)
+            row[k] = (float)(row[k] / sqrt(norm));
+    }
+}
+
+static struct turns make_turns(const struct lpca_packed *packed, int n_views, int n_lights) {
+    struct turns turns;
+    turns.views = g_memdup2(packed->views, sizeof(float) * (gsize)(packed->n_views * n_views));
+    turns.lights = g_memdup2(packed->lights, sizeof(float) * (gsize)(packed->n_lights * n_lights));
+    memcpy(turns.colours, packed->colours, sizeof turns.colours);
+    lpca_pack_straighten(turns.views, packed->n_views, n_views);
+    lpca_pack_straighten(turns.lights, packed->n_lights, n_lights);
+    lpca_pack_straighten(turns.colours, COLOURS, COLOURS);
+    return turns;
+}
+
+static void clear_turns(struct turns *turns) {
+    g_free(turns->views);
+    g_free(turns->lights);
+}
+
+static void lpca_pack_find_axes(const struct lpca *lpca, struct lpca_packed *packed) {
+    const int v = lpca->n_views, l = lpca->n_lights;
+    struct ways ways = {g_new0(float, v *v), g_new0(float, l *l), {0}};
+    float colours[9];
+    packed->n_views = v;
+    packed->n_lights = l;
+    packed->views = g_new(float, v *v);
+    packed->lights = g_new(float, l *l);
+    for (int i = 0; i < n_tables(lpca); i++)
+        add_table(lpca, packed->scales, i, &ways);
+    for (int i = 0; i < 9; i++)
+        colours[i] = (float)ways.colours[i];
+    principal(ways.views, v, packed->views);
+    principal(ways.lights, l, packed->lights);
+    principal(colours, COLOURS, packed->colours);
+    g_free(ways.views);
+    g_free(ways.lights);
+}
+
+static void turn_colours(const float *turn, gboolean back, int lines, int n, float *values) {
+    for (int line = 0; line < lines; line++)
+        for (int i = 0; i < n; i++) {
+            float *at = values + (gsize)(line * COLOURS * n + i), old[COLOURS];
+            for (int c = 0; c < COLOURS; c++)
+                old[c] = at[c * n];
+            for (int c = 0; c < COLOURS; c++) {
+                at[c * n] = 0;
+                for (int o = 0; o < COLOURS; o++)
+                    at[c * n] += turn[back ? o * COLOURS + c : c * COLOURS + o] * old[o];
+            }
+        }
+}
+
+static void turn_table(int table, gpointer data) {
+    const struct lpca_packer *packer = data;
+    const struct lpca *lpca = packer->lpca;
+    const int v = lpca->n_views, l = lpca->n_lights;
+    const gsize d = dimensions(lpca);
+    float *to = packer->tables + (gsize)table * d;
+    g_autofree float *turned = g_new(float, d), *split = g_new(float, d);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, v, l * COLOURS, v,
+                packer->axes.scales[table], packer->turns.views, v, lpca->brdfs + (gsize)table * d,
+                l * COLOURS, 0, turned, l * COLOURS);
+    lpca_pack_split_colours(turned, v, l, split);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, v * COLOURS, l, l, 1, split, l,
+                packer->turns.lights, l, 0, to, l);
+    turn_colours(packer->turns.colours, FALSE, v, l, to);
+}
+
+/* forward: B · picture · Bᵀ of the cosines of its sides, else the way back. */
+static void turn_map(const float *rows, int height, const float *columns, int width,
+                     gboolean forward, const float *from, float *to) {
+    g_autofree float *half = g_new(float, (gsize)width *(gsize)height);
+    const CBLAS_TRANSPOSE plain = CblasNoTrans, turned = CblasTrans;
+    cblas_sgemm(CblasRowMajor, forward ? plain : turned, plain, height, width, height, 1, rows,
+                height, from, width, 0, half, width);
+    cblas_sgemm(CblasRowMajor, plain, forward ? turned : plain, height, width, width, 1, half,
+                width, columns, width, 0, to, width);
+}
+
+struct mapping {
+    const struct lpca *lpca;
+    const float *rows, *columns; /* cosines */
+    float *maps;                 /* turned */
+    gboolean forward;
+};
+
+static void map_weights(int component, gpointer data) {
+    const struct mapping *mapping = data;
+    const struct lpca *lpca = mapping->lpca;
+    const gsize n = (gsize)lpca->width * (gsize)lpca->height, c = (gsize)lpca->n_components;
+    float *map = mapping->maps + (gsize)component * n, *weights = lpca->weights + component;
+    g_autofree float *picture = g_new(float, n);
+    for (gsize x = 0; mapping->forward && x < n; x++)
+        picture[x] = weights[x * c];
+    turn_map(mapping->rows, lpca->height, mapping->columns, lpca->width, mapping->forward,
+             mapping->forward ? picture : map, mapping->forward ? map : picture);
+    for (gsize x = 0; !mapping->forward && x < n; x++)
+        weights[x * c] = picture[x];
+}
+
+static void map_all(const struct lpca *lpca, float *maps, gboolean forward, int n_threads) {
+    g_autofree float *rows = lpca_cosines(lpca->height), *columns = lpca_cosines(lpca->width);
+    struct mapping mapping = {lpca, rows, columns, maps, forward};
+    work_for_each(n_threads, lpca->n_components, map_weights, &mapping);
+}
+
+struct lpca_packer *lpca_packer_new(const struct lpca *lpca, int n_threads) {
+    g_return_val_if_fail(lpca->quantise == LPCA_FLOAT && lpca->colours == LPCA_RGB, NULL);
+    struct lpca_packer *packer = g_new0(struct lpca_packer, 1);
+    packer->lpca = lpca_truncated(lpca, lpca->n_components);
+    packer->n_threads = n_threads;
+    packer->axes.scales = lpca_pack_find_scales(lpca);
+    packer->tables = g_new(float, (gsize)n_tables(lpca) * dimensions(lpca));
+    packer->maps = g_new(float, (gsize)lpca->n_components *(gsize)lpca->width *(gsize)lpca->height);
+    lpca_pack_find_axes(lpca, &packer->axes);
+    packer->turns = make_turns(&packer->axes, lpca->n_views, lpca->n_lights);
+    work_for_each(n_threads, n_tables(lpca), turn_table, packer);
+    map_all(packer->lpca, packer->maps, TRUE, n_threads);
+    return packer;
+}
+
+void lpca_packer_free(struct lpca_packer *packer) {
+    if (!packer)
+        return;
+    lpca_pack_clear(&packer->axes);
+    clear_turns(&packer->turns);
+    lpca_free(packer->lpca);
+    g_free(packer->tables);
+    g_free(packer->maps);
+    g_free(packer);
+}
+
+static gint32 lpca_pack_steps(float value, double step) {
+    const double n = floor(fabs((double)value) / step + ROUND);
+    return (gint32)copysign(MIN(n, 1e9), (double)value);
+}
+
+static gboolean lpca_pack_is_used(const float *values, gsize n, double step) {
+    for (gsize i = 0; i < n; i++)
+        if (lpca_pack_steps(values[i], step) != 0)
+            return TRUE;
+    return FALSE;
+}
+
+/* Components without a number that counts are of no use, in all clusters. */
+static int used_components(const struct lpca_packer *packer, double step) {
+    const struct lpca *lpca = packer->lpca;
+    const gsize n = (gsize)lpca->width * (gsize)lpca->height, d = dimensions(lpca);
+    for (int i = lpca->n_components; i > 1; i--)
+        for (int k = 0;
+             lpca_pack_is_used(packer->maps + (gsize)(i - 1) * n, n, step) && k < lpca->n_clusters;
+             k++)
+            if (lpca_pack_is_used(packer->tables + (gsize)(k * (lpca->n_components + 1) + i) * d, d,
+                                  step))
+                return i;
+    return 1;
+}
+
+/* How many axes of views and lights have a number. */
+static void used_axes(const struct lpca_packer *packer, int components, double step, int *ret_views,
+                      int *ret_lights) {
+    const struct lpca *lpca = packer->lpca;
+    const int tables = lpca->n_components + 1;
+    *ret_views = *ret_lights = 1;
+    for (int i = 0; i < n_tables(lpca); i++) {
+        const float *table = packer->tables + (gsize)i * dimensions(lpca);
+        for (int j = 0; i % tables <= components && j < (int)dimensions(lpca); j++)
+            if (lpca_pack_steps(table[j], step) != 0) {
+                *ret_views = MAX(*ret_views, j / (COLOURS * lpca->n_lights) + 1);
+                *ret_lights = MAX(*ret_lights, j % lpca->n_lights + 1);
+            }
+    }
+}
+
+static void round_tables(const struct lpca_packer *packer, const struct lpca *to, double step) {
+    const struct lpca *lpca = packer->lpca;
+    struct lpca_packed *packed = to->packed;
+    const int tables = to->n_components + 1, lines = packed->n_views * COLOURS;
+    gint32 *at = packed->tables;
+    for (int i = 0; i < n_tables(to); i++) {
+        const int from = i / tables * (lpca->n_components + 1) + i % tables;
+        const float *table = packer->tables + (gsize)from * dimensions(lpca);
+        packed->scales[i] = packer->axes.scales[from];
+        for (int line = 0; line < lines; line++)
+            for (int l = 0; l < packed->n_lights; l++)
+                *at++ = lpca_pack_steps(table[line * lpca->n_lights + l], step);
+    }
+}
+
+struct lpca *lpca_packer_round(const struct lpca_packer *packer, double step) {
+    const struct lpca *lpca = packer->lpca;
+    struct lpca *ret = lpca_truncated(lpca, used_components(packer, step));
+    struct lpca_packed *packed = ret->packed = lpca_packed_new();
+    const gsize n = (gsize)ret->n_components * (gsize)lpca->width * (gsize)lpca->height;
+    ret->quantise = LPCA_PACKED;
+    packed->step = step;
+    used_axes(packer, ret->n_components, step, &packed->n_views, &packed->n_lights);
+    packed->views =
+        g_memdup2(packer->axes.views, sizeof(float) * (gsize)(packed->n_views * lpca->n_views));
+    packed->lights =
+        g_memdup2(packer->axes.lights, sizeof(float) * (gsize)(packed->n_lights * lpca->n_lights));
+    memcpy(packed->colours, packer->axes.colours, sizeof packed->colours);
+    packed->scales = g_new(float, n_tables(ret));
+    packed->tables = g_new0(gint32, (gsize)n_tables(ret) * (gsize)packed->n_views * COLOURS *
+                                        (gsize)packed->n_lights);
+    packed->maps = g_new0(gint32, n);
+    round_tables(packer, ret, step);
+    for (gsize i = 0; i < n; i++)
+        packed->maps[i] = lpca_pack_steps(packer->maps[i], step);
+    lpca_unpack(ret, packer->n_threads);
+    return ret;
+}
+
+struct unpacking {
+    struct lpca *lpca;
+    struct turns turns;
+};
+
+static void unpack_table(int table, gpointer data) {
+    const struct unpacking *unpacking = data;
+    const struct turns *turns = &unpacking->turns;
+    const struct lpca *lpca = unpacking->lpca;
+    const struct lpca_packed *packed = lpca->packed;
+    const int v = lpca->n_views, l = lpca->n_lights, kept = packed->n_views;
+    const gsize n = (gsize)kept * COLOURS * (gsize)packed->n_lights;
+    const gint32 *from = packed->tables + (gsize)table * n;
+    float *to = lpca->brdfs + (gsize)table * dimensions(lpca);
+    g_autofree float *core = g_new(float, n), *split = g_new(float, (gsize)(kept * COLOURS * l));
+    g_autofree float *joined = g_new(float, (gsize)(kept * COLOURS * l));
+    for (gsize i = 0; i < n; i++)
+        core[i] = (float)(from[i] * packed->step / packed->scales[table]);
+    turn_colours(turns->colours, TRUE, kept, packed->n_lights, core);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, kept * COLOURS, l, packed->n_lights, 1,
+                core, packed->n_lights, turns->lights, l, 0, split, l);
+    join_colours(split, kept, l, joined);
+    cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, v, l * COLOURS, kept, 1, turns->views, v,
+                joined, l * COLOURS, 0, to, l * COLOURS);
+}
+
+void lpca_unpack(struct lpca *lpca, int n_threads) {
+    const gsize n = (gsize)lpca->n_components * (gsize)lpca->width * (gsize)lpca->height;
+    g_autofree float *maps = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        maps[i] = (float)(lpca->packed->maps[i] * lpca->packed->step);
+    map_all(lpca, maps, FALSE, n_threads);
+    struct unpacking unpacking = {lpca, make_turns(lpca->packed, lpca->n_views, lpca->n_lights)};
+    work_for_each(n_threads, n_tables(lpca), unpack_table, &unpacking);
+    clear_turns(&unpacking.turns);
+}

@@ -1,0 +1,267 @@
+#include "base/data_error.h"
+#include "btf/btf_checkpoint.h"
+#include "lpca_choose.h"
+#include "lpca_pack_private.h"
+
+#include <errno.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <unistd.h>
+
+#define FIRST  64  /* components that are tried first */
+#define ENOUGH 0.7 /* of the error to reach may be made by leaving out components */
+#define COARSE 4.0 /* steps, relative to what values are on average */
+#define FINE   1e-4
+#define TRIES  12    /* times that a step is looked for */
+#define CLOSE  0.995 /* of what is asked for is good enough */
+
+/* How far it is; in the checkpoint as it is. */
+struct packing {
+    struct lpca_wish wish;
+    gint32 n, made;      /* components in work; whether they are there, unrounded */
+    double exact;        /* error of those */
+    double found[TRIES]; /* of each step tried, 0: none yet */
+};
+
+struct search {
+    const struct btf_matrix *btf;
+    const struct lpca_options *options;
+    const struct lpca_wish *wish;
+    int most;       /* components */
+    double exact;   /* error before rounding */
+    double nearest; /* errors or sizes that were not good enough: the best of them */
+    struct packing packing;
+};
+
+double lpca_mean_size(const struct lpca *lpca) {
+    const gsize d = (gsize)lpca_dimensions(lpca->n_views, lpca->n_lights);
+    double sum = 0;
+    for (gsize i = 0; i < d; i++)
+        sum += (double)lpca->brdfs[i] * lpca->brdfs[i];
+    return sqrt(sum / (double)d);
+}
+
+gint64 lpca_packed_bytes(const struct lpca *lpca, GError **error) {
+    g_autofree char *path = NULL;
+    GStatBuf status = {0};
+    const int fd = g_file_open_tmp("mesorig-XXXXXX.exr", &path, error);
+    if (fd < 0)
+        return 0;
+    close(fd);
+    struct exr_file *file = lpca_to_exr(lpca);
+    if (exr_write(path, file, EXR_ZIP, FALSE, error) && g_stat(path, &status) != 0)
+        g_set_error(error, EXR_ERROR, EXR_ERROR_IO, "%s: %s", path, g_strerror(errno));
+    exr_file_free(file);
+    g_unlink(path);
+    return status.st_size;
+}
+
+/* FALSE: cancelled, or its file cannot be read. */
+static gboolean lpca_pack_choose_measure(const struct search *search, struct lpca *lpca,
+                                         GError **error) {
+    return lpca_error_shared(lpca, search->btf, search->options, error);
+}
+
+/* Rounding adds in squares to what leaving out components makes, nearly in proportion to the step.
+ */
+static double guess_step(const struct search *search, double step, double found) {
+    const double target = search->wish->error * 0.998, exact = search->exact;
+    const double should = sqrt(MAX(target * target - exact * exact, 0));
+    const double is = sqrt(MAX(found * found - exact * exact, 0));
+    return is > 0 ? step * CLAMP(should / is, 0.1, 10) : step * 10;
+}
+
+/* The coarsest step that reaches the error. */
+static struct lpca *lpca_pack_choose_by_error(struct search *search,
+                                              const struct lpca_packer *packer, double mean,
+                                              GError **error) {
+    double fine = mean * FINE, coarse = mean * COARSE;
+    double step = 4 * search->wish->error * mean;
+    struct lpca *best = NULL;
+    search->nearest = INFINITY;
+    for (int i = 0; i < TRIES && coarse > fine * 1.002; i++) {
+        struct lpca *lpca = lpca_packer_round(packer, step);
+        lpca->error = search->packing.found[i];
+        if (lpca->error <= 0 && !lpca_pack_choose_measure(search, lpca, error)) {
+            lpca_free(lpca);
+            g_clear_pointer(&best, lpca_free);
+            return NULL;
+        }
+        const double found = search->packing.found[i] = lpca->error;
+        search->nearest = MIN(search->nearest, found);
+        if (found <= search->wish->error) {
+            fine = step;
+            lpca_free(best);
+            best = lpca;
+            if (found >= search->wish->error * CLOSE)
+                break;
+        } else {
+            coarse = step;
+            lpca_free(lpca);
+        }
+        const double guess = guess_step(search, step, found);
+        step = guess > fine * 1.001 && guess < coarse * 0.999 ? guess : sqrt(fine * coarse);
+    }
+    return best;
+}
+
+/* The finest step that is small enough. */
+static struct lpca *lpca_pack_choose_by_size(struct search *search,
+                                             const struct lpca_packer *packer, double mean,
+                                             GError **error) {
+    double fine = log(mean * FINE), coarse = log(mean * COARSE);
+    struct lpca *best = NULL;
+    gboolean ok = TRUE;
+    for (int i = 0; ok && i < TRIES; i++) {
+        const double step = i == 0 ? coarse : (fine + coarse) / 2;
+        struct lpca *lpca = lpca_packer_round(packer, exp(step));
+        const gint64 bytes = lpca_packed_bytes(lpca, error);
+        ok = bytes > 0;
+        if (ok && bytes <= search->wish->bytes) {
+            coarse = step;
+            lpca_free(best);
+            best = g_steal_pointer(&lpca);
+        } else if (ok) {
+            search->nearest = (double)bytes;
+            fine = step;
+        }
+        lpca_free(lpca);
+        if (i == 0 && !best)
+            break;
+    }
+    if (best && (!ok || !lpca_pack_choose_measure(search, best, error)))
+        g_clear_pointer(&best, lpca_free);
+    return best;
+}
+
+static struct lpca *lpca_pack_choose_not_reached(const struct search *search, double exact,
+                                                 int components, GError **error) {
+    const struct lpca_wish *wish = search->wish;
+    if (wish->error > 0)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "an error of %.3g %% is not reached: %d components alone make %.3g %%, rounded "
+                    "%.3g %%; allow a larger one",
+                    100 * wish->error, components, 100 * exact,
+                    100 * (isfinite(search->nearest) ? search->nearest : exact));
+    else {
+        g_autofree char *wanted = g_format_size((guint64)wish->bytes);
+        g_autofree char *least = g_format_size((guint64)search->nearest);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s is too little: even rounded coarsely it takes %s", wanted, least);
+    }
+    return NULL;
+}
+
+/* Whether more components would help. */
+static gboolean has_enough(const struct search *search, const struct lpca *exact,
+                           const struct lpca *found) {
+    if (search->wish->error > 0)
+        return exact->error <= ENOUGH * search->wish->error;
+    return found && found->n_components < exact->n_components;
+}
+
+/* As the file has it, or made anew; it is kept from now on. */
+static struct lpca *lpca_pack_choose_compute(struct search *search,
+                                             const struct lpca_options *options, GError **error) {
+    struct packing *packing = &search->packing;
+    Checkpoint *checkpoint = options->checkpoint;
+    struct lpca *lpca =
+        checkpoint && packing->made
+            ? lpca_kept_whole(checkpoint, "exact", search->btf, 1, options->n_components)
+            : NULL;
+    if (lpca)
+        lpca->error = packing->exact;
+    else
+        lpca = lpca_compute(search->btf, options, error);
+    if (!lpca || !checkpoint)
+        return lpca;
+    packing->made = TRUE;
+    packing->exact = lpca->error;
+    lpca_keep_whole(checkpoint, "exact", lpca);
+    return lpca;
+}
+
+static struct lpca *try_components(struct search *search, int n, struct lpca **ret_exact,
+                                   GError **error) {
+    struct lpca_options options = *search->options;
+    options.n_clusters = 1;
+    options.n_components = n;
+    options.target = 0;
+    options.to_pack = TRUE;
+    struct lpca *exact = *ret_exact = lpca_pack_choose_compute(search, &options, error),
+                *ret = NULL;
+    if (!exact || (search->wish->error > 0 && n < search->most && !has_enough(search, exact, NULL)))
+        return NULL;
+    search->exact = exact->error;
+    struct lpca_packer *packer = lpca_packer_new(exact, options.work.n_threads);
+    const double mean = lpca_mean_size(exact);
+    if (mean <= 0) /* black: any step will do */
+        ret = lpca_packer_round(packer, 1);
+    else
+        ret = (search->wish->error > 0 ? lpca_pack_choose_by_error
+                                       : lpca_pack_choose_by_size)(search, packer, mean, error);
+    lpca_packer_free(packer);
+    return ret;
+}
+
+/* Components to begin with. */
+static int lpca_pack_choose_resume(struct search *search) {
+    struct packing *packing = &search->packing;
+    Checkpoint *checkpoint = search->options->checkpoint;
+    const struct lpca_wish *wish = search->wish;
+    *packing = (struct packing){.wish = *wish, .n = MIN(FIRST, search->most)};
+    if (!checkpoint)
+        return packing->n;
+    g_autofree char *what = g_strdup_printf("pack %.17g, %" G_GINT64_FORMAT ", %d", wish->error,
+                                            wish->bytes, wish->n_components);
+    btf_checkpoint_begin(checkpoint, search->btf, what);
+    const struct packing *found = checkpoint_get(checkpoint, "packing", sizeof *found);
+    if (found && found->wish.error == wish->error && found->wish.bytes == wish->bytes &&
+        found->wish.n_components == wish->n_components && found->n >= 1 && found->n <= search->most)
+        *packing = *found;
+    checkpoint_keep(checkpoint, "packing", packing, sizeof *packing);
+    return packing->n;
+}
+
+/* What was kept of these components goes. */
+static void next(struct search *search, int n) {
+    struct packing *packing = &search->packing;
+    *packing = (struct packing){.wish = packing->wish, .n = n};
+    if (search->options->checkpoint)
+        lpca_drop_whole(search->options->checkpoint, "exact");
+}
+
+static struct lpca *lpca_pack_choose_find(struct search *search, GError **error) {
+    for (int n = lpca_pack_choose_resume(search);; n = MIN(2 * n, search->most)) {
+        g_autoptr(GError) failed = NULL;
+        struct lpca *exact = NULL;
+        struct lpca *lpca = try_components(search, n, &exact, &failed);
+        const gboolean enough = exact && has_enough(search, exact, lpca);
+        const double left = exact ? exact->error : 0;
+        next(search, MIN(2 * n, search->most));
+        lpca_free(exact);
+        if (failed) {
+            g_propagate_error(error, g_steal_pointer(&failed));
+            return NULL;
+        }
+        if (lpca && (enough || n == search->most))
+            return lpca;
+        lpca_free(lpca);
+        if (n == search->most)
+            return lpca_pack_choose_not_reached(search, left, n, error);
+    }
+}
+
+struct lpca *lpca_pack(const struct btf_matrix *btf, const struct lpca_options *options,
+                       const struct lpca_wish *wish, GError **error) {
+    const gint64 texels = (gint64)btf->width * btf->height;
+    const gint64 values = (gint64)btf->n_views * btf->n_lights * 3;
+    const int asked =
+        wish->n_components > 0 ? MIN(wish->n_components, LPCA_MAX_PACKED) : LPCA_MAX_PACKED;
+    struct search search = {btf, options, wish, (int)MIN(MIN(texels, values), asked), 0, INFINITY};
+    g_return_val_if_fail(options->colours == LPCA_RGB && !options->team, NULL);
+    struct lpca *lpca = lpca_pack_choose_find(&search, error);
+    if (options->checkpoint)
+        checkpoint_drop(options->checkpoint, "packing");
+    return lpca;
+}

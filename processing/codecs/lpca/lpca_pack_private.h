@@ -1,0 +1,33 @@
+/* What lpca_pack*.c share. */
+#pragma once
+
+#include "exr/exr.h"
+#include "lpca_pack.h"
+#include "lpca_private.h"
+
+/* What a packed file holds. */
+struct lpca_packed {
+    double step;
+    int n_views, n_lights; /* axes kept; as the file has them, not yet straight */
+    float *views, *lights; /* n_views × the PCA's views; likewise */
+    float colours[9];
+    float *scales;  /* clusters × (components + 1) */
+    gint32 *tables; /* clusters × (components + 1) × n_views × 3 × n_lights */
+    gint32 *maps;   /* components × height × width */
+};
+
+struct lpca_packed *lpca_packed_new(void);
+
+/* n × n, row i the i-th cosine. */
+float *lpca_cosines(int n);
+
+/* Fills brdfs and weights from lpca->packed. */
+void lpca_unpack(struct lpca *lpca, int n_threads);
+
+/* The parts that are of its own; FALSE if what is there makes no sense. */
+void lpca_packed_add_parts(struct exr_file *file, const struct lpca *lpca);
+gboolean lpca_packed_read_parts(struct lpca *lpca, const struct exr_file *file);
+
+/* Numbers in the order in which they are coded, and back; g_free() what comes back. */
+GByteArray *lpca_squeeze(const gint32 *values, gsize n);
+gint32 *lpca_unsqueeze(const guint8 *bytes, gsize size, gsize n);

@@ -1,0 +1,501 @@
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "lpca_pack.h"
+#include "lpca_private.h"
+
+#define COLOURS 3
+#define CERTAIN 2e-5 /* of what the mean of all leaves: less is not told from rounding */
+
+/* The run's texels of a block, cluster by cluster: those of cluster k are texels[starts[k]] … */
+struct groups {
+    int from, n;
+    int texels[LPCA_BLOCK];
+    int places[LPCA_BLOCK]; /* of from, from + 1, … among the texels */
+    int *starts;            /* clusters + 1 */
+};
+
+struct polish {
+    struct lpca_run *run;
+    const struct lpca_reduced *reduced; /* NULL when its work is done */
+    struct lpca *lpca; /* weights are first products with the axes in few dimensions */
+    gboolean weigh;    /* weights are to be products with the axes in all: reads once more */
+    double *squares;   /* clusters a view: of rows less the run's mean */
+    double *turns;     /* c × c a cluster: of products with each other, then to weights */
+    double *held;      /* two a cluster: what is missing, and what there is */
+    double *sums;      /* two a block: likewise */
+};
+
+static void group(const struct polish *polish, int block, struct groups *ret) {
+    const int from = polish->run->first + block * LPCA_BLOCK, k = polish->lpca->n_clusters;
+    const int *labels = polish->lpca->clusters + from;
+    ret->from = from;
+    ret->n = MIN(LPCA_BLOCK, polish->run->end - from);
+    ret->starts = g_new0(int, k + 2);
+    for (int i = 0; i < ret->n; i++)
+        ret->starts[labels[i] + 2]++;
+    for (int i = 0; i < k; i++)
+        ret->starts[i + 2] += ret->starts[i + 1];
+    for (int i = 0; i < ret->n; i++) {
+        ret->places[i] = ret->starts[labels[i] + 1]++;
+        ret->texels[ret->places[i]] = from + i;
+    }
+}
+
+static int blocks(const struct lpca_run *run) {
+    return (run->end - run->first + LPCA_BLOCK - 1) / LPCA_BLOCK;
+}
+
+/* What the block's texels show to a view, in the order of the groups, less what of each cluster
+ * lies stride floats behind that of the one before (0: the same of all). */
+static void lpca_polish_gather(const struct polish *polish, const struct groups *groups, int view,
+                               const float *less, gsize stride, float *ret) {
+    struct lpca_run *run = polish->run;
+    const gsize columns = (gsize)run->columns;
+    lpca_run_place_rows(run, view, groups->from, groups->n, groups->places, ret);
+    for (int i = 0; i < groups->n; i++) {
+        float *row = ret + (gsize)i * columns;
+        const float *minus = less + (gsize)view * columns +
+                             (gsize)polish->lpca->clusters[groups->texels[i]] * stride;
+        for (gsize j = 0; j < columns; j++)
+            row[j] -= minus[j];
+    }
+}
+
+/* Products of the texels' rows with their cluster's axes in few dimensions. */
+static void reduced_block(int block, gpointer data) {
+    const struct polish *polish = data;
+    const struct lpca_reduced *reduced = polish->reduced;
+    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
+    const int from = polish->run->first + block * LPCA_BLOCK;
+    g_autofree float *row = g_new(float, r);
+    for (int x = from; x < MIN(from + LPCA_BLOCK, polish->run->end); x++) {
+        const gsize k = (gsize)polish->lpca->clusters[x];
+        for (gsize j = 0; j < r; j++)
+            row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
+        cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
+                    reduced->bases + k * c * r, reduced->r, row, 1, 0,
+                    polish->lpca->weights + (gsize)x * c, 1);
+    }
+}
+
+/* Sums of n rows, and of their squares. */
+static void add_rows(const float *rows, int n, gsize columns, float *part, double *sums,
+                     double *squares) {
+    memset(part, 0, sizeof(float) * columns);
+    for (int i = 0; i < n; i++) {
+        const float *row = rows + (gsize)i * columns;
+        for (gsize j = 0; j < columns; j++)
+            part[j] += row[j];
+        *squares += cblas_sdot((int)columns, row, 1, row, 1);
+    }
+    for (gsize j = 0; j < columns; j++)
+        sums[j] += part[j];
+}
+
+/* Sums of a view's columns over the rows of each cluster: as they are, and times the products.
+ * Those have no mean, so that rows need not be less their cluster's. */
+static void sum_view(int view, gpointer data) {
+    const struct polish *polish = data;
+    struct lpca_run *run = polish->run;
+    struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components;
+    const gsize columns = (gsize)run->columns, at = (gsize)view * columns;
+    g_autofree float *rows = g_new(float, LPCA_BLOCK *columns);
+    g_autofree float *factors = g_new(float, LPCA_BLOCK *(gsize)c);
+    g_autofree float *part = g_new(float, columns);
+    g_autofree double *sums = g_new0(double, (gsize)lpca->n_clusters *columns);
+    double *squares = polish->squares + (gsize)view * (gsize)lpca->n_clusters;
+    /* Of a view that was begun before something may be there. */
+    if (run->done)
+        memset(squares, 0, sizeof(double) * (gsize)lpca->n_clusters);
+    for (int i = 0; run->done && i < lpca->n_clusters * (c + 1); i++)
+        memset(lpca_brdf(lpca, 0, i) + at, 0, sizeof(float) * columns);
+    for (int block = 0; block < blocks(run); block++) {
+        struct groups groups;
+        group(polish, block, &groups);
+        lpca_polish_gather(polish, &groups, view, run->mean, 0, rows);
+        for (int i = 0; i < groups.n; i++)
+            memcpy(factors + (gsize)(i * c), lpca->weights + (gsize)groups.texels[i] * (gsize)c,
+                   sizeof(float) * (gsize)c);
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const int first = groups.starts[k], n = groups.starts[k + 1] - first;
+            if (n == 0)
+                continue;
+            add_rows(rows + (gsize)first * columns, n, columns, part, sums + (gsize)k * columns,
+                     squares + k);
+            cblas_sgemm(CblasRowMajor, CblasTrans, CblasNoTrans, c, run->columns, n, 1,
+                        factors + (gsize)(first * c), c, rows + (gsize)first * columns,
+                        run->columns, 1, lpca_brdf(lpca, k, 1) + at, run->d);
+        }
+        g_free(groups.starts);
+    }
+    for (int k = 0; k < lpca->n_clusters; k++)
+        for (gsize j = 0; j < columns; j++)
+            lpca_brdf(lpca, k, 0)[at + j] = (float)sums[(gsize)k * columns + j];
+}
+
+/* The cluster's mean, and what its rows are off by it and by nothing. */
+static void finish_mean(const struct polish *polish, int k) {
+    const GArray *members = g_ptr_array_index(polish->reduced->members, k);
+    const struct lpca_run *run = polish->run;
+    const double n = members->len;
+    float *mean = lpca_brdf(polish->lpca, k, 0);
+    double *held = polish->held + (gsize)(2 * k), squares = 0;
+    for (int view = 0; view < run->btf->n_views; view++)
+        squares += polish->squares[view * polish->lpca->n_clusters + k];
+    held[0] = held[1] = squares;
+    for (int j = 0; j < run->d; j++) {
+        const double all = run->mean[j], off = mean[j] / n;
+        held[0] -= n * off * off;
+        held[1] += n * all * (2 * off + all);
+        mean[j] = (float)(all + off);
+    }
+}
+
+/* P Pᵀ x = y of c products, of which those that have no extent are left out. */
+static void solve_products(double *squares, double *y, int c) {
+    double largest = 0;
+    for (int i = 0; i < c; i++)
+        largest = MAX(largest, squares[i * (c + 1)]);
+    for (int i = 0; i < c; i++)
+        if (!(squares[i * (c + 1)] > 1e-12 * largest)) {
+            for (int j = 0; j < c; j++)
+                squares[i * c + j] = squares[j * c + i] = y[i * c + j] = 0;
+            squares[i * (c + 1)] = 1;
+        }
+    if (LAPACKE_dposv(LAPACK_ROW_MAJOR, 'U', c, c, squares, c, y, c) != 0)
+        memset(y, 0, sizeof(double) * (gsize)c * (gsize)c);
+}
+
+/* Of the products P of the cluster's rows X there is PᵀX; the best that P can give of X is
+ * P (PᵀP)⁻¹ PᵀX = W E with E = orth(PᵀX). Finds E, how P becomes W, and what is missing. */
+static void solve_cluster(const struct polish *polish, int k) {
+    const int c = polish->lpca->n_components, d = polish->run->d;
+    const gsize square = (gsize)c * (gsize)c;
+    float *axes = lpca_brdf(polish->lpca, k, 1);
+    double *turn = polish->turns + (gsize)k * square;
+    g_autofree float *sums = g_memdup2(axes, sizeof(float) * (gsize)c * (gsize)d);
+    g_autofree double *inverted = g_memdup2(turn, sizeof(double) * square);
+    g_autofree double *onto = g_new0(double, square), *solved = g_new0(double, square);
+    lpca_orthonormalise(axes, c, d, TRUE);
+    for (int i = 0; i < c; i++)
+        for (int j = 0; j < c; j++)
+            onto[i * c + j] =
+                cblas_dsdot(d, sums + (gsize)i * (gsize)d, 1, axes + (gsize)j * (gsize)d, 1);
+    memcpy(solved, onto, sizeof(double) * square);
+    solve_products(inverted, solved, c);
+    /* 2 ⟨X, WE⟩ − ‖WE‖²: a small fault of W counts in its square. */
+    double *missing = polish->held + (gsize)(2 * k);
+    g_autofree double *half = g_new(double, square);
+    cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, c, c, 1, turn, c, solved, c, 0, half,
+                c);
+    for (gsize i = 0; i < square; i++)
+        *missing -= solved[i] * (2 * onto[i] - half[i]);
+    for (int i = 0; i < c; i++)
+        for (int j = 0; j < c; j++)
+            turn[i * c + j] = solved[j * c + i];
+}
+
+static void finish_cluster(int k, gpointer data) {
+    const struct polish *polish = data;
+    finish_mean(polish, k);
+    if (polish->weigh)
+        lpca_orthonormalise(lpca_brdf(polish->lpca, k, 1), polish->lpca->n_components,
+                            polish->run->d, TRUE);
+    else
+        solve_cluster(polish, k);
+}
+
+/* Products of the rows less their cluster's mean with its eigen-BRDFs. */
+static void weigh_block(int block, gpointer data) {
+    const struct polish *polish = data;
+    struct lpca_run *run = polish->run;
+    struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components;
+    const gsize columns = (gsize)run->columns;
+    const gsize stride = (gsize)(c + 1) * (gsize)run->d;
+    struct groups groups;
+    group(polish, block, &groups);
+    g_autofree float *rows = g_new(float, (gsize)groups.n *columns);
+    g_autofree float *weights = g_new0(float, groups.n *c);
+    for (int view = 0; view < run->btf->n_views; view++) {
+        lpca_polish_gather(polish, &groups, view, lpca->brdfs, stride, rows);
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const int first = groups.starts[k], n = groups.starts[k + 1] - first;
+            if (n > 0)
+                cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, n, c, run->columns, 1,
+                            rows + (gsize)first * columns, run->columns,
+                            lpca_brdf(lpca, k, 1) + (gsize)view * columns, run->d, 1,
+                            weights + (gsize)(first * c), c);
+        }
+    }
+    for (int i = 0; i < groups.n; i++)
+        memcpy(lpca->weights + (gsize)groups.texels[i] * (gsize)c, weights + (gsize)(i * c),
+               sizeof(float) * (gsize)c);
+    g_free(groups.starts);
+}
+
+/* Σ w wᵀ of each cluster. */
+static double *covariances(const struct polish *polish) {
+    const struct lpca *lpca = polish->lpca;
+    const gsize c = (gsize)lpca->n_components, n = (gsize)lpca->n_clusters * c * c;
+    const struct team *team = polish->run->options->team;
+    double *ret = g_new0(double, n);
+    for (int x = polish->run->first; x < polish->run->end; x++) {
+        double *to = ret + (gsize)lpca->clusters[x] * c * c;
+        const float *w = lpca->weights + (gsize)x * c;
+        for (gsize i = 0; i < c; i++)
+            for (gsize j = 0; j < c; j++)
+                to[i * c + j] += (double)w[i] * w[j];
+    }
+    if (team)
+        team->sum_doubles(team, ret, n);
+    return ret;
+}
+
+/* Turned so that the components are uncorrelated and descend; 0 where weights are. */
+static void turn_axes(int k, gpointer data) {
+    const struct polish *polish = data;
+    struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components, d = polish->run->d;
+    double *turn = polish->turns + (gsize)(k * c * c);
+    float *axes = lpca_brdf(lpca, k, 1);
+    g_autofree double *vectors = g_memdup2(turn, sizeof(double) * (gsize)(c * c));
+    g_autofree double *values = g_new0(double, c);
+    g_autofree float *rows = g_new0(float, c *c);
+    g_autofree float *old = g_memdup2(axes, sizeof(float) * (gsize)c * (gsize)d);
+    if (LAPACKE_dsyev(LAPACK_COL_MAJOR, 'V', 'U', c, vectors, c, values) != 0)
+        for (int i = 0; i < c * c; i++)
+            vectors[i] = i % (c + 1) == c - 1 ? 1 : 0;
+    for (int i = 0; i < c; i++)
+        for (int j = 0; j < c; j++) {
+            const gboolean used = values[c - 1 - i] > 1e-12 * values[c - 1];
+            turn[i * c + j] = used ? vectors[(c - 1 - i) * c + j] : 0;
+            rows[i * c + j] = (float)turn[i * c + j];
+        }
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, d, c, 1, rows, c, old, d, 0, axes, d);
+}
+
+static void lpca_polish_turn_weights(int block, gpointer data) {
+    const struct polish *polish = data;
+    const struct lpca_run *run = polish->run;
+    struct lpca *lpca = polish->lpca;
+    const gsize c = (gsize)lpca->n_components;
+    const int from = run->first + block * LPCA_BLOCK;
+    double old[LPCA_MAX_PACKED];
+    for (int x = from; x < MIN(from + LPCA_BLOCK, run->end); x++) {
+        const double *turn = polish->turns + (gsize)lpca->clusters[x] * c * c;
+        float *w = lpca->weights + (gsize)x * c;
+        for (gsize i = 0; i < c; i++)
+            old[i] = w[i];
+        for (gsize i = 0; i < c; i++) {
+            double sum = 0;
+            for (gsize j = 0; j < c; j++)
+                sum += turn[i * c + j] * old[j];
+            w[i] = (float)sum;
+        }
+    }
+}
+
+static void lpca_polish_turn(struct polish *polish) {
+    const struct lpca_options *options = polish->run->options;
+    g_free(polish->turns);
+    polish->turns = covariances(polish);
+    work_for_each(options->work.n_threads, polish->lpca->n_clusters, turn_axes, polish);
+    work_for_each(options->work.n_threads, blocks(polish->run), lpca_polish_turn_weights, polish);
+}
+
+/* All ranks get the weights of all. */
+static void share_weights(const struct polish *polish) {
+    const struct lpca_run *run = polish->run;
+    const struct team *team = run->options->team;
+    g_autofree gsize *starts = g_new0(gsize, team->n_ranks + 1);
+    for (int i = 0; i < team->n_ranks; i++) {
+        int first, end;
+        team_part(team, i, run->n, TEAM_ROWS, &first, &end);
+        starts[i + 1] = (gsize)end * (gsize)polish->lpca->n_components * sizeof(float);
+    }
+    team->share(team, polish->lpca->weights, starts);
+}
+
+static gboolean sum_views(struct polish *polish, GError **error) {
+    struct lpca_run *run = polish->run;
+    const struct lpca *lpca = polish->lpca;
+    const struct team *team = run->options->team;
+    lpca_keep(run, LPCA_KEPT_SQUARES, polish->squares);
+    lpca_keep_blocks(run, run->btf->n_views);
+    work_for_each(run->options->work.n_threads, blocks(run), reduced_block, polish);
+    if (!lpca_run_blocks(run, "polish", run->btf->n_views, sum_view, polish, error))
+        return FALSE;
+    lpca_drop_blocks(run);
+    if (team) {
+        team->sum_floats(team, lpca->brdfs,
+                         (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1) * (gsize)run->d);
+        team->sum_doubles(team, polish->squares,
+                          (gsize)run->btf->n_views * (gsize)lpca->n_clusters);
+    }
+    if (!polish->weigh)
+        polish->turns = covariances(polish);
+    work_for_each(run->options->work.n_threads, lpca->n_clusters, finish_cluster, polish);
+    return TRUE;
+}
+
+/* Saves reading everything once more; but where next to nothing is missing, that is not told from
+ * rounding. */
+static void sum_error(struct polish *polish) {
+    double missing = 0, sum = 0, all = 0;
+    for (int k = 0; k < polish->lpca->n_clusters; k++) {
+        missing += polish->held[2 * k];
+        sum += polish->held[2 * k + 1];
+    }
+    for (int i = 0; i < polish->run->btf->n_views * polish->lpca->n_clusters; i++)
+        all += polish->squares[i];
+    polish->lpca->error = missing > CERTAIN * all ? sqrt(missing / sum) : -1;
+}
+
+/* Blocks of weights that are done are kept: they read everything once more. */
+static gboolean lpca_polish_weigh(struct polish *polish, GError **error) {
+    struct lpca_run *run = polish->run;
+    if (!polish->weigh) {
+        work_for_each(run->options->work.n_threads, blocks(run), lpca_polish_turn_weights, polish);
+        sum_error(polish);
+        return TRUE;
+    }
+    lpca_enter(run, LPCA_WEIGHING);
+    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
+    lpca_keep_blocks(run, blocks(run));
+    if (!lpca_run_blocks(run, "weights", blocks(run), weigh_block, polish, error))
+        return FALSE;
+    lpca_drop_blocks(run);
+    return TRUE;
+}
+
+/* Stages that the run has behind it already are left out. */
+static gboolean lpca_polish_make(struct polish *polish, GError **error) {
+    struct lpca_run *run = polish->run;
+    lpca_keep(run, LPCA_KEPT_BRDFS, polish->lpca->brdfs);
+    if (run->state.stage < LPCA_WEIGHING && !sum_views(polish, error))
+        return FALSE;
+    if (run->state.stage < LPCA_MADE) {
+        if (!lpca_polish_weigh(polish, error))
+            return FALSE;
+        lpca_polish_turn(polish);
+        if (run->options->team)
+            share_weights(polish);
+        run->state.error = polish->lpca->error;
+        lpca_enter(run, LPCA_MADE);
+    }
+    lpca_keep(run, LPCA_KEPT_WEIGHTS, polish->lpca->weights);
+    polish->lpca->error = run->state.error;
+    return TRUE;
+}
+
+struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error) {
+    struct polish polish = {run, reduced, lpca_new(run->btf, reduced->k, reduced->c)};
+    /* The last of many axes are not yet those of all rows. */
+    polish.weigh = reduced->c > LPCA_MAX_COMPONENTS || run->options->to_pack;
+    polish.lpca->error = -1;
+    polish.lpca->colours = run->options->colours;
+    memcpy(polish.lpca->clusters, reduced->labels, sizeof(int) * (gsize)run->n);
+    lpca_keep(run, LPCA_KEPT_LABELS, polish.lpca->clusters);
+    polish.squares = g_new0(double, reduced->k * run->btf->n_views);
+    polish.held = g_new0(double, 2 * reduced->k);
+    if (!lpca_polish_make(&polish, error))
+        g_clear_pointer(&polish.lpca, lpca_free);
+    g_free(polish.squares);
+    g_free(polish.held);
+    g_free(polish.turns);
+    return polish.lpca;
+}
+
+/* Of rows in R, G, B: what the sum is off by, and what there is. */
+static void add_squares(const float *is, const float *should, gsize n, double *sums) {
+    for (gsize i = 0; i < n; i++) {
+        const double rest = (double)is[i] - should[i];
+        sums[0] += rest * rest;
+        sums[1] += (double)should[i] * should[i];
+    }
+}
+
+static void lpca_polish_compare_block(int block, gpointer data) {
+    const struct polish *polish = data;
+    struct lpca_run *run = polish->run;
+    const struct lpca *lpca = polish->lpca;
+    const int c = lpca->n_components;
+    const gsize columns = (gsize)run->columns;
+    struct groups groups;
+    group(polish, block, &groups);
+    g_autofree float *buffer = g_new(float, (gsize)groups.n *columns);
+    g_autofree float *sum = g_new0(float, (gsize)groups.n *columns);
+    g_autofree float *weights = g_new0(float, groups.n *c);
+    for (int i = 0; i < groups.n; i++)
+        memcpy(weights + (gsize)(i * c), lpca->weights + (gsize)groups.texels[i] * (gsize)c,
+               sizeof(float) * (gsize)c);
+    for (int view = 0; view < run->btf->n_views; view++) {
+        const gsize at = (gsize)view * columns;
+        for (int k = 0; k < lpca->n_clusters; k++) {
+            const int first = groups.starts[k], n = groups.starts[k + 1] - first;
+            for (int i = first; i < first + n; i++)
+                memcpy(sum + (gsize)i * columns, lpca_brdf(lpca, k, 0) + at,
+                       sizeof(float) * columns);
+            if (n > 0)
+                cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, n, run->columns, c, 1,
+                            weights + (gsize)(first * c), c, lpca_brdf(lpca, k, 1) + at, run->d, 1,
+                            sum + (gsize)first * columns, run->columns);
+        }
+        if (lpca->colours == LPCA_LOG)
+            lpca_from_log(sum, (gsize)groups.n * columns / COLOURS);
+        gsize stride;
+        const int from = run->first + block * LPCA_BLOCK;
+        const float *rows = lpca_run_rows(run, view, from, groups.n, buffer, &stride);
+        for (int i = 0; i < groups.n; i++)
+            add_squares(sum + (gsize)i * columns, rows + (gsize)(groups.texels[i] - from) * stride,
+                        columns, polish->sums + (gsize)(2 * block));
+    }
+    g_free(groups.starts);
+}
+
+gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error) {
+    const struct lpca_options *options = run->options;
+    struct lpca_options plain = *options; /* they are compared as R, G, B */
+    struct polish polish = {run, NULL, lpca};
+    double sums[2] = {0};
+    polish.sums = g_new0(double, 2 * blocks(run) + 1);
+    plain.colours = LPCA_RGB;
+    run->options = &plain;
+    const gboolean ok =
+        lpca_run_blocks(run, "check", blocks(run), lpca_polish_compare_block, &polish, error);
+    run->options = options;
+    for (int i = 0; i < 2 * blocks(run); i++)
+        sums[i % 2] += polish.sums[i];
+    if (options->team)
+        options->team->sum_doubles(options->team, sums, 2);
+    lpca->error = sums[1] > 0 ? sqrt(sums[0] / sums[1]) : 0;
+    g_free(polish.sums);
+    return ok;
+}
+
+gboolean lpca_error_shared(struct lpca *lpca, const struct btf_matrix *btf,
+                           const struct lpca_options *options, GError **error) {
+    struct lpca_run run = {.btf = btf, .options = options, .n = btf->width * btf->height};
+    run.d = lpca_dimensions(btf->n_views, btf->n_lights);
+    run.columns = run.d / btf->n_views;
+    team_part(options->team, options->team ? options->team->rank : 0, run.n, TEAM_ROWS, &run.first,
+              &run.end);
+    g_mutex_init(&run.lock);
+    const gboolean ok = lpca_run_error(&run, lpca, error);
+    g_mutex_clear(&run.lock);
+    g_clear_error(&run.failed);
+    return ok;
+}
+
+double lpca_error(struct lpca *lpca, const struct btf_matrix *btf, int n_threads) {
+    const struct lpca_options options = {.work.n_threads = n_threads};
+    g_autoptr(GError) error = NULL;
+    if (!lpca_error_shared(lpca, btf, &options, &error))
+        lpca->error = NAN;
+    return lpca->error;
+}

@@ -1,0 +1,140 @@
+/* What lpca*.c share. */
+#pragma once
+
+#include "exr/exr.h"
+#include "lpca.h"
+
+int lpca_dimensions(int n_views, int n_lights);
+float *lpca_ones(gsize n); /* g_free() */
+struct lpca *lpca_new(const struct btf_matrix *btf, int n_clusters, int n_components);
+float *lpca_brdf(const struct lpca *lpca, int cluster, int component); /* 0: the mean */
+
+/* A whole one, which stays where it is until it is dropped; and one of the same BTF as the file has
+ * it but for its colours and error, or NULL. */
+void lpca_keep_whole(Checkpoint *checkpoint, const char *name, const struct lpca *lpca);
+struct lpca *lpca_kept_whole(const Checkpoint *checkpoint, const char *name,
+                             const struct btf_matrix *btf, int n_clusters, int n_components);
+void lpca_drop_whole(Checkpoint *checkpoint, const char *name);
+
+/* Of lpca->packed; NULL is ignored. */
+void lpca_packed_free(struct lpca_packed *packed);
+
+#define LPCA_BLOCK 1024 /* texels polished at a time */
+
+/* Rows become orthonormal; length ≥ n. What depends on rows before it becomes 0 with drop, else
+ * anything that is orthogonal. */
+void lpca_orthonormalise(float *rows, int n, int length, gboolean drop);
+
+struct lpca_run;
+
+/* Rows of a reduced space, and their clusters. */
+struct lpca_reduced {
+    int n, r;
+    const float *rows;                  /* n × r */
+    const struct lpca_options *options; /* threads, progress, cancellable, team */
+    struct lpca_run *run;               /* whose state is kept; or NULL */
+    int k, c;                           /* asked for; k is lowered to what is of use */
+    int *labels;                        /* n */
+    float *means;                       /* k × r */
+    float *bases;                       /* k × c × r, principal axes in descending order */
+    GPtrArray *members;                 /* k GArrays of int, ascending */
+};
+
+/* FALSE when cancelled. Fills labels … members, which lpca_reduced_clear() frees. */
+gboolean lpca_cluster(struct lpca_reduced *reduced, GError **error);
+void lpca_reduced_clear(struct lpca_reduced *reduced);
+
+/* How far lpca_compute() is; what is kept of it (lpca_options.checkpoint) depends on that. */
+enum lpca_stage {
+    LPCA_BEGUN,
+    LPCA_REDUCING, /* some blocks of rows */
+    LPCA_REDUCED,
+    LPCA_CLUSTERING, /* between two iterations */
+    LPCA_POLISHING,  /* clustered; some views */
+    LPCA_WEIGHING,   /* eigen-BRDFs; some blocks of weights */
+    LPCA_MADE,
+};
+
+/* Numbers of that, in the file as they are. */
+struct lpca_state {
+    gint32 form, n_clusters, n_components, colours, to_pack; /* of the call */
+    gint32 stage;                                            /* enum lpca_stage */
+    gint32 c, k;         /* components in work, clusters that are left */
+    gint32 iteration;    /* to be done next */
+    gint32 few, enough;  /* components that do not reach the target, and that do; 0: not known */
+    gint32 unused;       /* for doubles to lie where they would anyway */
+    double target;       /* of the call */
+    double before;       /* the last iteration's sum */
+    double error;        /* of what is made; −1: not known */
+    double enough_error; /* of so many components */
+};
+
+enum lpca_kept {
+    LPCA_KEPT_MEAN,    /* d */
+    LPCA_KEPT_AXES,    /* r × d */
+    LPCA_KEPT_ROWS,    /* n × r */
+    LPCA_KEPT_LABELS,  /* n */
+    LPCA_KEPT_MEANS,   /* of a reduced space, clusters as asked for × r */
+    LPCA_KEPT_BASES,   /* the same × c × r */
+    LPCA_KEPT_BRDFS,   /* of k clusters */
+    LPCA_KEPT_WEIGHTS, /* n × c */
+    LPCA_KEPT_SQUARES, /* k doubles a view */
+    LPCA_KEPT_KINDS
+};
+
+/* Everything lpca_compute() holds. Ranks of a team have rows of all texels, but the BTF's values
+ * of first … end − 1 alone. */
+struct lpca_run {
+    const struct btf_matrix *btf;
+    const struct lpca_options *options;
+    int n, d, columns; /* texels, values of each, those of a view */
+    int first, end;
+    float *mean; /* d: about which rows are taken */
+    int r;
+    float *axes;    /* r × d */
+    float *offsets; /* r: products of axes and mean */
+    float *rows;    /* n × r: products of values less mean with axes */
+    GMutex lock;
+    GError *failed; /* the first error of any thread */
+    struct lpca_state state;
+    int *done; /* of the stage's blocks, or NULL: nothing is kept */
+};
+
+/* lpca_checkpoint.c, which does nothing where options->checkpoint is NULL. run->state becomes that
+ * of the file, if it is of this call, or that of one that begins. */
+void lpca_resume(struct lpca_run *run);
+/* From now on nothing is kept: what lpca_keep() was given may be freed. */
+void lpca_leave(struct lpca_run *run);
+/* What a stage has no more is dropped. */
+void lpca_enter(struct lpca_run *run, enum lpca_stage stage);
+/* Values of the size that run->state asks for: if the file has them they become what it has, and
+ * from now on they are kept. */
+void lpca_keep(struct lpca_run *run, enum lpca_kept what, gpointer values);
+/* Likewise which of n blocks of the stage are done, which lpca_run_blocks() leaves out. */
+void lpca_keep_blocks(struct lpca_run *run, int n);
+void lpca_drop_blocks(struct lpca_run *run);
+
+/* As btf_matrix_rows(), in the colours of the options; texel counts from the BTF's first. Of what
+ * cannot be read 0, and run->failed. buffer: n × columns. */
+const float *lpca_run_rows(struct lpca_run *run, int view, int texel, int n, float *buffer,
+                           gsize *ret_stride);
+
+/* The same as btf_matrix_place_rows(). */
+void lpca_run_place_rows(struct lpca_run *run, int view, int texel, int n, const int *places,
+                         float *ret);
+
+/* A stage of n blocks in all threads: FALSE if it was cancelled or failed; what is kept is saved.
+ */
+gboolean lpca_run_blocks(struct lpca_run *run, const char *stage, int n, WorkBlock func,
+                         gpointer data, GError **error);
+
+/* From a clustering in few dimensions to one in all: E_k = orth(X_kᵀ W_k), then the weights of all
+ * texels and the error in the colours of the options; −1: to be found by lpca_run_error(). */
+struct lpca *lpca_polish(struct lpca_run *run, const struct lpca_reduced *reduced, GError **error);
+
+/* lpca_error() of the run's texels and team. */
+gboolean lpca_run_error(struct lpca_run *run, struct lpca *lpca, GError **error);
+
+/* A file in memory, and what it holds; path is for errors. */
+struct exr_file *lpca_to_exr(const struct lpca *lpca);
+struct lpca *lpca_from_exr(const struct exr_file *file, const char *path, GError **error);

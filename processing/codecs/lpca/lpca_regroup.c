@@ -1,0 +1,70 @@
+#include "lpca_pack_private.h"
+
+#include <cblas.h>
+#include <string.h>
+
+/* Weights of one cluster are coordinates: to cluster them is to cluster the texels. */
+struct regroup {
+    const struct lpca *from;
+    struct lpca *to;
+    const struct lpca_reduced *reduced;
+};
+
+static void turn_cluster(int k, gpointer data) {
+    const struct regroup *regroup = data;
+    const struct lpca_reduced *reduced = regroup->reduced;
+    const struct lpca *from = regroup->from;
+    const int d = lpca_dimensions(from->n_views, from->n_lights), r = reduced->r, c = reduced->c;
+    float *mean = lpca_brdf(regroup->to, k, 0);
+    memcpy(mean, lpca_brdf(from, 0, 0), sizeof(float) * (gsize)d);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, 1, d, r, 1,
+                reduced->means + (gsize)k * (gsize)r, r, lpca_brdf(from, 0, 1), d, 1, mean, d);
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, c, d, r, 1,
+                reduced->bases + (gsize)(k * c) * (gsize)r, r, lpca_brdf(from, 0, 1), d, 0,
+                lpca_brdf(regroup->to, k, 1), d);
+}
+
+static void lpca_regroup_turn_weights(int block, gpointer data) {
+    const struct regroup *regroup = data;
+    const struct lpca_reduced *reduced = regroup->reduced;
+    const gsize r = (gsize)reduced->r, c = (gsize)reduced->c;
+    g_autofree float *row = g_new(float, r);
+    for (int x = block * LPCA_BLOCK; x < MIN((block + 1) * LPCA_BLOCK, reduced->n); x++) {
+        const gsize k = (gsize)reduced->labels[x];
+        for (gsize j = 0; j < r; j++)
+            row[j] = reduced->rows[(gsize)x * r + j] - reduced->means[k * r + j];
+        cblas_sgemv(CblasRowMajor, CblasNoTrans, reduced->c, reduced->r, 1,
+                    reduced->bases + k * c * r, reduced->r, row, 1, 0,
+                    regroup->to->weights + (gsize)x * c, 1);
+    }
+}
+
+struct lpca *lpca_regroup(const struct lpca *lpca, const struct lpca_options *options,
+                          GError **error) {
+    const int n = lpca->width * lpca->height;
+    struct lpca_reduced reduced = {
+        .n = n,
+        .r = lpca->n_components,
+        .rows = lpca->weights,
+        .options = options,
+        .k = MIN(options->n_clusters, n),
+        .c = MIN(MIN(options->n_components, lpca->n_components), LPCA_MAX_COMPONENTS)};
+    g_return_val_if_fail(lpca->n_clusters == 1, NULL);
+    if (!lpca_cluster(&reduced, error)) {
+        lpca_reduced_clear(&reduced);
+        return NULL;
+    }
+    const struct btf_matrix like = {
+        lpca->name,         lpca->width,           lpca->height,       lpca->texel_mm,
+        lpca->reference_mm, lpca->n_views,         lpca->n_lights,     lpca->view_theta_deg,
+        lpca->view_phi_deg, lpca->light_theta_deg, lpca->light_phi_deg};
+    struct lpca *ret = lpca_new(&like, reduced.k, reduced.c);
+    struct regroup regroup = {lpca, ret, &reduced};
+    ret->colours = lpca->colours;
+    memcpy(ret->clusters, reduced.labels, sizeof(int) * (gsize)n);
+    work_for_each(options->work.n_threads, reduced.k, turn_cluster, &regroup);
+    work_for_each(options->work.n_threads, (n + LPCA_BLOCK - 1) / LPCA_BLOCK,
+                  lpca_regroup_turn_weights, &regroup);
+    lpca_reduced_clear(&reduced);
+    return ret;
+}

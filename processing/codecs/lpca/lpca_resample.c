@@ -1,0 +1,170 @@
+#include "lpca_resample.h"
+
+#include <cblas.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "base/direction.h"
+#include "btf/direction_grid.h"
+
+#define COLOURS 3
+#define BLOCK   8 /* texels a thread compares at a time */
+
+static struct lpca *like(const struct lpca *lpca, int n_grid) {
+    const gsize texels = (gsize)lpca->width * (gsize)lpca->height;
+    const gsize tables = (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
+    struct lpca *ret = g_new0(struct lpca, 1);
+    *ret = *lpca;
+    ret->name = g_strdup(lpca->name);
+    ret->n_grid = n_grid;
+    ret->n_views = ret->n_lights = n_grid * n_grid;
+    direction_grid_angles(n_grid, &ret->view_theta_deg, &ret->view_phi_deg);
+    direction_grid_angles(n_grid, &ret->light_theta_deg, &ret->light_phi_deg);
+    ret->clusters = g_memdup2(lpca->clusters, sizeof(int) * texels);
+    ret->weights = g_memdup2(lpca->weights, sizeof(float) * texels * (gsize)lpca->n_components);
+    ret->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
+    ret->weight_scales = g_memdup2(lpca->weight_scales, sizeof(float) * (gsize)lpca->n_clusters *
+                                                            (gsize)lpca->n_components);
+    ret->light_scales = NULL;
+    ret->brdfs = g_try_new(float, tables *(gsize)ret->n_views *(gsize)ret->n_lights *COLOURS);
+    ret->error = 0;
+    return ret;
+}
+
+/* Views, then the lights of each view, whose colours lie side by side. */
+static void resample_table(const struct lpca *from, const struct lpca *to, gsize table,
+                           const float *views, const float *lights, float *between) {
+    const int samples = to->n_views, row = from->n_lights * COLOURS;
+    const float *values = from->brdfs + table * (gsize)from->n_views * (gsize)row;
+    float *ret = to->brdfs + table * (gsize)samples * (gsize)samples * COLOURS;
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, row, from->n_views, 1, views,
+                from->n_views, values, row, 0, between, row);
+    for (gsize i = 0; i < (gsize)samples; i++)
+        cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, samples, COLOURS, from->n_lights, 1,
+                    lights, from->n_lights, between + i * (gsize)row, COLOURS, 0,
+                    ret + i * (gsize)samples * COLOURS, COLOURS);
+}
+
+struct lpca *lpca_resample(const struct lpca *lpca, int n_grid, GError **error) {
+    g_return_val_if_fail(
+        lpca->quantise == LPCA_FLOAT && lpca->n_grid == 0 && lpca->colours == LPCA_RGB, NULL);
+    g_autofree float *views = direction_grid_operator(lpca->view_theta_deg, lpca->view_phi_deg,
+                                                      lpca->n_views, n_grid, FALSE, error);
+    g_autofree float *lights =
+        views ? direction_grid_operator(lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights,
+                                        n_grid, TRUE, error)
+              : NULL;
+    if (!lights)
+        return NULL;
+    struct lpca *ret = like(lpca, n_grid);
+    if (!ret->brdfs) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "a grid of %d for %d clusters of %d components does not fit into memory",
+                    n_grid, lpca->n_clusters, lpca->n_components);
+        lpca_free(ret);
+        return NULL;
+    }
+    g_autofree float *between = g_new(float, (gsize)ret->n_views *(gsize)lpca->n_lights *COLOURS);
+    for (gsize table = 0; table < (gsize)lpca->n_clusters * (gsize)(lpca->n_components + 1);
+         table++)
+        resample_table(lpca, ret, table, views, lights, between);
+    return ret;
+}
+
+/* A texel's reflectances are mixed on the grid first: that costs least. */
+struct comparison {
+    const struct lpca *lpca;
+    const struct btf_matrix *btf;
+    int *view_index, *light_index; /* × 4 */
+    float *view_weight, *light_weight;
+    double *sums; /* × 2 a block */
+};
+
+static void lpca_resample_fill_weights(int n_grid, const float *theta_deg, const float *phi_deg,
+                                       int n, int **ret_index, float **ret_weight) {
+    *ret_index = g_new(int, 4 * n);
+    *ret_weight = g_new(float, 4 * n);
+    for (int i = 0; i < n; i++) {
+        float direction[3];
+        direction_from_deg(theta_deg[i], phi_deg[i], direction);
+        direction_grid_weights(n_grid, direction, *ret_index + (gsize)(4 * i),
+                               *ret_weight + (gsize)(4 * i));
+    }
+}
+
+static void interpolate(const struct comparison *to, const float *grid, int view, int light,
+                        float ret[COLOURS]) {
+    const gsize samples = (gsize)to->lpca->n_lights;
+    memset(ret, 0, sizeof(float) * COLOURS);
+    for (int a = 0; a < 4; a++)
+        for (int b = 0; b < 4; b++) {
+            const float weight = to->view_weight[4 * view + a] * to->light_weight[4 * light + b];
+            const float *at = grid + ((gsize)to->view_index[4 * view + a] * samples +
+                                      (gsize)to->light_index[4 * light + b]) *
+                                         COLOURS;
+            for (int c = 0; c < COLOURS; c++)
+                ret[c] += weight * at[c];
+        }
+}
+
+/* What a view shows of a texel, whose samples are on the grid. */
+static void compare_view(const struct comparison *to, const float *grid, const float *truth,
+                         int view, double *sums) {
+    for (int light = 0; light < to->btf->n_lights; light++, truth += COLOURS) {
+        float value[COLOURS];
+        interpolate(to, grid, view, light, value);
+        for (int c = 0; c < COLOURS; c++) {
+            const double rest = (double)truth[c] - value[c];
+            sums[0] += rest * rest;
+            sums[1] += (double)truth[c] * truth[c];
+        }
+    }
+}
+
+static void lpca_resample_compare_block(int block, gpointer data) {
+    const struct comparison *to = data;
+    const struct btf_matrix *btf = to->btf;
+    const int end = MIN((block + 1) * BLOCK, btf->width * btf->height);
+    double *sums = to->sums + (gsize)(2 * block);
+    g_autofree float *grid =
+        g_new(float, (gsize)to->lpca->n_views *(gsize)to->lpca->n_lights *COLOURS);
+    g_autofree float *buffer = g_new(float, btf->n_lights *COLOURS);
+    for (int texel = block * BLOCK; texel < end; texel++) {
+        lpca_reconstruct(to->lpca, texel, grid);
+        for (int view = 0; view < btf->n_views; view++) {
+            gsize stride;
+            const float *truth = btf_matrix_rows(btf, view, texel, 1, buffer, &stride, NULL);
+            if (truth)
+                compare_view(to, grid, truth, view, sums);
+            else
+                sums[0] = NAN;
+        }
+    }
+}
+
+double lpca_resample_error(struct lpca *resampled, const struct btf_matrix *btf, int n_threads) {
+    const struct work work = {.n_threads = n_threads};
+    const int blocks = (btf->width * btf->height + BLOCK - 1) / BLOCK;
+    struct comparison to = {.lpca = resampled, .btf = btf, .sums = g_new0(double, 2 * blocks)};
+    double rest = 0, all = 0;
+    g_return_val_if_fail(resampled->n_grid > 0 && resampled->width == btf->width &&
+                             resampled->height == btf->height,
+                         NAN);
+    lpca_resample_fill_weights(resampled->n_grid, btf->view_theta_deg, btf->view_phi_deg,
+                               btf->n_views, &to.view_index, &to.view_weight);
+    lpca_resample_fill_weights(resampled->n_grid, btf->light_theta_deg, btf->light_phi_deg,
+                               btf->n_lights, &to.light_index, &to.light_weight);
+    work_parallel(&work, "", blocks, lpca_resample_compare_block, &to, NULL);
+    for (int i = 0; i < blocks; i++) {
+        rest += to.sums[2 * i];
+        all += to.sums[2 * i + 1];
+    }
+    g_free(to.view_index);
+    g_free(to.view_weight);
+    g_free(to.light_index);
+    g_free(to.light_weight);
+    g_free(to.sums);
+    resampled->error = all > 0 ? sqrt(rest / all) : 0;
+    return resampled->error;
+}

@@ -1,0 +1,149 @@
+#include "mdf_blocks.h"
+
+#include <math.h>
+#include <string.h>
+
+#define SIDE   MDF_BLOCK_SIDE
+#define TEXELS (SIDE * SIDE)
+#define STEPS  7   /* from one end to the other */
+#define MOST   255 /* of an end */
+#define ROUNDS 4
+
+/* How a card numbers the values from the first end to the second, the first being larger. */
+static const guint8 codes[STEPS + 1] = {0, 2, 3, 4, 5, 6, 7, 1};
+
+struct block {
+    int ends[2]; /* from the first to the second in seven steps */
+    guint8 at[TEXELS];
+    double error;
+};
+
+static int mdf_blocks_across(int n) {
+    return (n + SIDE - 1) / SIDE;
+}
+
+gsize mdf_blocks_bytes(int width, int height) {
+    return (gsize)mdf_blocks_across(width) * (gsize)mdf_blocks_across(height) * MDF_BLOCK_BYTES;
+}
+
+static void mdf_blocks_assign(struct block *block, const double *values) {
+    const double from = block->ends[0], along = block->ends[1] - from;
+    block->error = 0;
+    for (int i = 0; i < TEXELS; i++) {
+        const double at = along != 0 ? round((values[i] - from) / along * STEPS) : 0;
+        block->at[i] = (guint8)CLAMP(at, 0, STEPS);
+        const double rest = from + along * block->at[i] / STEPS - values[i];
+        block->error += rest * rest;
+    }
+}
+
+static int whole_end(double value) {
+    return (int)CLAMP(round(value), 0, MOST);
+}
+
+/* The ends that are best for the indices. */
+static gboolean fit_ends(struct block *block, const double *values) {
+    double a = 0, b = 0, c = 0, x = 0, y = 0;
+    for (int i = 0; i < TEXELS; i++) {
+        const double t = (double)block->at[i] / STEPS, s = 1 - t;
+        a += s * s;
+        b += s * t;
+        c += t * t;
+        x += s * values[i];
+        y += t * values[i];
+    }
+    const double determinant = a * c - b * b;
+    if (determinant < 1e-6)
+        return FALSE;
+    block->ends[0] = whole_end((c * x - b * y) / determinant);
+    block->ends[1] = whole_end((a * y - b * x) / determinant);
+    return TRUE;
+}
+
+static void mdf_blocks_fit(struct block *best, const double *values) {
+    double least = values[0], most = values[0];
+    for (int i = 1; i < TEXELS; i++) {
+        least = MIN(least, values[i]);
+        most = MAX(most, values[i]);
+    }
+    best->ends[0] = whole_end(most);
+    best->ends[1] = whole_end(least);
+    /* Between two whole numbers the seven steps are finer than one. */
+    if (best->ends[0] == best->ends[1] && most > least) {
+        best->ends[0] = whole_end(ceil(most));
+        best->ends[1] = whole_end(floor(least));
+    }
+    mdf_blocks_assign(best, values);
+    for (int round = 0; round < ROUNDS; round++) {
+        struct block next = *best;
+        if (!fit_ends(&next, values))
+            return;
+        mdf_blocks_assign(&next, values);
+        if (next.error >= best->error)
+            return;
+        *best = next;
+    }
+}
+
+/* The first end must be the larger one: the card takes six values else. Equal ends are read as six
+ * too, of which the first is that end. */
+static void mdf_blocks_pack(const struct block *block, guint8 *to) {
+    const gboolean swap = block->ends[0] < block->ends[1];
+    const gboolean same = block->ends[0] == block->ends[1];
+    guint64 bits = 0;
+    for (int i = 0; i < TEXELS; i++) {
+        const int at = swap ? STEPS - block->at[i] : block->at[i];
+        bits |= (guint64)(same ? 0 : codes[at]) << (3 * i);
+    }
+    to[0] = (guint8)block->ends[swap];
+    to[1] = (guint8)block->ends[!swap];
+    for (int i = 0; i < 6; i++)
+        to[2 + i] = (guint8)(bits >> (8 * i));
+}
+
+void mdf_blocks_encode(const float *depth, int width, int height, double least, double deepest,
+                       guint8 *ret) {
+    const double scale = deepest > least ? MOST / (deepest - least) : 0;
+    for (int j = 0; j < height; j += SIDE)
+        for (int i = 0; i < width; i += SIDE, ret += MDF_BLOCK_BYTES) {
+            double values[TEXELS];
+            struct block block;
+            for (int k = 0; k < TEXELS; k++) {
+                const int x = MIN(i + k % SIDE, width - 1), y = MIN(j + k / SIDE, height - 1);
+                values[k] =
+                    CLAMP(scale * (depth[(gsize)y * (gsize)width + (gsize)x] - least), 0, MOST);
+            }
+            mdf_blocks_fit(&block, values);
+            mdf_blocks_pack(&block, ret);
+        }
+}
+
+/* The eight values of a block, as the format says. */
+static void palette(const guint8 *from, double ret[STEPS + 1]) {
+    const double a = from[0], b = from[1];
+    const int steps = from[0] > from[1] ? STEPS : STEPS - 2;
+    ret[0] = a;
+    ret[1] = b;
+    for (int i = 1; i < steps; i++)
+        ret[i + 1] = ((steps - i) * a + i * b) / steps;
+    if (steps < STEPS) {
+        ret[6] = 0;
+        ret[7] = MOST;
+    }
+}
+
+void mdf_blocks_decode(const guint8 *blocks, int width, int height, double least, double deepest,
+                       float *ret_depth) {
+    for (int j = 0; j < height; j += SIDE)
+        for (int i = 0; i < width; i += SIDE, blocks += MDF_BLOCK_BYTES) {
+            double values[STEPS + 1];
+            guint64 bits = 0;
+            palette(blocks, values);
+            for (int k = 0; k < 6; k++)
+                bits |= (guint64)blocks[2 + k] << (8 * k);
+            for (int k = 0; k < TEXELS; k++)
+                if (i + k % SIDE < width && j + k / SIDE < height)
+                    ret_depth[(gsize)(j + k / SIDE) * (gsize)width + (gsize)(i + k % SIDE)] =
+                        (float)(least + values[bits >> (3 * k) & 7] * (deepest - least) / MOST);
+        }
+}

@@ -1,0 +1,143 @@
+#include <math.h>
+#include <string.h>
+
+#include "exr/exr.h"
+#include "mdf_factors.h"
+
+#define MOST_MAP 255
+#define MAX_MM   6e4
+
+static char *channel_name(int term) {
+    return g_strdup_printf("M%02d", term + 1);
+}
+
+static struct exr_part *maps_part(const struct mdf_factors *factors) {
+    const gsize n = (gsize)factors->width * (gsize)factors->height;
+    g_auto(GStrv) channels = g_new0(char *, factors->n_terms + 1);
+    for (int i = 0; i < factors->n_terms; i++)
+        channels[i] = channel_name(i);
+    struct exr_part *part = exr_part_new("maps", factors->width, factors->height,
+                                         (const char *const *)channels, EXR_HALF);
+    for (int i = 0; i < factors->n_terms; i++)
+        for (gsize x = 0; x < n; x++)
+            part->planes[i][x] = factors->maps[(gsize)i * n + x];
+    exr_set_string(part, "mesorig.kind", MDF_FACTORS_KIND);
+    exr_set_int(part, "mesorig.measured", factors->n_measured);
+    exr_set_double(part, "mesorig.error_mm", factors->error_mm);
+    exr_set_double(part, "texel_mm", factors->texel_mm);
+    exr_set_double(part, "deepest_mm", factors->deepest_mm);
+    return part;
+}
+
+gboolean mdf_factors_write(const char *path, const struct mdf_factors *factors, GError **error) {
+    static const char *const weight[] = {"W", NULL};
+    static const char *const angles[] = {"phi_deg", "theta_deg", NULL};
+    const int n = factors->n_views, m = factors->n_terms + 1;
+    struct exr_file *file = exr_file_new();
+    struct exr_part *weights = exr_part_new("weights", n, m, weight, EXR_FLOAT);
+    struct exr_part *views = exr_part_new("views", n, 1, angles, EXR_FLOAT);
+    for (int i = 0; i < n * m; i++)
+        weights->planes[0][i % m * n + i / m] = factors->weights[i];
+    memcpy(views->planes[0], factors->phi_deg, sizeof(float) * (gsize)n);
+    memcpy(views->planes[1], factors->theta_deg, sizeof(float) * (gsize)n);
+    exr_file_add(file, maps_part(factors));
+    exr_file_add(file, weights);
+    exr_file_add(file, views);
+    const gboolean ok = exr_write(path, file, EXR_ZIP, TRUE, error);
+    exr_file_free(file);
+    return ok;
+}
+
+/* Why it is not one; NULL: it is. */
+static const char *mdf_factors_file_read_head(struct mdf_factors *factors,
+                                              const struct exr_file *file) {
+    const struct exr_part *maps = exr_file_part(file, "maps"),
+                          *views = exr_file_part(file, "views");
+    const struct exr_part *weights = exr_file_part(file, "weights");
+    const char *kind = NULL;
+    if (!maps || !exr_get_string(maps, "mesorig.kind", &kind, NULL) ||
+        strcmp(kind, MDF_FACTORS_KIND) != 0)
+        return "there is no part \"maps\" of that kind";
+    if (!views || !weights)
+        return "weights or views are missing";
+    factors->width = maps->width;
+    factors->height = maps->height;
+    factors->n_terms = maps->n_channels;
+    factors->n_views = views->width;
+    if (factors->n_terms > MDF_FACTORS_MAX_TERMS || factors->n_views > MDF_FACTORS_MAX_VIEWS ||
+        (gint64)maps->width * maps->height > MDF_TABLE_MAX_TEXELS)
+        return "it is too large";
+    if (views->height != 1 || weights->width != views->width ||
+        weights->height != factors->n_terms + 1)
+        return "sizes of maps, weights and views do not fit";
+    if (!exr_get_int(maps, "mesorig.measured", &factors->n_measured, NULL) ||
+        factors->n_measured < 1 || factors->n_measured > factors->n_views)
+        return "mesorig.measured is not a number of its views";
+    if (!exr_get_double(maps, "texel_mm", &factors->texel_mm, NULL) ||
+        !(factors->texel_mm > 0 && factors->texel_mm < MAX_MM) ||
+        !exr_get_double(maps, "deepest_mm", &factors->deepest_mm, NULL) ||
+        !(factors->deepest_mm >= 0 && factors->deepest_mm < MAX_MM) ||
+        !exr_get_double(maps, "mesorig.error_mm", &factors->error_mm, NULL) ||
+        !(factors->error_mm >= 0))
+        return "texel_mm, deepest_mm or mesorig.error_mm makes no sense";
+    return NULL;
+}
+
+static const char *mdf_factors_file_read_views(struct mdf_factors *factors,
+                                               const struct exr_file *file) {
+    const float *theta = exr_part_plane(exr_file_part(file, "views"), "theta_deg");
+    const float *phi = exr_part_plane(exr_file_part(file, "views"), "phi_deg");
+    const float *weights = exr_part_plane(exr_file_part(file, "weights"), "W");
+    const int n = factors->n_views, m = factors->n_terms + 1;
+    if (!theta || !phi || !weights)
+        return "channels of weights or views are missing";
+    for (int i = 0; i < n; i++)
+        if (!(theta[i] >= 0 && theta[i] <= 90) || !(fabsf(phi[i]) <= 720))
+            return "a view's direction makes no sense";
+    for (int i = 0; i < n * m; i++)
+        if (!(fabsf(weights[i]) <= MAX_MM))
+            return "a weight is not a number of millimetres";
+    factors->theta_deg = g_memdup2(theta, sizeof(float) * (gsize)n);
+    factors->phi_deg = g_memdup2(phi, sizeof(float) * (gsize)n);
+    factors->weights = g_new(float, (gsize)n *(gsize)m);
+    for (int i = 0; i < n * m; i++)
+        factors->weights[i] = weights[i % m * n + i / m];
+    return NULL;
+}
+
+static const char *mdf_factors_file_read_maps(struct mdf_factors *factors,
+                                              const struct exr_file *file) {
+    const gsize n = (gsize)factors->width * (gsize)factors->height;
+    factors->maps = g_new(guint8, n * (gsize)factors->n_terms);
+    for (int i = 0; i < factors->n_terms; i++) {
+        g_autofree char *name = channel_name(i);
+        const float *from = exr_part_plane(exr_file_part(file, "maps"), name);
+        if (!from)
+            return "a map is missing";
+        for (gsize x = 0; x < n; x++) {
+            if (!(from[x] >= 0 && from[x] <= MOST_MAP) || from[x] != floorf(from[x]))
+                return "a map has a value that is not a whole number of 0 to 255";
+            factors->maps[(gsize)i * n + x] = (guint8)from[x];
+        }
+    }
+    return NULL;
+}
+
+struct mdf_factors *mdf_factors_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    if (!file)
+        return NULL;
+    struct mdf_factors *factors = g_new0(struct mdf_factors, 1);
+    const char *what = mdf_factors_file_read_head(factors, file);
+    if (!what)
+        what = mdf_factors_file_read_views(factors, file);
+    if (!what)
+        what = mdf_factors_file_read_maps(factors, file);
+    exr_file_free(file);
+    if (what) {
+        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                    "%s: this is not a whole compressed MDF: %s; compress again", path, what);
+        g_clear_pointer(&factors, mdf_factors_free);
+    }
+    return factors;
+}

@@ -1,0 +1,251 @@
+#include "checkpoint.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+#include <xxhash.h>
+
+#include "exr.h"
+
+#define PERIOD_US (20 * G_USEC_PER_SEC)
+#define HEAD      "checkpoint"
+#define WORD      sizeof(float)
+#define WIDTH     4096 /* pixels of a line */
+#define SHARE     20   /* of the time goes into work for one that goes into keeping it */
+
+struct array {
+    char *name;
+    gconstpointer values; /* borrowed; or NULL: flags */
+    const int *flags;
+    gsize size; /* bytes */
+};
+
+struct Checkpoint {
+    char *path, *inputs, *note;
+    GPtrArray *kept;   /* of struct array */
+    GHashTable *found; /* name → GBytes */
+    gint64 period_us, saved_us, took_us;
+    gboolean own; /* the file that is there is of this work */
+};
+
+static void checkpoint_free_array(gpointer data) {
+    struct array *array = data;
+    g_free(array->name);
+    g_free(array);
+}
+
+Checkpoint *checkpoint_new(const char *path) {
+    Checkpoint *checkpoint = g_new0(Checkpoint, 1);
+    checkpoint->path = g_strdup(path);
+    checkpoint->kept = g_ptr_array_new_with_free_func(checkpoint_free_array);
+    checkpoint->found =
+        g_hash_table_new_full(g_str_hash, g_str_equal, g_free, (GDestroyNotify)g_bytes_unref);
+    checkpoint->period_us = PERIOD_US;
+    return checkpoint;
+}
+
+void checkpoint_free(Checkpoint *checkpoint) {
+    if (!checkpoint)
+        return;
+    g_ptr_array_unref(checkpoint->kept);
+    g_hash_table_unref(checkpoint->found);
+    g_free(checkpoint->path);
+    g_free(checkpoint->inputs);
+    g_free(checkpoint->note);
+    g_free(checkpoint);
+}
+
+void checkpoint_set_period(Checkpoint *checkpoint, double seconds) {
+    checkpoint->period_us = (gint64)(seconds * G_USEC_PER_SEC);
+}
+
+const char *checkpoint_note(const Checkpoint *checkpoint) {
+    return checkpoint->note;
+}
+
+/* Pixels of four bytes, the last ones 0. NULL: more than a file takes. */
+static struct exr_part *to_part(const char *name, gconstpointer values, gsize size) {
+    static const char *const bits[] = {"BITS", NULL};
+    const gsize words = MAX((size + WORD - 1) / WORD, 1), width = MIN(words, WIDTH);
+    const gsize height = (words + width - 1) / width;
+    if (height > EXR_MAX_PIXELS / WIDTH)
+        return NULL;
+    struct exr_part *part = exr_part_new(name, (int)width, (int)height, bits, EXR_FLOAT);
+    g_autofree char *bytes = g_strdup_printf("%" G_GSIZE_FORMAT, size);
+    g_autofree char *hash =
+        g_strdup_printf("%016" G_GINT64_MODIFIER "x", (guint64)XXH3_64bits(values, size));
+    memcpy(part->planes[0], values, size);
+    exr_set_string(part, "mesorig.bytes", bytes);
+    exr_set_string(part, "mesorig.hash", hash);
+    return part;
+}
+
+/* What flags say is done was so before it is copied. */
+static struct exr_part *array_part(const struct array *array) {
+    if (array->values)
+        return to_part(array->name, array->values, array->size);
+    const gsize n = array->size / sizeof(int);
+    g_autofree int *flags = g_new(int, n);
+    for (gsize i = 0; i < n; i++)
+        flags[i] = g_atomic_int_get(&array->flags[i]);
+    return to_part(array->name, flags, array->size);
+}
+
+/* NULL: it is damaged. */
+static GBytes *checkpoint_from_part(const struct exr_part *part) {
+    const float *plane = exr_part_plane(part, "BITS");
+    const char *bytes = NULL, *hash = NULL;
+    guint64 size = 0;
+    if (!plane || !exr_get_string(part, "mesorig.bytes", &bytes, NULL) ||
+        !exr_get_string(part, "mesorig.hash", &hash, NULL) ||
+        !g_ascii_string_to_unsigned(
+            bytes, 10, 0, WORD * (guint64)part->width * (guint64)part->height, &size, NULL))
+        return NULL;
+    g_autofree char *is =
+        g_strdup_printf("%016" G_GINT64_MODIFIER "x", (guint64)XXH3_64bits(plane, size));
+    return strcmp(is, hash) == 0 ? g_bytes_new(plane, size) : NULL;
+}
+
+/* What is wrong with the file, or NULL. */
+static const char *checkpoint_take(Checkpoint *checkpoint, const struct exr_file *file) {
+    const struct exr_part *head = exr_file_part(file, HEAD);
+    const char *of = NULL, *kind = NULL;
+    if (!head || !exr_get_string(head, "mesorig.kind", &kind, NULL) || strcmp(kind, HEAD) != 0 ||
+        !exr_get_string(head, "mesorig.inputs", &of, NULL))
+        return "is not a checkpoint";
+    if (strcmp(of, checkpoint->inputs) != 0)
+        return "is of another BTF, of other options or of another version";
+    for (guint i = 0; i < file->parts->len; i++) {
+        const struct exr_part *part = file->parts->pdata[i];
+        GBytes *bytes = checkpoint_from_part(part);
+        if (!bytes)
+            return "is damaged";
+        g_hash_table_insert(checkpoint->found, g_strdup(part->name), bytes);
+    }
+    return NULL;
+}
+
+gboolean checkpoint_is_begun(const Checkpoint *checkpoint) {
+    return checkpoint->inputs != NULL;
+}
+
+void checkpoint_begin(Checkpoint *checkpoint, const char *inputs) {
+    if (checkpoint->inputs)
+        return;
+    checkpoint->inputs = g_strdup(inputs);
+    checkpoint->saved_us = g_get_monotonic_time();
+    if (!g_file_test(checkpoint->path, G_FILE_TEST_EXISTS))
+        return;
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_read(checkpoint->path, &error);
+    const char *wrong = file ? checkpoint_take(checkpoint, file) : error->message;
+    exr_file_free(file);
+    checkpoint->own = wrong == NULL;
+    if (wrong)
+        g_hash_table_remove_all(checkpoint->found);
+    if (error)
+        checkpoint->note = g_strdup_printf("%s; everything is done anew", error->message);
+    else if (wrong)
+        checkpoint->note =
+            g_strdup_printf("%s %s; everything is done anew", checkpoint->path, wrong);
+    else
+        checkpoint->note = g_strdup_printf("going on with what %s has", checkpoint->path);
+}
+
+gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsize size) {
+    GBytes *bytes = g_hash_table_lookup(checkpoint->found, name);
+    return bytes && g_bytes_get_size(bytes) == size ? g_bytes_get_data(bytes, NULL) : NULL;
+}
+
+static void checkpoint_do_keep(Checkpoint *checkpoint, const char *name, struct array is) {
+    struct array *array = NULL;
+    g_hash_table_remove(checkpoint->found, name);
+    for (guint i = 0; !array && i < checkpoint->kept->len; i++) {
+        array = checkpoint->kept->pdata[i];
+        if (strcmp(array->name, name) != 0)
+            array = NULL;
+    }
+    if (!array) {
+        array = g_new0(struct array, 1);
+        g_ptr_array_add(checkpoint->kept, array);
+    }
+    g_free(array->name);
+    *array = is;
+    array->name = g_strdup(name);
+}
+
+void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size) {
+    checkpoint_do_keep(checkpoint, name, (struct array){.values = values, .size = size});
+}
+
+void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n) {
+    checkpoint_do_keep(checkpoint, name,
+                       (struct array){.flags = flags, .size = sizeof(int) * (gsize)n});
+}
+
+void checkpoint_drop(Checkpoint *checkpoint, const char *name) {
+    for (guint i = checkpoint->kept->len; i-- > 0;) {
+        const struct array *array = checkpoint->kept->pdata[i];
+        if (!name || strcmp(array->name, name) == 0)
+            g_ptr_array_remove_index(checkpoint->kept, i);
+    }
+    if (name)
+        g_hash_table_remove(checkpoint->found, name);
+    else
+        g_hash_table_remove_all(checkpoint->found);
+}
+
+/* FALSE: one of them is more than a file takes. */
+static gboolean add_arrays(struct exr_file *file, const GPtrArray *kept, gboolean flags) {
+    for (guint i = 0; i < kept->len; i++) {
+        const struct array *array = kept->pdata[i];
+        struct exr_part *part = (array->flags != NULL) == flags ? array_part(array) : NULL;
+        if (part)
+            exr_file_add(file, part);
+        else if ((array->flags != NULL) == flags)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* Flags come first: what is written after they were copied does not count as done. */
+static struct exr_file *to_file(const Checkpoint *checkpoint) {
+    struct exr_file *file = exr_file_new();
+    struct exr_part *head = to_part(HEAD, "", 0);
+    exr_set_string(head, "mesorig.kind", HEAD);
+    exr_set_string(head, "mesorig.inputs", checkpoint->inputs);
+    exr_file_add(file, head);
+    if (add_arrays(file, checkpoint->kept, TRUE) && add_arrays(file, checkpoint->kept, FALSE))
+        return file;
+    exr_file_free(file);
+    return NULL;
+}
+
+void checkpoint_save(Checkpoint *checkpoint) {
+    const gint64 begun_us = g_get_monotonic_time();
+    if (!checkpoint->inputs || checkpoint->kept->len == 0)
+        return;
+    struct exr_file *file = to_file(checkpoint);
+    if (file && exr_write(checkpoint->path, file, EXR_NONE, TRUE, NULL))
+        checkpoint->own = TRUE;
+    exr_file_free(file);
+    checkpoint->saved_us = g_get_monotonic_time();
+    checkpoint->took_us = checkpoint->saved_us - begun_us;
+}
+
+void checkpoint_save_if_due(Checkpoint *checkpoint) {
+    const gint64 since_us = g_get_monotonic_time() - checkpoint->saved_us;
+    /* Where it takes long it is done less often. */
+    if (since_us >= checkpoint->period_us &&
+        (checkpoint->period_us == 0 || since_us > SHARE * checkpoint->took_us))
+        checkpoint_save(checkpoint);
+}
+
+void checkpoint_remove(Checkpoint *checkpoint) {
+    checkpoint_drop(checkpoint, NULL);
+    g_unlink(checkpoint->path);
+}
+
+void checkpoint_discard(Checkpoint *checkpoint) {
+    if (checkpoint->own)
+        checkpoint_remove(checkpoint);
+}

@@ -1,0 +1,475 @@
+#include "exr.h"
+#include "exr_half.h"
+#include "exr_private.h"
+
+#include "base/input_file.h"
+
+#include <errno.h>
+#include <openexr.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* Deflate shrinks by 1032 at most, run lengths and PIZ by less: a file that promises more pixels
+ * than this many times its length is lying, and is caught before memory is asked for. */
+#define MAX_EXPANSION 1100
+
+static _Thread_local struct {
+    ExrWatch watch;
+    gpointer data;
+} watcher;
+
+struct source {
+    const char *path;
+    int fd;
+    gint64 size;
+    guint64 memory; /* that the pixels of parts not read yet may take */
+    exr_context_t context;
+    char message[256]; /* the library's last complaint */
+    gint64 reached;    /* as far as it is read */
+    gboolean cancelled;
+};
+
+void exr_watch(ExrWatch watch, gpointer data) {
+    watcher.watch = watch;
+    watcher.data = data;
+}
+
+/* The library may go back to a header, which is no way back for who waits. */
+static gboolean exr_read_go_on(struct source *source, gint64 reached) {
+    source->reached = MAX(source->reached, MIN(reached, source->size));
+    if (watcher.watch != NULL && source->size > 0)
+        source->cancelled |=
+            !watcher.watch((double)source->reached / (double)source->size, watcher.data);
+    return !source->cancelled;
+}
+
+static gboolean exr_read_fail(const struct source *source, enum exr_error code, GError **error,
+                              const char *format, ...) G_GNUC_PRINTF(4, 5);
+
+static gboolean exr_read_fail(const struct source *source, enum exr_error code, GError **error,
+                              const char *format, ...) {
+    g_autofree char *what = NULL;
+    va_list list;
+
+    va_start(list, format);
+    what = g_strdup_vprintf(format, list);
+    va_end(list);
+    g_set_error(error, EXR_ERROR, code, "%s: %s", source->path, what);
+    return FALSE;
+}
+
+static gboolean fail_library(const struct source *source, exr_result_t rc, GError **error) {
+    g_autofree char *what = g_utf8_make_valid(
+        *source->message ? source->message : exr_get_default_error_message(rc), -1);
+
+    if (source->cancelled)
+        return exr_read_fail(source, EXR_ERROR_CANCELLED, error, "no longer wanted");
+    return exr_read_fail(source, EXR_ERROR_FORMAT, error, "not a whole EXR file: %s", what);
+}
+
+static int64_t source_read(exr_const_context_t context, void *data, void *buffer, uint64_t size,
+                           uint64_t offset, exr_stream_error_func_ptr_t error_cb) {
+    struct source *source = data;
+    gsize done = 0;
+
+    if (offset > G_MAXINT64 || (gint64)offset > source->size)
+        return -1;
+    if (!exr_read_go_on(source, (gint64)(offset + MIN(size, (guint64)source->size))))
+        return -1;
+    while (done < size) {
+        gssize n = pread(source->fd, (guint8 *)buffer + done, size - done, (off_t)(offset + done));
+
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return -1;
+        if (n == 0)
+            break;
+        done += (gsize)n;
+    }
+    return (int64_t)done;
+}
+
+static int64_t source_size(exr_const_context_t context, void *data) {
+    return ((struct source *)data)->size;
+}
+
+static void source_message(exr_const_context_t context, exr_result_t code, const char *message) {
+    void *data = NULL;
+
+    if (exr_get_user_data(context, &data) == EXR_ERR_SUCCESS && data)
+        g_strlcpy(((struct source *)data)->message, message, sizeof((struct source *)0)->message);
+}
+
+static void source_close(struct source *source) {
+    if (source->context)
+        exr_finish(&source->context);
+    if (source->fd >= 0)
+        close(source->fd);
+}
+
+/* source must stay where it is until it is closed: the library keeps a pointer to it. */
+static gboolean source_open(struct source *source, const char *path, GError **error) {
+    exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    GError *why = NULL;
+    guint64 bytes = 0;
+    exr_result_t rc;
+
+    *source = (struct source){.path = path};
+    source->fd = input_file_open(path, G_MAXINT64, &bytes, &why);
+    if (source->fd < 0) {
+        input_file_propagate(why, EXR_ERROR, EXR_ERROR_IO, EXR_ERROR_FORMAT, error);
+        return FALSE;
+    }
+    source->size = (gint64)bytes;
+    source->memory = input_file_memory(bytes);
+    how.user_data = source;
+    how.read_fn = source_read;
+    how.size_fn = source_size;
+    how.error_handler_fn = source_message;
+    how.max_image_width = EXR_MAX_PIXELS;
+    how.max_image_height = EXR_MAX_PIXELS;
+    how.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
+    rc = exr_start_read(&source->context, path, &how);
+    return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
+}
+
+static gboolean read_size(struct source *source, int index, struct exr_part *part,
+                          exr_attr_box2i_t *window, GError **error) {
+    gint64 width, height;
+    exr_result_t rc = exr_get_data_window(source->context, index, window);
+
+    if (rc != EXR_ERR_SUCCESS)
+        return fail_library(source, rc, error);
+    width = (gint64)window->max.x - window->min.x + 1;
+    height = (gint64)window->max.y - window->min.y + 1;
+    if (width < 1 || height < 1 || window->max.x == G_MAXINT32 || window->max.y == G_MAXINT32)
+        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
+                             "part \"%s\": the data window is empty", part->name);
+    if (width > EXR_MAX_PIXELS || height > EXR_MAX_PIXELS || width * height > EXR_MAX_PIXELS)
+        return exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                             "part \"%s\": %" G_GINT64_FORMAT "×%" G_GINT64_FORMAT
+                             " pixels; at most %d",
+                             part->name, width, height, EXR_MAX_PIXELS);
+    part->width = (int)width;
+    part->height = (int)height;
+    return TRUE;
+}
+
+static gboolean read_channels(struct source *source, int index, struct exr_part *part,
+                              GError **error) {
+    const exr_attr_chlist_t *list = NULL;
+    exr_result_t rc = exr_get_channels(source->context, index, &list);
+
+    if (rc != EXR_ERR_SUCCESS)
+        return fail_library(source, rc, error);
+    if (list->num_channels < 1 || list->num_channels > EXR_MAX_CHANNELS)
+        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
+                             "part \"%s\": %d channels; 1 to %d are read", part->name,
+                             list->num_channels, EXR_MAX_CHANNELS);
+    part->channels = g_new0(char *, list->num_channels + 1);
+    part->planes = g_new0(float *, list->num_channels + 1);
+    part->type = EXR_HALF;
+    for (int c = 0; c < list->num_channels; c++) {
+        const exr_attr_chlist_entry_t *entry = &list->entries[c];
+
+        part->channels[part->n_channels++] = g_utf8_make_valid(entry->name.str, -1);
+        if (entry->x_sampling != 1 || entry->y_sampling != 1)
+            return exr_read_fail(source, EXR_ERROR_FORMAT, error,
+                                 "part \"%s\": channel \"%s\" is subsampled, which is not read",
+                                 part->name, part->channels[c]);
+        if (entry->pixel_type != EXR_PIXEL_HALF && entry->pixel_type != EXR_PIXEL_FLOAT)
+            return exr_read_fail(source, EXR_ERROR_FORMAT, error,
+                                 "part \"%s\": channel \"%s\" is neither half nor float",
+                                 part->name, part->channels[c]);
+        if (entry->pixel_type == EXR_PIXEL_FLOAT)
+            part->type = EXR_FLOAT;
+    }
+    return TRUE;
+}
+
+static void exr_read_read_attribute(struct exr_part *part, const exr_attribute_t *from) {
+    g_autofree char *name = g_utf8_make_valid(from->name, from->name_length);
+    g_autofree char *string = NULL;
+
+    if (from->type == EXR_ATTR_STRING) {
+        string = g_utf8_make_valid(from->string->str ? from->string->str : "",
+                                   from->string->str ? from->string->length : 0);
+        exr_set_string(part, name, string);
+    } else if (from->type == EXR_ATTR_INT) {
+        exr_set_int(part, name, from->i);
+    } else if (from->type == EXR_ATTR_DOUBLE) {
+        exr_set_double(part, name, from->d);
+    } else if (from->type == EXR_ATTR_FLOAT) {
+        exr_set_double(part, name, (double)from->f);
+    } else if (from->type == EXR_ATTR_V3D) {
+        exr_set_v3d(part, name, from->v3d->x, from->v3d->y, from->v3d->z);
+    } else if (from->type == EXR_ATTR_V3F) {
+        exr_set_v3d(part, name, (double)from->v3f->x, (double)from->v3f->y, (double)from->v3f->z);
+    }
+}
+
+static gboolean exr_read_read_attributes(struct source *source, int index, struct exr_part *part,
+                                         GError **error) {
+    int32_t n = 0;
+    exr_result_t rc = exr_get_attribute_count(source->context, index, &n);
+
+    part->attributes = exr_attributes_new();
+    for (int32_t i = 0; rc == EXR_ERR_SUCCESS && i < n; i++) {
+        const exr_attribute_t *from = NULL;
+
+        rc = exr_get_attribute_by_index(source->context, index, EXR_ATTR_LIST_FILE_ORDER, i, &from);
+        if (rc == EXR_ERR_SUCCESS && !exr_is_standard_attribute(from->name))
+            exr_read_read_attribute(part, from);
+    }
+    return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
+}
+
+static gboolean check_compression(struct source *source, int index, const struct exr_part *part,
+                                  GError **error) {
+    static const char *const names[] = {"none",  "RLE", "ZIPS", "ZIP",  "PIZ",
+                                        "PXR24", "B44", "B44A", "DWAA", "DWAB"};
+    exr_compression_t method;
+    exr_result_t rc = exr_get_compression(source->context, index, &method);
+
+    if (rc != EXR_ERR_SUCCESS)
+        return fail_library(source, rc, error);
+    if (method > EXR_COMPRESSION_PIZ)
+        return exr_read_fail(source, EXR_ERROR_FORMAT, error,
+                             "part \"%s\": compressed with %s; convert it to ZIP or PIZ first",
+                             part->name,
+                             method < G_N_ELEMENTS(names) ? names[method] : "an unknown method");
+    return TRUE;
+}
+
+static gsize pixel_bytes(const struct exr_part *part) {
+    return (gsize)part->width * (gsize)part->height * (gsize)part->n_channels *
+           (part->type == EXR_HALF ? 2 : 4);
+}
+
+static struct exr_part *read_header(struct source *source, int index, exr_attr_box2i_t *window,
+                                    GError **error) {
+    struct exr_part *part = g_new0(struct exr_part, 1);
+    const char *name = NULL;
+    exr_storage_t storage;
+    exr_result_t rc = exr_get_storage(source->context, index, &storage);
+    gboolean ok = rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
+
+    if (ok && exr_get_name(source->context, index, &name) != EXR_ERR_SUCCESS)
+        name = NULL;
+    part->name = g_utf8_make_valid(name ? name : "", -1);
+    if (ok && storage != EXR_STORAGE_SCANLINE)
+        ok = exr_read_fail(source, EXR_ERROR_FORMAT, error,
+                           "part \"%s\": only scan lines are read, not tiles or deep pixels",
+                           part->name);
+    ok = ok && read_size(source, index, part, window, error) &&
+         read_channels(source, index, part, error) &&
+         check_compression(source, index, part, error) &&
+         exr_read_read_attributes(source, index, part, error);
+    if (ok && pixel_bytes(part) / MAX_EXPANSION > (gsize)source->size)
+        ok = exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                           "part \"%s\": a file of this length cannot hold %d×%d pixels",
+                           part->name, part->width, part->height);
+    if (!ok)
+        g_clear_pointer(&part, exr_part_free);
+    return part;
+}
+
+/* Zeros follow every buffer of the decoder: OpenEXR before 3.1.6 reads beyond the end of damaged
+ * PIZ blocks, by the block's own length at most. */
+static void *allocate_padded(exr_transcoding_pipeline_buffer_id_t id, size_t size) {
+    return size < G_MAXSIZE / 4 ? calloc(1, 2 * size + 4096) : NULL;
+}
+
+static void free_padded(exr_transcoding_pipeline_buffer_id_t id, void *buffer) {
+    free(buffer);
+}
+
+static exr_result_t exr_read_unpack(exr_decode_pipeline_t *decode) {
+    struct exr_part *part = decode->decoding_user_data;
+    const guint8 *from = decode->unpacked_buffer;
+    gsize width = (gsize)part->width;
+    exr_attr_box2i_t window;
+    exr_result_t rc = exr_get_data_window(decode->context, decode->part_index, &window);
+
+    if (rc != EXR_ERR_SUCCESS)
+        return rc;
+    for (int y = 0; y < decode->chunk.height; y++) {
+        for (int c = 0; c < part->n_channels; c++) {
+            float *line =
+                part->planes[c] + (gsize)(decode->chunk.start_y - window.min.y + y) * width;
+
+            if (decode->channels[c].data_type == EXR_PIXEL_HALF) {
+                exr_half_to_floats(line, (const guint16 *)(gconstpointer)from, width);
+                from += width * sizeof(guint16);
+                continue;
+            }
+            memcpy(line, from, width * sizeof(float));
+            for (gsize x = 0; G_BYTE_ORDER != G_LITTLE_ENDIAN && x < width; x++)
+                ((guint32 *)(gpointer)line)[x] = GUINT32_FROM_LE(((guint32 *)(gpointer)line)[x]);
+            from += width * sizeof(float);
+        }
+    }
+    return EXR_ERR_SUCCESS;
+}
+
+static gsize line_bytes(const exr_decode_pipeline_t *decode, const struct exr_part *part) {
+    gsize bytes = 0;
+
+    for (int c = 0; c < decode->channel_count; c++)
+        bytes += (gsize)part->width * (decode->channels[c].data_type == EXR_PIXEL_HALF ? 2 : 4);
+    return bytes;
+}
+
+/* What unpack() relies on, whatever the library made of the header. */
+static gboolean chunk_is_sound(const struct source *source, const struct exr_part *part,
+                               const exr_decode_pipeline_t *decode, int y, int lines) {
+    const exr_chunk_info_t *chunk = &decode->chunk;
+    gsize size = (gsize)lines * line_bytes(decode, part);
+
+    return decode->channel_count == part->n_channels && chunk->start_y == y &&
+           chunk->height == lines && chunk->width == part->width && chunk->unpacked_size == size &&
+           chunk->packed_size <= size && chunk->data_offset <= (guint64)source->size &&
+           chunk->packed_size <= (guint64)source->size - chunk->data_offset;
+}
+
+static exr_result_t read_chunk(struct source *source, int index, struct exr_part *part,
+                               exr_decode_pipeline_t *decode, int y, int lines, gboolean first) {
+    exr_chunk_info_t chunk;
+    exr_result_t rc = exr_read_scanline_chunk_info(source->context, index, y, &chunk);
+
+    if (rc == EXR_ERR_SUCCESS)
+        rc = first ? exr_decoding_initialize(source->context, index, &chunk, decode)
+                   : exr_decoding_update(source->context, index, &chunk, decode);
+    if (rc == EXR_ERR_SUCCESS && !chunk_is_sound(source, part, decode, y, lines))
+        rc = EXR_ERR_BAD_CHUNK_LEADER;
+    decode->alloc_fn = allocate_padded;
+    decode->free_fn = free_padded;
+    if (rc == EXR_ERR_SUCCESS && first)
+        rc = exr_decoding_choose_default_routines(source->context, index, decode);
+    decode->unpack_and_convert_fn = exr_read_unpack;
+    decode->decoding_user_data = part;
+    if (rc == EXR_ERR_SUCCESS && chunk.packed_size == 0)
+        rc = EXR_ERR_BAD_CHUNK_LEADER;
+    return rc == EXR_ERR_SUCCESS ? exr_decoding_run(source->context, index, decode) : rc;
+}
+
+/* Before anything is allocated. */
+static gboolean exr_read_check_memory(struct source *source, int index, const struct exr_part *part,
+                                      GError **error) {
+    const guint64 planes = exr_plane_bytes(part);
+    int32_t lines = 0;
+    exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &lines);
+
+    if (rc != EXR_ERR_SUCCESS || lines < 1)
+        return fail_library(source, rc != EXR_ERR_SUCCESS ? rc : EXR_ERR_INVALID_ATTR, error);
+    if (planes + exr_chunk_bytes(part, lines) <= source->memory) {
+        source->memory -= planes;
+        return TRUE;
+    }
+    return exr_read_fail(
+        source, EXR_ERROR_TOO_LARGE, error,
+        "part \"%s\": %d×%d pixels of %d channels; all parts of a file of %" G_GINT64_FORMAT
+        " bytes may take at most %" G_GUINT64_FORMAT " MiB of memory; save it without compression",
+        part->name, part->width, part->height, part->n_channels, source->size,
+        input_file_memory((guint64)source->size) >> 20);
+}
+
+static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
+                            const exr_attr_box2i_t *window, GError **error) {
+    exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;
+    int32_t step = 0;
+    exr_result_t rc = exr_get_scanlines_per_chunk(source->context, index, &step);
+
+    for (int c = 0; c < part->n_channels; c++) {
+        part->planes[c] = g_try_malloc0_n((gsize)part->width * (gsize)part->height, sizeof(float));
+        if (!part->planes[c])
+            return exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                                 "part \"%s\": not enough memory", part->name);
+    }
+    if (rc == EXR_ERR_SUCCESS && step < 1)
+        rc = EXR_ERR_INVALID_ATTR;
+    for (int row = 0; rc == EXR_ERR_SUCCESS && row < part->height; row += step)
+        rc = read_chunk(source, index, part, &decode, window->min.y + row,
+                        MIN(step, part->height - row), row == 0);
+    exr_decoding_destroy(source->context, &decode);
+    return rc == EXR_ERR_SUCCESS || fail_library(source, rc, error);
+}
+
+static struct exr_part *read_whole(struct source *source, int index, gsize *left, GError **error) {
+    exr_attr_box2i_t window;
+    struct exr_part *part = read_header(source, index, &window, error);
+    gboolean ok = part != NULL;
+
+    if (ok && pixel_bytes(part) / MAX_EXPANSION > *left)
+        ok = exr_read_fail(source, EXR_ERROR_TOO_LARGE, error,
+                           "a file of this length cannot hold all the pixels of its parts");
+    if (ok)
+        *left -= pixel_bytes(part) / MAX_EXPANSION;
+    ok = ok && exr_read_check_memory(source, index, part, error);
+    if (!ok || !read_pixels(source, index, part, &window, error))
+        g_clear_pointer(&part, exr_part_free);
+    return part;
+}
+
+static struct exr_file *exr_read_read_file(const char *path, gboolean pixels, GError **error) {
+    struct exr_file *file = exr_file_new();
+    struct source source;
+    gboolean ok = source_open(&source, path, error);
+    gsize left = ok ? (gsize)source.size : 0;
+    int n = 0;
+
+    if (ok)
+        exr_get_count(source.context, &n);
+    for (int i = 0; ok && i < n; i++) {
+        exr_attr_box2i_t window;
+        struct exr_part *part =
+            pixels ? read_whole(&source, i, &left, error) : read_header(&source, i, &window, error);
+
+        ok = part != NULL;
+        if (ok && exr_file_part(file, part->name)) {
+            ok = exr_read_fail(&source, EXR_ERROR_FORMAT, error, "two parts have the name \"%s\"",
+                               part->name);
+            exr_part_free(part);
+        } else if (ok) {
+            exr_file_add(file, part);
+        }
+    }
+    source_close(&source);
+    if (!ok)
+        g_clear_pointer(&file, exr_file_free);
+    return file;
+}
+
+struct exr_file *exr_read(const char *path, GError **error) {
+    return exr_read_read_file(path, TRUE, error);
+}
+
+struct exr_file *exr_read_headers(const char *path, GError **error) {
+    return exr_read_read_file(path, FALSE, error);
+}
+
+struct exr_part *exr_read_part(const char *path, const char *name, GError **error) {
+    struct exr_part *part = NULL;
+    struct source source;
+    gboolean ok = source_open(&source, path, error);
+    gboolean found = FALSE;
+    int n = 0;
+
+    if (ok)
+        exr_get_count(source.context, &n);
+    for (int i = 0; ok && !found && i < n; i++) {
+        const char *other = NULL;
+        gsize left = (gsize)source.size;
+
+        exr_get_name(source.context, i, &other);
+        found = g_strcmp0(other ? other : "", name) == 0;
+        if (found)
+            part = read_whole(&source, i, &left, error);
+    }
+    if (ok && !found)
+        exr_read_fail(&source, EXR_ERROR_MISSING, error, "no part \"%s\"", name);
+    source_close(&source);
+    return part;
+}

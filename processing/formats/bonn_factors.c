@@ -1,0 +1,222 @@
+#include "bonn_private.h"
+
+#include <cblas.h>
+#include <math.h>
+#include <string.h>
+
+#include "exr/exr_half.h"
+
+#define MOST_COMPONENTS 65536
+/* Logarithms are of the value and this. */
+#define EPSILON 1e-5f
+#define BLOCK   ((gsize)1024) /* numbers that are converted at once */
+
+void bonn_matrix_clear(struct bonn_matrix *matrix) {
+    g_clear_pointer(&matrix->u, g_free);
+    g_clear_pointer(&matrix->sv, g_free);
+}
+
+static void to_floats(float *to, const guint8 *from, gsize n, int scalar) {
+    guint16 halves[256];
+    for (gsize i = 0; scalar == 2 && i < n; i += G_N_ELEMENTS(halves)) {
+        const gsize some = MIN(G_N_ELEMENTS(halves), n - i);
+        memcpy(halves, from + 2 * i, 2 * some);
+        exr_half_to_floats(to + i, halves, some);
+    }
+    for (gsize i = 0; scalar == 4 && i < n; i++) {
+        guint32 bits;
+        memcpy(&bits, from + 4 * i, sizeof bits);
+        bits = GUINT32_FROM_LE(bits);
+        memcpy(&to[i], &bits, sizeof bits);
+    }
+    for (gsize i = 0; scalar == 8 && i < n; i++) {
+        guint64 bits;
+        double value;
+        memcpy(&bits, from + 8 * i, sizeof bits);
+        bits = GUINT64_FROM_LE(bits);
+        memcpy(&value, &bits, sizeof bits);
+        to[i] = (float)value;
+    }
+}
+
+static gboolean take_factor(struct bonn_bytes *bytes, const char *what, gsize rows, gsize columns,
+                            int scalar, float **ret, GError **error) {
+    const gsize n = rows * columns;
+    guint8 block[8 * BLOCK];
+    struct bonn_bytes whole = *bytes;
+    if (!bonn_skip(&whole, n * (gsize)scalar, what, error))
+        return FALSE;
+    *ret = g_try_new(float, n);
+    if (!*ret)
+        return bonn_fail(bytes, BONN_ERROR_IO, error, "there is no memory for its %s of %zu × %zu",
+                         what, rows, columns);
+    for (gsize i = 0; i < n; i += BLOCK) {
+        const gsize some = MIN(BLOCK, n - i);
+        if (!bonn_take(bytes, some * (gsize)scalar, what, block, error))
+            return FALSE;
+        to_floats(*ret + i, block, some, scalar);
+    }
+    return TRUE;
+}
+
+static gboolean take_sizes(struct bonn_bytes *bytes, guint8 *ret_scalar, guint32 ret_sizes[3],
+                           GError **error) {
+    if (!bonn_take(bytes, 1, "matrix", ret_scalar, error))
+        return FALSE;
+    if (*ret_scalar != 2 && *ret_scalar != 4 && *ret_scalar != 8)
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "numbers of %d bytes are not known",
+                         *ret_scalar);
+    for (int i = 0; i < 3; i++)
+        if (!bonn_take_u32(bytes, "matrix", &ret_sizes[i], error))
+            return FALSE;
+    return (ret_sizes[0] >= 1 && ret_sizes[0] <= MOST_COMPONENTS) ||
+           bonn_fail(bytes, BONN_ERROR_FORMAT, error, "a matrix of %u components makes no sense",
+                     ret_sizes[0]);
+}
+
+/* Rows and columns have no names: their numbers tell what they are. */
+static gboolean bonn_factors_check_sizes(const struct bonn_bytes *bytes,
+                                         const struct bonn_header *header, gsize n_channels,
+                                         struct bonn_matrix *ret, GError **error) {
+    const gsize texels = (gsize)header->width * (gsize)header->height;
+    const gsize directions = (gsize)header->n_views * (gsize)header->n_lights;
+    ret->of_images = ret->n_rows != n_channels * directions || ret->n_columns != texels;
+    if (!ret->of_images || (ret->n_rows == n_channels * texels && ret->n_columns == directions))
+        return TRUE;
+    return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                     "a matrix of %zu × %zu does not fit %d × %d texels, %d views and %d lights",
+                     ret->n_rows, ret->n_columns, header->width, header->height, header->n_views,
+                     header->n_lights);
+}
+
+gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *header,
+                           int n_channels, struct bonn_matrix *ret, GError **error) {
+    guint8 scalar;
+    guint32 sizes[3];
+    if (!take_sizes(bytes, &scalar, sizes, error))
+        return FALSE;
+    ret->n_components = sizes[0];
+    ret->n_rows = sizes[1];
+    ret->n_columns = sizes[2];
+    return bonn_factors_check_sizes(bytes, header, (gsize)n_channels, ret, error) &&
+           bonn_skip(bytes, ret->n_components * scalar, "singular values", error) &&
+           take_factor(bytes, "matrix U", ret->n_rows, ret->n_components, scalar, &ret->u, error) &&
+           take_factor(bytes, "matrix SV", ret->n_columns, ret->n_components, scalar, &ret->sv,
+                       error);
+}
+
+/* product: rows texels, or (texel, channel); columns (light, channel), or lights. */
+static void multiply(const struct bonn_matrix *matrix, gsize n_lights, gsize n_channels, gsize view,
+                     gsize first, gsize n, float *product) {
+    const gsize k = matrix->n_components, rows = matrix->of_images ? n * n_channels : n;
+    const gsize columns = matrix->of_images ? n_lights : n_lights * n_channels;
+    const float *texels =
+        matrix->of_images ? matrix->u + first * n_channels * k : matrix->sv + first * k;
+    const float *lights = (matrix->of_images ? matrix->sv : matrix->u) + view * columns * k;
+    cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, (int)rows, (int)columns, (int)k, 1, texels,
+                (int)k, lights, (int)k, 0, product, (int)columns);
+}
+
+void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header *header,
+                      int n_channels, int view, gsize first, gsize n, const int *channel,
+                      float *to) {
+    const gsize n_lights = (gsize)header->n_lights, nc = (gsize)n_channels;
+    g_autofree float *product = g_new(float, n *nc *n_lights);
+    multiply(matrix, n_lights, nc, (gsize)view, first, n, product);
+    for (gsize light = 0; light < n_lights; light++)
+        for (gsize texel = 0; texel < n; texel++)
+            for (gsize c = 0; c < nc; c++)
+                to[(light * n + texel) * BONN_CHANNELS + (gsize)channel[c]] =
+                    matrix->of_images ? product[(texel * nc + c) * n_lights + light]
+                                      : product[(texel * n_lights + light) * nc + c];
+}
+
+enum {
+    MODEL_RGB,
+    MODEL_YUV,
+    MODEL_PCA = 3,
+    MODEL_YCOCG,
+    MODEL_LOG_Y = 9,
+    MODEL_LOG_YUV,
+    MODEL_LOG_Y_RATIOS,
+    MODEL_LOG_RGB
+};
+
+gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_colours *colours,
+                            GError **error) {
+    switch (colours->model) {
+    case MODEL_RGB:
+    case MODEL_YUV:
+    case MODEL_PCA:
+    case MODEL_YCOCG:
+    case MODEL_LOG_Y:
+    case MODEL_LOG_YUV:
+    case MODEL_LOG_Y_RATIOS:
+    case MODEL_LOG_RGB:
+        return TRUE;
+    default:
+        return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
+                         "its colour model %u is not read (0, 1, 3, 4 and 9 to 12 are)",
+                         colours->model);
+    }
+}
+
+static float unlog(float value) {
+    return expf(value) - EPSILON;
+}
+
+static float unlog_signed(float value) {
+    return copysignf(EPSILON * expf(fabsf(value)), value);
+}
+
+static void from_yuv(float *p) {
+    const float y = p[0], u = p[1], v = p[2];
+    p[0] = y + 1.13983f * v;
+    p[1] = y - 0.39465f * u - 0.58060f * v;
+    p[2] = y + 2.03211f * u;
+}
+
+static void undo_logarithm(guint32 model, float *p) {
+    if (model != MODEL_LOG_RGB)
+        p[0] = unlog(p[0]);
+    for (int c = 0; c < BONN_CHANNELS; c++)
+        if (model == MODEL_LOG_RGB)
+            p[c] = unlog(p[c]);
+        else if (c > 0 && model == MODEL_LOG_YUV)
+            p[c] = p[c] == 0 ? 0 : unlog_signed(p[c]);
+        else if (c > 0 && model == MODEL_LOG_Y_RATIOS)
+            p[c] *= p[0] + EPSILON;
+}
+
+static void undo_pixel(const struct bonn_colours *colours, float *p) {
+    const float a = p[0], b = p[1], c = p[2];
+    if (colours->model >= MODEL_LOG_Y)
+        undo_logarithm(colours->model, p);
+    switch (colours->model) {
+    case MODEL_YUV:
+    case MODEL_LOG_Y:
+    case MODEL_LOG_YUV:
+    case MODEL_LOG_Y_RATIOS:
+        from_yuv(p);
+        break;
+    case MODEL_PCA:
+        for (int i = 0; i < BONN_CHANNELS; i++)
+            p[i] = colours->mean[i] + a * colours->matrix[i] + b * colours->matrix[3 + i] +
+                   c * colours->matrix[6 + i];
+        break;
+    case MODEL_YCOCG:
+        p[0] = a + b - c;
+        p[1] = a + c;
+        p[2] = a - b - c;
+        break;
+    default:
+        break;
+    }
+}
+
+void bonn_colours_undo(const struct bonn_colours *colours, float *rgb, gsize n_pixels) {
+    for (gsize i = 0; i < n_pixels && colours->model != MODEL_RGB; i++)
+        undo_pixel(colours, rgb + BONN_CHANNELS * i);
+    for (gsize i = 0; i < BONN_CHANNELS * n_pixels && colours->logarithm; i++)
+        rgb[i] = unlog(rgb[i]);
+}

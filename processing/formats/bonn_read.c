@@ -1,0 +1,282 @@
+#include "bonn_private.h"
+
+#include <math.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/input_file.h"
+#include "exr/exr_half.h"
+
+#define BLOCK                                                                                      \
+    ((gsize)1 << 20) /* pixels of a view, of some texels and all lights, decoded at once */
+
+struct BonnFile {
+    int fd; /* −1: not opened */
+    char *path;
+    struct bonn_header header;
+    int order[BONN_CHANNELS]; /* where R, G, B are among the channels */
+
+    guint32 per_chunk; /* texels; BDI */
+    gsize chunks_at;
+    struct bonn_places places;
+
+    struct bonn_matrix matrices[BONN_CHANNELS]; /* FMF: the first */
+    struct bonn_colours colours;
+};
+
+void bonn_close(BonnFile *file) {
+    if (!file)
+        return;
+    for (int i = 0; i < BONN_CHANNELS; i++)
+        bonn_matrix_clear(&file->matrices[i]);
+    g_free(file->places.of_texel);
+    bonn_header_clear(&file->header);
+    if (file->fd >= 0)
+        close(file->fd);
+    g_free(file->path);
+    g_free(file);
+}
+
+const struct bonn_header *bonn_header(const BonnFile *file) {
+    return &file->header;
+}
+
+static gsize bonn_read_abrdf_bytes(const struct bonn_header *header) {
+    return (gsize)header->n_views * (gsize)header->n_lights * BONN_CHANNELS * sizeof(guint16);
+}
+
+static void bonn_read_place_texels(BonnFile *file, const guint8 *mask) {
+    const int n = file->header.width * file->header.height;
+    int stored = 0;
+    file->places.of_texel = g_new(gint32, n);
+    for (int i = 0; i < n; i++) {
+        const gboolean kept = mask[i] != 0 || file->header.kind == BONN_BDI;
+        file->places.of_texel[i] = mask[i] ? stored : -1;
+        stored += kept;
+    }
+    file->places.n_stored = stored;
+}
+
+/* Every chunk is there and as long as it must be; then all places can be computed. */
+static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
+    const gsize each = bonn_read_abrdf_bytes(&file->header);
+    file->chunks_at = bytes->at;
+    for (gsize left = (gsize)file->places.n_stored; left > 0;) {
+        const gsize n = MIN(left, file->per_chunk);
+        guint32 size;
+        if (!bonn_take_u32(bytes, "chunk", &size, error))
+            return FALSE;
+        if (size != n * each)
+            return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                             "a chunk of %u bytes at byte %zu should have %zu", size,
+                             bytes->at - sizeof size, n * each);
+        if (!bonn_skip(bytes, size, "chunk", error))
+            return FALSE;
+        left -= n;
+    }
+    return TRUE;
+}
+
+static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
+    struct bonn_header *header = &file->header;
+    guint32 lines;
+    guint8 compression;
+    const gsize n_texels = (gsize)header->width * (gsize)header->height;
+    g_autofree guint8 *mask = g_malloc(n_texels);
+    if (!bonn_take_u32(bytes, "lines a chunk", &lines, error) ||
+        !bonn_take(bytes, 1, "compression", &compression, error))
+        return FALSE;
+    if (compression == 1)
+        return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
+                         "it is compressed by bzip2, which is not read");
+    if (compression > 2 || lines < 1)
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                         "compression %d and %u lines a chunk make no sense", compression, lines);
+    header->kind = compression ? BONN_BDI_SPARSE : BONN_BDI;
+    file->per_chunk = MIN(lines, (guint32)header->height) * (guint32)header->width;
+    if (!bonn_take(bytes, n_texels, "mask", mask, error) ||
+        !bonn_skip_rotations(bytes, header, error))
+        return FALSE;
+    bonn_read_place_texels(file, mask);
+    return check_chunks(file, bytes, error);
+}
+
+/* A version, and a height map, which is skipped. */
+static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
+    guint32 method = 0, width = 0, height = 0;
+    guint8 version;
+    if (!bonn_take(bytes, 1, "version", &version, error))
+        return FALSE;
+    if (version > 2)
+        return bonn_fail(bytes, BONN_ERROR_UNSUPPORTED, error,
+                         "it is an FMF of version %d; up to 2 are read", version);
+    if (version >= 1 && !bonn_take_u32(bytes, "range reduction", &method, error))
+        return FALSE;
+    if (version >= 2 && (!bonn_take_u32(bytes, "height map", &width, error) ||
+                         !bonn_take_u32(bytes, "height map", &height, error)))
+        return FALSE;
+    if (width > G_MAXUINT16 || height > G_MAXUINT16)
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "a height map of %u × %u makes no sense",
+                         width, height);
+    file->colours.logarithm = method != 0;
+    return bonn_skip(bytes, 2 * (gsize)width * height, "height map", error);
+}
+
+static gboolean parse_fmf(BonnFile *file, struct bonn_bytes *bytes, gboolean extra,
+                          GError **error) {
+    guint32 components;
+    return bonn_skip_rotations(bytes, &file->header, error) &&
+           (!extra || parse_fmf_version(file, bytes, error)) &&
+           bonn_take_u32(bytes, "number of components", &components, error) &&
+           bonn_parse_matrix(bytes, &file->header, BONN_CHANNELS, &file->matrices[0], error);
+}
+
+static gboolean parse_dfmf(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
+    guint32 components, numbers[12];
+    if (!bonn_skip_rotations(bytes, &file->header, error) ||
+        !bonn_take_u32(bytes, "number of components", &components, error) ||
+        !bonn_take_u32(bytes, "colour model", &file->colours.model, error))
+        return FALSE;
+    for (int i = 0; i < 12; i++)
+        if (!bonn_take_u32(bytes, "colour model", &numbers[i], error))
+            return FALSE;
+    memcpy(file->colours.mean, numbers, sizeof file->colours.mean);
+    memcpy(file->colours.matrix, numbers + 3, sizeof file->colours.matrix);
+    if (!bonn_colours_check(bytes, &file->colours, error))
+        return FALSE;
+    for (int i = 0; i < BONN_CHANNELS; i++)
+        if (!bonn_parse_matrix(bytes, &file->header, 1, &file->matrices[i], error))
+            return FALSE;
+    return TRUE;
+}
+
+/* bonn_read_view() gives all lights of a view at once. */
+static gboolean bonn_read_check_memory(const struct bonn_bytes *bytes,
+                                       const struct bonn_header *header, GError **error) {
+    const guint64 view = (guint64)header->width * (guint64)header->height *
+                         (guint64)header->n_lights * BONN_CHANNELS * sizeof(float);
+    return view <= input_file_memory(bytes->size) ||
+           bonn_fail(
+               bytes, BONN_ERROR_FORMAT, error,
+               "a view of %d × %d texels and %d lights takes %" G_GUINT64_FORMAT
+               " MiB of memory, and of a file of %zu bytes may take at most %" G_GUINT64_FORMAT,
+               header->width, header->height, header->n_lights, view >> 20, bytes->size,
+               input_file_memory(bytes->size) >> 20);
+}
+
+static gboolean bonn_read_parse(BonnFile *file, gsize size, GError **error) {
+    struct bonn_bytes bytes = {file->fd, size, 0, file->path};
+    gboolean extra;
+    if (!bonn_parse_header(&bytes, &file->header, file->order, &extra, error) ||
+        !bonn_read_check_memory(&bytes, &file->header, error))
+        return FALSE;
+    switch (file->header.kind) {
+    case BONN_FMF:
+        return parse_fmf(file, &bytes, extra, error);
+    case BONN_DFMF:
+        return parse_dfmf(file, &bytes, error);
+    default:
+        return parse_bdi(file, &bytes, error);
+    }
+}
+
+BonnFile *bonn_open(const char *path, GError **error) {
+    GError *found = NULL;
+    g_autoptr(BonnFile) file = g_new0(BonnFile, 1);
+    file->path = g_strdup(path);
+    guint64 bytes = 0;
+    file->fd = input_file_open(path, G_MAXINT64, &bytes, &found);
+    if (file->fd < 0) {
+        input_file_propagate(found, BONN_ERROR, BONN_ERROR_IO, BONN_ERROR_FORMAT, error);
+        return NULL;
+    }
+    return bonn_read_parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
+}
+
+/* All lights of a view and a texel, as they lie: channel fastest; not finite where it is not
+ * there. */
+static gboolean read_abrdf(const BonnFile *file, int view, gsize texel, guint16 *halves, float *ret,
+                           GError **error) {
+    GError *found = NULL;
+    const gint32 place = file->places.of_texel[texel];
+    const gsize n = (gsize)file->header.n_lights * BONN_CHANNELS;
+    for (gsize i = 0; place < 0 && i < n; i++)
+        ret[i] = NAN;
+    if (place < 0)
+        return TRUE;
+    const gsize chunk = (gsize)place / file->per_chunk;
+    const gsize at = file->chunks_at + (chunk + 1) * sizeof(guint32) +
+                     (gsize)place * bonn_read_abrdf_bytes(&file->header) +
+                     (gsize)view * n * sizeof(guint16);
+    if (!input_file_read_at(file->fd, file->path, halves, n * sizeof(guint16), at, &found)) {
+        input_file_propagate(found, BONN_ERROR, BONN_ERROR_IO, BONN_ERROR_FORMAT, error);
+        return FALSE;
+    }
+    exr_half_to_floats(ret, halves, n);
+    return TRUE;
+}
+
+/* A block of texels: to[(light · n + texel) · 3 + channel]. What is not there is not finite. */
+static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, float *to,
+                         GError **error) {
+    const gsize n_lights = (gsize)file->header.n_lights;
+    g_autofree guint16 *halves = g_new(guint16, n_lights * BONN_CHANNELS);
+    g_autofree float *abrdf = g_new0(float, n_lights *BONN_CHANNELS);
+    for (gsize texel = 0; texel < n; texel++) {
+        if (!read_abrdf(file, view, first + texel, halves, abrdf, error))
+            return FALSE;
+        for (gsize light = 0; light < n_lights; light++)
+            for (gsize c = 0; c < BONN_CHANNELS; c++)
+                to[(light * n + texel) * BONN_CHANNELS + c] = abrdf[light * BONN_CHANNELS + c];
+    }
+    return TRUE;
+}
+
+static void read_factors(const BonnFile *file, int view, gsize first, gsize n, float *to) {
+    const struct bonn_header *header = &file->header;
+    static const int all[BONN_CHANNELS] = {0, 1, 2};
+    if (header->kind == BONN_FMF)
+        bonn_matrix_view(&file->matrices[0], header, BONN_CHANNELS, view, first, n, all, to);
+    for (int c = 0; header->kind == BONN_DFMF && c < BONN_CHANNELS; c++)
+        bonn_matrix_view(&file->matrices[c], header, 1, view, first, n, &all[c], to);
+    bonn_colours_undo(&file->colours, to, n * (gsize)header->n_lights);
+}
+
+/* Into the place of the block; R, G, B in order. */
+static int bonn_read_store(const BonnFile *file, const float *from, gsize n, float *to) {
+    int holes = 0;
+    for (gsize i = 0; i < n; i++, from += BONN_CHANNELS, to += BONN_CHANNELS) {
+        gboolean good = TRUE;
+        for (int c = 0; c < BONN_CHANNELS; c++) {
+            to[c] = from[file->order[c]];
+            good &= isfinite(to[c]) != 0;
+        }
+        if (!good)
+            to[0] = to[1] = to[2] = 0;
+        holes += !good;
+    }
+    return holes;
+}
+
+gboolean bonn_read_view(const BonnFile *file, int view, float *ret_rgb, int *ret_holes,
+                        GError **error) {
+    const struct bonn_header *header = &file->header;
+    const gsize n_texels = (gsize)header->width * (gsize)header->height;
+    const gsize n_lights = (gsize)header->n_lights;
+    const gsize most = CLAMP(BLOCK / n_lights, 1, n_texels);
+    g_autofree float *block = g_new(float, n_lights *most *BONN_CHANNELS);
+    g_return_val_if_fail(view >= 0 && view < header->n_views, FALSE);
+    memset(ret_holes, 0, sizeof *ret_holes * n_lights);
+    for (gsize first = 0; first < n_texels; first += most) {
+        const gsize n = MIN(most, n_texels - first);
+        if (header->kind == BONN_FMF || header->kind == BONN_DFMF)
+            read_factors(file, view, first, n, block);
+        else if (!read_bdi(file, view, first, n, block, error))
+            return FALSE;
+        for (gsize light = 0; light < n_lights; light++)
+            ret_holes[light] +=
+                bonn_read_store(file, block + light * n * BONN_CHANNELS, n,
+                                ret_rgb + (light * n_texels + first) * BONN_CHANNELS);
+    }
+    return TRUE;
+}

@@ -1,0 +1,258 @@
+#include "bonn_private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <glib/gstdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "exr/exr_half.h"
+
+#define CHUNK_BYTES ((gsize)64 << 20) /* of a chunk, unless a single line is more */
+
+/* A file beside its name, until it is whole. */
+struct output {
+    char *path, *beside;
+    int fd;
+};
+
+struct BonnWriter {
+    struct output output;
+    int n_views, n_lights, n_texels;
+    struct bonn_places places;
+    gsize per_chunk, chunks_at;
+};
+
+static gboolean bonn_write_fail_errno(const char *path, GError **error) {
+    const int saved = errno;
+    g_set_error(error, BONN_ERROR,
+                saved == ENOSPC || saved == EDQUOT ? BONN_ERROR_FULL : BONN_ERROR_IO, "%s: %s",
+                path, g_strerror(saved));
+    return FALSE;
+}
+
+static gboolean open_output(struct output *output, const char *path, GError **error) {
+    output->path = g_strdup(path);
+    output->beside = g_strdup_printf("%s.XXXXXX", path);
+    output->fd = g_mkstemp_full(output->beside, O_RDWR | O_CLOEXEC, 0666);
+    if (output->fd >= 0)
+        return TRUE;
+    g_clear_pointer(&output->beside, g_free);
+    return bonn_write_fail_errno(path, error);
+}
+
+static void clear_output(struct output *output) {
+    if (output->fd >= 0)
+        close(output->fd);
+    if (output->beside)
+        g_unlink(output->beside);
+    g_free(output->beside);
+    g_free(output->path);
+}
+
+static gboolean bonn_write_put(const struct output *output, const void *data, gsize n, gsize at,
+                               GError **error) {
+    const guint8 *from = data;
+    while (n > 0) {
+        const gssize done = pwrite(output->fd, from, n, (off_t)at);
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done <= 0)
+            return bonn_write_fail_errno(output->path, error);
+        from += done, at += (gsize)done, n -= (gsize)done;
+    }
+    return TRUE;
+}
+
+static gboolean finish_output(struct output *output, GError **error) {
+    if (fsync(output->fd) != 0 || g_rename(output->beside, output->path) != 0)
+        return bonn_write_fail_errno(output->path, error);
+    g_clear_pointer(&output->beside, g_free);
+    return TRUE;
+}
+
+static gsize bonn_write_abrdf_bytes(const BonnWriter *writer) {
+    return (gsize)writer->n_views * (gsize)writer->n_lights * BONN_CHANNELS * sizeof(guint16);
+}
+
+static void bonn_write_place_texels(BonnWriter *writer, const guint8 *mask, gboolean sparse) {
+    writer->places.of_texel = g_new(gint32, writer->n_texels);
+    for (int i = 0; i < writer->n_texels; i++)
+        writer->places.of_texel[i] = sparse && mask && !mask[i] ? -1 : writer->places.n_stored++;
+}
+
+static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, const guint8 *mask,
+                          guint32 lines, GError **error) {
+    g_autoptr(GByteArray) front = g_byte_array_new();
+    const guint8 compression = header->kind == BONN_BDI_SPARSE ? 2 : 0;
+    bonn_put_header(front, header);
+    bonn_put_u32(front, lines);
+    g_byte_array_append(front, &compression, 1);
+    for (int i = 0; i < writer->n_texels; i++) {
+        const guint8 there = !mask || mask[i];
+        g_byte_array_append(front, &there, 1);
+    }
+    bonn_put_u32(front, 0);
+    writer->chunks_at = front->len;
+    return bonn_write_put(&writer->output, front->data, front->len, 0, error);
+}
+
+/* The lengths of all chunks; and the room for them, so that a full disk is told at once. */
+static gboolean put_chunks(BonnWriter *writer, GError **error) {
+    const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->places.n_stored;
+    const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;
+    const gsize size = writer->chunks_at + n_chunks * sizeof(guint32) + stored * each;
+    errno = posix_fallocate(writer->output.fd, 0, (off_t)size);
+    if (errno != 0)
+        return bonn_write_fail_errno(writer->output.path, error);
+    for (gsize i = 0; i < n_chunks; i++) {
+        const gsize n = MIN(writer->per_chunk, stored - i * writer->per_chunk);
+        const guint32 bytes = GUINT32_TO_LE((guint32)(n * each));
+        if (!bonn_write_put(&writer->output, &bytes, sizeof bytes,
+                            writer->chunks_at + i * (sizeof bytes + writer->per_chunk * each),
+                            error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean bonn_write_begin(BonnWriter *writer, const struct bonn_header *header,
+                                 const guint8 *mask, GError **error) {
+    const gsize line = (gsize)header->width * bonn_write_abrdf_bytes(writer);
+    if (line > G_MAXUINT32) {
+        g_set_error(
+            error, BONN_ERROR, BONN_ERROR_UNSUPPORTED,
+            "%s: a line of %d texels with %d views and %d lights is longer than 4 GiB, which "
+            "this format cannot hold",
+            writer->output.path, header->width, header->n_views, header->n_lights);
+        return FALSE;
+    }
+    const guint32 lines = (guint32)CLAMP(CHUNK_BYTES / line, 1, (gsize)header->height);
+    writer->per_chunk = (gsize)lines * (gsize)header->width;
+    return put_front(writer, header, mask, lines, error) && put_chunks(writer, error);
+}
+
+BonnWriter *bonn_writer_new(const char *path, const struct bonn_header *header, const guint8 *mask,
+                            GError **error) {
+    g_return_val_if_fail(header->kind == BONN_BDI || header->kind == BONN_BDI_SPARSE, NULL);
+    g_autoptr(BonnWriter) writer = g_new0(BonnWriter, 1);
+    writer->output.fd = -1;
+    writer->n_views = header->n_views;
+    writer->n_lights = header->n_lights;
+    writer->n_texels = header->width * header->height;
+    bonn_write_place_texels(writer, mask, header->kind == BONN_BDI_SPARSE);
+    if (!open_output(&writer->output, path, error) ||
+        !bonn_write_begin(writer, header, mask, error))
+        return NULL;
+    return g_steal_pointer(&writer);
+}
+
+void bonn_writer_free(BonnWriter *writer) {
+    if (!writer)
+        return;
+    clear_output(&writer->output);
+    g_free(writer->places.of_texel);
+    g_free(writer);
+}
+
+gboolean bonn_writer_view(BonnWriter *writer, int view, const float *rgb, GError **error) {
+    const gsize n_lights = (gsize)writer->n_lights, n = n_lights * BONN_CHANNELS;
+    const gsize n_texels = (gsize)writer->n_texels;
+    g_autofree float *abrdf = g_new(float, n);
+    g_autofree guint16 *halves = g_new(guint16, n);
+    g_return_val_if_fail(view >= 0 && view < writer->n_views, FALSE);
+    for (gsize texel = 0; texel < n_texels; texel++) {
+        const gint32 place = writer->places.of_texel[texel];
+        if (place < 0)
+            continue;
+        for (gsize light = 0; light < n_lights; light++)
+            memcpy(abrdf + light * BONN_CHANNELS, rgb + (light * n_texels + texel) * BONN_CHANNELS,
+                   sizeof *rgb * BONN_CHANNELS);
+        exr_half_from_floats(halves, abrdf, n);
+        const gsize chunk = (gsize)place / writer->per_chunk;
+        if (!bonn_write_put(&writer->output, halves, n * sizeof *halves,
+                            writer->chunks_at + (chunk + 1) * sizeof(guint32) +
+                                (gsize)place * bonn_write_abrdf_bytes(writer) +
+                                (gsize)view * n * sizeof *halves,
+                            error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+gboolean bonn_writer_finish(BonnWriter *writer, GError **error) {
+    return finish_output(&writer->output, error);
+}
+
+static gboolean put_halves(const struct output *output, const float *values, gsize n, gsize *at,
+                           GError **error) {
+    guint16 halves[4096];
+    for (gsize i = 0; i < n; i += G_N_ELEMENTS(halves)) {
+        const gsize some = MIN(G_N_ELEMENTS(halves), n - i);
+        exr_half_from_floats(halves, values + i, some);
+        if (!bonn_write_put(output, halves, some * sizeof *halves, *at, error))
+            return FALSE;
+        *at += some * sizeof *halves;
+    }
+    return TRUE;
+}
+
+static gboolean put_matrix(const struct output *output, const struct bonn_factors *factors,
+                           gsize *at, GError **error) {
+    g_autoptr(GByteArray) front = g_byte_array_new();
+    const guint8 scalar = sizeof(guint16);
+    const gsize k = (gsize)factors->n_components;
+    g_byte_array_append(front, &scalar, 1);
+    bonn_put_u32(front, (guint32)factors->n_components);
+    bonn_put_u32(front, (guint32)factors->n_rows);
+    bonn_put_u32(front, (guint32)factors->n_columns);
+    if (!bonn_write_put(output, front->data, front->len, *at, error))
+        return FALSE;
+    *at += front->len;
+    return put_halves(output, factors->s, k, at, error) &&
+           put_halves(output, factors->u, (gsize)factors->n_rows * k, at, error) &&
+           put_halves(output, factors->sv, (gsize)factors->n_columns * k, at, error);
+}
+
+static GByteArray *factors_front(const struct bonn_header *header, int n_components) {
+    static const float identity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    GByteArray *front = g_byte_array_new();
+    bonn_put_header(front, header);
+    bonn_put_u32(front, 0); /* rotations */
+    if (header->kind == BONN_FMF) {
+        const guint8 version = 2;
+        g_byte_array_append(front, &version, 1);
+        for (int i = 0; i < 3; i++)
+            bonn_put_u32(front, 0); /* nothing done to the range; no height map */
+        bonn_put_u32(front, (guint32)n_components);
+        return front;
+    }
+    bonn_put_u32(front, (guint32)n_components);
+    for (int i = 0; i < 4; i++)
+        bonn_put_u32(front, 0); /* the colours as they are; their mean */
+    for (int i = 0; i < 9; i++) {
+        guint32 bits;
+        memcpy(&bits, &identity[i], sizeof bits);
+        bonn_put_u32(front, bits);
+    }
+    return front;
+}
+
+gboolean bonn_write_factors(const char *path, const struct bonn_header *header,
+                            const struct bonn_factors *factors, GError **error) {
+    g_return_val_if_fail(header->kind == BONN_FMF || header->kind == BONN_DFMF, FALSE);
+    const int n = header->kind == BONN_DFMF ? BONN_CHANNELS : 1;
+    int most = 0;
+    for (int i = 0; i < n; i++)
+        most = MAX(most, factors[i].n_components);
+    g_autoptr(GByteArray) front = factors_front(header, most);
+    struct output output = {.fd = -1};
+    gsize at = front->len;
+    gboolean ok = open_output(&output, path, error) &&
+                  bonn_write_put(&output, front->data, front->len, 0, error);
+    for (int i = 0; ok && i < n; i++)
+        ok = put_matrix(&output, &factors[i], &at, error);
+    ok = ok && finish_output(&output, error);
+    clear_output(&output);
+    return ok;
+}

@@ -1,0 +1,308 @@
+#include "import_private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "btf/btf.h"
+#include "eigenmaps/eigenmaps.h"
+#include "exr/exr.h"
+
+#define EIGENMAPS 4
+
+static gboolean import_fail_errno(const char *path, GError **error) {
+    const int saved = errno;
+    const gboolean exists = saved == EEXIST || saved == ENOTEMPTY;
+    g_set_error(error, DATA_ERROR, exists ? DATA_ERROR_EXISTS : DATA_ERROR_IO,
+                exists ? "%s: exists already; take another name: %s" : "%s: cannot be made: %s",
+                path, g_strerror(saved));
+    return FALSE;
+}
+
+gboolean import_place_begin(struct import_place *place, const char *path, GError **error) {
+    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+    g_autofree char *parent = g_path_get_dirname(absolute), *base = g_path_get_basename(absolute);
+    *place = (struct import_place){0};
+    if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
+        errno = EEXIST;
+        return import_fail_errno(path, error);
+    }
+    g_autofree char *folder = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
+    if (!g_mkdtemp_full(folder, 0777))
+        return import_fail_errno(path, error);
+    place->session = g_build_filename(folder, "session", NULL);
+    place->folder = g_steal_pointer(&folder);
+    place->path = g_steal_pointer(&absolute);
+    return TRUE;
+}
+
+/* Of what this process has made itself. */
+static void remove_tree(const char *path) {
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *inside = g_build_filename(path, name, NULL);
+        if (g_file_test(inside, G_FILE_TEST_IS_DIR) && !g_file_test(inside, G_FILE_TEST_IS_SYMLINK))
+            remove_tree(inside);
+        else
+            g_unlink(inside);
+    }
+    g_rmdir(path);
+}
+
+gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
+                          GError **error) {
+    session_close(session);
+    if (good && renameat2(AT_FDCWD, place->session, AT_FDCWD, place->path, RENAME_NOREPLACE) != 0)
+        good = import_fail_errno(place->path, error);
+    if (place->folder)
+        remove_tree(place->folder);
+    g_free(place->folder);
+    g_free(place->session);
+    g_free(place->path);
+    *place = (struct import_place){0};
+    return good;
+}
+
+struct import {
+    const struct import_material *material;
+    const struct work *work;
+    struct import_region region;
+    struct session_grid grid;
+    Session *session;
+    gint64 begun_us;
+    gint64 holes;
+    int *lights; /* 0 … n_lights − 1 */
+    int asked;
+};
+
+static gboolean import_check(struct import *import, GError **error) {
+    const struct import_material *material = import->material;
+    struct import_region *region = &import->region;
+    *region = material->region;
+    if (region->width == 0 && region->height == 0)
+        *region = (struct import_region){0, 0, material->width, material->height};
+    if (region->x < 0 || region->y < 0 || region->width < 1 || region->height < 1 ||
+        region->width > material->width - region->x ||
+        region->height > material->height - region->y)
+        return data_error_fail(
+            material->source, 0, error, "%d × %d texels at %d, %d do not lie within its %d × %d",
+            region->width, region->height, region->x, region->y, material->width, material->height);
+    import->grid = (struct session_grid){.width = region->width,
+                                         .height = region->height,
+                                         .width_mm = region->width * material->texel_mm,
+                                         .height_mm = region->height * material->texel_mm};
+    if (material->grid)
+        import->grid = *material->grid;
+    return TRUE;
+}
+
+static struct session_direction *import_directions(const float *theta_deg, const float *phi_deg,
+                                                   int n) {
+    struct session_direction *list = g_new0(struct session_direction, n);
+    for (int i = 0; i < n; i++)
+        list[i] = (struct session_direction){
+            .index = i, .theta_deg = (double)theta_deg[i], .phi_deg = (double)phi_deg[i]};
+    return list;
+}
+
+static Session *import_create(const struct import *import, const char *path, const char *name,
+                              GError **error) {
+    const struct import_material *m = import->material;
+    g_autofree struct session_direction *views =
+        import_directions(m->view_theta_deg, m->view_phi_deg, m->n_views);
+    g_autofree struct session_direction *lights =
+        import_directions(m->light_theta_deg, m->light_phi_deg, m->n_lights);
+    const struct session_texts texts = {"# none: imported\n", "# none: imported\n",
+                                        "# none: imported\n", NULL};
+    const struct session_plan plan = {.grid = import->grid,
+                                      .views = views,
+                                      .n_views = m->n_views,
+                                      .lights = lights,
+                                      .n_lights = m->n_lights};
+    return session_create(path, name, &texts, &plan, error);
+}
+
+/* The same with one channel more. */
+static struct exr_part *with_marks(struct exr_part *part, const guint8 *marks) {
+    static const char *const channels[] = {"B", "G", "R", "mark", NULL};
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    struct exr_part *ret = exr_part_new(part->name, part->width, part->height, channels, EXR_HALF);
+    for (int c = 0; c < 3; c++)
+        memcpy(ret->planes[c], part->planes[c], sizeof(float) * n);
+    for (gsize i = 0; i < n; i++)
+        ret->planes[3][i] = marks[i];
+    GPtrArray *attributes = ret->attributes;
+    ret->attributes = part->attributes;
+    part->attributes = attributes;
+    exr_part_free(part);
+    return ret;
+}
+
+static struct exr_part *import_light_part(const struct import *import, int view, int light,
+                                          const float *rgb, int holes) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    const struct import_material *m = import->material;
+    const struct import_region *r = &import->region;
+    g_autofree char *name = g_strdup_printf("light_%04d", light);
+    struct exr_part *part = exr_part_new(name, r->width, r->height, channels, EXR_HALF);
+    exr_set_double(part, "view.theta_deg", (double)m->view_theta_deg[view]);
+    exr_set_double(part, "view.phi_deg", (double)m->view_phi_deg[view]);
+    exr_set_double(part, "light.theta_deg", (double)m->light_theta_deg[light]);
+    exr_set_double(part, "light.phi_deg", (double)m->light_phi_deg[light]);
+    exr_set_string(part, "mesorig.inputs", m->source);
+    exr_set_int(part, "mesorig.holes", holes);
+    for (int y = 0; y < r->height; y++)
+        for (int x = 0; x < r->width; x++) {
+            const float *from = rgb + 3 * ((gsize)(r->y + y) * (gsize)m->width + (gsize)(r->x + x));
+            for (int c = 0; c < 3; c++)
+                part->planes[2 - c][y * r->width + x] = from[c];
+        }
+    const guint8 *marks = m->light ? m->light(view, light, part, m->data) : NULL;
+    return marks ? with_marks(part, marks) : part;
+}
+
+static char *view_relative(int view) {
+    return g_strdup_printf("products/btf/view_%04d.exr", view);
+}
+
+static gboolean write_view(struct import *import, int view, float *rgb, int *holes,
+                           GError **error) {
+    const struct import_material *m = import->material;
+    const gsize n = (gsize)m->width * (gsize)m->height;
+    g_autofree char *relative = view_relative(view);
+    g_autofree char *path = session_file(import->session, relative);
+    if (!m->view(view, rgb, holes, m->data, error))
+        return FALSE;
+    struct exr_file *file = exr_file_new();
+    gboolean ok = TRUE;
+    for (int light = 0; ok && light < m->n_lights; light++) {
+        import->holes += holes[light];
+        ok = (double)holes[light] <= IMPORT_MOST_HOLES * (double)n ||
+             data_error_fail(m->source, 0, error,
+                             "%d of %zu texels of view %d, light %d are missing or no numbers",
+                             holes[light], n, view, light);
+        exr_file_add(
+            file, import_light_part(import, view, light, rgb + 3 * n * (gsize)light, holes[light]));
+    }
+    ok = ok && exr_write(path, file, EXR_PIZ, FALSE, error) &&
+         session_add_product(import->session, relative, m->source, error);
+    exr_file_free(file);
+    return ok;
+}
+
+static gboolean import_write_views(struct import *import, GError **error) {
+    const struct import_material *m = import->material;
+    const gsize n = (gsize)m->width * (gsize)m->height * (gsize)m->n_lights;
+    g_autofree float *rgb = g_try_new(float, 3 * n);
+    g_autofree int *holes = g_new0(int, m->n_lights);
+    if (!rgb)
+        return data_error_fail(m->source, 0, error, "there is no memory for a view of %.1f GiB",
+                               3 * (double)n * sizeof(float) / (1 << 30));
+    for (int view = 0; view < m->n_views; view++)
+        if (!write_view(import, view, rgb, holes, error) ||
+            !work_tell(import->work, "import", view + 1, m->n_views, import->begun_us, error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean import_give_column(int view, float *ret_column, gpointer data, GError **error) {
+    struct import *import = data;
+    const int n_views = import->material->n_views;
+    g_autofree char *relative = view_relative(view);
+    g_autofree char *path = session_file(import->session, relative);
+    import->asked++;
+    return work_tell(import->work, "eigenmaps", MIN(import->asked, n_views), n_views,
+                     import->begun_us, error) &&
+           btf_read_view(path, import->lights, import->material->n_lights, &import->grid,
+                         ret_column, error);
+}
+
+static struct eigenmaps *import_new_eigenmaps(const struct import *import) {
+    const struct import_material *m = import->material;
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    *maps = (struct eigenmaps){
+        .name = g_strdup(session_name(import->session)),
+        .width = import->grid.width,
+        .height = import->grid.height,
+        .texel_mm = m->texel_mm,
+        .reference_mm = import->grid.reference_mm,
+        .n_views = m->n_views,
+        .n_lights = m->n_lights,
+        .n_terms = MIN(EIGENMAPS, m->n_views),
+        .view_theta_deg = g_memdup2(m->view_theta_deg, sizeof(float) * (gsize)m->n_views),
+        .view_phi_deg = g_memdup2(m->view_phi_deg, sizeof(float) * (gsize)m->n_views),
+        .light_theta_deg = g_memdup2(m->light_theta_deg, sizeof(float) * (gsize)m->n_lights),
+        .light_phi_deg = g_memdup2(m->light_phi_deg, sizeof(float) * (gsize)m->n_lights)};
+    return maps;
+}
+
+static gboolean write_eigenmaps(struct import *import, double *ret_error, GError **error) {
+    g_autofree char *path = session_file(import->session, "products/eigenmaps.exr");
+    struct eigenmaps *maps = import_new_eigenmaps(import);
+    import->begun_us = g_get_monotonic_time();
+    const gboolean ok = eigenmaps_compute(maps, import_give_column, import, ret_error, error) &&
+                        eigenmaps_write(path, maps, error) &&
+                        session_add_product(import->session, "products/eigenmaps.exr",
+                                            import->material->source, error);
+    eigenmaps_free(maps);
+    return ok;
+}
+
+static gboolean copy_mdf(const struct import *import, GError **error) {
+    static const char relative[] = "products/mdf.exr";
+    if (!import->material->mdf)
+        return TRUE;
+    g_autofree char *path = session_file(import->session, relative);
+    g_autoptr(GFile) from = g_file_new_for_path(import->material->mdf);
+    g_autoptr(GFile) to = g_file_new_for_path(path);
+    if (!g_file_copy(from, to, G_FILE_COPY_TARGET_DEFAULT_PERMS, import->work->cancellable, NULL,
+                     NULL, error)) {
+        g_prefix_error(error, "%s: cannot be copied: ", import->material->mdf);
+        return FALSE;
+    }
+    return session_add_product(import->session, relative, import->material->source, error);
+}
+
+static gboolean import_fill(struct import *import, struct import_result *ret, GError **error) {
+    const struct import_material *m = import->material;
+    import->lights = g_new(int, m->n_lights);
+    for (int i = 0; i < m->n_lights; i++)
+        import->lights[i] = i;
+    const gboolean ok = import_write_views(import, error) &&
+                        write_eigenmaps(import, &ret->eigenmaps_error, error) &&
+                        copy_mdf(import, error) &&
+                        session_set_value(import->session, "imported", m->source, error) &&
+                        session_set_value(import->session, "state", "done", error);
+    g_free(import->lights);
+    ret->n_views = m->n_views;
+    ret->n_lights = m->n_lights;
+    ret->width = import->grid.width;
+    ret->height = import->grid.height;
+    ret->holes = import->holes;
+    return ok;
+}
+
+static char *import_name_of(const char *path) {
+    char *name = g_path_get_basename(path);
+    if (g_str_has_suffix(name, ".session"))
+        name[strlen(name) - strlen(".session")] = '\0';
+    return name;
+}
+
+gboolean import_material(const char *path, const struct import_material *material,
+                         const struct work *work, struct import_result *ret, GError **error) {
+    struct import import = {.material = material, .work = work, .begun_us = g_get_monotonic_time()};
+    struct import_place place;
+    g_autofree char *name = import_name_of(path);
+    *ret = (struct import_result){0};
+    if (!import_check(&import, error) || !import_place_begin(&place, path, error))
+        return FALSE;
+    import.session = import_create(&import, place.session, name, error);
+    const gboolean ok = import.session && import_fill(&import, ret, error);
+    return import_place_end(&place, import.session, ok, error);
+}

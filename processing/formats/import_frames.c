@@ -1,0 +1,420 @@
+/* From pictures to the frames that a capture would have left. */
+#include "import_poses_private.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "exr/exr.h"
+#include "frames/sweep.h"
+
+#define SATURATION   0.98 /* of white */
+#define UNEVEN       0.05 /* of a step, by which an angle may lie beside it */
+#define MOST_MISSING 0.1  /* of a sweep's pictures */
+#define BESIDE       2.0  /* steps around a missing picture in which no peak is believed, or */
+#define PULSE        4.0  /* standard deviations of the pulse */
+
+static struct import_row *row_at(const struct import_set *set, guint i) {
+    return &g_array_index(set->rows, struct import_row, i);
+}
+
+/* Two pixels for one each way: centres lie a quarter of a pixel to both sides of the old ones. */
+static void double_camera(struct rig_camera *camera) {
+    camera->width *= 2;
+    camera->height *= 2;
+    camera->fx_px *= 2;
+    camera->fy_px *= 2;
+    camera->cx_px = 2 * camera->cx_px + 0.5;
+    camera->cy_px = 2 * camera->cy_px + 0.5;
+}
+
+static gboolean import_frames_check_size(const struct import_set *set, const struct import_row *row,
+                                         const struct import_picture *picture, GError **error) {
+    const struct import_camera *seen = &set->cameras[row->camera];
+    const char *camera = set->known->rig.cameras[row->camera].name;
+    if (picture->width != seen->width || picture->height != seen->height)
+        return data_error_fail(set->table, row->line, error,
+                               "%s has %d × %d pixels, camera %s has %d × %d", row->name,
+                               picture->width, picture->height, camera, seen->width, seen->height);
+    if (picture->grey == seen->doubled)
+        return data_error_fail(set->table, row->line, error,
+                               "%s is %s, the first picture of camera %s is not", row->name,
+                               picture->grey ? "grey" : "in colour", camera);
+    return TRUE;
+}
+
+static struct import_picture *import_frames_read_picture(const struct import_set *set,
+                                                         const struct import_row *row,
+                                                         GError **error) {
+    g_autoptr(GError) found = NULL;
+    struct import_picture *picture = import_picture_read(row->path, &found);
+    if (!picture)
+        data_error_set(set->table, row->line, error, "%s", found->message);
+    else if (!import_frames_check_size(set, row, picture, error))
+        g_clear_pointer(&picture, import_picture_free);
+    return picture;
+}
+
+gboolean import_frames_prepare(struct import_set *set, GError **error) {
+    for (guint i = 0; i < set->rows->len; i++) {
+        const struct import_row *row = row_at(set, i);
+        struct import_camera *seen = &set->cameras[row->camera];
+        struct rig_camera *camera = &set->known->rig.cameras[row->camera];
+        g_autoptr(GError) found = NULL;
+        if (seen->seen)
+            continue;
+        struct import_picture *picture = import_picture_read(row->path, &found);
+        if (!picture)
+            return data_error_fail(set->table, row->line, error, "%s", found->message);
+        *seen = (struct import_camera){TRUE, !picture->grey, camera->width, camera->height};
+        const gboolean ok = import_frames_check_size(set, row, picture, error);
+        import_picture_free(picture);
+        if (!ok)
+            return FALSE;
+        if (seen->doubled)
+            double_camera(camera);
+    }
+    return TRUE;
+}
+
+/* The mosaic in DN: as the picture is, or 2 × 2 pixels (R G, G B) for each in colour. */
+static float *mosaic_of(const struct import_picture *picture) {
+    const gsize width = (gsize)picture->width, height = (gsize)picture->height;
+    const gsize side = picture->grey ? 1 : 2;
+    float *mosaic = g_new0(float, side *side *width *height);
+    for (gsize y = 0; y < side * height; y++)
+        for (gsize x = 0; x < side * width; x++) {
+            const float *from = picture->rgb + 3 * (y / side * width + x / side);
+            const gsize colour = picture->grey ? 0 : (x & 1) + (y & 1);
+            mosaic[y * side * width + x] = from[colour] * IMPORT_WHITE_DN;
+        }
+    return mosaic;
+}
+
+static struct exr_part *new_part(const struct import_set *set, const struct import_row *row,
+                                 const char *name, const char *const *channels,
+                                 enum exr_type type) {
+    const struct rig_camera *camera = &set->known->rig.cameras[row->camera];
+    g_autofree char *exposure = g_strdup_printf("%.0f", row->exposure_ms * 1e3);
+    struct exr_part *part = exr_part_new(name, camera->width, camera->height, channels, type);
+    exr_set_string(part, "mesorig.camera", camera->name);
+    exr_set_int(part, "mesorig.shot", row->shot + 1);
+    exr_set_double(part, "mesorig.turntable_deg", row->turntable_deg);
+    exr_set_double(part, "mesorig.arc_deg", row->arc_deg);
+    exr_set_string(part, "mesorig.cfa",
+                   set->cameras[row->camera].doubled ? "rggb" : set->wish->cfa);
+    exr_set_string(part, "mesorig.exposures_us", exposure);
+    return part;
+}
+
+static gboolean import_frames_write_part(const struct import_set *set, const struct import_row *row,
+                                         struct exr_part *part, struct session_frame *ret,
+                                         GError **error) {
+    const struct session_shot *shot = &g_array_index(set->shots, struct session_shot, row->shot);
+    g_autofree char *relative = session_frame_path(shot, set->known->rig.cameras[row->camera].name);
+    g_autofree char *path = session_file(set->session, relative);
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, part);
+    *ret = (struct session_frame){.shot = shot->id, .camera = row->camera};
+    const gboolean ok = exr_write(path, file, EXR_PIZ, FALSE, error) &&
+                        (ret->sha256 = exr_sha256(path, &ret->bytes, error)) != NULL;
+    ret->path = g_steal_pointer(&relative);
+    exr_file_free(file);
+    set->ret->n_frames++;
+    return ok;
+}
+
+static gboolean check_numbers(const struct import_set *set, const struct import_row *row, gsize bad,
+                              gsize n, GError **error) {
+    set->ret->not_numbers += (gint64)bad;
+    return (double)bad <= IMPORT_MOST_HOLES * (double)n ||
+           data_error_fail(set->table, row->line, error,
+                           "%zu of the %zu pixels of %s are no numbers", bad, n, row->name);
+}
+
+static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
+                           struct session_frame *ret, GError **error) {
+    static const char *const channels[] = {"Y", NULL};
+    struct import_picture *picture = import_frames_read_picture(set, row, error);
+    if (!picture)
+        return FALSE;
+    g_autofree float *mosaic = mosaic_of(picture);
+    import_picture_free(picture);
+    struct exr_part *part = new_part(set, row, "radiance", channels, EXR_HALF);
+    const gsize n = (gsize)part->width * (gsize)part->height;
+    gsize bad = 0;
+    int saturated = 0;
+    for (gsize i = 0; i < n; i++) {
+        bad += !isfinite(mosaic[i]);
+        saturated += (double)mosaic[i] >= SATURATION * IMPORT_WHITE_DN;
+        part->planes[0][i] = isfinite(mosaic[i]) ? mosaic[i] / (float)row->exposure_ms : NAN;
+    }
+    exr_set_string(part, "mesorig.lamp", set->known->rig.lamps[row->device].name);
+    exr_set_double(part, "mesorig.dark_dn", 0);
+    exr_set_int(part, "mesorig.saturated", saturated);
+    exr_set_string(part, "mesorig.unit", "DN/ms");
+    const gboolean ok = check_numbers(set, row, bad, n, error);
+    if (!ok)
+        exr_part_free(part);
+    return ok && import_frames_write_part(set, row, part, ret, error);
+}
+
+/* A camera's pictures of a sweep: rows first … first + n, some steps may be missing. */
+struct run {
+    const struct import_row *rows;
+    int n;
+    double from_deg, step_deg;
+    int steps;
+    gboolean *missing; /* of each step */
+};
+
+static int import_frames_by_value(gconstpointer a, gconstpointer b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The usual distance of two pictures: half of them are nearer, half farther. */
+static double usual_step(const struct import_row *rows, int n) {
+    g_autofree double *distances = g_new(double, n);
+    for (int i = 0; i + 1 < n; i++)
+        distances[i] = rows[i + 1].sweep_deg - rows[i].sweep_deg;
+    qsort(distances, (gsize)n - 1, sizeof *distances, import_frames_by_value);
+    return distances[(n - 1) / 2];
+}
+
+static gboolean find_steps(const struct import_set *set, struct run *run, GError **error) {
+    const struct import_row *rows = run->rows, *first = &rows[0], *last = &rows[run->n - 1];
+    if (run->n < 4)
+        return data_error_fail(set->table, first->line, error,
+                               "a sweep of %d pictures tells nothing; 4 are the least", run->n);
+    run->from_deg = first->sweep_deg;
+    run->step_deg = usual_step(rows, run->n);
+    const double steps = (last->sweep_deg - first->sweep_deg) / run->step_deg + 1;
+    if (!(steps < 2.0 * run->n))
+        return data_error_fail(set->table, last->line, error,
+                               "the sweep that begins at line %d is not evenly spaced",
+                               first->line);
+    run->steps = (int)lround(steps);
+    run->step_deg = (last->sweep_deg - first->sweep_deg) / (run->steps - 1);
+    run->missing = g_new(gboolean, run->steps);
+    for (int k = 0; k < run->steps; k++)
+        run->missing[k] = TRUE;
+    for (int i = 0; i < run->n; i++) {
+        const double at = (rows[i].sweep_deg - run->from_deg) / run->step_deg;
+        const int k = (int)lround(at);
+        if (fabs(at - k) > UNEVEN || !run->missing[k])
+            return data_error_fail(
+                set->table, rows[i].line, error,
+                "the sweep that begins at line %d steps by %g°, but %s is at %g°", first->line,
+                run->step_deg, rows[i].name, rows[i].sweep_deg);
+        run->missing[k] = FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean check_missing(const struct import_set *set, const struct run *run, GError **error) {
+    const int missing = run->steps - run->n;
+    for (int k = 1; k < run->steps; k++)
+        if (run->missing[k] && (run->missing[k - 1] || missing > MOST_MISSING * run->steps))
+            return data_error_fail(
+                set->table, run->rows[0].line, error,
+                "of the sweep that begins here %d of %d pictures are missing, such "
+                "as that at %g°",
+                missing, run->steps, run->from_deg + k * run->step_deg);
+    set->ret->n_missing += missing;
+    return TRUE;
+}
+
+/* What the accumulator is fed with. */
+struct feed {
+    Sweep *sweep;
+    enum import_edge edge;
+    gsize n;
+    float *before; /* the last picture; NULL: none yet */
+    guint16 *frame;
+};
+
+static void import_frames_feed(struct feed *feed, const float *picture) {
+    const float sign = feed->edge == IMPORT_LIGHTENS ? 1 : -1;
+    if (feed->edge != IMPORT_LINE && !feed->before) {
+        feed->before = g_memdup2(picture, sizeof *picture * feed->n);
+        return;
+    }
+    for (gsize i = 0; i < feed->n; i++) {
+        float dn = picture[i];
+        if (feed->edge != IMPORT_LINE) {
+            dn = sign * (picture[i] - feed->before[i]);
+            feed->before[i] = picture[i];
+        }
+        feed->frame[i] = (guint16)lroundf(CLAMP(dn, 0, G_MAXUINT16));
+    }
+    sweep_add(feed->sweep, feed->frame);
+}
+
+/* The picture in DN; what is no number is 0. */
+static gboolean read_step(const struct import_set *set, const struct import_row *row, gsize n,
+                          float *to, GError **error) {
+    struct import_picture *picture = import_frames_read_picture(set, row, error);
+    if (!picture)
+        return FALSE;
+    g_autofree float *mosaic = mosaic_of(picture);
+    gsize bad = 0;
+    import_picture_free(picture);
+    for (gsize i = 0; i < n; i++) {
+        const gboolean good = isfinite(mosaic[i]);
+        bad += !good;
+        to[i] = good ? mosaic[i] : 0;
+    }
+    return check_numbers(set, row, bad, n, error);
+}
+
+/* In the place of a missing picture stands the one before it. */
+static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
+                         GError **error) {
+    g_autofree float *picture = g_new0(float, to->n);
+    for (int k = 0, i = 0; k < run->steps; k++) {
+        if (!run->missing[k] && !read_step(set, &run->rows[i++], to->n, picture, error))
+            return FALSE;
+        import_frames_feed(to, picture);
+    }
+    return TRUE;
+}
+
+/* Peaks of whose pulse the missing picture was a part. */
+static void forget_missing(const struct run *run, double offset, gsize n,
+                           const struct sweep_pulses *pulses) {
+    float *peak = pulses->peak;
+    for (int k = 0; k < run->steps; k++)
+        for (gsize i = 0; run->missing[k] && i < n; i++)
+            if (peak[i] >= 0 &&
+                fabs((double)peak[i] + offset - k) < MAX(BESIDE, PULSE * (double)pulses->width[i]))
+                peak[i] = -1;
+}
+
+/* Differences of pictures are half a step later than the first of the two. */
+static struct exr_part *sweep_part(const struct import_set *set, const struct run *run,
+                                   const struct feed *fed) {
+    static const char *const channels[] = {"intensity",   "peak",  "second_intensity",
+                                           "second_peak", "width", NULL};
+    const gboolean line = fed->edge == IMPORT_LINE;
+    const double offset = line ? 0 : 0.5;
+    const int steps = line ? run->steps : run->steps - 1;
+    const double from = run->from_deg + offset * run->step_deg;
+    struct exr_part *part = new_part(set, run->rows, "sweep", channels, EXR_FLOAT);
+    exr_set_string(part, "mesorig.laser", set->known->rig.lasers[run->rows->device].name);
+    exr_set_string(part, "mesorig.unit", "DN");
+    exr_set_double(part, "sweep.from_deg", from);
+    exr_set_double(part, "sweep.to_deg", from + (steps - 1) * run->step_deg);
+    exr_set_int(part, "sweep.steps", steps);
+    g_autofree float *second_width = g_new(float, fed->n);
+    const struct sweep_pulses first = {exr_part_plane(part, "peak"), exr_part_plane(part, "width"),
+                                       exr_part_plane(part, "intensity")};
+    const struct sweep_pulses second = {exr_part_plane(part, "second_peak"), second_width,
+                                        exr_part_plane(part, "second_intensity")};
+    sweep_finish_both(fed->sweep, set->wish->threshold_dn, &first, &second);
+    forget_missing(run, offset, fed->n, &first);
+    forget_missing(run, offset, fed->n, &second);
+    return part;
+}
+
+static gboolean write_run(const struct import_set *set, const struct run *run,
+                          struct session_frame *ret, GError **error) {
+    const struct rig_camera *camera = &set->known->rig.cameras[run->rows->camera];
+    struct feed fed = {.edge = set->wish->edge,
+                       .n = (gsize)camera->width * (gsize)camera->height,
+                       .sweep = sweep_new(camera->width, camera->height, run->steps,
+                                          (int)(SATURATION * IMPORT_WHITE_DN))};
+    fed.frame = g_new(guint16, fed.n);
+    const gboolean ok =
+        feed_all(set, run, &fed, error) &&
+        import_frames_write_part(set, run->rows, sweep_part(set, run, &fed), ret, error);
+    sweep_free(fed.sweep);
+    g_free(fed.before);
+    g_free(fed.frame);
+    return ok;
+}
+
+/* The plan holds one sweep for all cameras of a shot: it is what the first of them saw. */
+static gboolean import_frames_agree(const struct import_set *set, const struct run *run,
+                                    struct session_shot *shot, GError **error) {
+    const gboolean line = set->wish->edge == IMPORT_LINE;
+    const int steps = line ? run->steps : run->steps - 1;
+    const double from = run->from_deg + (line ? 0 : 0.5 * run->step_deg);
+    const double to = from + (steps - 1) * run->step_deg;
+    if (shot->sweep_steps == 0) {
+        shot->sweep_from_deg = from;
+        shot->sweep_to_deg = to;
+        shot->sweep_steps = steps;
+    }
+    return (shot->sweep_steps == steps && shot->sweep_from_deg == from &&
+            shot->sweep_to_deg == to) ||
+           data_error_fail(
+               set->table, run->rows->line, error,
+               "the sweep that begins here goes from %g° to %g° in %d steps, for another "
+               "camera from %g° to %g° in %d",
+               from, to, steps, shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps);
+}
+
+/* A camera's part of a shot begins at a row; returns how many rows it has. */
+static int run_length(const struct import_set *set, guint first) {
+    const struct import_row *row = row_at(set, first);
+    int n = 1;
+    while (first + (guint)n < set->rows->len && row_at(set, first + (guint)n)->shot == row->shot &&
+           row_at(set, first + (guint)n)->camera == row->camera)
+        n++;
+    return n;
+}
+
+/* Before anything is written, so that the plan is right from the beginning. */
+gboolean import_frames_plan(struct import_set *set, GError **error) {
+    for (guint i = 0; i < set->rows->len;) {
+        const struct import_row *row = row_at(set, i);
+        struct run run = {.rows = row, .n = run_length(set, i)};
+        i += (guint)run.n;
+        if (!row->sweep)
+            continue;
+        const gboolean ok =
+            find_steps(set, &run, error) && check_missing(set, &run, error) &&
+            import_frames_agree(set, &run,
+                                &g_array_index(set->shots, struct session_shot, row->shot), error);
+        g_free(run.missing);
+        if (!ok)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean write_one(const struct import_set *set, guint first, int n,
+                          struct session_frame *ret, GError **error) {
+    struct run run = {.rows = row_at(set, first), .n = n};
+    if (!run.rows->sweep)
+        return write_lamp(set, run.rows, ret, error);
+    const gboolean ok = find_steps(set, &run, error) && write_run(set, &run, ret, error);
+    g_free(run.missing);
+    return ok;
+}
+
+gboolean import_frames_write(struct import_set *set, const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    struct session_frame frames[RIG_MAX_CAMERAS];
+    gboolean ok = TRUE;
+    for (guint i = 0; ok && i < set->rows->len;) {
+        const int shot = row_at(set, i)->shot;
+        int n_frames = 0;
+        while (ok && i < set->rows->len && row_at(set, i)->shot == shot) {
+            const int n = run_length(set, i);
+            frames[n_frames] = (struct session_frame){0};
+            ok = write_one(set, i, n, &frames[n_frames++], error);
+            i += (guint)n;
+        }
+        ok = ok &&
+             session_commit_shot(set->session, shot + 1, SHOT_DONE, frames, n_frames, NULL, error);
+        for (int k = 0; k < n_frames; k++) {
+            g_free(frames[k].path);
+            g_free(frames[k].sha256);
+        }
+        ok = ok && work_tell(work, "import", (int)i, (int)set->rows->len, begun_us, error);
+    }
+    return ok;
+}

@@ -1,0 +1,366 @@
+/* Pictures that say by themselves, or in a list, from where they were seen and lit. */
+#include "import_private.h"
+
+#include "base/data_error.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/input_file.h"
+
+#define STEPS_A_DEG    10000 /* directions that agree to this are one */
+#define MOST_RTI       65536
+#define MAX_LIST_BYTES (64 << 20)
+#define LEAST_LENGTH   0.5 /* of a direction in a list, which should be a unit vector */
+
+struct direction {
+    gint64 theta, phi; /* in steps */
+};
+
+struct named {
+    char *path;
+    struct direction view, light;
+    int line; /* of the list; 0: none */
+};
+
+struct pictures {
+    const char *source;
+    GPtrArray *all;         /* of struct named */
+    GArray *views, *lights; /* of struct direction, in order */
+    struct named **of;      /* view × light */
+    int width, height;
+};
+
+static void named_free(gpointer data) {
+    g_free(((struct named *)data)->path);
+    g_free(data);
+}
+
+static void pictures_clear(struct pictures *pictures) {
+    g_ptr_array_unref(pictures->all);
+    g_array_unref(pictures->views);
+    g_array_unref(pictures->lights);
+    g_free(pictures->of);
+}
+
+static void pictures_init(struct pictures *pictures, const char *source) {
+    *pictures = (struct pictures){
+        .source = source,
+        .all = g_ptr_array_new_with_free_func(named_free),
+        .views = g_array_new(FALSE, FALSE, sizeof(struct direction)),
+        .lights = g_array_new(FALSE, FALSE, sizeof(struct direction)),
+    };
+}
+
+/* The number after a key that is not part of a longer word: "tl045.0". FALSE: none, or two. */
+static gboolean find_key(const char *name, const char *key, double *ret_deg) {
+    const gsize n = strlen(key);
+    int found = 0;
+    for (const char *at = name; *at; at++) {
+        if (g_ascii_strncasecmp(at, key, n) != 0 || !g_ascii_isdigit(at[n]) ||
+            (at > name && g_ascii_isalpha(at[-1])))
+            continue;
+        const gsize whole = strspn(at + n, "0123456789");
+        const char *end = at + n + whole;
+        const gsize part = *end == '.' ? strspn(end + 1, "0123456789") : 0;
+        g_autofree char *number = g_strndup(at + n, whole + (part ? part + 1 : 0));
+        *ret_deg = g_ascii_strtod(number, NULL);
+        found++;
+    }
+    return found == 1 && *ret_deg <= 360;
+}
+
+static struct direction import_names_direction(double theta_deg, double phi_deg) {
+    struct direction d = {llround(theta_deg * STEPS_A_DEG), llround(phi_deg * STEPS_A_DEG)};
+    d.phi = ((d.phi % (360 * STEPS_A_DEG)) + 360 * STEPS_A_DEG) % (360 * STEPS_A_DEG);
+    d.phi = d.theta == 0 ? 0 : d.phi;
+    return d;
+}
+
+static int import_names_compare(gconstpointer a, gconstpointer b) {
+    const struct direction *x = a, *y = b;
+    if (x->theta != y->theta)
+        return x->theta < y->theta ? -1 : 1;
+    return (x->phi > y->phi) - (x->phi < y->phi);
+}
+
+static void sort_once(GArray *directions) {
+    guint n = 0;
+    g_array_sort(directions, import_names_compare);
+    for (guint i = 0; i < directions->len; i++)
+        if (n == 0 ||
+            import_names_compare(&g_array_index(directions, struct direction, i),
+                                 &g_array_index(directions, struct direction, n - 1)) != 0)
+            g_array_index(directions, struct direction, n++) =
+                g_array_index(directions, struct direction, i);
+    g_array_set_size(directions, n);
+}
+
+static guint import_names_index_of(const GArray *directions, const struct direction *d) {
+    guint at = 0;
+    return g_array_binary_search((GArray *)directions, d, import_names_compare, &at) ? at : 0;
+}
+
+static gboolean report_missing(const struct pictures *pictures, GError **error) {
+    const guint n_lights = pictures->lights->len;
+    guint missing = 0, first = 0;
+    for (guint i = pictures->views->len * n_lights; i-- > 0;)
+        if (!pictures->of[i]) {
+            missing++;
+            first = i;
+        }
+    if (missing == 0)
+        return TRUE;
+    const struct direction *view =
+        &g_array_index(pictures->views, struct direction, first / n_lights);
+    const struct direction *light =
+        &g_array_index(pictures->lights, struct direction, first % n_lights);
+    return data_error_fail(
+        pictures->source, 0, error,
+        "%u of %u views × %u lights have no picture, the first seen from θ %g° φ %g° "
+        "and lit from θ %g° φ %g°",
+        missing, pictures->views->len, n_lights, (double)view->theta / STEPS_A_DEG,
+        (double)view->phi / STEPS_A_DEG, (double)light->theta / STEPS_A_DEG,
+        (double)light->phi / STEPS_A_DEG);
+}
+
+/* Every view under every light, once. */
+static gboolean arrange(struct pictures *pictures, GError **error) {
+    for (guint i = 0; i < pictures->all->len; i++) {
+        const struct named *named = pictures->all->pdata[i];
+        g_array_append_val(pictures->views, named->view);
+        g_array_append_val(pictures->lights, named->light);
+    }
+    sort_once(pictures->views);
+    sort_once(pictures->lights);
+    pictures->of = g_new0(struct named *, (gsize)pictures->views->len * pictures->lights->len);
+    for (guint i = 0; i < pictures->all->len; i++) {
+        struct named *named = pictures->all->pdata[i];
+        struct named **at =
+            &pictures
+                 ->of[import_names_index_of(pictures->views, &named->view) * pictures->lights->len +
+                      import_names_index_of(pictures->lights, &named->light)];
+        if (*at)
+            return data_error_fail(pictures->source, named->line, error,
+                                   "%s is of the same view and light as %s", named->path,
+                                   (*at)->path);
+        *at = named;
+    }
+    return report_missing(pictures, error);
+}
+
+static gboolean add_named(struct pictures *pictures, const char *folder, const char *name,
+                          GError **error) {
+    double tl, pl, tv, pv;
+    if (!import_is_picture(name))
+        return TRUE;
+    if (!find_key(name, "tl", &tl) || !find_key(name, "pl", &pl) || !find_key(name, "tv", &tv) ||
+        !find_key(name, "pv", &pv))
+        return data_error_fail(
+            folder, 0, error,
+            "the name “%s” does not say its directions; expected are tl, pl, tv and "
+            "pv, each once and with degrees, as in “tl030 pl090 tv000 pv000.jpg”",
+            name);
+    struct named *named = g_new0(struct named, 1);
+    *named = (struct named){g_build_filename(folder, name, NULL), import_names_direction(tv, pv),
+                            import_names_direction(tl, pl), 0};
+    g_ptr_array_add(pictures->all, named);
+    return TRUE;
+}
+
+static int import_names_by_text(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static gboolean list_folder(struct pictures *pictures, const char *folder, GError **error) {
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
+    g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
+    const char *name;
+    gboolean ok = dir != NULL;
+    while (dir && (name = g_dir_read_name(dir)))
+        g_ptr_array_add(names, g_strdup(name));
+    g_ptr_array_sort(names, import_names_by_text);
+    for (guint i = 0; ok && i < names->len; i++)
+        ok = add_named(pictures, folder, names->pdata[i], error);
+    if (ok && pictures->all->len == 0)
+        ok = data_error_fail(folder, 0, error,
+                             "there is no .jpg, .png, .tif or .exr picture in that folder");
+    return ok;
+}
+
+static gboolean parse_light(const char *list, int line, char **words, struct direction *ret,
+                            GError **error) {
+    double d[3], length = 0;
+    for (int i = 0; i < 3; i++) {
+        char *end;
+        d[i] = g_ascii_strtod(words[i], &end);
+        if (end == words[i] || *end || !isfinite(d[i]))
+            return data_error_fail(list, line, error, "“%s” is no number", words[i]);
+        length += d[i] * d[i];
+    }
+    length = sqrt(length);
+    if (length < LEAST_LENGTH || d[2] <= 0)
+        return data_error_fail(list, line, error,
+                               "%g %g %g is no direction to a light above the sample", d[0], d[1],
+                               d[2]);
+    const double deg = 180 / G_PI;
+    *ret = import_names_direction(acos(CLAMP(d[2] / length, -1, 1)) * deg, atan2(d[1], d[0]) * deg);
+    return TRUE;
+}
+
+/* The name may have blanks, and may be a path on the machine that took the picture. */
+static gboolean import_names_parse_line(struct pictures *pictures, const char *list, int line,
+                                        const char *text, GError **error) {
+    g_autofree char *folder = g_path_get_dirname(list),
+                    *copy = g_strdelimit(g_strdup(text), "\t", ' ');
+    char *words[3];
+    for (int i = 2; i >= 0; i--) {
+        char *blank = strrchr(g_strchomp(copy), ' ');
+        if (!blank)
+            return data_error_fail(list, line, error, "a picture's name and x, y, z are expected");
+        *blank = '\0';
+        words[i] = blank + 1;
+    }
+    const char *slash = strrchr(g_strchomp(copy), '/'), *other = strrchr(copy, '\\');
+    const char *name = MAX(slash, other) ? MAX(slash, other) + 1 : copy;
+    struct named *named = g_new0(struct named, 1);
+    named->path = g_build_filename(folder, name, NULL);
+    named->line = line;
+    g_ptr_array_add(pictures->all, named);
+    if (!parse_light(list, line, words, &named->light, error))
+        return FALSE;
+    return g_file_test(named->path, G_FILE_TEST_IS_REGULAR) ||
+           data_error_fail(list, line, error, "there is no picture %s", named->path);
+}
+
+static gboolean import_names_read_list(struct pictures *pictures, const char *list,
+                                       GError **error) {
+    GError *found = NULL;
+    g_autofree char *text = input_file_read_text(list, MAX_LIST_BYTES, &found);
+    char *end;
+    if (!text) {
+        input_file_propagate(found, DATA_ERROR, DATA_ERROR_INVALID, DATA_ERROR_INVALID, error);
+        return FALSE;
+    }
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    const gint64 n = g_ascii_strtoll(lines[0] ? lines[0] : "", &end, 10);
+    if (!lines[0] || end == lines[0] || *g_strstrip(end) || n < 1 || n > MOST_RTI)
+        return data_error_fail(list, 1, error, "the number of pictures is expected");
+    for (int i = 1; lines[i]; i++)
+        if (*g_strstrip(lines[i]) &&
+            !import_names_parse_line(pictures, list, i + 1, lines[i], error))
+            return FALSE;
+    return pictures->all->len == n ||
+           data_error_fail(list, 1, error, "it says that there are %d pictures, but lists %u",
+                           (int)n, pictures->all->len);
+}
+
+static gboolean import_names_check_size(const struct pictures *pictures, const struct named *named,
+                                        const struct import_picture *picture, GError **error) {
+    if (picture->width == pictures->width && picture->height == pictures->height)
+        return TRUE;
+    return data_error_fail(named->line ? pictures->source : named->path, named->line, error,
+                           "%s has %d × %d pixels, the first picture %d × %d",
+                           named->line ? named->path : "it", picture->width, picture->height,
+                           pictures->width, pictures->height);
+}
+
+static gboolean copy_picture(const struct pictures *pictures, const struct named *named, float *to,
+                             int *ret_holes, GError **error) {
+    struct import_picture *picture = import_picture_read(named->path, error);
+    const gsize n = (gsize)pictures->width * (gsize)pictures->height;
+    gboolean ok = picture && import_names_check_size(pictures, named, picture, error);
+    int holes = 0;
+    for (gsize i = 0; ok && i < n; i++) {
+        const float *from = picture->rgb + 3 * i;
+        const gboolean good = isfinite(from[0]) && isfinite(from[1]) && isfinite(from[2]);
+        for (int c = 0; c < 3; c++)
+            to[3 * i + (gsize)c] = good ? from[c] : 0;
+        holes += !good;
+    }
+    import_picture_free(picture);
+    *ret_holes = holes;
+    return ok && ((double)holes <= IMPORT_MOST_HOLES * (double)n ||
+                  data_error_fail(named->path, 0, error, "%d of its %zu pixels are no numbers",
+                                  holes, n));
+}
+
+static gboolean import_names_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
+                                       GError **error) {
+    const struct pictures *pictures = data;
+    const guint n_lights = pictures->lights->len;
+    const gsize n = 3 * (gsize)pictures->width * (gsize)pictures->height;
+    for (guint light = 0; light < n_lights; light++)
+        if (!copy_picture(pictures, pictures->of[(guint)view * n_lights + light],
+                          ret_rgb + n * light, &ret_holes[light], error))
+            return FALSE;
+    return TRUE;
+}
+
+static void import_names_degrees(const GArray *directions, float **ret_theta_deg,
+                                 float **ret_phi_deg) {
+    *ret_theta_deg = g_new(float, directions->len);
+    *ret_phi_deg = g_new(float, directions->len);
+    for (guint i = 0; i < directions->len; i++) {
+        const struct direction *d = &g_array_index(directions, struct direction, i);
+        (*ret_theta_deg)[i] = (float)((double)d->theta / STEPS_A_DEG);
+        (*ret_phi_deg)[i] = (float)((double)d->phi / STEPS_A_DEG);
+    }
+}
+
+static gboolean first_size(struct pictures *pictures, GError **error) {
+    const struct named *named = pictures->all->pdata[0];
+    struct import_picture *first = import_picture_read(named->path, error);
+    if (!first)
+        return FALSE;
+    pictures->width = first->width;
+    pictures->height = first->height;
+    import_picture_free(first);
+    return TRUE;
+}
+
+static gboolean import_names_make(struct pictures *pictures, const char *path,
+                                  const struct import_wish *wish, const struct work *work,
+                                  struct import_result *ret, GError **error) {
+    g_autofree float *view_theta = NULL, *view_phi = NULL, *light_theta = NULL, *light_phi = NULL;
+    if (!arrange(pictures, error) || !first_size(pictures, error))
+        return FALSE;
+    import_names_degrees(pictures->views, &view_theta, &view_phi);
+    import_names_degrees(pictures->lights, &light_theta, &light_phi);
+    const struct import_material material = {
+        .source = pictures->source,
+        .width = pictures->width,
+        .height = pictures->height,
+        .texel_mm = wish->texel_mm > 0 ? wish->texel_mm : 1,
+        .region = wish->region,
+        .n_views = (int)pictures->views->len,
+        .n_lights = (int)pictures->lights->len,
+        .view_theta_deg = view_theta,
+        .view_phi_deg = view_phi,
+        .light_theta_deg = light_theta,
+        .light_phi_deg = light_phi,
+        .view = import_names_give_view,
+        .data = pictures,
+    };
+    return import_material(path, &material, work, ret, error);
+}
+
+gboolean import_pictures(const char *path, const char *folder, const struct import_wish *wish,
+                         const struct work *work, struct import_result *ret, GError **error) {
+    struct pictures pictures;
+    pictures_init(&pictures, folder);
+    const gboolean ok = list_folder(&pictures, folder, error) &&
+                        import_names_make(&pictures, path, wish, work, ret, error);
+    pictures_clear(&pictures);
+    return ok;
+}
+
+gboolean import_rti(const char *path, const char *list, const struct import_wish *wish,
+                    const struct work *work, struct import_result *ret, GError **error) {
+    struct pictures pictures;
+    pictures_init(&pictures, list);
+    const gboolean ok = import_names_read_list(&pictures, list, error) &&
+                        import_names_make(&pictures, path, wish, work, ret, error);
+    pictures_clear(&pictures);
+    return ok;
+}

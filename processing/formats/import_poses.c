@@ -1,0 +1,334 @@
+#include "import_poses_private.h"
+
+#include "base/data_error.h"
+
+#include <math.h>
+#include <string.h>
+
+#define STEPS_A_DEG 10000 /* angles that agree to this are one */
+#define MOST_ROWS   1000000
+
+static gint64 import_poses_steps(double deg) {
+    const gint64 turn = (gint64)360 * STEPS_A_DEG;
+    const gint64 at = llround(remainder(deg, 360) * STEPS_A_DEG) % turn;
+    return at < 0 ? at + turn : at;
+}
+
+static int import_poses_find_camera(const struct rig *rig, const char *name) {
+    for (int i = 0; i < rig->n_cameras; i++)
+        if (strcmp(rig->cameras[i].name, name) == 0)
+            return i;
+    return -1;
+}
+
+static int find_lamp(const struct rig *rig, const char *name) {
+    for (int i = 0; i < rig->n_lamps; i++)
+        if (strcmp(rig->lamps[i].name, name) == 0)
+            return i;
+    return -1;
+}
+
+static int find_laser(const struct rig *rig, const char *name) {
+    for (int i = 0; i < rig->n_lasers; i++)
+        if (strcmp(rig->lasers[i].name, name) == 0)
+            return i;
+    return -1;
+}
+
+struct columns {
+    int file, camera, lamp, laser, turntable, arc, exposure, sweep;
+};
+
+static gboolean find_columns(const TextTable *table, struct columns *ret, GError **error) {
+    *ret = (struct columns){.file = text_table_column(table, "file"),
+                            .camera = text_table_column(table, "camera"),
+                            .lamp = text_table_column(table, "lamp"),
+                            .laser = text_table_column(table, "laser"),
+                            .turntable = text_table_column(table, "turntable_deg"),
+                            .arc = text_table_column(table, "arc_deg"),
+                            .exposure = text_table_column(table, "exposure_ms"),
+                            .sweep = text_table_column(table, "sweep_deg")};
+    if (ret->file < 0 || ret->camera < 0 || (ret->lamp < 0 && ret->laser < 0))
+        return data_error_fail(text_table_path(table), 0, error,
+                               "its head needs the columns file, camera, and lamp or laser");
+    return TRUE;
+}
+
+/* Which camera, and which lamp or laser. */
+static gboolean read_devices(const struct import_set *set, const TextTable *table,
+                             const struct columns *columns, int index, struct import_row *row,
+                             GError **error) {
+    const struct rig *rig = &set->known->rig;
+    const char *camera = text_table_text(table, index, columns->camera);
+    const char *lamp = text_table_text(table, index, columns->lamp);
+    const char *laser = text_table_text(table, index, columns->laser);
+    row->sweep = *laser != '\0';
+    row->camera = import_poses_find_camera(rig, camera);
+    row->device = row->sweep ? find_laser(rig, laser) : find_lamp(rig, lamp);
+    if (row->camera < 0)
+        return data_error_fail(set->table, row->line, error, "camera “%s” is not in %s", camera,
+                               set->wish->calibration);
+    if ((*lamp != '\0') == row->sweep)
+        return data_error_fail(set->table, row->line, error,
+                               "either a lamp or a laser is expected");
+    if (row->device < 0)
+        return data_error_fail(set->table, row->line, error, "%s “%s” is not in %s",
+                               row->sweep ? "laser" : "lamp", row->sweep ? laser : lamp,
+                               set->wish->calibration);
+    return TRUE;
+}
+
+static gboolean import_poses_read_row(const struct import_set *set, const TextTable *table,
+                                      const struct columns *columns, int index,
+                                      struct import_row *row, GError **error) {
+    g_autofree char *table_path = g_canonicalize_filename(set->table, NULL);
+    g_autofree char *folder = g_path_get_dirname(table_path);
+    row->line = text_table_line(table, index);
+    row->name = text_table_text(table, index, columns->file);
+    row->path = g_canonicalize_filename(row->name, folder);
+    if (!text_table_number(table, index, columns->turntable, 0, &row->turntable_deg, error) ||
+        !text_table_number(table, index, columns->arc, 0, &row->arc_deg, error) ||
+        !text_table_number(table, index, columns->exposure, 1, &row->exposure_ms, error) ||
+        !text_table_number(table, index, columns->sweep, NAN, &row->sweep_deg, error) ||
+        !read_devices(set, table, columns, index, row, error))
+        return FALSE;
+    if (!*row->name || !g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
+        return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
+    if (!(row->exposure_ms > 0))
+        return data_error_fail(set->table, row->line, error, "an exposure of %g ms makes no sense",
+                               row->exposure_ms);
+    return !row->sweep || isfinite(row->sweep_deg) ||
+           data_error_fail(set->table, row->line, error, "a picture of a sweep needs sweep_deg");
+}
+
+static void clear_row(gpointer data) {
+    g_free(((struct import_row *)data)->path);
+}
+
+static gboolean import_poses_read_rows(struct import_set *set, const TextTable *table,
+                                       GError **error) {
+    struct columns columns;
+    if (!find_columns(table, &columns, error))
+        return FALSE;
+    if (text_table_rows(table) > MOST_ROWS)
+        return data_error_fail(set->table, 0, error, "it has more than %d rows", MOST_ROWS);
+    for (int i = 0; i < text_table_rows(table); i++) {
+        struct import_row row = {0};
+        const gboolean ok = import_poses_read_row(set, table, &columns, i, &row, error);
+        g_array_append_val(set->rows, row);
+        if (!ok)
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* By what is one shot, then by camera, then by the sweep's angle. */
+static int compare_shots(const struct import_row *a, const struct import_row *b) {
+    const gint64 keys[4][2] = {
+        {a->sweep, b->sweep},
+        {import_poses_steps(a->turntable_deg), import_poses_steps(b->turntable_deg)},
+        {import_poses_steps(a->arc_deg), import_poses_steps(b->arc_deg)},
+        {a->device, b->device}};
+    for (int i = 0; i < 4; i++)
+        if (keys[i][0] != keys[i][1])
+            return keys[i][0] < keys[i][1] ? -1 : 1;
+    return 0;
+}
+
+static int compare_rows(gconstpointer x, gconstpointer y) {
+    const struct import_row *a = x, *b = y;
+    const int shots = compare_shots(a, b);
+    if (shots != 0 || a->camera != b->camera)
+        return shots != 0 ? shots : a->camera - b->camera;
+    if (a->sweep && a->sweep_deg != b->sweep_deg)
+        return a->sweep_deg < b->sweep_deg ? -1 : 1;
+    return a->line - b->line;
+}
+
+static double import_poses_radians(double deg) {
+    return deg * G_PI / 180;
+}
+
+/* From the middle of the reference plane, in the sample frame. */
+static void set_angles(const struct import_set *set, struct vec3 at_mm, double turntable_deg,
+                       struct session_direction *ret) {
+    double theta, phi;
+    at_mm.z -= set->wish->grid.reference_mm;
+    rig_angles(rig_turn(at_mm, -import_poses_radians(turntable_deg)), &theta, &phi);
+    ret->theta_deg = theta * 180 / G_PI;
+    ret->phi_deg = phi * 180 / G_PI;
+}
+
+static void import_poses_add_view(struct import_set *set, const struct import_row *row) {
+    for (guint i = 0; i < set->views->len; i++) {
+        const struct session_direction *view =
+            &g_array_index(set->views, struct session_direction, i);
+        if (view->device == row->camera &&
+            import_poses_steps(view->turntable_deg) == import_poses_steps(row->turntable_deg))
+            return;
+    }
+    struct session_direction view = {
+        .index = (int)set->views->len, .device = row->camera, .turntable_deg = row->turntable_deg};
+    set_angles(set, rig_camera_centre_mm(&set->known->rig.cameras[row->camera]), row->turntable_deg,
+               &view);
+    g_array_append_val(set->views, view);
+}
+
+/* A light or laser is where it stands relative to the sample. */
+static int import_poses_source_of(struct import_set *set, const struct import_row *row) {
+    GArray *list = row->sweep ? set->lasers : set->lights;
+    const struct rig *rig = &set->known->rig;
+    const double relative_deg = row->arc_deg - row->turntable_deg;
+    for (guint i = 0; i < list->len; i++) {
+        const struct session_direction *source = &g_array_index(list, struct session_direction, i);
+        if (source->device == row->device &&
+            import_poses_steps(source->turntable_deg) == import_poses_steps(relative_deg))
+            return (int)i;
+    }
+    struct session_direction source = {
+        .index = (int)list->len, .device = row->device, .turntable_deg = relative_deg};
+    const double arc_rad = import_poses_radians(row->arc_deg);
+    set_angles(set,
+               row->sweep ? rig_laser_position_mm(&rig->arc, &rig->lasers[row->device], arc_rad)
+                          : rig_lamp_position_mm(&rig->arc, &rig->lamps[row->device], arc_rad),
+               row->turntable_deg, &source);
+    g_array_append_val(list, source);
+    return source.index;
+}
+
+static void make_shots(struct import_set *set) {
+    g_array_sort(set->rows, compare_rows);
+    const struct import_row *before = NULL;
+    for (guint i = 0; i < set->rows->len; i++) {
+        struct import_row *row = &g_array_index(set->rows, struct import_row, i);
+        import_poses_add_view(set, row);
+        if (!before || compare_shots(before, row) != 0) {
+            const struct session_shot shot = {.id = set->shots->len + 1,
+                                              .kind = row->sweep ? SHOT_SWEEP : SHOT_LAMP,
+                                              .pose = (int)set->shots->len,
+                                              .turntable_deg = row->turntable_deg,
+                                              .arc_deg = row->arc_deg,
+                                              .source = import_poses_source_of(set, row),
+                                              .device = row->device};
+            g_array_append_val(set->shots, shot);
+        }
+        row->shot = (int)set->shots->len - 1;
+        g_array_index(set->shots, struct session_shot, row->shot).cameras |= 1u << row->camera;
+        before = row;
+    }
+}
+
+/* Two pictures of one thing. */
+static gboolean check_double(const struct import_set *set, GError **error) {
+    for (guint i = 1; i < set->rows->len; i++) {
+        const struct import_row *a = &g_array_index(set->rows, struct import_row, i - 1);
+        const struct import_row *b = &g_array_index(set->rows, struct import_row, i);
+        if (a->shot == b->shot && a->camera == b->camera &&
+            (!a->sweep || a->sweep_deg == b->sweep_deg))
+            return data_error_fail(set->table, b->line, error,
+                                   "it says the same of %s as line %d says of %s", b->name, a->line,
+                                   a->name);
+    }
+    return TRUE;
+}
+
+/* Each view that has a picture for the BTF has one under every light. */
+static gboolean check_lights(const struct import_set *set, GError **error) {
+    const guint n_views = set->views->len, n_lights = set->lights->len;
+    g_autofree gboolean *there = g_new0(gboolean, MAX(n_views * n_lights, 1));
+    g_autofree gboolean *any = g_new0(gboolean, MAX(n_views, 1));
+    for (guint i = 0; i < set->rows->len; i++) {
+        const struct import_row *row = &g_array_index(set->rows, struct import_row, i);
+        const struct session_shot *shot =
+            &g_array_index(set->shots, struct session_shot, row->shot);
+        for (guint v = 0; !row->sweep && v < n_views; v++) {
+            const struct session_direction *view =
+                &g_array_index(set->views, struct session_direction, v);
+            if (view->device == row->camera &&
+                import_poses_steps(view->turntable_deg) == import_poses_steps(row->turntable_deg))
+                there[v * n_lights + (guint)shot->source] = any[v] = TRUE;
+        }
+    }
+    for (guint i = 0; i < n_views * n_lights; i++) {
+        const struct session_direction *view =
+            &g_array_index(set->views, struct session_direction, i / n_lights);
+        const struct session_direction *light =
+            &g_array_index(set->lights, struct session_direction, i % n_lights);
+        if (any[i / n_lights] && !there[i])
+            return data_error_fail(
+                set->table, 0, error,
+                "there is no picture of camera %s at turntable_deg %g under lamp %s at arc_deg %g",
+                set->known->rig.cameras[view->device].name, view->turntable_deg,
+                set->known->rig.lamps[light->device].name,
+                remainder(light->turntable_deg + view->turntable_deg, 360));
+    }
+    return TRUE;
+}
+
+static Session *import_poses_create(const struct import_set *set, const char *path,
+                                    const char *name, GError **error) {
+    g_autofree char *calibration = calibration_to_text(set->known);
+    const struct session_texts texts = {"# none: imported\n", "# none: imported\n", calibration,
+                                        NULL};
+    const struct session_plan plan = {
+        .grid = set->wish->grid,
+        .views = (const struct session_direction *)(gpointer)set->views->data,
+        .n_views = (int)set->views->len,
+        .lights = (const struct session_direction *)(gpointer)set->lights->data,
+        .n_lights = (int)set->lights->len,
+        .lasers = (const struct session_direction *)(gpointer)set->lasers->data,
+        .n_lasers = (int)set->lasers->len,
+        .shots = (const struct session_shot *)(gpointer)set->shots->data,
+        .n_shots = (int)set->shots->len};
+    return session_create(path, name, &texts, &plan, error);
+}
+
+static gboolean import_poses_fill(struct import_set *set, const struct work *work, GError **error) {
+    return import_frames_write(set, work, error) &&
+           session_set_value(set->session, "imported_frames", set->table, error) &&
+           session_set_value(set->session, "state", "done", error);
+}
+
+static gboolean import_poses_make(struct import_set *set, const char *path, const struct work *work,
+                                  GError **error) {
+    g_autofree char *name = g_path_get_basename(path);
+    struct import_place place;
+    if (g_str_has_suffix(name, ".session"))
+        name[strlen(name) - strlen(".session")] = '\0';
+    make_shots(set);
+    if (!check_double(set, error) || !check_lights(set, error) || !import_frames_plan(set, error) ||
+        !import_frames_prepare(set, error) || !import_place_begin(&place, path, error))
+        return FALSE;
+    set->session = import_poses_create(set, place.session, name, error);
+    const gboolean ok = set->session && import_poses_fill(set, work, error);
+    return import_place_end(&place, set->session, ok, error);
+}
+
+gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,
+                      struct import_poses_result *ret, GError **error) {
+    struct import_set set = {.wish = poses,
+                             .table = poses->table,
+                             .ret = ret,
+                             .rows = g_array_new(FALSE, FALSE, sizeof(struct import_row)),
+                             .views = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
+                             .lights = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
+                             .lasers = g_array_new(FALSE, FALSE, sizeof(struct session_direction)),
+                             .shots = g_array_new(FALSE, FALSE, sizeof(struct session_shot))};
+    g_autoptr(TextTable) table = text_table_read(poses->table, error);
+    *ret = (struct import_poses_result){0};
+    g_array_set_clear_func(set.rows, clear_row);
+    const gboolean ok = table && (set.known = calibration_read(poses->calibration, error)) &&
+                        import_poses_read_rows(&set, table, error) &&
+                        import_poses_make(&set, path, work, error);
+    ret->n_views = (int)set.views->len;
+    ret->n_lights = (int)set.lights->len;
+    ret->n_lasers = (int)set.lasers->len;
+    ret->n_shots = (int)set.shots->len;
+    g_array_unref(set.rows);
+    g_array_unref(set.views);
+    g_array_unref(set.lights);
+    g_array_unref(set.lasers);
+    g_array_unref(set.shots);
+    calibration_free(set.known);
+    return ok;
+}

@@ -1,0 +1,47 @@
+/* What the sources of import_poses.h share. */
+#pragma once
+
+#include "base/text_table.h"
+#include "calibration/calibration.h"
+#include "import_poses.h"
+#include "import_private.h"
+
+#define IMPORT_WHITE_DN 4095
+
+struct import_row {
+    const char *name; /* as the table has it */
+    char *path;
+    int line;
+    int camera;
+    int device; /* lamp or laser */
+    gboolean sweep;
+    double turntable_deg, arc_deg, exposure_ms, sweep_deg;
+    int shot; /* index */
+};
+
+/* What a camera's first picture has told. */
+struct import_camera {
+    gboolean seen, doubled; /* its pictures are in colour */
+    int width, height;      /* of pictures */
+};
+
+struct import_set {
+    const struct import_poses *wish;
+    const char *table;
+    GArray *rows; /* of struct import_row, in order of shot, camera, sweep_deg */
+    struct calibration *known;
+    struct import_camera cameras[RIG_MAX_CAMERAS];
+    GArray *views, *lights, *lasers; /* of struct session_direction */
+    GArray *shots;                   /* of struct session_shot */
+    Session *session;
+    struct import_poses_result *ret;
+};
+
+/* Looks at the first picture of each camera and fits the calibration to what it is. */
+gboolean import_frames_prepare(struct import_set *set, GError **error);
+
+/* How each sweep went, which is part of the plan. */
+gboolean import_frames_plan(struct import_set *set, GError **error);
+
+/* Files and rows of all shots; stage "import". */
+gboolean import_frames_write(struct import_set *set, const struct work *work, GError **error);

@@ -1,0 +1,149 @@
+#include "surface_points.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "exr/exr.h"
+#include "frames/rectify.h"
+#include "mdf/mdf_views.h"
+
+#define CONNECTED   3.0  /* texels, that neighbours on one surface are apart at most */
+#define LEAST_ERROR 0.02 /* of a texel: what a standard error from few sweeps is believed to be */
+#define UNKNOWN     0.5  /* of a texel: the error of what one sweep has seen */
+#define LEAST_FACE  0.05 /* cosine of a normal to who sees it, for its weight */
+
+void surface_clear(struct surface *surface) {
+    g_clear_pointer(&surface->points, g_array_unref);
+}
+
+/* One view's texels in space. */
+struct view {
+    const struct surface *surface;
+    struct vec3 eye_mm;
+    struct vec3 *at_mm;                     /* of each texel */
+    const float *distance, *error, *source; /* source may be NULL */
+    int index;
+};
+
+static void surface_points_place(const struct view *view) {
+    const struct session_grid *grid = &view->surface->grid;
+    for (int row = 0; row < grid->height; row++)
+        for (int column = 0; column < grid->width; column++) {
+            const int i = row * grid->width + column;
+            const struct vec3 from = rectify_point_mm(grid, column + 0.5, row + 0.5);
+            const struct vec3 ray = vec3_unit(vec3_sub(from, view->eye_mm));
+            view->at_mm[i] = vec3_add(from, vec3_scale(ray, (double)view->distance[i]));
+        }
+}
+
+/* From one neighbour to the other, or from the texel to the one there is. FALSE: they are not of
+ * one surface. */
+static gboolean surface_points_along(const struct view *view, int i, int before, int after,
+                                     struct vec3 *ret) {
+    const double most = CONNECTED * view->surface->texel_mm;
+    int from = before >= 0 && view->distance[before] >= 0 ? before : i;
+    int to = after >= 0 && view->distance[after] >= 0 ? after : i;
+    if (from != i && vec3_length(vec3_sub(view->at_mm[i], view->at_mm[from])) > most)
+        from = i;
+    if (to != i && vec3_length(vec3_sub(view->at_mm[to], view->at_mm[i])) > most)
+        to = i;
+    *ret = vec3_sub(view->at_mm[to], view->at_mm[from]);
+    return from != to;
+}
+
+static gboolean surface_points_normal_at(const struct view *view, int column, int row,
+                                         struct vec3 *ret) {
+    const int width = view->surface->grid.width, height = view->surface->grid.height;
+    const int i = row * width + column;
+    struct vec3 x, y;
+    if (!surface_points_along(view, i, column > 0 ? i - 1 : -1, column < width - 1 ? i + 1 : -1,
+                              &x) ||
+        !surface_points_along(view, i, row < height - 1 ? i + width : -1, row > 0 ? i - width : -1,
+                              &y))
+        return FALSE;
+    const struct vec3 cross = vec3_cross(x, y);
+    if (!(vec3_length(cross) > 0))
+        return FALSE;
+    *ret = vec3_unit(cross);
+    if (vec3_dot(*ret, vec3_sub(view->eye_mm, view->at_mm[i])) < 0)
+        *ret = vec3_scale(*ret, -1);
+    return TRUE;
+}
+
+static void add_points(const struct view *view) {
+    const struct surface *surface = view->surface;
+    for (int i = 0; i < surface->grid.width * surface->grid.height; i++) {
+        struct surface_point point = {.view = view->index};
+        /* What others predicted is in their points. */
+        if (!(view->distance[i] >= 0) || (view->source && view->source[i] >= MDF_PREDICTED) ||
+            !surface_points_normal_at(view, i % surface->grid.width, i / surface->grid.width,
+                                      &point.normal))
+            continue;
+        const double own =
+            view->error[i] >= 0 ? (double)view->error[i] / surface->texel_mm : UNKNOWN;
+        const struct vec3 to_eye = vec3_unit(vec3_sub(view->eye_mm, view->at_mm[i]));
+        const double error = hypot(own, LEAST_ERROR);
+        point.at_mm = view->at_mm[i];
+        point.weight = (float)(MAX(vec3_dot(point.normal, to_eye), LEAST_FACE) / (error * error));
+        g_array_append_val(surface->points, point);
+    }
+}
+
+static gboolean surface_points_add_view(struct surface *surface, const struct exr_part *part,
+                                        int index, const char *path, GError **error) {
+    const float *distance = exr_part_plane(part, "D"), *own = exr_part_plane(part, "S");
+    double eye[3];
+    if (!distance || !own || part->width != surface->grid.width ||
+        part->height != surface->grid.height || !exr_get_v3d(part, "view.centre_mm", eye, NULL) ||
+        !isfinite(eye[0] + eye[1] + eye[2])) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: part %s is no view of an MDF of %d × %d texels; process the session again",
+                    path, part->name, surface->grid.width, surface->grid.height);
+        return FALSE;
+    }
+    struct view view = {.surface = surface,
+                        .eye_mm = vec3(eye[0], eye[1], eye[2]),
+                        .at_mm = g_new0(struct vec3, part->width * part->height),
+                        .distance = distance,
+                        .error = own,
+                        .source = exr_part_plane(part, "P"),
+                        .index = index};
+    surface_points_place(&view);
+    add_points(&view);
+    g_free(view.at_mm);
+    return TRUE;
+}
+
+static gboolean surface_points_read_views(struct surface *surface, const char *path,
+                                          const struct work *work, GError **error) {
+    const gint64 begun_us = g_get_monotonic_time();
+    struct exr_file *file = exr_read(path, error);
+    gboolean ok = file != NULL;
+    surface->n_views = ok ? (int)file->parts->len : 0;
+    for (int i = 0; ok && i < surface->n_views; i++) {
+        ok = surface_points_add_view(surface, file->parts->pdata[i], i, path, error) &&
+             work_tell(work, "points", i + 1, surface->n_views, begun_us, error);
+    }
+    exr_file_free(file);
+    return ok;
+}
+
+gboolean surface_read(const char *session, const struct work *work, struct surface *ret,
+                      GError **error) {
+    *ret = (struct surface){.points = g_array_new(FALSE, FALSE, sizeof(struct surface_point))};
+    g_autoptr(Session) from = session_open(session, SESSION_READ, error);
+    if (!from || !session_grid(from, &ret->grid, error))
+        return FALSE;
+    g_autofree char *path = session_file(from, "products/mdf.exr");
+    ret->texel_mm = ret->grid.width_mm / ret->grid.width;
+    if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: there is no MDF; a session with laser positions has one when it is "
+                    "processed",
+                    path);
+        return FALSE;
+    }
+    return session_check_products(from, "products/mdf.exr", error) &&
+           surface_points_read_views(ret, path, work, error);
+}

@@ -1,0 +1,110 @@
+#include "laser_frames.h"
+
+#include <glib.h>
+#include <math.h>
+
+#include "base/robust.h"
+
+#define AROUND 21  /* frames with lines: a slip that lasts for more than half of them is seen */
+#define MANY   4.0 /* standard errors: beyond them two differ */
+#define ROUNDS 6
+/* Standard error of a median, and of a median of sizes, times the root of the number: of normal
+ * deviates, in their standard deviation. */
+#define MEDIAN_ERROR 1.2533
+#define SPREAD_ERROR 1.17
+
+/* What the frames around say, if it differs from what all say: a median keeps edges where they are.
+ */
+static void find_levels(struct laser_frames *frames, const int *lines) {
+    g_autofree double *all = g_new(double, frames->lines);
+    for (int i = 0; i < frames->lines; i++)
+        all[i] = frames->middle[lines[i]];
+    const double whole = robust_median(all, frames->lines);
+    for (int i = 0; i < frames->lines; i++) {
+        frames->level[lines[i]] = whole;
+        if (frames->lines < AROUND)
+            continue;
+        double near[AROUND];
+        const int first = CLAMP(i - AROUND / 2, 0, frames->lines - AROUND);
+        for (int k = 0; k < AROUND; k++)
+            near[k] = frames->middle[lines[first + k]];
+        const double level = robust_median(near, AROUND);
+        const double error = MEDIAN_ERROR * robust_spread(near, AROUND, level) / sqrt(AROUND);
+        if (fabs(level - whole) > MANY * hypot(error, frames->error[lines[i]]))
+            frames->level[lines[i]] = level;
+    }
+}
+
+/* By how much frames differ from their levels, standard deviation: what their errors do not
+ * explain, if it is more than chance. */
+static double find_uneven(const struct laser_frames *frames, const int *lines) {
+    const int n = frames->lines;
+    g_autofree double *off = g_new(double, n), *errors = g_new(double, n);
+    for (int i = 0; i < n; i++) {
+        off[i] = frames->middle[lines[i]] - frames->level[lines[i]];
+        errors[i] = frames->error[lines[i]];
+    }
+    const double spread = robust_spread(off, n, 0), error = robust_median(errors, n);
+    const double chance = 1 + MANY * SPREAD_ERROR / sqrt(n);
+    return spread > chance * error ? sqrt(spread * spread - error * error) : 0;
+}
+
+static double frame_error(const struct laser_frames *frames, int k, double uneven) {
+    return hypot(frames->error[k], uneven);
+}
+
+/* The mean of what frames say beside their levels, by their errors; those far off do not count. */
+static void find_offset(struct laser_frames *frames, const int *lines, double uneven) {
+    double beside = 0, weights = 0, levels = 0;
+    for (int round = 0; round < ROUNDS; round++) {
+        double sum = 0;
+        weights = 0;
+        for (int i = 0; i < frames->lines; i++) {
+            const int k = lines[i];
+            const double error = frame_error(frames, k, uneven);
+            const double off = frames->middle[k] - frames->level[k];
+            const double weight = robust_biweight(off - beside, error) / (error * error);
+            weights += weight;
+            sum += weight * off;
+        }
+        if (!(weights > 0))
+            break;
+        beside = sum / weights;
+    }
+    for (int i = 0; i < frames->lines; i++) {
+        frames->level[lines[i]] += beside;
+        levels += frames->level[lines[i]] / frames->lines;
+    }
+    frames->offset = levels;
+    frames->offset_error = weights > 0 ? 1 / sqrt(weights) : INFINITY;
+}
+
+/* Frames without a line are as those are around the nearest that has one. */
+static void laser_frames_fill(struct laser_frames *frames, const int *lines) {
+    for (int k = 0, i = 0; k < frames->n; k++) {
+        while (i + 1 < frames->lines && abs(lines[i + 1] - k) < abs(lines[i] - k))
+            i++;
+        frames->level[k] = frames->level[lines[i]];
+    }
+}
+
+void laser_frames_settle(struct laser_frames *frames) {
+    g_autofree int *lines = g_new0(int, frames->n);
+    frames->lines = 0;
+    for (int k = 0; k < frames->n; k++) {
+        frames->own[k] = 0;
+        if (isfinite(frames->middle[k]))
+            lines[frames->lines++] = k;
+    }
+    g_return_if_fail(frames->lines > 0);
+    find_levels(frames, lines);
+    const double uneven = find_uneven(frames, lines);
+    find_offset(frames, lines, uneven);
+    for (int i = 0; i < frames->lines; i++) {
+        const int k = lines[i];
+        const double off = frames->middle[k] - frames->level[k];
+        if (fabs(off) <= MANY * frame_error(frames, k, uneven))
+            frames->own[k] = robust_shrink(off, frames->error[k], uneven);
+    }
+    laser_frames_fill(frames, lines);
+}

@@ -1,0 +1,375 @@
+#include "laser_lines.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/robust.h"
+#include "laser_frames.h"
+
+#define MARK_MM      0.5 /* kept off marks, beyond their radius */
+#define LEAST_PIXELS 64  /* of a sweep */
+#define LEAST_FRAME  6   /* of a frame */
+#define ROUNDS       6
+#define MANY         4.0  /* standard errors: beyond them two disagree */
+#define OFF_SHARE    0.25 /* of frames: with as many the sweep as a whole disagrees */
+/* What even a good calibration is not known better than, as a sheet is only nearly a plane that
+ * turns evenly: 15 µm at half a metre; and for single frames, as axes step unevenly. */
+#define LEAST_KNOWN_RAD 3e-5
+#define LEAST_FRAME_RAD 2e-4
+
+struct pixel {
+    guint32 index;
+    struct vec3 at_mm;  /* rig frame */
+    struct vec3 per_mm; /* how that moves with the plane's height */
+};
+
+struct LaserRegion {
+    GArray *pixels;
+    struct laser_reference reference;
+    double turntable_rad;
+};
+
+char *laser_reference_to_text(const struct laser_reference *reference) {
+    const double values[] = {reference->plane_mm, reference->plane_error_mm, reference->hole_mm[0],
+                             reference->hole_mm[1], reference->radius_mm};
+    GString *text = g_string_new(NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(values); i++) {
+        char number[G_ASCII_DTOSTR_BUF_SIZE];
+        g_string_append_printf(text, "%s%s", i ? ";" : "",
+                               g_ascii_dtostr(number, sizeof number, values[i]));
+    }
+    return g_string_free(text, FALSE);
+}
+
+gboolean laser_reference_from_text(const char *text, struct laser_reference *ret) {
+    double values[5];
+    g_auto(GStrv) words = text ? g_strsplit(text, ";", 6) : NULL;
+    if (!words || g_strv_length(words) != G_N_ELEMENTS(values))
+        return FALSE;
+    for (gsize i = 0; i < G_N_ELEMENTS(values); i++) {
+        char *end = NULL;
+        values[i] = g_ascii_strtod(words[i], &end);
+        if (end == words[i] || *end || !isfinite(values[i]) || values[i] < 0)
+            return FALSE;
+    }
+    *ret = (struct laser_reference){.plane_mm = values[0],
+                                    .plane_error_mm = values[1],
+                                    .hole_mm = {values[2], values[3]},
+                                    .radius_mm = values[4]};
+    return TRUE;
+}
+
+/* Whether the way from a point of the plane to another point, both in the sample frame, goes
+ * through the sample's box. */
+static gboolean is_behind(const struct laser_reference *r, struct vec3 point, struct vec3 other) {
+    const double from[3] = {point.x, point.y, point.z}, to[3] = {other.x, other.y, other.z};
+    const double low[3] = {-r->hole_mm[0] / 2, -r->hole_mm[1] / 2, r->plane_mm};
+    const double high[3] = {r->hole_mm[0] / 2, r->hole_mm[1] / 2, MAX(r->top_mm, r->plane_mm)};
+    double enter = 0, leave = 1;
+    for (int i = 0; i < 3; i++) {
+        const double way = to[i] - from[i];
+        if (fabs(way) < 1e-12) {
+            if (from[i] < low[i] || from[i] > high[i])
+                return FALSE;
+            continue;
+        }
+        const double a = (low[i] - from[i]) / way, b = (high[i] - from[i]) / way;
+        enter = MAX(enter, MIN(a, b));
+        leave = MIN(leave, MAX(a, b));
+    }
+    return enter < leave;
+}
+
+static gboolean is_mark(const struct rig *rig, struct vec3 point) {
+    for (int i = 0; i < rig->n_marks; i++) {
+        const struct rig_mark *mark = &rig->marks[i];
+        const double x = point.x - mark->centre_mm.x, y = point.y - mark->centre_mm.y;
+        if (hypot(x, y) < mark->radius_mm + MARK_MM + fabs(mark->centre_mm.z))
+            return TRUE;
+    }
+    return FALSE;
+}
+
+static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
+                            struct vec3 point, struct vec3 eye) {
+    const gboolean in_hole =
+        fabs(point.x) <= reference->hole_mm[0] / 2 && fabs(point.y) <= reference->hole_mm[1] / 2;
+    return hypot(point.x, point.y) < reference->radius_mm && !in_hole && !is_mark(rig, point) &&
+           !is_behind(reference, point, eye);
+}
+
+LaserRegion *laser_region_new(const struct rig *rig, const struct rig_camera *camera,
+                              double turntable_rad, const struct laser_reference *reference) {
+    LaserRegion *region = g_new0(LaserRegion, 1);
+    region->pixels = g_array_new(FALSE, FALSE, sizeof(struct pixel));
+    region->reference = *reference;
+    region->turntable_rad = turntable_rad;
+    const struct vec3 centre = rig_camera_centre_mm(camera);
+    const struct vec3 eye = rig_turn(centre, -turntable_rad);
+    for (int i = 0; i < camera->width * camera->height && reference->radius_mm > 0; i++) {
+        const int row = i / camera->width, column = i % camera->width;
+        const struct vec3 ray = rig_pixel_ray(camera, column, row);
+        if (!(ray.z < 0))
+            continue;
+        const double along = (reference->plane_mm - centre.z) / ray.z;
+        const struct pixel pixel = {(guint32)i, vec3_add(centre, vec3_scale(ray, along)),
+                                    vec3_scale(ray, 1 / ray.z)};
+        if (shows_plane(rig, reference, rig_turn(pixel.at_mm, -turntable_rad), eye))
+            g_array_append_val(region->pixels, pixel);
+    }
+    return region;
+}
+
+void laser_region_free(LaserRegion *region) {
+    if (!region)
+        return;
+    g_array_unref(region->pixels);
+    g_free(region);
+}
+
+int laser_region_pixels(const LaserRegion *region) {
+    return (int)region->pixels->len;
+}
+
+/* A pixel that saw the line. */
+struct candidate {
+    int frame;
+    double off;    /* rad: how much further than told the sheet had turned at its peak */
+    double along;  /* where on the line: tangent of the angle from the beam */
+    double weight; /* of the last fit */
+};
+
+/* The candidates of frame k are those from first[k] on, to first[k + 1]. */
+struct search {
+    struct candidate *candidates;
+    int n, n_frames, *first;
+    double *middle; /* of each frame: robust mean of off; NAN: too few */
+    double *error;  /* its standard error */
+    double scale;   /* usual residual of a pixel */
+    double per_mm;  /* rad: what the plane's height changes all by */
+    double range_mm;
+};
+
+static int by_frame(const void *a, const void *b) {
+    const struct candidate *x = a, *y = b;
+    return x->frame != y->frame ? x->frame - y->frame : (x->off > y->off) - (x->off < y->off);
+}
+
+static void laser_lines_collect(const LaserRegion *region, const struct laser_sweep *sweep,
+                                struct search *search) {
+    const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
+    const struct vec3 in_sample = rig_turn(source, -region->turntable_rad);
+    const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
+    double per_mm = 0;
+    for (guint i = 0; i < region->pixels->len; i++) {
+        const struct pixel *pixel = &g_array_index(region->pixels, struct pixel, i);
+        const float peak = sweep->peak[pixel->index];
+        if (!(peak > 0) || !(peak < (float)(search->n_frames - 1)) ||
+            is_behind(&region->reference, rig_turn(pixel->at_mm, -region->turntable_rad),
+                      in_sample))
+            continue;
+        const struct vec3 way = vec3_sub(pixel->at_mm, source);
+        const double aside = vec3_dot(way, axis);
+        const double range = sqrt(MAX(vec3_dot(way, way) - aside * aside, 1e-6));
+        const double at =
+            rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, pixel->at_mm);
+        const double above = rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad,
+                                                 vec3_add(pixel->at_mm, pixel->per_mm));
+        search->candidates[search->n++] = (struct candidate){
+            (int)lroundf(peak), at - (sweep->from_rad + peak * sweep->step_rad), aside / range, 1};
+        per_mm += above - at;
+        search->range_mm += range;
+    }
+    search->per_mm = per_mm / MAX(search->n, 1);
+    search->range_mm /= MAX(search->n, 1);
+    qsort(search->candidates, (gsize)search->n, sizeof *search->candidates, by_frame);
+    for (int i = 0, k = 0; k <= search->n_frames; k++) {
+        while (i < search->n && search->candidates[i].frame < k)
+            i++;
+        search->first[k] = i;
+    }
+}
+
+/* Of a frame, with a roll taken out: median, then Tukey's mean. */
+static void fit_frame(struct search *search, int frame, double roll) {
+    const int from = search->first[frame], n = search->first[frame + 1] - from;
+    search->middle[frame] = NAN;
+    if (n < LEAST_FRAME)
+        return;
+    struct candidate *candidates = search->candidates + from;
+    g_autofree double *off = g_new(double, n);
+    for (int i = 0; i < n; i++)
+        off[i] = candidates[i].off - roll * candidates[i].along;
+    double middle = robust_median(off, n), weights = n;
+    for (int round = 0; round < ROUNDS && search->scale > 0; round++) {
+        double sum = 0;
+        weights = 0;
+        for (int i = 0; i < n; i++) {
+            const double value = candidates[i].off - roll * candidates[i].along;
+            candidates[i].weight = robust_biweight(value - middle, search->scale);
+            weights += candidates[i].weight;
+            sum += candidates[i].weight * value;
+        }
+        if (!(weights >= 0.5 * LEAST_FRAME))
+            return;
+        middle = sum / weights;
+    }
+    search->middle[frame] = middle;
+    search->error[frame] = search->scale / sqrt(weights);
+}
+
+static void fit_frames(struct search *search, double roll) {
+    for (int k = 0; k < search->n_frames; k++)
+        fit_frame(search, k, roll);
+}
+
+static void measure_scale(struct search *search, double roll) {
+    g_autofree double *off = g_new(double, search->n + 1);
+    int n = 0;
+    for (int i = 0; i < search->n; i++) {
+        const struct candidate *c = &search->candidates[i];
+        if (isfinite(search->middle[c->frame]))
+            off[n++] = c->off - roll * c->along - search->middle[c->frame];
+    }
+    search->scale = n > 0 ? MAX(robust_spread(off, n, 0), 1e-9) : 0;
+}
+
+/* The slope that the frames' lines have in common. FALSE: nothing can be told. */
+static gboolean fit_roll(struct search *search, double *roll, double *ret_error) {
+    double product = 0, square = 0;
+    for (int k = 0; k < search->n_frames; k++) {
+        double weights = 0, off = 0, along = 0;
+        for (int i = search->first[k]; i < search->first[k + 1]; i++) {
+            struct candidate *c = &search->candidates[i];
+            const double residual = c->off - *roll * c->along - search->middle[k];
+            c->weight = isfinite(residual) ? robust_biweight(residual, search->scale) : 0;
+            weights += c->weight;
+            off += c->weight * c->off;
+            along += c->weight * c->along;
+        }
+        for (int i = search->first[k]; weights > 0 && i < search->first[k + 1]; i++) {
+            const struct candidate *c = &search->candidates[i];
+            const double from_mean = c->along - along / weights;
+            product += c->weight * from_mean * (c->off - off / weights);
+            square += c->weight * from_mean * from_mean;
+        }
+    }
+    if (!(square > 1e-9))
+        return FALSE;
+    *roll = product / square;
+    *ret_error = search->scale / sqrt(square);
+    return TRUE;
+}
+
+static gboolean disagree(double seen, double error, double known) {
+    return fabs(seen) > MANY * hypot(error, known);
+}
+
+/* The planes: calibration and lines by their errors. */
+static void laser_lines_combine(const struct search *search, const struct laser_known *known,
+                                double plane_error_rad, struct laser_lines *lines) {
+    const int n = search->n_frames;
+    g_autofree double *level = g_new(double, n), *own = g_new(double, n);
+    struct laser_frames frames = {n, search->middle, search->error, level, own};
+    const double of_frames = hypot(known->turn_rad, LEAST_FRAME_RAD);
+    laser_frames_settle(&frames);
+    lines->frames = frames.lines;
+    lines->offset_rad = frames.offset;
+    lines->offset_error_rad = hypot(frames.offset_error, plane_error_rad);
+    for (int k = 0; k < n; k++) {
+        if (!isfinite(search->middle[k]))
+            continue;
+        lines->pixels += search->first[k + 1] - search->first[k];
+        lines->frames_off += disagree(level[k], lines->offset_error_rad, of_frames);
+    }
+    const gboolean off = disagree(lines->offset_rad, lines->offset_error_rad, known->turn_rad) ||
+                         lines->frames_off > OFF_SHARE * lines->frames;
+    const double whole =
+        off ? lines->offset_rad
+            : robust_shrink(lines->offset_rad, lines->offset_error_rad, known->turn_rad);
+    lines->disagrees |= off;
+    lines->turn_rad = g_new0(float, n);
+    for (int k = 0; k < n; k++)
+        lines->turn_rad[k] = (float)(whole + level[k] - lines->offset_rad + own[k]);
+}
+
+static gboolean laser_lines_do_find(struct search *search, const struct laser_known *known,
+                                    struct laser_lines *lines) {
+    double roll = 0;
+    lines->roll_error_rad = INFINITY;
+    fit_frames(search, 0);
+    for (int round = 0; round < ROUNDS; round++) {
+        measure_scale(search, roll);
+        if (!(search->scale > 0) || !fit_roll(search, &roll, &lines->roll_error_rad))
+            return FALSE;
+        fit_frames(search, roll);
+    }
+    lines->roll_seen_rad = roll;
+    lines->disagrees = disagree(roll, lines->roll_error_rad, known->roll_rad);
+    lines->roll_rad =
+        lines->disagrees ? roll : robust_shrink(roll, lines->roll_error_rad, known->roll_rad);
+    fit_frames(search, lines->roll_rad);
+    measure_scale(search, lines->roll_rad);
+    for (int k = 0; k < search->n_frames; k++)
+        if (isfinite(search->middle[k]))
+            return TRUE;
+    return FALSE;
+}
+
+static void set_beam(const struct laser_sweep *sweep, struct laser_lines *lines) {
+    const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
+    lines->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
+    const struct vec3 way = vec3_scale(lines->source_mm, -1);
+    lines->beam = vec3_unit(vec3_sub(way, vec3_scale(axis, vec3_dot(way, axis))));
+}
+
+void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
+                      const struct laser_known *known, struct laser_lines *ret) {
+    const struct laser_known least = {hypot(known->turn_rad, LEAST_KNOWN_RAD),
+                                      hypot(known->roll_rad, LEAST_KNOWN_RAD)};
+    struct search search = {.n_frames = n_frames};
+    *ret = (struct laser_lines){.n_frames = n_frames};
+    search.candidates = g_new(struct candidate, region->pixels->len + 1);
+    search.first = g_new0(int, n_frames + 1);
+    search.middle = g_new(double, n_frames);
+    search.error = g_new0(double, n_frames);
+    laser_lines_collect(region, sweep, &search);
+    set_beam(sweep, ret);
+    if (search.n >= LEAST_PIXELS && laser_lines_do_find(&search, &least, ret)) {
+        laser_lines_combine(&search, &least, fabs(search.per_mm) * region->reference.plane_error_mm,
+                            ret);
+        ret->scatter_mm = search.scale * search.range_mm;
+    }
+    g_free(search.candidates);
+    g_free(search.first);
+    g_free(search.middle);
+    g_free(search.error);
+}
+
+void laser_lines_clear(struct laser_lines *lines) {
+    g_clear_pointer(&lines->turn_rad, g_free);
+}
+
+static double turn_at(const struct laser_lines *lines, double frame) {
+    const double at = CLAMP(frame, 0, lines->n_frames - 1);
+    const int k = MIN((int)at, MAX(lines->n_frames - 2, 0));
+    const double a = lines->turn_rad[k], b = lines->turn_rad[MIN(k + 1, lines->n_frames - 1)];
+    return a + (b - a) * (at - k);
+}
+
+struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
+                                   double frame) {
+    const gboolean has = lines && lines->turn_rad;
+    const double told = sweep->from_rad + frame * sweep->step_rad;
+    struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad,
+                                             told + (has ? turn_at(lines, frame) : 0));
+    if (!has || lines->roll_rad == 0)
+        return sheet;
+    /* A point that lies further along the axis is met by the sheet when it has turned further. */
+    const struct vec3 aside = vec3_cross(sheet.normal, lines->beam);
+    sheet.normal = vec3_unit(vec3_add(vec3_scale(sheet.normal, cos(lines->roll_rad)),
+                                      vec3_scale(aside, sin(lines->roll_rad))));
+    sheet.offset_mm = vec3_dot(sheet.normal, lines->source_mm);
+    return sheet;
+}

@@ -1,0 +1,559 @@
+#include "rectify.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "demosaic.h"
+
+#define SPACING_PX  0.25  /* of the points by which a texel is gathered */
+#define MOST_EXCESS 10.0f /* of a colour, over what the others would have it */
+#define MARKED      0.02f /* of a texel, that a pixel is whose mark it gets */
+
+/* Pixels side by side that are summed up together. */
+#define LANES 8
+typedef float wide __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+
+/* The part of the picture that a texel has weights for: begins at an even column, so that a lane
+ * has the same colours in every texel's. */
+struct window {
+    guint32 start; /* of its weights, n_rows × n_wide × LANES */
+    guint16 x, y, n_rows, n_wide;
+};
+
+struct rows {
+    struct window *window; /* of each texel */
+    GArray *weight;        /* float; 0 where there is none */
+};
+
+struct Rectify {
+    int n_texels, n_outside;
+    int width, height; /* of the mosaic */
+    gsize stride;      /* of rows with room for windows that reach beyond the border */
+    gsize n_pixels;
+    guint8 *colour; /* of each pixel, as in demosaic.h */
+    int phase[4];   /* colours of even and odd columns of even rows, then of odd ones */
+    gboolean mono;
+    struct rows area;    /* by what each pixel is part of it, times its gain */
+    struct rows around;  /* smoothly, for a texel's colour */
+    float (*balance)[3]; /* of around: weights of other colours to those of this; 0: none */
+    float colour_gain[3];
+    float
+        *ratio; /* planes of factors to red, green and blue, 0 for a pixel's own; NULL: no guide */
+};
+
+struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row) {
+    return vec3(grid->width_mm * (column / grid->width - 0.5),
+                grid->height_mm * (0.5 - row / grid->height), grid->reference_mm);
+}
+
+void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
+                        double turntable_rad, const struct session_grid *grid,
+                        float *ret_irradiance) {
+    for (int row = 0; row < grid->height; row++)
+        for (int column = 0; column < grid->width; column++) {
+            struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
+            *ret_irradiance++ =
+                (float)rig_lamp_irradiance(arc, lamp, arc_rad, rig_turn(p, turntable_rad));
+        }
+}
+
+/* Fills the colour of each pixel; a mono sensor has one, which is called green. */
+static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError **error) {
+    static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
+    if (!g_strv_contains(names, cfa)) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "colour filter \"%s\" is not known; there are mono, rggb, bggr, grbg, gbrg",
+                    cfa);
+        return FALSE;
+    }
+    rectify->mono = strcmp(cfa, "mono") == 0;
+    rectify->colour = g_new(guint8, rectify->n_pixels);
+    for (gsize i = 0; i < rectify->n_pixels; i++) {
+        int x = (int)(i % (gsize)width), y = (int)(i / (gsize)width);
+        char name = rectify->mono ? 'g' : cfa[2 * (y & 1) + (x & 1)];
+        int colour = name == 'r' ? DEMOSAIC_RED : name == 'g' ? DEMOSAIC_GREEN : DEMOSAIC_BLUE;
+        rectify->colour[i] = (guint8)colour;
+        if (x < 2 && y < 2)
+            rectify->phase[2 * y + x] = colour;
+    }
+    return TRUE;
+}
+
+/* One texel's points in the picture: an even pattern over its area. */
+struct footprint {
+    double *x, *y;
+    int n;
+};
+
+static gboolean in_picture(const struct rig_camera *camera, double x, double y) {
+    return x >= 0 && y >= 0 && x <= camera->width - 1 && y <= camera->height - 1;
+}
+
+static gboolean project_texel(const struct rig_camera *camera, double turntable_rad,
+                              const struct session_grid *grid, int column, int row, int side,
+                              struct footprint *ret) {
+    ret->n = 0;
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++) {
+            struct vec3 p =
+                rectify_point_mm(grid, column + (i + 0.5) / side, row + (j + 0.5) / side);
+            double *x = &ret->x[ret->n], *y = &ret->y[ret->n++];
+            if (!rig_project(camera, rig_turn(p, turntable_rad), x, y) ||
+                !in_picture(camera, *x, *y))
+                return FALSE;
+        }
+    return TRUE;
+}
+
+/* Weights of pixels, gathered: a dense picture and a list of those that were touched. */
+struct weights {
+    float *sum;
+    gboolean *touched;
+    GArray *pixels; /* guint32 */
+};
+
+static struct weights new_weights(gsize n_pixels) {
+    return (struct weights){g_new0(float, n_pixels), g_new0(gboolean, n_pixels),
+                            g_array_new(FALSE, FALSE, sizeof(guint32))};
+}
+
+static void free_weights(struct weights *weights) {
+    g_free(weights->sum);
+    g_free(weights->touched);
+    g_array_unref(weights->pixels);
+}
+
+static void add_weight(struct weights *weights, guint32 pixel, float weight) {
+    if (!weights->touched[pixel])
+        g_array_append_val(weights->pixels, pixel);
+    weights->touched[pixel] = TRUE;
+    weights->sum[pixel] += weight;
+}
+
+static void clear_weights(struct weights *weights) {
+    for (guint i = 0; i < weights->pixels->len; i++) {
+        guint32 pixel = g_array_index(weights->pixels, guint32, i);
+        weights->sum[pixel] = 0;
+        weights->touched[pixel] = FALSE;
+    }
+    g_array_set_size(weights->pixels, 0);
+}
+
+/* Beyond its border a picture is mirrored at the outermost pixels, which keeps colours in place. */
+static int mirror(int i, int n) {
+    i = abs(i);
+    return i < n ? i : MAX(2 * (n - 1) - i, 0);
+}
+
+static guint32 rectify_pixel_at(const Rectify *rectify, int x, int y) {
+    return (guint32)(mirror(y, rectify->height) * rectify->width + mirror(x, rectify->width));
+}
+
+/* A pixel is the mean over its area: of three side by side, the parabola with those means, which is
+ * the derivative of Keys' cubic (1981, a = −½) through the sums up to the pixels' borders. What is
+ * gathered over whole pixels is therefore theirs exactly. */
+static void area_weights(double t, float *ret) {
+    ret[0] = (float)((1.5 * t - 2) * t + 0.5);
+    ret[1] = (float)((3 - 3 * t) * t + 0.5);
+    ret[2] = (float)((1.5 * t - 1) * t);
+}
+
+static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint,
+                         struct weights *weights) {
+    float share = 1.0f / (float)footprint->n, columns[3], rows[3];
+    for (int k = 0; k < footprint->n; k++) {
+        double x = footprint->x[k] + 0.5, y = footprint->y[k] + 0.5;
+        int i = (int)floor(x), j = (int)floor(y);
+        area_weights(x - i, columns);
+        area_weights(y - j, rows);
+        for (int c = 0; c < 9; c++)
+            add_weight(weights, rectify_pixel_at(rectify, i + c % 3 - 1, j + c / 3 - 1),
+                       share * columns[c % 3] * rows[c / 3]);
+    }
+}
+
+/* Quadratic B-spline over twice the pixels' distance: its sums over one colour's pixels, which are
+ * two apart, are the same wherever it stands. */
+static float spline(double t) {
+    t = fabs(t) / 2;
+    return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);
+}
+
+static void weigh_around(const Rectify *rectify, const struct footprint *footprint,
+                         struct weights *weights) {
+    for (int k = 0; k < footprint->n; k++) {
+        int i0 = (int)floor(footprint->x[k]) - 2, j0 = (int)floor(footprint->y[k]) - 2;
+        float columns[6], rows[6];
+        for (int c = 0; c < 6; c++) {
+            columns[c] = spline(footprint->x[k] - (i0 + c));
+            rows[c] = spline(footprint->y[k] - (j0 + c));
+        }
+        for (int c = 0; c < 36; c++)
+            add_weight(weights, rectify_pixel_at(rectify, i0 + c % 6, j0 + c / 6),
+                       columns[c % 6] * rows[c / 6]);
+    }
+}
+
+static struct rows new_rows(int n) {
+    return (struct rows){g_new0(struct window, n), g_array_new(FALSE, TRUE, sizeof(float))};
+}
+
+static void rectify_clear_rows(struct rows *rows) {
+    g_free(rows->window);
+    g_clear_pointer(&rows->weight, g_array_unref);
+}
+
+static const float *weights_of(const struct rows *rows, int texel) {
+    return (const float *)(void *)rows->weight->data + rows->window[texel].start;
+}
+
+/* What holds all pixels that have a weight; no rows if none has. */
+static struct window bounds(const Rectify *rectify, const struct weights *weights) {
+    int x0 = G_MAXINT, x1 = -1, y0 = G_MAXINT, y1 = -1;
+    for (guint i = 0; i < weights->pixels->len; i++) {
+        guint32 pixel = g_array_index(weights->pixels, guint32, i);
+        int x = (int)pixel % rectify->width, y = (int)pixel / rectify->width;
+        if (weights->sum[pixel] == 0)
+            continue;
+        x0 = MIN(x0, x & ~1);
+        x1 = MAX(x1, x);
+        y0 = MIN(y0, y);
+        y1 = MAX(y1, y);
+    }
+    return x1 < 0 ? (struct window){0}
+                  : (struct window){.x = (guint16)x0,
+                                    .y = (guint16)y0,
+                                    .n_rows = (guint16)(y1 - y0 + 1),
+                                    .n_wide = (guint16)((x1 - x0) / LANES + 1)};
+}
+
+/* Moves the weights there. */
+static void rectify_append_row(const Rectify *rectify, struct rows *rows, int texel,
+                               struct weights *weights, const float *gain) {
+    struct window *window = &rows->window[texel];
+    *window = bounds(rectify, weights);
+    window->start = rows->weight->len;
+    const guint columns = (guint)window->n_wide * LANES;
+    g_array_set_size(rows->weight, window->start + window->n_rows * columns);
+    float *to = (float *)(void *)rows->weight->data + window->start;
+    for (guint i = 0; i < weights->pixels->len; i++) {
+        guint32 pixel = g_array_index(weights->pixels, guint32, i);
+        guint x = pixel % (guint)rectify->width - window->x;
+        guint y = pixel / (guint)rectify->width - window->y;
+        if (weights->sum[pixel] != 0)
+            to[y * columns + x] = weights->sum[pixel] * (gain ? gain[pixel] : 1);
+    }
+    clear_weights(weights);
+}
+
+/* How much all pixels of other colours weigh around a texel, relative to those of each. */
+static void balance(Rectify *rectify, int texel) {
+    const struct window *window = &rectify->around.window[texel];
+    const float *weight = weights_of(&rectify->around, texel);
+    const int columns = window->n_wide * LANES;
+    float own[3] = {0}, all = 0;
+    for (int i = 0; i < window->n_rows * columns; i++) {
+        own[rectify->phase[2 * ((window->y + i / columns) & 1) + (i & 1)]] += weight[i];
+        all += weight[i];
+    }
+    for (int c = 0; c < 3; c++)
+        rectify->balance[texel][c] = own[c] > 0 && all - own[c] > 0 ? (all - own[c]) / own[c] : 0;
+}
+
+/* What a pixel's value is multiplied with to be a radiance: DN a millisecond → DN a second, then
+ * response and flat field. Its colour is taken out of the texels, since every pixel counts for
+ * every colour. */
+static float *pixel_gains(const struct rig_camera *camera,
+                          const struct radiometry_camera *radiometry) {
+    float *gain = g_new(float, (gsize)camera->width *(gsize)camera->height);
+    for (int y = 0, i = 0; y < camera->height; y++)
+        for (int x = 0; x < camera->width; x++, i++)
+            gain[i] =
+                (float)(1000 / (camera->response * radiometry_flat(camera, radiometry, x, y)));
+    return gain;
+}
+
+static void set_colour_gains(Rectify *rectify, const struct radiometry_camera *radiometry) {
+    gboolean known = radiometry && radiometry->known;
+    for (int c = 0; c < 3; c++)
+        rectify->colour_gain[c] =
+            known ? (float)(1 / radiometry->colour[rectify->mono ? DEMOSAIC_GREEN : c]) : 1;
+}
+
+/* Points a texel and direction, at most that far apart. */
+static int points_aside(const struct rig_camera *camera, double turntable_rad,
+                        const struct session_grid *grid, double spacing_px) {
+    double most = 0;
+    for (int k = 0; k < 4; k++) { /* distances grow and shrink smoothly: the corners tell */
+        double column = k & 1 ? grid->width - 1 : 0, row = k >> 1 ? grid->height - 1 : 0;
+        double x[3], y[3];
+        for (int c = 0; c < 3; c++) {
+            struct vec3 p = rectify_point_mm(grid, column + (c == 1), row + (c == 2));
+            if (!rig_project(camera, rig_turn(p, turntable_rad), &x[c], &y[c]))
+                return 4;
+        }
+        most = MAX(most, MAX(hypot(x[1] - x[0], y[1] - y[0]), hypot(x[2] - x[0], y[2] - y[0])));
+    }
+    return (int)CLAMP(ceil(most / spacing_px), 2, 64);
+}
+
+static gboolean check_outside(const Rectify *rectify, const struct rig_camera *camera,
+                              double turntable_rad, GError **error) {
+    if (rectify->n_outside * 100.0 <= rectify->n_texels)
+        return TRUE;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "camera %s at turntable %.6g°: %d of %d texels lie outside of its %d × %d pixels; "
+                "point it at the sample and calibrate it, or make [sample] smaller in the session",
+                camera->name, turntable_rad * 180 / G_PI, rectify->n_outside, rectify->n_texels,
+                camera->width, camera->height);
+    return FALSE;
+}
+
+static void fill_rows(Rectify *rectify, const struct rig_camera *camera,
+                      const struct radiometry_camera *radiometry, double turntable_rad,
+                      const struct session_grid *grid) {
+    int side = points_aside(camera, turntable_rad, grid, SPACING_PX);
+    int coarse = points_aside(camera, turntable_rad, grid, 4 * SPACING_PX);
+    g_autofree double *x = g_new(double, side *side), *y = g_new(double, side *side);
+    g_autofree float *gain = pixel_gains(camera, radiometry);
+    struct footprint footprint = {x, y, 0};
+    struct weights weights = new_weights(rectify->n_pixels);
+    for (int i = 0; i < rectify->n_texels; i++) {
+        int column = i % grid->width, row = i / grid->width;
+        gboolean inside = project_texel(camera, turntable_rad, grid, column, row, side, &footprint);
+        rectify->n_outside += !inside;
+        if (inside)
+            weigh_pixels(rectify, &footprint, &weights);
+        rectify_append_row(rectify, &rectify->area, i, &weights, gain);
+        if (inside && !rectify->mono &&
+            project_texel(camera, turntable_rad, grid, column, row, coarse, &footprint))
+            weigh_around(rectify, &footprint, &weights);
+        rectify_append_row(rectify, &rectify->around, i, &weights, NULL);
+        balance(rectify, i);
+    }
+    free_weights(&weights);
+}
+
+Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
+                     const char *cfa, double turntable_rad, const struct session_grid *grid,
+                     GError **error) {
+    g_autoptr(Rectify) rectify = g_new0(Rectify, 1);
+    rectify->n_texels = grid->width * grid->height;
+    rectify->width = camera->width;
+    rectify->height = camera->height;
+    rectify->n_pixels = (gsize)camera->width * (gsize)camera->height;
+    rectify->stride = (gsize)camera->width + LANES;
+    rectify->balance = g_malloc0_n((gsize)rectify->n_texels, sizeof *rectify->balance);
+    rectify->area = new_rows(rectify->n_texels);
+    rectify->around = new_rows(rectify->n_texels);
+    if (!parse_cfa(rectify, cfa, camera->width, error)) {
+        g_prefix_error(error, "camera %s: ", camera->name);
+        return NULL;
+    }
+    set_colour_gains(rectify, radiometry);
+    fill_rows(rectify, camera, radiometry, turntable_rad, grid);
+    if (!check_outside(rectify, camera, turntable_rad, error))
+        return NULL;
+    return g_steal_pointer(&rectify);
+}
+
+void rectify_free(Rectify *rectify) {
+    if (!rectify)
+        return;
+    g_free(rectify->colour);
+    g_free(rectify->ratio);
+    g_free(rectify->balance);
+    rectify_clear_rows(&rectify->area);
+    rectify_clear_rows(&rectify->around);
+    g_free(rectify);
+}
+
+int rectify_outside(const Rectify *rectify) {
+    return rectify->n_outside;
+}
+
+static float *find_ratios(const Rectify *rectify, const float *mosaic) {
+    const gsize plane = rectify->stride * (gsize)rectify->height;
+    float *ratio = g_new0(float, 3 * plane);
+    g_autofree float *found = NULL;
+    if (!rectify->mono) {
+        found = g_new0(float, 3 * rectify->n_pixels);
+        demosaic_ratios(mosaic, rectify->colour, rectify->width, rectify->height, found);
+    }
+    for (gsize i = 0; i < 3 * rectify->n_pixels; i++) {
+        const gsize pixel = i / 3, c = i % 3, width = (gsize)rectify->width;
+        if (rectify->colour[pixel] != c)
+            ratio[c * plane + pixel / width * rectify->stride + pixel % width] =
+                found ? found[i] : 1;
+    }
+    return ratio;
+}
+
+void rectify_guide(Rectify *rectify, const float *mosaic) {
+    g_free(rectify->ratio);
+    rectify->ratio = find_ratios(rectify, mosaic);
+}
+
+/* Sums over a window for each colour, from its own pixels and from those of the other two. */
+struct tally {
+    float own[3], others[3];
+};
+
+static inline float sum_of(const wide *value) {
+    const float *v = (const float *)value;
+    return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
+}
+
+/* mosaic has the stride of the ratios. */
+static inline __attribute__((always_inline)) void add_up(const Rectify *rectify,
+                                                         const struct rows *rows, int texel,
+                                                         const float *mosaic, const float *ratio,
+                                                         struct tally *ret) {
+    const struct window *window = &rows->window[texel];
+    const gsize plane = rectify->stride * (gsize)rectify->height;
+    const float *weight = weights_of(rows, texel);
+    wide own[2] = {{0}}, red = {0}, green = {0}, blue = {0};
+    for (int y = window->y; y < window->y + window->n_rows; y++) {
+        const gsize at = (gsize)y * rectify->stride + window->x;
+        wide all = {0};
+        for (gsize x = at; x < at + window->n_wide * LANES; x += LANES, weight += LANES) {
+            wide value = *(const wide *)weight * *(const wide *)(mosaic + x);
+            all += value;
+            red += value * *(const wide *)(ratio + x);
+            green += value * *(const wide *)(ratio + plane + x);
+            blue += value * *(const wide *)(ratio + 2 * plane + x);
+        }
+        own[y & 1] += all;
+    }
+    *ret = (struct tally){{0}, {sum_of(&red), sum_of(&green), sum_of(&blue)}};
+    for (int k = 0; k < 4; k++) {
+        const wide *v = &own[k / 2];
+        const int from = k % 2;
+        ret->own[rectify->phase[k]] +=
+            ((*v)[from] + (*v)[from + 2]) + ((*v)[from + 4] + (*v)[from + 6]);
+    }
+}
+
+/* How much more of a colour its own pixels around a texel see than the others would have it: gloss
+ * is as white on blue cloth as on red, and what a red wall lights up is redder than under a lamp.
+ */
+static inline float excess(const struct tally *around, int colour, float balance) {
+    float others = around->others[colour];
+    if (!(balance > 0) || !(others > 0))
+        return 1;
+    return CLAMP(around->own[colour] / others * balance, 1 / MOST_EXCESS, MOST_EXCESS);
+}
+
+static inline __attribute__((always_inline)) void apply_texel(const Rectify *rectify, int texel,
+                                                              const float *mosaic,
+                                                              const float *ratio, float *ret_rgb) {
+    struct tally area, around;
+    add_up(rectify, &rectify->area, texel, mosaic, ratio, &area);
+    add_up(rectify, &rectify->around, texel, mosaic, ratio, &around);
+    for (int c = 0; c < 3; c++)
+        ret_rgb[c] =
+            rectify->colour_gain[c] *
+            (area.own[c] + area.others[c] * excess(&around, c, rectify->balance[texel][c]));
+}
+
+static inline __attribute__((always_inline)) void
+apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float *ret_rgb) {
+    for (int texel = 0; texel < rectify->n_texels; texel++)
+        apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
+}
+
+/* By hand, as in sweep.c. */
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void apply_avx2(const Rectify *rectify, const float *mosaic,
+                                                       const float *ratio, float *ret_rgb) {
+    apply_all(rectify, mosaic, ratio, ret_rgb);
+}
+#endif
+
+static void rectify_do_apply(const Rectify *rectify, const float *mosaic, const float *ratio,
+                             float *ret_rgb) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        apply_avx2(rectify, mosaic, ratio, ret_rgb);
+        return;
+    }
+#endif
+    apply_all(rectify, mosaic, ratio, ret_rgb);
+}
+
+/* With room after each row; what is no number is 0, and FALSE. */
+static gboolean pad(const Rectify *rectify, const float *mosaic, float *ret) {
+    const gsize width = (gsize)rectify->width;
+    int bad = 0;
+    for (gsize y = 0; y < (gsize)rectify->height; y++) {
+        const float *from = mosaic + y * width;
+        float *to = ret + y * rectify->stride;
+        for (gsize x = 0; x < width; x++) {
+            const gboolean good = from[x] - from[x] == 0;
+            to[x] = good ? from[x] : 0;
+            bad |= !good;
+        }
+        memset(to + width, 0, LANES * sizeof *to);
+    }
+    return !bad;
+}
+
+static gboolean rectify_all_finite(const Rectify *rectify, const struct rows *rows, int texel,
+                                   const float *mosaic) {
+    const struct window *window = &rows->window[texel];
+    const float *weight = weights_of(rows, texel);
+    const int columns = window->n_wide * LANES;
+    for (int i = 0; i < window->n_rows * columns; i++)
+        if (weight[i] != 0 &&
+            !isfinite(mosaic[(window->y + i / columns) * rectify->width + window->x + i % columns]))
+            return FALSE;
+    return TRUE;
+}
+
+int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes) {
+    g_autofree float *found = NULL;
+    const float *ratio = rectify->ratio;
+    if (!ratio) {
+        found = find_ratios(rectify, mosaic);
+        ratio = found;
+    }
+    g_autofree float *padded = g_new(float, rectify->stride *(gsize)rectify->height);
+    const gboolean good = pad(rectify, mosaic, padded);
+    int holes = 0;
+    rectify_do_apply(rectify, padded, ratio, ret_rgb);
+    for (int texel = 0; texel < rectify->n_texels; texel++) {
+        float *rgb = ret_rgb + 3 * (gsize)texel;
+        const gboolean seen =
+            rectify->area.window[texel].n_rows > 0 && isfinite(rgb[0]) && isfinite(rgb[1]) &&
+            isfinite(rgb[2]) &&
+            (good || (rectify_all_finite(rectify, &rectify->area, texel, mosaic) &&
+                      rectify_all_finite(rectify, &rectify->around, texel, mosaic)));
+        holes += !seen;
+        if (!seen)
+            memset(rgb, 0, 3 * sizeof *rgb);
+        if (ret_holes)
+            ret_holes[texel] = !seen;
+    }
+    return holes;
+}
+
+static guint8 mark_of(const Rectify *rectify, int texel, const guint8 *pixels) {
+    const struct window *window = &rectify->area.window[texel];
+    const float *weight = weights_of(&rectify->area, texel);
+    const int columns = window->n_wide * LANES, n = window->n_rows * columns;
+    float sum = 0;
+    guint8 mark = 0;
+    for (int i = 0; i < n; i++)
+        sum += weight[i];
+    for (int i = 0; i < n; i++)
+        if (weight[i] != 0 && fabsf(weight[i]) >= MARKED * sum)
+            mark |= pixels[(window->y + i / columns) * rectify->width + window->x + i % columns];
+    return mark;
+}
+
+void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
+    for (int texel = 0; texel < rectify->n_texels; texel++)
+        ret_texels[texel] = mark_of(rectify, texel, pixels);
+}

@@ -1,0 +1,475 @@
+#include "sweep.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "sweep_pulse.h"
+
+#define LEAST_MARGIN 4     /* DN above background that are not yet a line */
+#define MOST_MARGIN  64    /* of the converter's range, the part that a margin grows to */
+#define FEW_PIXELS   256   /* they tell nothing of noise, and may all be lit at once */
+#define NOISE_PIXELS 1024  /* by which it is measured */
+#define NOISE_MARGIN 6     /* its standard deviations; the darkest of many is two or three below */
+#define MEDIAN       0.954 /* of the difference of two normal deviates, its size */
+#define DARKEST      2.5   /* standard deviations that the darkest of many is below the mean */
+#define NOISE_FRAMES 5     /* the first ones, of which each pair tells of noise */
+#define ODD_RATIO    2     /* a frame is odd that differs from its neighbour by this many times */
+#define ODD_DN       2     /* and this much more than the next two differ */
+#define CROWDED      8     /* records a vector that are no cause to look for noise among them */
+
+/* Pixels side by side, of which all samples are kept if one is lit: a vector. Comparisons
+ * of vectors give −1 or 0. */
+#define LANES   16
+#define GROUP   4 /* vectors that are looked at together */
+#define NOTHING G_MAXUINT32
+
+#define TOGETHER 4 /* frames for which backgrounds are read and written once */
+#define AHEAD                                                                                      \
+    2048 /* pixels: a page, at whose end processors cease to fetch ahead by themselves             \
+          */
+typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
+typedef guint64 wide __attribute__((vector_size(2 * LANES)));
+
+struct record {
+    guint16 value[LANES];
+    guint32 previous; /* of the same vector, or NOTHING */
+    guint32 frame;
+};
+
+struct Sweep {
+    gsize n_pixels, n_vectors;
+    int n_frames, count;
+    int first; /* frame that the backgrounds begin with */
+    guint16 saturation, margin;
+    guint16 sample[NOISE_PIXELS]; /* of the frame before */
+    int difference;               /* of the pair of frames that the margin comes from */
+    float pedestal; /* what the darkest of a pixel's samples is below their mean, without a line */
+    guint16 *darkest; /* whole vectors */
+    guint16 *opening; /* likewise: the frame `first`, of which nothing can be told until there are
+                         more */
+    guint32 *last;    /* record of each vector, or NOTHING */
+    struct record *records;
+    gsize n_records, room, crowded;
+    const Sweep *shorter; /* or NULL */
+    float ratio;
+};
+
+Sweep *sweep_new(int width, int height, int n_frames, int saturation) {
+    g_return_val_if_fail(width > 0 && height > 0, NULL);
+    g_return_val_if_fail(n_frames > 0 && n_frames <= G_MAXINT16, NULL);
+    Sweep *sweep = g_new0(Sweep, 1);
+    sweep->n_pixels = (gsize)width * (gsize)height;
+    sweep->n_vectors = (sweep->n_pixels + LANES - 1) / LANES;
+    sweep->n_frames = n_frames;
+    sweep->saturation = (guint16)CLAMP(saturation, 1, G_MAXUINT16);
+    sweep->margin = LEAST_MARGIN;
+    sweep->darkest = g_new(guint16, sweep->n_vectors * LANES);
+    memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
+    sweep->opening = g_new0(guint16, sweep->n_vectors * LANES);
+    sweep->last = g_new(guint32, sweep->n_vectors);
+    memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
+    sweep->crowded = sweep->n_vectors * (CROWDED + (gsize)n_frames * 3 / 4);
+    return sweep;
+}
+
+void sweep_free(Sweep *sweep) {
+    if (!sweep)
+        return;
+    g_free(sweep->darkest);
+    g_free(sweep->opening);
+    g_free(sweep->last);
+    g_free(sweep->records);
+    g_free(sweep);
+}
+
+int sweep_count(const Sweep *sweep) {
+    return sweep->count;
+}
+
+gsize sweep_bytes(const Sweep *sweep) {
+    return sizeof *sweep + sweep->n_vectors * (2 * LANES * sizeof(guint16) + sizeof(guint32)) +
+           sweep->n_records * sizeof(struct record);
+}
+
+/* Of a vector something may be lit: then it is kept. */
+static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsize vector,
+                                                              const guint16 *pixels, int frame) {
+    struct record *record = &sweep->records[sweep->n_records];
+    lanes value = *(const lanes *)pixels, most = (lanes){} + sweep->saturation;
+    lanes clipped = (lanes)(value > most);
+    value = (clipped & most) | (~clipped & value);
+    lanes dark = *(const lanes *)(sweep->darkest + vector * LANES);
+    wide lit = (wide)(value - dark > sweep->margin);
+    if (!(lit[0] | lit[1] | lit[2] | lit[3]))
+        return;
+    memcpy(record->value, &value, sizeof value);
+    record->previous = sweep->last[vector];
+    record->frame = (guint32)frame;
+    sweep->last[vector] = (guint32)sweep->n_records++;
+}
+
+/* Some vectors together; n is known to the compiler. Writing all of the background back is cheaper
+ * than finding out whether any of it has changed: at first it does everywhere. */
+static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, const guint16 *pixels,
+                                                              gsize vector, int n, int frame) {
+    guint16 *restrict darkest = sweep->darkest + vector * LANES;
+    guint16 saturation = sweep->saturation, brightest = 0;
+    for (int i = 0; i < n * LANES; i++) {
+        guint16 value = MIN(pixels[i], saturation), dark = MIN(value, darkest[i]);
+        guint16 above = (guint16)(value - dark);
+        darkest[i] = dark;
+        brightest = MAX(brightest, above);
+    }
+    for (int k = 0; k < n && brightest > sweep->margin; k++)
+        keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES, frame);
+}
+
+/* A pixel's next sample; gives what it is above the darkest. */
+static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *darkest) {
+    guint16 value = MIN(sample, saturation);
+    *darkest = MIN(value, *darkest);
+    return (guint16)(value - *darkest);
+}
+
+/* The same of a group and all frames together; FALSE if anything may be lit: then nothing is done.
+ */
+static inline __attribute__((always_inline)) gboolean
+absorb_dark(Sweep *sweep, const guint16 *const *frames, gsize vector) {
+    guint16 *restrict darkest = sweep->darkest + vector * LANES;
+    const guint16 *restrict a = frames[0] + vector * LANES, *restrict b =
+                                                                frames[1] + vector * LANES;
+    const guint16 *restrict c = frames[2] + vector * LANES, *restrict d =
+                                                                frames[3] + vector * LANES;
+    guint16 saturation = sweep->saturation, brightest = 0, before[GROUP * LANES];
+    for (int k = 0; k < TOGETHER; k++)
+        for (gsize i = 0; i < GROUP * LANES; i += 32)
+            __builtin_prefetch(frames[k] + vector * LANES + AHEAD + i);
+    for (int i = 0; i < GROUP * LANES; i++) {
+        guint16 dark = darkest[i];
+        before[i] = dark;
+        guint16 first = above_dark(a[i], saturation, &dark);
+        guint16 second = above_dark(b[i], saturation, &dark);
+        guint16 third = above_dark(c[i], saturation, &dark);
+        guint16 fourth = above_dark(d[i], saturation, &dark);
+        darkest[i] = dark;
+        brightest = MAX(brightest, MAX(MAX(first, second), MAX(third, fourth)));
+    }
+    if (brightest > sweep->margin)
+        memcpy(darkest, before, sizeof before);
+    return brightest <= sweep->margin;
+}
+
+static inline void reserve(Sweep *sweep, gsize n_records) {
+    if (G_LIKELY(sweep->n_records + n_records <= sweep->room))
+        return;
+    sweep->room = MAX(2 * sweep->room, sweep->n_records + sweep->n_vectors + n_records);
+    sweep->records = g_renew(struct record, sweep->records, sweep->room);
+}
+
+/* n, of frames, is TOGETHER or 1. */
+static inline __attribute__((always_inline)) void
+sweep_absorb(Sweep *sweep, const guint16 *const *frames, int n) {
+    const gsize n_vectors = sweep->n_pixels / LANES;
+    gsize v = 0;
+    for (; v + GROUP <= n_vectors; v += GROUP) {
+        if (n == TOGETHER && absorb_dark(sweep, frames, v))
+            continue;
+        reserve(sweep, (gsize)n * GROUP);
+        for (int k = 0; k < n; k++)
+            absorb_some(sweep, frames[k] + v * LANES, v, GROUP, sweep->count + k);
+    }
+    reserve(sweep, (gsize)n * GROUP);
+    for (; v < n_vectors; v++)
+        for (int k = 0; k < n; k++)
+            absorb_some(sweep, frames[k] + v * LANES, v, 1, sweep->count + k);
+}
+
+/* The dispatch is by hand because the resolvers of target_clones run before the sanitizers' own
+ * start-up. */
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void absorb_avx2(Sweep *sweep, const guint16 *const *frames,
+                                                        int n) {
+    sweep_absorb(sweep, frames, n);
+}
+#endif
+
+static void absorb_whole(Sweep *sweep, const guint16 *const *frames, int n) {
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2")) {
+        absorb_avx2(sweep, frames, n);
+        return;
+    }
+#endif
+    sweep_absorb(sweep, frames, n);
+}
+
+/* The pixels that are less than a vector. */
+static void absorb_rest(Sweep *sweep, const guint16 *const *frames, int n) {
+    const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
+    reserve(sweep, (gsize)n);
+    for (int k = 0; k < n && rest > 0; k++) {
+        guint16 padded[LANES] = {0};
+        memcpy(padded, frames[k] + whole * LANES, rest * sizeof *padded);
+        absorb_some(sweep, padded, whole, 1, sweep->count + k);
+    }
+}
+
+static int sweep_by_size(const void *a, const void *b) {
+    return *(const int *)a - *(const int *)b;
+}
+
+/* Median of the absolute difference between a frame and the one before, over n sampled pixels,
+ * whose values replace those of the frame before. */
+static int median_difference(Sweep *sweep, const guint16 *pixels, gsize n) {
+    int size[NOISE_PIXELS];
+    for (gsize i = 0; i < n; i++) {
+        const guint16 value = MIN(pixels[i * (sweep->n_pixels / n)], sweep->saturation);
+        size[i] = abs((int)value - (int)sweep->sample[i]);
+        sweep->sample[i] = value;
+    }
+    qsort(size, n, sizeof *size, sweep_by_size);
+    return size[n / 2];
+}
+
+static void set_margin(Sweep *sweep, int difference) {
+    const double noise = difference / MEDIAN;
+    sweep->difference = difference;
+    sweep->margin = (guint16)CLAMP(NOISE_MARGIN * noise, LEAST_MARGIN, G_MAXUINT16 / 4);
+    sweep->pedestal = (float)(DARKEST * noise);
+}
+
+/* Forgets all frames so far: the next one is the first of which backgrounds are made. */
+static void begin_again(Sweep *sweep) {
+    sweep->first = sweep->count;
+    sweep->n_records = 0;
+    memset(sweep->darkest, 0xff, sizeof(guint16) * sweep->n_vectors * LANES);
+    memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
+}
+
+/* The first pair of frames tells the noise. A later one that differs much less shows that one of
+ * the frames before was lit differently as a whole: neither noise nor backgrounds come from it. */
+static void measure_noise(Sweep *sweep, const guint16 *pixels) {
+    const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
+    if (n < FEW_PIXELS || sweep->count >= NOISE_FRAMES)
+        return;
+    const int difference = median_difference(sweep, pixels, n);
+    if (sweep->count == 1)
+        set_margin(sweep, difference);
+    if (sweep->count > 1 && sweep->difference > ODD_RATIO * difference + ODD_DN) {
+        begin_again(sweep);
+        set_margin(sweep, difference);
+    }
+}
+
+/* Whether any pixel of a record is still above the margin, now that its background is known. */
+static gboolean sweep_is_lit(const Sweep *sweep, gsize vector, const struct record *record) {
+    for (gsize i = 0; i < LANES; i++)
+        if (record->value[i] - (int)sweep->darkest[vector * LANES + i] > (int)sweep->margin)
+            return TRUE;
+    return FALSE;
+}
+
+/* More is above the background than lines can be: noise, or light that flickers. The margin grows
+ * until half of the room is free, but not so far that lines are lost. */
+static void sweep_make_room(Sweep *sweep) {
+    int most = MAX(LEAST_MARGIN, sweep->saturation / MOST_MARGIN);
+    while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {
+        sweep->margin += sweep->margin / 2;
+        struct record *kept = g_new(struct record, sweep->n_records);
+        gsize n = 0;
+        for (gsize vector = 0; vector < sweep->n_vectors; vector++) {
+            guint32 from = sweep->last[vector], *to = &sweep->last[vector];
+            for (; from != NOTHING; from = sweep->records[from].previous) {
+                if (!sweep_is_lit(sweep, vector, &sweep->records[from]))
+                    continue;
+                kept[n] = sweep->records[from];
+                *to = (guint32)n;
+                to = &kept[n++].previous;
+            }
+            *to = NOTHING;
+        }
+        g_free(sweep->records);
+        sweep->records = kept;
+        sweep->room = sweep->n_records;
+        sweep->n_records = n;
+    }
+}
+
+/* How many frames to take at a time: the margin's growth has to come after the same frame however
+ * frames are handed over. */
+static int at_a_time(const Sweep *sweep, int n) {
+    const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
+    return n >= TOGETHER && sweep->count >= NOISE_FRAMES && most <= sweep->crowded ? TOGETHER : 1;
+}
+
+void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n) {
+    g_return_if_fail(n >= 0 && n <= sweep->n_frames - sweep->count);
+    for (int k = 0, some = 0; k < n; k += some) {
+        some = at_a_time(sweep, n - k);
+        measure_noise(sweep, frames[k]);
+        absorb_whole(sweep, frames + k, some);
+        absorb_rest(sweep, frames + k, some);
+        if (sweep->count == sweep->first)
+            memcpy(sweep->opening, sweep->darkest, sizeof(guint16) * sweep->n_vectors * LANES);
+        sweep->count += some;
+        if (sweep->n_records > sweep->crowded)
+            sweep_make_room(sweep);
+    }
+}
+
+void sweep_add(Sweep *sweep, const guint16 *pixels) {
+    sweep_add_some(sweep, &pixels, 1);
+}
+
+void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio) {
+    g_return_if_fail(sweep->n_pixels == shorter->n_pixels && ratio >= 1);
+    sweep->shorter = shorter;
+    sweep->ratio = (float)ratio;
+}
+
+/* A vector's records, the first one first. */
+struct history {
+    const struct record **record;
+    int n;
+};
+
+static void sweep_gather(const Sweep *sweep, gsize vector, struct history *history) {
+    int n = 0;
+    for (guint32 i = sweep->last[vector]; i != NOTHING; i = sweep->records[i].previous)
+        history->record[n++] = &sweep->records[i];
+    history->n = n;
+    for (int k = 0; k < n / 2; k++) {
+        const struct record *other = history->record[k];
+        history->record[k] = history->record[n - 1 - k];
+        history->record[n - 1 - k] = other;
+    }
+}
+
+/* One pixel's samples, and the records they come from. */
+struct pixel {
+    struct history longer, shorter;
+    int *frame;
+    float *value, *gain;
+    struct sweep_samples samples;
+};
+
+static float above(const Sweep *sweep, const struct record *record, gsize i) {
+    return (float)(record->value[i % LANES] - (int)sweep->darkest[i]);
+}
+
+static float full_of(const Sweep *sweep, gsize i) {
+    return (float)(sweep->saturation - sweep->darkest[i]);
+}
+
+/* Without those of the shorter exposure. */
+static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
+    int n = 0;
+    const float opening = (float)(sweep->opening[i] - (int)sweep->darkest[i]);
+    if (opening > (float)sweep->margin) {
+        pixel->frame[n] = sweep->first;
+        pixel->value[n++] = opening;
+    }
+    const struct history *history = &pixel->longer;
+    float before = 0, next = history->n > 0 ? above(sweep, history->record[0], i) : 0;
+    for (int k = 0; k < history->n; k++) {
+        const struct record *record = history->record[k];
+        const float value = next;
+        next = k + 1 < history->n ? above(sweep, history->record[k + 1], i) : 0;
+        const gboolean follows = k > 0 && history->record[k - 1]->frame + 1 == record->frame;
+        const gboolean leads =
+            k + 1 < history->n && record->frame + 1 == history->record[k + 1]->frame;
+        const float margin = (float)sweep->margin;
+        if (value > margin || (follows && before > margin) || (leads && next > margin)) {
+            pixel->frame[n] = (int)record->frame;
+            pixel->value[n++] = value;
+        }
+        before = value;
+    }
+    pixel->samples = (struct sweep_samples){.frame = pixel->frame,
+                                            .value = pixel->value,
+                                            .n = n,
+                                            .first = sweep->first,
+                                            .count = sweep->count,
+                                            .full = full_of(sweep, i),
+                                            .margin = (float)sweep->margin,
+                                            .pedestal = sweep->pedestal};
+}
+
+/* Saturated samples become those of the shorter exposure, if it has all of them. */
+static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) {
+    const Sweep *shorter = sweep->shorter;
+    struct sweep_samples *samples = &pixel->samples;
+    const struct history *history = &pixel->shorter;
+    int saturated = 0, found = 0;
+    for (int k = 0, next = 0; k < samples->n; k++) {
+        pixel->gain[k] = 1;
+        if (samples->value[k] < samples->full)
+            continue;
+        saturated++;
+        while (next < history->n && (int)history->record[next]->frame < samples->frame[k])
+            next++;
+        if (next == history->n || (int)history->record[next]->frame != samples->frame[k])
+            continue;
+        pixel->gain[k] = sweep->ratio * above(shorter, history->record[next], i);
+        found++;
+    }
+    if (found < saturated || saturated == 0)
+        return;
+    for (int k = 0; k < samples->n; k++) {
+        if (samples->value[k] < samples->full)
+            continue;
+        pixel->value[k] = pixel->gain[k];
+        pixel->gain[k] = sweep->ratio;
+    }
+    samples->gain = pixel->gain;
+    samples->full = sweep->ratio * full_of(shorter, i);
+}
+
+static void sweep_tell(const Sweep *sweep, gsize i, const struct sweep_pulse *pulse,
+                       double threshold, const struct sweep_pulses *ret) {
+    const gboolean is_line = pulse && pulse->height >= threshold && pulse->time >= 0;
+    ret->peak[i] = is_line ? (float)pulse->time : -1;
+    ret->intensity[i] = pulse ? MIN((float)pulse->height, full_of(sweep, i)) : 0;
+    if (ret->width)
+        ret->width[i] = is_line ? (float)pulse->width : 0;
+}
+
+/* first and second may be NULL. */
+static void finish_pixel(const Sweep *sweep, gsize i, struct pixel *pixel, double threshold,
+                         const struct sweep_pulses *first, const struct sweep_pulses *second) {
+    struct sweep_pulse pulse[2];
+    take_samples(sweep, i, pixel);
+    if (sweep->shorter)
+        replace_saturated(sweep, i, pixel);
+    const int n =
+        sweep_pulse_find(&pixel->samples, first ? &pulse[0] : NULL, second ? &pulse[1] : NULL);
+    if (first)
+        sweep_tell(sweep, i, n > 0 ? &pulse[0] : NULL, threshold, first);
+    if (second)
+        sweep_tell(sweep, i, n > 1 ? &pulse[1] : NULL, threshold, second);
+}
+
+void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
+                       const struct sweep_pulses *ret_second) {
+    const Sweep *shorter = sweep->shorter;
+    gsize n = (gsize)sweep->count + 1, n_shorter = shorter ? (gsize)MAX(shorter->count, 1) : 1;
+    g_autofree const struct record **longer_records = g_new(const struct record *, n);
+    g_autofree const struct record **shorter_records = g_new(const struct record *, n_shorter);
+    g_autofree int *frame = g_new(int, n);
+    g_autofree float *value = g_new(float, n), *gain = g_new(float, n);
+    struct pixel pixel = {{longer_records, 0}, {shorter_records, 0}, frame, value, gain, {0}};
+    for (gsize i = 0; i < sweep->n_pixels; i++) {
+        if (i % LANES == 0) {
+            sweep_gather(sweep, i / LANES, &pixel.longer);
+            if (shorter)
+                sweep_gather(shorter, i / LANES, &pixel.shorter);
+        }
+        finish_pixel(sweep, i, &pixel, threshold, ret_first, ret_second);
+    }
+}
+
+void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
+                  float *ret_intensity) {
+    const struct sweep_pulses first = {ret_peak, ret_width, ret_intensity};
+    sweep_finish_both(sweep, threshold, &first, NULL);
+}

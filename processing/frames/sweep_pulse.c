@@ -1,0 +1,250 @@
+#include "sweep_pulse.h"
+
+#include <math.h>
+
+#define VALLEY   0.6f  /* of the fainter of two peaks: two pulses lie there, not noise on one */
+#define WINGS    0.12f /* of the brightest sample: what is fainter may be another line's */
+#define FAINT    0.6f  /* of the margin: what samples below it are on average next to a pulse */
+#define READ_DN  5.0f  /* where noise of light begins to count more than that of reading */
+#define MOST_LOG 20    /* of a pulse, in DN: no more is believed */
+#define DOUBT    1.3   /* of the margin: samples that should be fainter may be missing, */
+#define KNOWN    0.4   /* but where the next ones are known, too */
+
+/* Samples first … last are one pulse's; top is the first of the brightest. */
+struct span {
+    int first, last, top;
+};
+
+static gboolean follows(const struct sweep_samples *s, int k) {
+    return s->frame[k] == s->frame[k - 1] + 1;
+}
+
+/* The pulse that begins at a sample: to where it ends, or rises again after a valley. */
+static struct span span_from(const struct sweep_samples *s, int first) {
+    struct span span = {first, first, first};
+    int low = first;
+    for (int k = first + 1; k < s->n && follows(s, k); k++) {
+        float peak = s->value[span.top];
+        if (s->value[k] > peak && s->value[low] >= VALLEY * peak) {
+            span.top = low = k;
+        } else if (s->value[k] < s->value[low]) {
+            low = k;
+        } else if (s->value[low] < VALLEY * MIN(peak, s->value[k])) {
+            span.last = low;
+            return span;
+        }
+        span.last = k;
+    }
+    return span;
+}
+
+/* How many frames in a row are as bright as the brightest. */
+static int plateau_of(const struct sweep_samples *s, const struct span *span) {
+    int k = span->top;
+    while (k < span->last && s->value[k + 1] >= s->value[span->top])
+        k++;
+    return k - span->top + 1;
+}
+
+/* Sums for a parabola c0 + c1·t + c2·t² through logarithms. */
+struct sums {
+    double m[5], v[3];
+};
+
+static void add_sample(struct sums *sums, double t, double y, double weight) {
+    double power = weight;
+    for (int i = 0; i < 5; i++, power *= t) {
+        sums->m[i] += power;
+        if (i < 3)
+            sums->v[i] += power * y;
+    }
+}
+
+static gboolean sweep_pulse_solve(const struct sums *sums, double c[3]) {
+    const double *m = sums->m, *v = sums->v;
+    double a = m[2] * m[4] - m[3] * m[3], b = m[2] * m[3] - m[1] * m[4];
+    double d = m[1] * m[3] - m[2] * m[2];
+    double det = m[0] * a + m[1] * b + m[2] * d;
+    if (!(fabs(det) > 1e-9 * m[0] * m[2] * m[4]))
+        return FALSE;
+    double e = m[0] * m[4] - m[2] * m[2], f = m[1] * m[2] - m[0] * m[3];
+    double g = m[0] * m[2] - m[1] * m[1];
+    c[0] = (a * v[0] + b * v[1] + d * v[2]) / det;
+    c[1] = (b * v[0] + e * v[1] + f * v[2]) / det;
+    c[2] = (d * v[0] + f * v[1] + g * v[2]) / det;
+    return TRUE;
+}
+
+/* Of the parabola, in logarithms: where, how wide, how high. */
+struct gaussian {
+    double time, width, c[3];
+};
+
+/* Whether noise rather than the pulse decides if a sample that far off is among those that are
+ * left: to fit it would draw the pulse its way. */
+static gboolean is_uncertain(const struct gaussian *g, double t, double height, double faint) {
+    double least = MAX(WINGS * height, faint), off = t - g->time;
+    return height * exp(-0.5 * off * off / (g->width * g->width)) < least;
+}
+
+/* In logarithms a Gaussian is a parabola (Guo 2011): each sample counts by the inverse of its
+ * logarithm's variance, which the noise of reading and of light give. Saturated samples say nothing
+ * but that the pulse is there. */
+static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double value) {
+    const double gain = s->gain ? s->gain[k] : 1;
+    return value * value / (gain * (value + gain * READ_DN));
+}
+
+static gboolean solve_for(const struct sums *sums, int used, struct gaussian *g) {
+    if (used < 3 || !sweep_pulse_solve(sums, g->c) || !(g->c[2] < 0))
+        return FALSE;
+    g->time = -g->c[1] / (2 * g->c[2]);
+    g->width = sqrt(-0.5 / g->c[2]);
+    return TRUE;
+}
+
+/* By the logarithms of what is well above background. */
+static gboolean fit_first(const struct sweep_samples *s, const struct span *part, double middle,
+                          struct gaussian *g) {
+    struct sums sums = {0};
+    int used = 0;
+    for (int k = part->first; k <= part->last; k++) {
+        const double y = s->value[k];
+        if (y >= s->full || y <= s->margin)
+            continue;
+        add_sample(&sums, s->frame[k] - middle, log(y), sweep_pulse_weight_of(s, k, y));
+        used++;
+    }
+    return solve_for(&sums, used, g);
+}
+
+/* Nearer to it: by what a Gaussian's logarithm would have to be for each sample, which noise does
+ * not bend as it bends the sample's own, and which there is of dark ones as well. */
+static gboolean fit_again(const struct sweep_samples *s, const struct span *part, double middle,
+                          struct gaussian *g) {
+    const struct gaussian old = *g;
+    const double height = exp(MIN(old.c[0] - 0.25 * old.c[1] * old.c[1] / old.c[2], MOST_LOG));
+    const gboolean known = s->value[part->first] <= s->margin && s->value[part->last] <= s->margin;
+    const double faint = (known ? KNOWN : DOUBT) * (double)s->margin;
+    struct sums sums = {0};
+    int used = 0;
+    for (int k = part->first; k <= part->last; k++) {
+        const double t = s->frame[k] - middle;
+        if (s->value[k] >= s->full || is_uncertain(&old, t, height, faint))
+            continue;
+        const double level = MIN(old.c[0] + (old.c[1] + old.c[2] * t) * t, MOST_LOG);
+        const double model = exp(level), y = (double)(s->value[k] - s->pedestal);
+        add_sample(&sums, t, level + (y - model) / model, sweep_pulse_weight_of(s, k, model));
+        used++;
+    }
+    return solve_for(&sums, used, g);
+}
+
+static gboolean is_inside(const struct sweep_samples *s, const struct span *part, double time) {
+    return s->frame[part->first] - 1 <= time && time <= s->frame[part->last] + 1;
+}
+
+static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span *part,
+                                double middle, struct sweep_pulse *ret) {
+    struct gaussian first, better;
+    if (!fit_first(s, part, middle, &first) || !is_inside(s, part, middle + first.time))
+        return FALSE;
+    better = first;
+    if (!fit_again(s, part, middle, &better) || !is_inside(s, part, middle + better.time))
+        better = first;
+    ret->time = middle + better.time;
+    ret->width = better.width;
+    return TRUE;
+}
+
+/* A sample that is left out for being faint is not 0 in logarithms. */
+static double sweep_pulse_value_at(const struct sweep_samples *s, const struct span *span, int k) {
+    return k >= span->first && k <= span->last && s->value[k] > s->margin ? (double)s->value[k]
+                                                                          : FAINT * s->margin;
+}
+
+/* One or two samples alone: the Gaussian through three, some of which are background. */
+static void between_few(const struct sweep_samples *s, const struct span *span, int length,
+                        struct sweep_pulse *ret) {
+    double a = log(sweep_pulse_value_at(s, span, span->top - 1)),
+           b = log((double)s->value[span->top]);
+    double c = length > 1 ? b : log(sweep_pulse_value_at(s, span, span->top + 1)),
+           curvature = a - 2 * b + c;
+    ret->time = s->frame[span->top];
+    ret->width = 0.5;
+    if (!(curvature < 0))
+        return;
+    ret->time += CLAMP(0.5 * (a - c) / curvature, -0.5, 0.5);
+    ret->width = 1 / sqrt(-curvature);
+}
+
+/* A plateau of length frames at the converter's end. Where it begins and ends the pulse crosses the
+ * plateau's value, on average half a frame beyond; with the neighbours that gives σ, and their
+ * ratio the centre. */
+static void across_plateau(const struct sweep_samples *s, const struct span *span, int length,
+                           struct sweep_pulse *ret) {
+    double top = s->value[span->top], half = 0.5 * (length + 1), low = 0.01 * top;
+    double a = sweep_pulse_value_at(s, span, span->top - 1),
+           c = sweep_pulse_value_at(s, span, span->top + length);
+    double ratio = log(top / CLAMP(sqrt(MAX(a, low) * MAX(c, low)), low, 0.95 * top));
+    double variance = (half * half - 0.25 * length * length) / (2 * ratio);
+    ret->width = sqrt(variance);
+    ret->time = s->frame[span->top] + 0.5 * (length - 1);
+    if (a > 0 && c > 0)
+        ret->time += CLAMP(0.5 * variance * log(c / a) / half, -0.5, 0.5);
+}
+
+/* The samples that are not too faint, to both sides of the plateau; a next one at any rate. */
+static struct span bright_part(const struct sweep_samples *s, const struct span *span, int length) {
+    struct span part = {span->top, span->top + length - 1, span->top};
+    double least = WINGS * s->value[span->top];
+    do
+        part.first -= part.first > span->first;
+    while (part.first > span->first && s->value[part.first - 1] >= least);
+    do
+        part.last += part.last < span->last;
+    while (part.last < span->last && s->value[part.last + 1] >= least);
+    return part;
+}
+
+static void sweep_pulse_measure(const struct sweep_samples *s, const struct span *span,
+                                struct sweep_pulse *ret) {
+    int length = plateau_of(s, span);
+    int begin = s->frame[span->top], end = begin + length - 1;
+    *ret = (struct sweep_pulse){-1, 0, s->value[span->top]};
+    if (begin == s->first || end + 1 >= s->count)
+        return;
+    struct span part = bright_part(s, span, length);
+    if (sweep_pulse_fit(s, &part, 0.5 * (begin + end), ret))
+        return;
+    /* What falls below the first frame's value was taken for background: a flank is missing. */
+    if (s->frame[span->first] == s->first)
+        return;
+    if (length > 2 || s->value[span->top] >= s->full)
+        across_plateau(s, span, length, ret);
+    else
+        between_few(s, span, length, ret);
+}
+
+int sweep_pulse_find(const struct sweep_samples *samples, struct sweep_pulse *ret_first,
+                     struct sweep_pulse *ret_second) {
+    struct span best[2] = {{0, -1, 0}, {0, -1, 0}};
+    int found = 0;
+    for (int k = 0; k < samples->n;) {
+        struct span span = span_from(samples, k);
+        float height = samples->value[span.top];
+        if (found == 0 || height > samples->value[best[0].top]) {
+            best[1] = best[0];
+            best[0] = span;
+        } else if (found == 1 || height > samples->value[best[1].top]) {
+            best[1] = span;
+        }
+        found = MIN(found + 1, 2);
+        k = span.last + 1;
+    }
+    if (found > 0 && ret_first)
+        sweep_pulse_measure(samples, &best[0], ret_first);
+    if (found > 1 && ret_second)
+        sweep_pulse_measure(samples, &best[1], ret_second);
+    return found;
+}

@@ -1,0 +1,363 @@
+#include "mdf.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "frames/rectify.h"
+#include "mdf_merge.h"
+
+#define LEAST_ANGLE 0.03 /* sine between ray and sheet: below it depth is noise */
+#define ABOVE_MM    0.5  /* how far above the reference plane a point may seem to lie */
+#define BELOW_MM    1.0  /* and below the deepest structure */
+#define SEEN_SHARE  0.6f /* of the pixels around a texel */
+#define LIVE_SHARE  0.25 /* of what the best phase of the colour filter sees */
+#define FAINT       0.5  /* of the brightest line at a texel: it counts half */
+#define CONFIRM     2    /* texels next to it that show the same */
+#define CLOSE       0.2f /* of what else counts as agreement: it shows the same, smoothly */
+#define MANY_SWEEPS 4    /* with as many, one alone is not believed */
+
+struct MdfView {
+    struct rig_camera camera;
+    struct vec3 centre_mm;
+    struct session_grid grid;
+    int n_texels, n_sweeps;
+    float agreement_mm; /* pixels side by side whose distances differ more show different things */
+    float *ray;         /* of each pixel: unit vector in the rig frame, three values */
+    float *onset_mm;    /* of each pixel: along its ray from the centre to the reference plane */
+    float *x_px, *y_px; /* of each texel's centre; x < 0: outside of the picture */
+    float *pixel_mm[2]; /* of each pixel, for one sweep: distance from the reference plane by the
+                           brightest pulse and by the next; −1 */
+    struct mdf_candidate *seen[MDF_MAX_SWEEPS]; /* two a texel, mm < 0: none */
+    double weight[MDF_MAX_SWEEPS];
+};
+
+static void trace_pixels(MdfView *view) {
+    const struct rig_camera *camera = &view->camera;
+    for (int y = 0; y < camera->height; y++)
+        for (int x = 0; x < camera->width; x++) {
+            gsize i = (gsize)y * camera->width + x;
+            struct vec3 ray = rig_pixel_ray(camera, x, y);
+            view->ray[3 * i] = (float)ray.x;
+            view->ray[3 * i + 1] = (float)ray.y;
+            view->ray[3 * i + 2] = (float)ray.z;
+            view->onset_mm[i] = (float)((view->grid.reference_mm - view->centre_mm.z) / ray.z);
+        }
+}
+
+static void project_texels(MdfView *view, double turntable_rad) {
+    const struct session_grid *grid = &view->grid;
+    for (int i = 0; i < view->n_texels; i++) {
+        int row = i / grid->width, column = i % grid->width;
+        struct vec3 p = rectify_point_mm(grid, column + 0.5, row + 0.5);
+        double x, y;
+        gboolean inside = rig_project(&view->camera, rig_turn(p, turntable_rad), &x, &y) &&
+                          x >= 0 && y >= 0 && x <= view->camera.width - 1 &&
+                          y <= view->camera.height - 1;
+        view->x_px[i] = inside ? (float)x : -1;
+        view->y_px[i] = inside ? (float)y : -1;
+    }
+}
+
+MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
+                      const struct session_grid *grid) {
+    gsize n_pixels = (gsize)camera->width * camera->height;
+    MdfView *view = g_new0(MdfView, 1);
+    view->camera = *camera;
+    view->centre_mm = rig_camera_centre_mm(camera);
+    view->grid = *grid;
+    view->n_texels = grid->width * grid->height;
+    view->ray = g_new(float, n_pixels * 3);
+    view->onset_mm = g_new(float, n_pixels);
+    for (int rank = 0; rank < 2; rank++)
+        view->pixel_mm[rank] = g_new(float, n_pixels);
+    view->x_px = g_new(float, view->n_texels);
+    view->y_px = g_new(float, view->n_texels);
+    double slant = view->centre_mm.z / vec3_length(view->centre_mm);
+    view->agreement_mm = (float)(grid->width_mm / grid->width / MAX(slant, 0.1));
+    trace_pixels(view);
+    project_texels(view, turntable_rad);
+    return view;
+}
+
+void mdf_view_free(MdfView *view) {
+    if (!view)
+        return;
+    for (int i = 0; i < view->n_sweeps; i++)
+        g_free(view->seen[i]);
+    g_free(view->ray);
+    g_free(view->onset_mm);
+    for (int rank = 0; rank < 2; rank++)
+        g_free(view->pixel_mm[rank]);
+    g_free(view->x_px);
+    g_free(view->y_px);
+    g_free(view);
+}
+
+double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
+                  struct vec3 camera_mm) {
+    struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);
+    double sweep_rad = rig_laser_sweep_rad(arc, laser, arc_rad, centre);
+    struct vec3 line = vec3_cross(rig_laser_sheet(arc, laser, arc_rad, sweep_rad).normal, up);
+    if (!(vec3_length(line) > 1e-9))
+        return 0;
+    struct vec3 a = vec3_unit(line), b = vec3_scale(a, -1);
+    struct vec3 source = vec3_sub(rig_laser_position_mm(arc, laser, arc_rad), a);
+    struct vec3 camera = vec3_sub(camera_mm, a), along = vec3_sub(b, a);
+    return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
+}
+
+static float intersect(const MdfView *view, const struct laser_sweep *sweep, float peak,
+                       gsize pixel) {
+    if (!(peak >= 0) || !isfinite(peak))
+        return -1;
+    const float *r = view->ray + 3 * pixel;
+    struct vec3 ray = vec3(r[0], r[1], r[2]);
+    struct rig_plane sheet = laser_lines_sheet(sweep->lines, sweep, peak);
+    double sine = vec3_dot(sheet.normal, ray);
+    if (!(fabs(sine) > LEAST_ANGLE) || !(ray.z < 0))
+        return -1;
+    double range = (sheet.offset_mm - vec3_dot(sheet.normal, view->centre_mm)) / sine;
+    double height = view->centre_mm.z + range * ray.z - view->grid.reference_mm;
+    if (!(height < ABOVE_MM) || !(height > -view->grid.depth_mm - BELOW_MM))
+        return -1;
+    return (float)MAX(range - view->onset_mm[pixel], 0);
+}
+
+/* Which of the four phases of a colour filter see this laser: all, or those of its colour. */
+struct phases {
+    gboolean live[4];
+    int radius; /* pixels to the next one that sees it, at most */
+};
+
+static int phase_of(int x, int y) {
+    return 2 * (y & 1) + (x & 1);
+}
+
+static struct phases find_phases(const MdfView *view) {
+    struct phases phases = {.radius = 1};
+    int seen[4] = {0}, most = 0, width = view->camera.width;
+    for (int y = 0; y < view->camera.height; y++)
+        for (int x = 0; x < width; x++)
+            seen[phase_of(x, y)] += view->pixel_mm[0][(gsize)y * (gsize)width + (gsize)x] >= 0;
+    for (int k = 0; k < 4; k++)
+        most = MAX(most, seen[k]);
+    for (int k = 0; k < 4; k++) {
+        phases.live[k] = seen[k] > LIVE_SHARE * most;
+        phases.radius = phases.live[k] ? phases.radius : 2;
+    }
+    return phases;
+}
+
+/* What a pixel next to a point has seen, by its brightest pulse and the next; mm < 0: nothing. */
+struct near {
+    float mm[2], dn[2];
+    float share; /* of a bilinear mean */
+    gboolean taken[2];
+};
+
+struct nears {
+    struct near near[16];
+    int n;
+    float all, seen; /* shares: of those that could have seen the laser, of those that have */
+};
+
+static float brightness(const float *dn, gsize pixel) {
+    return dn && isfinite(dn[pixel]) ? MAX(dn[pixel], 0) : 0;
+}
+
+static void find_near(const MdfView *view, const struct phases *phases,
+                      const struct laser_sweep *sweep, float x, float y, struct nears *ret) {
+    int r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
+    *ret = (struct nears){.n = 0};
+    for (int v = j - r + 1; v <= j + r; v++)
+        for (int u = i - r + 1; u <= i + r; u++) {
+            float share = (1 - fabsf(x - u) / r) * (1 - fabsf(y - v) / r);
+            if (u < 0 || v < 0 || u >= view->camera.width || v >= view->camera.height ||
+                !phases->live[phase_of(u, v)] || share <= 0)
+                continue;
+            gsize pixel = (gsize)v * (gsize)view->camera.width + (gsize)u;
+            struct near *near = &ret->near[ret->n++];
+            near->mm[0] = view->pixel_mm[0][pixel];
+            near->mm[1] = sweep->second_peak ? view->pixel_mm[1][pixel] : -1;
+            near->dn[0] = brightness(sweep->intensity, pixel);
+            near->dn[1] = brightness(sweep->second_intensity, pixel);
+            near->share = share;
+            ret->all += share;
+            ret->seen += near->mm[0] >= 0 ? share : 0;
+        }
+}
+
+/* Which of a pixel's distances is next to one; −1: neither is near, or still to be had. */
+static int next_to(const MdfView *view, const struct near *near, float mm) {
+    int next = -1;
+    float least = view->agreement_mm;
+    for (int rank = 0; rank < 2; rank++) {
+        float off = fabsf(near->mm[rank] - mm);
+        if (near->mm[rank] >= 0 && !near->taken[rank] && off <= least) {
+            next = rank;
+            least = off;
+        }
+    }
+    return next;
+}
+
+/* A surface that part of the neighbourhood is on. */
+struct side {
+    float mm, dn, share;
+};
+
+/* How much of the neighbourhood agrees with a distance; and the mean of what does. */
+static struct side find_support(const MdfView *view, const struct nears *all, float mm) {
+    struct side side = {0};
+    for (int k = 0; k < all->n; k++) {
+        const struct near *near = &all->near[k];
+        int rank = next_to(view, near, mm);
+        if (rank < 0)
+            continue;
+        side.mm += near->share * near->mm[rank];
+        side.dn += near->share * near->dn[rank];
+        side.share += near->share;
+    }
+    side.mm /= side.share;
+    side.dn /= side.share;
+    return side;
+}
+
+/* The side that more of the neighbourhood is on; of two alike, that of the brightest pulses. It is
+ * taken away then. */
+static struct side take_side(const MdfView *view, struct nears *all) {
+    struct side best = {.mm = -1};
+    float centre = -1;
+    for (int rank = 0; rank < 2; rank++)
+        for (int k = 0; k < all->n; k++) {
+            const struct near *near = &all->near[k];
+            if (near->mm[rank] < 0 || near->taken[rank])
+                continue;
+            struct side side = find_support(view, all, near->mm[rank]);
+            if (side.share > best.share * 1.001f) {
+                best = side;
+                centre = near->mm[rank];
+            }
+        }
+    for (int k = 0; k < all->n && centre >= 0; k++) {
+        int rank = next_to(view, &all->near[k], centre);
+        if (rank >= 0)
+            all->near[k].taken[rank] = TRUE;
+    }
+    return best;
+}
+
+/* Pixels on both sides of a depth edge show two surfaces: the texel is on that of which more is
+ * around it, and the mean is taken of that side alone. Where too few have seen the laser, the texel
+ * may show what they do not. The other side, and what second pulses say, is a candidate as well:
+ * what other lasers saw decides. */
+static void mdf_resample(const MdfView *view, struct nears *all, struct mdf_candidate ret[2]) {
+    ret[0] = ret[1] = (struct mdf_candidate){.mm = -1};
+    if (all->seen < SEEN_SHARE * all->all || all->n == 0)
+        return;
+    struct side first = take_side(view, all), second = take_side(view, all);
+    ret[0] = (struct mdf_candidate){.mm = first.mm, .dn = first.dn};
+    if (second.share >= SEEN_SHARE * all->all)
+        ret[1] = (struct mdf_candidate){.mm = second.mm, .dn = second.dn};
+}
+
+static void intersect_all(MdfView *view, const struct laser_sweep *sweep) {
+    gsize n_pixels = (gsize)view->camera.width * (gsize)view->camera.height;
+    for (gsize i = 0; i < n_pixels; i++) {
+        view->pixel_mm[0][i] = intersect(view, sweep, sweep->peak[i], i);
+        if (sweep->second_peak)
+            view->pixel_mm[1][i] = intersect(view, sweep, sweep->second_peak[i], i);
+    }
+}
+
+int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
+    g_return_val_if_fail(view->n_sweeps < MDF_MAX_SWEEPS, 0);
+    intersect_all(view, sweep);
+    struct phases phases = find_phases(view);
+    struct mdf_candidate *texels = g_new(struct mdf_candidate, 2 * view->n_texels);
+    int seen = 0;
+    for (int i = 0; i < view->n_texels; i++) {
+        struct nears near = {.n = 0};
+        if (view->x_px[i] >= 0)
+            find_near(view, &phases, sweep, view->x_px[i], view->y_px[i], &near);
+        mdf_resample(view, &near, texels + 2 * i);
+        seen += texels[2 * i].mm >= 0;
+    }
+    view->weight[view->n_sweeps] =
+        mdf_weight(sweep->arc, sweep->laser, sweep->arc_rad, view->centre_mm);
+    view->seen[view->n_sweeps++] = texels;
+    return seen;
+}
+
+/* What each laser position says of a texel. A line that is much fainter than others there grazes
+ * the surface, or is not the laser's but its light thrown back by what stands around. */
+static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
+    float most = 0;
+    int n = 0;
+    for (int s = 0; s < view->n_sweeps; s++)
+        for (int rank = 0; rank < 2; rank++) {
+            ret[n] = view->seen[s][2 * texel + rank];
+            if (ret[n].mm < 0 || !(view->weight[s] > 0))
+                continue;
+            most = MAX(most, ret[n].dn);
+            ret[n++].sweep = s;
+        }
+    for (int i = 0; i < n; i++) {
+        double bright = most > 0 ? ret[i].dn / most : 1;
+        ret[i].weight =
+            view->weight[ret[i].sweep] * bright * bright / (bright * bright + FAINT * FAINT);
+    }
+    return n;
+}
+
+/* Where too few lasers agree, what they say is believed if it continues the surface next to it. */
+static struct mdf_merged confirm(const MdfView *view, int texel, const float *distance) {
+    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
+    int n = mdf_collect(view, texel, candidates), kept = 0, width = view->grid.width;
+    for (int i = 0; i < n; i++) {
+        int agree = 0;
+        for (int k = 0; k < 9; k++) {
+            int column = texel % width + k % 3 - 1, row = texel / width + k / 3 - 1;
+            if (column < 0 || row < 0 || column >= width || row >= view->grid.height)
+                continue;
+            float near = distance[row * width + column];
+            agree += near >= 0 && fabsf(near - candidates[i].mm) <= CLOSE * view->agreement_mm;
+        }
+        if (agree >= CONFIRM)
+            candidates[kept++] = candidates[i];
+    }
+    return mdf_merge(candidates, kept, 1);
+}
+
+void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error) {
+    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
+    int least = view->n_sweeps >= MANY_SWEEPS ? 2 : 1;
+    g_autofree float *sure = g_new(float, view->n_texels);
+    for (int i = 0; i < view->n_texels; i++) {
+        int n = mdf_collect(view, i, candidates);
+        struct mdf_merged merged = mdf_merge(candidates, n, least);
+        sure[i] = ret_distance[i] = merged.mm;
+        ret_n[i] = (float)merged.n;
+        ret_error[i] = merged.error_mm;
+    }
+    for (int i = 0; i < view->n_texels; i++) {
+        if (sure[i] >= 0)
+            continue;
+        struct mdf_merged merged = confirm(view, i, sure);
+        ret_distance[i] = merged.mm;
+        ret_n[i] = (float)merged.n;
+        ret_error[i] = merged.error_mm;
+    }
+}
+
+void mdf_view_other(const MdfView *view, const float *distance, float *ret_other) {
+    struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
+    for (int i = 0; i < view->n_texels; i++) {
+        int n = mdf_collect(view, i, candidates), kept = 0;
+        for (int k = 0; k < n; k++)
+            if (!(distance[i] >= 0) ||
+                fabsf(candidates[k].mm - distance[i]) > CLOSE * view->agreement_mm)
+                candidates[kept++] = candidates[k];
+        ret_other[i] = mdf_merge(candidates, kept, 1).mm;
+    }
+}

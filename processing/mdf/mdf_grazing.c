@@ -1,0 +1,150 @@
+/*
+ * Rays near an outline run flatter than any camera of a rig looks. What they meet follows from what
+ * the cameras saw: the points that steep views give make a relief, over which flat rays are traced.
+ */
+#include "mdf_table.h"
+
+#include <math.h>
+#include <string.h>
+
+#define DEG       (G_PI / 180.0)
+#define N_PHI     36   /* views in a ring that is added */
+#define GAP_DEG   2.5  /* between rings */
+#define STEEP_DEG 20.0 /* views within so much of the steepest one make the relief */
+#define HIGHER    0.4  /* standard deviations: flat rays meet the highest of what a texel holds */
+#define STEP      0.5  /* of a texel */
+
+static const double rings_deg[] = {80.0, 84.0, 87.0};
+
+/* Depth below the reference plane over a tile that repeats. */
+struct relief {
+    int w, h;
+    float *depth_mm, *square, *weight;
+    double texel_mm;
+};
+
+static int mdf_grazing_wrap(int i, int n) {
+    return (i % n + n) % n;
+}
+
+/* The four texels around (x, y), in texels from the middle of the first, and their weights. */
+static void around(const struct relief *r, double x, double y, gsize ret_at[4],
+                   double ret_weight[4]) {
+    double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
+    for (int k = 0; k < 4; k++) {
+        ret_at[k] = (gsize)mdf_grazing_wrap((int)fy + k / 2, r->h) * r->w +
+                    mdf_grazing_wrap((int)fx + k % 2, r->w);
+        ret_weight[k] = (k % 2 ? u : 1.0 - u) * (k / 2 ? v : 1.0 - v);
+    }
+}
+
+static double depth_at(const struct relief *r, double x, double y) {
+    gsize at[4];
+    double weight[4], depth = 0.0;
+    around(r, x, y, at, weight);
+    for (int k = 0; k < 4; k++)
+        depth += weight[k] * r->depth_mm[at[k]];
+    return depth;
+}
+
+/* Columns and rows that a ray passes while it gets 1 mm deeper: away from the viewer. */
+static void mdf_grazing_direction(const struct mdf_table *t, double theta_deg, double phi_deg,
+                                  double ret[2]) {
+    double slant = tan(theta_deg * DEG) / t->texel_mm;
+    ret[0] = -slant * cos(phi_deg * DEG);
+    ret[1] = slant * sin(phi_deg * DEG);
+}
+
+static void mdf_grazing_add_view(struct relief *r, const struct mdf_table *t, int view) {
+    gsize n = (gsize)t->width * t->height;
+    double step[2];
+    mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
+    for (gsize k = 0; k < n; k++) {
+        gsize at[4];
+        double weight[4], depth = t->depth_mm[view * n + k];
+        gsize row = k / t->width, column = k % t->width;
+        around(r, (double)column + depth * step[0], (double)row + depth * step[1], at, weight);
+        for (int c = 0; c < 4; c++) {
+            r->depth_mm[at[c]] += weight[c] * depth;
+            r->square[at[c]] += weight[c] * depth * depth;
+            r->weight[at[c]] += weight[c];
+        }
+    }
+}
+
+/* raised: by so many standard deviations of what a texel holds. */
+static void make_relief(const struct mdf_table *t, double raised, struct relief *r) {
+    gsize n = (gsize)t->width * t->height;
+    double steepest = 90.0;
+    *r = (struct relief){t->width,         t->height,        g_new0(float, n),
+                         g_new0(float, n), g_new0(float, n), t->texel_mm};
+    for (int k = 0; k < t->n_views; k++)
+        steepest = MIN(steepest, (double)t->theta_deg[k]);
+    for (int k = 0; k < t->n_views; k++)
+        if (t->theta_deg[k] <= steepest + STEEP_DEG)
+            mdf_grazing_add_view(r, t, k);
+    for (gsize k = 0; k < n; k++) {
+        double weight = r->weight[k], mean = weight > 1e-3 ? r->depth_mm[k] / weight : -1.0;
+        double spread = weight > 1e-3 ? sqrt(MAX(r->square[k] / weight - mean * mean, 0.0)) : 0.0;
+        r->depth_mm[k] = mean < 0.0 ? -1.0 : MAX(mean - raised * spread, 0.0);
+    }
+    mdf_table_fill(r->depth_mm, t->width, t->height);
+}
+
+static double trace(const struct relief *r, double x, double y, const double step[2],
+                    double deepest) {
+    double length = hypot(step[0], step[1]), by = STEP / length, before = 0.0, above = 0.0;
+    for (double depth = 0.0; depth < deepest; depth += by) {
+        double over = depth_at(r, x + depth * step[0], y + depth * step[1]) - depth;
+        if (over <= 0.0)
+            return depth > 0.0 ? before + by * above / (above - over) : 0.0;
+        before = depth;
+        above = over;
+    }
+    return deepest;
+}
+
+static void trace_view(struct mdf_table *t, int view, const struct relief *r) {
+    gsize n = (gsize)t->width * t->height;
+    double step[2];
+    mdf_grazing_direction(t, t->theta_deg[view], t->phi_deg[view], step);
+    float *out = t->depth_mm + view * n;
+    for (int row = 0; row < t->height; row++)
+        for (int column = 0; column < t->width; column++)
+            *out++ = trace(r, column, row, step, t->deepest_mm);
+}
+
+static void clear_relief(struct relief *r) {
+    g_free(r->depth_mm);
+    g_free(r->weight);
+    g_free(r->square);
+}
+
+void mdf_table_add_grazing(struct mdf_table *t) {
+    struct relief relief;
+    double flattest = 0.0;
+    gsize n = (gsize)t->width * t->height;
+    int first = t->n_views;
+    for (int k = 0; k < t->n_views; k++)
+        flattest = MAX(flattest, (double)t->theta_deg[k]);
+    make_relief(t, HIGHER, &relief);
+    int most = first + N_PHI * (int)G_N_ELEMENTS(rings_deg);
+    t->theta_deg = g_renew(float, t->theta_deg, most);
+    t->phi_deg = g_renew(float, t->phi_deg, most);
+    t->depth_mm = g_renew(float, t->depth_mm, n *most);
+    for (gsize ring = 0; ring < G_N_ELEMENTS(rings_deg); ring++)
+        for (int k = 0; k < N_PHI && rings_deg[ring] >= flattest + GAP_DEG; k++) {
+            t->theta_deg[t->n_views] = rings_deg[ring];
+            t->phi_deg[t->n_views] = 360.0 / N_PHI * k;
+            trace_view(t, t->n_views++, &relief);
+        }
+    clear_relief(&relief);
+}
+
+void mdf_table_trace(struct mdf_table *t) {
+    struct relief relief;
+    make_relief(t, 0.0, &relief);
+    for (int view = 0; view < t->n_views; view++)
+        trace_view(t, view, &relief);
+    clear_relief(&relief);
+}

@@ -1,0 +1,109 @@
+#include "mdf_merge.h"
+
+#include <glib.h>
+#include <math.h>
+#include <stdlib.h>
+
+#define AGREEMENT 0.1 /* mm: results of two lasers this close are never outliers */
+#define MOST      256 /* candidates */
+
+/* The weight of the sweeps that have a candidate near. */
+static double support_of(const struct mdf_candidate *candidates, int n, double mm) {
+    double sum = 0, best = 0;
+    for (int i = 0; i < n; i++) {
+        if (i > 0 && candidates[i].sweep != candidates[i - 1].sweep) {
+            sum += best;
+            best = 0;
+        }
+        double off = (candidates[i].mm - mm) / AGREEMENT;
+        best = MAX(best, candidates[i].weight * exp(-0.5 * off * off));
+    }
+    return sum + best;
+}
+
+static double find_mode(const struct mdf_candidate *candidates, int n) {
+    double most = -1, mode = 0;
+    for (int i = 0; i < n; i++) {
+        double support = support_of(candidates, n, candidates[i].mm);
+        if (support > most) {
+            most = support;
+            mode = candidates[i].mm;
+        }
+    }
+    return mode;
+}
+
+/* Leaves of each sweep the candidate that is next. Returns how many. */
+static int keep_next(struct mdf_candidate *candidates, int n, double mm) {
+    int kept = 0;
+    for (int i = 0; i < n; i++) {
+        if (kept == 0 || candidates[i].sweep != candidates[kept - 1].sweep)
+            candidates[kept++] = candidates[i];
+        else if (fabs(candidates[i].mm - mm) < fabs(candidates[kept - 1].mm - mm))
+            candidates[kept - 1] = candidates[i];
+    }
+    return kept;
+}
+
+static int by_mm(const void *a, const void *b) {
+    float x = ((const struct mdf_candidate *)a)->mm, y = ((const struct mdf_candidate *)b)->mm;
+    return (x > y) - (x < y);
+}
+
+/* Sorts; of two that share the middle, their mean. */
+static double weighted_median(struct mdf_candidate *samples, int n) {
+    qsort(samples, (gsize)n, sizeof *samples, by_mm);
+    double total = 0, sum = 0;
+    for (int i = 0; i < n; i++)
+        total += samples[i].weight;
+    for (int i = 0; i < n; i++) {
+        sum += samples[i].weight;
+        if (sum > 0.5 * total * (1 + 1e-12))
+            return samples[i].mm;
+        if (sum >= 0.5 * total * (1 - 1e-12) && i + 1 < n)
+            return 0.5 * ((double)samples[i].mm + (double)samples[i + 1].mm);
+    }
+    return samples[n - 1].mm;
+}
+
+static double spread_of(const struct mdf_candidate *samples, int n, double middle) {
+    struct mdf_candidate deviation[MOST];
+    for (int i = 0; i < n; i++) {
+        deviation[i] = samples[i];
+        deviation[i].mm = (float)fabs(samples[i].mm - middle);
+    }
+    return 1.4826 * weighted_median(deviation, n);
+}
+
+static struct mdf_merged mdf_merge_mean_of(const struct mdf_candidate *samples, int n) {
+    double weights = 0, squares = 0, sum = 0, scatter = 0;
+    for (int i = 0; i < n; i++) {
+        weights += samples[i].weight;
+        squares += samples[i].weight * samples[i].weight;
+        sum += samples[i].weight * samples[i].mm;
+    }
+    if (!(weights > 0))
+        return (struct mdf_merged){-1, 0, -1};
+    double mean = sum / weights, effective = weights * weights / squares;
+    for (int i = 0; i < n; i++)
+        scatter += samples[i].weight * pow(samples[i].mm - mean, 2);
+    struct mdf_merged merged = {(float)mean, n, -1};
+    if (n > 1)
+        merged.error_mm = (float)sqrt(scatter / weights / MAX(effective - 1, 1e-6));
+    return merged;
+}
+
+struct mdf_merged mdf_merge(struct mdf_candidate *candidates, int n, int least) {
+    struct mdf_merged nothing = {-1, 0, -1};
+    g_return_val_if_fail(n <= MOST, nothing);
+    if (n == 0)
+        return nothing;
+    double mode = find_mode(candidates, n);
+    n = keep_next(candidates, n, mode);
+    double limit = MAX(3 * spread_of(candidates, n, mode), AGREEMENT);
+    int kept = 0;
+    for (int i = 0; i < n; i++)
+        if (fabs(candidates[i].mm - mode) <= limit)
+            candidates[kept++] = candidates[i];
+    return kept < least ? nothing : mdf_merge_mean_of(candidates, kept);
+}

@@ -1,0 +1,218 @@
+#include "mdf_views_private.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define STEP    0.75 /* of a texel: neighbours further apart in depth are on different surfaces */
+#define AGREE   0.25 /* of a texel: predictions that show the same */
+#define LEAST   2    /* views that a prediction takes */
+#define DENIES  4    /* views that see a prediction, for one that sees through it */
+#define GOES_ON 0.5  /* of a texel: the surface around and what continues it */
+#define LIT     4    /* laser positions that saw a surface: what continues it is not in the dark */
+#define AROUND  2    /* texels next to one that tell so */
+
+/* A texel of another view, as this one would see it. */
+struct seen {
+    float column, row, mm; /* mm < 0: not to be seen */
+};
+
+struct settling {
+    const struct mdf_eye *views;
+    int n, view;
+    const struct mdf_plane *plane;
+    gboolean *open;   /* of each texel: its own measurement is missing, or refuted */
+    float *predicted; /* of each texel, by each view asked; INFINITY: nothing */
+    struct seen *seen;
+    float *front;
+};
+
+/* Triangles with all corners on one surface show what lies between the texels of a view. */
+static void mdf_settle_draw(const struct settling *s, const struct seen *a, const struct seen *b,
+                            const struct seen *c) {
+    const int width = s->plane->width, height = s->plane->height;
+    const float area =
+        (b->column - a->column) * (c->row - a->row) - (c->column - a->column) * (b->row - a->row);
+    const int first = MAX(0, (int)ceilf(MIN(a->column, MIN(b->column, c->column))));
+    const int last = MIN(width - 1, (int)floorf(MAX(a->column, MAX(b->column, c->column))));
+    const int top = MAX(0, (int)ceilf(MIN(a->row, MIN(b->row, c->row))));
+    const int bottom = MIN(height - 1, (int)floorf(MAX(a->row, MAX(b->row, c->row))));
+    if (!(fabsf(area) > 1e-6F))
+        return;
+    for (int row = top; row <= bottom; row++)
+        for (int column = first; column <= last; column++) {
+            const float x = (float)column - a->column, y = (float)row - a->row;
+            const float v = (x * (c->row - a->row) - y * (c->column - a->column)) / area;
+            const float w = (y * (b->column - a->column) - x * (b->row - a->row)) / area;
+            float *front = &s->front[row * width + column];
+            if (v >= 0 && w >= 0 && v + w <= 1)
+                *front = MIN(*front, a->mm + v * (b->mm - a->mm) + w * (c->mm - a->mm));
+        }
+}
+
+static void see_all(const struct settling *s, const struct mdf_eye *from) {
+    const struct mdf_eye *to = &s->views[s->view];
+    for (int i = 0; i < s->plane->width * s->plane->height; i++) {
+        double column, row, mm;
+        s->seen[i].mm = -1;
+        if (!(from->distance[i] >= 0))
+            continue;
+        const struct vec3 p = mdf_views_point(from, s->plane, i, from->distance[i]);
+        mdf_views_look_up(to, s->plane, p, &column, &row, &mm);
+        /* Far outside of the texels numbers may be too large to count with. */
+        if (fabs(column) < 1e5 && fabs(row) < 1e5 && mm >= 0)
+            s->seen[i] = (struct seen){(float)column, (float)row, (float)mm};
+    }
+}
+
+static gboolean is_one(const float *d, const struct seen *seen, const int *corner, float step) {
+    float low = INFINITY, high = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        if (seen[corner[k]].mm < 0)
+            return FALSE;
+        low = MIN(low, d[corner[k]]);
+        high = MAX(high, d[corner[k]]);
+    }
+    return high - low <= step;
+}
+
+/* What a view shows of the surface, seen from the one that is settled. */
+static void mdf_settle_predict(const struct settling *s, int asked) {
+    const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];
+    const int width = s->plane->width, n = width * s->plane->height;
+    const double *c = from->centre_mm, up = c[2] - s->plane->reference_mm;
+    const double slant = up / sqrt(c[0] * c[0] + c[1] * c[1] + up * up);
+    const float step = (float)(STEP * s->plane->texel_mm / MAX(slant, 0.1));
+    see_all(s, from);
+    for (int i = 0; i < n; i++)
+        s->front[i] = INFINITY;
+    for (int i = 0; i + width + 1 < n; i++) {
+        const int corners[2][3] = {{i, i + 1, i + width}, {i + width + 1, i + width, i + 1}};
+        for (int k = 0; k < 2 && i % width < width - 1; k++)
+            if (is_one(from->distance, s->seen, corners[k], step))
+                mdf_settle_draw(s, &s->seen[corners[k][0]], &s->seen[corners[k][1]],
+                                &s->seen[corners[k][2]]);
+    }
+    memcpy(s->predicted + (gsize)asked * (gsize)n, s->front, sizeof(float) * (gsize)n);
+}
+
+static int mdf_settle_by_size(const void *a, const void *b) {
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* Of a texel, in order. Returns how many there are. */
+static int mdf_settle_collect(const struct settling *s, int texel, float *ret) {
+    const gsize n = (gsize)s->plane->width * (gsize)s->plane->height;
+    int found = 0;
+    for (int k = 0; k < mdf_views_asked(s->n); k++) {
+        ret[found] = s->predicted[(gsize)k * n + (gsize)texel];
+        found += isfinite(ret[found]);
+    }
+    qsort(ret, (gsize)found, sizeof *ret, mdf_settle_by_size);
+    return found;
+}
+
+static void poll(const struct settling *s, int texel, float mm, guint16 *yes, guint16 *no) {
+    const struct vec3 p = mdf_views_point(&s->views[s->view], s->plane, texel, mm);
+    mdf_views_poll(s->views, s->n, s->view, s->plane, p, yes, no);
+}
+
+/* The nearest surface that views agree on; −1: none. */
+static float mdf_settle_nearest(const struct settling *s, int texel, const float *predicted,
+                                int n) {
+    const float agree = (float)(AGREE * s->plane->texel_mm);
+    for (int i = 0; i < n; i++) {
+        int together = 1;
+        while (i + together < n && predicted[i + together] - predicted[i] <= 2 * agree)
+            together++;
+        if (together < LEAST)
+            continue;
+        const float mm = predicted[i + together / 2];
+        guint16 yes, no;
+        poll(s, texel, mm, &yes, &no);
+        if (yes >= LEAST && no * DENIES <= yes)
+            return mm;
+    }
+    return -1;
+}
+
+/* Whether what a view may have seen is where others see the surface. */
+static gboolean is_confirmed(const struct settling *s, int texel, float mm, const float *predicted,
+                             int n) {
+    const float agree = (float)(AGREE * s->plane->texel_mm);
+    guint16 yes, no;
+    for (int i = 0; i < n; i++)
+        if (fabsf(predicted[i] - mm) <= agree) {
+            poll(s, texel, mm, &yes, &no);
+            return no == 0;
+        }
+    return FALSE;
+}
+
+/* Where the surface around goes on to a texel, lasers reach it as they do around: if the view saw
+ * nothing there, what it shows there is a gap too narrow for them, not that surface. */
+static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
+    const struct mdf_eye *own = &s->views[s->view];
+    const int width = s->plane->width, row = texel / width, column = texel % width;
+    const float agree = (float)(GOES_ON * s->plane->texel_mm);
+    int alike = 0;
+    for (int k = 0; k < 9 && own->lasers; k++) {
+        const int x = column + k % 3 - 1, y = row + k / 3 - 1;
+        if (k == 4 || x < 0 || y < 0 || x >= width || y >= s->plane->height)
+            continue;
+        const int i = y * width + x;
+        alike +=
+            own->distance[i] >= 0 && fabsf(own->distance[i] - mm) <= agree && own->lasers[i] >= LIT;
+    }
+    return alike >= AROUND;
+}
+
+static enum mdf_source mdf_settle_settle(const struct settling *s, int texel, float *ret_mm) {
+    const struct mdf_eye *own = &s->views[s->view];
+    float predicted[MDF_MOST_ASKED];
+    const int n = mdf_settle_collect(s, texel, predicted);
+    if (own->other && own->other[texel] >= 0 &&
+        is_confirmed(s, texel, own->other[texel], predicted, n)) {
+        *ret_mm = own->other[texel];
+        return MDF_OTHER;
+    }
+    *ret_mm = mdf_settle_nearest(s, texel, predicted, n);
+    if (!(own->distance[texel] >= 0) && *ret_mm >= 0 && would_be_seen(s, texel, *ret_mm))
+        *ret_mm = -1;
+    return *ret_mm >= 0 ? MDF_PREDICTED : MDF_UNSEEN;
+}
+
+static int find_open(struct settling *s) {
+    const struct mdf_eye *own = &s->views[s->view];
+    int open = 0;
+    for (int i = 0; i < s->plane->width * s->plane->height; i++) {
+        guint16 yes = 0, no = 0;
+        if (own->distance[i] >= 0)
+            poll(s, i, own->distance[i], &yes, &no);
+        s->open[i] = !(own->distance[i] >= 0) || mdf_views_refuted(yes, no);
+        open += s->open[i];
+    }
+    return open;
+}
+
+void mdf_views_settle(const struct mdf_eye *views, int n, int view, const struct mdf_plane *plane,
+                      float *ret_distance, guint8 *ret_source) {
+    const gsize texels = (gsize)plane->width * (gsize)plane->height;
+    struct settling s = {views, n, view, plane, g_new0(gboolean, texels), NULL, NULL, NULL};
+    const int open = find_open(&s), asked = mdf_views_asked(n);
+    s.predicted = g_new0(float, texels *(gsize)MAX(asked, 1));
+    s.seen = g_new0(struct seen, texels);
+    s.front = g_new0(float, texels);
+    for (int k = 0; k < asked && open > 0; k++)
+        mdf_settle_predict(&s, k);
+    for (int i = 0; i < (int)texels; i++) {
+        ret_distance[i] = views[view].distance[i];
+        ret_source[i] =
+            (guint8)(s.open[i] ? mdf_settle_settle(&s, i, &ret_distance[i]) : MDF_MEASURED);
+    }
+    g_free(s.open);
+    g_free(s.predicted);
+    g_free(s.seen);
+    g_free(s.front);
+}

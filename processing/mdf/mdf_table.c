@@ -1,0 +1,178 @@
+#include "mdf_table.h"
+
+#include "exr/exr.h"
+
+#include <math.h>
+#include <string.h>
+
+#define DEG       (G_PI / 180.0)
+#define MAX_MM    6e4
+#define LEAST_COS 0.02
+#define BINS      4096 /* of how far texels are off */
+
+G_DEFINE_QUARK(mdf_table_error, mdf_table_error)
+
+static gboolean fail(GError **error, const struct exr_part *part, const char *what) {
+    g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT, "part “%s”: %s", part->name, what);
+    return FALSE;
+}
+
+/* Takes the mean of those of its eight neighbours that are known, the tile repeated; round by
+ * round, so that a hole closes from its edge. */
+static int fill_round(float *depth, const float *before, int w, int h) {
+    int missing = 0;
+    for (int j = 0; j < h; j++)
+        for (int i = 0; i < w; i++) {
+            float sum = 0.0f;
+            int n = 0;
+            if (before[j * w + i] >= 0.0f)
+                continue;
+            for (int k = 0; k < 9; k++) {
+                int x = (i + k % 3 - 1 + w) % w, y = (j + k / 3 - 1 + h) % h;
+                float near = before[y * w + x];
+                sum += near >= 0.0f ? near : 0.0f;
+                n += near >= 0.0f;
+            }
+            depth[j * w + i] = n > 0 ? sum / n : -1.0f;
+            missing += n == 0;
+        }
+    return missing;
+}
+
+void mdf_table_fill(float *depth, int w, int h) {
+    g_autofree float *before = g_new(float, (gsize)w *h);
+    do
+        memcpy(before, depth, sizeof(float) * (gsize)w * h);
+    while (fill_round(depth, before, w, h) > 0);
+}
+
+/* Of the angle between the normal and the ray through a texel of the reference plane. */
+static double cosine_from(const struct mdf_table *t, gsize texel, const double centre[3],
+                          double reference_mm) {
+    gsize row = texel / t->width, column = texel % t->width;
+    double x = ((double)column + 0.5 - 0.5 * t->width) * t->texel_mm;
+    double y = (0.5 * t->height - (double)row - 0.5) * t->texel_mm;
+    double up = centre[2] - reference_mm;
+    return MAX(up / hypot(hypot(centre[0] - x, centre[1] - y), up), LEAST_COS);
+}
+
+static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct exr_part *part,
+                                   double reference_mm, GError **error) {
+    const float *distance = exr_part_plane(part, "D");
+    gsize n = (gsize)t->width * t->height, seen = 0;
+    float *depth = t->depth_mm + view * n;
+    double theta, phi, centre[3], scale = 1.0;
+    if (distance == NULL)
+        return fail(error, part, "there is no channel D");
+    if (part->width != t->width || part->height != t->height)
+        return fail(error, part, "it has another size than the first view");
+    if (!exr_get_double(part, "view.theta_deg", &theta, error) ||
+        !exr_get_double(part, "view.phi_deg", &phi, error))
+        return FALSE;
+    t->theta_deg[view] = theta;
+    t->phi_deg[view] = phi;
+    if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
+        return fail(error, part, "mesorig.scale_mm is not a size");
+    /* Files that do not say where the camera stood are of one far away. */
+    gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
+    double cosine = MAX(cos(theta * DEG), LEAST_COS);
+    for (gsize k = 0; k < n; k++) {
+        if (near)
+            cosine = cosine_from(t, k, centre, reference_mm);
+        if (!(fabs(distance[k] * scale) <= MAX_MM))
+            return fail(error, part, "there is a distance that is not a number of millimetres");
+        depth[k] = distance[k] >= 0.0f ? distance[k] * scale * cosine : -1.0f;
+        t->seen[view * n + k] = distance[k] >= 0.0f;
+        seen += distance[k] >= 0.0f;
+        t->deepest_mm = MAX(t->deepest_mm, (double)depth[k]);
+    }
+    if (seen == 0)
+        return fail(error, part, "no laser position saw any of it; capture it again");
+    mdf_table_fill(depth, t->width, t->height);
+    return TRUE;
+}
+
+static struct mdf_table *mdf_table_make(const struct exr_file *file, GError **error) {
+    const struct exr_part *first = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
+    if (first == NULL ||
+        (gint64)first->width * first->height * file->parts->len > MDF_TABLE_MAX_TEXELS) {
+        g_set_error(error, MDF_TABLE_ERROR, MDF_TABLE_ERROR_FORMAT,
+                    first == NULL ? "there is no view in it" : "it is too large");
+        return NULL;
+    }
+    double reference_mm;
+    struct mdf_table *t = g_new0(struct mdf_table, 1);
+    t->width = first->width;
+    t->height = first->height;
+    t->n_views = file->parts->len;
+    t->theta_deg = g_new(float, t->n_views);
+    t->phi_deg = g_new(float, t->n_views);
+    t->depth_mm = g_new(float, (gsize)t->width * t->height * t->n_views);
+    t->seen = g_new0(guint8, (gsize)t->width * t->height * t->n_views);
+    gboolean good = exr_get_double(first, "texel_mm", &t->texel_mm, error);
+    if (!exr_get_double(first, "reference_mm", &reference_mm, NULL))
+        reference_mm = 0.0;
+    if (good && !(t->texel_mm > 0.0 && t->texel_mm < MAX_MM))
+        good = fail(error, first, "texel_mm is not a size");
+    for (int k = 0; good && k < t->n_views; k++)
+        good = mdf_table_add_view(t, k, file->parts->pdata[k], reference_mm, error);
+    if (good)
+        return t;
+    mdf_table_free(t);
+    return NULL;
+}
+
+struct mdf_table *mdf_table_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    struct mdf_table *table = file != NULL ? mdf_table_make(file, error) : NULL;
+    if (file != NULL && table == NULL)
+        g_prefix_error(error, "%s: ", path);
+    exr_file_free(file);
+    return table;
+}
+
+struct mdf_table *mdf_table_copy(const struct mdf_table *t) {
+    const gsize n = (gsize)t->width * t->height * t->n_views;
+    struct mdf_table *copy = g_memdup2(t, sizeof *t);
+    copy->theta_deg = g_memdup2(t->theta_deg, sizeof(float) * t->n_views);
+    copy->phi_deg = g_memdup2(t->phi_deg, sizeof(float) * t->n_views);
+    copy->depth_mm = g_memdup2(t->depth_mm, sizeof(float) * n);
+    copy->seen = t->seen != NULL ? g_memdup2(t->seen, n) : NULL;
+    return copy;
+}
+
+void mdf_table_free(struct mdf_table *t) {
+    if (t == NULL)
+        return;
+    g_free(t->theta_deg);
+    g_free(t->phi_deg);
+    g_free(t->depth_mm);
+    g_free(t->seen);
+    g_free(t);
+}
+
+double mdf_table_difference(const struct mdf_table *table, int n_measured,
+                            const struct mdf_table *other, double *ret_most_mm) {
+    const gsize n = (gsize)table->width * (gsize)table->height;
+    g_autofree gint64 *bins = g_new0(gint64, BINS + 1);
+    const double step = MAX(table->deepest_mm, 1e-6) / BINS;
+    gint64 seen = 0, beyond = 0;
+    double squares = 0;
+    for (int v = 0; v < n_measured; v++)
+        for (gsize x = 0; x < n; x++) {
+            const gsize at = (gsize)v * n + x;
+            const double off = fabs((double)table->depth_mm[at] - other->depth_mm[at]);
+            if (table->seen != NULL && !table->seen[at])
+                continue;
+            squares += off * off;
+            seen++;
+            bins[(int)MIN(off / step, BINS)]++;
+        }
+    if (ret_most_mm) {
+        int bin = BINS;
+        while (bin > 0 && 100 * (beyond + bins[bin]) <= seen)
+            beyond += bins[bin--];
+        *ret_most_mm = (bin + 1) * step;
+    }
+    return seen > 0 ? sqrt(squares / (double)seen) : 0;
+}

@@ -1,0 +1,370 @@
+#include "catalogue.h"
+
+#include "base/data_error.h"
+
+#include <math.h>
+#include <string.h>
+
+#define ANGLES_PER_DEG 10000 /* turntable angles this close are one */
+
+static gpointer frame_key(gint64 shot, int camera) {
+    return GSIZE_TO_POINTER((gsize)shot * RIG_MAX_CAMERAS + (gsize)camera);
+}
+
+static gpointer source_key(enum session_shot_kind kind, int source, double turntable_deg) {
+    gint64 turn = 360 * ANGLES_PER_DEG;
+    gint64 angle = llround(remainder(turntable_deg, 360) * ANGLES_PER_DEG);
+    angle = (angle % turn + turn) % turn;
+    return GSIZE_TO_POINTER((((gsize)source * 4 + kind) * (gsize)turn) + (gsize)angle);
+}
+
+static void catalogue_clear_rows(struct catalogue *catalogue) {
+    g_clear_pointer(&catalogue->shots, g_ptr_array_unref);
+    g_clear_pointer(&catalogue->frames, g_hash_table_unref);
+    g_clear_pointer(&catalogue->by_source, g_hash_table_unref);
+    g_clear_pointer(&catalogue->frame_rows, g_ptr_array_unref);
+    g_clear_pointer(&catalogue->outputs, outputs_free);
+}
+
+void catalogue_free(struct catalogue *catalogue) {
+    if (!catalogue)
+        return;
+    catalogue_clear_rows(catalogue);
+    g_clear_pointer(&catalogue->views, g_ptr_array_unref);
+    g_clear_pointer(&catalogue->lights, g_ptr_array_unref);
+    g_clear_pointer(&catalogue->lasers, g_ptr_array_unref);
+    g_free(catalogue->calibration);
+    calibration_free(catalogue->known);
+    g_free(catalogue);
+}
+
+static gboolean check_devices(const GPtrArray *directions, int n, const char *what,
+                              const char *path, GError **error) {
+    for (guint i = 0; i < directions->len; i++) {
+        const struct session_direction *direction = g_ptr_array_index(directions, i);
+        if (direction->device >= 0 && direction->device < n)
+            continue;
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: its plan names %s %d, but its calibration has %d", path, what,
+                    direction->device, n);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean catalogue_check_shots(const struct catalogue *catalogue, GError **error) {
+    for (guint i = 0; i < catalogue->shots->len; i++) {
+        const struct session_shot *shot = g_ptr_array_index(catalogue->shots, i);
+        int n = shot->kind == SHOT_LAMP    ? catalogue->rig.n_lamps
+                : shot->kind == SHOT_SWEEP ? catalogue->rig.n_lasers
+                                           : G_MAXINT;
+        gboolean sweeps = shot->kind == SHOT_SWEEP && shot->state != SHOT_SKIPPED;
+        if (shot->kind == SHOT_DARK ||
+            (shot->device >= 0 && shot->device < n && (!sweeps || shot->sweep_steps >= 2)))
+            continue;
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: shot %" G_GINT64_FORMAT " makes no sense (device %d of %d, %d steps)",
+                    catalogue->directory, shot->id, shot->device, n, shot->sweep_steps);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static void index_shots(struct catalogue *catalogue) {
+    catalogue->by_source =
+        g_hash_table_new_full(NULL, NULL, NULL, (GDestroyNotify)g_ptr_array_unref);
+    for (guint i = 0; i < catalogue->shots->len; i++) {
+        struct session_shot *shot = g_ptr_array_index(catalogue->shots, i);
+        if (shot->source < 0)
+            continue;
+        gpointer key = source_key(shot->kind, shot->source, shot->turntable_deg);
+        GPtrArray *shots = g_hash_table_lookup(catalogue->by_source, key);
+        if (!shots) {
+            shots = g_ptr_array_new();
+            g_hash_table_insert(catalogue->by_source, key, shots);
+        }
+        g_ptr_array_add(shots, shot);
+    }
+}
+
+gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error) {
+    catalogue_clear_rows(catalogue);
+    catalogue->frames = g_hash_table_new(NULL, NULL);
+    catalogue->frame_rows = session_frames(session, error);
+    catalogue->shots = catalogue->frame_rows ? session_shots(session, error) : NULL;
+    catalogue->outputs = catalogue->shots ? outputs_load(session, catalogue->shots, error) : NULL;
+    if (!catalogue->outputs)
+        return FALSE;
+    for (guint i = 0; i < catalogue->frame_rows->len; i++) {
+        struct session_frame *frame = g_ptr_array_index(catalogue->frame_rows, i);
+        g_hash_table_insert(catalogue->frames, frame_key(frame->shot, frame->camera), frame);
+    }
+    index_shots(catalogue);
+    return catalogue_check_shots(catalogue, error);
+}
+
+static gboolean check_grid(const struct session_grid *grid, const char *path, GError **error) {
+    if (grid->width > 0 && grid->height > 0 && grid->width <= 8192 && grid->height <= 8192 &&
+        grid->width_mm > 0 && grid->height_mm > 0 && isfinite(grid->width_mm) &&
+        isfinite(grid->height_mm) && isfinite(grid->reference_mm) && isfinite(grid->depth_mm))
+        return TRUE;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%s: %d × %d texels of %g × %g mm are no grid", path, grid->width, grid->height,
+                grid->width_mm, grid->height_mm);
+    return FALSE;
+}
+
+static gboolean load_calibration(struct catalogue *catalogue, Session *session, const char *path,
+                                 const char *instead, GError **error) {
+    catalogue->calibration = session_text(session, "calibration.conf", error);
+    if (!catalogue->calibration ||
+        !(catalogue->known = calibration_from_text(catalogue->calibration, path, error)))
+        return FALSE;
+    if (!instead)
+        return TRUE;
+    struct calibration *other =
+        calibration_from_text(instead, "the calibration to process with", error);
+    if (!other || !calibration_check_rig(other, "the calibration to process with",
+                                         &catalogue->known->rig, error)) {
+        calibration_free(other);
+        return FALSE;
+    }
+    calibration_free(catalogue->known);
+    g_free(catalogue->calibration);
+    catalogue->known = other;
+    catalogue->calibration = g_strdup(instead);
+    return TRUE;
+}
+
+static gboolean load_reference(struct catalogue *catalogue, Session *session, GError **error) {
+    g_autofree char *text = session_value(session, LASER_REFERENCE_KEY);
+    if (text && !laser_reference_from_text(text, &catalogue->reference)) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: its value %s, “%s”, is not five numbers: height, its error, x and y of "
+                    "the hole, radius",
+                    catalogue->directory, LASER_REFERENCE_KEY, text);
+        return FALSE;
+    }
+    catalogue->reference.top_mm = catalogue->grid.reference_mm;
+    return TRUE;
+}
+
+static gboolean catalogue_do_load(struct catalogue *catalogue, Session *session,
+                                  const char *calibration, GError **error) {
+    g_autofree char *path = session_file(session, "session.db (calibration.conf)");
+    catalogue->directory = session_path(session);
+    if (!load_calibration(catalogue, session, path, calibration, error) ||
+        !session_grid(session, &catalogue->grid, error) ||
+        !check_grid(&catalogue->grid, catalogue->directory, error) ||
+        !load_reference(catalogue, session, error))
+        return FALSE;
+    catalogue->rig = catalogue->known->rig;
+    catalogue->views = session_views(session, error);
+    catalogue->lights = catalogue->views ? session_lights(session, error) : NULL;
+    catalogue->lasers = catalogue->lights ? session_lasers(session, error) : NULL;
+    const struct rig *rig = &catalogue->rig;
+    return catalogue->lasers &&
+           check_devices(catalogue->views, rig->n_cameras, "camera", path, error) &&
+           check_devices(catalogue->lights, rig->n_lamps, "lamp", path, error) &&
+           check_devices(catalogue->lasers, rig->n_lasers, "laser", path, error) &&
+           catalogue_refresh(catalogue, session, error);
+}
+
+struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error) {
+    struct catalogue *catalogue = g_new0(struct catalogue, 1);
+    if (!catalogue_do_load(catalogue, session, calibration, error))
+        g_clear_pointer(&catalogue, catalogue_free);
+    return catalogue;
+}
+
+static double catalogue_radians(double deg) {
+    return deg * (G_PI / 180);
+}
+
+static const struct session_shot *find_shot(const struct catalogue *catalogue,
+                                            enum session_shot_kind kind,
+                                            const struct session_direction *view, int source) {
+    const GPtrArray *shots =
+        g_hash_table_lookup(catalogue->by_source, source_key(kind, source, view->turntable_deg));
+    for (guint i = 0; shots && i < shots->len; i++) {
+        const struct session_shot *shot = g_ptr_array_index(shots, i);
+        if ((shot->cameras >> view->device & 1) != 0)
+            return shot;
+    }
+    return NULL;
+}
+
+static enum catalogue_state find_input(const struct catalogue *catalogue,
+                                       const struct session_shot *shot,
+                                       const struct session_direction *view, struct input *ret) {
+    if (!shot || shot->state == SHOT_SKIPPED)
+        return CATALOGUE_IMPOSSIBLE;
+    const struct session_frame *frame =
+        g_hash_table_lookup(catalogue->frames, frame_key(shot->id, view->device));
+    if (!frame || shot->state != SHOT_DONE)
+        return CATALOGUE_WAITING;
+    ret->path = g_build_filename(catalogue->directory, frame->path, NULL);
+    ret->sha256 = g_strdup(frame->sha256);
+    ret->shot = shot->id;
+    ret->width = catalogue->rig.cameras[view->device].width;
+    ret->height = catalogue->rig.cameras[view->device].height;
+    return CATALOGUE_READY;
+}
+
+GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind) {
+    const struct session_grid *grid = &catalogue->grid;
+    GChecksum *sum = g_checksum_new(G_CHECKSUM_SHA256);
+    int method = strcmp(kind, "btf") == 0 ? BTF_METHOD : MDF_METHOD;
+    input_hash(sum, "%s %s %d", kind, MESORIG_VERSION, method);
+    input_hash(sum, "%s", catalogue->calibration);
+    input_hash(sum, "%d %d %.17g %.17g %.17g %.17g", grid->width, grid->height, grid->width_mm,
+               grid->height_mm, grid->reference_mm, grid->depth_mm);
+    return sum;
+}
+
+static GChecksum *view_checksum(const struct catalogue *catalogue, const char *kind,
+                                const struct session_direction *view) {
+    GChecksum *sum = catalogue_checksum(catalogue, kind);
+    input_hash(sum, "%d %d %.17g %.17g %.17g", view->index, view->device, view->theta_deg,
+               view->phi_deg, view->turntable_deg);
+    return sum;
+}
+
+/* What the plan left out is not waited for; a shot of it is known, so that the light's place is. */
+static void catalogue_add_missing(struct btf_view *btf, const struct catalogue *catalogue,
+                                  const struct session_direction *direction,
+                                  const struct session_shot *shot, GChecksum *sum) {
+    const struct btf_light light = {.index = direction->index,
+                                    .theta_deg = direction->theta_deg,
+                                    .phi_deg = direction->phi_deg,
+                                    .arc = &catalogue->rig.arc,
+                                    .lamp = &catalogue->rig.lamps[shot->device],
+                                    .arc_rad = catalogue_radians(shot->arc_deg),
+                                    .missing = TRUE};
+    g_array_append_val(btf->lights, light);
+    btf->n_missing++;
+    input_hash(sum, "%d missing %.17g %.17g", light.index, light.theta_deg, light.phi_deg);
+}
+
+static void add_light(struct btf_view *btf, const struct catalogue *catalogue,
+                      const struct session_direction *direction, const struct session_shot *shot,
+                      const struct input *input, GChecksum *sum) {
+    const struct radiometry_lamp *lamp = &catalogue->known->lamp_radiometry[shot->device];
+    struct btf_light light = {.index = direction->index,
+                              .theta_deg = direction->theta_deg,
+                              .phi_deg = direction->phi_deg,
+                              .arc = &catalogue->rig.arc,
+                              .lamp = &catalogue->rig.lamps[shot->device],
+                              .radiometry = lamp,
+                              .arc_rad = catalogue_radians(shot->arc_deg),
+                              .output = lamp->known ? outputs_of(catalogue->outputs, shot->id) : 1,
+                              .input = *input};
+    g_array_append_val(btf->lights, light);
+    input_hash(sum, "%d %.17g %.17g %d %.17g %.17g %s", light.index, light.theta_deg, light.phi_deg,
+               shot->device, shot->arc_deg, light.output, input->sha256);
+}
+
+enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int index,
+                                   struct btf_view **ret) {
+    const struct session_direction *view = g_ptr_array_index(catalogue->views, index);
+    struct btf_view *btf = g_new0(struct btf_view, 1);
+    btf->index = view->index;
+    btf->theta_deg = view->theta_deg;
+    btf->phi_deg = view->phi_deg;
+    btf->camera = &catalogue->rig.cameras[view->device];
+    btf->radiometry = &catalogue->known->camera_radiometry[view->device];
+    btf->turntable_rad = catalogue_radians(view->turntable_deg);
+    btf->grid = catalogue->grid;
+    btf->lights = g_array_new(FALSE, FALSE, sizeof(struct btf_light));
+    g_autoptr(GChecksum) sum = view_checksum(catalogue, "btf", view);
+    enum catalogue_state state = catalogue->lights->len ? CATALOGUE_READY : CATALOGUE_IMPOSSIBLE;
+    for (guint i = 0; i < catalogue->lights->len; i++) {
+        const struct session_direction *direction = g_ptr_array_index(catalogue->lights, i);
+        const struct session_shot *shot = find_shot(catalogue, SHOT_LAMP, view, direction->index);
+        struct input input = {0};
+        enum catalogue_state one = find_input(catalogue, shot, view, &input);
+        if (one == CATALOGUE_READY)
+            add_light(btf, catalogue, direction, shot, &input, sum);
+        else if (one == CATALOGUE_IMPOSSIBLE && shot)
+            catalogue_add_missing(btf, catalogue, direction, shot, sum);
+        if (one == CATALOGUE_WAITING || !shot)
+            state = MAX(state, one);
+    }
+    if (btf->n_missing > BTF_MOST_MISSING * catalogue->lights->len)
+        state = CATALOGUE_IMPOSSIBLE;
+    btf->inputs = g_strdup(g_checksum_get_string(sum));
+    if (state == CATALOGUE_READY && ret)
+        *ret = g_steal_pointer(&btf);
+    btf_view_free(btf);
+    return state;
+}
+
+void mdf_job_free(struct mdf_job *job) {
+    if (!job)
+        return;
+    for (guint i = 0; job->sweeps && i < job->sweeps->len; i++)
+        input_clear(&g_array_index(job->sweeps, struct mdf_input, i).input);
+    g_clear_pointer(&job->sweeps, g_array_unref);
+    g_free(job->inputs);
+    g_free(job);
+}
+
+/* Nothing is known of a laser that was not calibrated: units are put up by hand. */
+#define UNKNOWN_RAD 0.02
+
+static struct laser_known known_of(const struct calibration *calibration, int laser) {
+    const struct calibration_laser *errors = &calibration->lasers[laser];
+    if (!errors->known)
+        return (struct laser_known){UNKNOWN_RAD, UNKNOWN_RAD};
+    return (struct laser_known){errors->normal_rad, errors->axis_rad};
+}
+
+static void catalogue_add_sweep(struct mdf_job *job, const struct catalogue *catalogue,
+                                const struct session_shot *shot, const struct input *input,
+                                GChecksum *sum) {
+    struct mdf_input sweep = {.arc = &catalogue->rig.arc,
+                              .laser = &catalogue->rig.lasers[shot->device],
+                              .arc_rad = catalogue_radians(shot->arc_deg),
+                              .from_rad = catalogue_radians(shot->sweep_from_deg),
+                              .to_rad = catalogue_radians(shot->sweep_to_deg),
+                              .steps = shot->sweep_steps,
+                              .position = shot->source,
+                              .known = known_of(catalogue->known, shot->device),
+                              .input = *input};
+    g_array_append_val(job->sweeps, sweep);
+    input_hash(sum, "%d %d %.17g %.17g %.17g %d %s", shot->source, shot->device, shot->arc_deg,
+               shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps, input->sha256);
+}
+
+enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int index,
+                                   struct mdf_job **ret) {
+    const struct session_direction *view = g_ptr_array_index(catalogue->views, index);
+    struct mdf_job *job = g_new0(struct mdf_job, 1);
+    job->view = view;
+    job->camera = &catalogue->rig.cameras[view->device];
+    job->turntable_rad = catalogue_radians(view->turntable_deg);
+    job->rig = &catalogue->rig;
+    job->reference = &catalogue->reference;
+    job->sweeps = g_array_new(FALSE, FALSE, sizeof(struct mdf_input));
+    g_autoptr(GChecksum) sum = view_checksum(catalogue, "mdf", view);
+    g_autofree char *reference = laser_reference_to_text(&catalogue->reference);
+    input_hash(sum, "%s", reference);
+    gboolean waiting = FALSE;
+    for (guint i = 0; i < catalogue->lasers->len && job->sweeps->len < MDF_MAX_SWEEPS; i++) {
+        const struct session_direction *direction = g_ptr_array_index(catalogue->lasers, i);
+        const struct session_shot *shot = find_shot(catalogue, SHOT_SWEEP, view, direction->index);
+        struct input input = {0};
+        enum catalogue_state one = find_input(catalogue, shot, view, &input);
+        if (one == CATALOGUE_READY)
+            catalogue_add_sweep(job, catalogue, shot, &input, sum);
+        waiting |= one == CATALOGUE_WAITING;
+    }
+    enum catalogue_state state = waiting            ? CATALOGUE_WAITING
+                                 : job->sweeps->len ? CATALOGUE_READY
+                                                    : CATALOGUE_IMPOSSIBLE;
+    job->inputs = g_strdup(g_checksum_get_string(sum));
+    if (state == CATALOGUE_READY && ret)
+        *ret = g_steal_pointer(&job);
+    mdf_job_free(job);
+    return state;
+}

@@ -1,0 +1,67 @@
+/*
+ * What a session holds for processing: of each view, whether all that it needs is there, and where.
+ * One thread at a time.
+ */
+#pragma once
+
+#include "btf/btf.h"
+#include "calibration/calibration.h"
+#include "mdf/mdf.h"
+#include "session/outputs.h"
+
+struct catalogue {
+    struct calibration *known;
+    struct rig rig; /* the calibration's */
+    struct session_grid grid;
+    struct laser_reference reference;           /* radius_mm 0: none was described */
+    char *calibration;                          /* its text */
+    struct outputs *outputs;                    /* of the lamps */
+    GPtrArray *views, *lights, *lasers, *shots; /* as the session gives them */
+    GHashTable *frames;                         /* shot and camera → struct session_frame */
+    GPtrArray *frame_rows;
+    GHashTable *by_source; /* kind, source and turntable angle → GPtrArray of shots */
+    const char *directory;
+};
+
+/* calibration: as in struct pipeline_options. */
+struct catalogue *catalogue_load(Session *session, const char *calibration, GError **error);
+void catalogue_free(struct catalogue *catalogue); /* NULL is ignored */
+
+gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error);
+
+enum catalogue_state {
+    CATALOGUE_READY,
+    CATALOGUE_WAITING,    /* for frames that are planned */
+    CATALOGUE_IMPOSSIBLE, /* the plan leaves out something that it needs */
+};
+
+/* ret is set where the view is ready; it borrows from the catalogue. */
+enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int view,
+                                   struct btf_view **ret);
+
+struct mdf_input {
+    const struct rig_arc *arc;
+    const struct rig_laser *laser;
+    double arc_rad, from_rad, to_rad;
+    int steps, position; /* position: index of the laser position */
+    struct laser_known known;
+    struct input input;
+};
+
+struct mdf_job {
+    const struct session_direction *view;
+    const struct rig_camera *camera;
+    double turntable_rad;
+    const struct rig *rig;
+    const struct laser_reference *reference;
+    GArray *sweeps; /* of struct mdf_input, in order of laser position */
+    char *inputs;   /* hash of all of the above */
+};
+void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
+
+/* Sweeps that the plan leaves out are not waited for. */
+enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
+                                   struct mdf_job **ret);
+
+/* The text of a hash of what both kinds of product depend on. */
+GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind);

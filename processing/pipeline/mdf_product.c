@@ -1,0 +1,253 @@
+#include "mdf_product.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "mdf/mdf_views.h"
+
+static const char *const channels[] = {"D", "M", "N", "O", "P", "S", NULL};
+enum { PLANE_D, PLANE_M, PLANE_N, PLANE_O, PLANE_P, PLANE_S, N_PLANES };
+
+void mdf_result_free(struct mdf_result *result) {
+    if (!result)
+        return;
+    for (int i = 0; i < N_PLANES; i++)
+        g_free(result->planes[i]);
+    g_free(result->inputs);
+    g_free(result->agreed);
+    g_free(result);
+}
+
+static struct mdf_result *mdf_product_new_result(const struct session_direction *view,
+                                                 const char *inputs, int n_texels) {
+    struct mdf_result *result = g_new0(struct mdf_result, 1);
+    result->index = view->index;
+    result->theta_deg = view->theta_deg;
+    result->phi_deg = view->phi_deg;
+    result->inputs = g_strdup(inputs);
+    result->agreed = g_strdup("");
+    result->lines.worst_position = -1;
+    for (int i = 0; i < N_PLANES; i++)
+        result->planes[i] = g_new0(float, n_texels);
+    return result;
+}
+
+/* The file's word against the plan's: a sweep that ran otherwise would give wrong depths. */
+static gboolean check_sweep(const struct mdf_input *input, const struct exr_part *part,
+                            GError **error) {
+    double from = 0, to = 0, degree = G_PI / 180;
+    int steps = 0;
+    if (!exr_get_double(part, "sweep.from_deg", &from, error) ||
+        !exr_get_double(part, "sweep.to_deg", &to, error) ||
+        !exr_get_int(part, "sweep.steps", &steps, error)) {
+        g_prefix_error(error, "%s: ", input->input.path);
+        return FALSE;
+    }
+    if (fabs(from * degree - input->from_rad) < 1e-9 && fabs(to * degree - input->to_rad) < 1e-9 &&
+        steps == input->steps)
+        return TRUE;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%s: swept from %g° to %g° in %d steps, but the session's plan says %g° to %g° in "
+                "%d",
+                input->input.path, from, to, steps, input->from_rad / degree,
+                input->to_rad / degree, input->steps);
+    return FALSE;
+}
+
+static void count_lines(struct mdf_lines *to, const struct laser_lines *lines, int position) {
+    const double deg = lines->offset_rad * 180 / G_PI;
+    const struct mdf_lines one = {1,   lines->turn_rad != NULL,        lines->disagrees, deg * deg,
+                                  deg, lines->turn_rad ? position : -1};
+    mdf_lines_add(to, &one);
+}
+
+static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
+                                      const struct mdf_input *input, struct mdf_lines *count,
+                                      GError **error) {
+    static const char *const sweep_channels[] = {"intensity", "peak", "width", NULL};
+    struct exr_part *part = input_read(&input->input, sweep_channels, error);
+    if (!part)
+        return FALSE;
+    gboolean ok = check_sweep(input, part, error);
+    if (ok) {
+        struct laser_sweep sweep = {.arc = input->arc,
+                                    .laser = input->laser,
+                                    .arc_rad = input->arc_rad,
+                                    .from_rad = input->from_rad,
+                                    .step_rad =
+                                        (input->to_rad - input->from_rad) / (input->steps - 1),
+                                    .peak = exr_part_plane(part, "peak"),
+                                    .width = exr_part_plane(part, "width"),
+                                    .intensity = exr_part_plane(part, "intensity"),
+                                    .second_peak = exr_part_plane(part, "second_peak"),
+                                    .second_intensity = exr_part_plane(part, "second_intensity")};
+        struct laser_lines lines;
+        laser_lines_find(region, &sweep, input->steps, &input->known, &lines);
+        sweep.lines = &lines;
+        count_lines(count, &lines, input->position);
+        mdf_view_add(view, &sweep);
+        laser_lines_clear(&lines);
+    }
+    exr_part_free(part);
+    return ok;
+}
+
+struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
+                                 GCancellable *cancellable, GError **error) {
+    g_autoptr(MdfView) view = mdf_view_new(job->camera, job->turntable_rad, grid);
+    g_autoptr(LaserRegion) region =
+        laser_region_new(job->rig, job->camera, job->turntable_rad, job->reference);
+    struct mdf_lines lines = {.worst_position = -1};
+    for (guint i = 0; i < job->sweeps->len; i++)
+        if (g_cancellable_set_error_if_cancelled(cancellable, error) ||
+            !mdf_product_add_sweep(view, region, &g_array_index(job->sweeps, struct mdf_input, i),
+                                   &lines, error))
+            return NULL;
+    struct mdf_result *result =
+        mdf_product_new_result(job->view, job->inputs, grid->width * grid->height);
+    struct vec3 centre = rig_turn(rig_camera_centre_mm(job->camera), -job->turntable_rad);
+    memcpy(result->centre_mm, (double[3]){centre.x, centre.y, centre.z}, sizeof result->centre_mm);
+    result->lines = lines;
+    float *const *p = result->planes;
+    mdf_view_merge(view, p[PLANE_M], p[PLANE_N], p[PLANE_S]);
+    mdf_view_other(view, p[PLANE_M], p[PLANE_O]);
+    for (int i = 0; i < grid->width * grid->height; i++) {
+        p[PLANE_D][i] = p[PLANE_M][i];
+        p[PLANE_P][i] = p[PLANE_M][i] >= 0 ? MDF_MEASURED : MDF_UNSEEN;
+    }
+    return result;
+}
+
+static char *hash_of_views(struct mdf_result *const *results, int n) {
+    g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
+    for (int i = 0; i < n; i++)
+        input_hash(sum, "%s", results[i] ? results[i]->inputs : "");
+    return g_strdup(g_checksum_get_string(sum));
+}
+
+static gboolean all_agreed(struct mdf_result *const *results, int n, const char *agreed) {
+    gboolean all = TRUE;
+    for (int i = 0; i < n; i++)
+        all &= !results[i] || strcmp(results[i]->agreed, agreed) == 0;
+    return all;
+}
+
+gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
+                    GCancellable *cancellable) {
+    g_autofree char *agreed = hash_of_views(results, n);
+    if (all_agreed(results, n, agreed))
+        return FALSE;
+    const int n_texels = grid->width * grid->height;
+    const struct mdf_plane plane = {grid->width, grid->height, grid->width_mm / grid->width,
+                                    grid->reference_mm};
+    g_autofree struct mdf_eye *eyes = g_new0(struct mdf_eye, n);
+    g_autofree struct mdf_result **of = g_new0(struct mdf_result *, n);
+    g_autofree guint8 *source = g_new(guint8, n_texels);
+    int seen = 0;
+    for (int i = 0; i < n; i++) {
+        if (!results[i])
+            continue;
+        of[seen] = results[i];
+        memcpy(eyes[seen].centre_mm, results[i]->centre_mm, sizeof eyes->centre_mm);
+        eyes[seen].distance = results[i]->planes[PLANE_M];
+        eyes[seen].other = results[i]->planes[PLANE_O];
+        eyes[seen++].lasers = results[i]->planes[PLANE_N];
+    }
+    for (int v = 0; v < seen && !g_cancellable_is_cancelled(cancellable); v++) {
+        mdf_views_settle(eyes, seen, v, &plane, of[v]->planes[PLANE_D], source);
+        for (int i = 0; i < n_texels; i++)
+            of[v]->planes[PLANE_P][i] = source[i];
+        g_free(of[v]->agreed);
+        of[v]->agreed = g_strdup(agreed);
+    }
+    return TRUE;
+}
+
+static struct exr_part *result_part(const struct mdf_result *result,
+                                    const struct session_grid *grid) {
+    g_autofree char *name = g_strdup_printf("view_%04d", result->index);
+    struct exr_part *part = exr_part_new(name, grid->width, grid->height, channels, EXR_FLOAT);
+    for (int i = 0; i < N_PLANES; i++)
+        memcpy(part->planes[i], result->planes[i],
+               sizeof(float) * (gsize)grid->width * (gsize)grid->height);
+    exr_set_double(part, "view.theta_deg", result->theta_deg);
+    exr_set_double(part, "view.phi_deg", result->phi_deg);
+    const double *centre = result->centre_mm;
+    exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
+    exr_set_double(part, "reference_mm", grid->reference_mm);
+    exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
+    exr_set_string(part, "mesorig.inputs", result->inputs);
+    exr_set_string(part, "mesorig.views", result->agreed);
+    mdf_lines_write(part, &result->lines);
+    return part;
+}
+
+gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
+                   const struct session_grid *grid, GError **error) {
+    struct exr_file *file = exr_file_new();
+    for (int i = 0; i < n; i++)
+        if (results[i])
+            exr_file_add(file, result_part(results[i], grid));
+    gboolean ok = exr_write(path, file, EXR_PIZ, TRUE, error);
+    exr_file_free(file);
+    return ok;
+}
+
+static struct mdf_result *result_of(const struct exr_file *file, const struct catalogue *catalogue,
+                                    const struct session_direction *view) {
+    const struct session_grid *grid = &catalogue->grid;
+    g_autofree char *name = g_strdup_printf("view_%04d", view->index);
+    const struct exr_part *part = exr_file_part(file, name);
+    const char *inputs = NULL, *agreed = NULL;
+    double centre_mm[3];
+    struct mdf_lines lines;
+    if (!part || !mdf_lines_read(part, &lines) || part->width != grid->width ||
+        part->height != grid->height || !exr_get_string(part, "mesorig.inputs", &inputs, NULL) ||
+        !exr_get_string(part, "mesorig.views", &agreed, NULL) ||
+        !exr_get_v3d(part, "view.centre_mm", centre_mm, NULL))
+        return NULL;
+    struct mdf_result *result = mdf_product_new_result(view, inputs, grid->width * grid->height);
+    memcpy(result->centre_mm, centre_mm, sizeof centre_mm);
+    result->lines = lines;
+    g_free(result->agreed);
+    result->agreed = g_strdup(agreed);
+    for (int i = 0; i < N_PLANES; i++) {
+        const float *plane = exr_part_plane(part, channels[i]);
+        if (!plane) {
+            mdf_result_free(result);
+            return NULL;
+        }
+        memcpy(result->planes[i], plane, sizeof(float) * (gsize)grid->width * (gsize)grid->height);
+    }
+    return result;
+}
+
+gboolean mdf_read(const char *path, const struct catalogue *catalogue,
+                  struct mdf_result **ret_results) {
+    if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
+        return FALSE;
+    struct exr_file *file = exr_read(path, NULL);
+    if (!file)
+        return TRUE;
+    guint taken = 0;
+    for (guint i = 0; i < catalogue->views->len; i++) {
+        ret_results[i] = result_of(file, catalogue, g_ptr_array_index(catalogue->views, i));
+        taken += ret_results[i] != NULL;
+    }
+    gboolean other = taken != file->parts->len;
+    exr_file_free(file);
+    return other;
+}
+
+double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted) {
+    gint64 seen = 0, predicted = 0, all = 0;
+    for (int view = 0; view < n; view++)
+        for (int i = 0; results[view] && i < n_texels; i++, all++) {
+            const int source = (int)results[view]->planes[PLANE_P][i];
+            seen += source == MDF_MEASURED || source == MDF_OTHER;
+            predicted += source == MDF_PREDICTED;
+        }
+    *ret_predicted = all > 0 ? (double)predicted / (double)all : 0;
+    return all > 0 ? (double)seen / (double)all : 0;
+}

@@ -1,0 +1,420 @@
+#include "near_field_correction.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "btf/btf.h"
+#include "btf/btf_private.h"
+#include "btf/texel_resampler.h"
+#include "formats/import_private.h"
+
+#define LANES   RESAMPLER_LANES
+#define COLOURS 3
+#define BLOCK   16  /* texels at a time */
+#define BAND    1.0 /* degrees */
+
+struct job {
+    const struct work *work;
+    const struct near_field *near;
+    const struct btf_directions *to;
+    struct resampler resampler;
+    struct btf_scratch *measured, *made; /* texels × lights × lanes a view */
+    int n_texels;
+    struct resampler_sums **sums; /* of each block */
+    struct resampler_sums *all;
+    GMutex mutex;
+    GError *error;             /* of the first block that failed */
+    GCancellable *cancellable; /* then cancelled; or by the user's */
+    const char *source;        /* the session's path */
+    const struct near_field_correction_result *result;
+    float *rgb;     /* of the view that is written: texels × 3 a light */
+    guint8 *marks;  /* and lights × texels */
+    gboolean *some; /* of each light: whether it has marks */
+};
+
+void near_field_correction_result_clear(struct near_field_correction_result *result) {
+    g_clear_pointer(&result->from, g_array_unref);
+    g_clear_pointer(&result->to, g_array_unref);
+}
+
+/* Values, and beside them the mark. */
+static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct exr_file *file,
+                           int view, const char *path, GError **error) {
+    const gsize n_lights = (gsize)btf->n_lights, n_texels = (gsize)job->n_texels;
+    g_autofree float *values = g_new(float, n_texels *n_lights *COLOURS);
+    g_autofree float *rows = g_new(float, n_texels *n_lights *LANES);
+    if (!btf_take_view(btf, file, view, path, values, n_lights * COLOURS, error))
+        return FALSE;
+    for (gsize light = 0; light < n_lights; light++) {
+        const float *mark = exr_part_plane(g_ptr_array_index(file->parts, (guint)light), "mark");
+        for (gsize texel = 0; texel < n_texels; texel++) {
+            float *row = rows + (texel * n_lights + light) * LANES;
+            memcpy(row, values + (texel * n_lights + light) * COLOURS, sizeof(float) * COLOURS);
+            row[COLOURS] = mark && mark[texel] > 0 ? MIN(mark[texel], 15.0f) : 0;
+        }
+    }
+    return btf_scratch_write(job->measured, view, rows, error);
+}
+
+static gboolean near_field_read_view(struct job *job, struct btf_matrix *btf, int view,
+                                     const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    const gboolean ok = file && (view > 0 || btf_take_lights(btf, file, path, error)) &&
+                        store_view(job, btf, file, view, path, error);
+    exr_file_free(file);
+    return ok;
+}
+
+static gboolean near_field_read_views(struct job *job, struct near_field_correction_result *ret,
+                                      GError **error) {
+    g_autoptr(GPtrArray) paths = NULL;
+    struct btf_matrix *btf = btf_open(job->source, TRUE, &paths, error);
+    const gint64 begun = g_get_monotonic_time();
+    gboolean ok = btf != NULL;
+    if (ok && btf->n_views != job->near->n_views) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: its BTF is being made just now; wait until that has ended", job->source);
+        ok = FALSE;
+    }
+    for (int view = 0; ok && view < btf->n_views; view++)
+        ok = near_field_read_view(job, btf, view, g_ptr_array_index(paths, (guint)view), error) &&
+             work_tell(job->work, "read", view + 1, btf->n_views, begun, error);
+    ret->holes = btf ? btf->holes : 0;
+    ret->bounds = btf ? btf->bounds : 0;
+    ret->predicted = btf ? btf->predicted : 0;
+    btf_matrix_free(btf);
+    return ok;
+}
+
+static void near_field_fail(struct job *job, GError *error) {
+    g_mutex_lock(&job->mutex);
+    if (!job->error)
+        job->error = g_steal_pointer(&error);
+    g_mutex_unlock(&job->mutex);
+    g_clear_error(&error);
+    g_cancellable_cancel(job->cancellable);
+}
+
+/* A texel's views side by side, from views' texels, and back. */
+static gboolean read_block(const struct job *job, int first, int n, float *texels, float *rows,
+                           GError **error) {
+    const gsize row = (gsize)job->near->n_lights * LANES;
+    for (int view = 0; view < job->near->n_views; view++) {
+        if (!btf_scratch_read(job->measured, view, first, n, rows, error))
+            return FALSE;
+        for (gsize i = 0; i < (gsize)n; i++)
+            memcpy(texels + (i * (gsize)job->near->n_views + (gsize)view) * row, rows + i * row,
+                   sizeof(float) * row);
+    }
+    return TRUE;
+}
+
+static gboolean write_block(const struct job *job, int first, int n, const float *texels,
+                            float *rows, GError **error) {
+    const gsize row = (gsize)job->to->n_lights * LANES;
+    for (int view = 0; view < job->to->n_views; view++) {
+        for (gsize i = 0; i < (gsize)n; i++)
+            memcpy(rows + i * row, texels + (i * (gsize)job->to->n_views + (gsize)view) * row,
+                   sizeof(float) * row);
+        if (!btf_scratch_write_rows(job->made, view, first, n, rows, error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static void resample_block(int block, gpointer data) {
+    struct job *job = data;
+    const int first = block * BLOCK, n = MIN(BLOCK, job->n_texels - first);
+    const gsize from = (gsize)job->near->n_views * (gsize)job->near->n_lights * LANES;
+    const gsize to = (gsize)job->to->n_views * (gsize)job->to->n_lights * LANES;
+    g_autofree float *values = g_new(float, BLOCK *from), *made = g_new(float, BLOCK *to);
+    g_autofree float *rows =
+        g_new(float, BLOCK *LANES *(gsize)MAX(job->near->n_lights, job->to->n_lights));
+    GError *error = NULL;
+    job->sums[block] = resampler_sums_new(&job->resampler);
+    gboolean ok = read_block(job, first, n, values, rows, &error);
+    for (int i = 0; ok && i < n; i++)
+        resampler_texel(&job->resampler, first + i, values + (gsize)i * from, made + (gsize)i * to,
+                        job->sums[block]);
+    ok = ok && write_block(job, first, n, made, rows, &error);
+    if (!ok)
+        near_field_fail(job, error);
+}
+
+static void cancel_too(GCancellable *users, gpointer ours) {
+    g_cancellable_cancel(ours);
+}
+
+static gboolean resample_texels(struct job *job, GError **error) {
+    const int n_blocks = (job->n_texels + BLOCK - 1) / BLOCK;
+    GCancellable *users = job->work->cancellable;
+    job->cancellable = g_cancellable_new();
+    const gulong id =
+        users ? g_cancellable_connect(users, G_CALLBACK(cancel_too), job->cancellable, NULL) : 0;
+    struct work work = *job->work;
+    work.cancellable = job->cancellable;
+    job->sums = g_new0(struct resampler_sums *, n_blocks);
+    job->all = resampler_sums_new(&job->resampler);
+    gboolean ok = work_parallel(&work, "resample", n_blocks, resample_block, job, error);
+    if (users)
+        g_cancellable_disconnect(users, id);
+    if (job->error) {
+        g_clear_error(error);
+        g_propagate_error(error, g_steal_pointer(&job->error));
+        ok = FALSE;
+    }
+    for (int i = 0; i < n_blocks; i++) {
+        if (job->sums[i])
+            resampler_sums_add(&job->resampler, job->sums[i], job->all);
+        resampler_sums_free(job->sums[i]);
+    }
+    g_clear_pointer(&job->sums, g_free);
+    g_clear_object(&job->cancellable);
+    return ok;
+}
+
+/* Of values that are all 0 nothing can be said in proportion. */
+static double root(double error, double norm) {
+    return norm > 0 ? sqrt(error / norm) : 0;
+}
+
+static void set_from(struct near_field_correction_band *band, const struct resampler_from *sums) {
+    band->back = root(sums->back, sums->back_norm);
+    band->left_out_view = root(sums->left_view, sums->left_view_norm);
+    band->left_out_light = root(sums->left_light, sums->left_light_norm);
+}
+
+static void set_to(struct near_field_correction_band *band, const struct resampler_to *sums,
+                   double n /* texels of all its views */, gboolean own) {
+    band->moved_deg = sums->moved_deg / n;
+    band->most_moved_deg = sums->most_moved_deg;
+    band->held = sums->held / n;
+    band->nominal = own ? root(sums->nominal, sums->norm) : -1;
+}
+
+static int by_angle(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* Elevations, the nearly same ones together. */
+static GArray *elevations(const float *theta_deg, int n) {
+    GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct near_field_correction_band));
+    g_autofree double *sorted = g_new(double, n);
+    for (int i = 0; i < n; i++)
+        sorted[i] = (double)theta_deg[i];
+    qsort(sorted, (gsize)n, sizeof *sorted, by_angle);
+    for (int i = 0; i < n; i++)
+        if (i == 0 ||
+            sorted[i] >
+                g_array_index(bands, struct near_field_correction_band, bands->len - 1).theta_deg +
+                    BAND) {
+            const struct near_field_correction_band band = {.theta_deg = sorted[i], .nominal = -1};
+            g_array_append_val(bands, band);
+        }
+    return bands;
+}
+
+static gboolean in_band(const struct near_field_correction_band *band, float theta_deg) {
+    return (double)theta_deg >= band->theta_deg && (double)theta_deg <= band->theta_deg + BAND;
+}
+
+static void fill_from(const struct job *job, struct near_field_correction_result *ret) {
+    struct resampler_from whole = {0};
+    ret->from = elevations(job->near->view_theta_deg, job->near->n_views);
+    for (guint k = 0; k < ret->from->len; k++) {
+        struct near_field_correction_band *band =
+            &g_array_index(ret->from, struct near_field_correction_band, k);
+        struct resampler_from sums = {0};
+        for (int i = 0; i < job->near->n_views; i++)
+            if (in_band(band, job->near->view_theta_deg[i])) {
+                resampler_from_add(&job->all->from[i], &sums);
+                band->n_views++;
+            }
+        set_from(band, &sums);
+        resampler_from_add(&sums, &whole);
+    }
+    set_from(&ret->all, &whole);
+}
+
+static void fill_to(const struct job *job, struct near_field_correction_result *ret) {
+    struct resampler_to whole = {0};
+    ret->to = elevations(job->to->view_theta_deg, job->to->n_views);
+    for (guint k = 0; k < ret->to->len; k++) {
+        struct near_field_correction_band *band =
+            &g_array_index(ret->to, struct near_field_correction_band, k);
+        struct resampler_to sums = {0};
+        for (int i = 0; i < job->to->n_views; i++)
+            if (in_band(band, job->to->view_theta_deg[i])) {
+                resampler_to_add(&job->all->to[i], &sums);
+                band->n_views++;
+            }
+        set_to(band, &sums, (double)job->n_texels * band->n_views, job->resampler.own);
+        resampler_to_add(&sums, &whole);
+    }
+    set_to(&ret->all, &whole, (double)job->n_texels * job->to->n_views, job->resampler.own);
+}
+
+static void fill_result(const struct job *job, struct near_field_correction_result *ret) {
+    ret->exact = job->near->camera_mm != NULL;
+    ret->n_views = job->near->n_views;
+    ret->n_lights = job->near->n_lights;
+    ret->sampled = job->all->sampled;
+    ret->light_moved_deg = job->all->light_moved_deg / job->n_texels;
+    ret->light_most_moved_deg = job->all->light_most_moved_deg;
+    ret->all = (struct near_field_correction_band){.theta_deg = -1, .n_views = job->to->n_views};
+    fill_from(job, ret);
+    fill_to(job, ret);
+}
+
+/* For import_material(). */
+static gboolean near_field_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
+                                     GError **error) {
+    struct job *job = data;
+    const gsize n_lights = (gsize)job->to->n_lights, n = (gsize)job->n_texels;
+    g_autofree float *rows = g_new(float, BLOCK *n_lights *LANES);
+    memset(ret_holes, 0, sizeof(int) * n_lights);
+    memset(job->some, 0, sizeof(gboolean) * n_lights);
+    for (gsize first = 0; first < n; first += BLOCK) {
+        const gsize count = MIN(BLOCK, n - first);
+        if (!btf_scratch_read(job->made, view, (int)first, (int)count, rows, error))
+            return FALSE;
+        for (gsize i = 0; i < count; i++)
+            for (gsize light = 0; light < n_lights; light++) {
+                const float *value = rows + (i * n_lights + light) * LANES;
+                const guint8 mark = (guint8)value[COLOURS];
+                memcpy(ret_rgb + 3 * (light * n + first + i), value, sizeof(float) * COLOURS);
+                job->marks[light * n + first + i] = mark;
+                job->some[light] |= mark != 0;
+                ret_holes[light] += (mark & BTF_MARK_HOLE) != 0;
+            }
+    }
+    return TRUE;
+}
+
+static const guint8 *give_light(int view, int light, struct exr_part *part, gpointer data) {
+    const struct job *job = data;
+    const struct near_field_correction_result *result = job->result;
+    const guint8 *marks = job->marks + (gsize)light * (gsize)job->n_texels;
+    int bounds = 0, shorter = 0, predicted = 0;
+    for (int i = 0; job->some[light] && i < job->n_texels; i++) {
+        bounds += (marks[i] & BTF_MARK_BOUND) != 0;
+        shorter += (marks[i] & BTF_MARK_SHORTER) != 0;
+        predicted += (marks[i] & BTF_MARK_PREDICTED) != 0;
+    }
+    exr_set_int(part, "mesorig.bounds", bounds);
+    exr_set_int(part, "mesorig.shorter", shorter);
+    exr_set_int(part, "mesorig.predicted", predicted);
+    exr_set_string(part, "resample.directions", job->to->name);
+    exr_set_string(part, "resample.from", job->source);
+    exr_set_int(part, "resample.exact", result->exact);
+    exr_set_double(part, "resample.left_out_view", result->all.left_out_view);
+    exr_set_double(part, "resample.left_out_light", result->all.left_out_light);
+    exr_set_double(part, "resample.back", result->all.back);
+    exr_set_double(part, "resample.moved_deg", job->all->to[view].moved_deg / job->n_texels);
+    return job->some[light] ? marks : NULL;
+}
+
+static gboolean write_session(struct job *job, const char *path,
+                              struct near_field_correction_result *ret, GError **error) {
+    const gsize n = (gsize)job->n_texels * (gsize)job->to->n_lights;
+    const struct session_grid *grid = &job->near->grid;
+    g_autofree char *mdf = g_build_filename(job->source, "products", "mdf.exr", NULL);
+    ret->mdf = g_file_test(mdf, G_FILE_TEST_EXISTS);
+    if (!session_check_product(mdf, error))
+        return FALSE;
+    g_autofree char *source =
+        g_strdup_printf("%s, resampled to directions “%s”", job->source, job->to->name);
+    g_autofree guint8 *marks = job->marks = g_new0(guint8, n);
+    g_autofree gboolean *some = job->some = g_new0(gboolean, job->to->n_lights);
+    const struct import_material material = {
+        .source = source,
+        .width = grid->width,
+        .height = grid->height,
+        .texel_mm = grid->width_mm / grid->width,
+        .n_views = job->to->n_views,
+        .n_lights = job->to->n_lights,
+        .view_theta_deg = job->to->view_theta_deg,
+        .view_phi_deg = job->to->view_phi_deg,
+        .light_theta_deg = job->to->light_theta_deg,
+        .light_phi_deg = job->to->light_phi_deg,
+        .view = near_field_give_view,
+        .light = give_light,
+        .data = job,
+        .grid = grid,
+        .mdf = ret->mdf ? mdf : NULL,
+    };
+    job->result = ret;
+    return import_material(path, &material, job->work, &ret->made, error);
+}
+
+static struct btf_directions *own_directions(const struct near_field *near) {
+    const gsize n_views = sizeof(float) * (gsize)near->n_views;
+    const gsize n_lights = sizeof(float) * (gsize)near->n_lights;
+    struct btf_directions *ret = g_new0(struct btf_directions, 1);
+    *ret = (struct btf_directions){.name = g_strdup("own"),
+                                   .n_views = near->n_views,
+                                   .n_lights = near->n_lights,
+                                   .view_theta_deg = g_memdup2(near->view_theta_deg, n_views),
+                                   .view_phi_deg = g_memdup2(near->view_phi_deg, n_views),
+                                   .light_theta_deg = g_memdup2(near->light_theta_deg, n_lights),
+                                   .light_phi_deg = g_memdup2(near->light_phi_deg, n_lights)};
+    return ret;
+}
+
+static gboolean open_scratch(struct job *job, const char *path, GError **error) {
+    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+    g_autofree char *folder = g_path_get_dirname(absolute);
+    job->measured = btf_scratch_new(folder, (gsize)job->near->n_lights * LANES, job->near->n_views,
+                                    job->n_texels, error);
+    job->made = job->measured ? btf_scratch_new(folder, (gsize)job->to->n_lights * LANES,
+                                                job->to->n_views, job->n_texels, error)
+                              : NULL;
+    return job->made != NULL;
+}
+
+static gboolean near_field_run(struct job *job, const char *path, gboolean own,
+                               struct near_field_correction_result *ret, GError **error) {
+    if (g_file_test(path, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_EXISTS, "%s: exists already; take another name",
+                    path);
+        return FALSE;
+    }
+    if (!open_scratch(job, path, error) || !near_field_read_views(job, ret, error))
+        return FALSE;
+    resampler_init(&job->resampler, job->near, job->to, own);
+    gboolean ok = resample_texels(job, error);
+    g_clear_pointer(&job->measured, btf_scratch_free);
+    if (ok)
+        fill_result(job, ret);
+    ok = ok && write_session(job, path, ret, error);
+    resampler_sums_free(job->all);
+    resampler_clear(&job->resampler);
+    return ok;
+}
+
+gboolean near_field_correct(const char *session, const char *path, const struct btf_directions *to,
+                            const struct work *work, struct near_field_correction_result *ret,
+                            GError **error) {
+    *ret = (struct near_field_correction_result){0};
+    struct near_field *near = near_field_read(session, error);
+    if (!near)
+        return FALSE;
+    struct btf_directions *own = to ? NULL : own_directions(near);
+    struct job job = {.work = work,
+                      .near = near,
+                      .to = to ? to : own,
+                      .n_texels = near->grid.width * near->grid.height,
+                      .source = session};
+    g_mutex_init(&job.mutex);
+    const gboolean ok = near_field_run(&job, path, to == NULL, ret, error);
+    g_mutex_clear(&job.mutex);
+    btf_scratch_free(job.measured);
+    btf_scratch_free(job.made);
+    btf_directions_free(own);
+    near_field_free(near);
+    if (!ok)
+        near_field_correction_result_clear(ret);
+    return ok;
+}

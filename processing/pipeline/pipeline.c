@@ -1,0 +1,551 @@
+#include "pipeline.h"
+
+#include <errno.h>
+#include <malloc.h>
+#include <math.h>
+#include <string.h>
+#include <sys/resource.h>
+
+#include "base/data_error.h"
+#include "base/file_lock.h"
+#include "base/new_file.h"
+#include "catalogue.h"
+#include "eigenmaps/eigenmaps.h"
+#include "mdf_product.h"
+
+#define POLL_US      (G_USEC_PER_SEC / 2)
+#define MDF_WRITE_US (30 * G_USEC_PER_SEC) /* at most so often while a capture is followed */
+
+enum stage { STAGE_BTF, STAGE_MDF, N_STAGES };
+static const char *const stage_names[] = {"btf", "mdf"};
+
+/* One view of one stage, on its way through the pool. */
+struct task {
+    struct run *run;
+    enum stage stage;
+    int view;
+    char *path; /* of the product */
+    struct btf_view *btf;
+    struct mdf_job *mdf;
+    struct mdf_result *result;
+    GError *error;
+};
+
+struct run {
+    Session *session;
+    const struct pipeline_options *options;
+    struct catalogue *catalogue;
+    int n_views;
+    gboolean *made[N_STAGES]; /* of each view */
+    GHashTable *whole;        /* relative paths of products that are as they were made */
+    int n_damaged;            /* that are not, of those that are made here */
+    char *lock_path;          /* of lock: */
+    int lock;                 /* that no other process makes products */
+    char **btf_inputs;        /* of each view that is made */
+    int *missing;             /* lights of each view in the BTF */
+    struct mdf_result **mdf;  /* of each view that is made */
+    gboolean mdf_dirty;
+    gint64 mdf_written_us, started_us;
+    int made_now[N_STAGES];
+    gboolean eigenmaps_made;
+    double spent_s[N_STAGES];
+    GCancellable *cancellable; /* the user's, or that of the first error */
+    GAsyncQueue *finished;     /* of struct task */
+};
+
+static char *btf_relative(int view) {
+    return g_strdup_printf("products/btf/view_%04d.exr", view);
+}
+
+static void task_free(struct task *task) {
+    g_free(task->path);
+    btf_view_free(task->btf);
+    mdf_job_free(task->mdf);
+    mdf_result_free(task->result);
+    g_clear_error(&task->error);
+    g_free(task);
+}
+
+static void pipeline_work(gpointer data, gpointer unused) {
+    struct task *task = data;
+    struct run *run = task->run;
+    if (g_cancellable_set_error_if_cancelled(run->cancellable, &task->error)) {
+        /* handed back as it is */
+    } else if (task->stage == STAGE_BTF)
+        btf_make_view(task->btf, task->path, run->cancellable, &task->error);
+    else
+        task->result =
+            mdf_make_view(task->mdf, &run->catalogue->grid, run->cancellable, &task->error);
+    g_async_queue_push(run->finished, task);
+}
+
+static void pipeline_report(struct run *run, const char *name, int done, int total, double left_s) {
+    struct work_progress progress = {name, done, total, left_s};
+    if (run->options->work.progress)
+        run->options->work.progress(&progress, run->options->work.data);
+}
+
+static int count_made(const struct run *run, enum stage stage) {
+    int n = 0;
+    for (int i = 0; i < run->n_views; i++)
+        n += run->made[stage][i];
+    return n;
+}
+
+static void report_stage(struct run *run, enum stage stage, double spent_s) {
+    int done = count_made(run, stage), made = run->made_now[stage];
+    pipeline_report(run, stage_names[stage], done, run->n_views,
+                    made > 0 ? (run->spent_s[stage] + spent_s) / made * (run->n_views - done) : -1);
+}
+
+/* In the calling thread, which owns the session. */
+static gboolean pipeline_accept(struct run *run, struct task *task, GError **error) {
+    if (task->error) {
+        g_propagate_error(error, g_steal_pointer(&task->error));
+        return FALSE;
+    }
+    run->made[task->stage][task->view] = TRUE;
+    run->made_now[task->stage]++;
+    if (task->stage == STAGE_MDF) {
+        mdf_result_free(run->mdf[task->view]);
+        run->mdf[task->view] = g_steal_pointer(&task->result);
+        run->mdf_dirty = TRUE;
+        return TRUE;
+    }
+    g_autofree char *relative = btf_relative(task->btf->index);
+    run->btf_inputs[task->view] = g_strdup(task->btf->inputs);
+    return session_add_product(run->session, relative, task->btf->inputs, error);
+}
+
+static gboolean pipeline_is_made(struct run *run, const struct task *task) {
+    if (task->stage == STAGE_MDF)
+        return run->mdf[task->view] && strcmp(run->mdf[task->view]->inputs, task->mdf->inputs) == 0;
+    // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): a task is of one stage or the other
+    g_autofree char *relative = btf_relative(task->btf->index);
+    if (!g_hash_table_contains(run->whole, relative) || !btf_is_made(task->btf, task->path))
+        return FALSE;
+    run->btf_inputs[task->view] = g_strdup(task->btf->inputs);
+    return TRUE;
+}
+
+/* The task of a view that is ready and not made, or NULL. */
+static struct task *pipeline_next_task(struct run *run, enum stage stage, int view) {
+    if (run->made[stage][view])
+        return NULL;
+    struct task *task = g_new0(struct task, 1);
+    *task = (struct task){.run = run, .stage = stage, .view = view};
+    enum catalogue_state state = stage == STAGE_BTF
+                                     ? catalogue_btf(run->catalogue, view, &task->btf)
+                                     : catalogue_mdf(run->catalogue, view, &task->mdf);
+    if (task->btf) {
+        g_autofree char *relative = btf_relative(task->btf->index);
+        task->path = session_file(run->session, relative);
+        run->missing[view] = task->btf->n_missing;
+    }
+    if (state == CATALOGUE_READY && !pipeline_is_made(run, task))
+        return task;
+    run->made[stage][view] = state == CATALOGUE_READY;
+    task_free(task);
+    return NULL;
+}
+
+static GThreadPool *new_pool(const struct run *run, GError **error) {
+    int n = run->options->work.n_threads > 0 ? run->options->work.n_threads
+                                             : (int)g_get_num_processors();
+    return g_thread_pool_new(pipeline_work, NULL, n, FALSE, error);
+}
+
+/* Of several errors that of the first view; what was cancelled because of it does not count. */
+static void pipeline_note_error(struct run *run, const struct task *task, GError *found, int *worst,
+                                GError **first) {
+    gboolean cancelled = g_error_matches(found, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    if (*first && (cancelled || task->view > *worst)) {
+        g_error_free(found);
+        return;
+    }
+    g_clear_error(first);
+    *first = found;
+    *worst = cancelled ? G_MAXINT : task->view;
+    g_cancellable_cancel(run->cancellable);
+}
+
+/* All views of a stage that are ready. */
+static gboolean run_stage(struct run *run, enum stage stage, GError **error) {
+    GThreadPool *pool = new_pool(run, error);
+    if (!pool)
+        return FALSE;
+    int under_way = 0, worst = G_MAXINT;
+    GError *first = NULL;
+    for (int view = 0; view < run->n_views; view++) {
+        struct task *task = pipeline_next_task(run, stage, view);
+        if (task && g_thread_pool_push(pool, task, NULL))
+            under_way++;
+    }
+    gint64 start_us = g_get_monotonic_time();
+    for (; under_way > 0; under_way--) {
+        struct task *task = g_async_queue_pop(run->finished);
+        GError *found = NULL;
+        if (!pipeline_accept(run, task, &found))
+            pipeline_note_error(run, task, found, &worst, &first);
+        task_free(task);
+        report_stage(run, stage, (double)(g_get_monotonic_time() - start_us) / 1e6);
+    }
+    run->spent_s[stage] += (double)(g_get_monotonic_time() - start_us) / 1e6;
+    g_thread_pool_free(pool, FALSE, TRUE);
+    if (first)
+        g_propagate_error(error, first);
+    return first == NULL;
+}
+
+/* Views of an earlier run whose frames are gone. */
+static void drop_old_mdf(struct run *run) {
+    for (int view = 0; view < run->n_views; view++)
+        if (run->mdf[view] && !run->made[STAGE_MDF][view]) {
+            g_clear_pointer(&run->mdf[view], mdf_result_free);
+            run->mdf_dirty = TRUE;
+        }
+}
+
+static gboolean write_mdf(struct run *run, GError **error) {
+    g_autofree char *path = session_file(run->session, "products/mdf.exr");
+    if (!mdf_write(path, run->mdf, run->n_views, &run->catalogue->grid, error) ||
+        !session_add_product(run->session, "products/mdf.exr", "sweeps", error))
+        return FALSE;
+    run->mdf_dirty = FALSE;
+    run->mdf_written_us = g_get_monotonic_time();
+    return TRUE;
+}
+
+static int count_waiting(const struct run *run) {
+    int n = 0;
+    for (int view = 0; view < run->n_views; view++)
+        n += catalogue_btf(run->catalogue, view, NULL) == CATALOGUE_WAITING ||
+             catalogue_mdf(run->catalogue, view, NULL) == CATALOGUE_WAITING;
+    return n;
+}
+
+static gboolean check_complete(const struct run *run, GError **error) {
+    int waiting = count_waiting(run);
+    if (run->options->follow || waiting == 0)
+        return TRUE;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                "%s: frames of %d of %d views are missing; `mesorig resume %s` takes them. With "
+                "--follow processing waits for them, or leaves these views out if the capture was "
+                "aborted",
+                session_path(run->session), waiting, run->n_views, session_path(run->session));
+    return FALSE;
+}
+
+static gboolean capture_ended(const struct run *run) {
+    g_autofree char *state = session_value(run->session, "state");
+    return state && (strcmp(state, "done") == 0 || strcmp(state, "aborted") == 0);
+}
+
+static gboolean wait_a_while(struct run *run, GError **error) {
+    for (int i = 0; i < 10; i++) {
+        if (g_cancellable_set_error_if_cancelled(run->cancellable, error))
+            return FALSE;
+        g_usleep(POLL_US / 10);
+    }
+    return TRUE;
+}
+
+/* Makes what is ready until nothing more will come. The end is asked for before the frames are
+ * looked at: then none can be missed. */
+static gboolean pipeline_make_views(struct run *run, GError **error) {
+    for (;;) {
+        gboolean ended = !run->options->follow || capture_ended(run);
+        if (!catalogue_refresh(run->catalogue, run->session, error) ||
+            !run_stage(run, STAGE_BTF, error) || !run_stage(run, STAGE_MDF, error))
+            return FALSE;
+        ended |= count_waiting(run) == 0;
+        drop_old_mdf(run);
+        gint64 since_us = g_get_monotonic_time() - run->mdf_written_us;
+        run->mdf_dirty |=
+            ended && mdf_settle(run->mdf, run->n_views, &run->catalogue->grid, run->cancellable);
+        if (run->mdf_dirty && (ended || since_us > MDF_WRITE_US) && !write_mdf(run, error))
+            return FALSE;
+        if (ended)
+            return TRUE;
+        if (!wait_a_while(run, error))
+            return FALSE;
+    }
+}
+
+struct columns {
+    struct run *run;
+    int *views; /* numbers of those that are made */
+    int n_views;
+    int *lights; /* indices */
+    int n_lights;
+    int asked;
+};
+
+static gboolean pipeline_get_column(int view, float *ret_column, gpointer data, GError **error) {
+    struct columns *columns = data;
+    struct run *run = columns->run;
+    if (g_cancellable_set_error_if_cancelled(run->cancellable, error))
+        return FALSE;
+    const struct session_direction *direction =
+        g_ptr_array_index(run->catalogue->views, columns->views[view]);
+    g_autofree char *relative = btf_relative(direction->index);
+    g_autofree char *path = session_file(run->session, relative);
+    columns->asked++;
+    pipeline_report(run, "eigenmaps", MIN(columns->asked, columns->n_views), columns->n_views, -1);
+    return btf_read_view(path, columns->lights, columns->n_lights, &run->catalogue->grid,
+                         ret_column, error);
+}
+
+static struct eigenmaps *pipeline_new_eigenmaps(const struct columns *columns) {
+    const struct catalogue *catalogue = columns->run->catalogue;
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    maps->name = g_strdup(session_name(columns->run->session));
+    maps->width = catalogue->grid.width;
+    maps->height = catalogue->grid.height;
+    maps->texel_mm = catalogue->grid.width_mm / catalogue->grid.width;
+    maps->reference_mm = catalogue->grid.reference_mm;
+    maps->n_views = columns->n_views;
+    maps->n_lights = columns->n_lights;
+    maps->n_terms = MIN(columns->run->options->n_eigenmaps, columns->n_views);
+    maps->view_theta_deg = g_new(float, maps->n_views);
+    maps->view_phi_deg = g_new(float, maps->n_views);
+    maps->light_theta_deg = g_new(float, maps->n_lights);
+    maps->light_phi_deg = g_new(float, maps->n_lights);
+    for (int i = 0; i < maps->n_views; i++) {
+        const struct session_direction *view =
+            g_ptr_array_index(catalogue->views, columns->views[i]);
+        maps->view_theta_deg[i] = (float)view->theta_deg;
+        maps->view_phi_deg[i] = (float)view->phi_deg;
+    }
+    for (int i = 0; i < maps->n_lights; i++) {
+        const struct session_direction *light = g_ptr_array_index(catalogue->lights, i);
+        maps->light_theta_deg[i] = (float)light->theta_deg;
+        maps->light_phi_deg[i] = (float)light->phi_deg;
+    }
+    return maps;
+}
+
+static gboolean compute_eigenmaps(struct columns *columns, const char *path, double *ret_error,
+                                  GError **error) {
+    struct eigenmaps *maps = pipeline_new_eigenmaps(columns);
+    gboolean ok = eigenmaps_compute(maps, pipeline_get_column, columns, ret_error, error) &&
+                  eigenmaps_write(path, maps, error);
+    eigenmaps_free(maps);
+    return ok;
+}
+
+static gboolean set_number(Session *session, const char *key, double value, GError **error) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    return session_set_value(session, key, g_ascii_dtostr(text, sizeof text, value), error);
+}
+
+static char *eigenmaps_inputs(const struct columns *columns) {
+    const struct run *run = columns->run;
+    g_autoptr(GChecksum) sum = catalogue_checksum(run->catalogue, "eigenmaps");
+    input_hash(sum, "%d %s", run->options->n_eigenmaps, session_name(run->session));
+    for (int i = 0; i < columns->n_views; i++)
+        input_hash(sum, "%s", run->btf_inputs[columns->views[i]]);
+    return g_strdup(g_checksum_get_string(sum));
+}
+
+static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_error,
+                                        GError **error) {
+    Session *session = columns->run->session;
+    g_autofree char *path = session_file(session, "products/eigenmaps.exr");
+    g_autofree char *inputs = eigenmaps_inputs(columns);
+    g_autofree char *before = session_value(session, "eigenmaps_inputs");
+    g_autofree char *error_before = session_value(session, "eigenmaps_error");
+    const gboolean whole = g_hash_table_contains(columns->run->whole, "products/eigenmaps.exr");
+    if (whole && before && error_before && strcmp(before, inputs) == 0) {
+        *ret_error = g_ascii_strtod(error_before, NULL);
+        return TRUE;
+    }
+    columns->run->eigenmaps_made = TRUE;
+    g_autofree char *lock_path = g_strconcat(path, ".lock", NULL);
+    const int lock = file_lock_take(lock_path, path, error); /* compress -o may write it, too */
+    if (lock < 0)
+        return FALSE;
+    new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
+    const gboolean ok = compute_eigenmaps(columns, path, ret_error, error) &&
+                        session_add_product(session, "products/eigenmaps.exr", inputs, error) &&
+                        set_number(session, "eigenmaps_error", *ret_error, error) &&
+                        session_set_value(session, "eigenmaps_inputs", inputs, error);
+    file_lock_give(lock, lock_path);
+    return ok;
+}
+
+static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GError **error) {
+    int n_lights = (int)run->catalogue->lights->len;
+    ret->n_views = count_made(run, STAGE_BTF);
+    ret->n_lights = ret->n_views > 0 ? n_lights : 0;
+    ret->n_predicted = 0;
+    for (int view = 0; view < run->n_views; view++)
+        ret->n_predicted += run->missing[view];
+    if (n_lights > 0 && ret->n_views == 0) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INCOMPLETE,
+                    "%s: of each view more than %g %% of its %d pictures under lights were left "
+                    "out by the plan, so that there is no BTF",
+                    session_path(run->session), 100 * BTF_MOST_MISSING, n_lights);
+        return FALSE;
+    }
+    if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
+        return TRUE;
+    malloc_trim(0); /* what the views' threads have given back stays with them else */
+    g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
+    struct columns columns = {run, views, 0, lights, n_lights, 0};
+    for (int view = 0; view < run->n_views; view++)
+        if (run->made[STAGE_BTF][view])
+            views[columns.n_views++] = view;
+    for (int i = 0; i < n_lights; i++)
+        lights[i] =
+            ((const struct session_direction *)g_ptr_array_index(run->catalogue->lights, i))->index;
+    return pipeline_make_eigenmaps(&columns, &ret->eigenmaps_error, error);
+}
+
+static void sum_lines(const struct run *run, struct pipeline_result *ret) {
+    struct mdf_lines all = {.worst_position = -1};
+    for (int i = 0; i < run->n_views; i++)
+        if (run->mdf[i])
+            mdf_lines_add(&all, &run->mdf[i]->lines);
+    ret->line_sweeps = all.sweeps;
+    ret->lines_found = all.found;
+    ret->lines_disagree = all.disagree;
+    ret->line_worst_position = all.worst_position;
+    ret->lines_worst_deg = all.worst_deg;
+    ret->lines_rms_deg = sqrt(all.squares_deg2 / MAX(all.found, 1));
+}
+
+static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GError **error) {
+    sum_lines(run, ret);
+    ret->n_damaged = run->n_damaged;
+    ret->n_mdf_views = count_made(run, STAGE_MDF);
+    ret->mdf_coverage =
+        mdf_coverage(run->mdf, run->n_views,
+                     run->catalogue->grid.width * run->catalogue->grid.height, &ret->mdf_predicted);
+    if (!set_number(run->session, "mdf_coverage", ret->mdf_coverage, error))
+        return FALSE;
+    if (!run->made_now[STAGE_BTF] && !run->made_now[STAGE_MDF] && !run->eigenmaps_made)
+        return TRUE; /* what it cost to make all this is known from then */
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    double spent_s = (double)(g_get_monotonic_time() - run->started_us) / 1e6;
+    return set_number(run->session, "processing_s", spent_s, error) &&
+           set_number(run->session, "processing_peak_memory_mib", (double)usage.ru_maxrss / 1024,
+                      error);
+}
+
+static gboolean make_folders(struct run *run, GError **error) {
+    g_autofree char *path = session_file(run->session, "products/btf");
+    run->lock_path = session_file(run->session, SESSION_PROCESS_LOCK);
+    if (g_mkdir_with_parents(path, 0777) == 0) {
+        const char *directory = session_path(run->session);
+        run->lock = file_lock_take(run->lock_path, "the products of this session", error);
+        if (run->lock < 0)
+            return FALSE;
+        new_file_remove_left(directory, "products/btf", "");
+        new_file_remove_left(directory, "products", "mdf.exr.");
+        return TRUE;
+    }
+    int code = errno;
+    g_set_error(error, G_IO_ERROR, (gint)g_io_error_from_errno(code), "%s: %s", path,
+                g_strerror(code));
+    return FALSE;
+}
+
+/* What is there of an earlier run is believed only if it still is what that run wrote. */
+static gboolean find_whole(struct run *run, GError **error) {
+    struct work work = run->options->work;
+    work.cancellable = run->cancellable;
+    run->whole = session_products(run->session, error);
+    g_autoptr(GPtrArray) damages =
+        run->whole
+            ? session_find_damage(run->session, SESSION_PRODUCTS_MADE, "", &work, NULL, error)
+            : NULL;
+    for (guint i = 0; damages && i < damages->len; i++) {
+        const struct session_damage *damage = g_ptr_array_index(damages, i);
+        run->n_damaged += g_str_has_prefix(damage->path, "products/btf/") ||
+                          g_str_equal(damage->path, "products/mdf.exr") ||
+                          g_str_equal(damage->path, "products/eigenmaps.exr");
+        g_hash_table_remove(run->whole, damage->path);
+    }
+    return damages != NULL;
+}
+
+/* After a frame was refused: all that are damaged are noted, so that one resume takes them. What
+ * goes wrong here is less than what went wrong before. */
+static void note_damaged_frames(struct run *run) {
+    g_autoptr(GPtrArray) damages =
+        session_find_damage(run->session, SESSION_FRAMES, "", &run->options->work, NULL, NULL);
+    for (guint i = 0; damages && i < damages->len; i++) {
+        const struct session_damage *damage = g_ptr_array_index(damages, i);
+        session_note_damage(run->session, damage->path, damage->what, NULL);
+    }
+}
+
+static gboolean pipeline_begin(struct run *run, GError **error) {
+    run->catalogue = catalogue_load(run->session, run->options->calibration, error);
+    if (!run->catalogue)
+        return FALSE;
+    run->n_views = (int)run->catalogue->views->len;
+    for (int stage = 0; stage < N_STAGES; stage++)
+        run->made[stage] = g_new0(gboolean, run->n_views);
+    run->btf_inputs = g_new0(char *, run->n_views + 1);
+    run->missing = g_new0(int, run->n_views);
+    run->mdf = g_new0(struct mdf_result *, run->n_views);
+    if (!check_complete(run, error) || !make_folders(run, error) || !find_whole(run, error))
+        return FALSE;
+    g_autofree char *path = session_file(run->session, "products/mdf.exr");
+    if (g_hash_table_contains(run->whole, "products/mdf.exr"))
+        run->mdf_dirty = mdf_read(path, run->catalogue, run->mdf);
+    run->mdf_written_us = g_get_monotonic_time();
+    return TRUE;
+}
+
+static void pipeline_end(struct run *run) {
+    for (int i = 0; i < run->n_views; i++) {
+        g_free(run->btf_inputs[i]);
+        mdf_result_free(run->mdf[i]);
+    }
+    for (int stage = 0; stage < N_STAGES; stage++)
+        g_free(run->made[stage]);
+    g_free(run->btf_inputs);
+    g_free(run->missing);
+    g_clear_pointer(&run->whole, g_hash_table_unref);
+    file_lock_give(run->lock, run->lock_path);
+    g_free(run->lock_path);
+    g_free(run->mdf);
+    catalogue_free(run->catalogue);
+    session_close(run->session);
+    g_async_queue_unref(run->finished);
+    g_object_unref(run->cancellable);
+}
+
+static void forward_cancel(GCancellable *user, gpointer own) {
+    g_cancellable_cancel(own);
+}
+
+gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
+                      struct pipeline_result *ret, GError **error) {
+    g_autoptr(GError) found = NULL;
+    *ret = (struct pipeline_result){0};
+    struct run run = {.options = options, .started_us = g_get_monotonic_time(), .lock = -1};
+    run.session = session_open(session_path, SESSION_PRODUCTS, error);
+    if (!run.session)
+        return FALSE;
+    run.cancellable = g_cancellable_new();
+    run.finished = g_async_queue_new();
+    gulong forward = 0;
+    if (options->work.cancellable)
+        forward = g_cancellable_connect(options->work.cancellable, G_CALLBACK(forward_cancel),
+                                        run.cancellable, NULL);
+    gboolean ok = pipeline_begin(&run, &found) && pipeline_make_views(&run, &found) &&
+                  run_eigenmaps(&run, ret, &found) && pipeline_finish(&run, ret, &found);
+    if (g_error_matches(found, DATA_ERROR, DATA_ERROR_INVALID))
+        note_damaged_frames(&run);
+    if (options->work.cancellable)
+        g_cancellable_disconnect(options->work.cancellable, forward);
+    pipeline_end(&run);
+    if (!ok)
+        g_propagate_error(error, g_steal_pointer(&found));
+    return ok;
+}

@@ -1,0 +1,72 @@
+/*
+ * From the frames of a session to its products; follows a capture that is still running.
+ *
+ *   products/btf/view_0000.exr   one a view, a part "light_0000" a light: B G R half, reflectance
+ *                                (see below) on the texel grid; attributes of every part:
+ *                                view.theta_deg view.phi_deg light.theta_deg light.phi_deg (double)
+ *                                (nominal); view.centre_mm light.position_mm (v3d: camera and lamp
+ *                                as calibrated, sample frame: a texel's exact directions are those
+ *                                towards them); mesorig.saturated (int: pixels of the frame that
+ *                                even the shortest exposure saturated); channel "mark" where any
+ *                                texel has one, and how many have each: see btf.h
+ *
+ *   products/mdf.exr             a part "view_0000" a view, float channels:
+ *                                  "D" the distance, mm; −1: not known
+ *                                  "M" what the view itself has measured; −1: nothing
+ *                                  "N" number of laser positions that M is the mean of
+ *                                  "O" what else it may have seen (mdf_view_other()); −1: nothing
+ *                                  "P" where D is from: 0 nowhere, 1 it is M, 2 it is O, 3
+ *                                  predicted by other views, not measured (mdf_views_settle())
+ *                                  "S" standard error of M, mm; −1: fewer than two positions
+ *                                attributes view.theta_deg view.phi_deg view.centre_mm (v3d: the
+ *                                camera, sample frame) reference_mm texel_mm, and lines.*: what the
+ *                                laser's line around the sample says of the calibration
+ *                                (mdf_lines.h)
+ *
+ *   products/eigenmaps.exr       see eigenmaps.h
+ *
+ * Texel (i, j) is centred at x = −w/2 + (i+½)·w/n, y = +h/2 − (j+½)·h/m of the sample frame (row 0
+ * is at +y), in the reference plane. A BTF value is the reflected radiance relative to that of a
+ * white diffuser lying there and lit from its normal by the same lamp at the same distance,
+ * L·π / E_⊥: it contains n·l. A view shows the surface as seen through the reference plane: the
+ * value at p belongs to the ray from p away from the camera. MDF values are lengths along that ray
+ * from p to the surface. Both use the true (near-field) ray of each texel.
+ */
+#pragma once
+
+#include "base/work.h"
+#include "session/session.h"
+
+struct pipeline_options {
+    gboolean follow; /* wait for what is missing until the capture has ended */
+    int n_eigenmaps; /* Wang et al. 2005 §5: 4 */
+    /* calibration_to_text() of another one than that which the session was begun with, but of the
+     * same rig; NULL: the session's. Where it knows nothing of the lamps' light, what marks said of
+     * it during the capture is not used. */
+    const char *calibration;
+    struct work work;
+};
+
+struct pipeline_result {
+    int n_views, n_lights; /* in the BTF; views that are not complete are left out */
+    int n_predicted;       /* pictures of it that the plan left out: made of others (btf.h) */
+    int n_mdf_views;
+    int n_damaged;          /* products that were damaged or gone, and are made again */
+    double eigenmaps_error; /* ‖A − Â‖_F / ‖A‖_F */
+    double mdf_coverage;    /* of the texels of all views, measured by them */
+    double mdf_predicted;   /* and what other views have predicted of the rest */
+    /* Laser lines on the flat face around the sample (laser_lines.h): of how many sweeps, seen in
+     * how many, in how many other than the calibration says; by how much RMS, and at worst, in
+     * sweeps of which laser position (−1: none was seen). */
+    int line_sweeps, lines_found, lines_disagree, line_worst_position;
+    double lines_rms_deg, lines_worst_deg;
+};
+
+/* Runs in the calling thread and a pool of its own. What is up to date is not made again: every
+ * part says in mesorig.inputs (string) what it was made of, and its file is what the session has
+ * the checksum of. One process at a time makes a session's products (G_IO_ERROR_BUSY). The
+ * products' bytes depend on the frames alone, not on threads or order. With follow it ends when the
+ * session's value "state" is "done" or "aborted" or everything is there. Sets the session's values
+ * "eigenmaps_error", "mdf_coverage", "processing_s" and "processing_peak_memory_mib". */
+gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
+                      struct pipeline_result *ret, GError **error);

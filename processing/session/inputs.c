@@ -1,0 +1,80 @@
+#include "inputs.h"
+
+#include "base/data_error.h"
+
+#include <string.h>
+
+/* What resume looks at are files that are gone or not as they were committed. */
+#define REMEDY "; `mesorig resume` takes it again"
+#define DELETE                                                                                     \
+    ", although it is as it was committed; delete it, and `mesorig resume` takes it again"
+
+void input_clear(struct input *input) {
+    g_clear_pointer(&input->path, g_free);
+    g_clear_pointer(&input->sha256, g_free);
+}
+
+static gboolean check_sum(const struct input *input, GError **error) {
+    g_autoptr(GError) cause = NULL;
+    gint64 bytes = 0;
+    g_autofree char *sum = exr_sha256(input->path, &bytes, &cause);
+    if (!sum) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: the session lists this frame, but: %s" REMEDY, input->path,
+                    cause->message);
+        return FALSE;
+    }
+    if (!input->sha256 || !*input->sha256 || strcmp(sum, input->sha256) == 0)
+        return TRUE;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "%s: the file (%" G_GINT64_FORMAT " bytes) is not the one the session committed: "
+                "its SHA-256 is %s, the session has %s" REMEDY,
+                input->path, bytes, sum, input->sha256);
+    return FALSE;
+}
+
+static gboolean inputs_check_part(const struct input *input, const struct exr_part *part,
+                                  const char *const *channels, GError **error) {
+    if (part->width != input->width || part->height != input->height) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "%s: it has %d × %d pixels, but the session's calibration says that its camera "
+                    "has %d × %d",
+                    input->path, part->width, part->height, input->width, input->height);
+        return FALSE;
+    }
+    for (int i = 0; channels[i]; i++)
+        if (!exr_part_plane(part, channels[i])) {
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                        "%s: part %s has no channel %s" DELETE, input->path, part->name,
+                        channels[i]);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+struct exr_part *input_read(const struct input *input, const char *const *channels,
+                            GError **error) {
+    if (!check_sum(input, error))
+        return NULL;
+    g_autoptr(GError) cause = NULL;
+    struct exr_file *file = exr_read(input->path, &cause);
+    if (!file) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s" DELETE, cause->message);
+        return NULL;
+    }
+    struct exr_part *part = NULL;
+    if (file->parts->len == 0)
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: no parts" DELETE, input->path);
+    else if (inputs_check_part(input, g_ptr_array_index(file->parts, 0), channels, error))
+        part = g_ptr_array_steal_index(file->parts, 0);
+    exr_file_free(file);
+    return part;
+}
+
+void input_hash(GChecksum *checksum, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    g_autofree char *text = g_strdup_vprintf(format, arguments);
+    va_end(arguments);
+    g_checksum_update(checksum, (const guchar *)text, (gssize)strlen(text) + 1);
+}

@@ -1,0 +1,126 @@
+#include "outputs.h"
+
+#include <math.h>
+#include <string.h>
+
+#define PREFIX "lamp_output/"
+/* Calibration is not good enough for one camera to outweigh the others, however little noise. */
+#define CALIBRATION_ERROR 1e-3
+
+struct output {
+    double sum, weight, value;
+    int lamp; /* −1: not a lamp's shot */
+};
+
+struct outputs {
+    struct output *of; /* by shot, from 1 */
+    gint64 n;
+    int measured;
+};
+
+gboolean outputs_store(Session *session, gint64 shot, const char *camera, double output,
+                       double output_error, GError **error) {
+    char value[G_ASCII_DTOSTR_BUF_SIZE], own[G_ASCII_DTOSTR_BUF_SIZE];
+    g_autofree char *key = g_strdup_printf(PREFIX "%" G_GINT64_FORMAT "/%s", shot, camera);
+    g_autofree char *text = g_strdup_printf("%s %s", g_ascii_dtostr(value, sizeof value, output),
+                                            g_ascii_dtostr(own, sizeof own, output_error));
+    return session_set_value(session, key, text, error);
+}
+
+static gboolean outputs_wrong(const Session *session, const char *key, const char *value,
+                              GError **error) {
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                "%s/session.db: the value %s = \"%s\" is no lamp's output", session_path(session),
+                key, value);
+    return FALSE;
+}
+
+static gboolean outputs_add_value(struct outputs *outputs, const Session *session, const char *key,
+                                  const char *value, GError **error) {
+    char *end = NULL;
+    gint64 shot = g_ascii_strtoll(key + strlen(PREFIX), &end, 10);
+    if (*end != '/' || shot < 1 || shot > outputs->n)
+        return outputs_wrong(session, key, value, error);
+    double output = g_ascii_strtod(value, &end);
+    double own = *end == ' ' ? g_ascii_strtod(end + 1, &end) : -1;
+    if (*end != '\0' || !(output > 1e-3 && output < 1e3) || !(own >= 0 && own < 1e3))
+        return outputs_wrong(session, key, value, error);
+    double weight = 1 / (own * own + CALIBRATION_ERROR * CALIBRATION_ERROR);
+    outputs->of[shot].sum += weight * output;
+    outputs->of[shot].weight += weight;
+    return TRUE;
+}
+
+static gboolean add_all(struct outputs *outputs, Session *session, GError **error) {
+    g_autoptr(GHashTable) values = session_values(session, PREFIX, error);
+    GHashTableIter iter;
+    gpointer key, value;
+    if (!values)
+        return FALSE;
+    g_hash_table_iter_init(&iter, values);
+    while (g_hash_table_iter_next(&iter, &key, &value))
+        if (!outputs_add_value(outputs, session, key, value, error))
+            return FALSE;
+    return TRUE;
+}
+
+/* The nearest shot of a lamp, one way, that was measured; 0: there is none. */
+static gint64 outputs_nearest(const struct outputs *outputs, gint64 shot, int way) {
+    for (gint64 i = shot + way; i >= 1 && i <= outputs->n; i += way)
+        if (outputs->of[i].weight > 0 && outputs->of[i].lamp == outputs->of[shot].lamp)
+            return i;
+    return 0;
+}
+
+static double outputs_between(const struct outputs *outputs, gint64 shot) {
+    gint64 before = outputs_nearest(outputs, shot, -1), after = outputs_nearest(outputs, shot, 1);
+    if (before == 0 && after == 0)
+        return 1;
+    if (before == 0 || after == 0)
+        return outputs->of[MAX(before, after)].value;
+    double part = (double)(shot - before) / (double)(after - before);
+    return (1 - part) * outputs->of[before].value + part * outputs->of[after].value;
+}
+
+static void set_values(struct outputs *outputs) {
+    for (gint64 i = 1; i <= outputs->n; i++)
+        if (outputs->of[i].weight > 0) {
+            outputs->of[i].value = outputs->of[i].sum / outputs->of[i].weight;
+            outputs->measured++;
+        }
+    for (gint64 i = 1; i <= outputs->n && outputs->measured > 0; i++)
+        if (outputs->of[i].weight == 0 && outputs->of[i].lamp >= 0)
+            outputs->of[i].value = outputs_between(outputs, i);
+}
+
+struct outputs *outputs_load(Session *session, const GPtrArray *shots, GError **error) {
+    struct outputs *outputs = g_new0(struct outputs, 1);
+    outputs->n = shots->len;
+    outputs->of = g_new0(struct output, shots->len + 1);
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = g_ptr_array_index(shots, i);
+        outputs->of[i + 1].value = 1;
+        outputs->of[i + 1].lamp = shot->kind == SHOT_LAMP ? shot->device : -1;
+    }
+    if (!add_all(outputs, session, error)) {
+        outputs_free(outputs);
+        return NULL;
+    }
+    set_values(outputs);
+    return outputs;
+}
+
+void outputs_free(struct outputs *outputs) {
+    if (!outputs)
+        return;
+    g_free(outputs->of);
+    g_free(outputs);
+}
+
+double outputs_of(const struct outputs *outputs, gint64 shot) {
+    return shot >= 1 && shot <= outputs->n ? outputs->of[shot].value : 1;
+}
+
+int outputs_measured(const struct outputs *outputs) {
+    return outputs->measured;
+}

@@ -1,0 +1,239 @@
+#include "session_private.h"
+
+#include "exr/exr.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <string.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+G_DEFINE_QUARK(session_error, session_error)
+
+/* The kernel gives the lock back when its holder ends, however it ends. */
+int session_lock(const char *path, GError **error) {
+    g_autofree char *file = g_build_filename(path, "capture.lock", NULL);
+    int fd = open(file, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    char who[32] = "";
+
+    if (fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0) {
+        g_snprintf(who, sizeof who, "%ld\n", (long)getpid());
+        if (ftruncate(fd, 0) != 0 || pwrite(fd, who, strlen(who), 0) < 0)
+            g_debug("%s: %s", file, g_strerror(errno)); /* only the message below wants it */
+        return fd;
+    }
+    if (fd >= 0 && errno == EWOULDBLOCK) {
+        if (pread(fd, who, sizeof who - 1, 0) < 0)
+            *who = 0;
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_LOCKED,
+                    "%s: another process captures into it (process %ld); end that first", path,
+                    strtol(who, NULL, 10));
+    } else {
+        g_set_error(error, SESSION_ERROR,
+                    errno == ENOSPC || errno == EDQUOT ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
+                    "%s: cannot be locked: %s", file, g_strerror(errno));
+    }
+    if (fd >= 0)
+        close(fd);
+    return -1;
+}
+
+/* error must not be NULL. */
+static gboolean read_name(Session *session, GError **error) {
+    g_autoptr(sqlite3_stmt) statement =
+        session_db_query(session, error, "SELECT name FROM session WHERE id = 1", "");
+
+    if (statement && session_db_next(session, statement, error))
+        session->name = g_strdup((const char *)sqlite3_column_text(statement, 0));
+    if (!session->name && !*error)
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s: the session has no name",
+                    session->path);
+    return session->name != NULL;
+}
+
+/* Who writes into a session writes nowhere else. */
+static gboolean check_folders(const Session *session, GError **error) {
+    static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
+        g_autofree char *folder = session_file(session, folders[i]);
+
+        if (!g_file_test(folder, G_FILE_TEST_IS_SYMLINK))
+            continue;
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: a symbolic link, which nothing is written through; put a folder there",
+                    folder);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean session_start(Session *session, GError **error) {
+    g_autofree char *db = session_file(session, "session.db");
+
+    if (!g_file_test(session->path, G_FILE_TEST_IS_DIR)) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s: no session there: not a directory", session->path);
+        return FALSE;
+    }
+    /* A directory that is no session gets no lock file. */
+    if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
+        g_file_test(db, G_FILE_TEST_EXISTS)) {
+        session->lock = session_lock(session->path, error);
+        if (session->lock < 0)
+            return FALSE;
+    }
+    return session_db_open(session, FALSE, error) && read_name(session, error) &&
+           (session->mode == SESSION_READ || check_folders(session, error));
+}
+
+Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error) {
+    g_autoptr(Session) session = g_new0(Session, 1);
+    g_autoptr(GError) own = NULL;
+
+    session->path = g_canonicalize_filename(path, NULL);
+    session->mode = mode;
+    session->lock = lock;
+    if (session_start(session, &own))
+        return g_steal_pointer(&session);
+    g_propagate_error(error, g_steal_pointer(&own));
+    return NULL;
+}
+
+Session *session_open(const char *path, enum session_mode mode, GError **error) {
+    return session_open_locked(path, mode, -1, error);
+}
+
+void session_close(Session *session) {
+    if (!session)
+        return;
+    sqlite3_close(session->db);
+    if (session->lock >= 0)
+        close(session->lock);
+    g_free(session->name);
+    g_free(session->path);
+    g_free(session);
+}
+
+const char *session_path(const Session *session) {
+    return session->path;
+}
+
+const char *session_name(const Session *session) {
+    return session->name;
+}
+
+char *session_file(const Session *session, const char *relative) {
+    return g_build_filename(session->path, relative, NULL);
+}
+
+gboolean session_is_relative(const char *path) {
+    g_auto(GStrv) parts = NULL;
+
+    if (!path || !*path || g_path_is_absolute(path) || !g_utf8_validate(path, -1, NULL))
+        return FALSE;
+    parts = g_strsplit(path, "/", -1);
+    for (char **part = parts; *part; part++)
+        if (!**part || strcmp(*part, ".") == 0 || strcmp(*part, "..") == 0)
+            return FALSE;
+    return TRUE;
+}
+
+gboolean session_may(const Session *session, enum session_mode least, GError **error) {
+    if (session->mode >= least)
+        return TRUE;
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO, "%s: open for %s only", session->path,
+                session->mode == SESSION_READ ? "reading" : "writing products");
+    return FALSE;
+}
+
+char *session_frame_path(const struct session_shot *shot, const char *camera) {
+    g_autofree char *safe = g_strdup(camera);
+
+    g_strcanon(safe, G_CSET_a_2_z G_CSET_A_2_Z G_CSET_DIGITS "._-", '_');
+    return g_strdup_printf("%s/%06" G_GINT64_FORMAT "_%s.exr",
+                           shot->kind == SHOT_SWEEP ? "laser" : "frames", shot->id, safe);
+}
+
+static char *one_text(Session *session, const char *sql, const char *key, GError **error) {
+    g_autoptr(sqlite3_stmt) statement = session_db_query(session, error, sql, "s", key);
+
+    if (!statement || !session_db_next(session, statement, error))
+        return NULL;
+    return g_strdup((const char *)sqlite3_column_text(statement, 0));
+}
+
+char *session_text(Session *session, const char *name, GError **error) {
+    g_autoptr(GError) own = NULL;
+    char *content = one_text(session, "SELECT content FROM text WHERE name = ?1", name, &own);
+
+    if (own)
+        g_propagate_error(error, g_steal_pointer(&own));
+    else if (!content)
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s: no text \"%s\" in it",
+                    session->path, name);
+    return content;
+}
+
+char *session_value(Session *session, const char *key) {
+    return one_text(session, "SELECT value FROM value WHERE key = ?1", key, NULL);
+}
+
+GHashTable *session_values(Session *session, const char *prefix, GError **error) {
+    g_autoptr(GHashTable) values = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, g_free);
+    g_autoptr(GError) own = NULL;
+    g_autoptr(sqlite3_stmt) statement = session_db_query(
+        session, error, "SELECT key, value FROM value WHERE substr(key, 1, length(?1)) = ?1", "s",
+        prefix);
+
+    if (!statement)
+        return NULL;
+    while (session_db_next(session, statement, &own))
+        g_hash_table_insert(values, g_strdup((const char *)sqlite3_column_text(statement, 0)),
+                            g_strdup((const char *)sqlite3_column_text(statement, 1)));
+    if (!own)
+        return g_steal_pointer(&values);
+    g_propagate_error(error, g_steal_pointer(&own));
+    return NULL;
+}
+
+gboolean session_set_value(Session *session, const char *key, const char *value, GError **error) {
+    g_autofree char *valid = value ? g_utf8_make_valid(value, -1) : NULL;
+
+    if (!session_may(session, SESSION_PRODUCTS, error))
+        return FALSE;
+    if (!valid)
+        return session_db_run(session, error, "DELETE FROM value WHERE key = ?1", "s", key);
+    return session_db_run(session, error, "INSERT OR REPLACE INTO value VALUES (?1, ?2)", "ss", key,
+                          valid);
+}
+
+gboolean session_add_event(Session *session, double time_s, const char *level, const char *source,
+                           const char *message, GError **error) {
+    g_autofree char *from = g_utf8_make_valid(source ? source : "", -1);
+    g_autofree char *says = g_utf8_make_valid(message ? message : "", -1);
+
+    return session_may(session, SESSION_PRODUCTS, error) &&
+           session_db_run(session, error,
+                          "INSERT INTO event (time_s, level, source, message)"
+                          " VALUES (?1, ?2, ?3, ?4)",
+                          "dsss", time_s == time_s ? time_s : 0.0, level, from, says);
+}
+
+gboolean session_add_product(Session *session, const char *relative, const char *made_by,
+                             GError **error) {
+    g_autofree char *file = session_file(session, relative), *sha256 = NULL;
+    g_autoptr(GError) own = NULL;
+    gint64 bytes = 0;
+
+    if (!session_may(session, SESSION_PRODUCTS, error))
+        return FALSE;
+    sha256 = session_is_relative(relative) ? exr_sha256(file, &bytes, &own) : NULL;
+    if (!sha256) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO, "%s: not a product: %s", relative,
+                    own ? own->message : "not a name inside the session");
+        return FALSE;
+    }
+    return session_db_run(session, error, "INSERT OR REPLACE INTO product VALUES (?1, ?2, ?3, ?4)",
+                          "sssl", relative, made_by, sha256, bytes);
+}

@@ -1,0 +1,217 @@
+#include "session_private.h"
+
+#include "base/new_file.h"
+
+#include <math.h>
+#include <string.h>
+#include <sys/stat.h>
+
+static gboolean session_commit_refuse(const struct session_frame *frame, const char *what,
+                                      GError **error) {
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO,
+                "frame of shot %" G_GINT64_FORMAT ", camera %d, \"%s\": %s", frame->shot,
+                frame->camera, frame->path ? frame->path : "", what);
+    return FALSE;
+}
+
+static gboolean is_sha256(const char *text) {
+    return text && strlen(text) == 64 && strspn(text, "0123456789abcdef") == 64;
+}
+
+static gint64 session_commit_size_of(const Session *session, const char *relative) {
+    g_autofree char *file = session_file(session, relative);
+    struct stat status;
+
+    return lstat(file, &status) == 0 && S_ISREG(status.st_mode) ? (gint64)status.st_size : -1;
+}
+
+static gboolean session_commit_check_frame(const Session *session, gint64 shot,
+                                           const struct session_frame *frame, GError **error) {
+    if (frame->shot != shot || frame->camera < 0 || frame->camera > 31)
+        return session_commit_refuse(frame, "not of this shot, or no such camera", error);
+    if (!session_is_relative(frame->path))
+        return session_commit_refuse(frame, "not a name inside the session", error);
+    if (!is_sha256(frame->sha256) || !isfinite(frame->captured_s))
+        return session_commit_refuse(frame, "no checksum or no time", error);
+    if (session_commit_size_of(session, frame->path) != frame->bytes)
+        return session_commit_refuse(frame, "the file is not there, or not of this size", error);
+    return TRUE;
+}
+
+static gboolean session_commit_check_frames(const Session *session, gint64 shot,
+                                            enum session_shot_state state,
+                                            const struct session_frame *frames, int n_frames,
+                                            GError **error) {
+    if (state == SHOT_PLANNED && n_frames > 0) {
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "shot %" G_GINT64_FORMAT ": a shot that is only planned has no frames", shot);
+        return FALSE;
+    }
+    for (int i = 0; i < n_frames; i++)
+        if (!session_commit_check_frame(session, shot, &frames[i], error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean session_commit_set_state(Session *session, gint64 shot,
+                                         enum session_shot_state state, const char *note,
+                                         GError **error) {
+    g_autofree char *valid = note ? g_utf8_make_valid(note, -1) : NULL;
+
+    if (!session_db_run(session, error, "UPDATE shot SET state = ?2, note = ?3 WHERE id = ?1",
+                        "lss", shot, session_shot_states[state], valid))
+        return FALSE;
+    if (sqlite3_changes(session->db) == 1)
+        return TRUE;
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                "%s: no shot %" G_GINT64_FORMAT " in its plan", session->path, shot);
+    return FALSE;
+}
+
+static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
+                               int n_frames, GError **error) {
+    gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot);
+
+    for (int i = 0; ok && i < n_frames; i++)
+        ok = session_db_run(session, error, "INSERT INTO frame VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+                            "lisslid", shot, frames[i].camera, frames[i].path, frames[i].sha256,
+                            frames[i].bytes, frames[i].retakes, frames[i].captured_s);
+    return ok;
+}
+
+gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
+                             const struct session_frame *frames, int n_frames, const char *note,
+                             GError **error) {
+    g_return_val_if_fail(state <= SHOT_SKIPPED, FALSE);
+    if (!session_may(session, SESSION_CAPTURE, error) ||
+        !session_commit_check_frames(session, shot, state, frames, n_frames, error) ||
+        !session_begin(session, error))
+        return FALSE;
+    if (session_commit_set_state(session, shot, state, note, error) &&
+        replace_frames(session, shot, frames, n_frames, error))
+        return session_commit(session, error);
+    session_rollback(session);
+    return FALSE;
+}
+
+#define NOTED "damaged/" /* a value's name: this and the frame's path */
+
+gboolean session_note_damage(Session *session, const char *frame, const char *what,
+                             GError **error) {
+    g_autofree char *key = g_strconcat(NOTED, frame, NULL);
+
+    return session_set_value(session, key, what, error);
+}
+
+/* NULL if the frame is as it was committed; else what is wrong, g_free(). */
+static char *verify_frame(const Session *session, const struct session_frame *frame,
+                          gboolean thorough) {
+    const gint64 size = session_commit_size_of(session, frame->path);
+
+    if (size < 0)
+        return g_strdup_printf("%s is gone", frame->path);
+    if (size != frame->bytes)
+        return g_strdup_printf("%s has %" G_GINT64_FORMAT " bytes, not %" G_GINT64_FORMAT,
+                               frame->path, size, frame->bytes);
+    if (!thorough)
+        return NULL;
+    struct session_damage *damage = session_examine(session, frame->path, frame->sha256);
+    char *why = damage
+                    ? g_strdup_printf("%s has changed since it was taken (checksum)", frame->path)
+                    : NULL;
+    session_damage_free(damage);
+    return why;
+}
+
+static double now_s(Session *session) {
+    g_autofree char *clock = session_value(session, "clock_s");
+    double now = clock ? g_ascii_strtod(clock, NULL) : 0;
+
+    return isfinite(now) ? now : 0;
+}
+
+/* The shot's other frames go too: a shot is taken as a whole. */
+static gboolean session_commit_forget(Session *session, gint64 shot, const char *why,
+                                      GError **error) {
+    g_autofree char *message =
+        g_strdup_printf("shot %" G_GINT64_FORMAT " is planned again: %s", shot, why);
+
+    return session_commit_set_state(session, shot, SHOT_PLANNED, why, error) &&
+           replace_frames(session, shot, NULL, 0, error) &&
+           session_add_event(session, now_s(session), "warning", "session", message, error);
+}
+
+/* All at once, in as short a transaction as can be: the files were looked at before. */
+static gboolean forget_all(Session *session, const GPtrArray *frames, char *const *why,
+                           GError **error) {
+    gboolean ok =
+        session_begin(session, error) &&
+        session_db_run(session, error, "DELETE FROM value WHERE substr(key, 1, length(?1)) = ?1",
+                       "s", NOTED);
+
+    for (guint i = 0; ok && i < frames->len; i++) {
+        const struct session_frame *frame = g_ptr_array_index(frames, i);
+
+        ok = !why[i] || session_commit_forget(session, frame->shot, why[i], error);
+    }
+    if (ok)
+        return session_commit(session, error);
+    session_rollback(session);
+    return FALSE;
+}
+
+/* Names of frames whose checksums are to be looked at, if not all are: name → anything. */
+static GHashTable *suspects(Session *session, GError **error) {
+    g_autoptr(GHashTable) noted = session_values(session, NOTED, error);
+    g_autoptr(GHashTable) paths = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    g_autoptr(GError) own = NULL;
+    g_autoptr(sqlite3_stmt) darks =
+        noted ? session_db_query(session, error,
+                                 "SELECT path FROM frame JOIN shot ON shot.id = frame.shot"
+                                 " WHERE kind = 'dark'",
+                                 "")
+              : NULL;
+    GHashTableIter iter;
+    gpointer key;
+
+    if (!darks)
+        return NULL;
+    g_hash_table_iter_init(&iter, noted);
+    while (g_hash_table_iter_next(&iter, &key, NULL))
+        g_hash_table_add(paths, g_strdup((const char *)key + strlen(NOTED)));
+    while (session_db_next(session, darks, &own))
+        g_hash_table_add(paths, g_strdup((const char *)sqlite3_column_text(darks, 0)));
+    if (!own)
+        return g_steal_pointer(&paths);
+    g_propagate_error(error, g_steal_pointer(&own));
+    return NULL;
+}
+
+gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
+    g_autoptr(GPtrArray) frames = NULL;
+    g_autoptr(GHashTable) suspected = NULL;
+    g_autofree char **why = NULL;
+    gboolean ok;
+    int lost = 0;
+
+    if (!session_may(session, SESSION_CAPTURE, error) ||
+        !(frames = session_frames(session, error)) || !(suspected = suspects(session, error)))
+        return FALSE;
+    new_file_remove_left(session->path, "frames", "");
+    new_file_remove_left(session->path, "laser", "");
+    why = g_new0(char *, frames->len + 1);
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = g_ptr_array_index(frames, i);
+
+        why[i] =
+            verify_frame(session, frame, thorough || g_hash_table_contains(suspected, frame->path));
+        lost += why[i] != NULL;
+    }
+    ok =
+        (lost == 0 && g_hash_table_size(suspected) == 0) || forget_all(session, frames, why, error);
+    for (guint i = 0; i < frames->len; i++)
+        g_free(why[i]);
+    if (ok && ret_lost)
+        *ret_lost = lost;
+    return ok;
+}

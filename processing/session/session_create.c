@@ -1,0 +1,223 @@
+#include "session_private.h"
+#include "session_schema.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <gio/gio.h>
+#include <glib/gstdio.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static gboolean session_create_fail_errno(const char *path, int saved, GError **error) {
+    enum session_error code = SESSION_ERROR_IO;
+
+    if (saved == EEXIST || saved == ENOTEMPTY)
+        code = SESSION_ERROR_EXISTS;
+    else if (saved == ENOSPC || saved == EDQUOT)
+        code = SESSION_ERROR_FULL;
+    g_set_error(error, SESSION_ERROR, (int)code,
+                code == SESSION_ERROR_EXISTS ? "%s: exists already; take another name: %s"
+                                             : "%s: cannot be made: %s",
+                path, g_strerror(saved));
+    return FALSE;
+}
+
+static gboolean sync_folder(const char *path, GError **error) {
+    int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    gboolean ok = fd >= 0 && fsync(fd) == 0;
+    int saved = errno;
+
+    if (fd >= 0)
+        close(fd);
+    return ok || session_create_fail_errno(path, saved, error);
+}
+
+static gboolean check_texts(const char *name, const struct session_texts *texts, GError **error) {
+    const char *const all[] = {name, texts->rig_conf, texts->session_conf, texts->calibration,
+                               texts->rig_path ? texts->rig_path : ""};
+    static const char *const names[] = {"the name", "rig.conf", "session.conf", "calibration.conf",
+                                        "the rig's path"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(all); i++)
+        if (!all[i] || !g_utf8_validate(all[i], -1, NULL)) {
+            g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "a new session: %s is %s",
+                        names[i], all[i] ? "not UTF-8" : "missing");
+            return FALSE;
+        }
+    return TRUE;
+}
+
+static gboolean session_create_check_directions(const struct session_direction *directions, int n,
+                                                const char *kind, GError **error) {
+    for (int i = 0; i < n; i++)
+        if (!session_check_direction(&directions[i], i, kind, error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean check_plan(const struct session_plan *plan, GError **error) {
+    gboolean ok = session_check_grid(&plan->grid, error) &&
+                  session_create_check_directions(plan->views, plan->n_views, "view", error) &&
+                  session_create_check_directions(plan->lights, plan->n_lights, "light", error) &&
+                  session_create_check_directions(plan->lasers, plan->n_lasers, "laser", error);
+
+    for (int i = 0; ok && i < plan->n_shots; i++)
+        ok = session_check_shot(&plan->shots[i], i + 1, plan->n_lights, plan->n_lasers, error);
+    return ok;
+}
+
+static gboolean insert_text(Session *session, const char *name, const char *content,
+                            GError **error) {
+    return session_db_run(session, error, "INSERT INTO text VALUES (?1, ?2)", "ss", name, content);
+}
+
+static gboolean insert_texts(Session *session, const char *name, const struct session_texts *texts,
+                             GError **error) {
+    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
+    g_autofree char *created = g_date_time_format_iso8601(now);
+
+    return session_db_run(session, error, "INSERT INTO session VALUES (1, ?1, ?2, ?3)", "sss", name,
+                          "mesorig " MESORIG_VERSION, created) &&
+           insert_text(session, "rig.conf", texts->rig_conf, error) &&
+           insert_text(session, "session.conf", texts->session_conf, error) &&
+           insert_text(session, "calibration.conf", texts->calibration, error) &&
+           (!texts->rig_path || session_set_value(session, "rig_path", texts->rig_path, error));
+}
+
+static gboolean insert_grid(Session *session, const struct session_grid *grid, GError **error) {
+    return session_db_run(session, error, "INSERT INTO grid VALUES (1, ?1, ?2, ?3, ?4, ?5, ?6)",
+                          "iidddd", grid->width, grid->height, grid->width_mm, grid->height_mm,
+                          grid->reference_mm, grid->depth_mm);
+}
+
+static gboolean insert_directions(Session *session, const struct session_direction *directions,
+                                  int n, const char *kind, GError **error) {
+    for (int i = 0; i < n; i++) {
+        const struct session_direction *d = &directions[i];
+
+        if (!session_db_run(session, error,
+                            "INSERT INTO direction VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)", "siiddds",
+                            kind, d->index, d->device, d->theta_deg, d->phi_deg, d->turntable_deg,
+                            d->note))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean insert_shot(Session *session, const struct session_shot *shot, GError **error) {
+    return session_db_run(
+        session, error,
+        "INSERT INTO shot VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
+        "lsiddiilddiss", shot->id, session_shot_kinds[shot->kind], shot->pose, shot->turntable_deg,
+        shot->arc_deg, shot->source, shot->device, (gint64)shot->cameras, shot->sweep_from_deg,
+        shot->sweep_to_deg, shot->sweep_steps, session_shot_states[shot->state], shot->note);
+}
+
+static gboolean insert_plan(Session *session, const struct session_plan *plan, GError **error) {
+    gboolean ok = insert_grid(session, &plan->grid, error) &&
+                  insert_directions(session, plan->views, plan->n_views, "view", error) &&
+                  insert_directions(session, plan->lights, plan->n_lights, "light", error) &&
+                  insert_directions(session, plan->lasers, plan->n_lasers, "laser", error);
+
+    for (int i = 0; ok && i < plan->n_shots; i++)
+        ok = insert_shot(session, &plan->shots[i], error);
+    return ok;
+}
+
+static gboolean insert_all(Session *session, const char *name, const struct session_texts *texts,
+                           const struct session_plan *plan, GError **error) {
+    g_autofree char *application =
+        g_strdup_printf("PRAGMA application_id = %d", SESSION_APPLICATION_ID);
+    g_autofree char *version = g_strdup_printf("PRAGMA user_version = %d", SESSION_FORMAT);
+    gboolean ok = session_db_run(session, error, "PRAGMA journal_mode = WAL", "") &&
+                  session_begin(session, error) &&
+                  session_db_run(session, error, application, "") &&
+                  session_db_run(session, error, version, "");
+
+    for (gsize i = 0; ok && i < G_N_ELEMENTS(session_tables); i++)
+        ok = session_db_run(session, error, session_tables[i].sql, "");
+    ok = ok && insert_texts(session, name, texts, error) && insert_plan(session, plan, error);
+    return ok && session_commit(session, error);
+}
+
+/* Everything in a directory whose name nobody looks for. */
+static gboolean session_create_fill(const char *path, const char *name,
+                                    const struct session_texts *texts,
+                                    const struct session_plan *plan, GError **error) {
+    static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
+    g_autoptr(Session) session = g_new0(Session, 1);
+
+    session->path = g_strdup(path);
+    session->mode = SESSION_CAPTURE;
+    session->lock = -1;
+    for (gsize i = 0; i < G_N_ELEMENTS(folders); i++) {
+        g_autofree char *folder = session_file(session, folders[i]);
+
+        if (g_mkdir(folder, 0777) != 0)
+            return session_create_fail_errno(folder, errno, error);
+    }
+    return session_db_open(session, TRUE, error) && insert_all(session, name, texts, plan, error) &&
+           sync_folder(path, error);
+}
+
+static void remove_all(const char *path) {
+    static const char *const names[] = {"products/btf",   "products",    "laser",
+                                        "frames",         "session.db",  "session.db-wal",
+                                        "session.db-shm", "capture.lock"};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(names); i++) {
+        g_autofree char *file = g_build_filename(path, names[i], NULL);
+
+        g_remove(file);
+    }
+    g_rmdir(path);
+}
+
+/* Never over something that is there, an empty directory included. */
+static gboolean move_in_place(const char *from, const char *to, GError **error) {
+    int rc = renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE);
+
+    if (rc != 0 && errno == EINVAL) /* a file system that does not know how */
+        rc = g_file_test(to, G_FILE_TEST_EXISTS) ? (errno = EEXIST, -1) : rename(from, to);
+    return rc == 0 || session_create_fail_errno(to, errno, error);
+}
+
+static gboolean session_create_make(const char *path, const char *name,
+                                    const struct session_texts *texts,
+                                    const struct session_plan *plan, int *ret_lock,
+                                    GError **error) {
+    g_autofree char *parent = g_path_get_dirname(path), *base = g_path_get_basename(path);
+    g_autofree char *hidden = g_strdup_printf("%s/.%s.XXXXXX", parent, base);
+    gboolean ok;
+
+    if (!g_mkdtemp_full(hidden, 0777))
+        return session_create_fail_errno(path, errno, error);
+    ok = session_create_fill(hidden, name, texts, plan, error) &&
+         (*ret_lock = session_lock(hidden, error)) >= 0 && move_in_place(hidden, path, error);
+    if (!ok) {
+        remove_all(hidden);
+        return FALSE;
+    }
+    return sync_folder(parent, error);
+}
+
+Session *session_create(const char *path, const char *name, const struct session_texts *texts,
+                        const struct session_plan *plan, GError **error) {
+    g_autofree char *absolute = g_canonicalize_filename(path, NULL);
+    int lock = -1;
+
+    if (!check_texts(name, texts, error) || !check_plan(plan, error))
+        return NULL;
+    if (g_file_test(absolute, G_FILE_TEST_EXISTS)) {
+        session_create_fail_errno(absolute, EEXIST, error);
+        return NULL;
+    }
+    if (!session_create_make(absolute, name, texts, plan, &lock, error)) {
+        if (lock >= 0)
+            close(lock);
+        return NULL;
+    }
+    return session_open_locked(absolute, SESSION_CAPTURE, lock, error);
+}

@@ -1,0 +1,292 @@
+#include "session_private.h"
+
+#include "base/file_lock.h"
+#include "exr/exr.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define PATIENCE_US (10 * G_USEC_PER_SEC) /* for a writer between its file and its row */
+#define POLL_US     (G_USEC_PER_SEC / 10)
+
+/* What a file was when it was hashed: while that stays the same, it is not hashed again. */
+struct identity {
+    guint64 device, inode, bytes;
+    gint64 modified_ns, changed_ns;
+};
+
+static GMutex known_mutex;
+static GHashTable *known; /* struct identity → SHA-256 */
+
+static guint identity_hash(gconstpointer data) {
+    const struct identity *identity = data;
+    return g_int64_hash(&identity->inode) ^ g_int64_hash(&identity->changed_ns);
+}
+
+static gboolean identity_equal(gconstpointer a, gconstpointer b) {
+    return memcmp(a, b, sizeof(struct identity)) == 0;
+}
+
+static gint64 nanoseconds(const struct timespec *time) {
+    return (gint64)time->tv_sec * G_GINT64_CONSTANT(1000000000) + time->tv_nsec;
+}
+
+/* Changed a moment ago, within the file system's clock tick, a file may change again unseen. */
+static gboolean is_settled(const struct identity *identity) {
+    return g_get_real_time() * 1000 - identity->changed_ns > 50 * 1000000;
+}
+
+static char *find_known(const struct identity *identity) {
+    g_mutex_lock(&known_mutex);
+    char *sha256 = known ? g_strdup(g_hash_table_lookup(known, identity)) : NULL;
+    g_mutex_unlock(&known_mutex);
+    return sha256;
+}
+
+static void keep_known(const struct identity *identity, const char *sha256) {
+    g_mutex_lock(&known_mutex);
+    if (!known)
+        known = g_hash_table_new_full(identity_hash, identity_equal, g_free, g_free);
+    g_hash_table_replace(known, g_memdup2(identity, sizeof *identity), g_strdup(sha256));
+    g_mutex_unlock(&known_mutex);
+}
+
+/* NULL, with what is wrong: nothing is there, or it is no file. */
+static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong) {
+    struct stat status;
+    g_autoptr(GError) error = NULL;
+
+    *ret_missing = FALSE;
+    if (lstat(path, &status) != 0) {
+        *ret_missing = errno == ENOENT || errno == ENOTDIR;
+        *ret_wrong =
+            *ret_missing ? g_strdup("it is gone") : g_strdup_printf("%s", g_strerror(errno));
+        return NULL;
+    }
+    if (!S_ISREG(status.st_mode)) {
+        *ret_wrong = g_strdup("it is no regular file");
+        return NULL;
+    }
+    const struct identity identity = {(guint64)status.st_dev, (guint64)status.st_ino,
+                                      (guint64)status.st_size, nanoseconds(&status.st_mtim),
+                                      nanoseconds(&status.st_ctim)};
+    char *sha256 = find_known(&identity);
+    if (sha256)
+        return sha256;
+    sha256 = exr_sha256(path, NULL, &error);
+    if (!sha256)
+        *ret_wrong = g_strdup(error->message);
+    else if (is_settled(&identity))
+        keep_known(&identity, sha256);
+    return sha256;
+}
+
+void session_damage_free(struct session_damage *damage) {
+    if (!damage)
+        return;
+    g_free(damage->path);
+    g_free(damage->what);
+    g_free(damage->remedy);
+    g_free(damage->sha256);
+    g_free(damage);
+}
+
+struct session_damage *session_examine(const Session *session, const char *relative,
+                                       const char *sha256) {
+    g_autofree char *file = session_file(session, relative), *wrong = NULL;
+    gboolean missing = FALSE;
+    g_autofree char *found = hash_file(file, &missing, &wrong);
+
+    if (found && strcmp(found, sha256) == 0)
+        return NULL;
+    struct session_damage *damage = g_new0(struct session_damage, 1);
+    damage->path = g_strdup(relative);
+    damage->missing = missing;
+    damage->sha256 = g_strdup(sha256);
+    damage->what = wrong ? g_steal_pointer(&wrong)
+                         : g_strdup_printf("its SHA-256 is %s, the session has %s", found, sha256);
+    return damage;
+}
+
+static char *remedy_of(Session *session, gboolean frames, const char *made_by) {
+    g_autofree char *directory = g_shell_quote(session->path);
+    g_autofree char *imported = session_value(session, frames ? "imported_frames" : "imported");
+
+    if (g_str_has_prefix(made_by, "compress"))
+        return g_strdup_printf("mesorig %s %s", made_by, directory);
+    return imported ? NULL
+                    : g_strdup_printf("mesorig %s %s", frames ? "resume" : "process", directory);
+}
+
+struct row {
+    char *path, *sha256, *made_by;
+};
+
+static void row_free(gpointer data) {
+    struct row *row = data;
+
+    g_free(row->path);
+    g_free(row->sha256);
+    g_free(row->made_by);
+    g_free(row);
+}
+
+/* Those whose names begin with prefix. */
+static GPtrArray *session_files_read_rows(Session *session, gboolean frames, const char *prefix,
+                                          GError **error) {
+    g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(row_free);
+    g_autoptr(GError) own = NULL;
+    g_autoptr(sqlite3_stmt) statement = session_db_query(
+        session, error,
+        frames ? "SELECT path, sha256, '' FROM frame WHERE substr(path, 1, length(?1)) = ?1"
+                 " ORDER BY path"
+               : "SELECT path, sha256, made_by FROM product"
+                 " WHERE substr(path, 1, length(?1)) = ?1 ORDER BY path",
+        "s", prefix);
+
+    if (!statement)
+        return NULL;
+    while (session_db_next(session, statement, &own)) {
+        struct row *row = g_new0(struct row, 1);
+
+        row->path = g_strdup((const char *)sqlite3_column_text(statement, 0));
+        row->sha256 = g_strdup((const char *)sqlite3_column_text(statement, 1));
+        row->made_by = g_strdup((const char *)sqlite3_column_text(statement, 2));
+        g_ptr_array_add(rows, row);
+        if (session_is_relative(row->path))
+            continue;
+        g_set_error(&own, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                    "%s/session.db: the path of a %s is not inside the session", session->path,
+                    frames ? "frame" : "product");
+        break;
+    }
+    if (!own)
+        return g_steal_pointer(&rows);
+    g_propagate_error(error, g_steal_pointer(&own));
+    return NULL;
+}
+
+GHashTable *session_products(Session *session, GError **error) {
+    g_autoptr(GHashTable) products = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    g_autoptr(GPtrArray) rows = session_files_read_rows(session, FALSE, "", error);
+
+    for (guint i = 0; rows && i < rows->len; i++)
+        g_hash_table_add(products, g_strdup(((struct row *)g_ptr_array_index(rows, i))->path));
+    return rows ? g_steal_pointer(&products) : NULL;
+}
+
+struct examination {
+    const Session *session;
+    const GPtrArray *rows;
+    struct session_damage **damages; /* of each row, or NULL */
+};
+
+static void examine_row(int number, gpointer data) {
+    struct examination *examination = data;
+    const struct row *row = g_ptr_array_index(examination->rows, (guint)number);
+
+    examination->damages[number] = session_examine(examination->session, row->path, row->sha256);
+}
+
+GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
+                               const struct work *work, int *ret_examined, GError **error) {
+    const gboolean frames = files == SESSION_FRAMES;
+    g_autoptr(GPtrArray) rows = session_files_read_rows(session, frames, prefix, error);
+    if (!rows)
+        return NULL;
+    g_autofree struct session_damage **damages = g_new0(struct session_damage *, rows->len + 1);
+    struct examination examination = {session, rows, damages};
+    GPtrArray *ret = g_ptr_array_new_with_free_func((GDestroyNotify)session_damage_free);
+    const gboolean ok =
+        work_parallel(work, "verify", (int)rows->len, examine_row, &examination, error);
+
+    for (guint i = 0; i < rows->len; i++)
+        if (damages[i]) {
+            const struct row *row = g_ptr_array_index(rows, i);
+            damages[i]->remedy = remedy_of(session, frames, row->made_by);
+            g_ptr_array_add(ret, damages[i]);
+        }
+    if (ret_examined)
+        *ret_examined = (int)rows->len;
+    if (!ok)
+        g_clear_pointer(&ret, g_ptr_array_unref);
+    return ret;
+}
+
+static void tell_damage(const Session *session, const struct session_damage *damage,
+                        GError **error) {
+    if (damage->remedy)
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_DAMAGED,
+                    "%s/%s: damaged: %s; `%s` makes it again", session->path, damage->path,
+                    damage->what, damage->remedy);
+    else
+        g_set_error(error, SESSION_ERROR, SESSION_ERROR_DAMAGED,
+                    "%s/%s: damaged: %s; import the session again", session->path, damage->path,
+                    damage->what);
+}
+
+/* A program that is at work on products has written a file a moment before its row. */
+static gboolean is_being_written(const Session *session) {
+    g_autofree char *file = session_file(session, SESSION_PROCESS_LOCK);
+
+    return file_lock_is_held(file);
+}
+
+gboolean session_check_products(Session *session, const char *prefix, GError **error) {
+    const gint64 until_us = g_get_monotonic_time() + PATIENCE_US;
+
+    for (;;) {
+        g_autoptr(GPtrArray) damages =
+            session_find_damage(session, SESSION_PRODUCTS_MADE, prefix, NULL, NULL, error);
+        if (!damages || damages->len == 0)
+            return damages != NULL;
+        if (g_get_monotonic_time() >= until_us || !is_being_written(session)) {
+            tell_damage(session, g_ptr_array_index(damages, 0), error);
+            return FALSE;
+        }
+        g_usleep(POLL_US);
+    }
+}
+
+/* The session that a file is a product of, as products/… or products/btf/…; NULL: of none. */
+static char *session_of(const char *file, const char **ret_relative) {
+    static const char *const folders[] = {"products", "btf"};
+    const char *end = strrchr(file, '/');
+
+    for (gsize levels = 1; end && levels <= G_N_ELEMENTS(folders); levels++) {
+        g_autofree char *inner = g_strndup(file, (gsize)(end - file));
+        g_autofree char *suffix = levels == 1 ? g_strdup("/products") : g_strdup("/products/btf");
+        if (!g_str_has_suffix(inner, suffix))
+            continue;
+        g_autofree char *directory = g_strndup(inner, strlen(inner) - strlen(suffix));
+        g_autofree char *database = g_build_filename(directory, "session.db", NULL);
+        if (!g_file_test(database, G_FILE_TEST_EXISTS))
+            return NULL;
+        *ret_relative = file + strlen(directory) + 1;
+        return g_steal_pointer(&directory);
+    }
+    return NULL;
+}
+
+gboolean session_check_product(const char *path, GError **error) {
+    g_autofree char *file = g_canonicalize_filename(path, NULL);
+    const char *relative = NULL;
+    g_autofree char *directory = session_of(file, &relative);
+
+    if (!directory)
+        return TRUE;
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    return session && session_check_products(session, relative, error);
+}
+
+gboolean session_add_product_file(const char *path, const char *made_by, GError **error) {
+    g_autofree char *file = g_canonicalize_filename(path, NULL);
+    const char *relative = NULL;
+    g_autofree char *directory = session_of(file, &relative);
+
+    if (!directory)
+        return TRUE;
+    g_autoptr(Session) session = session_open(directory, SESSION_PRODUCTS, error);
+    return session && session_add_product(session, relative, made_by, error);
+}

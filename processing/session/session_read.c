@@ -1,0 +1,287 @@
+#include "session_private.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MAX_TEXELS  16384
+#define MAX_NUMBER  1000000 /* of devices, poses, steps */
+#define MAX_CAMERAS 32
+
+const char *const session_shot_kinds[] = {"dark", "lamp", "sweep", NULL};
+const char *const session_shot_states[] = {"planned", "done", "skipped", NULL};
+
+static gboolean session_read_wrong(GError **error, const char *what, gint64 which) {
+    g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
+                "the session's plan is not valid: %s %" G_GINT64_FORMAT, what, which);
+    return FALSE;
+}
+
+gboolean session_check_grid(const struct session_grid *grid, GError **error) {
+    if (grid->width < 1 || grid->width > MAX_TEXELS || grid->height < 1 ||
+        grid->height > MAX_TEXELS)
+        return session_read_wrong(error, "texels across must be 1 to 16384, not",
+                                  grid->width < 1 || grid->width > MAX_TEXELS ? grid->width
+                                                                              : grid->height);
+    if (!(grid->width_mm > 0) || !isfinite(grid->width_mm) || !(grid->height_mm > 0) ||
+        !isfinite(grid->height_mm) || !isfinite(grid->reference_mm) || !(grid->depth_mm >= 0) ||
+        !isfinite(grid->depth_mm))
+        return session_read_wrong(error, "a length of the grid is negative or not a number, grid",
+                                  1);
+    return TRUE;
+}
+
+gboolean session_check_direction(const struct session_direction *direction, int index,
+                                 const char *kind, GError **error) {
+    g_autofree char *what = g_strdup_printf("out of order or not a number: %s", kind);
+
+    if (direction->index != index || direction->device < 0 || direction->device > MAX_NUMBER ||
+        !isfinite(direction->theta_deg) || !isfinite(direction->phi_deg) ||
+        !isfinite(direction->turntable_deg))
+        return session_read_wrong(error, what, index);
+    return !direction->note || g_utf8_validate(direction->note, -1, NULL) ||
+           session_read_wrong(error, "the note is not UTF-8: direction", index);
+}
+
+gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_lights, int n_lasers,
+                            GError **error) {
+    int sources = shot->kind == SHOT_LAMP ? n_lights : shot->kind == SHOT_SWEEP ? n_lasers : 0;
+
+    if (shot->id != id)
+        return session_read_wrong(error, "ids must be 1, 2, 3 and so on: shot", shot->id);
+    if (shot->kind > SHOT_SWEEP || shot->state > SHOT_SKIPPED)
+        return session_read_wrong(error, "unknown kind or state: shot", id);
+    if (shot->kind == SHOT_DARK ? shot->source != -1 : shot->source < 0 || shot->source >= sources)
+        return session_read_wrong(error, "no such light or laser position: shot", id);
+    if (shot->device < -1 || shot->device > MAX_NUMBER || shot->pose < 0 ||
+        shot->pose > MAX_NUMBER || shot->sweep_steps < 0 || shot->sweep_steps > MAX_NUMBER)
+        return session_read_wrong(error, "a device, pose or number of steps is out of range: shot",
+                                  id);
+    if (!isfinite(shot->turntable_deg) || !isfinite(shot->arc_deg) ||
+        !isfinite(shot->sweep_from_deg) || !isfinite(shot->sweep_to_deg))
+        return session_read_wrong(error, "an angle is not a number: shot", id);
+    return !shot->note || g_utf8_validate(shot->note, -1, NULL) ||
+           session_read_wrong(error, "the note is not UTF-8: shot", id);
+}
+
+/* Out of range becomes a value that no check lets pass. */
+static int column_int(sqlite3_stmt *statement, int column) {
+    gint64 value = sqlite3_column_int64(statement, column);
+
+    return value < G_MININT || value > G_MAXINT ? G_MININT : (int)value;
+}
+
+static char *column_text(sqlite3_stmt *statement, int column) {
+    return g_strdup((const char *)sqlite3_column_text(statement, column));
+}
+
+static int column_choice(sqlite3_stmt *statement, int column, const char *const *choices) {
+    const char *text = (const char *)sqlite3_column_text(statement, column);
+    int i = 0;
+
+    while (choices[i] && g_strcmp0(choices[i], text) != 0)
+        i++;
+    return i; /* one too many: session_check_shot() refuses it */
+}
+
+gboolean session_grid(Session *session, struct session_grid *ret, GError **error) {
+    g_autoptr(GError) own = NULL;
+    g_autoptr(sqlite3_stmt) row =
+        session_db_query(session, error,
+                         "SELECT width, height, width_mm, height_mm, reference_mm, depth_mm"
+                         " FROM grid WHERE id = 1",
+                         "");
+
+    if (!row)
+        return FALSE;
+    if (!session_db_next(session, row, &own)) {
+        if (!own)
+            return session_read_wrong(error, "no grid, format", SESSION_FORMAT);
+        g_propagate_error(error, g_steal_pointer(&own));
+        return FALSE;
+    }
+    *ret = (struct session_grid){
+        .width = column_int(row, 0),
+        .height = column_int(row, 1),
+        .width_mm = sqlite3_column_double(row, 2),
+        .height_mm = sqlite3_column_double(row, 3),
+        .reference_mm = sqlite3_column_double(row, 4),
+        .depth_mm = sqlite3_column_double(row, 5),
+    };
+    return session_check_grid(ret, error);
+}
+
+/* Makes an element of a row; checks it; number is its place. */
+typedef gpointer (*ReadRow)(sqlite3_stmt *row, int number, gpointer data, GError **error);
+
+static GPtrArray *session_read_read_rows(Session *session, sqlite3_stmt *statement,
+                                         GDestroyNotify free_row, ReadRow read_row, gpointer data,
+                                         GError **error) {
+    g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(free_row);
+    g_autoptr(GError) own = NULL;
+
+    while (statement && !own && session_db_next(session, statement, &own)) {
+        gpointer row = read_row(statement, (int)rows->len, data, &own);
+
+        if (row)
+            g_ptr_array_add(rows, row);
+    }
+    if (own)
+        g_propagate_error(error, g_steal_pointer(&own));
+    else if (statement)
+        return g_steal_pointer(&rows);
+    return NULL;
+}
+
+static void direction_free(gpointer data) {
+    struct session_direction *direction = data;
+
+    g_free(direction->note);
+    g_free(direction);
+}
+
+static gpointer session_read_read_direction(sqlite3_stmt *row, int number, gpointer kind,
+                                            GError **error) {
+    struct session_direction *direction = g_new0(struct session_direction, 1);
+
+    direction->index = column_int(row, 0);
+    direction->device = column_int(row, 1);
+    direction->theta_deg = sqlite3_column_double(row, 2);
+    direction->phi_deg = sqlite3_column_double(row, 3);
+    direction->turntable_deg = sqlite3_column_double(row, 4);
+    direction->note = column_text(row, 5);
+    if (!session_check_direction(direction, number, kind, error))
+        g_clear_pointer(&direction, direction_free);
+    return direction;
+}
+
+static GPtrArray *session_read_directions(Session *session, const char *kind, GError **error) {
+    g_autoptr(sqlite3_stmt) statement =
+        session_db_query(session, error,
+                         "SELECT idx, device, theta_deg, phi_deg, turntable_deg, note"
+                         " FROM direction WHERE kind = ?1 ORDER BY idx",
+                         "s", kind);
+
+    return session_read_read_rows(session, statement, direction_free, session_read_read_direction,
+                                  (gpointer)kind, error);
+}
+
+GPtrArray *session_views(Session *session, GError **error) {
+    return session_read_directions(session, "view", error);
+}
+
+GPtrArray *session_lights(Session *session, GError **error) {
+    return session_read_directions(session, "light", error);
+}
+
+GPtrArray *session_lasers(Session *session, GError **error) {
+    return session_read_directions(session, "laser", error);
+}
+
+static void shot_free(gpointer data) {
+    struct session_shot *shot = data;
+
+    g_free(shot->note);
+    g_free(shot);
+}
+
+static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError **error) {
+    struct session_shot *shot = g_new0(struct session_shot, 1);
+    gint64 cameras = sqlite3_column_int64(row, 7);
+
+    shot->id = sqlite3_column_int64(row, 0);
+    shot->kind = (enum session_shot_kind)column_choice(row, 1, session_shot_kinds);
+    shot->pose = column_int(row, 2);
+    shot->turntable_deg = sqlite3_column_double(row, 3);
+    shot->arc_deg = sqlite3_column_double(row, 4);
+    shot->source = column_int(row, 5);
+    shot->device = column_int(row, 6);
+    shot->cameras = (guint32)cameras;
+    shot->sweep_from_deg = sqlite3_column_double(row, 8);
+    shot->sweep_to_deg = sqlite3_column_double(row, 9);
+    shot->sweep_steps = column_int(row, 10);
+    shot->state = (enum session_shot_state)column_choice(row, 11, session_shot_states);
+    shot->note = column_text(row, 12);
+    if (cameras < 0 || cameras > G_MAXUINT32)
+        session_read_wrong(error, "more than 32 cameras: shot", shot->id);
+    else if (session_check_shot(shot, number + 1, column_int(row, 13), column_int(row, 14), error))
+        return shot;
+    shot_free(shot);
+    return NULL;
+}
+
+GPtrArray *session_shots(Session *session, GError **error) {
+    g_autoptr(sqlite3_stmt) statement = session_db_query(
+        session, error,
+        "SELECT id, kind, pose, turntable_deg, arc_deg, source, device, cameras, sweep_from_deg,"
+        " sweep_to_deg, sweep_steps, state, note,"
+        " (SELECT count(*) FROM direction WHERE kind = 'light'),"
+        " (SELECT count(*) FROM direction WHERE kind = 'laser') FROM shot ORDER BY id",
+        "");
+
+    return session_read_read_rows(session, statement, shot_free, read_shot, NULL, error);
+}
+
+static void frame_free(gpointer data) {
+    struct session_frame *frame = data;
+
+    g_free(frame->path);
+    g_free(frame->sha256);
+    g_free(frame);
+}
+
+static gpointer session_read_read_frame(sqlite3_stmt *row, int number, gpointer data,
+                                        GError **error) {
+    struct session_frame *frame = g_new0(struct session_frame, 1);
+
+    frame->shot = sqlite3_column_int64(row, 0);
+    frame->camera = column_int(row, 1);
+    frame->path = column_text(row, 2);
+    frame->sha256 = column_text(row, 3);
+    frame->bytes = sqlite3_column_int64(row, 4);
+    frame->retakes = column_int(row, 5);
+    frame->captured_s = sqlite3_column_double(row, 6);
+    if (session_is_relative(frame->path) && frame->sha256 && frame->camera >= 0 &&
+        frame->camera < MAX_CAMERAS && frame->bytes >= 0)
+        return frame;
+    session_read_wrong(error, "a frame's camera or path is not valid: shot", frame->shot);
+    frame_free(frame);
+    return NULL;
+}
+
+GPtrArray *session_frames(Session *session, GError **error) {
+    g_autoptr(sqlite3_stmt) statement =
+        session_db_query(session, error,
+                         "SELECT shot, camera, path, sha256, bytes, retakes, captured_s"
+                         " FROM frame JOIN shot ON shot.id = frame.shot ORDER BY shot, camera",
+                         "");
+
+    return session_read_read_rows(session, statement, frame_free, session_read_read_frame, NULL,
+                                  error);
+}
+
+static void session_read_event_free(gpointer data) {
+    struct session_event *event = data;
+
+    g_free(event->level);
+    g_free(event->source);
+    g_free(event->message);
+    g_free(event);
+}
+
+static gpointer read_event(sqlite3_stmt *row, int number, gpointer data, GError **error) {
+    struct session_event *event = g_new0(struct session_event, 1);
+
+    event->time_s = sqlite3_column_double(row, 0);
+    event->level = column_text(row, 1);
+    event->source = column_text(row, 2);
+    event->message = column_text(row, 3);
+    return event;
+}
+
+GPtrArray *session_events(Session *session, GError **error) {
+    g_autoptr(sqlite3_stmt) statement = session_db_query(
+        session, error, "SELECT time_s, level, source, message FROM event ORDER BY id", "");
+
+    return session_read_read_rows(session, statement, session_read_event_free, read_event, NULL,
+                                  error);
+}

@@ -1,0 +1,168 @@
+#include "chart_session.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "btf/btf.h"
+
+#define NEAR_DEG     2.0  /* lights whose angle is as near to 45° as the nearest */
+#define FARTHEST_DEG 20.0 /* a view or light farther off is no 45°:0° */
+#define CHART_DEG    45.0
+
+static gboolean chart_session_parse_line(const char *line, struct chart_field *ret) {
+    double *const to[] = {&ret->x_mm,   &ret->y_mm,   &ret->radius_mm,
+                          &ret->xyz[0], &ret->xyz[1], &ret->xyz[2]};
+    g_auto(GStrv) words = g_strsplit(line, ",", 8);
+    if (g_strv_length(words) != G_N_ELEMENTS(to))
+        return FALSE;
+    for (gsize i = 0; i < G_N_ELEMENTS(to); i++) {
+        char *end = NULL, *word = g_strstrip(words[i]);
+        *to[i] = g_ascii_strtod(word, &end);
+        if (end == word || *end != '\0' || !isfinite(*to[i]) || fabs(*to[i]) > 1e4)
+            return FALSE;
+    }
+    return ret->radius_mm > 0 && ret->xyz[1] > 0 && ret->xyz[1] < 2;
+}
+
+GArray *chart_parse(const char *text, const char *path, GError **error) {
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    g_autoptr(GArray) fields = g_array_new(FALSE, FALSE, sizeof(struct chart_field));
+    for (int i = 0; lines[i]; i++) {
+        struct chart_field field = {0};
+        g_autofree char *line = g_strndup(lines[i], strcspn(lines[i], "#"));
+        if (*g_strstrip(line) == '\0')
+            continue;
+        if (!chart_session_parse_line(line, &field)) {
+            g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
+                        "%s:%d: \"%s\" is not x_mm,y_mm,radius_mm,X,Y,Z with Y = 1 for white", path,
+                        i + 1, line);
+            return NULL;
+        }
+        g_array_append_val(fields, field);
+    }
+    return g_steal_pointer(&fields);
+}
+
+struct chart {
+    struct session_grid grid;
+    struct rig rig;
+    GPtrArray *views, *lights;
+    GArray *near; /* int: lights that count */
+    float *rgb;   /* near lights × texels × 3 */
+};
+
+static double off_45(const struct session_direction *light) {
+    return fabs(light->theta_deg - CHART_DEG);
+}
+
+static int nearest_view(const struct chart *chart) {
+    int best = 0;
+    for (guint i = 1; i < chart->views->len; i++) {
+        const struct session_direction *a = chart->views->pdata[i], *b = chart->views->pdata[best];
+        best = a->theta_deg < b->theta_deg ? (int)i : best;
+    }
+    return best;
+}
+
+static gboolean chart_session_choose(struct chart *chart, const char *path, int *ret_view,
+                                     GError **error) {
+    double least = HUGE_VAL;
+    for (guint i = 0; i < chart->lights->len; i++)
+        least = MIN(least, off_45(chart->lights->pdata[i]));
+    for (guint i = 0; i < chart->lights->len; i++)
+        if (off_45(chart->lights->pdata[i]) < least + NEAR_DEG)
+            g_array_append_val(chart->near, i);
+    *ret_view = chart->views->len > 0 ? nearest_view(chart) : -1;
+    const struct session_direction *view = *ret_view >= 0 ? chart->views->pdata[*ret_view] : NULL;
+    if (view && view->theta_deg <= FARTHEST_DEG && least <= FARTHEST_DEG)
+        return TRUE;
+    g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_TOO_FEW,
+                "%s: charts are measured from above under light at 45°; the session has no view "
+                "within %.0f° of the normal, or no light within %.0f° of 45°",
+                path, FARTHEST_DEG, FARTHEST_DEG);
+    return FALSE;
+}
+
+static struct vec3 texel_mm(const struct chart *chart, int texel) {
+    int row = texel / chart->grid.width, column = texel % chart->grid.width;
+    return rectify_point_mm(&chart->grid, column + 0.5, row + 0.5);
+}
+
+/* Of a point in the reference plane: the sum over the lights, of what a white would show. */
+static void add_texel(const struct chart *chart, int texel, double seen[3], double *white) {
+    int n = chart->grid.width * chart->grid.height;
+    struct vec3 p = texel_mm(chart, texel);
+    for (guint i = 0; i < chart->near->len; i++) {
+        const struct session_direction *light =
+            chart->lights->pdata[g_array_index(chart->near, int, i)];
+        double away = vec3_length(chart->rig.lamps[light->device].position_mm);
+        struct vec3 lamp = vec3_scale(
+            rig_direction(light->theta_deg * G_PI / 180, light->phi_deg * G_PI / 180), away);
+        struct vec3 way = vec3_sub(lamp, p);
+        const float *rgb = chart->rgb + ((gsize)i * (gsize)n + (gsize)texel) * 3;
+        *white += way.z / vec3_length(way);
+        for (int k = 0; k < 3; k++)
+            seen[k] += (double)rgb[k];
+    }
+}
+
+static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
+                              struct colour_patch *ret) {
+    double seen[3] = {0}, white = 0;
+    for (int t = 0; t < chart->grid.width * chart->grid.height; t++) {
+        struct vec3 p = texel_mm(chart, t);
+        if (hypot(p.x - field->x_mm, p.y - field->y_mm) <= field->radius_mm)
+            add_texel(chart, t, seen, &white);
+    }
+    for (int k = 0; k < 3; k++) {
+        ret->rgb[k] = white > 0 ? seen[k] / white : 0;
+        ret->xyz[k] = field->xyz[k];
+    }
+    return white > 0;
+}
+
+static gboolean chart_session_load(struct chart *chart, Session *session, GError **error) {
+    g_autofree char *text = session_text(session, "calibration.conf", error);
+    int view;
+    if (!text || !rig_from_text(&chart->rig, text, session_path(session), error) ||
+        !session_grid(session, &chart->grid, error) ||
+        !(chart->views = session_views(session, error)) ||
+        !(chart->lights = session_lights(session, error)) ||
+        !chart_session_choose(chart, session_path(session), &view, error))
+        return FALSE;
+    const struct session_direction *direction = chart->views->pdata[view];
+    g_autofree char *name = g_strdup_printf("products/btf/view_%04d.exr", direction->index);
+    g_autofree char *path = session_file(session, name);
+    chart->rgb =
+        g_new(float, (gsize)chart->grid.width *(gsize)chart->grid.height * 3 * chart->near->len);
+    return session_check_products(session, name, error) &&
+           btf_read_view(path, (const int *)(void *)chart->near->data, (int)chart->near->len,
+                         &chart->grid, chart->rgb, error);
+}
+
+static gboolean chart_session_measure(const struct chart *chart, const GArray *fields,
+                                      struct colour_patch *ret, GError **error) {
+    for (guint i = 0; i < fields->len; i++) {
+        const struct chart_field *field = &g_array_index(fields, struct chart_field, i);
+        if (measure_field(chart, field, &ret[i]))
+            continue;
+        g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE,
+                    "patch %u at %g, %g mm holds no texel of the session's sample of %g × %g mm",
+                    i + 1, field->x_mm, field->y_mm, chart->grid.width_mm, chart->grid.height_mm);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+gboolean chart_session(Session *session, const GArray *fields, struct colour_patch *ret,
+                       GError **error) {
+    struct chart chart = {.near = g_array_new(FALSE, FALSE, sizeof(int))};
+    gboolean ok = chart_session_load(&chart, session, error) &&
+                  chart_session_measure(&chart, fields, ret, error);
+    g_array_unref(chart.near);
+    g_clear_pointer(&chart.views, g_ptr_array_unref);
+    g_clear_pointer(&chart.lights, g_ptr_array_unref);
+    g_free(chart.rgb);
+    return ok;
+}

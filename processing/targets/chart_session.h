@@ -1,0 +1,19 @@
+/* A colour chart in a session whose BTF has been made: what each patch reflects. */
+#pragma once
+
+#include "radiometry/colour.h"
+#include "session/session.h"
+
+struct chart_field {              /* a patch: a disc that lies wholly within it */
+    double x_mm, y_mm, radius_mm; /* sample frame */
+    double xyz[3];
+};
+
+/* Lines "x_mm,y_mm,radius_mm,X,Y,Z", Y = 1 for a perfect white; '#' begins a comment. Elements are
+ * struct chart_field. NULL: COLOUR_ERROR_FILE, with path and line. */
+GArray *chart_parse(const char *text, const char *path, GError **error);
+
+/* Seen from the view nearest to the normal, under the lights nearest to 45°, as charts are measured
+ * (CIE 45°:0°). ret: as fields. */
+gboolean chart_session(Session *session, const GArray *fields, struct colour_patch *ret,
+                       GError **error);

@@ -1,0 +1,313 @@
+#include "tile_session.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "fiducials/marks.h"
+#include "session/inputs.h"
+#include "tile_noise.h"
+
+/* A lamp's frames in planned order, and the shot each is of. */
+struct frames {
+    GPtrArray *shots, *rows;
+    GArray *inputs;     /* of struct input */
+    GArray *camera;     /* of int */
+    GArray *shot;       /* of int: into the next */
+    GArray *tile_shots; /* of struct tile_shot */
+    GArray *taken_s;    /* of double: when each of them was taken */
+    GPtrArray *checksums;
+};
+
+static void clear_input(gpointer input) {
+    input_clear(input);
+}
+
+static void frames_clear(struct frames *frames) {
+    g_clear_pointer(&frames->shots, g_ptr_array_unref);
+    g_clear_pointer(&frames->rows, g_ptr_array_unref);
+    g_array_unref(frames->inputs);
+    g_array_unref(frames->camera);
+    g_array_unref(frames->shot);
+    g_array_unref(frames->tile_shots);
+    g_array_unref(frames->taken_s);
+    g_ptr_array_unref(frames->checksums);
+}
+
+static void add_frame(struct frames *frames, Session *session, const struct session_shot *shot,
+                      const struct session_frame *row, const struct rig *rig) {
+    struct input input = {.path = session_file(session, row->path),
+                          .sha256 = g_strdup(row->sha256),
+                          .shot = shot->id,
+                          .width = rig->cameras[row->camera].width,
+                          .height = rig->cameras[row->camera].height};
+    guint last = frames->inputs->len;
+    if (last == 0 || g_array_index(frames->inputs, struct input, last - 1).shot != shot->id) {
+        struct tile_shot taken = {shot->device, shot->arc_deg * G_PI / 180,
+                                  shot->turntable_deg * G_PI / 180};
+        g_array_append_val(frames->tile_shots, taken);
+        g_array_append_val(frames->taken_s, row->captured_s);
+    }
+    int at = (int)frames->tile_shots->len - 1;
+    g_array_append_val(frames->inputs, input);
+    g_array_append_val(frames->camera, row->camera);
+    g_array_append_val(frames->shot, at);
+    g_ptr_array_add(frames->checksums, input.sha256);
+}
+
+static gboolean find_frames(Session *session, const struct rig *rig, struct frames *ret,
+                            GError **error) {
+    *ret = (struct frames){.inputs = g_array_new(FALSE, FALSE, sizeof(struct input)),
+                           .camera = g_array_new(FALSE, FALSE, sizeof(int)),
+                           .shot = g_array_new(FALSE, FALSE, sizeof(int)),
+                           .tile_shots = g_array_new(FALSE, FALSE, sizeof(struct tile_shot)),
+                           .taken_s = g_array_new(FALSE, FALSE, sizeof(double)),
+                           .checksums = g_ptr_array_new()};
+    g_array_set_clear_func(ret->inputs, clear_input);
+    ret->shots = session_shots(session, error);
+    ret->rows = ret->shots ? session_frames(session, error) : NULL;
+    if (!ret->rows)
+        return FALSE;
+    for (guint i = 0; i < ret->rows->len; i++) {
+        const struct session_frame *row = ret->rows->pdata[i];
+        if (row->shot < 1 || row->shot > (gint64)ret->shots->len || row->camera >= rig->n_cameras)
+            continue;
+        const struct session_shot *shot = ret->shots->pdata[row->shot - 1];
+        if (shot->kind == SHOT_LAMP && shot->state == SHOT_DONE && shot->device < rig->n_lamps)
+            add_frame(ret, session, shot, row, rig);
+    }
+    if (ret->inputs->len > 0)
+        return TRUE;
+    g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW,
+                "%s: no frame under a lamp is there", session_path(session));
+    return FALSE;
+}
+
+struct run {
+    Session *session;
+    struct calibration *calibration;
+    const struct tile_options *options;
+    struct tile tile;
+    struct frames frames;
+    GPtrArray *rejected;
+    GArray *cells;
+    struct tile_fit fit;
+    struct tile_result *ret;
+    gint64 begun_us;
+    gboolean stopped;
+};
+
+static gboolean goes_on(struct run *run, const char *stage, guint done) {
+    if (!work_tell(run->options->work, stage, (int)done, (int)run->frames.inputs->len,
+                   run->begun_us, NULL))
+        run->stopped = TRUE;
+    return !run->stopped;
+}
+
+static gboolean check_stopped(const struct run *run, GError **error) {
+    if (run->stopped)
+        g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_CANCELLED, "cancelled");
+    return !run->stopped;
+}
+
+/* NULL: rejected, and why is noted. */
+static struct exr_part *tile_session_read_frame(struct run *run, guint i, const char **ret_cfa) {
+    static const char *const channels[] = {"Y", NULL};
+    const struct input *input = &g_array_index(run->frames.inputs, struct input, i);
+    g_autoptr(GError) error = NULL;
+    int saturated = 0;
+    struct exr_part *part = input_read(input, channels, &error);
+    if (part && exr_get_string(part, "mesorig.cfa", ret_cfa, &error)) {
+        exr_get_int(part, "mesorig.saturated", &saturated, NULL);
+        if (saturated == 0)
+            return part;
+        g_set_error(&error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
+                    "%s: %d pixels are saturated; use shorter exposures", input->path, saturated);
+    }
+    exr_part_free(part);
+    g_ptr_array_add(run->rejected, g_strdup(error->message));
+    return NULL;
+}
+
+static void tile_session_measure_tile(struct run *run) {
+    const struct tile_shot *shots = (const struct tile_shot *)(void *)run->frames.tile_shots->data;
+    for (guint i = 0; i < run->frames.inputs->len && goes_on(run, "tile", i); i++) {
+        const char *cfa = "mono";
+        struct exr_part *part = tile_session_read_frame(run, i, &cfa);
+        if (!part)
+            continue;
+        tile_measure(&run->calibration->rig, g_array_index(run->frames.camera, int, i), cfa,
+                     exr_part_plane(part, "Y"), &run->tile, shots,
+                     g_array_index(run->frames.shot, int, i), run->cells);
+        run->ret->pictures++;
+        exr_part_free(part);
+    }
+}
+
+static gboolean fit_tile(struct run *run, GError **error) {
+    if (run->ret->pictures == 0) {
+        g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW, "no picture is of use: %s",
+                    run->rejected->len ? (char *)run->rejected->pdata[0] : "");
+        return FALSE;
+    }
+    struct calibration *to = run->calibration;
+    if (!tile_fit(&to->rig, (const struct tile_shot *)(void *)run->frames.tile_shots->data,
+                  (int)run->frames.tile_shots->len,
+                  (const struct tile_cell *)(void *)run->cells->data, (int)run->cells->len,
+                  &run->fit, error))
+        return FALSE;
+    memcpy(to->camera_radiometry, run->fit.cameras, sizeof to->camera_radiometry);
+    memcpy(to->lamp_radiometry, run->fit.lamps, sizeof to->lamp_radiometry);
+    run->ret->cells = (int)run->cells->len;
+    run->ret->residual = run->fit.residual;
+    run->ret->quality = run->fit.quality;
+    double least = HUGE_VAL, most = -HUGE_VAL;
+    for (guint s = 0; s < run->frames.tile_shots->len; s++) {
+        least = MIN(least, run->fit.output[s]);
+        most = MAX(most, run->fit.output[s]);
+    }
+    run->ret->drift = most - least;
+    return TRUE;
+}
+
+static void add_marks(struct run *run, guint i, GArray *seen) {
+    const struct calibration *known = run->calibration;
+    int camera = g_array_index(run->frames.camera, int, i);
+    int at = g_array_index(run->frames.shot, int, i);
+    const struct tile_shot *shot = &g_array_index(run->frames.tile_shots, struct tile_shot, at);
+    const char *cfa = "mono";
+    struct exr_part *part = tile_session_read_frame(run, i, &cfa);
+    if (!part)
+        return;
+    struct mark_scene scene = {&known->rig,
+                               camera,
+                               shot->lamp,
+                               shot->turntable_rad,
+                               shot->arc_rad,
+                               &known->camera_radiometry[camera],
+                               &known->lamp_radiometry[shot->lamp]};
+    guint first = seen->len;
+    marks_measure(&scene, cfa, exr_part_plane(part, "Y"), seen);
+    for (guint k = first; k < seen->len; k++) { /* of the mark's own white */
+        g_array_index(seen, struct mark_seen, k).output /= run->fit.output[at];
+        g_array_index(seen, struct mark_seen, k).output_error /= run->fit.output[at];
+    }
+    exr_part_free(part);
+}
+
+/* Of what is seen of anything, since cameras and lamps share it; relative. */
+static double level_error(const struct calibration *known) {
+    double squares = 0;
+    int n = 0;
+    for (int l = 0; l < known->rig.n_lamps; l++)
+        if (known->lamp_radiometry[l].known) {
+            squares += known->lamp_radiometry[l].intensity_error *
+                       known->lamp_radiometry[l].intensity_error;
+            n++;
+        }
+    return n > 0 ? sqrt(squares / n) : 0;
+}
+
+static void calibrate_marks(struct run *run) {
+    struct calibration *to = run->calibration;
+    g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    guint rejected = run->rejected->len;
+    for (guint i = 0; to->rig.n_marks > 0 && i < run->frames.inputs->len; i++)
+        if (goes_on(run, "marks", i))
+            add_marks(run, i, seen);
+    g_ptr_array_set_size(run->rejected, (int)rejected); /* they were told already */
+    for (int m = 0; m < to->rig.n_marks; m++) {
+        struct mark_fit fit;
+        if (!marks_fit(&to->rig, (const struct mark_seen *)(void *)seen->data, (int)seen->len, m,
+                       to->parts[CALIBRATION_CAMERAS].done, &fit))
+            continue;
+        to->marks[m].known = TRUE;
+        to->rig.marks[m].centre_mm = fit.centre_mm;
+        memcpy(to->marks[m].centre_mm, fit.centre_error_mm, sizeof fit.centre_error_mm);
+        for (int k = 0; k < 3; k++) {
+            to->rig.marks[m].reflectance[k] *= fit.white;
+            to->marks[m].reflectance[k] = hypot(fit.white_error / fit.white, level_error(to)) *
+                                          to->rig.marks[m].reflectance[k];
+        }
+        run->ret->marks++;
+    }
+}
+
+static gboolean set_tile(struct run *run, GError **error) {
+    const struct tile_options *o = run->options;
+    struct session_grid grid;
+    if (!session_grid(run->session, &grid, error))
+        return FALSE;
+    run->tile = (struct tile){.width_mm = o->width_mm > 0 ? o->width_mm : grid.width_mm,
+                              .height_mm = o->height_mm > 0 ? o->height_mm : grid.height_mm,
+                              .top_mm = grid.reference_mm};
+    memcpy(run->tile.reflectance, o->reflectance, sizeof o->reflectance);
+    return TRUE;
+}
+
+/* What each lamp gave when, of its mean; for whoever looks at the calibration. */
+static void keep_drift(struct run *run) {
+    static const char *const keys[] = {"taken_s", "lamp", "output", "output_error"};
+    for (guint k = 0; k < G_N_ELEMENTS(keys); k++) {
+        g_autoptr(GString) list = g_string_new(NULL);
+        for (guint s = 0; s < run->frames.tile_shots->len; s++) {
+            const double values[] = {
+                g_array_index(run->frames.taken_s, double, s),
+                g_array_index(run->frames.tile_shots, struct tile_shot, s).lamp, run->fit.output[s],
+                run->fit.output_error[s]};
+            char text[G_ASCII_DTOSTR_BUF_SIZE];
+            g_string_append_printf(list, "%s;",
+                                   g_ascii_formatd(text, sizeof text, "%.7g", values[k]));
+        }
+        g_key_file_set_value(run->calibration->extra, "lamp drift", keys[k], list->str);
+    }
+}
+
+static void set_part(struct run *run) {
+    g_autofree char *sum = calibration_checksum((const char *const *)run->frames.checksums->pdata,
+                                                (int)run->frames.checksums->len);
+    struct calibration_part *part = calibration_set_part(
+        run->calibration, CALIBRATION_RADIOMETRY, "white tile under every lamp", run->ret->pictures,
+        sum, g_steal_pointer(&run->rejected));
+    g_free(part->residual_unit);
+    part->residual_unit = g_strdup("%");
+    part->residual_rms = 100 * run->ret->residual;
+    part->degrees_of_freedom = run->fit.degrees;
+}
+
+static gboolean run_all(struct run *run, GError **error) {
+    if (!set_tile(run, error) ||
+        !find_frames(run->session, &run->calibration->rig, &run->frames, error))
+        return FALSE;
+    tile_session_measure_tile(run);
+    if (!check_stopped(run, error) || !fit_tile(run, error) ||
+        !tile_noise(run->session, run->calibration, run->frames.shots, &run->ret->transfers, error))
+        return FALSE;
+    calibrate_marks(run);
+    if (!check_stopped(run, error))
+        return FALSE;
+    keep_drift(run);
+    set_part(run);
+    return TRUE;
+}
+
+gboolean tile_session(Session *session, struct calibration *calibration,
+                      const struct tile_options *options, struct tile_result *ret, GError **error) {
+    struct run run = {.session = session,
+                      .calibration = calibration,
+                      .options = options,
+                      .rejected = g_ptr_array_new_with_free_func(g_free),
+                      .cells = g_array_new(FALSE, FALSE, sizeof(struct tile_cell)),
+                      .begun_us = g_get_monotonic_time(),
+                      .ret = ret};
+    struct rig before = calibration->rig;
+    memset(ret, 0, sizeof *ret);
+    gboolean ok = run_all(&run, error);
+    if (!ok)
+        calibration->rig = before;
+    if (run.frames.inputs)
+        frames_clear(&run.frames);
+    tile_fit_clear(&run.fit);
+    g_array_unref(run.cells);
+    g_clear_pointer(&run.rejected, g_ptr_array_unref);
+    return ok;
+}

@@ -1,0 +1,13 @@
+/*
+ * The three measured directions nearest to any other and their weights, as two cube maps (Schneider
+ * 2004 §5): the corners of a triangle of the measured ones, and its barycentric coordinates. Not
+ * filtered, for beside an edge of a triangle the next texel is of other directions: they are told
+ * apart by a third of a degree. Directions below the horizon count as in it.
+ */
+#pragma once
+
+#include "direction_textures.h"
+#include "directions.h"
+
+/* directions: triangulated. fade: as direction_table_new(). Indices are held as 1/65535. */
+struct direction_textures direction_cube_new(Directions *directions, gboolean fade);

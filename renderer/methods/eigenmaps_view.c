@@ -1,0 +1,313 @@
+#include "eigenmaps_view.h"
+
+#include "gl/direction_table.h"
+#include "gl/gpu.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+#define VIEW_TABLE 256
+#define HALF_MAX   65504.0f
+#define FINE_BYTES ((gsize)128 << 20) /* of textures refined at most, see put_layer() */
+#define ANISOTROPY 4.0f
+
+struct EigenmapsView {
+    int n_terms, n_layers; /* layers a term */
+    gboolean refined;      /* level 0 is twice as fine as the material */
+    guint maps, view_weights;
+    struct direction_textures lights;
+};
+
+static gboolean eigenmaps_view_check(const struct eigenmaps *maps, GError **error) {
+    GLint layers = 0, size = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (maps->n_views < 1 || maps->n_lights < 1 || maps->n_terms < 1 || maps->width < 1 ||
+        maps->height < 1) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
+        return FALSE;
+    }
+    gint64 needed = (gint64)maps->n_terms * ((gint64)maps->n_lights + 2);
+    if (needed > layers) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d terms of %d lights need %" G_GINT64_FORMAT
+                    " layers, %s has %d; compress the material with %d terms or fewer",
+                    maps->n_terms, maps->n_lights, needed, gpu_renderer(), layers,
+                    (int)MAX(1, layers / ((gint64)maps->n_lights + 2)));
+        return FALSE;
+    }
+    if (maps->width > size || maps->height > size) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d × %d texels: %s takes %d each way; process the material with fewer texels",
+                    maps->width, maps->height, gpu_renderer(), size);
+        return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean check_weights(const struct eigenmaps *maps, GError **error) {
+    for (gsize k = 0; k < (gsize)maps->n_terms * maps->n_views; k++)
+        if (!isfinite(maps->weights[k])) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "the weight of term %d for view %d is not a finite number",
+                        (int)(k / maps->n_views), (int)(k % maps->n_views));
+            return FALSE;
+        }
+    return TRUE;
+}
+
+static const float *map_of(const struct eigenmaps *maps, int term, int light) {
+    gsize texels = (gsize)maps->width * maps->height;
+    return maps->maps + 3 * texels * ((gsize)term * maps->n_lights + light);
+}
+
+static gboolean add_map(const struct eigenmaps *maps, int term, int light, float share, float *sum,
+                        GError **error) {
+    const float *map = map_of(maps, term, light);
+    for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++) {
+        if (!isfinite(map[k])) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "term %d, light %d, texel (%d, %d) is not a finite number", term, light,
+                        (int)(k / 3 % maps->width), (int)(k / 3 / maps->width));
+            return FALSE;
+        }
+        sum[k] += share * map[k];
+    }
+    return TRUE;
+}
+
+/* Twice the samples along one axis, Catmull-Rom between them, as a texture that repeats. */
+static void eigenmaps_view_refine(const float *from, int n, gsize step, float *to, gsize to_step) {
+    static const float weights[4] = {-9.0f / 128, 111.0f / 128, 29.0f / 128, -3.0f / 128};
+    for (int k = 0; k < n; k++)
+        for (int half = 0; half < 2; half++)
+            for (int c = 0; c < 3; c++) {
+                float sum = 0.0f;
+                for (int tap = 0; tap < 4; tap++) {
+                    int at = half ? k + tap - 1 : k + 1 - tap;
+                    sum += weights[tap] * from[step * ((at + 2 * n) % n) + c];
+                }
+                to[to_step * (2 * k + half) + c] = sum;
+            }
+}
+
+static void put_refined(const struct eigenmaps *maps, int layer, const float *texels) {
+    gsize w = maps->width, h = maps->height;
+    g_autofree float *wide = g_new0(float, 2 * 3 * w * h), *fine = g_new0(float, 4 * 3 * w * h);
+    for (gsize j = 0; j < h; j++)
+        eigenmaps_view_refine(texels + 3 * w * j, w, 3, wide + 6 * w * j, 3);
+    for (gsize i = 0; i < 2 * w; i++)
+        eigenmaps_view_refine(wide + 3 * i, h, 6 * w, fine + 3 * i, 6 * w);
+    for (gsize k = 0; k < 4 * 3 * w * h; k++)
+        fine[k] = CLAMP(fine[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2 * w, 2 * h, 1, GL_RGB, GL_FLOAT, fine);
+}
+
+/* A level twice as fine above that of the material itself makes bilinear filtering about as sharp
+ * as bicubic would be, at no cost to drawing. */
+static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
+                                     int layer, float *texels) {
+    for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++)
+        texels[k] = CLAMP(texels[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, view->refined ? 1 : 0, 0, 0, layer, maps->width,
+                    maps->height, 1, GL_RGB, GL_FLOAT, texels);
+    if (view->refined)
+        put_refined(maps, layer, texels);
+}
+
+/* Storage for both levels, if the finer one fits into FINE_BYTES and the card. */
+static void make_maps(EigenmapsView *view, const struct eigenmaps *maps) {
+    int layers = view->n_terms * view->n_layers;
+    gsize fine = 4 * 8 * (gsize)maps->width * maps->height * layers;
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    view->refined = fine <= FINE_BYTES && 2 * MAX(maps->width, maps->height) <= size;
+    int scale = view->refined ? 2 : 1;
+    view->maps = gpu_texture(GL_RGBA16F, scale * maps->width, scale * maps->height, layers);
+    if (view->refined)
+        glTexImage3D(GL_TEXTURE_2D_ARRAY, 1, GL_RGBA16F, maps->width, maps->height, layers, 0,
+                     GL_RGB, GL_FLOAT, NULL);
+}
+
+/* One layer that is a mix of lights. */
+static gboolean mix_layer(const EigenmapsView *view, const struct eigenmaps *maps, int term,
+                          int layer, const float *shares, float *texels, GError **error) {
+    memset(texels, 0, 3 * sizeof(float) * (gsize)maps->width * maps->height);
+    for (int light = 0; light < maps->n_lights; light++)
+        if (shares[light] != 0.0f && !add_map(maps, term, light, shares[light], texels, error))
+            return FALSE;
+    eigenmaps_view_put_layer(view, maps, layer, texels);
+    return TRUE;
+}
+
+static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eigenmaps *maps,
+                                           const float *pole, const float *ambient,
+                                           GError **error) {
+    g_autofree float *texels = g_new(float, 3 * (gsize)maps->width * maps->height);
+    g_autofree float *one = g_new0(float, maps->n_lights);
+    make_maps(view, maps);
+    if (!gpu_check("the material's texture", error)) {
+        g_prefix_error(error, "%d × %d texels in %d layers: ", maps->width, maps->height,
+                       view->n_terms * view->n_layers);
+        return FALSE;
+    }
+    for (int term = 0; term < view->n_terms; term++) {
+        int base = term * view->n_layers;
+        for (int light = 0; light < maps->n_lights; light++) {
+            one[light] = 1.0f;
+            if (!mix_layer(view, maps, term, base + light, one, texels, error))
+                return FALSE;
+            one[light] = 0.0f;
+        }
+        if (!mix_layer(view, maps, term, base + maps->n_lights, pole, texels, error) ||
+            !mix_layer(view, maps, term, base + maps->n_lights + 1, ambient, texels, error))
+            return FALSE;
+    }
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 1000);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_S, GL_REPEAT);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    /* Drawing on the processor it takes many times as long, and more samples a pixel do as well. */
+    gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
+    if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
+        GLfloat most = 1.0f;
+        glGetFloatv(GL_MAX_TEXTURE_MAX_ANISOTROPY_EXT, &most);
+        glTexParameterf(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_ANISOTROPY_EXT, MIN(most, ANISOTROPY));
+    }
+    return gpu_check("the material's texture", error);
+}
+
+static float weight_at(const struct eigenmaps *maps, const Directions *views, int term,
+                       const struct direction_weights *at) {
+    const float *w = maps->weights + (gsize)term * maps->n_views;
+    double sum = 0.0;
+    for (int k = 0; k < 4; k++) {
+        int n;
+        const int *members = directions_pole(views, &n);
+        if (at->index[k] < maps->n_views)
+            sum += at->weight[k] * w[at->index[k]];
+        else
+            for (int m = 0; m < n; m++)
+                sum += at->weight[k] * w[members[m]] / n;
+    }
+    return sum;
+}
+
+/* The table's outermost samples lie on the horizon, so that filtering needs nothing beyond it. */
+static void upload_views(EigenmapsView *view, const struct eigenmaps *maps, Directions *views) {
+    int n_pages = (maps->n_terms + 3) / 4;
+    gsize page = 4 * VIEW_TABLE * VIEW_TABLE;
+    g_autofree float *table = g_new0(float, n_pages *page);
+    for (int j = 0; j < VIEW_TABLE; j++)
+        for (int i = 0; i < VIEW_TABLE; i++) {
+            struct direction_weights w;
+            directions_weights(views,
+                               directions_from_square(-1.0 + 2.0 * i / (VIEW_TABLE - 1),
+                                                      -1.0 + 2.0 * j / (VIEW_TABLE - 1)),
+                               &w);
+            for (int term = 0; term < maps->n_terms; term++)
+                table[term / 4 * page + 4 * ((gsize)j * VIEW_TABLE + i) + term % 4] =
+                    weight_at(maps, views, term, &w);
+        }
+    view->view_weights = gpu_texture(GL_RGBA32F, VIEW_TABLE, VIEW_TABLE, n_pages);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, VIEW_TABLE, VIEW_TABLE, n_pages, GL_RGBA,
+                    GL_FLOAT, table);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+}
+
+EigenmapsView *eigenmaps_view_new(const struct eigenmaps *maps, GError **error) {
+    if (!eigenmaps_view_check(maps, error) || !check_weights(maps, error))
+        return NULL;
+    g_autoptr(Directions) views =
+        directions_new(maps->view_theta_deg, maps->view_phi_deg, maps->n_views, error);
+    if (views == NULL) {
+        g_prefix_error(error, "views: ");
+        return NULL;
+    }
+    g_autoptr(Directions) lights =
+        directions_new(maps->light_theta_deg, maps->light_phi_deg, maps->n_lights, error);
+    if (lights == NULL) {
+        g_prefix_error(error, "lights: ");
+        return NULL;
+    }
+    g_autoptr(EigenmapsView) view = g_new0(EigenmapsView, 1);
+    g_autofree float *pole = g_new0(float, maps->n_lights);
+    g_autofree float *ambient = g_new0(float, maps->n_lights);
+    view->n_terms = maps->n_terms;
+    view->n_layers = maps->n_lights + 2;
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    direction_table_pole_shares(lights, pole, maps->n_lights);
+    directions_sky(lights, ambient);
+    view->lights = direction_table_new(lights, TRUE);
+    upload_views(view, maps, views);
+    if (!eigenmaps_view_upload_maps(view, maps, pole, ambient, error))
+        return NULL;
+    return g_steal_pointer(&view);
+}
+
+void eigenmaps_view_free(EigenmapsView *view) {
+    if (view == NULL)
+        return;
+    const GLuint textures[] = {view->maps, view->view_weights};
+    direction_textures_clear(&view->lights);
+    glDeleteTextures(G_N_ELEMENTS(textures), textures);
+    g_free(view);
+}
+
+static void eigenmaps_view_bind(guint program, const char *name, int unit, guint texture) {
+    glActiveTexture(GL_TEXTURE0 + unit);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture);
+    glUniform1i(glGetUniformLocation(program, name), unit);
+}
+
+static void eigenmaps_view_bind_all(gpointer material, guint program,
+                                    const struct method_style *style) {
+    const EigenmapsView *view = material;
+    eigenmaps_view_bind(program, "view_weights", 1, view->view_weights);
+    direction_textures_bind(&view->lights, program, "light", 2);
+    eigenmaps_view_bind(program, "maps", 0, view->maps);
+    glActiveTexture(GL_TEXTURE0);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL,
+                    style->nearest && view->refined ? 1 : 0);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER,
+                    style->nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER,
+                    style->nearest ? GL_NEAREST : GL_LINEAR);
+    glUniform1i(glGetUniformLocation(program, "n_terms"), view->n_terms);
+    glUniform1i(glGetUniformLocation(program, "n_layers"), view->n_layers);
+}
+
+static gint64 eigenmaps_view_bytes(gconstpointer material) {
+    const EigenmapsView *view = material;
+    return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->maps) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->view_weights) +
+           direction_textures_bytes(&view->lights);
+}
+
+static gpointer eigenmaps_view_open_file(const char *path, GError **error) {
+    struct eigenmaps *maps = eigenmaps_read(path, error);
+    EigenmapsView *view = maps != NULL ? eigenmaps_view_new(maps, error) : NULL;
+    eigenmaps_free(maps);
+    return view;
+}
+
+static void eigenmaps_view_free_view(gpointer material) {
+    eigenmaps_view_free(material);
+}
+
+static const char *const shader_names[] = {"directions.glsl", "eigenmaps.glsl", NULL};
+
+const struct method method_eigenmaps = {
+    .name = "eigenmaps",
+    .title = "eigen-maps",
+    .product = "eigenmaps.exr",
+    .made_by = "mesorig process",
+    .shaders = shader_names,
+    .open = eigenmaps_view_open_file,
+    .free = eigenmaps_view_free_view,
+    .bytes = eigenmaps_view_bytes,
+    .bind = eigenmaps_view_bind_all,
+};

@@ -1,0 +1,34 @@
+/*
+ * Local PCA drawn faster than by lpca_view.h and lpca_revised.h: eigen-BRDFs are sampled anew on a
+ * regular grid of the hemisphere's square (directions.h), for views and for lights, which takes the
+ * place of Schneider 2004 §6's elevated concentric map. Between the samples they are linear in the
+ * simplex of the four coordinates around (v, l): five samples, where pairs of measured directions
+ * take nine and a 3D texture with one manual step sixteen, hidden in two filtered fetches.
+ *
+ * All of a sample lies together: 16 bytes hold the mean (nine bits a colour and an exponent) and
+ * four components (signed bytes, whose scales are in the texels' weights), 16 more the next four.
+ * With p = ⌈c/4⌉ a pixel takes, where its four texels are of one cluster,
+ *
+ *   c           directions    texels      eigen-BRDFs                  of these at c = 2, 4, 8
+ *   pairs       4 of a cube   1 + 4 p     9 (c + 1)                    27, 45, 81
+ *   3D texture  2 of a cube   1 + 4 p     2 (c + 1), filtered (of 8)   6, 10, 18 (48, 80, 144)
+ *   this        none          1 + 4 p     5 p                          5, 5, 10
+ *
+ * None is filtered, and the samples are those of a buffer: an address is a sum. How far pictures
+ * are from those of lpca_view.h is measured by bench_lpca_rendering.
+ */
+#pragma once
+
+#include "lpca/lpca.h"
+#include "method.h"
+
+typedef struct LpcaGrid LpcaGrid; /* belongs to the thread of the GL context */
+
+/* levels: a local PCA and its n − 1 mip levels. n_grid: samples each way, at least 2; 0: as many,
+ * up to 16, as LPCA_GRID_BYTES hold. */
+#define LPCA_GRID_BYTES ((gsize)128 << 20)
+LpcaGrid *lpca_grid_new(struct lpca *const *levels, int n, int n_grid, GError **error);
+void lpca_grid_free(LpcaGrid *grid); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(LpcaGrid, lpca_grid_free)
+
+extern const struct method method_lpca_grid; /* its material is an LpcaGrid */

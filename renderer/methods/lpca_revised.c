@@ -1,0 +1,279 @@
+#include "lpca_revised.h"
+
+#include "btf/direction_grid.h"
+#include "gl/cube_map.h"
+#include "gl/gpu.h"
+#include "lpca/lpca_resample.h"
+#include "lpca_texels.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+#define MOST       16
+#define VIEW_SIZE  256
+#define LIGHT_SIZE 512
+#define STEPS      127
+#define HALF_MAX   65504.0f
+
+struct LpcaRevised {
+    struct lpca_texels texels;
+    guint means, brdfs, view_map, light_map;
+    int n, n_columns;
+};
+
+/* What resample.h and lpca_quantise() take: floats as they are in memory, whatever the file had. */
+static struct lpca *as_floats(const struct lpca *lpca) {
+    struct lpca *copy = g_memdup2(lpca, sizeof *lpca);
+    copy->quantise = LPCA_FLOAT;
+    return copy;
+}
+
+/* Three bytes are stored as four, three halves as eight. */
+static int lpca_revised_fitting(const struct lpca *lpca) {
+    int n = MOST;
+    while (n > DIRECTION_GRID_MIN &&
+           lpca->n_clusters * (8.0 + 4.0 * lpca->n_components) * n * n * (n * n + 1.0) >
+               (double)LPCA_REVISED_BYTES)
+        n--;
+    return n;
+}
+
+/* Eigen-BRDFs on a grid. */
+static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error) {
+    g_autofree struct lpca *floats = as_floats(lpca);
+    if (lpca->n_grid == 0)
+        return lpca_resample(floats, n_grid ? n_grid : lpca_revised_fitting(lpca), error);
+    const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
+    floats->name = NULL;
+    floats->view_theta_deg = floats->view_phi_deg = NULL;
+    floats->light_theta_deg = floats->light_phi_deg = NULL;
+    floats->clusters = NULL;
+    floats->weights = NULL;
+    floats->weight_scales = NULL;
+    floats->light_scales = NULL;
+    floats->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
+    floats->brdfs =
+        g_memdup2(lpca->brdfs, sizeof(float) * 3 * tables * lpca->n_views * (gsize)lpca->n_lights);
+    return g_steal_pointer(&floats);
+}
+
+/* How much of an even sky a sample of the grid stands for: equal areas are equal solid angles. */
+static float sky_share(int n, int light) {
+    const int i = light % n, j = light / n;
+    const double share = 2.0 / ((n - 1) * (n - 1));
+    return (float)(share * (i == 0 || i == n - 1 ? 0.5 : 1) * (j == 0 || j == n - 1 ? 0.5 : 1));
+}
+
+/* The samples of a table in the order of a texture: (s_v, t_v) and then (s_l, t_l), the sky last.
+ */
+static void fill_block(int n, const float *values, float *ret) {
+    const int samples = n * n;
+    float *sky = ret + 3 * (gsize)samples * samples;
+    memset(sky, 0, sizeof(float) * 3 * samples);
+    for (int light = 0; light < samples; light++)
+        for (int view = 0; view < samples; view++)
+            for (int c = 0; c < 3; c++) {
+                const float value = values[3 * ((gsize)view * samples + light) + c];
+                ret[3 * ((gsize)light * samples + view) + c] = value;
+                sky[3 * view + c] += sky_share(n, light) * value;
+            }
+}
+
+static guint volume(int format, int width, int height, int depth) {
+    GLuint texture;
+    glGenTextures(1, &texture);
+    glBindTexture(GL_TEXTURE_3D, texture);
+    glTexImage3D(GL_TEXTURE_3D, 0, format, width, height, depth, 0, GL_RGB, GL_FLOAT, NULL);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAX_LEVEL, 0);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_3D, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
+    return texture;
+}
+
+static gboolean lpca_revised_fits(LpcaRevised *r, const struct lpca *grid, GError **error) {
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &size);
+    const int columns = MIN(grid->n_clusters, size / grid->n_grid);
+    const int rows = columns > 0 ? (grid->n_clusters + columns - 1) / columns : G_MAXINT16;
+    r->n = grid->n_grid;
+    r->n_columns = columns;
+    if ((gint64)rows * MAX(1, grid->n_components) * r->n <= size && r->n * r->n + 1 <= size)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "%d clusters of %d components on a grid of %d are more than a 3D texture of %s "
+                "takes (%d each way); compress with fewer, or draw with lpca-grid",
+                grid->n_clusters, grid->n_components, r->n, gpu_renderer(), size);
+    return FALSE;
+}
+
+static gboolean make_volumes(LpcaRevised *r, const struct lpca *grid, GError **error) {
+    const int width = r->n_columns * r->n, depth = r->n * r->n + 1;
+    const int rows = (grid->n_clusters + r->n_columns - 1) / r->n_columns;
+    r->means = volume(GL_RGBA16F, width, rows * r->n, depth);
+    r->brdfs = volume(GL_RGBA8_SNORM, width, rows * MAX(1, grid->n_components) * r->n, depth);
+    return gpu_check("the eigen-BRDFs' 3D textures", error);
+}
+
+/* To signed bytes, which the card reads as −1 … 1, with a scale for each table (§6.3). */
+static float quantise(const float *values, gsize n, gint8 *ret_steps) {
+    float largest = 0;
+    for (gsize k = 0; k < n; k++)
+        largest = fmaxf(largest, fabsf(values[k]));
+    for (gsize k = 0; k < n; k++)
+        ret_steps[k] = largest > 0 ? (gint8)lrintf(values[k] / largest * STEPS) : 0;
+    return largest;
+}
+
+static void put_table(const LpcaRevised *r, struct lpca *grid, int cluster, int i, float *block,
+                      gint8 *steps) {
+    const gsize samples = (gsize)r->n * r->n, size = 3 * samples * samples;
+    const int table = cluster * (grid->n_components + 1) + i;
+    const int x = cluster % r->n_columns * r->n, row = cluster / r->n_columns;
+    const int y = (i == 0 ? row : row * grid->n_components + i - 1) * r->n;
+    fill_block(r->n, grid->brdfs + size * table, block);
+    glBindTexture(GL_TEXTURE_3D, i == 0 ? r->means : r->brdfs);
+    if (i > 0)
+        grid->scales[table] = quantise(block, size + 3 * samples, steps);
+    else
+        for (gsize k = 0; k < size + 3 * samples; k++)
+            block[k] = CLAMP(block[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_3D, 0, x, y, 0, r->n, r->n, (int)samples + 1, GL_RGB,
+                    i == 0 ? GL_FLOAT : GL_BYTE, i == 0 ? (void *)block : (void *)steps);
+}
+
+static gboolean lpca_revised_upload(LpcaRevised *r, struct lpca *grid, GError **error) {
+    const gsize samples = (gsize)grid->n_views, values = 3 * samples * (samples + 1);
+    if (!lpca_revised_fits(r, grid, error) || !make_volumes(r, grid, error))
+        return FALSE;
+    g_autofree float *block = g_new(float, values);
+    g_autofree gint8 *steps = g_new(gint8, values);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    for (int k = 0; k < grid->n_clusters; k++)
+        for (int i = 0; i <= grid->n_components; i++)
+            put_table(r, grid, k, i, block, steps);
+    return gpu_check("the eigen-BRDFs' 3D textures", error);
+}
+
+static void square_of(struct vec3 d, double ret[2]) {
+    const float at[3] = {(float)d.x, (float)d.y, (float)d.z};
+    direction_grid_square(at, &ret[0], &ret[1]);
+}
+
+static void fill_view(struct vec3 direction, gpointer data, float ret[4]) {
+    double at[2];
+    square_of(direction, at);
+    ret[0] = (float)at[0];
+    ret[1] = (float)at[1];
+    ret[2] = ret[3] = 0;
+}
+
+static void fill_light(struct vec3 direction, gpointer data, float ret[4]) {
+    const LpcaRevised *r = data;
+    double at[2];
+    square_of(direction, at);
+    const double t = at[1] * (r->n - 1), s = 0.5 + at[0] * (r->n - 1), depth = r->n * r->n + 1;
+    const int i = MIN((int)t, r->n - 2);
+    ret[0] = (float)((i * r->n + s) / depth);
+    ret[1] = (float)(((i + 1) * r->n + s) / depth);
+    ret[2] = (float)(t - i);
+    ret[3] = 0;
+}
+
+static gboolean lpca_revised_make(LpcaRevised *r, const struct lpca_pyramid *pyramid, int n_grid,
+                                  GError **error) {
+    if (!lpca_pyramid_is_linear(pyramid, error))
+        return FALSE;
+    struct lpca *grid = on_grid(pyramid->lpca, n_grid, error);
+    const gboolean ok = grid != NULL && lpca_revised_upload(r, grid, error) &&
+                        lpca_texels_init(&r->texels, pyramid, grid->scales, error);
+    lpca_free(grid);
+    if (!ok)
+        return FALSE;
+    r->view_map = cube_map_new(VIEW_SIZE, TRUE, fill_view, r);
+    r->light_map = cube_map_new(LIGHT_SIZE, FALSE, fill_light, r);
+    return gpu_check("the cube maps", error);
+}
+
+LpcaRevised *lpca_revised_new(struct lpca *const *levels, int n, int n_grid, GError **error) {
+    g_autoptr(LpcaRevised) revised = g_new0(LpcaRevised, 1);
+    struct lpca_pyramid pyramid;
+    const gboolean ok = lpca_pyramid_init(&pyramid, levels, n, error) &&
+                        lpca_revised_make(revised, &pyramid, n_grid, error);
+    lpca_pyramid_clear(&pyramid);
+    return ok ? g_steal_pointer(&revised) : NULL;
+}
+
+void lpca_revised_free(LpcaRevised *revised) {
+    if (revised == NULL)
+        return;
+    const GLuint textures[] = {revised->means, revised->brdfs, revised->view_map,
+                               revised->light_map};
+    glDeleteTextures(G_N_ELEMENTS(textures), textures);
+    lpca_texels_clear(&revised->texels);
+    g_free(revised);
+}
+
+static void lpca_revised_bind(guint program, const char *name, int unit, GLenum target,
+                              guint texture) {
+    glActiveTexture(GL_TEXTURE0 + unit);
+    glBindTexture(target, texture);
+    glUniform1i(glGetUniformLocation(program, name), unit);
+}
+
+static void lpca_revised_bind_all(gpointer material, guint program,
+                                  const struct method_style *style) {
+    const LpcaRevised *revised = material;
+    glEnable(GL_TEXTURE_CUBE_MAP_SEAMLESS);
+    lpca_texels_bind(&revised->texels, program);
+    lpca_revised_bind(program, "means", 3, GL_TEXTURE_3D, revised->means);
+    lpca_revised_bind(program, "brdfs", 4, GL_TEXTURE_3D, revised->brdfs);
+    lpca_revised_bind(program, "view_map", 5, GL_TEXTURE_CUBE_MAP, revised->view_map);
+    lpca_revised_bind(program, "light_map", 6, GL_TEXTURE_CUBE_MAP, revised->light_map);
+    glUniform1i(glGetUniformLocation(program, "n_grid"), revised->n);
+    glUniform1i(glGetUniformLocation(program, "n_columns"), revised->n_columns);
+}
+
+static char *lpca_revised_constants(gconstpointer material, const struct method_style *style) {
+    const LpcaRevised *revised = material;
+    return lpca_texels_constants(&revised->texels, style);
+}
+
+static gint64 lpca_revised_bytes(gconstpointer material) {
+    const LpcaRevised *revised = material;
+    return lpca_texels_bytes(&revised->texels) + gpu_texture_bytes(GL_TEXTURE_3D, revised->means) +
+           gpu_texture_bytes(GL_TEXTURE_3D, revised->brdfs) +
+           gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->view_map) +
+           gpu_texture_bytes(GL_TEXTURE_CUBE_MAP, revised->light_map);
+}
+
+static gpointer lpca_revised_open_levels(struct lpca *const *levels, int n, GError **error) {
+    return lpca_revised_new(levels, n, 0, error);
+}
+
+static gpointer lpca_revised_open_file(const char *path, GError **error) {
+    return lpca_open_levels(path, lpca_revised_open_levels, error);
+}
+
+static void free_revised(gpointer material) {
+    lpca_revised_free(material);
+}
+
+static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca_revised.glsl",
+                                           NULL};
+
+const struct method method_lpca_revised = {
+    .name = "lpca-revised",
+    .title = "local PCA in a 3D texture",
+    .product = "lpca.exr",
+    .made_by = "mesorig compress",
+    .shaders = shader_names,
+    .open = lpca_revised_open_file,
+    .free = free_revised,
+    .constants = lpca_revised_constants,
+    .bytes = lpca_revised_bytes,
+    .bind = lpca_revised_bind_all,
+};

@@ -1,0 +1,323 @@
+#include "lpca_texels.h"
+
+#include "gl/gpu.h"
+#include "lpca/lpca_pack.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+#define HALF_MAX 65504.0f
+
+static gboolean lpca_texels_all_finite(const float *values, gsize n, const char *what,
+                                       GError **error) {
+    for (gsize k = 0; k < n; k++)
+        if (!isfinite(values[k])) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "%s number %" G_GSIZE_FORMAT " is not a finite number", what, k);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+static gboolean check_one(const struct lpca *lpca, GError **error) {
+    const gsize texels = (gsize)lpca->width * lpca->height;
+    const gsize brdf = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    if (lpca->n_views < 1 || lpca->n_lights < 1 || texels < 1 || lpca->n_clusters < 1) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED, "the material has no texels or directions");
+        return FALSE;
+    }
+    for (gsize k = 0; k < texels; k++)
+        if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "texel %" G_GSIZE_FORMAT " is in cluster %d, of %d there are", k,
+                        lpca->clusters[k], lpca->n_clusters);
+            return FALSE;
+        }
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (lpca->width > size || lpca->height > size) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d × %d texels: %s takes %d each way; process the material with fewer texels",
+                    lpca->width, lpca->height, gpu_renderer(), size);
+        return FALSE;
+    }
+    return lpca_texels_all_finite(lpca->weights, texels * lpca->n_components, "weight", error) &&
+           lpca_texels_all_finite(lpca->brdfs, brdf * (lpca->n_components + 1) * lpca->n_clusters,
+                                  "eigen-BRDF value", error);
+}
+
+static gboolean lpca_texels_same_directions(const struct lpca *a, const struct lpca *b) {
+    const gsize views = sizeof(float) * a->n_views, lights = sizeof(float) * a->n_lights;
+    return a->n_views == b->n_views && a->n_lights == b->n_lights && a->n_grid == b->n_grid &&
+           memcmp(a->view_theta_deg, b->view_theta_deg, views) == 0 &&
+           memcmp(a->view_phi_deg, b->view_phi_deg, views) == 0 &&
+           memcmp(a->light_theta_deg, b->light_theta_deg, lights) == 0 &&
+           memcmp(a->light_phi_deg, b->light_phi_deg, lights) == 0;
+}
+
+static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GError **error) {
+    for (int k = 0; k < n; k++) {
+        if (!check_one(levels[k], error)) {
+            if (k > 0)
+                g_prefix_error(error, "mip level %d: ", k);
+            return FALSE;
+        }
+        if (k > 0 && (levels[k]->width != MAX(1, levels[0]->width >> k) ||
+                      levels[k]->height != MAX(1, levels[0]->height >> k) ||
+                      levels[k]->colours != levels[0]->colours ||
+                      !lpca_texels_same_directions(levels[0], levels[k]))) {
+            g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                        "mip level %d has %d × %d texels and %d × %d directions, which does not "
+                        "fit level 0; compress the material anew",
+                        k, levels[k]->width, levels[k]->height, levels[k]->n_views,
+                        levels[k]->n_lights);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
+/* Components that a level lacks are 0, with weight 0. */
+static void join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
+    const gsize size = 3 * (gsize)joined->n_views * joined->n_lights;
+    const gsize tables = joined->n_components + 1;
+    joined->brdfs = g_new0(float, size *tables * joined->n_clusters);
+    joined->scales = g_new(float, tables * joined->n_clusters);
+    for (gsize k = 0; k < tables * joined->n_clusters; k++)
+        joined->scales[k] = 1;
+    for (int n = 0; n < pyramid->n_levels; n++) {
+        const struct lpca *level = pyramid->levels[n];
+        const gsize own = level->n_components + 1;
+        for (int k = 0; k < level->n_clusters; k++) {
+            const gsize to = tables * (pyramid->first[n] + k);
+            memcpy(joined->brdfs + size * to, level->brdfs + size * own * k,
+                   sizeof(float) * size * own);
+            memcpy(joined->scales + to, level->scales + own * k, sizeof(float) * own);
+        }
+    }
+}
+
+gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
+                           GError **error) {
+    *pyramid = (struct lpca_pyramid){.lpca = levels[0], .n_levels = n};
+    if (!lpca_texels_check_levels(levels, n, error))
+        return FALSE;
+    int n_clusters = 0, n_components = 0;
+    for (int k = 0; k < n; k++) {
+        pyramid->levels[k] = levels[k];
+        pyramid->first[k] = n_clusters;
+        n_clusters += levels[k]->n_clusters;
+        n_components = MAX(n_components, levels[k]->n_components);
+    }
+    if (n_clusters > G_MAXUINT16) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d clusters in all mip levels; compress with fewer", n_clusters);
+        return FALSE;
+    }
+    if (n == 1)
+        return TRUE;
+    pyramid->lpca = g_memdup2(levels[0], sizeof(struct lpca)); /* all else is borrowed */
+    pyramid->owned = TRUE;
+    pyramid->lpca->n_clusters = n_clusters;
+    pyramid->lpca->n_components = n_components;
+    join_brdfs(pyramid->lpca, pyramid);
+    return TRUE;
+}
+
+void lpca_pyramid_clear(struct lpca_pyramid *pyramid) {
+    if (pyramid->owned) {
+        g_free(pyramid->lpca->brdfs);
+        g_free(pyramid->lpca->scales);
+        g_free(pyramid->lpca);
+    }
+    *pyramid = (struct lpca_pyramid){0};
+}
+
+gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error) {
+    if (pyramid->lpca->colours == LPCA_RGB)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                "the material is in logarithms of luminance; draw it with --method lpca, or "
+                "compress it without --colours=log");
+    return FALSE;
+}
+
+/* What is packed has too many components to be drawn: as many as local PCAs have without options.
+ */
+static gboolean make_drawable(struct lpca **lpca, GError **error) {
+    const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
+    if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)
+        return TRUE;
+    struct lpca *grouped = lpca_regroup(*lpca, &options, error);
+    lpca_free(*lpca);
+    *lpca = grouped;
+    return grouped != NULL;
+}
+
+gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error) {
+    struct lpca *levels[LPCA_MAX_LEVELS];
+    const int n = lpca_read_levels(path, levels, error);
+    gboolean ok = n > 0;
+    for (int k = 0; ok && k < n; k++)
+        ok = make_drawable(&levels[k], error);
+    gpointer view = ok ? make(levels, n, error) : NULL;
+    for (int k = 0; k < n; k++)
+        lpca_free(levels[k]);
+    return view;
+}
+
+/* Of each texel and of its three neighbours, so that four take one fetch. */
+static void upload_clusters(const struct lpca_pyramid *pyramid, int level) {
+    const struct lpca *lpca = pyramid->levels[level];
+    const int w = lpca->width, h = lpca->height;
+    g_autofree guint16 *clusters = g_new(guint16, 4 * (gsize)w * h);
+    for (gsize k = 0; k < 4 * (gsize)w * h; k++) {
+        const int i = (int)(k / 4 % w + k % 2) % w, j = (int)(k / 4 / w + k / 2 % 2) % h;
+        clusters[k] = (guint16)(pyramid->first[level] + lpca->clusters[j * w + i]);
+    }
+    glTexImage2D(GL_TEXTURE_2D, level, GL_RGBA16UI, w, h, 0, GL_RGBA_INTEGER, GL_UNSIGNED_SHORT,
+                 clusters);
+}
+
+static void upload_weights(const struct lpca_pyramid *pyramid, const float *scales, int level,
+                           int pages) {
+    const struct lpca *lpca = pyramid->levels[level];
+    const gsize n = (gsize)lpca->width * lpca->height;
+    const int tables = pyramid->lpca->n_components + 1;
+    g_autofree float *page = g_new(float, 4 * n);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_RGBA32F, lpca->width, lpca->height, pages, 0,
+                 GL_RGBA, GL_FLOAT, NULL);
+    for (int p = 0; p < pages; p++) {
+        for (gsize k = 0; k < 4 * n; k++) {
+            const int i = 4 * p + (int)(k % 4);
+            const int cluster = pyramid->first[level] + lpca->clusters[k / 4];
+            page[k] = i < lpca->n_components ? lpca->weights[k / 4 * lpca->n_components + i] : 0;
+            page[k] *= scales && i + 1 < tables ? scales[(gsize)cluster * tables + i + 1] : 1;
+        }
+        glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, p, lpca->width, lpca->height, 1, GL_RGBA,
+                        GL_FLOAT, page);
+    }
+}
+
+/* Texels are fetched, never filtered; complete with these levels. */
+static guint mipmapped(GLenum target, int n_levels) {
+    GLuint texture;
+    glGenTextures(1, &texture);
+    glBindTexture(target, texture);
+    glTexParameteri(target, GL_TEXTURE_MAX_LEVEL, n_levels - 1);
+    glTexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
+    glTexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return texture;
+}
+
+gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid *pyramid,
+                          const float *scales, GError **error) {
+    texels->n_components = pyramid->lpca->n_components;
+    texels->n_levels = pyramid->n_levels;
+    texels->log = pyramid->lpca->colours == LPCA_LOG;
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    texels->clusters = mipmapped(GL_TEXTURE_2D, texels->n_levels);
+    for (int level = 0; level < texels->n_levels; level++)
+        upload_clusters(pyramid, level);
+    texels->weights = mipmapped(GL_TEXTURE_2D_ARRAY, texels->n_levels);
+    for (int level = 0; level < texels->n_levels; level++)
+        upload_weights(pyramid, scales, level, MAX(1, (texels->n_components + 3) / 4));
+    return gpu_check("the weights' texture", error);
+}
+
+void lpca_texels_clear(struct lpca_texels *texels) {
+    const GLuint textures[] = {texels->weights, texels->clusters};
+    glDeleteTextures(G_N_ELEMENTS(textures), textures);
+    *texels = (struct lpca_texels){0};
+}
+
+char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style) {
+    return g_strdup_printf("#define N_COMPONENTS %d\n#define N_LEVELS %d\n#define NEAREST %d\n"
+                           "#define LOG %d\n",
+                           MAX(1, texels->n_components), texels->n_levels, style->nearest != 0,
+                           texels->log);
+}
+
+gint64 lpca_texels_bytes(const struct lpca_texels *texels) {
+    return gpu_texture_bytes(GL_TEXTURE_2D, texels->clusters) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texels->weights);
+}
+
+void lpca_texels_bind(const struct lpca_texels *texels, guint program) {
+    glActiveTexture(GL_TEXTURE1);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texels->weights);
+    glActiveTexture(GL_TEXTURE2);
+    glBindTexture(GL_TEXTURE_2D, texels->clusters);
+    glUniform1i(glGetUniformLocation(program, "weights"), 1);
+    glUniform1i(glGetUniformLocation(program, "clusters"), 2);
+}
+
+gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
+                         const char *advice, GError **error) {
+    GLint layers = 0, size = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    *stack = (struct lpca_stack){.n_columns = n_columns, .n_rows = n_rows};
+    if (n_columns <= size && n_rows <= size) {
+        stack->clusters_a_layer = MIN(n_clusters, size / n_rows);
+        stack->n_layers = (n_clusters + stack->clusters_a_layer - 1) / stack->clusters_a_layer;
+    }
+    if (stack->n_layers > 0 && stack->n_layers <= layers)
+        return TRUE;
+    g_set_error(
+        error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+        "%d clusters of %d × %d values are more than %s takes (%d layers of %d each way); %s",
+        n_clusters, n_columns, n_rows, gpu_renderer(), layers, size, advice);
+    return FALSE;
+}
+
+guint lpca_stack_texture(const struct lpca_stack *stack, GError **error) {
+    guint texture = gpu_texture(GL_RGBA16F, stack->n_columns,
+                                stack->n_rows * stack->clusters_a_layer, stack->n_layers);
+    if (gpu_check("the eigen-BRDFs' texture", error))
+        return texture;
+    glDeleteTextures(1, &texture);
+    return 0;
+}
+
+void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values) {
+    for (gsize k = 0; k < 3 * (gsize)stack->n_columns * stack->n_rows; k++)
+        values[k] = CLAMP(values[k], -HALF_MAX, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, cluster % stack->clusters_a_layer * stack->n_rows,
+                    cluster / stack->clusters_a_layer, stack->n_columns, stack->n_rows, 1, GL_RGB,
+                    GL_FLOAT, values);
+}
+
+static Directions *directions_of(const char *what, gboolean triangulated, const float *theta_deg,
+                                 const float *phi_deg, int n, GError **error) {
+    Directions *directions = triangulated
+                                 ? directions_new_triangulated(theta_deg, phi_deg, n, error)
+                                 : directions_new(theta_deg, phi_deg, n, error);
+    if (directions == NULL)
+        g_prefix_error(error, "%s: ", what);
+    return directions;
+}
+
+gboolean lpca_directions_init(struct lpca_directions *directions, const struct lpca *lpca,
+                              gboolean triangulated, GError **error) {
+    *directions = (struct lpca_directions){0};
+    directions->views = directions_of("views", triangulated, lpca->view_theta_deg,
+                                      lpca->view_phi_deg, lpca->n_views, error);
+    if (directions->views)
+        directions->lights = directions_of("lights", triangulated, lpca->light_theta_deg,
+                                           lpca->light_phi_deg, lpca->n_lights, error);
+    if (!directions->lights) {
+        lpca_directions_clear(directions);
+        return FALSE;
+    }
+    directions->sky = g_new0(float, lpca->n_lights);
+    directions_sky(directions->lights, directions->sky);
+    return TRUE;
+}
+
+void lpca_directions_clear(struct lpca_directions *directions) {
+    g_clear_pointer(&directions->views, directions_free);
+    g_clear_pointer(&directions->lights, directions_free);
+    g_clear_pointer(&directions->sky, g_free);
+}

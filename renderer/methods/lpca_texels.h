@@ -1,0 +1,77 @@
+/* What all ways to draw a local PCA share: its checks, and the clusters and weights of its texels
+ * as textures. Read by lpca_texel.glsl. */
+#pragma once
+
+#include "gl/directions.h"
+#include "lpca/lpca.h"
+#include "lpca/lpca_levels.h"
+#include "method.h"
+
+/* A local PCA and its mip levels understood as one: level 0, with the eigen-BRDFs of all levels'
+ * clusters one after the other. */
+struct lpca_pyramid {
+    struct lpca *lpca;
+    gboolean owned; /* not levels[0] itself */
+    int n_levels;
+    const struct lpca *levels[LPCA_MAX_LEVELS]; /* borrowed; their clusters are counted from */
+    int first[LPCA_MAX_LEVELS];                 /* this one */
+};
+
+/* Whether everything in them is there and finite, and they fit together: each with half the texels
+ * of the one before, all with the same directions. levels are to outlive it. */
+gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
+                           GError **error);
+void lpca_pyramid_clear(struct lpca_pyramid *pyramid);
+
+/* FALSE, with a sentence, of logarithms (LPCA_LOG): linear between directions they are something
+ * else than what was measured. */
+gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **error);
+
+/* The method's open: reads all levels of a file and has make (of the method) put them on the card,
+ * which gets them borrowed. */
+typedef gpointer (*LpcaMake)(struct lpca *const *levels, int n, GError **error);
+gpointer lpca_open_levels(const char *path, LpcaMake make, GError **error);
+
+struct lpca_texels {
+    int n_components, n_levels;
+    gboolean log; /* texels are not mixed before they are evaluated */
+    guint weights, clusters;
+};
+
+/* scales: NULL, or what the weights of each cluster are multiplied by, n_clusters ×
+ * (n_components + 1) as in struct lpca. */
+gboolean lpca_texels_init(struct lpca_texels *texels, const struct lpca_pyramid *pyramid,
+                          const float *scales, GError **error);
+void lpca_texels_clear(struct lpca_texels *texels);
+
+/* Of lpca_texel.glsl; see method.h. */
+char *lpca_texels_constants(const struct lpca_texels *texels, const struct method_style *style);
+
+gint64 lpca_texels_bytes(const struct lpca_texels *texels);
+
+/* To units 1 and 2 of a program in use. */
+void lpca_texels_bind(const struct lpca_texels *texels, guint program);
+
+/* How n_clusters blocks of rows are stacked in the layers of an array texture. */
+struct lpca_stack {
+    int n_columns, n_rows; /* of a block */
+    int clusters_a_layer, n_layers;
+};
+
+/* advice: what to do if the card cannot hold it. */
+gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,
+                         const char *advice, GError **error);
+/* Storage of halves. */
+guint lpca_stack_texture(const struct lpca_stack *stack, GError **error);
+/* Clamps to what halves hold, in place. */
+void lpca_stack_put(const struct lpca_stack *stack, int cluster, float *values);
+
+struct lpca_directions {
+    Directions *views, *lights;
+    float *sky; /* each light's share in an even sky */
+};
+
+/* triangulated: see directions_new_triangulated() */
+gboolean lpca_directions_init(struct lpca_directions *directions, const struct lpca *lpca,
+                              gboolean triangulated, GError **error);
+void lpca_directions_clear(struct lpca_directions *directions);

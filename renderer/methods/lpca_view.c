@@ -1,0 +1,195 @@
+#include "lpca_view.h"
+
+#include "gl/direction_cube.h"
+#include "gl/gpu.h"
+#include "lpca_texels.h"
+
+#include <epoxy/gl.h>
+#include <string.h>
+
+#define HALF_MAX 65504.0f
+
+struct LpcaView {
+    struct lpca_texels texels;
+    struct lpca_stack stack; /* a row a view; columns are lights and the sky, each with all
+                                components */
+    guint brdfs;
+    guint skies; /* of logarithms, else 0 */
+    int ambient_column;
+    struct direction_textures views, lights;
+};
+
+/* Adds one component of one view to a row: the lights as measured, the sky. */
+static void add_lights(const struct lpca *lpca, const float *values, const float *sky,
+                       int component, float *row) {
+    const int n = lpca->n_lights, step = 3 * (lpca->n_components + 1);
+    float *to = row + 3 * component;
+    for (int l = 0; l < n; l++)
+        for (int c = 0; c < 3; c++) {
+            to[(gsize)step * l + c] = values[3 * l + c];
+            to[(gsize)step * n + c] += sky[l] * values[3 * l + c];
+        }
+}
+
+static void fill_cluster(const struct lpca *lpca, const struct lpca_stack *stack, int cluster,
+                         const float *sky, float *ret) {
+    const gsize row = 3 * (gsize)stack->n_columns, size = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    const float *values = lpca->brdfs + size * (lpca->n_components + 1) * cluster;
+    memset(ret, 0, sizeof(float) * row * stack->n_rows);
+    for (int i = 0; i <= lpca->n_components; i++)
+        for (int v = 0; v < lpca->n_views; v++, values += 3 * (gsize)lpca->n_lights)
+            add_lights(lpca, values, sky, i, ret + row * v);
+}
+
+static gboolean upload_brdfs(LpcaView *view, const struct lpca *lpca, const float *sky,
+                             GError **error) {
+    const struct lpca_stack *stack = &view->stack;
+    g_autofree float *block = g_new(float, 3 * (gsize)stack->n_columns * stack->n_rows);
+    view->brdfs = lpca_stack_texture(stack, error);
+    if (!view->brdfs)
+        return FALSE;
+    for (int k = 0; k < lpca->n_clusters; k++) {
+        fill_cluster(lpca, stack, k, sky, block);
+        lpca_stack_put(stack, k, block);
+    }
+    return gpu_check("the eigen-BRDFs' texture", error);
+}
+
+/* Of one level: each texel's reflectance under an even sky, a layer a view. */
+static void put_skies(const struct lpca *lpca, int level, const float *sky) {
+    const gsize texels = (gsize)lpca->width * lpca->height;
+    const gsize pairs = (gsize)lpca->n_views * lpca->n_lights;
+    g_autofree float *rgb = g_new(float, 3 * pairs);
+    g_autofree float *layers = g_new0(float, 3 * texels * (gsize)lpca->n_views);
+    for (gsize x = 0; x < texels; x++) {
+        lpca_reconstruct(lpca, (int)x, rgb);
+        for (gsize k = 0; k < 3 * pairs; k++) {
+            const gsize v = k / 3 / lpca->n_lights, l = k / 3 % lpca->n_lights;
+            layers[3 * (v * texels + x) + k % 3] += sky[l] * rgb[k];
+        }
+    }
+    for (gsize k = 0; k < 3 * texels * lpca->n_views; k++)
+        layers[k] = CLAMP(layers[k], 0, HALF_MAX);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, 0, lpca->width, lpca->height, lpca->n_views,
+                    GL_RGB, GL_FLOAT, layers);
+}
+
+static gboolean upload_skies(LpcaView *view, const struct lpca_pyramid *pyramid, const float *sky,
+                             GError **error) {
+    const struct lpca *first = pyramid->levels[0];
+    GLint layers = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    if (first->n_views > layers) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "%d views in logarithms are more than %s takes (%d layers); compress without "
+                    "--colours=log",
+                    first->n_views, gpu_renderer(), layers);
+        return FALSE;
+    }
+    view->skies = gpu_texture_levels(GL_RGBA16F, first->width, first->height, first->n_views,
+                                     pyramid->n_levels);
+    for (int k = 0; k < pyramid->n_levels; k++)
+        put_skies(pyramid->levels[k], k, sky);
+    return gpu_check("the texture of the even sky", error);
+}
+
+static gboolean lpca_view_make(LpcaView *view, const struct lpca_pyramid *pyramid, GError **error) {
+    const struct lpca *lpca = pyramid->lpca;
+    struct lpca_directions directions;
+    if (!lpca_stack_init(&view->stack, lpca->n_clusters,
+                         (lpca->n_lights + 1) * (lpca->n_components + 1), lpca->n_views,
+                         "compress with fewer components or clusters", error) ||
+        !lpca_directions_init(&directions, lpca, TRUE, error))
+        return FALSE;
+    view->ambient_column = lpca->n_lights * (lpca->n_components + 1);
+    view->views = direction_cube_new(directions.views, FALSE);
+    view->lights = direction_cube_new(directions.lights, TRUE);
+    const gboolean ok = lpca_texels_init(&view->texels, pyramid, NULL, error) &&
+                        upload_brdfs(view, lpca, directions.sky, error) &&
+                        (!view->texels.log || upload_skies(view, pyramid, directions.sky, error));
+    lpca_directions_clear(&directions);
+    return ok;
+}
+
+LpcaView *lpca_view_new(struct lpca *const *levels, int n, GError **error) {
+    g_autoptr(LpcaView) view = g_new0(LpcaView, 1);
+    struct lpca_pyramid pyramid;
+    const gboolean ok =
+        lpca_pyramid_init(&pyramid, levels, n, error) && lpca_view_make(view, &pyramid, error);
+    lpca_pyramid_clear(&pyramid);
+    return ok ? g_steal_pointer(&view) : NULL;
+}
+
+void lpca_view_free(LpcaView *view) {
+    if (view == NULL)
+        return;
+    const GLuint textures[] = {view->brdfs, view->skies};
+    glDeleteTextures(G_N_ELEMENTS(textures), textures);
+    lpca_texels_clear(&view->texels);
+    direction_textures_clear(&view->views);
+    direction_textures_clear(&view->lights);
+    g_free(view);
+}
+
+static void set_int(guint program, const char *name, int value) {
+    glUniform1i(glGetUniformLocation(program, name), value);
+}
+
+static void lpca_view_bind_all(gpointer material, guint program, const struct method_style *style) {
+    const LpcaView *view = material;
+    lpca_texels_bind(&view->texels, program);
+    direction_textures_bind(&view->views, program, "view", 3);
+    direction_textures_bind(&view->lights, program, "light", 5);
+    glActiveTexture(GL_TEXTURE0);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, view->brdfs);
+    set_int(program, "brdfs", 0);
+    if (view->texels.log) {
+        glActiveTexture(GL_TEXTURE7);
+        glBindTexture(GL_TEXTURE_2D_ARRAY, view->skies);
+        set_int(program, "skies", 7);
+    }
+    set_int(program, "n_rows", view->stack.n_rows);
+    set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
+    set_int(program, "ambient_column", view->ambient_column);
+}
+
+static char *lpca_view_constants(gconstpointer material, const struct method_style *style) {
+    const LpcaView *view = material;
+    g_autofree char *shared = lpca_texels_constants(&view->texels, style);
+    return g_strdup_printf("%s#define LOG_OFFSET %f\n", shared, (double)LPCA_LOG_OFFSET);
+}
+
+static gint64 lpca_view_bytes(gconstpointer material) {
+    const LpcaView *view = material;
+    return lpca_texels_bytes(&view->texels) + direction_textures_bytes(&view->views) +
+           direction_textures_bytes(&view->lights) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->skies) +
+           gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->brdfs);
+}
+
+static gpointer lpca_view_open_levels(struct lpca *const *levels, int n, GError **error) {
+    return lpca_view_new(levels, n, error);
+}
+
+static gpointer lpca_view_open_file(const char *path, GError **error) {
+    return lpca_open_levels(path, lpca_view_open_levels, error);
+}
+
+static void lpca_view_free_view(gpointer material) {
+    lpca_view_free(material);
+}
+
+static const char *const shader_names[] = {"levels.glsl", "lpca_texel.glsl", "lpca.glsl", NULL};
+
+const struct method method_lpca = {
+    .name = "lpca",
+    .title = "local PCA",
+    .product = "lpca.exr",
+    .made_by = "mesorig compress",
+    .shaders = shader_names,
+    .open = lpca_view_open_file,
+    .free = lpca_view_free_view,
+    .constants = lpca_view_constants,
+    .bytes = lpca_view_bytes,
+    .bind = lpca_view_bind_all,
+};

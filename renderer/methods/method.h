@@ -1,0 +1,59 @@
+/*
+ * The ways to draw a material. Each compression of a BTF is read from a file of its own, held on
+ * the card in its own way and evaluated by its own piece of shader; all else about a picture is the
+ * same for all of them.
+ */
+#pragma once
+
+#include <glib.h>
+
+#define METHOD_UNITS   8 /* texture units 0 … 7 are a method's, higher ones the view's */
+#define METHOD_SHADERS 6
+
+/* How microfacets follow a normal that is not the surface's (Kang & Cho 2011). */
+enum method_rotation {
+    METHOD_ROTATION_EXACT,       /* eq. 4 … 6 */
+    METHOD_ROTATION_APPROXIMATE, /* eq. 9 … 11: not orthonormal where the normal leans along y */
+    METHOD_ROTATION_NONE,        /* plain normal mapping, eq. 2 */
+    METHOD_ROTATIONS
+};
+
+struct method_style {
+    gboolean nearest; /* no filtering between texels */
+    enum method_rotation rotation;
+};
+
+struct method {
+    const char *name;       /* of --method */
+    const char *title;      /* for people */
+    const char *product;    /* its file in products/ of a session, and */
+    const char *made_by;    /* the command that makes it; both NULL: it needs no file */
+    gboolean takes_normals; /* but a normal map (normal_map.h) may take the place of its own */
+    /* GLSL files, at most METHOD_SHADERS, NULL-ended. They define
+     *   vec3 btf(vec2 x, vec3 v, vec3 l, float lit)
+     * at texel coordinates x (in tiles, y along the texture's rows downwards), for unit vectors
+     * in its frame (+y upwards): lit × the reflectance under the light l, plus uniform float
+     * ambient × that under an even sky. lit is 0 in a shadow, else 1. */
+    const char *const *shaders;
+    /* The following belong to the thread of the GL context. open reads a file and puts it on the
+     * card; of what needs none, path is that of a normal map, or NULL. */
+    gpointer (*open)(const char *path, GError **error);
+    void (*free)(gpointer material);
+    /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */
+    char *(*constants)(gconstpointer material, const struct method_style *style);
+    gint64 (*bytes)(gconstpointer material); /* that it takes on the card */
+    /* Sets textures and uniforms of a program in use that has the shaders. */
+    void (*bind)(gpointer material, guint program, const struct method_style *style);
+};
+
+extern const struct method *const methods[]; /* NULL-ended; the first is the default */
+
+const struct method *method_find(const char *name); /* NULL: there is none */
+
+/* argument: a file, or a session's directory, in which the method's product is meant; what is not
+ * needed may be NULL. g_free() */
+char *method_path(const struct method *method, const char *argument);
+
+/* As open, with a sentence if the file is not there; errors name the file. path of what needs
+ * none: NULL, its own name, or a normal map. */
+gpointer method_open(const struct method *method, const char *path, GError **error);

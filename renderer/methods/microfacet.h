@@ -1,0 +1,44 @@
+/*
+ * Shiny surfaces whose microfacets are not the same in all directions, with normals that lean away
+ * from the surface's (Kang & Cho 2011); vectors are in the surface's frame, z its normal, x the
+ * direction of U. microfacet.glsl is the same for the graphics card.
+ */
+#pragma once
+
+#include "method.h"
+
+#include "base/vec.h"
+
+enum microfacet_model { MICROFACET_WARD, MICROFACET_ASHIKHMIN };
+
+struct microfacet {
+    enum microfacet_model model;
+    float diffuse[3], specular[3]; /* see lobes.h, whose formula of s it is */
+    float rough[2];                /* U, V */
+};
+
+/* A unit vector h as the facets around the unit normal n see it. Exact: Rᵀ h of eq. 4 … 6, of which
+ * u' = y × n, normalised; where n = ±y, u' = x. Approximate: R̃ᵀ h of eq. 9 with the sign that makes
+ * its rows orthogonal, v' = (−n_x n_y, 1 − n_y², −n_y n_z); two of its rows have the length
+ * √(1 − n_y²). None: (h_x, h_y, n·h), eq. 2. */
+struct vec3 microfacet_half(struct vec3 h, struct vec3 n, enum method_rotation rotation);
+
+/* Reflectance for unit vectors to view and light; holds n·l. */
+void microfacet_evaluate(const struct microfacet *surface, struct vec3 n, struct vec3 view,
+                         struct vec3 light, enum method_rotation rotation, double ret[3]);
+
+/*
+ * Two surfaces that need no file, each with both models: brushed metal under a normal map, and a
+ * plain weave of yarns, whose anisotropy alternates. See microfacet_view.c for what they are made
+ * of. Under an even sky both reflect diffuse + specular. In place of the metal's own normals, those
+ * of a file can be taken (struct method, takes_normals).
+ */
+enum microfacet_surface { MICROFACET_METAL, MICROFACET_FABRIC };
+
+/* At texel coordinates x (see method.h), without filtering: the material and the normal there. */
+void microfacet_surface_at(enum microfacet_surface which, enum microfacet_model model,
+                           const double x[2], struct microfacet *ret_surface,
+                           struct vec3 *ret_normal);
+
+#define MICROFACET_METHODS 4
+extern const struct method methods_microfacet[MICROFACET_METHODS];

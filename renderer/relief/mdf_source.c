@@ -1,0 +1,47 @@
+#include "mdf_source.h"
+
+#include "gl/gpu.h"
+#include "session/session.h"
+
+static gboolean read_kind(struct mdf_source *source, const char *path, GError **error) {
+    source->kind = mdf_kind(path);
+    switch (source->kind) {
+    case MDF_KIND_FACTORS:
+        source->factors = mdf_factors_read(path, error);
+        return source->factors != NULL;
+    case MDF_KIND_BLOCKS:
+        source->blocks = mdf_blocks_read(path, error);
+        source->table = source->blocks != NULL ? mdf_blocks_table(source->blocks) : NULL;
+        break;
+    default:
+        source->table = mdf_table_read(path, error);
+    }
+    if (source->table != NULL)
+        mdf_table_add_grazing(source->table);
+    return source->table != NULL;
+}
+
+struct mdf_source *mdf_source_read(const char *path, GError **error) {
+    if (!session_check_product(path, error))
+        return NULL;
+    if (!g_file_test(path, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "there is no %s, which silhouettes need; “mesorig process” makes it from a "
+                    "session with laser sweeps",
+                    path);
+        return NULL;
+    }
+    struct mdf_source *source = g_new0(struct mdf_source, 1);
+    if (!read_kind(source, path, error))
+        g_clear_pointer(&source, mdf_source_free);
+    return source;
+}
+
+void mdf_source_free(struct mdf_source *source) {
+    if (source == NULL)
+        return;
+    mdf_table_free(source->table);
+    mdf_factors_free(source->factors);
+    mdf_blocks_free(source->blocks);
+    g_free(source);
+}

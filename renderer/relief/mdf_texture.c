@@ -1,0 +1,268 @@
+#include "mdf_texture.h"
+
+#include "gl/direction_table.h"
+#include "gl/gpu.h"
+
+#include <epoxy/gl.h>
+#include <string.h>
+
+#define FACTORS_TABLE 256 /* directions each way */
+#define MAPS_A_LAYER  4
+
+struct MdfTexture {
+    guint depths; /* a layer a view, and one for the pole; or four maps a layer */
+    struct direction_textures views; /* none of maps */
+    guint factors;                   /* weights of maps by direction, the constants last */
+    int n_terms;                     /* 0: views */
+    double scale_mm, least_mm;       /* of what views hold */
+    double width_mm, height_mm, deepest_mm;
+};
+
+static gboolean mdf_texture_check(const struct mdf_table *t, GError **error) {
+    GLint layers = 0, size = 0;
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (t->n_views + 1 <= layers && t->width <= size && t->height <= size)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "an MDF of %d views of %d × %d texels: %s takes %d views of %d texels each way; "
+                "process the material with fewer texels or views",
+                t->n_views, t->width, t->height, gpu_renderer(), layers - 1, size);
+    return FALSE;
+}
+
+/* The pole: a mean of views. */
+static float *pole_view(const struct mdf_table *t, const Directions *directions) {
+    gsize n = (gsize)t->width * t->height;
+    g_autofree float *shares = g_new0(float, t->n_views);
+    float *mean = g_new0(float, n);
+    direction_table_pole_shares(directions, shares, t->n_views);
+    for (int k = 0; k < t->n_views; k++)
+        for (gsize i = 0; shares[k] > 0.0f && i < n; i++)
+            mean[i] += t->depth_mm[k * n + i] * shares[k];
+    return mean;
+}
+
+static void upload_depths(MdfTexture *texture, const struct mdf_table *t,
+                          const Directions *directions) {
+    g_autofree float *mean = pole_view(t, directions);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R16F, t->width, t->height, t->n_views + 1, 0, GL_RED,
+                 GL_FLOAT, NULL);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, t->width, t->height, t->n_views, GL_RED,
+                    GL_FLOAT, t->depth_mm);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, t->n_views, t->width, t->height, 1, GL_RED,
+                    GL_FLOAT, mean);
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    texture->scale_mm = 1.0;
+}
+
+/* The mean of each 2 × 2, in place. */
+static void halve(float *depth, int w, int h) {
+    int to_w = MAX(w / 2, 1), to_h = MAX(h / 2, 1);
+    for (int j = 0; j < to_h; j++)
+        for (int i = 0; i < to_w; i++) {
+            float sum = 0.0f;
+            for (int k = 0; k < 4; k++)
+                sum += depth[(gsize)MIN(2 * j + k / 2, h - 1) * w + MIN(2 * i + k % 2, w - 1)];
+            depth[(gsize)j * to_w + i] = 0.25f * sum;
+        }
+}
+
+/* Cards do not make levels of blocks themselves. */
+static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
+                          const struct mdf_blocks *blocks, const Directions *directions) {
+    gsize n = (gsize)t->width * t->height;
+    double least = blocks != NULL ? blocks->least_mm : 0.0;
+    double deepest = blocks != NULL ? blocks->deepest_mm : t->deepest_mm;
+    g_autofree float *mean = pole_view(t, directions), *views = g_new(float, n *(t->n_views + 1));
+    memcpy(views, t->depth_mm, sizeof(float) * n * t->n_views);
+    memcpy(views + n * t->n_views, mean, sizeof(float) * n);
+    int w = t->width, h = t->height, level = 0;
+    for (;; level++) {
+        gsize size = mdf_blocks_bytes(w, h);
+        g_autofree guint8 *bytes = g_new(guint8, size * (t->n_views + 1));
+        for (int k = 0; k <= t->n_views; k++)
+            mdf_blocks_encode(views + n * k, w, h, least, deepest, bytes + size * k);
+        if (level == 0 && blocks != NULL)
+            memcpy(bytes, blocks->blocks, size * blocks->n_views);
+        glCompressedTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_COMPRESSED_RED_RGTC1, w, h,
+                               t->n_views + 1, 0, size * (t->n_views + 1), bytes);
+        if (w == 1 && h == 1)
+            break;
+        for (int k = 0; k <= t->n_views; k++)
+            halve(views + n * k, w, h);
+        w = MAX(w / 2, 1);
+        h = MAX(h / 2, 1);
+    }
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, level);
+    texture->least_mm = least;
+    texture->scale_mm = deepest - least;
+}
+
+static MdfTexture *new_views(const struct mdf_table *t, gboolean in_blocks,
+                             const struct mdf_blocks *blocks, GError **error) {
+    if (!mdf_texture_check(t, error))
+        return NULL;
+    g_autoptr(Directions) directions = directions_new(t->theta_deg, t->phi_deg, t->n_views, error);
+    if (directions == NULL) {
+        g_prefix_error(error, "views of the MDF: ");
+        return NULL;
+    }
+    g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
+    texture->views.target = GL_TEXTURE_2D; /* of maps, too, which bind none */
+    texture->width_mm = t->width * t->texel_mm;
+    texture->height_mm = t->height * t->texel_mm;
+    texture->deepest_mm = t->deepest_mm;
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glGenTextures(1, &texture->depths);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+    if (in_blocks)
+        upload_blocks(texture, t, blocks, directions);
+    else
+        upload_depths(texture, t, directions);
+    texture->views = direction_table_new(directions, FALSE);
+    if (!gpu_check("the MDF's texture", error))
+        return NULL;
+    return g_steal_pointer(&texture);
+}
+
+MdfTexture *mdf_texture_new(const struct mdf_table *t, GError **error) {
+    return new_views(t, FALSE, NULL, error);
+}
+
+MdfTexture *mdf_texture_new_blocks(const struct mdf_table *t, const struct mdf_blocks *blocks,
+                                   GError **error) {
+    return new_views(t, TRUE, blocks, error);
+}
+
+static gboolean check_factors(const struct mdf_factors *f, GError **error) {
+    GLint size = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
+    if (f->width <= size && f->height <= size)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                "an MDF of %d × %d texels: %s takes %d each way; process the material with fewer "
+                "texels",
+                f->width, f->height, gpu_renderer(), size);
+    return FALSE;
+}
+
+static int n_layers(int n_terms) {
+    return (n_terms + MAPS_A_LAYER - 1) / MAPS_A_LAYER;
+}
+
+static void mdf_texture_upload_maps(MdfTexture *texture, const struct mdf_factors *f) {
+    gsize n = (gsize)f->width * f->height;
+    g_autofree guint8 *texels = g_new(guint8, MAPS_A_LAYER * n);
+    glGenTextures(1, &texture->depths);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA8, f->width, f->height, n_layers(f->n_terms), 0,
+                 GL_RGBA, GL_UNSIGNED_BYTE, NULL);
+    for (int layer = 0; layer < n_layers(f->n_terms); layer++) {
+        for (gsize k = 0; k < MAPS_A_LAYER * n; k++) {
+            gsize term = (gsize)layer * MAPS_A_LAYER + k % MAPS_A_LAYER;
+            texels[k] = term < (gsize)f->n_terms ? f->maps[term * n + k / MAPS_A_LAYER] : 0;
+        }
+        glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, f->width, f->height, 1, GL_RGBA,
+                        GL_UNSIGNED_BYTE, texels);
+    }
+    glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+}
+
+/* Of a weight, or the constant (0), in a direction. */
+static double factor_at(const struct mdf_factors *f, const Directions *views, int factor,
+                        const struct direction_weights *at) {
+    double sum = 0.0;
+    for (int k = 0; k < 4; k++) {
+        int n;
+        const int *members = directions_pole(views, &n), one = at->index[k];
+        gboolean pole = one >= f->n_views;
+        for (int m = 0; m < (pole ? n : 1); m++)
+            sum += at->weight[k] / (pole ? n : 1) *
+                   f->weights[(gsize)(pole ? members[m] : one) * (f->n_terms + 1) + factor];
+    }
+    return sum;
+}
+
+/* Maps are read as 0 … 1. The table's outermost samples lie on the horizon, so that filtering needs
+ * nothing beyond it. */
+static void upload_factors(MdfTexture *texture, const struct mdf_factors *f, Directions *views) {
+    int layers = n_layers(f->n_terms);
+    gsize page = (gsize)MAPS_A_LAYER * FACTORS_TABLE * FACTORS_TABLE;
+    g_autofree float *table = g_new0(float, (gsize)(layers + 1) * page);
+    for (int cell = 0; cell < FACTORS_TABLE * FACTORS_TABLE; cell++) {
+        struct direction_weights at;
+        double a = -1.0 + 2.0 * (cell % FACTORS_TABLE) / (FACTORS_TABLE - 1);
+        int row = cell / FACTORS_TABLE;
+        double b = -1.0 + 2.0 * row / (FACTORS_TABLE - 1);
+        directions_weights(views, directions_from_square(a, b), &at);
+        for (int term = 0; term < f->n_terms; term++)
+            table[term / MAPS_A_LAYER * page + MAPS_A_LAYER * (gsize)cell + term % MAPS_A_LAYER] =
+                255.0 * factor_at(f, views, term + 1, &at);
+        table[layers * page + MAPS_A_LAYER * (gsize)cell] = factor_at(f, views, 0, &at);
+    }
+    texture->factors = gpu_texture(GL_RGBA16F, FACTORS_TABLE, FACTORS_TABLE, layers + 1);
+    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, 0, FACTORS_TABLE, FACTORS_TABLE, layers + 1,
+                    GL_RGBA, GL_FLOAT, table);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+}
+
+MdfTexture *mdf_texture_new_factors(const struct mdf_factors *f, GError **error) {
+    if (!check_factors(f, error))
+        return NULL;
+    g_autoptr(Directions) directions = directions_new(f->theta_deg, f->phi_deg, f->n_views, error);
+    if (directions == NULL) {
+        g_prefix_error(error, "views of the MDF: ");
+        return NULL;
+    }
+    g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
+    texture->views.target = GL_TEXTURE_2D; /* of maps, too, which bind none */
+    texture->width_mm = f->width * f->texel_mm;
+    texture->height_mm = f->height * f->texel_mm;
+    texture->deepest_mm = f->deepest_mm;
+    texture->n_terms = f->n_terms;
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    mdf_texture_upload_maps(texture, f);
+    upload_factors(texture, f, directions);
+    if (!gpu_check("the MDF's maps", error))
+        return NULL;
+    return g_steal_pointer(&texture);
+}
+
+void mdf_texture_free(MdfTexture *texture) {
+    if (texture == NULL)
+        return;
+    glDeleteTextures(1, &texture->depths);
+    glDeleteTextures(1, &texture->factors);
+    direction_textures_clear(&texture->views);
+    g_free(texture);
+}
+
+gboolean mdf_texture_is_maps(const MdfTexture *texture) {
+    return texture->factors != 0;
+}
+
+gint64 mdf_texture_bytes(const MdfTexture *texture) {
+    return texture == NULL ? 0
+                           : gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->depths) +
+                                 gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, texture->factors) +
+                                 direction_textures_bytes(&texture->views);
+}
+
+void mdf_texture_bind(const MdfTexture *texture, guint program) {
+    glActiveTexture(GL_TEXTURE0 + MDF_TEXTURE_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
+    glUniform1i(glGetUniformLocation(program, "mdf_depths"), MDF_TEXTURE_UNIT);
+    direction_textures_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
+    glActiveTexture(GL_TEXTURE0 + MDF_FACTORS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->factors);
+    glUniform1i(glGetUniformLocation(program, "mdf_factors"), MDF_FACTORS_UNIT);
+    glUniform2f(glGetUniformLocation(program, "mdf_range"), texture->least_mm, texture->scale_mm);
+    glUniform1i(glGetUniformLocation(program, "mdf_layers"), n_layers(texture->n_terms));
+    glUniform2f(glGetUniformLocation(program, "mdf_size"), texture->width_mm, texture->height_mm);
+    glUniform1f(glGetUniformLocation(program, "mdf_deepest"), texture->deepest_mm);
+    glActiveTexture(GL_TEXTURE0);
+}

@@ -1,0 +1,184 @@
+#include "relief.h"
+
+#include "gl/gpu.h"
+#include "shadow_maps.h"
+
+#include <epoxy/gl.h>
+#include <string.h>
+
+#define SLACK 1e-4 /* of distances from the eye, in radii */
+
+struct Relief {
+    MdfTexture *mdf, *smooth;
+    Visibility *eye, *lamp;      /* each keeps its textures at their size */
+    ShadowMaps *first, *further; /* of the first lamp; of further ones, NULL until there are any */
+    /* Of what was prepared. */
+    gboolean silhouettes, shadows; /* shadows: of the first lamp */
+    int n_further;
+    guint seen;
+    float light[3], radius;
+    float rights[RELIEF_MAX_LAMPS][3]; /* see shadow_maps_right() */
+};
+
+Relief *relief_new(GError **error) {
+    float zero = 0.0f;
+    const struct mdf_table flat = {1, 1, 1, 1.0, &zero, &zero, &zero, 0.0, NULL};
+    g_autoptr(Relief) relief = g_new0(Relief, 1);
+    if ((relief->smooth = mdf_texture_new(&flat, error)) == NULL ||
+        (relief->eye = visibility_new(error)) == NULL ||
+        (relief->lamp = visibility_new(error)) == NULL ||
+        (relief->first = shadow_maps_new(FALSE, error)) == NULL)
+        return NULL;
+    return g_steal_pointer(&relief);
+}
+
+void relief_free(Relief *relief) {
+    if (relief == NULL)
+        return;
+    mdf_texture_free(relief->mdf);
+    mdf_texture_free(relief->smooth);
+    visibility_free(relief->eye);
+    visibility_free(relief->lamp);
+    shadow_maps_free(relief->first);
+    shadow_maps_free(relief->further);
+    g_free(relief);
+}
+
+static void forget_maps(Relief *relief) {
+    shadow_maps_forget(relief->first);
+    if (relief->further != NULL)
+        shadow_maps_forget(relief->further);
+}
+
+static gboolean take_texture(Relief *relief, MdfTexture *texture) {
+    if (texture == NULL)
+        return FALSE;
+    mdf_texture_free(relief->mdf);
+    relief->mdf = texture;
+    forget_maps(relief);
+    return TRUE;
+}
+
+gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error) {
+    if (mdf != NULL)
+        return take_texture(relief, mdf_texture_new(mdf, error));
+    g_clear_pointer(&relief->mdf, mdf_texture_free);
+    forget_maps(relief);
+    return TRUE;
+}
+
+gboolean relief_set_blocks(Relief *relief, const struct mdf_table *mdf,
+                           const struct mdf_blocks *blocks, GError **error) {
+    return take_texture(relief, mdf_texture_new_blocks(mdf, blocks, error));
+}
+
+gboolean relief_set_factors(Relief *relief, const struct mdf_factors *mdf, GError **error) {
+    return take_texture(relief, mdf_texture_new_factors(mdf, error));
+}
+
+gint64 relief_mdf_bytes(const Relief *relief) {
+    return mdf_texture_bytes(relief->mdf);
+}
+
+static gboolean find_first(Relief *relief, const struct shadow_scene *scene, GError **error) {
+    const float towards[1][3] = {{relief->light[0], relief->light[1], relief->light[2]}};
+    return shadow_maps_find(relief->first, relief->lamp, scene, towards, 1, error);
+}
+
+/* Of many lamps each gives little: together they take no more than four maps of full size do. */
+static gboolean find_further(Relief *relief, const struct relief_scene *from,
+                             struct shadow_scene *scene, GError **error) {
+    relief->n_further = from->n_further;
+    if (from->n_further == 0)
+        return TRUE;
+    if (relief->further == NULL && (relief->further = shadow_maps_new(TRUE, error)) == NULL)
+        return FALSE;
+    scene->size /= from->n_further <= 4 ? 1 : from->n_further <= 16 ? 2 : 4;
+    for (int k = 0; k < from->n_further; k++)
+        shadow_maps_right(from->further[k], relief->rights[k]);
+    return shadow_maps_find(relief->further, relief->lamp, scene, from->further, from->n_further,
+                            error);
+}
+
+/* A lamp that is off, as an environment has it, casts none. */
+static gboolean find_shadows(Relief *relief, const struct visibility_scene *seen,
+                             const struct relief_scene *from, GError **error) {
+    struct shadow_scene scene = {*seen, from->radius, from->serial, from->shadow_size};
+    scene.casting.n_indices = from->n_casting;
+    relief->shadows = from->lit;
+    return (!relief->shadows || find_first(relief, &scene, error)) &&
+           find_further(relief, from, &scene, error);
+}
+
+static gboolean relief_check(const Relief *relief, const struct relief_scene *from,
+                             GError **error) {
+    if (!from->silhouettes || relief->mdf != NULL)
+        return TRUE;
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                "silhouettes need the material's distances, an mdf.exr: “mesorig process” makes it "
+                "from a session with laser sweeps");
+    return FALSE;
+}
+
+gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError **error) {
+    struct visibility_scene scene = {
+        .mdf = from->silhouettes ? relief->mdf : relief->smooth,
+        .array = from->array,
+        .n_indices = from->n_indices,
+        .sight = {from->eye[0], from->eye[1], from->eye[2], 1.0f},
+        .tiles = {from->tiles[0], from->tiles[1]},
+        .width = from->width,
+        .height = from->height,
+        .options = from->visibility,
+    };
+    if (!relief_check(relief, from, error))
+        return FALSE;
+    memcpy(scene.projection, from->projection, sizeof from->projection);
+    memcpy(relief->light, from->light, sizeof from->light);
+    relief->radius = from->radius;
+    relief->silhouettes = from->silhouettes;
+    relief->shadows = FALSE;
+    relief->n_further = 0;
+    if (from->silhouettes && !visibility_find(relief->eye, &scene, &relief->seen, error))
+        return FALSE;
+    return !from->shadows || find_shadows(relief, &scene, from, error);
+}
+
+static void bind_texture(guint program, const char *name, int unit, GLenum target, guint texture) {
+    glActiveTexture(GL_TEXTURE0 + unit);
+    glBindTexture(target, texture);
+    glActiveTexture(GL_TEXTURE0);
+    glUniform1i(glGetUniformLocation(program, name), unit);
+}
+
+static void bind_further(const Relief *relief, guint program) {
+    const int n = relief->n_further;
+    float range[3] = {0.0f};
+    if (n > 0)
+        shadow_maps_range(relief->further, relief->radius, range);
+    bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
+                 n > 0 ? shadow_maps_texture(relief->further) : 0);
+    glUniform3fv(glGetUniformLocation(program, "further_range"), 1, range);
+    if (n > 0)
+        glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->rights[0]);
+}
+
+void relief_bind(const Relief *relief, guint program) {
+    float right[3] = {0.0f}, range[3] = {0.0f};
+    if (relief->shadows) {
+        shadow_maps_right(relief->light, right);
+        shadow_maps_range(relief->first, relief->radius, range);
+    }
+    bind_texture(program, "seen", VISIBILITY_UNIT, GL_TEXTURE_2D,
+                 relief->silhouettes ? relief->seen : 0);
+    bind_texture(program, "shadow_map", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
+                 relief->shadows ? shadow_maps_texture(relief->first) : 0);
+    glUniform1i(glGetUniformLocation(program, "silhouettes"), relief->silhouettes);
+    glUniform1i(glGetUniformLocation(program, "shadows"), relief->shadows);
+    glUniform1f(glGetUniformLocation(program, "slack"), SLACK * relief->radius);
+    glUniform3fv(glGetUniformLocation(program, "shadow_right"), 1, right);
+    glUniform3fv(glGetUniformLocation(program, "shadow_light"), 1, relief->light);
+    glUniform3fv(glGetUniformLocation(program, "shadow_range"), 1, range);
+    glUniform1f(glGetUniformLocation(program, "shadow_radius"), relief->radius);
+    bind_further(relief, program);
+}

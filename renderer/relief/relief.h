@@ -1,0 +1,52 @@
+/*
+ * What the structure of a material adds to a picture of a mesh: its silhouettes and the shadows it
+ * casts (Wang et al. 2005 §4). Before the mesh is drawn, relief_prepare() finds what is seen of it
+ * and how far the light of each lamp gets; the programs that draw it have visible.glsl, shadow.glsl
+ * and further.glsl.
+ */
+#pragma once
+
+#include "visibility.h"
+
+#define RELIEF_MAX_LAMPS 64
+
+typedef struct Relief Relief; /* belongs to the thread of the GL context */
+
+Relief *relief_new(GError **error);
+void relief_free(Relief *relief); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
+
+/* NULL: none, the mesh is smooth. */
+gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error);
+/* The same from what is compressed; see mdf_texture.h. */
+gboolean relief_set_blocks(Relief *relief, const struct mdf_table *mdf,
+                           const struct mdf_blocks *blocks, GError **error);
+gboolean relief_set_factors(Relief *relief, const struct mdf_factors *mdf, GError **error);
+
+gint64 relief_mdf_bytes(const Relief *relief); /* that it takes on the card */
+
+struct relief_scene {
+    guint array, n_indices;
+    guint n_casting; /* of the indices, from the first: these cast shadows, all receive them */
+    double radius;   /* of what casts */
+    float projection[16], eye[3], light[3], tiles[2];
+    int width, height;
+    guint serial; /* another one for each mesh */
+    /* Silhouettes and the shadows of every lamp; silhouettes need an MDF. */
+    gboolean silhouettes, shadows;
+    gboolean lit; /* by the first lamp: one that is off casts no shadow */
+    int n_further;
+    float further[RELIEF_MAX_LAMPS][3]; /* unit vectors towards further lamps */
+    int shadow_size; /* of the first lamp's map, each way; of more than 4 further ones a half, of
+                        more than 16 a quarter */
+    struct visibility_options visibility;
+};
+
+/* Binds framebuffers of its own. Shadow maps are kept while lamp, mesh, tiles, MDF
+ * and what is asked of them stay the same. */
+gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError **error);
+
+#define RELIEF_FURTHER_UNIT 14 /* of the shadow maps of further lamps */
+
+/* Sets the textures from VISIBILITY_UNIT on and the uniforms of a program in use. */
+void relief_bind(const Relief *relief, guint program);

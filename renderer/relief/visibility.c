@@ -1,0 +1,273 @@
+#include "visibility.h"
+
+#include "gl/gpu.h"
+
+#include <epoxy/gl.h>
+
+#define FACE_BYTES   16
+#define HEADER_BYTES 16 /* of the lists' buffer: their number */
+
+enum { BACK, FRONT, ADD, FIND, N_PROGRAMS };
+
+struct Visibility {
+    /* For MDFs of views and, once they are wanted, of maps. ADD and FIND only with OpenGL 4.3. */
+    guint all_programs[2][N_PROGRAMS];
+    const guint *programs; /* those that are wanted now */
+    guint empty_array, query;
+    struct gpu_target back[2], seen;
+    guint stencil; /* of seen: the layer that a pixel was found in */
+    guint first, first_framebuffer, faces;
+    int first_width, first_height;
+    guint32 room; /* faces that the buffer has room for */
+};
+
+static gboolean visibility_make_programs(guint programs[N_PROGRAMS], gboolean maps,
+                                         GError **error) {
+    const char *const constants = maps ? "#define MDF_MAPS 1\n" : "#define MDF_MAPS 0\n";
+    const char *const back[] = {"mesh.vert",   "frame.glsl",     "directions.glsl",
+                                "relief.glsl", "peel_back.frag", NULL};
+    const char *const front[] = {"mesh.vert",   "frame.glsl",      "directions.glsl",
+                                 "relief.glsl", "peel_front.frag", NULL};
+    const char *const add[] = {"mesh.vert",   "frame.glsl",      "directions.glsl",
+                               "relief.glsl", "list_nodes.glsl", "list_add.frag",
+                               NULL};
+    const char *const find[] = {"screen.vert", "list_nodes.glsl", "list_find.frag", NULL};
+    if ((programs[BACK] = gpu_program_with(constants, back, error)) == 0 ||
+        (programs[FRONT] = gpu_program_with(constants, front, error)) == 0)
+        return FALSE;
+    return !gpu_has_43() || ((programs[ADD] = gpu_program_43(constants, add, error)) != 0 &&
+                             (programs[FIND] = gpu_program_43(constants, find, error)) != 0);
+}
+
+Visibility *visibility_new(GError **error) {
+    g_autoptr(Visibility) v = g_new0(Visibility, 1);
+    if (!visibility_make_programs(v->all_programs[0], FALSE, error))
+        return NULL;
+    glGenVertexArrays(1, &v->empty_array);
+    glGenQueries(1, &v->query);
+    return g_steal_pointer(&v);
+}
+
+void visibility_free(Visibility *v) {
+    if (v == NULL)
+        return;
+    for (int k = 0; k < 2 * N_PROGRAMS; k++)
+        glDeleteProgram(v->all_programs[k / N_PROGRAMS][k % N_PROGRAMS]);
+    glDeleteVertexArrays(1, &v->empty_array);
+    glDeleteQueries(1, &v->query);
+    gpu_target_clear(&v->back[0]);
+    gpu_target_clear(&v->back[1]);
+    gpu_target_clear(&v->seen);
+    glDeleteTextures(1, &v->stencil);
+    glDeleteTextures(1, &v->first);
+    glDeleteFramebuffers(1, &v->first_framebuffer);
+    glDeleteBuffers(1, &v->faces);
+    g_free(v);
+}
+
+void visibility_set_sight(guint program, const struct visibility_scene *s) {
+    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, s->projection);
+    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, s->tiles);
+    glUniform4fv(glGetUniformLocation(program, "sight"), 1, s->sight);
+    glUniform1f(glGetUniformLocation(program, "reach"), s->reach);
+    glUniform1i(glGetUniformLocation(program, "straight"), s->options.straight);
+}
+
+static void use(guint program, const struct visibility_scene *s) {
+    glUseProgram(program);
+    visibility_set_sight(program, s);
+    mdf_texture_bind(s->mdf, program);
+}
+
+static void visibility_bind(guint program, const char *name, int unit, guint texture) {
+    glActiveTexture(GL_TEXTURE0 + unit);
+    glBindTexture(GL_TEXTURE_2D, texture);
+    glUniform1i(glGetUniformLocation(program, name), unit);
+    glActiveTexture(GL_TEXTURE0);
+}
+
+static void visibility_draw_mesh(const struct visibility_scene *s, GLenum culled) {
+    glEnable(GL_CULL_FACE);
+    glCullFace(culled);
+    glBindVertexArray(s->array);
+    glDrawElements(GL_TRIANGLES, s->n_indices, GL_UNSIGNED_INT, NULL);
+    glBindVertexArray(0);
+    glDisable(GL_CULL_FACE);
+}
+
+static gboolean make_seen(Visibility *v, int width, int height, GError **error) {
+    if (v->seen.framebuffer != 0 && v->seen.width == width && v->seen.height == height)
+        return TRUE;
+    if (!gpu_target_resize(&v->seen, width, height, GL_RGBA32F, FALSE, error))
+        return FALSE;
+    glDeleteTextures(1, &v->stencil);
+    v->stencil = gpu_texture(GL_DEPTH24_STENCIL8, width, height, 0);
+    glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_STENCIL_ATTACHMENT, GL_TEXTURE_2D, v->stencil,
+                           0);
+    return gpu_check("making room for silhouettes", error);
+}
+
+static void visibility_clear(guint framebuffer, GLbitfield what) {
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glClearColor(0.0f, 0.0f, 0.0f, 0.0f);
+    glDepthMask(GL_TRUE);
+    glClear(what);
+}
+
+/* Whether there was anything left to draw, where nothing was found yet. */
+static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
+    GLuint any = 0;
+    visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+    use(v->programs[BACK], s);
+    visibility_bind(v->programs[BACK], "before", VISIBILITY_UNIT, v->back[~layer & 1].colour);
+    visibility_bind(v->programs[BACK], "seen", VISIBILITY_UNIT + 1, v->seen.colour);
+    glBeginQuery(GL_ANY_SAMPLES_PASSED, v->query);
+    visibility_draw_mesh(s, GL_FRONT);
+    glEndQuery(GL_ANY_SAMPLES_PASSED);
+    glGetQueryObjectuiv(v->query, GL_QUERY_RESULT, &any);
+    return any != 0;
+}
+
+/* The stencil buffer keeps the layer in which a pixel was found, and masks it for all later ones.
+ */
+static void peel_front(Visibility *v, const struct visibility_scene *s, int layer) {
+    visibility_clear(v->seen.framebuffer, GL_DEPTH_BUFFER_BIT);
+    glEnable(GL_STENCIL_TEST);
+    glStencilMask(0xff);
+    glStencilFunc(GL_LEQUAL, layer, 0xff);
+    glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
+    use(v->programs[FRONT], s);
+    visibility_bind(v->programs[FRONT], "before", VISIBILITY_UNIT, v->back[~layer & 1].colour);
+    visibility_bind(v->programs[FRONT], "back", VISIBILITY_UNIT + 1, v->back[layer & 1].colour);
+    visibility_draw_mesh(s, GL_BACK);
+    glDisable(GL_STENCIL_TEST);
+}
+
+static gboolean peel(Visibility *v, const struct visibility_scene *s, GError **error) {
+    for (int k = 0; k < 2; k++)
+        if (!gpu_target_resize(&v->back[k], s->width, s->height, GL_RGBA32F, TRUE, error))
+            return FALSE;
+    glEnable(GL_DEPTH_TEST);
+    glDepthFunc(GL_LESS);
+    glStencilMask(0xff);
+    glClearStencil(0xff);
+    visibility_clear(v->seen.framebuffer, GL_COLOR_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
+    visibility_clear(v->back[1].framebuffer, GL_COLOR_BUFFER_BIT);
+    gboolean more = TRUE;
+    for (int layer = 0; more && layer < s->options.layers; layer++) {
+        more = peel_back(v, s, layer);
+        peel_front(v, s, layer);
+    }
+    return TRUE;
+}
+
+static gboolean make_first(Visibility *v, int width, int height, GError **error) {
+    if (v->first != 0 && v->first_width == width && v->first_height == height)
+        return TRUE;
+    glDeleteTextures(1, &v->first);
+    if (v->first_framebuffer == 0)
+        glGenFramebuffers(1, &v->first_framebuffer);
+    v->first = gpu_texture(GL_R32UI, width, height, 0);
+    v->first_width = width;
+    v->first_height = height;
+    glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, v->first, 0);
+    return gpu_check("making lists of faces", error);
+}
+
+/* FALSE: the card has no memory for so many, and none is taken. */
+static gboolean visibility_make_room(Visibility *v, guint32 faces) {
+    if (v->faces == 0)
+        glGenBuffers(1, &v->faces);
+    v->room = faces;
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, v->faces);
+    glBufferData(GL_SHADER_STORAGE_BUFFER, HEADER_BYTES + FACE_BYTES * (gsize)faces, NULL,
+                 GL_DYNAMIC_COPY);
+    if (gpu_check("making room for lists of faces", NULL))
+        return TRUE;
+    glDeleteBuffers(1, &v->faces);
+    v->faces = v->room = 0;
+    return FALSE;
+}
+
+/* Returns how many faces there are; those beyond v->room are missing from the lists. */
+static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
+    const GLuint none[4] = {0, 0, 0, 0};
+    guint32 n_faces = 0;
+    glBindFramebuffer(GL_FRAMEBUFFER, v->first_framebuffer);
+    glClearBufferuiv(GL_COLOR, 0, none);
+    glBindFramebuffer(GL_FRAMEBUFFER, v->seen.framebuffer);
+    glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, v->faces);
+    glBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof none, none);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, v->faces);
+    glBindImageTexture(0, v->first, 0, GL_FALSE, 0, GL_READ_WRITE, GL_R32UI);
+    use(v->programs[ADD], s);
+    glUniform1ui(glGetUniformLocation(v->programs[ADD], "room"), v->room);
+    glDisable(GL_DEPTH_TEST);
+    glBindVertexArray(s->array);
+    glDrawElements(GL_TRIANGLES, s->n_indices, GL_UNSIGNED_INT, NULL);
+    glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT |
+                    GL_BUFFER_UPDATE_BARRIER_BIT | GL_FRAMEBUFFER_BARRIER_BIT);
+    glGetBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, sizeof n_faces, &n_faces);
+    return n_faces;
+}
+
+static gboolean visibility_fits(guint32 faces) {
+    GLint64 most = 0;
+    glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
+    return HEADER_BYTES + FACE_BYTES * (gint64)faces <= most;
+}
+
+/* FALSE without error: there are more faces than the card holds in lists. */
+static gboolean visibility_list(Visibility *v, const struct visibility_scene *s, GError **error) {
+    guint32 start = (guint32)s->width * s->height, n_faces;
+    if (!make_first(v, s->width, s->height, error) ||
+        (v->room == 0 && (!visibility_fits(start) || !visibility_make_room(v, start))))
+        return FALSE;
+    while ((n_faces = add_faces(v, s)) > v->room)
+        if (!visibility_fits(n_faces + n_faces / 4) ||
+            !visibility_make_room(v, n_faces + n_faces / 4))
+            return FALSE;
+    glUseProgram(v->programs[FIND]);
+    glUniform1i(glGetUniformLocation(v->programs[FIND], "layers"), s->options.layers);
+    glUniform1i(glGetUniformLocation(v->programs[FIND], "straight"), s->options.straight);
+    glBindVertexArray(v->empty_array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindVertexArray(0);
+    return gpu_check("finding silhouettes in lists", error);
+}
+
+gboolean visibility_find(Visibility *v, const struct visibility_scene *s, guint *ret_texture,
+                         GError **error) {
+    g_autoptr(GError) local = NULL;
+    gboolean lists = s->options.way != VISIBILITY_PEEL && gpu_has_43();
+    if (s->options.way == VISIBILITY_LISTS && !lists) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                    "silhouettes by lists need OpenGL 4.3, which %s does not have; without "
+                    "“=lists” they are peeled",
+                    gpu_renderer());
+        return FALSE;
+    }
+    const gboolean maps = mdf_texture_is_maps(s->mdf);
+    guint *programs = v->all_programs[maps];
+    if (programs[BACK] == 0 && !visibility_make_programs(programs, maps, error)) {
+        glDeleteProgram(programs[BACK]);
+        programs[BACK] = 0;
+        return FALSE;
+    }
+    v->programs = programs;
+    if (!make_seen(v, s->width, s->height, error))
+        return FALSE;
+    glViewport(0, 0, s->width, s->height);
+    glDisable(GL_BLEND);
+    gboolean found = lists && visibility_list(v, s, &local);
+    if (local != NULL) {
+        g_propagate_error(error, g_steal_pointer(&local));
+        return FALSE;
+    }
+    *ret_texture = v->seen.colour;
+    return found || (peel(v, s, error) && gpu_check("peeling silhouettes", error));
+}

@@ -1,0 +1,150 @@
+#include "backdrop.h"
+
+#include "base/direction.h"
+#include "camera.h"
+#include "gl/gpu.h"
+#include "programs.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+
+#define MOST 6e4f /* that half floats hold */
+
+enum { GROUND, GROUND_LAMPS, ENVIRONMENT, N_PROGRAMS };
+
+struct Backdrop {
+    guint programs[N_PROGRAMS]; /* each compiled when it is first asked for */
+    guint empty_array, environment;
+    float foot[3], corner, radius; /* of the mesh: half its width and depth, its lowest z */
+};
+
+static gboolean backdrop_need(Backdrop *backdrop, int which, GError **error) {
+    static const char *const constants[] = {"#define LAMP_SHADOWS 0\n", "#define LAMP_SHADOWS 1\n",
+                                            ""};
+    static const char *const ground[] = {"screen.vert", "shadow.glsl", "further.glsl",
+                                         "background.frag", NULL};
+    static const char *const environment[] = {"screen.vert", "environment.frag", NULL};
+    if (backdrop->programs[which] == 0)
+        backdrop->programs[which] =
+            gpu_program_with(constants[which], which == ENVIRONMENT ? environment : ground, error);
+    return backdrop->programs[which] != 0;
+}
+
+Backdrop *backdrop_new(GError **error) {
+    g_autoptr(Backdrop) backdrop = g_new0(Backdrop, 1);
+    if (!backdrop_need(backdrop, GROUND, error))
+        return NULL;
+    glGenVertexArrays(1, &backdrop->empty_array);
+    return g_steal_pointer(&backdrop);
+}
+
+void backdrop_free(Backdrop *backdrop) {
+    if (backdrop == NULL)
+        return;
+    for (int k = 0; k < N_PROGRAMS; k++)
+        glDeleteProgram(backdrop->programs[k]);
+    glDeleteVertexArrays(1, &backdrop->empty_array);
+    glDeleteTextures(1, &backdrop->environment);
+    g_free(backdrop);
+}
+
+/* The outline of the mesh's lowest quarter seen from above is taken as a rectangle with rounded
+ * corners: a square plane's are sharp, a torus has nothing else. */
+void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius) {
+    double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;
+    for (guint k = 0; k < n; k++) {
+        low = MIN(low, points[3 * k + 2]);
+        high = MAX(high, points[3 * k + 2]);
+    }
+    for (guint k = 0; k < n; k++) {
+        const float *p = points + 3 * (gsize)k;
+        if (p[2] > low + 0.25 * (high - low))
+            continue;
+        x = MAX(x, fabsf(p[0]));
+        y = MAX(y, fabsf(p[1]));
+        reach = MAX(reach, hypot((double)p[0], (double)p[1]));
+    }
+    double missing = (hypot(x, y) - reach) / (MAX(MIN(x, y), 1e-6) * (M_SQRT2 - 1.0));
+    backdrop->foot[0] = (float)x;
+    backdrop->foot[1] = (float)y;
+    backdrop->foot[2] = (float)low;
+    backdrop->corner = (float)(MIN(x, y) * CLAMP(missing, 0.0, 1.0));
+    backdrop->radius = (float)radius;
+}
+
+gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
+                                  GError **error) {
+    GLint largest = 0;
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
+    if (environment->width > largest) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+                    "an environment of %d × %d to be seen: %s takes %d each way; make it smaller, "
+                    "or leave --backdrop away",
+                    environment->width, environment->height, gpu_renderer(), largest);
+        return FALSE;
+    }
+    const gsize n = 3 * (gsize)environment->width * environment->height;
+    g_autofree float *rgb = g_new(float, n);
+    for (gsize k = 0; k < n; k++)
+        rgb[k] = MIN(environment->rgb[k], MOST);
+    glActiveTexture(GL_TEXTURE0);
+    glDeleteTextures(1, &backdrop->environment);
+    backdrop->environment = gpu_texture(GL_RGB16F, environment->width, environment->height, 0);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, environment->width, environment->height, GL_RGB,
+                    GL_FLOAT, rgb);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_REPEAT);
+    return gpu_check("the environment", error);
+}
+
+static void set_ground(const Backdrop *backdrop, guint program, const struct view_settings *s,
+                       const Relief *relief) {
+    float light[3];
+    direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
+    glUniform3fv(glGetUniformLocation(program, "foot"), 1, backdrop->foot);
+    glUniform1f(glGetUniformLocation(program, "corner"), backdrop->corner);
+    glUniform1f(glGetUniformLocation(program, "radius"), backdrop->radius);
+    glUniform3fv(glGetUniformLocation(program, "light"), 1, light);
+    relief_bind(relief, program);
+    programs_set_lamps(program, s);
+}
+
+static void set_environment(const Backdrop *backdrop, guint program,
+                            const struct view_settings *s) {
+    glActiveTexture(GL_TEXTURE0);
+    glBindTexture(GL_TEXTURE_2D, backdrop->environment);
+    glUniform1i(glGetUniformLocation(program, "environment"), 0);
+    glUniform1f(glGetUniformLocation(program, "exposure"), (float)view_exposure(s));
+}
+
+gboolean backdrop_draw(Backdrop *backdrop, const struct view_settings *s, const Relief *relief,
+                       const float projection[16], const float eye[3], GError **error) {
+    const int which = s->backdrop                    ? ENVIRONMENT
+                      : s->shadows && s->n_lamps > 0 ? GROUND_LAMPS
+                                                     : GROUND;
+    if (which == ENVIRONMENT && backdrop->environment == 0) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "there is no environment to be seen behind the shape: --environment names one");
+        return FALSE;
+    }
+    if (!backdrop_need(backdrop, which, error))
+        return FALSE;
+    const guint program = backdrop->programs[which];
+    glUseProgram(program);
+    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, projection);
+    glUniform3fv(glGetUniformLocation(program, "eye"), 1, eye);
+    if (which == ENVIRONMENT)
+        set_environment(backdrop, program, s);
+    else
+        set_ground(backdrop, program, s, relief);
+    glDepthFunc(GL_LEQUAL); /* where nothing was drawn yet */
+    glDepthMask(GL_FALSE);
+    glBindVertexArray(backdrop->empty_array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindVertexArray(0);
+    glDepthMask(GL_TRUE);
+    glDepthFunc(GL_LESS);
+    return TRUE;
+}

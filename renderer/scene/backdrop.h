@@ -1,0 +1,25 @@
+/*
+ * What is seen where no mesh is: a neutral ground that fades into the distance, or a picture of all
+ * directions (environment.h).
+ */
+#pragma once
+
+#include "environment.h"
+#include "relief/relief.h"
+
+typedef struct Backdrop Backdrop; /* belongs to the thread of the GL context */
+
+Backdrop *backdrop_new(GError **error);
+void backdrop_free(Backdrop *backdrop); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Backdrop, backdrop_free)
+
+/* What the ground lies under: n × 3 coordinates. */
+void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius);
+
+gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
+                                  GError **error);
+
+/* Where nothing was drawn yet, with alpha 0. The projection is that of camera.h. */
+gboolean backdrop_draw(Backdrop *backdrop, const struct view_settings *settings,
+                       const Relief *relief, const float projection[16], const float eye[3],
+                       GError **error);

@@ -1,0 +1,77 @@
+#include "compose.h"
+
+#include "gl/gpu.h"
+
+#include <epoxy/gl.h>
+
+struct Compose {
+    guint program, array;
+    struct gpu_target pictures[2], whole;
+};
+
+Compose *compose_new(GError **error) {
+    const char *const names[] = {"screen.vert", "compose.frag", NULL};
+    g_autoptr(Compose) compose = g_new0(Compose, 1);
+    compose->program = gpu_program(names, error);
+    if (compose->program == 0)
+        return NULL;
+    glGenVertexArrays(1, &compose->array);
+    return g_steal_pointer(&compose);
+}
+
+void compose_free(Compose *compose) {
+    if (compose == NULL)
+        return;
+    glDeleteProgram(compose->program);
+    glDeleteVertexArrays(1, &compose->array);
+    for (int k = 0; k < 2; k++)
+        gpu_target_clear(&compose->pictures[k]);
+    gpu_target_clear(&compose->whole);
+    g_free(compose);
+}
+
+static void compose_join(const Compose *compose, const struct compose *how, guint framebuffer,
+                         int width, int height) {
+    static const char *const names[2] = {"first", "second"};
+    const guint program = compose->program;
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glViewport(0, 0, width, height);
+    glDisable(GL_DEPTH_TEST);
+    glDisable(GL_BLEND);
+    glUseProgram(program);
+    for (int k = 0; k < 2; k++) {
+        glActiveTexture(GL_TEXTURE0 + k);
+        glBindTexture(GL_TEXTURE_2D, compose->pictures[k].colour);
+        glUniform1i(glGetUniformLocation(program, names[k]), k);
+    }
+    glUniform1i(glGetUniformLocation(program, "difference"), how->mode == COMPOSE_DIFFERENCE);
+    glUniform1f(glGetUniformLocation(program, "split"), (float)(how->at * width));
+    glUniform1f(glGetUniformLocation(program, "gain"), (float)how->gain);
+    glBindVertexArray(compose->array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindVertexArray(0);
+}
+
+gboolean compose_draw(Compose *compose, View *first, View *second, const struct compose *how,
+                      const struct view_settings *settings, guint framebuffer, int width,
+                      int height, GError **error) {
+    View *const views[2] = {first, second};
+    if (how->mode == COMPOSE_ONE)
+        return view_draw(first, settings, framebuffer, width, height, error);
+    for (int k = 0; k < 2; k++)
+        if (!gpu_target_resize(&compose->pictures[k], width, height, GL_RGBA8, FALSE, error) ||
+            !view_draw(views[k], settings, compose->pictures[k].framebuffer, width, height, error))
+            return FALSE;
+    compose_join(compose, how, framebuffer, width, height);
+    return gpu_check("joining two pictures", error);
+}
+
+guint8 *compose_render(Compose *compose, View *first, View *second, const struct compose *how,
+                       const struct view_settings *settings, int width, int height,
+                       GError **error) {
+    if (!gpu_target_resize(&compose->whole, width, height, GL_RGBA8, FALSE, error) ||
+        !compose_draw(compose, first, second, how, settings, compose->whole.framebuffer, width,
+                      height, error))
+        return NULL;
+    return gpu_target_read(&compose->whole, error);
+}

@@ -1,0 +1,174 @@
+#include "environment.h"
+
+#include "exr/exr.h"
+#include "gl/gpu.h"
+
+#include <math.h>
+#include <string.h>
+
+struct part { /* of the picture: columns and rows, the ends not in it */
+    int x0, x1, y0, y1;
+    double light;
+};
+
+struct map {
+    const float *rgb;
+    int width, height;
+};
+
+static double solid_angle(const struct map *map, int y) {
+    return 2.0 * G_PI / map->width *
+           (cos(G_PI * y / map->height) - cos(G_PI * (y + 1) / map->height));
+}
+
+static double light_at(const struct map *map, int x, int y) {
+    const float *p = map->rgb + 3 * ((gsize)y * map->width + x);
+    return (0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]) * solid_angle(map, y);
+}
+
+static double light_of(const struct map *map, const struct part *part) {
+    double sum = 0.0;
+    for (int y = part->y0; y < part->y1; y++)
+        for (int x = part->x0; x < part->x1; x++)
+            sum += light_at(map, x, y);
+    return sum;
+}
+
+/* Columns or rows, whichever is longer as it is seen; FALSE for a single pixel. */
+static gboolean environment_cut(const struct map *map, struct part *part, struct part *ret_rest) {
+    const double middle = G_PI * (part->y0 + part->y1) / 2.0 / map->height;
+    const double wide = 2.0 * (part->x1 - part->x0) * sin(middle) / map->width;
+    const double high = (double)(part->y1 - part->y0) / map->height;
+    const gboolean across = part->y1 - part->y0 == 1 || (wide > high && part->x1 - part->x0 > 1);
+    const int from = across ? part->x0 : part->y0, to = across ? part->x1 : part->y1;
+    if (to - from < 2)
+        return FALSE;
+    double sum = 0.0;
+    int at = from;
+    while (at < to - 1 && (at == from || sum < part->light / 2.0)) {
+        struct part line = *part;
+        *(across ? &line.x0 : &line.y0) = at;
+        *(across ? &line.x1 : &line.y1) = at + 1;
+        sum += light_of(map, &line);
+        at++;
+    }
+    *ret_rest = *part;
+    *(across ? &part->x1 : &part->y1) = at;
+    *(across ? &ret_rest->x0 : &ret_rest->y0) = at;
+    part->light = light_of(map, part);
+    ret_rest->light = light_of(map, ret_rest);
+    return TRUE;
+}
+
+/* In the middle of its light. */
+static struct view_lamp environment_lamp_of(const struct map *map, const struct part *part) {
+    double sum[3] = {0.0}, towards[3] = {0.0};
+    for (int y = part->y0; y < part->y1; y++)
+        for (int x = part->x0; x < part->x1; x++) {
+            const float *p = map->rgb + 3 * ((gsize)y * map->width + x);
+            const double theta = G_PI * (y + 0.5) / map->height, light = light_at(map, x, y);
+            const double phi = G_PI - 2.0 * G_PI * (x + 0.5) / map->width;
+            towards[0] += light * sin(theta) * cos(phi);
+            towards[1] += light * sin(theta) * sin(phi);
+            towards[2] += light * cos(theta);
+            for (int c = 0; c < 3; c++)
+                sum[c] += p[c] * solid_angle(map, y) / G_PI;
+        }
+    const double flat = hypot(towards[0], towards[1]), deg = 180.0 / G_PI;
+    return (struct view_lamp){atan2(flat, towards[2]) * deg,
+                              atan2(towards[1], towards[0]) * deg,
+                              {(float)sum[0], (float)sum[1], (float)sum[2]}};
+}
+
+int environment_lamps(const float *rgb, int width, int height, int n,
+                      struct view_lamp ret[VIEW_MAX_LAMPS]) {
+    const struct map map = {rgb, width, height};
+    struct part parts[VIEW_MAX_LAMPS] = {{0, width, 0, height, 0.0}};
+    int n_parts = 1, n_lamps = 0;
+    parts[0].light = light_of(&map, &parts[0]);
+    while (n_parts < MIN(n, VIEW_MAX_LAMPS)) {
+        int most = 0;
+        for (int k = 1; k < n_parts; k++)
+            most = parts[k].light > parts[most].light ? k : most;
+        if (!(parts[most].light > 0.0) || !environment_cut(&map, &parts[most], &parts[n_parts]))
+            break;
+        n_parts++;
+    }
+    for (int k = 0; k < n_parts; k++)
+        if (parts[k].light > 0.0)
+            ret[n_lamps++] = environment_lamp_of(&map, &parts[k]);
+    return n_lamps;
+}
+
+static gboolean environment_refuse(const char *path, const char *why, GError **error) {
+    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                "%s is no environment: %s; an EXR with R, G, B of radiance, twice as wide as high, "
+                "is expected",
+                path, why);
+    return FALSE;
+}
+
+/* Interleaved, or NULL. */
+static float *read_rgb(const struct exr_part *part, const char *path, GError **error) {
+    const gsize n = (gsize)part->width * part->height;
+    const float *planes[3] = {exr_part_plane(part, "R"), exr_part_plane(part, "G"),
+                              exr_part_plane(part, "B")};
+    g_autofree float *rgb = g_new0(float, 3 * n);
+    if (!planes[0] || !planes[1] || !planes[2]) {
+        environment_refuse(path, "it lacks a colour", error);
+        return NULL;
+    }
+    for (gsize k = 0; k < 3 * n; k++) {
+        rgb[k] = planes[k % 3][k / 3];
+        if (!isfinite(rgb[k]) || rgb[k] < 0.0f) {
+            environment_refuse(path, "it holds what is no amount of light", error);
+            return NULL;
+        }
+    }
+    return g_steal_pointer(&rgb);
+}
+
+struct environment *environment_read(const char *path, GError **error) {
+    struct exr_file *file = exr_read(path, error);
+    struct environment *ret = NULL;
+    if (file == NULL)
+        return NULL;
+    const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
+    float *rgb = NULL;
+    if (part == NULL || part->height < 1 || part->width != 2 * part->height)
+        environment_refuse(path, "it has another shape", error);
+    else if ((rgb = read_rgb(part, path, error)) != NULL) {
+        ret = g_new(struct environment, 1);
+        *ret = (struct environment){part->width, part->height, rgb};
+    }
+    exr_file_free(file);
+    return ret;
+}
+
+void environment_free(struct environment *environment) {
+    if (environment == NULL)
+        return;
+    g_free(environment->rgb);
+    g_free(environment);
+}
+
+gboolean environment_light(const struct environment *e, struct view_settings *settings,
+                           GError **error) {
+    struct view_lamp *lamps = settings->lamps + settings->n_lamps;
+    if (settings->n_lamps >= VIEW_MAX_LAMPS) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "%d lamps leave none for the environment: give fewer", settings->n_lamps);
+        return FALSE;
+    }
+    const int n =
+        environment_lamps(e->rgb, e->width, e->height, VIEW_MAX_LAMPS - settings->n_lamps, lamps);
+    if (n == 0) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
+                    "the environment is black: it lights nothing");
+        return FALSE;
+    }
+    settings->n_lamps += n;
+    settings->lamp = 0.0;
+    settings->ambient = 0.0;
+    return TRUE;
+}

@@ -1,0 +1,115 @@
+#include "picture.h"
+
+#include <errno.h>
+#include <glib/gstdio.h>
+#include <png.h>
+#include <stdio.h>
+
+#include "exr/exr.h"
+#include "formats/compare_pictures.h"
+
+G_DEFINE_QUARK(picture_error, picture_error)
+
+static void on_error(png_structp png, png_const_charp text) {
+    char **message = png_get_error_ptr(png);
+    *message = g_strdup(text);
+    png_longjmp(png, 1);
+}
+
+static void picture_on_warning(png_structp png, png_const_charp text) {
+}
+
+static void set_texts(png_structp png, png_infop info, const char *const *texts) {
+    for (; texts != NULL && texts[0] != NULL && texts[1] != NULL; texts += 2) {
+        gboolean ascii = g_str_is_ascii(texts[1]);
+        png_text text = {
+            .compression = ascii ? PNG_TEXT_COMPRESSION_NONE : PNG_ITXT_COMPRESSION_NONE,
+            .key = (png_charp)texts[0],
+            .text = (png_charp)texts[1],
+        };
+        png_set_text(png, info, &text, 1);
+    }
+}
+
+/* Everything between setjmp and a longjmp; no variable of it is used after. */
+static gboolean encode(png_structp png, png_infop info, FILE *file, const guint8 *rgb, int width,
+                       int height, const char *const *texts) {
+    if (setjmp(png_jmpbuf(png)))
+        return FALSE;
+    png_init_io(png, file);
+    png_set_user_limits(png, 0x7fffffff, 0x7fffffff);
+    png_set_IHDR(png, info, width, height, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_sRGB(png, info, PNG_sRGB_INTENT_RELATIVE);
+    png_set_compression_level(png, 6);
+    set_texts(png, info, texts);
+    png_write_info(png, info);
+    for (int j = 0; j < height; j++)
+        png_write_row(png, rgb + 3 * (gsize)width * j);
+    png_write_end(png, info);
+    return TRUE;
+}
+
+static gboolean picture_write_to(FILE *file, const guint8 *rgb, int width, int height,
+                                 const char *const *texts, char **ret_message) {
+    png_structp png =
+        png_create_write_struct(PNG_LIBPNG_VER_STRING, ret_message, on_error, picture_on_warning);
+    png_infop info = png != NULL ? png_create_info_struct(png) : NULL;
+    gboolean good = info != NULL && encode(png, info, file, rgb, width, height, texts);
+    png_destroy_write_struct(&png, &info);
+    return good;
+}
+
+gboolean picture_write_png(const char *path, const guint8 *rgb, int width, int height,
+                           const char *const *texts, GError **error) {
+    g_autofree char *partial = g_strconcat(path, ".part", NULL);
+    g_autofree char *message = NULL;
+    FILE *file = g_fopen(partial, "wb");
+    if (file == NULL) {
+        g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO, "%s cannot be written: %s", path,
+                    g_strerror(errno));
+        return FALSE;
+    }
+    errno = 0;
+    gboolean good = picture_write_to(file, rgb, width, height, texts, &message);
+    good = fclose(file) == 0 && good && g_rename(partial, path) == 0;
+    if (good)
+        return TRUE;
+    g_set_error(error, PICTURE_ERROR, PICTURE_ERROR_IO, "%s cannot be written: %s", path,
+                errno != 0        ? g_strerror(errno)
+                : message != NULL ? message
+                                  : "PNG error");
+    g_unlink(partial);
+    return FALSE;
+}
+
+gboolean picture_write_exr(const char *path, const float *rgb, int width, int height,
+                           const char *const *texts, GError **error) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    struct exr_part *part = exr_part_new("picture", width, height, channels, EXR_FLOAT);
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, part);
+    exr_set_string(part, COMPARE_PICTURE_KIND, "picture");
+    for (; texts != NULL && texts[0] != NULL && texts[1] != NULL; texts += 2) {
+        g_autofree char *key = g_ascii_strdown(texts[0], -1);
+        g_autofree char *name =
+            g_strconcat("picture.", key, NULL); /* EXR has a "tiles" of its own */
+        exr_set_string(part, name, texts[1]);
+    }
+    for (gsize i = 0; i < (gsize)width * height; i++)
+        for (gsize c = 0; c < 3; c++)
+            part->planes[2 - c][i] = rgb[3 * i + c];
+    const gboolean good = exr_write(path, file, EXR_ZIP, FALSE, error);
+    exr_file_free(file);
+    return good;
+}
+
+locale_t picture_numbers_begin(void) {
+    locale_t before = uselocale((locale_t)0);
+    uselocale(newlocale(LC_NUMERIC_MASK, "C", duplocale(before)));
+    return before;
+}
+
+void picture_numbers_end(locale_t before) {
+    freelocale(uselocale(before));
+}

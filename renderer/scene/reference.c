@@ -1,0 +1,442 @@
+#include "reference.h"
+
+#include "btf/btf.h"
+#include "exr/exr.h"
+#include "gl/directions.h"
+#include "session/session.h"
+
+#include <math.h>
+#include <string.h>
+
+#define CHUNK 4096 /* samples a thread takes at a time */
+
+G_DEFINE_QUARK(reference_error, reference_error)
+
+struct file {
+    char *path;
+};
+
+struct Reference {
+    GArray *files;                 /* of struct file, one a view */
+    GPtrArray *names;              /* of the parts, one a light */
+    GArray *view_theta, *view_phi; /* of float, degrees */
+    GArray *light_theta, *light_phi;
+    int width, height;
+};
+
+/* One sample of the picture that shows the mesh. */
+struct sample {
+    guint32 at; /* in the picture */
+    float x, y; /* in texels */
+    struct direction_weights view, light;
+    float sum[3];
+};
+
+/* A view in memory: the lights, their pole and an even sky, each of height × width × R G B _. */
+struct layers {
+    float *texels;
+    gsize size; /* floats a layer */
+    int width, height, n_lights;
+    const float *pole, *sky; /* each light's share */
+};
+
+struct shading {
+    const Reference *reference;
+    const struct view_settings *settings;
+    struct sample *samples;
+    guint n_samples;
+    const float *texel, *view, *light, *lit; /* as view_render_geometry() gives them */
+    const struct layers *layers;
+    int view_index;
+    float pole_share; /* of this view in the mean that is the views' pole */
+    gint next;        /* sample nobody has taken yet */
+};
+
+static void file_clear(gpointer data) {
+    struct file *file = data;
+    g_free(file->path);
+}
+
+void reference_free(Reference *r) {
+    if (r == NULL)
+        return;
+    g_array_unref(r->files);
+    g_ptr_array_unref(r->names);
+    g_array_unref(r->view_theta);
+    g_array_unref(r->view_phi);
+    g_array_unref(r->light_theta);
+    g_array_unref(r->light_phi);
+    g_free(r);
+}
+
+static int compare_names(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static GPtrArray *list_files(const char *folder, GError **error) {
+    g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
+        if (g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr"))
+            g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
+    g_ptr_array_sort(paths, compare_names);
+    if (paths->len > 0)
+        return g_steal_pointer(&paths);
+    g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE,
+                "there is no BTF in %s; “mesorig process” makes it from a session", folder);
+    return NULL;
+}
+
+static gboolean reference_read_direction(const struct exr_part *part, const char *of,
+                                         float *ret_theta, float *ret_phi, GError **error) {
+    if (btf_direction(part, of, ret_theta, ret_phi))
+        return TRUE;
+    g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                "part %s: an angle of its %s is missing or not a number", part->name, of);
+    return FALSE;
+}
+
+/* The first file says which lights and texels there are. */
+static gboolean reference_take_lights(Reference *r, const struct exr_file *file, GError **error) {
+    for (guint k = 0; k < file->parts->len; k++) {
+        const struct exr_part *part = g_ptr_array_index(file->parts, k);
+        float theta, phi;
+        if (!g_str_has_prefix(part->name, "light_"))
+            continue;
+        if (!reference_read_direction(part, "light", &theta, &phi, error))
+            return FALSE;
+        g_ptr_array_add(r->names, g_strdup(part->name));
+        g_array_append_val(r->light_theta, theta);
+        g_array_append_val(r->light_phi, phi);
+        r->width = part->width;
+        r->height = part->height;
+    }
+    return TRUE;
+}
+
+static gboolean take_file(Reference *r, const char *path, GError **error) {
+    struct exr_file *headers = exr_read_headers(path, error);
+    if (headers == NULL)
+        return FALSE;
+    struct file file = {g_strdup(path)};
+    float theta = 0.0f, phi = 0.0f;
+    g_autoptr(GError) why = NULL;
+    gboolean good =
+        (r->files->len > 0 || reference_take_lights(r, headers, &why)) && r->names->len > 0;
+    for (guint k = 0; good && k < r->names->len; k++) {
+        const struct exr_part *part = exr_file_part(headers, r->names->pdata[k]);
+        good = part != NULL && part->width == r->width && part->height == r->height &&
+               reference_read_direction(part, "view", &theta, &phi, &why);
+    }
+    exr_file_free(headers);
+    g_array_append_val(r->files, file);
+    g_array_append_val(r->view_theta, theta);
+    g_array_append_val(r->view_phi, phi);
+    if (!good)
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                    "%s: %s; delete it and process again", path,
+                    why != NULL ? why->message : "its lights or texels are not the other views'");
+    return good;
+}
+
+Reference *reference_open(const char *btf, GError **error) {
+    g_autoptr(GPtrArray) paths = list_files(btf, error);
+    if (paths == NULL)
+        return NULL;
+    g_autoptr(Reference) r = g_new0(Reference, 1);
+    r->files = g_array_new(FALSE, FALSE, sizeof(struct file));
+    g_array_set_clear_func(r->files, file_clear);
+    r->names = g_ptr_array_new_with_free_func(g_free);
+    r->view_theta = g_array_new(FALSE, FALSE, sizeof(float));
+    r->view_phi = g_array_new(FALSE, FALSE, sizeof(float));
+    r->light_theta = g_array_new(FALSE, FALSE, sizeof(float));
+    r->light_phi = g_array_new(FALSE, FALSE, sizeof(float));
+    for (guint k = 0; k < paths->len; k++)
+        if (!take_file(r, paths->pdata[k], error))
+            return NULL;
+    return g_steal_pointer(&r);
+}
+
+static Directions *view_directions(const Reference *r, GError **error) {
+    const struct reference_info info = reference_info(r);
+    return directions_new(info.view_theta_deg, info.view_phi_deg, info.n_views, error);
+}
+
+static Directions *light_directions(const Reference *r, GError **error) {
+    return directions_new((const float *)(const void *)r->light_theta->data,
+                          (const float *)(const void *)r->light_phi->data, r->names->len, error);
+}
+
+/* The next samples nobody has taken. */
+static gboolean reference_take(struct shading *s, guint *ret_from, guint *ret_to) {
+    guint from = (guint)g_atomic_int_add(&s->next, CHUNK);
+    *ret_from = from;
+    *ret_to = MIN(from + CHUNK, s->n_samples);
+    return from < s->n_samples;
+}
+
+static void run_threads(struct shading *s, GThreadFunc work) {
+    GThread *threads[64];
+    guint n = MIN(g_get_num_processors(), G_N_ELEMENTS(threads));
+    s->next = 0;
+    for (guint k = 0; k < n; k++)
+        threads[k] = g_thread_new("reference", work, s);
+    for (guint k = 0; k < n; k++)
+        g_thread_join(threads[k]);
+}
+
+static struct vec3 reference_vector(const float *v) {
+    return vec3(v[0], v[1], v[2]);
+}
+
+/* Directions belong to one thread, so each makes its own; that they can be made is known. */
+static gpointer reference_prepare(gpointer data) {
+    struct shading *s = data;
+    g_autoptr(Directions) views = view_directions(s->reference, NULL);
+    g_autoptr(Directions) lights = light_directions(s->reference, NULL);
+    for (guint k, to; reference_take(s, &k, &to);)
+        for (; k < to; k++) {
+            struct sample *sample = &s->samples[k];
+            const float *texel = s->texel + 4 * (gsize)sample->at;
+            struct vec3 light = reference_vector(s->light + 4 * (gsize)sample->at);
+            sample->x = (texel[0] - floorf(texel[0])) * s->reference->width;
+            sample->y = (texel[1] - floorf(texel[1])) * s->reference->height;
+            directions_weights(views, reference_vector(s->view + 4 * (gsize)sample->at),
+                               &sample->view);
+            directions_weights(lights, light, &sample->light);
+            float fade = light.z >= 0.0 ? directions_fade(lights, light) : 0.0;
+            fade *= s->lit[4 * (gsize)sample->at];
+            for (int i = 0; i < 4; i++)
+                sample->light.weight[i] *= fade;
+        }
+    return NULL;
+}
+
+/* Adds a layer's value at the sample to sum, bilinearly between texels. */
+static void add_layer(const struct layers *l, int layer, const struct sample *at, gboolean nearest,
+                      float share, float sum[3]) {
+    const float *texels = l->texels + l->size * layer;
+    float x = nearest ? floorf(at->x) : at->x - 0.5f, y = nearest ? floorf(at->y) : at->y - 0.5f;
+    float fx = x - floorf(x), fy = y - floorf(y);
+    int i = ((int)floorf(x) + l->width) % l->width, j = ((int)floorf(y) + l->height) % l->height;
+    int right = (i + 1) % l->width, down = (j + 1) % l->height;
+    const float *a = texels + 4 * ((gsize)j * l->width + i);
+    const float *b = texels + 4 * ((gsize)j * l->width + right);
+    const float *c = texels + 4 * ((gsize)down * l->width + i);
+    const float *d = texels + 4 * ((gsize)down * l->width + right);
+    for (int k = 0; k < 3; k++)
+        sum[k] +=
+            share * ((1.0f - fy) * (a[k] + fx * (b[k] - a[k])) + fy * (c[k] + fx * (d[k] - c[k])));
+}
+
+static float share_of_view(const struct shading *s, const struct sample *sample) {
+    float share = 0.0f;
+    for (int k = 0; k < 4; k++)
+        if (sample->view.index[k] == s->view_index)
+            share += sample->view.weight[k];
+        else if (sample->view.index[k] == (int)s->reference->files->len)
+            share += sample->view.weight[k] * s->pole_share;
+    return share;
+}
+
+/* Adds what one view gives to all samples. */
+static gpointer reference_shade(gpointer data) {
+    struct shading *s = data;
+    for (guint k, to; reference_take(s, &k, &to);)
+        for (; k < to; k++) {
+            struct sample *sample = &s->samples[k];
+            float share = share_of_view(s, sample);
+            gboolean nearest = s->settings->style.nearest;
+            if (share == 0.0f)
+                continue;
+            for (int i = 0; i < 4; i++)
+                if (sample->light.weight[i] != 0.0f)
+                    add_layer(s->layers, sample->light.index[i], sample, nearest,
+                              share * sample->light.weight[i], sample->sum);
+            if (s->settings->ambient != 0.0)
+                add_layer(s->layers, s->layers->n_lights + 1, sample, nearest,
+                          share * s->settings->ambient, sample->sum);
+        }
+    return NULL;
+}
+
+static void mix_layers(struct layers *l) {
+    float *pole = l->texels + l->size * l->n_lights, *sky = pole + l->size;
+    memset(pole, 0, 2 * l->size * sizeof(float));
+    for (int light = 0; light < l->n_lights; light++) {
+        const float *texels = l->texels + l->size * light;
+        for (gsize k = 0; k < l->size; k++) {
+            pole[k] += l->pole[light] * texels[k];
+            sky[k] += l->sky[light] * texels[k];
+        }
+    }
+}
+
+/* Lights × texels × stride floats, of which R G B are set. */
+static gboolean reference_read_file(const Reference *r, const char *path, int stride, float *ret,
+                                    GError **error) {
+    static const char *const channels[] = {"R", "G", "B"};
+    const gsize texels = (gsize)r->width * r->height;
+    struct exr_file *file = session_check_product(path, error) ? exr_read(path, error) : NULL;
+    if (file == NULL)
+        return FALSE;
+    gboolean good = TRUE;
+    for (guint light = 0; good && light < r->names->len; light++) {
+        const struct exr_part *part = exr_file_part(file, r->names->pdata[light]);
+        good = part != NULL && part->width == r->width && part->height == r->height;
+        for (int c = 0; good && c < 3; c++) {
+            const float *plane = exr_part_plane(part, channels[c]);
+            good = plane != NULL;
+            for (gsize k = 0; good && k < texels; k++)
+                ret[stride * (texels * light + k) + c] = isfinite(plane[k]) ? plane[k] : 0.0f;
+        }
+    }
+    exr_file_free(file);
+    if (!good)
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                    "%s: a light or a colour is missing; delete it and process again", path);
+    return good;
+}
+
+static gboolean reference_load_view(const Reference *r, const char *path, struct layers *l,
+                                    GError **error) {
+    if (!reference_read_file(r, path, 4, l->texels, error))
+        return FALSE;
+    mix_layers(l);
+    return TRUE;
+}
+
+gboolean reference_read_view(const Reference *r, int view, float *ret, GError **error) {
+    return reference_read_file(r, g_array_index(r->files, struct file, view).path, 3, ret, error);
+}
+
+struct reference_info reference_info(const Reference *r) {
+    return (struct reference_info){
+        .width = r->width,
+        .height = r->height,
+        .n_views = (int)r->files->len,
+        .n_lights = (int)r->names->len,
+        .view_theta_deg = (const float *)(const void *)r->view_theta->data,
+        .view_phi_deg = (const float *)(const void *)r->view_phi->data,
+        .light_theta_deg = (const float *)(const void *)r->light_theta->data,
+        .light_phi_deg = (const float *)(const void *)r->light_phi->data,
+    };
+}
+
+/* One view after the other into all samples. */
+static gboolean shade_views(struct shading *s, struct layers *layers, const Directions *views,
+                            GError **error) {
+    int n_pole;
+    const int *pole = directions_pole(views, &n_pole);
+    s->layers = layers;
+    for (guint v = 0; v < s->reference->files->len; v++) {
+        s->view_index = v;
+        s->pole_share = 0.0f;
+        for (int k = 0; k < n_pole; k++)
+            s->pole_share += pole[k] == (int)v ? 1.0f / n_pole : 0.0f;
+        if (!reference_load_view(s->reference,
+                                 g_array_index(s->reference->files, struct file, v).path, layers,
+                                 error))
+            return FALSE;
+        run_threads(s, reference_shade);
+    }
+    return TRUE;
+}
+
+static gboolean shade_samples(struct shading *s, GError **error) {
+    const Reference *r = s->reference;
+    g_autoptr(Directions) views = view_directions(r, error);
+    g_autoptr(Directions) lights = views != NULL ? light_directions(r, error) : NULL;
+    if (lights == NULL)
+        return FALSE;
+    struct layers layers = {.size = 4 * (gsize)r->width * r->height,
+                            .width = r->width,
+                            .height = r->height,
+                            .n_lights = r->names->len};
+    g_autofree float *texels = g_try_new0(float, layers.size *(r->names->len + 2));
+    g_autofree float *pole_share = g_new0(float, r->names->len), *sky = g_new(float, r->names->len);
+    int n_pole;
+    const int *pole = directions_pole(lights, &n_pole);
+    for (int k = 0; k < n_pole; k++)
+        pole_share[pole[k]] += 1.0f / n_pole;
+    directions_sky(lights, sky);
+    layers.texels = texels;
+    layers.pole = pole_share;
+    layers.sky = sky;
+    if (texels == NULL) {
+        g_set_error(error, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT,
+                    "no memory for a view of %u lights of %d × %d texels", r->names->len, r->width,
+                    r->height);
+        return FALSE;
+    }
+    run_threads(s, reference_prepare);
+    gboolean good = shade_views(s, &layers, views, error);
+    s->layers = NULL;
+    return good;
+}
+
+static GArray *find_samples(const float *texel, gsize n) {
+    GArray *samples = g_array_new(FALSE, TRUE, sizeof(struct sample));
+    for (gsize k = 0; k < n; k++)
+        if (texel[4 * k + 3] > 0.5f && texel[4 * k + 2] > 0.5f) {
+            struct sample sample = {.at = k};
+            g_array_append_val(samples, sample);
+        }
+    return samples;
+}
+
+/* Puts the samples into the view's picture in place of what it has there. */
+static void put_samples(const struct shading *s, float *picture, double *ret_error) {
+    double squares = 0.0, differences = 0.0;
+    for (guint k = 0; k < s->n_samples; k++)
+        for (int c = 0; c < 3; c++) {
+            float *there = &picture[4 * (gsize)s->samples[k].at + c];
+            double value = fmax(s->samples[k].sum[c], 0.0);
+            squares += value * value;
+            differences += (*there - value) * (*there - value);
+            *there = value;
+        }
+    if (ret_error != NULL)
+        *ret_error = squares > 0.0 ? sqrt(differences / squares) : 0.0;
+}
+
+float *reference_render_linear(Reference *r, View *view, const struct view_settings *s, int width,
+                               int height, double *ret_error, GError **error) {
+    g_autofree float *picture = view_render_linear(view, s, width, height, error);
+    g_autofree float *texel = NULL, *to_view = NULL, *to_light = NULL, *lit = NULL;
+    if (picture == NULL ||
+        !(texel = view_render_geometry(view, s, VIEW_GEOMETRY_TEXEL, width, height, error)) ||
+        !(to_view = view_render_geometry(view, s, VIEW_GEOMETRY_VIEW, width, height, error)) ||
+        !(to_light = view_render_geometry(view, s, VIEW_GEOMETRY_LIGHT, width, height, error)) ||
+        !(lit = view_render_geometry(view, s, VIEW_GEOMETRY_LIT, width, height, error)))
+        return NULL;
+    g_autoptr(GArray) samples = find_samples(texel, (gsize)width * height);
+    struct shading shading = {.reference = r,
+                              .settings = s,
+                              .samples = (struct sample *)(void *)samples->data,
+                              .n_samples = samples->len,
+                              .texel = texel,
+                              .view = to_view,
+                              .light = to_light,
+                              .lit = lit};
+    if (!shade_samples(&shading, error))
+        return NULL;
+    put_samples(&shading, picture, ret_error);
+    return g_steal_pointer(&picture);
+}
+
+guint8 *reference_render(Reference *r, View *view, const struct view_settings *settings, int width,
+                         int height, double *ret_error, GError **error) {
+    struct view_settings s = *settings;
+    while (s.samples > 1 && (gint64)width * height * s.samples * s.samples > REFERENCE_MAX_SAMPLES)
+        s.samples--;
+    if ((gint64)width * height > REFERENCE_MAX_SAMPLES) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "a reference of %d × %d is too large, %d pixels are the most", width, height,
+                    REFERENCE_MAX_SAMPLES);
+        return NULL;
+    }
+    g_autofree float *linear = reference_render_linear(r, view, &s, width * s.samples,
+                                                       height * s.samples, ret_error, error);
+    return linear != NULL ? view_resolve(view, &s, linear, width, height, error) : NULL;
+}

@@ -1,0 +1,108 @@
+#include "mesh_shape.h"
+
+#include <math.h>
+
+#define LEAST_SCALE 1e-6f
+
+/* Sums over the triangles around a vertex. bend follows from the change of the normal along their
+ * edges, by least squares: for an edge (a, b) and a change (p, q), L a + M b = p, M a + N b = q. */
+struct sums {
+    float area, scale[2];
+    double aa, ab, bb, pa, pb_qa, qb;
+};
+
+static float mesh_shape_dot(const float a[3], const float b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void mesh_shape_cross(const float a[3], const float b[3], float ret[3]) {
+    for (int k = 0; k < 3; k++)
+        ret[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+}
+
+static void mesh_shape_minus(const float a[3], const float b[3], float ret[3]) {
+    for (int k = 0; k < 3; k++)
+        ret[k] = a[k] - b[k];
+}
+
+static void bitangent(const struct vertex *v, float ret[3]) {
+    mesh_shape_cross(v->normal, v->tangent, ret);
+    for (int k = 0; k < 3; k++)
+        ret[k] *= v->tangent[3];
+}
+
+/* Lengths of dP/du and dP/dv, weighted by the triangle's area. */
+static void add_scale(const struct vertex *const v[3], struct sums *const sums[3]) {
+    float e1[3], e2[3], normal[3], du[3], dv[3];
+    mesh_shape_minus(v[1]->position, v[0]->position, e1);
+    mesh_shape_minus(v[2]->position, v[0]->position, e2);
+    mesh_shape_cross(e1, e2, normal);
+    float u1 = v[1]->uv[0] - v[0]->uv[0], v1 = v[1]->uv[1] - v[0]->uv[1];
+    float u2 = v[2]->uv[0] - v[0]->uv[0], v2 = v[2]->uv[1] - v[0]->uv[1];
+    float area = sqrtf(mesh_shape_dot(normal, normal)), turn = u1 * v2 - u2 * v1;
+    if (turn == 0.0f || area == 0.0f)
+        return;
+    for (int k = 0; k < 3; k++) {
+        du[k] = (v2 * e1[k] - v1 * e2[k]) / turn;
+        dv[k] = (u1 * e2[k] - u2 * e1[k]) / turn;
+    }
+    for (int c = 0; c < 3; c++) {
+        sums[c]->area += area;
+        sums[c]->scale[0] += area * sqrtf(mesh_shape_dot(du, du));
+        sums[c]->scale[1] += area * sqrtf(mesh_shape_dot(dv, dv));
+    }
+}
+
+static void add_edge(const struct vertex *at, const struct vertex *from, const struct vertex *to,
+                     struct sums *sums) {
+    float edge[3], change[3], side[3];
+    mesh_shape_minus(to->position, from->position, edge);
+    mesh_shape_minus(to->normal, from->normal, change);
+    bitangent(at, side);
+    double a = mesh_shape_dot(edge, at->tangent), b = mesh_shape_dot(edge, side);
+    double p = mesh_shape_dot(change, at->tangent), q = mesh_shape_dot(change, side);
+    sums->aa += a * a;
+    sums->ab += a * b;
+    sums->bb += b * b;
+    sums->pa += p * a;
+    sums->pb_qa += p * b + q * a;
+    sums->qb += q * b;
+}
+
+/* Solves (aa, ab, 0; ab, aa + bb, ab; 0, ab, bb) (L, M, N) = (pa, pb + qa, qb). */
+static void mesh_shape_solve(const struct sums *s, float ret[3]) {
+    double slack = 1e-9 * (s->aa + s->bb) + G_MINDOUBLE;
+    double aa = s->aa + slack, bb = s->bb + slack, ab = s->ab;
+    double middle = aa + bb - ab * ab / aa - ab * ab / bb;
+    double m = middle > slack ? (s->pb_qa - ab * s->pa / aa - ab * s->qb / bb) / middle : 0.0;
+    ret[0] = (s->pa - ab * m) / aa;
+    ret[1] = m;
+    ret[2] = (s->qb - ab * m) / bb;
+    for (int k = 0; k < 3; k++)
+        if (!isfinite(ret[k]))
+            ret[k] = 0.0f;
+}
+
+struct vertex_shape *mesh_shapes(const struct mesh *mesh) {
+    g_autofree struct sums *sums = g_new0(struct sums, MAX(mesh->n_vertices, 1));
+    struct vertex_shape *shapes = g_new0(struct vertex_shape, MAX(mesh->n_vertices, 1));
+    for (guint k = 0; k + 2 < mesh->n_indices; k += 3) {
+        const struct vertex *v[3];
+        struct sums *to[3];
+        for (int c = 0; c < 3; c++) {
+            v[c] = &mesh->vertices[mesh->indices[k + c]];
+            to[c] = &sums[mesh->indices[k + c]];
+        }
+        add_scale(v, to);
+        for (int c = 0; c < 3; c++)
+            for (int e = 0; e < 3; e++)
+                add_edge(v[c], v[e], v[(e + 1) % 3], to[c]);
+    }
+    for (guint k = 0; k < mesh->n_vertices; k++) {
+        const struct sums *s = &sums[k];
+        for (int c = 0; c < 2; c++)
+            shapes[k].scale[c] = MAX(s->area > 0.0f ? s->scale[c] / s->area : 1.0f, LEAST_SCALE);
+        mesh_shape_solve(s, shapes[k].bend);
+    }
+    return shapes;
+}

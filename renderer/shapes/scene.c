@@ -1,0 +1,293 @@
+#include "scene.h"
+
+#include <math.h>
+#include <string.h>
+
+#define FLOOR 4.0 /* half its width, in radii of the mesh */
+
+G_DEFINE_QUARK(scene_error, scene_error)
+
+struct grid_shape {
+    double radius, tube_radius, height;
+};
+
+/* Fills position, normal and tangent from uv in [0, 1]². */
+typedef void (*GridPoint)(const struct grid_shape *shape, double u, double v, struct vertex *ret);
+
+static void set3(float ret[3], double x, double y, double z) {
+    ret[0] = x;
+    ret[1] = y;
+    ret[2] = z;
+}
+
+static void scene_plane_point(const struct grid_shape *shape, double u, double v,
+                              struct vertex *ret) {
+    set3(ret->position, 2.0 * u - 1.0, 2.0 * v - 1.0, 0.0);
+    set3(ret->normal, 0.0, 0.0, 1.0);
+    set3(ret->tangent, 1.0, 0.0, 0.0);
+}
+
+static void torus_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double a = 2.0 * G_PI * u, b = 2.0 * G_PI * v;
+    double r = shape->radius + shape->tube_radius * cos(b);
+    set3(ret->position, r * cos(a), r * sin(a), shape->tube_radius * sin(b));
+    set3(ret->normal, cos(b) * cos(a), cos(b) * sin(a), sin(b));
+    set3(ret->tangent, -sin(a), cos(a), 0.0);
+}
+
+static void sphere_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double a = 2.0 * G_PI * u, b = G_PI * (v - 0.5);
+    set3(ret->normal, cos(b) * cos(a), cos(b) * sin(a), sin(b));
+    memcpy(ret->position, ret->normal, sizeof ret->position);
+    set3(ret->tangent, -sin(a), cos(a), 0.0);
+}
+
+static void cylinder_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double a = 2.0 * G_PI * u;
+    set3(ret->position, shape->radius * cos(a), shape->radius * sin(a), shape->height * (v - 0.5));
+    set3(ret->normal, cos(a), sin(a), 0.0);
+    set3(ret->tangent, -sin(a), cos(a), 0.0);
+}
+
+/* Of the (2, 3) torus knot. */
+static void knot_curve(double t, double ret[3]) {
+    double r = 2.0 + cos(3.0 * t);
+    ret[0] = r * cos(2.0 * t);
+    ret[1] = r * sin(2.0 * t);
+    ret[2] = sin(3.0 * t);
+}
+
+static void knot_along(double t, double ret[3]) {
+    double a[3], b[3], length;
+    knot_curve(t - 1e-4, a);
+    knot_curve(t + 1e-4, b);
+    for (int k = 0; k < 3; k++)
+        ret[k] = b[k] - a[k];
+    length = sqrt(ret[0] * ret[0] + ret[1] * ret[1] + ret[2] * ret[2]);
+    for (int k = 0; k < 3; k++)
+        ret[k] /= length;
+}
+
+/* A tube's normal at angle b around it, from its upper side, is at right angles to its middle line,
+ * which is nowhere vertical. */
+static void knot_at(const struct grid_shape *shape, double u, double v, double ret[3],
+                    double ret_normal[3]) {
+    double t = 2.0 * G_PI * u, b = 2.0 * G_PI * v, middle[3], along[3], aside[3];
+    double out[3] = {0.0, 0.0, 1.0};
+    knot_curve(t, middle);
+    knot_along(t, along);
+    double off = along[2], length = 0.0;
+    for (int k = 0; k < 3; k++) {
+        out[k] -= off * along[k];
+        length = hypot(length, out[k]);
+    }
+    for (int k = 0; k < 3; k++)
+        out[k] /= length;
+    for (int k = 0; k < 3; k++)
+        aside[k] = out[(k + 1) % 3] * along[(k + 2) % 3] - out[(k + 2) % 3] * along[(k + 1) % 3];
+    for (int k = 0; k < 3; k++) {
+        ret_normal[k] = cos(b) * out[k] + sin(b) * aside[k];
+        ret[k] = shape->radius * middle[k] + shape->tube_radius * ret_normal[k];
+    }
+}
+
+static void knot_point(const struct grid_shape *shape, double u, double v, struct vertex *ret) {
+    double p[3], n[3], before[3], after[3], unused[3], t[3], length = 0.0;
+    knot_at(shape, u, v, p, n);
+    knot_at(shape, u - 1e-4, v, before, unused);
+    knot_at(shape, u + 1e-4, v, after, unused);
+    for (int k = 0; k < 3; k++)
+        t[k] = after[k] - before[k];
+    double off = t[0] * n[0] + t[1] * n[1] + t[2] * n[2];
+    for (int k = 0; k < 3; k++)
+        length = hypot(length, t[k] -= off * n[k]);
+    set3(ret->position, p[0], p[1], p[2]);
+    set3(ret->normal, n[0], n[1], n[2]);
+    set3(ret->tangent, t[0] / length, t[1] / length, t[2] / length);
+}
+
+static void grid_indices(struct mesh *mesh, int nu, int nv) {
+    guint32 *out = mesh->indices;
+    for (int j = 0; j < nv; j++)
+        for (int i = 0; i < nu; i++) {
+            guint32 a = (guint32)j * (nu + 1) + i, b = a + 1, c = a + nu + 1, d = c + 1;
+            guint32 quad[6] = {a, b, d, a, d, c};
+            memcpy(out, quad, sizeof quad);
+            out += 6;
+        }
+}
+
+static struct mesh *grid(const char *name, const struct grid_shape *shape, GridPoint fill, int nu,
+                         int nv) {
+    struct mesh *mesh = g_new0(struct mesh, 1);
+    mesh->name = g_strdup(name);
+    mesh->n_vertices = (nu + 1) * (nv + 1);
+    mesh->vertices = g_new0(struct vertex, mesh->n_vertices);
+    mesh->n_indices = 6 * nu * nv;
+    mesh->indices = g_new(guint32, mesh->n_indices);
+    for (int j = 0; j <= nv; j++)
+        for (int i = 0; i <= nu; i++) {
+            struct vertex *vertex = &mesh->vertices[j * (nu + 1) + i];
+            double u = (double)i / nu, v = (double)j / nv;
+            fill(shape, u, v, vertex);
+            vertex->tangent[3] = 1.0f;
+            vertex->uv[0] = u;
+            vertex->uv[1] = v;
+            float *p = vertex->position;
+            mesh->radius = MAX(mesh->radius, sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]));
+        }
+    grid_indices(mesh, nu, nv);
+    return mesh;
+}
+
+static struct mesh *with_tiles(struct mesh *mesh, double u, double v) {
+    mesh->tiles_u = u;
+    mesh->tiles_v = v;
+    return mesh;
+}
+
+struct mesh *scene_plane(void) {
+    return with_tiles(grid("plane", NULL, scene_plane_point, 1, 1), 2, 2);
+}
+
+struct mesh *scene_torus(double radius, double tube_radius, int n_around, int n_tube) {
+    struct grid_shape shape = {.radius = radius, .tube_radius = tube_radius};
+    double around = 8.0, tube = MAX(1.0, round(around * tube_radius / radius));
+    return with_tiles(grid("torus", &shape, torus_point, n_around, n_tube), around, tube);
+}
+
+struct mesh *scene_sphere(void) {
+    return with_tiles(grid("sphere", NULL, sphere_point, 128, 64), 6, 3);
+}
+
+/* A flat end at height z, facing up or down, with texels as large as those around. */
+static void add_lid(struct mesh *mesh, const struct grid_shape *shape, int n, double side) {
+    guint first = mesh->n_vertices, at = mesh->n_indices;
+    mesh->vertices = g_renew(struct vertex, mesh->vertices, mesh->n_vertices += n + 1);
+    mesh->indices = g_renew(guint32, mesh->indices, mesh->n_indices += 3 * n);
+    for (int k = 0; k <= n; k++) {
+        double r = k == n ? 0.0 : shape->radius, a = 2.0 * G_PI * k / n;
+        struct vertex *v = &mesh->vertices[first + k];
+        *v = (struct vertex){.normal = {0, 0, side}, .tangent = {1, 0, 0, 1}};
+        set3(v->position, r * cos(a), r * sin(a), 0.5 * side * shape->height);
+        v->uv[0] = v->position[0] / (2.0 * G_PI * shape->radius);
+        v->uv[1] = side * v->position[1] / shape->height;
+    }
+    for (int k = 0; k < n; k++) {
+        guint32 a = first + k, b = first + (k + 1) % n;
+        guint32 triangle[3] = {first + n, side > 0.0 ? a : b, side > 0.0 ? b : a};
+        memcpy(mesh->indices + at + 3 * (gsize)k, triangle, sizeof triangle);
+    }
+}
+
+struct mesh *scene_cylinder(void) {
+    struct grid_shape shape = {.radius = 0.6, .height = 1.6};
+    struct mesh *mesh = grid("cylinder", &shape, cylinder_point, 128, 1);
+    add_lid(mesh, &shape, 128, 1.0);
+    add_lid(mesh, &shape, 128, -1.0);
+    return with_tiles(mesh, 5, 2);
+}
+
+struct mesh *scene_torus_knot(void) {
+    struct grid_shape shape = {.radius = 0.42, .tube_radius = 0.18};
+    return with_tiles(grid("torus-knot", &shape, knot_point, 768, 48), 24, 2);
+}
+
+static void scene_minus(const float *a, const float *b, int n, double ret[3]) {
+    for (int k = 0; k < 3; k++)
+        ret[k] = k < n ? a[k] - b[k] : 0.0;
+}
+
+static double twice_area(const double a[3], const double b[3]) {
+    return sqrt(pow(a[1] * b[2] - a[2] * b[1], 2) + pow(a[2] * b[0] - a[0] * b[2], 2) +
+                pow(a[0] * b[1] - a[1] * b[0], 2));
+}
+
+/* How much larger areas are on the mesh than in u and v. */
+static double mean_scale(const struct mesh *mesh) {
+    double area = 0.0, flat = 0.0, e1[3], e2[3];
+    for (guint k = 0; k + 2 < mesh->n_indices; k += 3) {
+        const struct vertex *v[3];
+        for (int c = 0; c < 3; c++)
+            v[c] = &mesh->vertices[mesh->indices[k + c]];
+        scene_minus(v[1]->position, v[0]->position, 3, e1);
+        scene_minus(v[2]->position, v[0]->position, 3, e2);
+        area += twice_area(e1, e2);
+        scene_minus(v[1]->uv, v[0]->uv, 2, e1);
+        scene_minus(v[2]->uv, v[0]->uv, 2, e2);
+        flat += twice_area(e1, e2);
+    }
+    return flat > 0.0 && area > 0.0 ? area / flat : 1.0;
+}
+
+void scene_add_floor(struct mesh *mesh, double half_width) {
+    static const guint32 corners[6] = {0, 1, 3, 0, 3, 2};
+    double tile = sqrt(mean_scale(mesh) / (mesh->tiles_u * mesh->tiles_v));
+    double half = half_width * mesh->radius;
+    float low = 0.0f;
+    for (guint k = 0; k < mesh->n_vertices; k++)
+        low = MIN(low, mesh->vertices[k].position[2]);
+    guint first = mesh->n_vertices, at = mesh->n_indices;
+    mesh->vertices = g_renew(struct vertex, mesh->vertices, mesh->n_vertices += 4);
+    mesh->indices = g_renew(guint32, mesh->indices, mesh->n_indices += 6);
+    mesh->n_floor_vertices = 4;
+    mesh->n_floor_indices = 6;
+    for (int k = 0; k < 4; k++) {
+        struct vertex *v = &mesh->vertices[first + k];
+        double x = k & 1 ? half : -half, y = k & 2 ? half : -half;
+        *v = (struct vertex){.normal = {0, 0, 1}, .tangent = {1, 0, 0, 1}};
+        set3(v->position, x, y, low);
+        /* tiles_u and tiles_v multiply the floor's coordinates too. */
+        v->uv[0] = x / tile / mesh->tiles_u;
+        v->uv[1] = y / tile / mesh->tiles_v;
+    }
+    for (int k = 0; k < 6; k++)
+        mesh->indices[at + k] = first + corners[k];
+}
+
+void mesh_free(struct mesh *mesh) {
+    if (mesh == NULL)
+        return;
+    g_free(mesh->name);
+    g_free(mesh->vertices);
+    g_free(mesh->indices);
+    g_free(mesh);
+}
+
+static gboolean ends_with(const char *name, const char *ending) {
+    const gsize n = strlen(name), m = strlen(ending);
+    return n > m && g_ascii_strcasecmp(name + n - m, ending) == 0;
+}
+
+struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
+    if (strcmp(name, "plane") == 0)
+        return scene_plane();
+    if (strcmp(name, "torus") == 0)
+        return scene_torus(1.0, 0.4, 192, 96);
+    if (strcmp(name, "sphere") == 0)
+        return scene_sphere();
+    if (strcmp(name, "cylinder") == 0)
+        return scene_cylinder();
+    if (strcmp(name, "torus-knot") == 0)
+        return scene_torus_knot();
+    if (ends_with(name, ".obj"))
+        return scene_read_obj(name, up, error);
+    if (ends_with(name, ".gltf") || ends_with(name, ".glb"))
+        return scene_read_gltf(name, up, error);
+    g_set_error(error, SCENE_ERROR, SCENE_ERROR_NO_SHAPE,
+                "“%s” is no shape: plane, torus, sphere, cylinder, torus-knot or the path of an "
+                ".obj, .gltf or .glb file",
+                name);
+    return NULL;
+}
+
+struct mesh *scene_make(const char *name, const struct scene_options *options, GError **error) {
+    struct mesh *mesh = scene_shape(name, options->up, error);
+    if (mesh == NULL)
+        return NULL;
+    if (options->tiles_u > 0.0 && options->tiles_v > 0.0)
+        with_tiles(mesh, options->tiles_u, options->tiles_v);
+    if (options->floor)
+        scene_add_floor(mesh, FLOOR);
+    return mesh;
+}

@@ -1,0 +1,133 @@
+#include "live.h"
+
+#include "exr/exr.h"
+#include "scene/reference.h"
+#include "session/session.h"
+
+#define TERMS 4 /* Wang et al. 2005 §5 */
+
+static gboolean live_get_column(int view, float *ret_column, gpointer data, GError **error) {
+    return reference_read_view(data, view, ret_column, error);
+}
+
+static struct eigenmaps *maps_like(const struct reference_info *info, const char *session) {
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    maps->name = g_path_get_basename(session);
+    maps->width = info->width;
+    maps->height = info->height;
+    maps->texel_mm = 1.0;
+    maps->n_views = info->n_views;
+    maps->n_lights = info->n_lights;
+    maps->n_terms = MIN(TERMS, info->n_views);
+    maps->view_theta_deg = g_memdup2(info->view_theta_deg, sizeof(float) * info->n_views);
+    maps->view_phi_deg = g_memdup2(info->view_phi_deg, sizeof(float) * info->n_views);
+    maps->light_theta_deg = g_memdup2(info->light_theta_deg, sizeof(float) * info->n_lights);
+    maps->light_phi_deg = g_memdup2(info->light_phi_deg, sizeof(float) * info->n_lights);
+    return maps;
+}
+
+struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError **error) {
+    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
+    g_autoptr(Reference) reference = reference_open(btf, error);
+    if (reference == NULL)
+        return NULL;
+    const struct reference_info info = reference_info(reference);
+    struct eigenmaps *maps = maps_like(&info, session);
+    double rest;
+    *ret_n_views = info.n_views;
+    if (!eigenmaps_compute(maps, live_get_column, reference, &rest, error))
+        g_clear_pointer(&maps, eigenmaps_free);
+    return maps;
+}
+
+static gboolean live_is_made(const char *session, int view) {
+    g_autofree char *name = g_strdup_printf("view_%04d.exr", view);
+    g_autofree char *path = g_build_filename(session, "products", "btf", name, NULL);
+    return g_file_test(path, G_FILE_TEST_EXISTS);
+}
+
+GArray *live_views(const char *session, GError **error) {
+    g_autoptr(Session) opened = session_open(session, SESSION_READ, error);
+    g_autoptr(GPtrArray) planned = opened != NULL ? session_views(opened, error) : NULL;
+    if (planned == NULL)
+        return NULL;
+    GArray *views = g_array_new(FALSE, FALSE, sizeof(struct planned_view));
+    for (guint k = 0; k < planned->len; k++) {
+        const struct session_direction *direction = planned->pdata[k];
+        const struct planned_view view = {direction->theta_deg, direction->phi_deg,
+                                          live_is_made(session, direction->index)};
+        g_array_append_val(views, view);
+    }
+    return views;
+}
+
+struct Live {
+    char *session;
+    GThread *thread; /* NULL: none is at work */
+    gint done;       /* atomic */
+    gint cancelled;  /* atomic */
+    int n_views;     /* that the last result has, or is to have */
+    struct eigenmaps *maps;
+    GError *error;
+};
+
+Live *live_new(const char *session) {
+    Live *live = g_new0(Live, 1);
+    live->session = g_strdup(session);
+    return live;
+}
+
+void live_free(Live *live) {
+    if (live == NULL)
+        return;
+    g_atomic_int_set(&live->cancelled, TRUE);
+    if (live->thread != NULL)
+        g_thread_join(live->thread);
+    eigenmaps_free(live->maps);
+    g_clear_error(&live->error);
+    g_free(live->session);
+    g_free(live);
+}
+
+static int count_files(const char *session) {
+    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
+    g_autoptr(GDir) dir = g_dir_open(btf, 0, NULL);
+    int n = 0;
+    for (const char *name; dir != NULL && (name = g_dir_read_name(dir)) != NULL;)
+        n += g_str_has_prefix(name, "view_") && g_str_has_suffix(name, ".exr");
+    return n;
+}
+
+static gboolean live_go_on(double share, gpointer data) {
+    Live *live = data;
+    return !g_atomic_int_get(&live->cancelled);
+}
+
+static gpointer live_work(gpointer data) {
+    Live *live = data;
+    exr_watch(live_go_on, live);
+    live->maps = live_eigenmaps(live->session, &live->n_views, &live->error);
+    exr_watch(NULL, NULL);
+    g_atomic_int_set(&live->done, TRUE);
+    return NULL;
+}
+
+static struct eigenmaps *live_take(Live *live, int *ret_n_views, GError **error) {
+    g_thread_join(g_steal_pointer(&live->thread));
+    *ret_n_views = live->n_views;
+    if (live->error != NULL)
+        g_propagate_error(error, g_steal_pointer(&live->error));
+    return g_steal_pointer(&live->maps);
+}
+
+struct eigenmaps *live_poll(Live *live, int *ret_n_views, GError **error) {
+    if (live->thread != NULL)
+        return g_atomic_int_get(&live->done) ? live_take(live, ret_n_views, error) : NULL;
+    const int n = count_files(live->session);
+    if (n > live->n_views) {
+        live->n_views = n;
+        live->done = FALSE;
+        live->thread = g_thread_new("live", live_work, live);
+    }
+    return NULL;
+}

@@ -1,0 +1,24 @@
+/*
+ * A session that is still being captured: eigen-maps of the views that processing has made so far
+ * (products/btf), computed in a thread of its own, and which planned views those are.
+ */
+#pragma once
+
+#include "eigenmaps/eigenmaps.h"
+#include "scene/hatching.h"
+
+/* Waits for the result; any thread. *ret_n_views: how many there are. */
+struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError **error);
+
+/* Of the plan; a GArray of struct planned_view, or NULL with an error if it is no session. */
+GArray *live_views(const char *session, GError **error);
+
+typedef struct Live Live; /* belongs to one thread */
+
+Live *live_new(const char *session);
+void live_free(Live *live); /* NULL is ignored; ends the thread where it next reads */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Live, live_free)
+
+/* Returns at once: NULL, or newer eigen-maps than before, which are the caller's. Computes anew
+ * when there are more views than last time. NULL with an error once a computation has failed. */
+struct eigenmaps *live_poll(Live *live, int *ret_n_views, GError **error);

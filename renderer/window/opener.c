@@ -1,0 +1,147 @@
+#include "opener.h"
+
+#include "exr/exr.h"
+#include "gl/gpu.h"
+
+#include <epoxy/gl.h>
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+
+#define PUT 1000 /* share of a job, in thousandths, once its file is read */
+
+struct job {
+    Opener *opener;
+    gint number; /* of those asked for */
+    struct opened opened;
+};
+
+struct Opener {
+    GLFWwindow *context;
+    GThreadPool *thread;
+    GAsyncQueue *finished;      /* of struct job */
+    gint wanted[OPENER_PLACES]; /* atomic: number of the job; 0: none */
+    gint asked;
+    int under_way;       /* jobs asked for and not polled */
+    gint share;          /* atomic, in thousandths */
+    const char *working; /* atomic: path of the job at work, or NULL; lives until it is polled */
+};
+
+static gboolean opener_is_wanted(const struct job *job) {
+    return g_atomic_int_get(&job->opener->wanted[job->opened.place]) == job->number;
+}
+
+static gboolean note_share(double share, gpointer data) {
+    const struct job *job = data;
+    g_atomic_int_set(&job->opener->share, (gint)(share * PUT));
+    return opener_is_wanted(job);
+}
+
+static void open_job(struct job *job) {
+    struct opened *o = &job->opened;
+    if (o->place == OPENER_MDF) {
+        o->mdf = mdf_source_read(o->path, &o->error);
+        return;
+    }
+    glfwMakeContextCurrent(job->opener->context);
+    gpu_watch();
+    o->material = method_open(o->method, o->path, &o->error);
+    glFinish(); /* another context may only then read what was made */
+    glfwMakeContextCurrent(NULL);
+}
+
+static void opener_work(gpointer data, gpointer user_data) {
+    struct job *job = data;
+    Opener *opener = user_data;
+    g_atomic_int_set(&opener->share, 0);
+    g_atomic_pointer_set(&opener->working, job->opened.path);
+    exr_watch(note_share, job);
+    if (opener_is_wanted(job))
+        open_job(job);
+    exr_watch(NULL, NULL);
+    g_atomic_pointer_set(&opener->working, NULL);
+    g_async_queue_push(opener->finished, job);
+    glfwPostEmptyEvent();
+}
+
+/* A window that is never shown is how GLFW makes a context. */
+Opener *opener_new(struct GLFWwindow *window, GError **error) {
+    glfwWindowHint(GLFW_VISIBLE, GLFW_FALSE);
+    GLFWwindow *context = glfwCreateWindow(16, 16, "mesorig-view", NULL, window);
+    glfwWindowHint(GLFW_VISIBLE, GLFW_TRUE);
+    if (context == NULL) {
+        g_set_error(error, GPU_ERROR, GPU_ERROR_NONE,
+                    "there is no second OpenGL context to open materials with; try --render "
+                    "FILE.png");
+        return NULL;
+    }
+    Opener *opener = g_new0(Opener, 1);
+    opener->context = context;
+    opener->finished = g_async_queue_new();
+    opener->thread = g_thread_pool_new(opener_work, opener, 1, FALSE, NULL);
+    return opener;
+}
+
+void opened_free(struct opened *opened) {
+    if (opened == NULL)
+        return;
+    if (opened->material != NULL)
+        opened->method->free(opened->material);
+    mdf_source_free(opened->mdf);
+    g_clear_error(&opened->error);
+    g_free(opened->path);
+    g_free(opened);
+}
+
+/* What is at work ends where it next reads; what waits ends at once. */
+void opener_free(Opener *opener) {
+    if (opener == NULL)
+        return;
+    for (int k = 0; k < OPENER_PLACES; k++)
+        g_atomic_int_set(&opener->wanted[k], 0);
+    g_thread_pool_free(opener->thread, FALSE, TRUE);
+    for (struct opened *o; (o = opener_poll(opener)) != NULL;)
+        opened_free(o);
+    g_async_queue_unref(opener->finished);
+    glfwDestroyWindow(opener->context);
+    g_free(opener);
+}
+
+void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
+                const char *path) {
+    struct job *job = g_new0(struct job, 1);
+    job->opener = opener;
+    job->number = ++opener->asked;
+    job->opened = (struct opened){.place = place, .method = method, .path = g_strdup(path)};
+    g_atomic_int_set(&opener->wanted[place], job->number);
+    opener->under_way++;
+    g_thread_pool_push(opener->thread, job, NULL);
+}
+
+struct opened *opener_poll(Opener *opener) {
+    for (struct job *job; (job = g_async_queue_try_pop(opener->finished)) != NULL;) {
+        struct opened *opened = g_memdup2(&job->opened, sizeof job->opened);
+        const gboolean wanted = opener_is_wanted(job);
+        g_free(job);
+        opener->under_way--;
+        if (wanted) {
+            g_atomic_int_set(&opener->wanted[opened->place], 0);
+            return opened;
+        }
+        opened_free(opened);
+    }
+    return NULL;
+}
+
+gboolean opener_is_busy(const Opener *opener) {
+    return opener->under_way > 0;
+}
+
+char *opener_progress(const Opener *opener) {
+    const char *path = g_atomic_pointer_get((const char **)&opener->working);
+    const int share = g_atomic_int_get(&opener->share);
+    if (path == NULL)
+        return opener_is_busy(opener) ? g_strdup("opening …") : NULL;
+    g_autofree char *name = g_path_get_basename(path);
+    return share < PUT ? g_strdup_printf("opening %s: %d %%", name, share / (PUT / 100))
+                       : g_strdup_printf("putting %s on the card", name);
+}

@@ -1,0 +1,44 @@
+/*
+ * Opens materials beside a window: a thread reads the file and puts it on the card, in a GL context
+ * of its own that shares textures with the window's, which goes on drawing meanwhile. One after the
+ * other, in the order they were asked for.
+ */
+#pragma once
+
+#include "methods/method.h"
+#include "relief/mdf_source.h"
+
+enum opener_place { OPENER_FIRST, OPENER_SECOND, OPENER_MDF, OPENER_PLACES };
+
+/* What was opened for a place, or why not. */
+struct opened {
+    enum opener_place place;
+    const struct method *method; /* not of OPENER_MDF */
+    char *path;
+    gpointer material; /* of the method; NULL with an error */
+    struct mdf_source *mdf;
+    GError *error;
+};
+
+typedef struct Opener Opener; /* belongs to the thread of the window */
+struct GLFWwindow;
+
+/* The window's context is current before and after. */
+Opener *opener_new(struct GLFWwindow *window, GError **error);
+/* Ends what is under way, as soon as the next piece of its file is read; NULL is ignored. */
+void opener_free(Opener *opener);
+
+/* In place of what was asked for this place before, which is given up. method: NULL for
+ * OPENER_MDF. */
+void opener_ask(Opener *opener, enum opener_place place, const struct method *method,
+                const char *path);
+
+/* Returns at once: NULL, or the next that is finished, which is the caller's: what he takes out of
+ * it he sets to NULL. The window's loop is woken when there is one. */
+struct opened *opener_poll(Opener *opener);
+void opened_free(struct opened *opened); /* NULL is ignored */
+
+gboolean opener_is_busy(const Opener *opener);
+
+/* For people, what is under way and how far it is, g_free(); NULL: nothing is. */
+char *opener_progress(const Opener *opener);

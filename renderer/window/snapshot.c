@@ -1,0 +1,150 @@
+#include "snapshot.h"
+
+#include "scene/picture.h"
+
+/* As people name it, "weave.session/products/eigenmaps.exr": where it lay on this machine is
+ * nobody's business who is sent the picture. */
+static char *shown_name(const char *path) {
+    g_autofree char *name = g_path_get_basename(path), *folder = g_path_get_dirname(path);
+    g_autofree char *folder_name = g_path_get_basename(folder);
+    g_autofree char *session = g_path_get_dirname(folder);
+    g_autofree char *session_name = g_path_get_basename(session);
+    if (!g_str_equal(folder_name, "products"))
+        return g_steal_pointer(&name);
+    return g_build_filename(session_name, folder_name, name, NULL);
+}
+
+static char *snapshot_source_of(const struct snapshot *snapshot) {
+    static const char *const joined[COMPOSE_MODES] = {"", ", and on the right ",
+                                                      ", and how much brighter is "};
+    const gboolean two = snapshot->second != NULL;
+    return g_strconcat(snapshot->reference ? "the whole BTF" : snapshot->first->title,
+                       two ? joined[snapshot->how->mode] : NULL,
+                       two ? snapshot->second->title : NULL, NULL);
+}
+
+static char *compare_of(const struct snapshot *snapshot) {
+    if (snapshot->second != NULL && snapshot->how->mode == COMPOSE_SPLIT)
+        return g_strdup_printf("split at %.10g", snapshot->how->at);
+    if (snapshot->second != NULL && snapshot->how->mode == COMPOSE_DIFFERENCE)
+        return g_strdup_printf("difference times %.10g", snapshot->how->gain);
+    return g_strdup("one picture");
+}
+
+static const char *relief_of(const struct view_settings *s) {
+    return s->silhouettes && s->shadows ? "silhouettes, shadows"
+           : s->silhouettes             ? "silhouettes"
+           : s->shadows                 ? "shadows"
+                                        : "none";
+}
+
+/* All of them, as --lamp takes them. */
+static char *lamps_of(const struct view_settings *s) {
+    GString *text = g_string_new(NULL);
+    g_string_printf(text, "first %.10g, and %d more", s->lamp, s->n_lamps);
+    for (int k = 0; k < s->n_lamps; k++) {
+        const struct view_lamp *l = &s->lamps[k];
+        g_string_append_printf(text, "%s%.6g,%.6g,%.6g,%.6g,%.6g", k == 0 ? ": " : "; ",
+                               l->theta_deg, l->phi_deg, (double)l->rgb[0], (double)l->rgb[1],
+                               (double)l->rgb[2]);
+    }
+    return g_string_free(text, FALSE);
+}
+
+static char *environment_of(const struct snapshot *snapshot) {
+    g_autofree char *name =
+        snapshot->environment != NULL ? g_path_get_basename(snapshot->environment) : NULL;
+    return g_strdup_printf("%s%s", name != NULL ? name : "none",
+                           snapshot->settings->backdrop ? ", seen behind the shape" : "");
+}
+
+static char *camera_of(const struct view_settings *s) {
+    return g_strdup_printf("azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
+                           s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance,
+                           s->camera_fov_deg);
+}
+
+/* What is not as it is by default, beside the number of samples. */
+static char *drawn_of(const struct snapshot *snapshot) {
+    const struct view_settings *s = snapshot->settings;
+    GString *text = g_string_new(NULL);
+    g_string_printf(text, "%d x %d samples a pixel", s->samples, s->samples);
+    if (s->plain)
+        g_string_append(text, ", one texture times the cosine");
+    if (s->style.nearest)
+        g_string_append(text, ", texels not filtered");
+    if (s->silhouettes && s->visibility.straight)
+        g_string_append(text, ", rays straight");
+    if (s->silhouettes && s->visibility.layers != view_settings_default.visibility.layers)
+        g_string_append_printf(text, ", %d layers", s->visibility.layers);
+    if (s->shadows)
+        g_string_append_printf(text, ", shadow map %d", s->shadow_size);
+    return g_string_free(text, FALSE);
+}
+
+/* A file that is named, without its folder. */
+static char *file_of(const char *path) {
+    return path != NULL ? g_path_get_basename(path) : NULL;
+}
+
+/* value: taken; NULL: there is none. */
+static void snapshot_tell(GPtrArray *texts, const char *name, char *value) {
+    if (value == NULL)
+        return;
+    g_ptr_array_add(texts, g_strdup(name));
+    g_ptr_array_add(texts, value);
+}
+
+static GPtrArray *texts_of(const struct snapshot *snapshot) {
+    static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
+    const struct view_settings *s = snapshot->settings;
+    GPtrArray *texts = g_ptr_array_new_with_free_func(g_free);
+    snapshot_tell(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
+    snapshot_tell(texts, "Material", shown_name(snapshot->material));
+    snapshot_tell(texts, "Shape", file_of(snapshot->shape));
+    snapshot_tell(texts, "Floor", snapshot->floor ? g_strdup("of the material") : NULL);
+    snapshot_tell(texts, "Tiles", g_strdup_printf("%.10g x %.10g", s->tiles_u, s->tiles_v));
+    snapshot_tell(
+        texts, "Light",
+        g_strdup_printf("theta %.10g deg, phi %.10g deg", s->light_theta_deg, s->light_phi_deg));
+    snapshot_tell(texts, "Lamps", lamps_of(s));
+    snapshot_tell(texts, "Environment", environment_of(snapshot));
+    snapshot_tell(texts, "Camera", camera_of(s));
+    snapshot_tell(texts, "Exposure",
+                  g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
+    snapshot_tell(texts, "Relief", g_strdup(relief_of(s)));
+    snapshot_tell(texts, "Distances", s->silhouettes ? file_of(snapshot->mdf) : NULL);
+    snapshot_tell(texts, "Rotation", g_strdup(rotations[s->style.rotation]));
+    snapshot_tell(texts, "Normals", file_of(snapshot->normal_map));
+    snapshot_tell(texts, "Source", snapshot_source_of(snapshot));
+    snapshot_tell(texts, "Compare", compare_of(snapshot));
+    snapshot_tell(texts, "Drawn", drawn_of(snapshot));
+    if (snapshot->n_planned > 0)
+        snapshot_tell(
+            texts, "Views",
+            g_strdup_printf("%d of %d; where the nearest to the line of sight is missing, striped",
+                            snapshot->n_views, snapshot->n_planned));
+    g_ptr_array_add(texts, NULL);
+    return texts;
+}
+
+/* Whichever of the pictures is there. */
+static gboolean write_either(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
+                             const float *linear, int width, int height, GError **error) {
+    const locale_t before = picture_numbers_begin();
+    g_autoptr(GPtrArray) texts = texts_of(snapshot);
+    picture_numbers_end(before);
+    const char *const *all = (const char *const *)texts->pdata;
+    return linear != NULL ? picture_write_exr(path, linear, width, height, all, error)
+                          : picture_write_png(path, rgb, width, height, all, error);
+}
+
+gboolean snapshot_write(const char *path, const struct snapshot *snapshot, const guint8 *rgb,
+                        int width, int height, GError **error) {
+    return write_either(path, snapshot, rgb, NULL, width, height, error);
+}
+
+gboolean snapshot_write_light(const char *path, const struct snapshot *snapshot, const float *rgb,
+                              int width, int height, GError **error) {
+    return write_either(path, snapshot, NULL, rgb, width, height, error);
+}

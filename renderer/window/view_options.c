@@ -1,0 +1,384 @@
+#include "view_options.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#define MAX_SIZE 16384
+#define DEMO     "fabric-ashikhmin" /* shown where nothing is named */
+
+static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
+                text, wanted);
+    return FALSE;
+}
+
+/* The data of the option group is the options; see main(). */
+static gboolean parse_silhouettes(const char *option, const char *value, gpointer data,
+                                  GError **error) {
+    static const char *const ways[] = {"auto", "peel", "lists"};
+    struct view_options *o = data;
+    o->settings.silhouettes = TRUE;
+    for (gsize k = 0; k < G_N_ELEMENTS(ways); k++)
+        if (value == NULL || strcmp(value, ways[k]) == 0) {
+            o->settings.visibility.way = (enum visibility_way)k;
+            return TRUE;
+        }
+    return bad(error, option, value, "auto, peel or lists");
+}
+
+static gboolean parse_rotation(const char *option, const char *value, gpointer data,
+                               GError **error) {
+    static const char *const ways[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
+    struct view_options *o = data;
+    for (gsize k = 0; k < G_N_ELEMENTS(ways); k++)
+        if (strcmp(value, ways[k]) == 0) {
+            o->settings.style.rotation = (enum method_rotation)k;
+            return TRUE;
+        }
+    return bad(error, option, value, "exact, approximate or none");
+}
+
+/* Of which all but the angles may be missing. */
+static gboolean parse_lamp(const char *option, const char *value, gpointer data, GError **error) {
+    struct view_options *o = data;
+    struct view_settings *s = &o->settings;
+    double numbers[5] = {0, 0, 1, 1, 1};
+    g_auto(GStrv) parts = g_strsplit(value, ",", -1);
+    const guint n = g_strv_length(parts);
+    gboolean good = (n == 2 || n == 5) && s->n_lamps < VIEW_MAX_LAMPS;
+    for (guint k = 0; good && k < n; k++) {
+        char *end;
+        numbers[k] = g_ascii_strtod(parts[k], &end);
+        good = end != parts[k] && *end == '\0' && fabs(numbers[k]) <= (k < 2 ? 1e6 : 1e3) &&
+               (k == 1 || numbers[k] >= 0.0);
+    }
+    if (!good)
+        return bad(error, option, value, "THETA,PHI or THETA,PHI,R,G,B, 64 times at most,");
+    s->lamps[s->n_lamps++] = (struct view_lamp){
+        numbers[0], numbers[1], {(float)numbers[2], (float)numbers[3], (float)numbers[4]}};
+    return TRUE;
+}
+
+static gboolean check_environment(const struct view_options *o, GError **error) {
+    const struct view_settings *s = &o->settings;
+    if (o->reference && (o->environment != NULL || s->n_lamps > 0)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--reference knows one lamp, not --lamp or --environment");
+        return FALSE;
+    }
+    if (s->backdrop && o->environment == NULL) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--backdrop goes with --environment FILE.exr");
+        return FALSE;
+    }
+    return TRUE;
+}
+
+GOptionEntry *view_options_entries(struct view_options *o) {
+    struct view_settings *s = &o->settings;
+    const GOptionEntry all[] = {
+        {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
+         "OUT.png"},
+        {"shape", 0, 0, G_OPTION_ARG_FILENAME, &o->shape,
+         "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file", "SHAPE"},
+        {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
+         "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
+         "lafortune, "
+         "ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin",
+         "METHOD"},
+        {"normal-map", 0, 0, G_OPTION_ARG_FILENAME, &o->normal_map,
+         "Normals of metal-…, in tangent space with green upwards (PNG; or EXR, X Y Z)", "FILE"},
+        {"rotation", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_rotation,
+         "Of microfacets with the normal (ward, ashikhmin, metal-…, fabric-…)",
+         "exact|approximate|none"},
+        {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
+        {"tiles", 0, 0, G_OPTION_ARG_STRING, &o->tiles,
+         "Repetitions of the material along the shape, for example 8x3", "N|UxV"},
+        {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg,
+         "Light's angle from straight above, 0 … 180, default 50", "DEG"},
+        {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg,
+         "Light's azimuth from +x, default 200: from the left", "DEG"},
+        {"lamp", 0, 0, G_OPTION_ARG_CALLBACK, (gpointer)parse_lamp,
+         "A further lamp; may be given again", "THETA,PHI[,R,G,B]"},
+        {"environment", 0, 0, G_OPTION_ARG_FILENAME, &o->environment,
+         "Light from a picture of all directions (EXR, zenith in its first row) instead of the "
+         "lamp",
+         "FILE.exr"},
+        {"backdrop", 0, 0, G_OPTION_ARG_NONE, &s->backdrop,
+         "With --environment: it is seen behind the shape, too", NULL},
+        {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg,
+         "Camera's azimuth from +x, default -90: in front", "DEG"},
+        {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
+         "Camera's height above the horizon, -90 … 90, default 40", "DEG"},
+        {"camera-distance", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_distance,
+         "In radii of the shape; default: the shape fills the picture", "R"},
+        {"camera-fov-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_fov_deg,
+         "Field of view of the shorter side, 1 … 120, default 30", "DEG"},
+        {"exposure", 0, 0, G_OPTION_ARG_DOUBLE, &s->exposure_ev,
+         "Stops brighter, default 0.7; at 0 a lit white diffuser is just below white", "EV"},
+        {"ambient", 0, 0, G_OPTION_ARG_DOUBLE, &s->ambient,
+         "Light from all around, as a share of the lamp's, default 0.05", "SHARE"},
+        {"supersample", 0, 0, G_OPTION_ARG_INT, &o->supersample,
+         "Samples each way of a pixel, 1 … 8; default 4, in the window 1, of a reference 2", "N"},
+        {"nearest", 0, 0, G_OPTION_ARG_NONE, &o->nearest, "Do not filter between texels", NULL},
+        {"plain", 0, 0, G_OPTION_ARG_NONE, &s->plain,
+         "One texture times n·l instead of the BTF, to compare", NULL},
+        {"silhouettes", 0, G_OPTION_FLAG_OPTIONAL_ARG, G_OPTION_ARG_CALLBACK,
+         (gpointer)parse_silhouettes, "With the structure's outline, from the session's mdf.exr",
+         "auto|peel|lists"},
+        {"shadows", 0, 0, G_OPTION_ARG_NONE, &s->shadows, "With the shadows that the shape casts",
+         NULL},
+        {"floor", 0, 0, G_OPTION_ARG_NONE, &o->floor, "A floor of the material under the shape",
+         NULL},
+        {"layers", 0, 0, G_OPTION_ARG_INT, &s->visibility.layers,
+         "Of silhouettes behind each other, at most, 1 … 32 (default)", "N"},
+        {"straight", 0, 0, G_OPTION_ARG_NONE, &s->visibility.straight,
+         "Silhouettes as if the shape were flat under each ray, to compare", NULL},
+        {"shadow-map", 0, 0, G_OPTION_ARG_INT, &s->shadow_size,
+         "Size of the first lamp's map of shadows, 16 … 16384, default 1024", "PIXELS"},
+        {"mdf", 0, 0, G_OPTION_ARG_FILENAME, &o->mdf,
+         "Distances for --silhouettes, if not the mdf.exr beside the material", "FILE"},
+        {"up", 0, 0, G_OPTION_ARG_STRING, &o->up, "Upward axis of a shape's file, default y",
+         "y|z"},
+        {"frames", 0, 0, G_OPTION_ARG_INT, &o->frames,
+         "With --render: this many pictures OUT_0000.png …", "N"},
+        {"sheet", 0, 0, G_OPTION_ARG_INT, &o->sheet,
+         "With --frames: one picture instead, with so many of them side by side", "COLUMNS"},
+        {"reference", 0, 0, G_OPTION_ARG_NONE, &o->reference,
+         "With --render: from the session's whole BTF, not its eigen-maps; slow", NULL},
+        {"split", 0, 0, G_OPTION_ARG_STRING, &o->split,
+         "The right half of the picture by another method", "METHOD"},
+        {"difference", 0, 0, G_OPTION_ARG_STRING, &o->difference,
+         "Four times what another method is brighter or darker by, around grey", "METHOD"},
+        {"measured", 0, 0, G_OPTION_ARG_NONE, &o->measured,
+         "With --render: the measured frame nearest to camera and light, the same drawn, and four "
+         "times the difference",
+         NULL},
+        {"live", 0, 0, G_OPTION_ARG_NONE, &o->live,
+         "Eigen-maps of the views that are there, while the session is still being captured", NULL},
+        {"series", 0, 0, G_OPTION_ARG_STRING, &o->series_text,
+         "With --live: a picture each as soon as so much of the views is there", "PERCENT,…"},
+        {"wait-s", 0, 0, G_OPTION_ARG_DOUBLE, &o->wait_s,
+         "With --series: give up when no view comes for so long, default 600", "SECONDS"},
+        {"light-turn", 0, 0, G_OPTION_ARG_NONE, &o->light_turn,
+         "The light goes once around during the frames", NULL},
+        {"camera-turn", 0, 0, G_OPTION_ARG_NONE, &o->camera_turn,
+         "The camera goes once around during the frames", NULL},
+        {"close-after", 0, 0, G_OPTION_ARG_INT, &o->close_after,
+         "Close the window after this many frames", "N"},
+        {"screenshot", 0, 0, G_OPTION_ARG_FILENAME, &o->screenshot,
+         "Write the window's last picture when it closes", "OUT.png"},
+        {"with-panel", 0, 0, G_OPTION_ARG_NONE, &o->with_panel,
+         "Screenshots show the window as it is, with its panel", NULL},
+        {"json", 0, 0, G_OPTION_ARG_NONE, &o->json, "Say what was done as JSON", NULL},
+        {"version", 0, 0, G_OPTION_ARG_NONE, &o->version, "Print the version", NULL},
+        {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &o->rest, NULL, "MATERIAL"},
+        {NULL}};
+    return g_memdup2(all, sizeof all);
+}
+
+void view_options_clear(struct view_options *o) {
+    g_free(o->method_name);
+    g_free(o->mdf);
+    g_free(o->mdf_path);
+    g_free(o->normal_map);
+    g_free(o->render);
+    g_free(o->shape);
+    g_free(o->size);
+    g_free(o->tiles);
+    g_free(o->up);
+    g_free(o->environment);
+    g_free(o->series_text);
+    g_free(o->split);
+    g_free(o->difference);
+    g_free(o->screenshot);
+    g_strfreev(o->rest);
+}
+
+static gboolean bad_method(const struct view_options *o, GError **error) {
+    g_autoptr(GString) names = g_string_new(NULL);
+    for (gsize k = 0; methods[k] != NULL; k++)
+        g_string_append_printf(names, "%s%s",
+                               k == 0                   ? ""
+                               : methods[k + 1] != NULL ? ", "
+                                                        : " or ",
+                               methods[k]->name);
+    return bad(error, "--method", o->method_name, names->str);
+}
+
+static gboolean view_options_parse_size(struct view_options *o, GError **error) {
+    char end;
+    o->width = 800;
+    o->height = 600;
+    if (o->size != NULL &&
+        (sscanf(o->size, "%5dx%5d%c", &o->width, &o->height, &end) != 2 || o->width < 1 ||
+         o->height < 1 || o->width > MAX_SIZE || o->height > MAX_SIZE))
+        return bad(error, "--size", o->size, "WIDTHxHEIGHT, each 1 … 16384");
+    return TRUE;
+}
+
+static gboolean parse_tiles(struct view_options *o, GError **error) {
+    char *end;
+    struct view_settings *s = &o->settings;
+    if (o->tiles == NULL)
+        return TRUE;
+    s->tiles_u = s->tiles_v = g_ascii_strtod(o->tiles, &end);
+    if (*end == 'x' && end > o->tiles)
+        s->tiles_v = g_ascii_strtod(end + 1, &end);
+    if (*end != '\0' || !(s->tiles_u > 0.0 && s->tiles_u <= 1000.0) ||
+        !(s->tiles_v > 0.0 && s->tiles_v <= 1000.0))
+        return bad(error, "--tiles", o->tiles, "N or UxV, each above 0, up to 1000,");
+    return TRUE;
+}
+
+static int n_pictures(const struct view_options *o) {
+    return o->n_series > 0 ? o->n_series : o->frames;
+}
+
+int view_options_sheet_rows(const struct view_options *o) {
+    return o->sheet > 0 ? (n_pictures(o) + o->sheet - 1) / o->sheet : 1;
+}
+
+gboolean view_options_light(const struct view_options *o) {
+    const gsize length = o->render != NULL ? strlen(o->render) : 0;
+    return length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".exr") == 0;
+}
+
+static gboolean view_options_check_light(const struct view_options *o, GError **error) {
+    if (!view_options_light(o) ||
+        (o->second == NULL && !o->reference && !o->measured && !o->live && o->sheet == 0))
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--render %s: light is written of one method alone, not with --split, "
+                "--difference, --reference, --measured, --live or --sheet; take a .png",
+                o->render);
+    return FALSE;
+}
+
+static gboolean check_series(struct view_options *o, GError **error) {
+    o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
+    if (!(o->wait_s > 0.0 && o->wait_s <= 1e6)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--wait-s is %g, but must be above 0, up to 1000000", o->wait_s);
+        return FALSE;
+    }
+    if (o->series_text == NULL)
+        return TRUE;
+    o->n_series = series_parse(o->series_text, o->series);
+    if (o->n_series == 0)
+        return bad(error, "--series", o->series_text, "rising percentages, as 20,40,60,80,100,");
+    if (o->live && o->render != NULL && o->frames == 0)
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--series goes with --live and --render OUT.png, not with --frames");
+    return FALSE;
+}
+
+static gboolean check_sheet(const struct view_options *o, GError **error) {
+    if ((gint64)o->width * MAX(o->sheet, 1) <= MAX_SIZE &&
+        (gint64)o->height * view_options_sheet_rows(o) <= MAX_SIZE)
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--sheet %d with %d frames of %d × %d: the whole may be %d each way", o->sheet,
+                n_pictures(o), o->width, o->height, MAX_SIZE);
+    return FALSE;
+}
+
+/* Of --split and --difference. */
+static gboolean check_second(struct view_options *o, GError **error) {
+    const char *name = o->split != NULL ? o->split : o->difference;
+    o->compose = (struct compose){.at = 0.5, .gain = 4.0};
+    if (name == NULL)
+        return TRUE;
+    o->compose.mode = o->split != NULL ? COMPOSE_SPLIT : COMPOSE_DIFFERENCE;
+    o->second = method_find(name);
+    if (o->second != NULL && (o->split == NULL || o->difference == NULL) && !o->reference)
+        return TRUE;
+    if (o->second == NULL)
+        return bad(error, o->split != NULL ? "--split" : "--difference", name,
+                   "a method as --method has it");
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "one of --split, --difference and --reference can be had at a time");
+    return FALSE;
+}
+
+static gboolean check_sources(const struct view_options *o, GError **error) {
+    const gboolean session =
+        o->rest != NULL && (o->series_text != NULL || g_file_test(o->rest[0], G_FILE_TEST_IS_DIR));
+    if (o->measured &&
+        (!session || o->render == NULL || o->frames > 0 || o->second != NULL || o->reference))
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--measured goes with --render OUT.png of one picture, and a session");
+    else if (o->live && (!session || o->method != methods[0] || o->second != NULL))
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--live goes with a session and --method %s", methods[0]->name);
+    else
+        return TRUE;
+    return FALSE;
+}
+
+static gboolean check_plain(const struct view_options *o, GError **error) {
+    if (!o->settings.plain || o->method == methods[0])
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "--plain goes with --method %s",
+                methods[0]->name);
+    return FALSE;
+}
+
+static gboolean check_normal_map(const struct view_options *o, GError **error) {
+    if (o->normal_map == NULL || o->method->takes_normals ||
+        (o->second != NULL && o->second->takes_normals))
+        return TRUE;
+    g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                "--normal-map goes with --method metal-ward or metal-ashikhmin");
+    return FALSE;
+}
+
+gboolean view_options_check(struct view_options *o, GError **error) {
+    const gboolean given = o->rest != NULL && o->rest[0] != NULL;
+    o->method = given ? methods[0] : method_find(DEMO);
+    if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL)
+        return bad_method(o, error);
+    if (given ? o->rest[1] != NULL : o->method->product != NULL) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED,
+                    "one MATERIAL is expected: a session directory or what “%s” made of one",
+                    o->method->made_by != NULL ? o->method->made_by : "mesorig process");
+        return FALSE;
+    }
+    if (!check_plain(o, error))
+        return FALSE;
+    if (o->up != NULL && strcmp(o->up, "y") != 0 && strcmp(o->up, "z") != 0)
+        return bad(error, "--up", o->up, "y or z");
+    if (o->frames < 0 || o->frames > 10000 || o->close_after < 0) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--frames takes 1 … 10000, --close-after 1 or more");
+        return FALSE;
+    }
+    o->upward = g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
+    if (!check_second(o, error) || !check_normal_map(o, error) || !check_sources(o, error) ||
+        !check_environment(o, error) || !view_options_check_light(o, error))
+        return FALSE;
+    if (o->reference && (o->render == NULL || o->settings.plain || !given)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--reference goes with --render OUT.png and a session, not with --plain");
+        return FALSE;
+    }
+    if (!check_series(o, error))
+        return FALSE;
+    if (o->sheet != 0 && (o->sheet < 1 || o->sheet > n_pictures(o))) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--sheet goes with --frames N, or --series of N, and takes 1 … N columns");
+        return FALSE;
+    }
+    if (o->render == NULL && o->frames > 0) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--frames goes with --render OUT.png");
+        return FALSE;
+    }
+    o->settings.style.nearest = o->nearest;
+    int samples = o->reference ? 2 : o->render != NULL ? 4 : 1;
+    o->settings.samples = o->supersample != 0 ? o->supersample : samples;
+    return view_options_parse_size(o, error) && check_sheet(o, error) && parse_tiles(o, error) &&
+           view_settings_check(&o->settings, error);
+}

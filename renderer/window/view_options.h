@@ -1,0 +1,40 @@
+/* What mesorig-view's command line says. */
+#pragma once
+
+#include "scene/compose.h"
+#include "series.h"
+#include "shapes/scene.h"
+
+struct view_options {
+    const struct method *method;
+    char *method_name;
+    char *mdf, *mdf_path, *normal_map;
+    char *render, *shape, *size, *tiles, *up, *screenshot;
+    char *environment;
+    char *split, *difference; /* names of a second method */
+    const struct method *second;
+    struct compose compose;
+    enum scene_up upward;
+    gboolean measured, live, with_panel;
+    gint64 started_us; /* the program */
+    char *series_text;
+    int series[SERIES_MAX], n_series; /* percentages of the views */
+    double wait_s;
+    int frames, close_after, supersample, sheet;
+    gboolean floor, reference, light_turn, camera_turn, nearest, json, version;
+    struct view_settings settings;
+    char **rest;
+    int width, height;
+};
+
+/* For an option group whose data are the options; g_free(). */
+GOptionEntry *view_options_entries(struct view_options *options);
+
+/* Once they are parsed: fills in what is not said, or says what does not go together. */
+gboolean view_options_check(struct view_options *options, GError **error);
+void view_options_clear(struct view_options *options);
+
+int view_options_sheet_rows(const struct view_options *options);
+
+/* Whether --render asks for light (.exr) and not for a picture as it is shown. */
+gboolean view_options_light(const struct view_options *options);

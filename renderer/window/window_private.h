@@ -1,0 +1,78 @@
+/* What the files of the window share. */
+#pragma once
+
+#include "live.h"
+#include "opener.h"
+#include "scene/measured.h"
+#include "ui.h"
+#include "window.h"
+
+#include "gl/gpu.h"
+
+#define WINDOW_BINS 64
+
+struct GLFWwindow;
+
+struct window {
+    struct GLFWwindow *glfw;
+    const struct window_options *options;
+    Ui *ui;
+    Compose *compose;
+    struct gpu_target scene; /* the picture without the panel */
+    View *view, *second;
+    const struct method *method, *second_method;
+    struct compose how;
+    struct view_settings settings;
+    struct mesh *mesh;
+    const char *shape;
+    char *session; /* directory, or NULL */
+    char *material, *second_material;
+    char *message; /* what went wrong last, or NULL */
+    double x, y;   /* of the mouse */
+    double frame_ms;
+    float histogram[3 * WINDOW_BINS];
+    gboolean stale;               /* must be drawn again */
+    gboolean panel, help;         /* shown */
+    gint64 file_time, asked_time; /* of the file that is shown, and of that which is being opened */
+    gint64 mdf_time, looked_us, views_us;
+    int n_screenshots;
+    Live *live; /* NULL: there is nothing to follow */
+    int n_live;
+    struct eigenmaps *live_maps; /* the last that came; NULL: none yet */
+    GArray *planned;             /* of struct planned_view, or NULL */
+    Opener *opener;
+    gboolean first_open;           /* what it was started with was opened, or could not be */
+    enum compose_mode second_mode; /* once what is being opened as the second is there */
+    gboolean outlines;             /* silhouettes, once the MDF is there */
+    struct mdf_source *mdf;        /* NULL: none was opened */
+    gboolean show_measured;
+    struct measured measured;
+    guint measured_texture;
+};
+
+/* window_source.c: what is shown. Errors become the message, and what was shown stays. */
+void window_say(struct window *w, const char *message); /* NULL: nothing is wrong */
+void window_set_method(struct window *w, const struct method *method);
+void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
+void window_set_shape(struct window *w, const char *shape, const struct view_settings *tiles);
+void window_scale_tiles(struct window *w, double factor);
+gboolean window_set_environment(const struct window *w, View *view, GError **error);
+void window_toggle_backdrop(struct window *w);
+void window_toggle_silhouettes(struct window *w);
+void window_compare_measured(struct window *w);
+void window_follow(struct window *w); /* once a second looks at the files */
+void window_open_first(struct window *w);
+/* Takes what was opened meanwhile. FALSE: what it was started with cannot be. */
+gboolean window_take_opened(struct window *w, GError **error);
+void window_clear_sources(struct window *w);
+
+/* window_input.c */
+extern const char window_help[];
+void window_listen(struct window *w);
+void window_screenshot(struct window *w);
+
+/* window_panel.c */
+void window_panel(struct window *w);
+
+/* window.c */
+gboolean window_save(struct window *w, const char *path, GError **error);

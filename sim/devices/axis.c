@@ -1,0 +1,341 @@
+#include "devices.h"
+#include "world/world.h"
+
+#include <math.h>
+
+/* How often the world hears where a moving axis is. */
+#define TICK_US 20000
+
+enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };
+enum stall_kind { STALL_REPORTED, STALL_SILENT };
+enum part { PART_NONE, PART_TURNTABLE, PART_ARC, PART_SWEEP };
+
+struct sim_axis {
+    char *world_path, *part_name;
+    struct axis_motion motion;
+    double home_deg, homing_s, latency_ms, ringing_deg, position_error_deg;
+    double fault_slip_deg;
+    int error_seed, fault_slip_at, fault_stall_at, fault_stall_kind;
+
+    World *world;
+    enum part part;
+    int laser;
+
+    enum phase phase;
+    guint timer;
+    int n_moves;
+    gboolean stalls;
+    double from_deg, to_deg, speed0_deg_s; /* speed0: where braking began, signed */
+    gint64 start_us, end_us;
+    double position_deg, slack_deg; /* slack: how far the load lags behind the drive */
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct sim_axis, name)
+
+static const char *const stall_kinds[] = {"reported", "silent", NULL};
+
+static const struct option options[] = {
+    {"world", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(world_path),
+     "World file whose part this axis moves; none: it moves nothing"},
+    {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
+     "What it moves: turntable, arc, or a laser's name for its sweep; default: the axis's own "
+     "name"},
+    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(motion.wraps),
+     "Turns on without end, so that it has no limits and goes the short way"},
+    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(motion.min_deg),
+     "Lower limit"},
+    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(motion.max_deg),
+     "Upper limit"},
+    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "60", NULL, FIELD(motion.speed_deg_s),
+     "Top speed"},
+    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "120", NULL,
+     FIELD(motion.accel_deg_s2), "Acceleration, also to stop"},
+    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(motion.backlash_deg),
+     "Lost motion: the load lags by as much when approached from above"},
+    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(motion.settle_ms),
+     "How long the load swings after arrival"},
+    {"ringing_deg", OPTION_DOUBLE, "deg", 0, 10, "0.02", NULL, FIELD(ringing_deg),
+     "How far off the load is while it swings"},
+    {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
+     "Position of the reference switch"},
+    {"homing_s", OPTION_DOUBLE, "s", 0, 3600, "2", NULL, FIELD(homing_s), "How long homing takes"},
+    {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(latency_ms),
+     "How much later than the truth its reports come"},
+    {"position_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(position_error_deg),
+     "Largest error of position: repeatable, a function of the position and error_seed"},
+    {"error_seed", OPTION_INT, NULL, 0, G_MAXINT, "1", NULL, FIELD(error_seed),
+     "Which position errors this axis has"},
+    {"fault_slip_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, FIELD(fault_slip_deg),
+     "Fault: how far the load has slipped on its shaft, counter-clockwise"},
+    {"fault_slip_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_slip_at),
+     "In which movement it slips (taking up backlash counts as one); 0: before the first"},
+    {"fault_stall_at", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_stall_at),
+     "Fault: the n-th movement stalls half way (taking up backlash counts as one); 0: none does"},
+    {"fault_stall_kind", OPTION_CHOICE, NULL, 0, 0, "reported", stall_kinds,
+     FIELD(fault_stall_kind), "Whether a stall is reported, or nothing is heard again"},
+    {NULL},
+};
+
+static gint64 sim_axis_to_us(double seconds) {
+    return (gint64)ceil(seconds * 1e6);
+}
+
+/* −1 … 1, from whole numbers alone. */
+static double hash_unit(gint64 value, int seed) {
+    guint64 x = (guint64)value * 0x9e3779b97f4a7c15u + (guint64)seed * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
+}
+
+/* An eccentric bearing and an uneven scale. */
+static double position_error_deg(double deg, double most_deg, int seed) {
+    if (most_deg == 0)
+        return 0;
+    double turn = 2 * G_PI * deg / 360;
+    double smooth = sin(turn + G_PI * hash_unit(-1, seed));
+    double uneven = hash_unit(llround(deg * 1000), seed);
+    return most_deg * (0.7 * smooth + 0.3 * uneven);
+}
+
+/* Rounded, so that the same command gives the same truth to the last bit, however often the axis
+ * has turned before. */
+double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) {
+    if (wraps)
+        deg -= 360 * floor(deg / 360);
+    deg = (double)llround(deg * 1e6) / 1e6;
+    if (wraps && deg >= 360)
+        deg = 0;
+    return deg + position_error_deg(deg, most_deg, seed);
+}
+
+static double true_deg(const struct sim_axis *sim, double deg) {
+    double slip = sim->n_moves >= sim->fault_slip_at ? sim->fault_slip_deg : 0;
+    return sim_axis_true_deg(deg, sim->motion.wraps, sim->position_error_deg, sim->error_seed) +
+           sim->slack_deg + slip;
+}
+
+static void tell_world(struct sim_axis *sim, double off_deg) {
+    double deg = true_deg(sim, sim->position_deg) + off_deg;
+    if (sim->part == PART_TURNTABLE)
+        world_set_turntable(sim->world, deg);
+    else if (sim->part == PART_ARC)
+        world_set_arc(sim->world, deg);
+    else if (sim->part == PART_SWEEP)
+        world_set_sweep(sim->world, sim->laser, deg);
+}
+
+static void go_to(struct sim_axis *sim, double deg) {
+    double slack = sim->slack_deg - (deg - sim->position_deg);
+    sim->slack_deg = slack < 1e-7 ? 0 : MIN(slack, sim->motion.backlash_deg);
+    sim->position_deg = deg;
+}
+
+/* How far it has come after t seconds of a move over d degrees (both positive), and its speed. */
+static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
+                                 double *ret_speed) {
+    double a = sim->motion.accel_deg_s2, v = MIN(sim->motion.speed_deg_s, sqrt(a * d));
+    double ramp = v / a, total = d / v + ramp;
+    double left = MAX(0, total - t);
+    *ret_speed = MIN(v, a * MIN(t, left));
+    if (t <= ramp)
+        return a * t * t / 2;
+    if (left <= ramp)
+        return d - a * left * left / 2;
+    return v * (t - ramp / 2);
+}
+
+/* Where the drive is now, and its signed speed. */
+static double position_now(const struct sim_axis *sim, gint64 now_us, double *ret_speed) {
+    double t = (double)(now_us - sim->start_us) * 1e-6, speed = 0;
+    double sign = sim->to_deg < sim->from_deg ? -1 : 1;
+    *ret_speed = 0;
+    if (now_us >= sim->end_us)
+        return sim->to_deg;
+    if (sim->phase == BRAKING)
+        return sim->from_deg + sim->speed0_deg_s * t - sign * sim->motion.accel_deg_s2 * t * t / 2;
+    double way = sim_axis_travelled(sim, fabs(sim->to_deg - sim->from_deg), t, &speed);
+    *ret_speed = sign * speed;
+    return sim->from_deg + sign * way;
+}
+
+static void sim_axis_on_timer(gpointer data);
+
+static void wake_at(Axis *axis, gint64 at_us) {
+    struct sim_axis *sim = axis->device.priv;
+    clock_cancel(axis->device.clock, &sim->timer);
+    sim->timer = clock_call_at(axis->device.clock, at_us, sim_axis_on_timer, axis);
+}
+
+static gint64 latency_us(const struct sim_axis *sim) {
+    return sim_axis_to_us(sim->latency_ms / 1000);
+}
+
+static void stall(Axis *axis) {
+    struct sim_axis *sim = axis->device.priv;
+    sim->phase = STALLED;
+    if (sim->fault_stall_kind == STALL_SILENT)
+        return;
+    axis_report(axis, AXIS_FAULT,
+                g_error_new(DEVICE_ERROR, DEVICE_ERROR_STALLED,
+                            "axis %s: stalled at %.3f° on its way to %.3f°; see what blocks it",
+
+                            axis->device.name, sim->position_deg, sim->to_deg));
+}
+
+static void sim_axis_finish(Axis *axis) {
+    struct sim_axis *sim = axis->device.priv;
+    enum axis_event event = sim->phase == HOMING    ? AXIS_HOMED
+                            : sim->phase == BRAKING ? AXIS_STOPPED
+                                                    : AXIS_ARRIVED;
+    if (sim->phase == HOMING)
+        sim->slack_deg = 0;
+    sim->phase = STANDING;
+    if (event == AXIS_ARRIVED && sim->motion.settle_ms > 0 && sim->ringing_deg > 0) {
+        sim->phase = RINGING;
+        tell_world(sim, sim->ringing_deg);
+        wake_at(axis,
+                clock_now_us(axis->device.clock) + sim_axis_to_us(sim->motion.settle_ms / 1000));
+    } else {
+        tell_world(sim, 0);
+    }
+    axis_report(axis, event, NULL);
+}
+
+static void sim_axis_on_timer(gpointer data) {
+    Axis *axis = data;
+    struct sim_axis *sim = axis->device.priv;
+    gint64 now = clock_now_us(axis->device.clock);
+    double speed;
+    sim->timer = 0;
+    if (sim->phase == RINGING) {
+        sim->phase = STANDING;
+        tell_world(sim, 0);
+        return;
+    }
+    if (sim->phase == MOVING && sim->stalls && now >= (sim->start_us + sim->end_us) / 2) {
+        stall(axis);
+        return;
+    }
+    if (now >= sim->end_us + latency_us(sim)) {
+        go_to(sim, sim->to_deg);
+        sim_axis_finish(axis);
+        return;
+    }
+    if (sim->phase != HOMING) {
+        go_to(sim, position_now(sim, now, &speed));
+        tell_world(sim, 0);
+    }
+    gint64 next = now < sim->end_us ? MIN(now + TICK_US, sim->end_us) : now + TICK_US;
+    wake_at(axis, MIN(next, sim->end_us + latency_us(sim)));
+}
+
+static void sim_axis_start(Axis *axis, enum phase phase, double to_deg, double seconds) {
+    struct sim_axis *sim = axis->device.priv;
+    gint64 now = clock_now_us(axis->device.clock);
+    sim->phase = phase;
+    sim->from_deg = sim->position_deg;
+    sim->to_deg = to_deg;
+    sim->start_us = now;
+    sim->end_us = now + sim_axis_to_us(seconds);
+    wake_at(axis, MIN(now + TICK_US, sim->end_us + latency_us(sim)));
+}
+
+static gboolean sim_axis_home(Axis *axis, GError **error) {
+    struct sim_axis *sim = axis->device.priv;
+    sim->stalls = FALSE;
+    sim_axis_start(axis, HOMING, sim->home_deg, sim->homing_s);
+    return TRUE;
+}
+
+static gboolean sim_axis_move(Axis *axis, double target_deg, GError **error) {
+    struct sim_axis *sim = axis->device.priv;
+    double d = fabs(target_deg - sim->position_deg), v = sim->motion.speed_deg_s,
+           a = sim->motion.accel_deg_s2;
+    sim->stalls = ++sim->n_moves == sim->fault_stall_at;
+    sim_axis_start(axis, MOVING, target_deg, d >= v * v / a ? d / v + v / a : 2 * sqrt(d / a));
+    return TRUE;
+}
+
+static gboolean sim_axis_stop(Axis *axis, GError **error) {
+    struct sim_axis *sim = axis->device.priv;
+    double speed, a = sim->motion.accel_deg_s2;
+    gboolean halted = sim->phase == STANDING && axis_is_moving(axis); /* by axis_halt() */
+    if (sim->phase == HOMING || halted) { /* homing: so slow that it stands at once */
+        sim->slack_deg = sim->phase == HOMING ? 0 : sim->slack_deg;
+        sim_axis_start(axis, BRAKING, sim->position_deg, 0);
+    } else if (sim->phase == MOVING) {
+        go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
+        sim->speed0_deg_s = speed;
+        sim_axis_start(axis, BRAKING, sim->position_deg + speed * fabs(speed) / (2 * a),
+                       fabs(speed) / a);
+    }
+    return TRUE;
+}
+
+static double sim_axis_position(Axis *axis) {
+    struct sim_axis *sim = axis->device.priv;
+    double speed;
+    if (sim->phase == MOVING || sim->phase == BRAKING)
+        return position_now(sim, clock_now_us(axis->device.clock), &speed);
+    return sim->position_deg;
+}
+
+static gboolean find_part(Axis *axis, GError **error) {
+    struct sim_axis *sim = axis->device.priv;
+    const char *name = *sim->part_name ? sim->part_name : axis->device.name;
+    if (!*sim->world_path)
+        return TRUE;
+    sim->world = world_get(sim->world_path, error);
+    if (!sim->world)
+        return FALSE;
+    sim->laser = world_find_laser(sim->world, name);
+    sim->part = g_str_equal(name, "turntable") ? PART_TURNTABLE
+                : g_str_equal(name, "arc")     ? PART_ARC
+                : sim->laser >= 0              ? PART_SWEEP
+                                               : PART_NONE;
+    if (sim->part != PART_NONE)
+        return TRUE;
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
+                "axis %s: part: %s has no \"%s\"; choose turntable, arc or one of its lasers",
+                axis->device.name, sim->world_path, name);
+    g_clear_pointer(&sim->world, world_unref);
+    return FALSE;
+}
+
+static gboolean sim_axis_open_axis(Axis *axis, GError **error) {
+    struct sim_axis *sim = axis->device.priv;
+    if (!sim->motion.wraps &&
+        (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg)) {
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
+                    "axis %s: home_deg: %g lies outside min_deg to max_deg, %g to %g",
+                    axis->device.name, sim->home_deg, sim->motion.min_deg, sim->motion.max_deg);
+        return FALSE;
+    }
+    if (!find_part(axis, error))
+        return FALSE;
+    axis->motion = sim->motion;
+    return TRUE;
+}
+
+static void sim_axis_close_axis(Axis *axis) {
+    struct sim_axis *sim = axis->device.priv;
+    double speed;
+    clock_cancel(axis->device.clock, &sim->timer);
+    if (sim->phase == MOVING || sim->phase == BRAKING)
+        go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
+    tell_world(sim, 0);
+    g_clear_pointer(&sim->world, world_unref);
+}
+
+const struct axis_driver sim_axis_driver = {
+    .info = {"axis", "sim-axis",
+             "An axis of the simulated world, with backlash and position errors", options,
+             sizeof(struct sim_axis)},
+    .open = sim_axis_open_axis,
+    .close = sim_axis_close_axis,
+    .home = sim_axis_home,
+    .move = sim_axis_move,
+    .stop = sim_axis_stop,
+    .position = sim_axis_position,
+};

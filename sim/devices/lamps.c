@@ -1,0 +1,152 @@
+#include "devices.h"
+#include "world/world_private.h"
+
+struct sim_lamps {
+    char *world_path;
+    char **names, **fault_dead;
+    double latency_ms;
+    int fault_dead_after;
+
+    World *world;
+    int *lamps;     /* of the world, by index */
+    int *switches;  /* how often each was switched on */
+    GQueue pending; /* of struct pending, in order */
+};
+
+struct pending {
+    LampBank *bank;
+    int index;
+    gboolean on;
+    guint timer;
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct sim_lamps, name)
+
+static const struct option options[] = {
+    {"world", OPTION_PATH, NULL, 0, 0, NULL, NULL, FIELD(world_path),
+     "World file whose lamps these are"},
+    {"lamps", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(names),
+     "The world's lamps in the order of the bank; default: all, in the order of the world file"},
+    {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "5", NULL, FIELD(latency_ms),
+     "How long a relay takes to switch and answer"},
+    {"fault_dead", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(fault_dead),
+     "Fault: these lamps give no light, though their switches answer"},
+    {"fault_dead_after", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_dead_after),
+     "Fault: how often a lamp of fault_dead still lights before it dies; 0: dead from the start"},
+    {NULL},
+};
+
+static gboolean is_faulty(const struct sim_lamps *sim, int index) {
+    const char *name = sim->world->lamp_names[sim->lamps[index]];
+    return g_strv_contains((const char *const *)sim->fault_dead, name);
+}
+
+static void switch_one(struct sim_lamps *sim, int index, gboolean on, gint64 at_us) {
+    int lamp = sim->lamps[index];
+    if (on && is_faulty(sim, index) && sim->switches[index]++ >= sim->fault_dead_after)
+        world_set_lamp_dead(sim->world, lamp, TRUE);
+    world_set_lamp(sim->world, lamp, on, at_us);
+}
+
+static void switch_lamps(LampBank *bank, int index, gboolean on) {
+    struct sim_lamps *sim = bank->device.priv;
+    gint64 now = clock_now_us(bank->device.clock);
+    for (int i = 0; i < bank->n; i++) {
+        if (index < 0 || index == i)
+            switch_one(sim, i, on, now);
+    }
+}
+
+static void sim_lamps_on_switched(gpointer data) {
+    struct pending *pending = data, done = *pending;
+    struct sim_lamps *sim = done.bank->device.priv;
+    g_queue_remove(&sim->pending, pending);
+    g_free(pending);
+    switch_lamps(done.bank, done.index, done.on);
+    lamps_report(done.bank, done.index, done.on, NULL);
+}
+
+static gboolean sim_lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
+    struct sim_lamps *sim = bank->device.priv;
+    struct pending *pending = g_new0(struct pending, 1);
+    pending->bank = bank;
+    pending->index = index;
+    pending->on = on;
+    pending->timer = clock_call_in(bank->device.clock, (gint64)(sim->latency_ms * 1000),
+                                   sim_lamps_on_switched, pending);
+    g_queue_push_tail(&sim->pending, pending);
+    return TRUE;
+}
+
+static gboolean find_lamps(LampBank *bank, GError **error) {
+    struct sim_lamps *sim = bank->device.priv;
+    gboolean all = !*sim->names;
+    bank->n = all ? sim->world->n_lamps : (int)g_strv_length(sim->names);
+    sim->lamps = g_new0(int, MAX(bank->n, 1));
+    sim->switches = g_new0(int, MAX(bank->n, 1));
+    for (int i = 0; i < bank->n; i++) {
+        sim->lamps[i] = all ? i : world_find_lamp(sim->world, sim->names[i]);
+        if (sim->lamps[i] < 0) {
+            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
+                        "lamps %s: lamps: %s has no lamp \"%s\"", bank->device.name,
+                        sim->world_path, sim->names[i]);
+            return FALSE;
+        }
+    }
+    for (char **name = sim->fault_dead; *name; name++) {
+        if (world_find_lamp(sim->world, *name) < 0) {
+            g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
+                        "lamps %s: fault_dead: %s has no lamp \"%s\"", bank->device.name,
+                        sim->world_path, *name);
+            return FALSE;
+        }
+    }
+    return TRUE;
+}
+
+static void sim_lamps_clear(struct sim_lamps *sim) {
+    g_clear_pointer(&sim->lamps, g_free);
+    g_clear_pointer(&sim->switches, g_free);
+    g_clear_pointer(&sim->world, world_unref);
+}
+
+static gboolean sim_lamps_open_lamps(LampBank *bank, GError **error) {
+    struct sim_lamps *sim = bank->device.priv;
+    sim->world = world_get(sim->world_path, error);
+    if (!sim->world)
+        return FALSE;
+    if (!find_lamps(bank, error)) {
+        sim_lamps_clear(sim);
+        return FALSE;
+    }
+    bank->warm_up_s = world_lamp_warm_up_s(sim->world);
+    /* On and off, so that the world forgets when they burnt last: that was another clock's time if
+     * it has outlived the devices before. */
+    gint64 now = clock_now_us(bank->device.clock);
+    for (int i = 0; i < bank->n; i++) {
+        world_set_lamp_dead(sim->world, sim->lamps[i], FALSE);
+        world_set_lamp(sim->world, sim->lamps[i], FALSE, now);
+        world_set_lamp(sim->world, sim->lamps[i], TRUE, now);
+        world_set_lamp(sim->world, sim->lamps[i], FALSE, now);
+    }
+    return TRUE;
+}
+
+static void sim_lamps_close_lamps(LampBank *bank) {
+    struct sim_lamps *sim = bank->device.priv;
+    struct pending *pending;
+    while ((pending = g_queue_pop_head(&sim->pending))) {
+        clock_cancel(bank->device.clock, &pending->timer);
+        g_free(pending);
+    }
+    switch_lamps(bank, -1, FALSE);
+    sim_lamps_clear(sim);
+}
+
+const struct lamps_driver sim_lamps_driver = {
+    .info = {"lamps", "sim-lamps", "Lamps of the simulated world", options,
+             sizeof(struct sim_lamps)},
+    .open = sim_lamps_open_lamps,
+    .close = sim_lamps_close_lamps,
+    .set = sim_lamps_set,
+};

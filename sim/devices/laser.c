@@ -1,0 +1,132 @@
+#include "devices.h"
+#include "world/world.h"
+
+struct sim_laser {
+    char *world_path, *part_name;
+    double warm_up_ms, latency_ms;
+    gboolean fault_stays_on;
+    int fault_deaf;
+
+    World *world;
+    int laser;
+    gboolean on;
+    int n_deaf;
+    GQueue pending; /* of struct pending, in order */
+};
+
+struct pending {
+    Laser *laser;
+    gboolean on;
+    guint timer;
+};
+
+#define FIELD(name) G_STRUCT_OFFSET(struct sim_laser, name)
+
+static const struct option options[] = {
+    {"world", OPTION_PATH, NULL, 0, 0, "", NULL, FIELD(world_path),
+     "World file whose laser this is; none: it lights nothing"},
+    {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
+     "The laser's name in the world file; default: the section's own name"},
+    {"warm_up_ms", OPTION_DOUBLE, "ms", 0, 600000, "0", NULL, FIELD(warm_up_ms),
+     "From switching on until its power is stable"},
+    {"latency_ms", OPTION_DOUBLE, "ms", 0, 60000, "5", NULL, FIELD(latency_ms),
+     "How long it takes to switch and answer"},
+    {"fault_stays_on", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(fault_stays_on),
+     "Fault: once on it shines on, though it says it is off"},
+    {"fault_deaf", OPTION_INT, NULL, 0, G_MAXINT, "0", NULL, FIELD(fault_deaf),
+     "Fault: so often it neither goes off nor answers when it is told to"},
+    {NULL},
+};
+
+static void sim_laser_shine(struct sim_laser *sim, gboolean on) {
+    if (sim->world)
+        world_set_laser(sim->world, sim->laser, on);
+}
+
+static void sim_laser_on_switched(gpointer data) {
+    struct pending *pending = data, done = *pending;
+    struct sim_laser *sim = done.laser->device.priv;
+    g_queue_remove(&sim->pending, pending);
+    g_free(pending);
+    sim->on = done.on;
+    if (done.on || !sim->fault_stays_on)
+        sim_laser_shine(sim, done.on);
+    laser_report(done.laser, done.on, NULL);
+}
+
+static gboolean sim_laser_set(Laser *laser, gboolean on, GError **error) {
+    struct sim_laser *sim = laser->device.priv;
+    if (sim->on && !on && sim->n_deaf < sim->fault_deaf) {
+        sim->n_deaf++;
+        return TRUE;
+    }
+    struct pending *pending = g_new0(struct pending, 1);
+    pending->laser = laser;
+    pending->on = on;
+    pending->timer = clock_call_in(laser->device.clock, (gint64)(sim->latency_ms * 1000),
+                                   sim_laser_on_switched, pending);
+    g_queue_push_tail(&sim->pending, pending);
+    return TRUE;
+}
+
+static int sim_laser_find_place(const Laser *laser, const char *name, GError **error) {
+    const struct sim_laser *sim = laser->device.priv;
+    int found = world_find_laser(sim->world, name);
+    if (found < 0)
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
+                    "laser %s: part: %s has no laser \"%s\"", laser->device.name, sim->world_path,
+                    name);
+    return found;
+}
+
+/* The place is that of the laser in the world which has the section's name; its own: its part. */
+static gboolean mount(Laser *laser, const char *place, GError **error) {
+    struct sim_laser *sim = laser->device.priv;
+    if (!sim->world)
+        return TRUE;
+    int found = g_str_equal(place, laser->device.name) ? sim->laser
+                                                       : sim_laser_find_place(laser, place, error);
+    if (found >= 0)
+        world_mount_laser(sim->world, sim->laser, found);
+    return found >= 0;
+}
+
+static gboolean sim_laser_open_laser(Laser *laser, GError **error) {
+    struct sim_laser *sim = laser->device.priv;
+    const char *name = *sim->part_name ? sim->part_name : laser->device.name;
+    laser->warm_up_s = sim->warm_up_ms / 1000;
+    if (!*sim->world_path)
+        return TRUE;
+    sim->world = world_get(sim->world_path, error);
+    if (!sim->world)
+        return FALSE;
+    sim->laser = sim_laser_find_place(laser, name, error);
+    if (sim->laser < 0) {
+        g_clear_pointer(&sim->world, world_unref);
+        return FALSE;
+    }
+    sim_laser_shine(sim, FALSE);
+    world_mount_laser(sim->world, sim->laser, sim->laser);
+    return TRUE;
+}
+
+static void sim_laser_close_laser(Laser *laser) {
+    struct sim_laser *sim = laser->device.priv;
+    struct pending *pending;
+    while ((pending = g_queue_pop_head(&sim->pending))) {
+        clock_cancel(laser->device.clock, &pending->timer);
+        g_free(pending);
+    }
+    sim_laser_shine(sim, FALSE);
+    g_clear_pointer(&sim->world, world_unref);
+}
+
+const struct laser_driver sim_laser_driver = {
+    .info = {"laser", "sim-laser", "A line laser of the simulated world", options,
+             sizeof(struct sim_laser)},
+    .simulated = TRUE,
+    .open = sim_laser_open_laser,
+    .close = sim_laser_close_laser,
+    .set = sim_laser_set,
+    .mount = mount,
+};

@@ -1,0 +1,121 @@
+/* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
+#include "rig.h"
+#include "testbed.h"
+
+#include <glib-unix.h>
+#include <glib/gstdio.h>
+#include <locale.h>
+
+static char *virtual_path, *out_path, **usb, **u3v;
+static gboolean json;
+static double loss;
+
+static const GOptionEntry entries[] = {
+    {"virtual", 0, 0, G_OPTION_ARG_FILENAME, &virtual_path,
+     "Stand for the devices of this simulated rig", "RIG"},
+    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &out_path,
+     "Write the rig file for the real drivers here; default: to standard output", "FILE"},
+    {"usb", 0, 0, G_OPTION_ARG_STRING_ARRAY, &usb,
+     "This device is on USB: a Tic, a relay board, a V4L2 camera; all: every one", "NAME"},
+    {"u3v", 0, 0, G_OPTION_ARG_STRING_ARRAY, &u3v,
+     "This camera is a USB3 Vision camera; all: every one", "NAME"},
+    {"loss", 0, 0, G_OPTION_ARG_DOUBLE, &loss,
+     "This part of the cameras' packets is lost on the way, 0 to 1", "PART"},
+    {"json", 0, 0, G_OPTION_ARG_NONE, &json, "Say as JSON what there is", NULL},
+    {NULL},
+};
+
+static int virtual_rig_main_fail(const GError *error) {
+    g_printerr("mesorig-rig: %s\n", error->message);
+    return 1;
+}
+
+static void say_json(const VirtualRig *rig) {
+    gsize n;
+    const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
+    g_autofree char *path = g_strescape(out_path, NULL);
+    g_print("{\"rig\":\"%s\",\"devices\":[", path);
+    for (gsize i = 0; i < n; i++)
+        g_print("%s{\"section\":\"%s\",\"driver\":\"%s\",\"where\":\"%s\"}", i ? "," : "",
+                devices[i].section, devices[i].driver, devices[i].where);
+    g_autofree char *environment = virtual_rig_environment(rig);
+    g_print("],\"environment\":\"%s\"}\n", environment ? environment : "");
+}
+
+static void virtual_rig_main_say(const VirtualRig *rig) {
+    gsize n;
+    const struct virtual_rig_device *devices = virtual_rig_devices(rig, &n);
+    for (gsize i = 0; i < n; i++)
+        g_print("%-20s %-15s %s\n", devices[i].section, devices[i].driver, devices[i].where);
+    g_autofree char *environment = virtual_rig_environment(rig);
+    g_print("\n%s is the rig file. In another terminal:\n"
+            "  %s%smesorigd --listen unix:path=/tmp/mesorig-virtual --rig %s\n"
+            "  mesorig capture --address unix:path=/tmp/mesorig-virtual %s SESSION -o DIR\n"
+            "Ctrl-C ends the devices.\n",
+            out_path, environment ? environment : "", environment ? " " : "", out_path, out_path);
+}
+
+static gboolean virtual_rig_main_write_file(const VirtualRig *rig, GError **error) {
+    if (!out_path) {
+        g_print("%s", virtual_rig_text(rig));
+        return TRUE;
+    }
+    if (!g_file_set_contents(out_path, virtual_rig_text(rig), -1, error))
+        return FALSE;
+    if (json)
+        say_json(rig);
+    else
+        virtual_rig_main_say(rig);
+    return TRUE;
+}
+
+static gboolean virtual_rig_main_on_signal(gpointer data) {
+    g_main_loop_quit(data);
+    return G_SOURCE_CONTINUE;
+}
+
+static int virtual_rig_main_run(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(VirtualRig) rig =
+        virtual_rig_new(virtual_path, (const char *const *)usb, (const char *const *)u3v, &error);
+    if (!rig || !virtual_rig_main_write_file(rig, &error))
+        return virtual_rig_main_fail(error);
+    fflush(stdout);
+    struct virtual_camera_faults faults = {.loss = loss};
+    virtual_rig_fail_cameras(rig, &faults);
+    g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
+    g_unix_signal_add(SIGINT, virtual_rig_main_on_signal, loop);
+    g_unix_signal_add(SIGTERM, virtual_rig_main_on_signal, loop);
+    g_main_loop_run(loop);
+    if (out_path)
+        g_unlink(out_path); /* its devices are gone */
+    return 0;
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    g_auto(GStrv) again = g_strdupv(argv);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GOptionContext) options = g_option_context_new(NULL);
+    g_option_context_set_summary(
+        options,
+        "A rig of virtual devices on this machine that speak the real protocols: GigE Vision\n"
+        "cameras, Modbus RTU axes, Modbus TCP lamps, lasers and interlocks, which all see\n"
+        "and change the world of a simulated rig. With --usb: Pololu Tics, USB relay boards\n"
+        "and V4L2 cameras; with --u3v: USB3 Vision cameras.");
+    g_option_context_add_main_entries(options, entries, NULL);
+    if (!g_option_context_parse(options, &argc, &argv, &error)) {
+        g_printerr("mesorig-rig: %s\n", error->message);
+        return 2;
+    }
+    if (!virtual_path || argc > 1 || !(loss >= 0 && loss <= 1) || (json && !out_path)) {
+        g_printerr(
+            "usage: mesorig-rig --virtual RIG [-o FILE] [--usb NAME…] [--u3v NAME…] [--loss PART]\n"
+            "       [--json]\n"
+            "--json needs -o; PART is between 0 and 1\n");
+        return 2;
+    }
+    if (usb || u3v)
+        testbed_enter(again);
+    return virtual_rig_main_run();
+}

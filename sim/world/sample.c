@@ -1,0 +1,307 @@
+#include "sample.h"
+
+#include <math.h>
+#include <string.h>
+
+static const char *const kinds[] = {"flat",    "weave", "brushed", "brick", "peanuts", "ridges",
+                                    "picture", "obj",   "poles",   "balls", "plate",   NULL};
+
+#define AT(field) G_STRUCT_OFFSET(struct sample_options, field)
+const struct option sample_option_table[] = {
+    {"kind", OPTION_CHOICE, NULL, 0, 0, NULL, kinds, AT(kind), "what lies on the turntable"},
+    {"seed", OPTION_INT, NULL, 0, 1e9, "1", NULL, AT(seed),
+     "what its irregularities are drawn from"},
+    {"width_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(width_mm), "size along x"},
+    {"height_mm", OPTION_DOUBLE, "mm", 1, 1000, "50", NULL, AT(height_mm), "size along y"},
+    {"base_mm", OPTION_DOUBLE, "mm", 0, 100, "1", NULL, AT(base_mm),
+     "height of the structure's deepest places above the turntable's top"},
+    {"relief_mm", OPTION_DOUBLE, "mm", 0, 100, "3", NULL, AT(relief_mm),
+     "depth of the structure, roughly"},
+    {"top_mm", OPTION_DOUBLE, "mm", 0.1, 200, "5", NULL, AT(top_mm),
+     "nothing of the sample may be higher: the reference plane"},
+    {"period_mm", OPTION_DOUBLE, "mm", 0.1, 1000, "6.25", NULL, AT(period_mm),
+     "between yarns, ridges, courses of bricks; rounded so that the sample tiles"},
+    {"grid", OPTION_INT, NULL, 2, 2048, "224", NULL, AT(grid),
+     "cells in x and y of a sample that is a relief"},
+    {"albedo", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo),
+     "diffuse albedo, one number or red;green;blue; empty: the kind's own"},
+    {"albedo2", OPTION_DOUBLES, NULL, 0, 1, "", NULL, AT(albedo2),
+     "of the second colour: weft, mortar"},
+    {"gloss", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(gloss),
+     "albedo of the gloss; -1: the kind's own"},
+    {"roughness_along", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(along),
+     "of the gloss, along the fibres or scratches; -1: the kind's own"},
+    {"roughness_across", OPTION_DOUBLE, NULL, -1, 1, "-1", NULL, AT(across),
+     "of the gloss, across them; -1: the kind's own"},
+    {"places_mm", OPTION_DOUBLES, "mm", -500, 500, "", NULL, AT(places_mm),
+     "poles: x;y;height of each post; balls: x;y;radius of each; they stand on base_mm"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(radius_mm), "of the posts"},
+    {"smooth", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(smooth),
+     "shade an obj's surface as if it were round"},
+    {"path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(path),
+     "picture: PNG of the relief, black base_mm, white relief_mm above; obj: mesh in mm, z up"},
+    {"albedo_path", OPTION_PATH, NULL, 0, 0, "", NULL, AT(albedo_path),
+     "picture: PNG of the colours; plate: PNG whose every pixel is a rectangle of its print"},
+    {"tilt_deg", OPTION_DOUBLE, "deg", 0, 60, "0", NULL, AT(tilt_deg),
+     "plate: how far it leans, its lowest corner on the turntable"},
+    {"tilt_towards_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(tilt_towards_deg),
+     "plate: azimuth its normal leans towards"},
+    {"turn_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(turn_deg),
+     "plate: turned about its normal"},
+    {"offset_mm", OPTION_DOUBLES, "mm", -200, 200, "", NULL, AT(offset_mm),
+     "plate: where its middle lies, x;y"},
+    {0},
+};
+#undef AT
+
+struct mesh *sample_mesh_new(void) {
+    struct mesh *mesh = g_new(struct mesh, 1);
+    mesh->vertices = g_array_new(FALSE, FALSE, sizeof(struct vertex));
+    mesh->triangles = g_array_new(FALSE, FALSE, 3 * sizeof(guint32));
+    return mesh;
+}
+
+void sample_free(struct mesh *mesh) {
+    if (!mesh)
+        return;
+    g_array_unref(mesh->vertices);
+    g_array_unref(mesh->triangles);
+    g_free(mesh);
+}
+
+guint32 sample_add_vertex(struct mesh *mesh, const struct vertex *vertex) {
+    g_array_append_vals(mesh->vertices, vertex, 1);
+    return mesh->vertices->len - 1;
+}
+
+void sample_add_triangle(struct mesh *mesh, guint32 a, guint32 b, guint32 c) {
+    guint32 corners[3] = {a, b, c};
+    g_array_append_vals(mesh->triangles, corners, 1);
+}
+
+void sample_add_quad(struct mesh *mesh, guint32 a, guint32 b, guint32 c, guint32 d) {
+    sample_add_triangle(mesh, a, b, c);
+    sample_add_triangle(mesh, a, c, d);
+}
+
+static struct vertex *vertex_at(struct mesh *mesh, guint32 i) {
+    return &g_array_index(mesh->vertices, struct vertex, i);
+}
+
+static void add_normal(struct mesh *mesh, const guint32 corners[3]) {
+    const float *a = vertex_at(mesh, corners[0])->p, *b = vertex_at(mesh, corners[1])->p,
+                *c = vertex_at(mesh, corners[2])->p;
+    float u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+    float v[3] = {c[0] - a[0], c[1] - a[1], c[2] - a[2]};
+    float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            vertex_at(mesh, corners[i])->n[k] += n[k];
+}
+
+void sample_smooth_normals(struct mesh *mesh, guint first_vertex, guint first_triangle) {
+    for (guint i = first_vertex; i < mesh->vertices->len; i++)
+        memset(vertex_at(mesh, i)->n, 0, sizeof(float[3]));
+    const guint32(*triangles)[3] = (const guint32(*)[3])(gpointer)mesh->triangles->data;
+    for (guint i = first_triangle; i < mesh->triangles->len; i++)
+        add_normal(mesh, triangles[i]);
+    for (guint i = first_vertex; i < mesh->vertices->len; i++) {
+        float *n = vertex_at(mesh, i)->n, s = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        if (s > 0)
+            for (int k = 0; k < 3; k++)
+                n[k] /= s;
+        else
+            n[2] = 1;
+    }
+}
+
+void sample_set_rgb(float to[3], const struct option_doubles *given, float r, float g, float b) {
+    const float own[3] = {r, g, b};
+    for (int k = 0; k < 3; k++)
+        to[k] = given->n == 0 ? own[k] : (float)given->values[given->n == 1 ? 0 : k];
+}
+
+static double lattice(gint64 x, gint64 y, guint64 seed) {
+    guint64 h = sample_hash(seed ^ ((guint64)x * 0x9e3779b97f4a7c15u) ^
+                            sample_hash((guint64)y + 0x632be59bd9b4e019u));
+    return (double)(h >> 11) * 0x1p-52 - 1;
+}
+
+static gint64 sample_wrap(gint64 i, int period) {
+    gint64 rest = i % period;
+    return rest < 0 ? rest + period : rest;
+}
+
+double sample_noise(double x, double y, int period_x, int period_y, guint64 seed) {
+    double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
+    gint64 x0 = sample_wrap((gint64)fx, period_x), x1 = sample_wrap(x0 + 1, period_x);
+    gint64 y0 = sample_wrap((gint64)fy, period_y), y1 = sample_wrap(y0 + 1, period_y);
+    u = u * u * (3 - 2 * u);
+    v = v * v * (3 - 2 * v);
+    double low = lattice(x0, y0, seed) * (1 - u) + lattice(x1, y0, seed) * u;
+    double high = lattice(x0, y1, seed) * (1 - u) + lattice(x1, y1, seed) * u;
+    return low * (1 - v) + high * v;
+}
+
+/* Walls have vertices of their own, with the normal of their side. */
+static void add_wall(struct mesh *mesh, const guint32 *edge, int n, float nx, float ny) {
+    guint32 before[2] = {0, 0};
+    for (int i = 0; i < n; i++) {
+        struct vertex top = *vertex_at(mesh, edge[i]);
+        top.n[0] = nx;
+        top.n[1] = ny;
+        top.n[2] = 0;
+        struct vertex bottom = top;
+        bottom.p[2] = 0;
+        guint32 here[2] = {sample_add_vertex(mesh, &top), sample_add_vertex(mesh, &bottom)};
+        if (i > 0)
+            sample_add_quad(mesh, before[1], here[1], here[0], before[0]);
+        memcpy(before, here, sizeof before);
+    }
+}
+
+static void add_walls(struct mesh *mesh, guint32 first, int nx, int ny) {
+    int n = MAX(nx, ny) + 1;
+    g_autofree guint32 *edge = g_new(guint32, n);
+    guint32 columns = (guint32)nx + 1, rows = (guint32)ny + 1;
+    for (guint32 i = 0; i < columns; i++)
+        edge[i] = first + i;
+    add_wall(mesh, edge, nx + 1, 0, -1);
+    for (guint32 i = 0; i < columns; i++)
+        edge[i] = first + ny * columns + (columns - 1 - i);
+    add_wall(mesh, edge, nx + 1, 0, 1);
+    for (guint32 i = 0; i < rows; i++)
+        edge[i] = first + i * columns + (guint32)nx;
+    add_wall(mesh, edge, ny + 1, 1, 0);
+    for (guint32 i = 0; i < rows; i++)
+        edge[i] = first + (rows - 1 - i) * columns;
+    add_wall(mesh, edge, ny + 1, -1, 0);
+}
+
+void sample_add_relief(struct mesh *mesh, const struct sample_options *options, int nx, int ny,
+                       SampleRelief relief, gconstpointer data) {
+    guint32 first = mesh->vertices->len, columns = (guint32)nx + 1;
+    for (int j = 0; j <= ny; j++) {
+        for (int i = 0; i <= nx; i++) {
+            struct vertex vertex = {.n = {0, 0, 1}, .t = {1, 0, 0}, .along = 1, .across = 1};
+            vertex.p[0] = (float)(options->width_mm * ((double)i / nx - 0.5));
+            vertex.p[1] = (float)(options->height_mm * ((double)j / ny - 0.5));
+            relief(&vertex, data);
+            sample_add_vertex(mesh, &vertex);
+        }
+    }
+    guint first_triangle = mesh->triangles->len;
+    for (guint32 j = 0; j < (guint32)ny; j++)
+        for (guint32 i = 0; i < (guint32)nx; i++) {
+            guint32 a = first + j * columns + i;
+            sample_add_quad(mesh, a, a + 1, a + 1 + columns, a + columns);
+        }
+    sample_smooth_normals(mesh, first, first_triangle);
+    add_walls(mesh, first, nx, ny);
+}
+
+static gboolean check_rgb(const struct config_section *section, const char *key,
+                          const struct option_doubles *list, GError **error) {
+    if (list->n == 0 || list->n == 1 || list->n == 3)
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, section, key,
+                     "%d numbers given: one, or red;green;blue", list->n);
+    return FALSE;
+}
+
+static gboolean sample_check_options(const struct config_section *section,
+                                     const struct sample_options *options, GError **error) {
+    if (!check_rgb(section, "albedo", &options->albedo, error) ||
+        !check_rgb(section, "albedo2", &options->albedo2, error))
+        return FALSE;
+    if (MAX(options->width_mm, options->height_mm) > 200 * options->period_mm) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "period_mm",
+                         "%g is too small for a sample of this size: more than 200 of them would "
+                         "fit",
+                         options->period_mm);
+        return FALSE;
+    }
+    gboolean placed = options->kind == SAMPLE_POLES || options->kind == SAMPLE_BALLS;
+    if (placed && (options->places_mm.n == 0 || options->places_mm.n % 3 != 0)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "places_mm",
+                         "has %d number(s): write x;y;height of each post, x;y;radius of each ball",
+                         options->places_mm.n);
+        return FALSE;
+    }
+    for (int i = 2; placed && i < options->places_mm.n; i += 3)
+        if (options->places_mm.values[i] <= 0) {
+            config_set_error(error, CONFIG_ERROR_VALUE, section, "places_mm",
+                             "number %d, a height or a radius, is %g: it must be positive", i + 1,
+                             options->places_mm.values[i]);
+            return FALSE;
+        }
+    if (options->offset_mm.n != 0 && options->offset_mm.n != 2) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "offset_mm", "%d number(s) given: x;y",
+                         options->offset_mm.n);
+        return FALSE;
+    }
+    if (options->kind == SAMPLE_PLATE && !*options->albedo_path) {
+        config_set_error(error, CONFIG_ERROR_MISSING, section, "albedo_path",
+                         "must be given for a plate: the PNG it is printed with");
+        return FALSE;
+    }
+    gboolean loaded = options->kind == SAMPLE_PICTURE || options->kind == SAMPLE_OBJ;
+    if (loaded && !*options->path) {
+        config_set_error(error, CONFIG_ERROR_MISSING, section, "path",
+                         "must be given for a sample that is loaded");
+        return FALSE;
+    }
+    return TRUE;
+}
+
+/* A mesh that leaves its place would make wrong data, not an error, later on. */
+static gboolean check_mesh(const struct config_section *section,
+                           const struct sample_options *options, const struct mesh *mesh,
+                           GError **error) {
+    double low = G_MAXDOUBLE, high = -G_MAXDOUBLE;
+    for (guint i = 0; i < mesh->vertices->len; i++) {
+        const float *p = g_array_index(mesh->vertices, struct vertex, i).p;
+        low = MIN(low, (double)p[2]);
+        high = MAX(high, (double)p[2]);
+    }
+    if (mesh->triangles->len && low >= -1e-6 && high <= options->top_mm + 1e-6)
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, section, "kind",
+                     mesh->triangles->len
+                         ? "the sample is between %g and %g mm high, and must be between 0 and "
+                           "top_mm = %g; change base_mm, relief_mm or top_mm"
+                         : "the sample has no surface",
+                     low, high, options->top_mm);
+    return FALSE;
+}
+
+static struct mesh *sample_make(const struct sample_options *options, GError **error) {
+    switch ((enum sample_kind)options->kind) {
+    case SAMPLE_WEAVE:
+        return sample_weave(options);
+    case SAMPLE_PEANUTS:
+        return sample_peanuts(options);
+    case SAMPLE_PICTURE:
+        return sample_picture(options, error);
+    case SAMPLE_PLATE:
+        return sample_plate(options, error);
+    case SAMPLE_OBJ:
+        return sample_obj(options, error);
+    case SAMPLE_POLES:
+    case SAMPLE_BALLS:
+        return sample_targets(options);
+    default:
+        return sample_relief(options);
+    }
+}
+
+struct mesh *sample_new(const struct config_section *section, const struct sample_options *options,
+                        GError **error) {
+    if (!sample_check_options(section, options, error))
+        return NULL;
+    struct mesh *mesh = sample_make(options, error);
+    if (!mesh || check_mesh(section, options, mesh, error))
+        return mesh;
+    sample_free(mesh);
+    return NULL;
+}

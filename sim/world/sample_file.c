@@ -1,0 +1,220 @@
+#include "sample.h"
+
+#include "base/input_file.h"
+
+#include <math.h>
+#include <png.h>
+#include <string.h>
+
+#define MAX_OBJ_BYTES (256u << 20)
+
+struct picture {
+    guint32 width, height;
+    int channels;
+    float *values; /* 0 … 1, top row first */
+};
+
+static gboolean picture_error(png_image *image, const char *path, GError **error) {
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s: cannot be read as a PNG picture: %s",
+                path, image->message);
+    png_image_free(image);
+    return FALSE;
+}
+
+/* 16 bits are kept as they are; 8-bit greys too when they are heights, since those know no gamma.
+ */
+static gboolean sample_file_read_picture(const char *path, gboolean heights, struct picture *ret,
+                                         GError **error) {
+    png_image image = {.version = PNG_IMAGE_VERSION};
+    gsize length;
+    g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
+    if (!bytes)
+        return FALSE;
+    if (!png_image_begin_read_from_memory(&image, bytes, length))
+        return picture_error(&image, path, error);
+    if (!input_file_check_pixels(path, image.width, image.height, length, error)) {
+        png_image_free(&image);
+        return FALSE;
+    }
+    gboolean wide = !heights || (image.format & PNG_FORMAT_FLAG_LINEAR);
+    image.format = heights ? (wide ? PNG_FORMAT_LINEAR_Y : PNG_FORMAT_GRAY) : PNG_FORMAT_LINEAR_RGB;
+    g_autofree guint8 *raw = g_malloc(PNG_IMAGE_SIZE(image));
+    png_color black = {0, 0, 0};
+    if (!png_image_finish_read(&image, &black, raw, 0, NULL))
+        return picture_error(&image, path, error);
+    *ret = (struct picture){image.width, image.height, heights ? 1 : 3, NULL};
+    gsize n = (gsize)image.width * image.height * (gsize)ret->channels;
+    ret->values = g_new(float, n);
+    for (gsize i = 0; i < n; i++)
+        ret->values[i] =
+            wide ? (float)((const guint16 *)(gpointer)raw)[i] / 65535 : (float)raw[i] / 255;
+    return TRUE;
+}
+
+static float pixel(const struct picture *picture, gint64 x, gint64 y, int channel) {
+    gsize column = (gsize)CLAMP(x, 0, (gint64)picture->width - 1);
+    gsize row = (gsize)CLAMP(y, 0, (gint64)picture->height - 1);
+    return picture
+        ->values[(row * picture->width + column) * (gsize)picture->channels + (gsize)channel];
+}
+
+/* Bilinear; u from the left, v from the bottom, 0 … 1. */
+static double sample_file_look_up(const struct picture *picture, double u, double v, int channel) {
+    double x = u * picture->width - 0.5, y = (1 - v) * picture->height - 0.5;
+    double fx = floor(x), fy = floor(y);
+    gint64 i = (gint64)fx, j = (gint64)fy;
+    double top = pixel(picture, i, j, channel) * (1 - (x - fx)) +
+                 pixel(picture, i + 1, j, channel) * (x - fx);
+    double bottom = pixel(picture, i, j + 1, channel) * (1 - (x - fx)) +
+                    pixel(picture, i + 1, j + 1, channel) * (x - fx);
+    return top * (1 - (y - fy)) + bottom * (y - fy);
+}
+
+struct pictured {
+    const struct sample_options *options;
+    struct picture relief, albedo;
+};
+
+static void sample_file_set_gloss(const struct sample_options *o, struct vertex *to) {
+    to->gloss = (float)MAX(o->gloss, 0);
+    to->along = (float)(o->along > 0 ? o->along : 0.3);
+    to->across = (float)(o->across > 0 ? o->across : 0.3);
+}
+
+static void pictured_relief(struct vertex *vertex, gconstpointer data) {
+    const struct pictured *from = data;
+    const struct sample_options *o = from->options;
+    double u = vertex->p[0] / o->width_mm + 0.5, v = vertex->p[1] / o->height_mm + 0.5;
+    vertex->p[2] = (float)(o->base_mm + o->relief_mm * sample_file_look_up(&from->relief, u, v, 0));
+    sample_set_rgb(vertex->albedo, &o->albedo, 0.5f, 0.5f, 0.5f);
+    for (int k = 0; k < 3 && from->albedo.values; k++)
+        vertex->albedo[k] = (float)sample_file_look_up(&from->albedo, u, v, k);
+    sample_file_set_gloss(o, vertex);
+}
+
+struct mesh *sample_picture(const struct sample_options *options, GError **error) {
+    struct pictured from = {.options = options};
+    gboolean coloured = options->albedo_path && *options->albedo_path;
+    struct mesh *mesh = NULL;
+    if (sample_file_read_picture(options->path, TRUE, &from.relief, error) &&
+        (!coloured || sample_file_read_picture(options->albedo_path, FALSE, &from.albedo, error))) {
+        mesh = sample_mesh_new();
+        sample_add_relief(mesh, options, options->grid, options->grid, pictured_relief, &from);
+    }
+    g_free(from.relief.values);
+    g_free(from.albedo.values);
+    return mesh;
+}
+
+struct obj {
+    const struct sample_options *options;
+    const char *path;
+    int line;
+    GArray *positions; /* float[3] */
+    struct mesh *mesh;
+};
+
+static gboolean obj_error(const struct obj *obj, GError **error, const char *what) {
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s:%d: %s", obj->path, obj->line, what);
+    return FALSE;
+}
+
+static gboolean obj_position(struct obj *obj, const char *text, GError **error) {
+    float p[3];
+    for (int k = 0; k < 3; k++) {
+        char *end = NULL;
+        double value = g_ascii_strtod(text, &end);
+        if (end == text || !isfinite(value) || fabs(value) > 1e4)
+            return obj_error(obj, error, "a vertex needs three numbers, millimetres below 10000");
+        p[k] = (float)value;
+        text = end;
+    }
+    g_array_append_vals(obj->positions, p, 1);
+    return TRUE;
+}
+
+static guint32 obj_vertex(struct obj *obj, guint32 position) {
+    struct vertex vertex = {.n = {0, 0, 1}, .t = {1, 0, 0}};
+    memcpy(vertex.p, obj->positions->data + position * sizeof(float[3]), sizeof vertex.p);
+    sample_set_rgb(vertex.albedo, &obj->options->albedo, 0.5f, 0.5f, 0.5f);
+    sample_file_set_gloss(obj->options, &vertex);
+    return sample_add_vertex(obj->mesh, &vertex);
+}
+
+/* One corner of a face: "7", "7/1", "7//3" or "-1", counted from the last vertex. */
+static gboolean obj_corner(struct obj *obj, const char **text, guint32 *ret, GError **error) {
+    char *end = NULL;
+    gint64 index = g_ascii_strtoll(*text, &end, 10);
+    guint n = obj->positions->len;
+    if (end == *text || index == 0 || index > (gint64)n || index < -(gint64)n)
+        return obj_error(obj, error, "a face names a vertex that was not given before it");
+    *ret = (guint32)(index > 0 ? index - 1 : (gint64)n + index);
+    *text = end + strcspn(end, " \t");
+    *text += strspn(*text, " \t");
+    return TRUE;
+}
+
+static void obj_triangle(struct obj *obj, guint32 a, guint32 b, guint32 c) {
+    if (obj->options->smooth) {
+        sample_add_triangle(obj->mesh, a, b, c);
+        return;
+    }
+    guint32 first = obj_vertex(obj, a);
+    obj_vertex(obj, b);
+    obj_vertex(obj, c);
+    sample_add_triangle(obj->mesh, first, first + 1, first + 2);
+}
+
+static gboolean obj_face(struct obj *obj, const char *text, GError **error) {
+    guint32 first, before, corner;
+    if (!obj_corner(obj, &text, &first, error) || !obj_corner(obj, &text, &before, error))
+        return FALSE;
+    if (!*text)
+        return obj_error(obj, error, "a face needs three corners or more");
+    while (*text) {
+        if (!obj_corner(obj, &text, &corner, error))
+            return FALSE;
+        obj_triangle(obj, first, before, corner);
+        before = corner;
+    }
+    return TRUE;
+}
+
+static gboolean obj_lines(struct obj *obj, char *text, GError **error) {
+    for (char *line = text, *next; line; line = next) {
+        next = strchr(line, '\n');
+        if (next)
+            *next++ = 0;
+        obj->line++;
+        g_strstrip(line);
+        if (g_str_has_prefix(line, "v ") && !obj_position(obj, line + 2, error))
+            return FALSE;
+        if (g_str_has_prefix(line, "f ") &&
+            !obj_face(obj, line + 2 + strspn(line + 2, " \t"), error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+/* A smooth mesh shares vertices, in the order of their positions; added at the end, since faces
+ * only need numbers. */
+static void obj_finish(struct obj *obj) {
+    if (obj->options->smooth)
+        for (guint32 i = 0; i < obj->positions->len; i++)
+            obj_vertex(obj, i);
+    sample_smooth_normals(obj->mesh, 0, 0);
+}
+
+struct mesh *sample_obj(const struct sample_options *options, GError **error) {
+    g_autofree char *text = input_file_read_text(options->path, MAX_OBJ_BYTES, error);
+    if (!text)
+        return NULL;
+    g_autoptr(GArray) positions = g_array_new(FALSE, FALSE, sizeof(float[3]));
+    struct obj obj = {options, options->path, 0, positions, sample_mesh_new()};
+    if (!obj_lines(&obj, text, error)) {
+        sample_free(obj.mesh);
+        return NULL;
+    }
+    obj_finish(&obj);
+    return obj.mesh;
+}

@@ -1,0 +1,134 @@
+#include "sample.h"
+
+#include "base/input_file.h"
+
+#include <math.h>
+#include <png.h>
+
+#define MAX_CELLS (1u << 20)
+#define RAD(deg)  ((deg) * (G_PI / 180))
+
+/* A flat plate, printed with a picture whose pixels are rectangles with sharp edges: exact, however
+ * near a camera looks. It may stand askew and away from the middle, as somebody has put it down. */
+
+struct plate {
+    const struct sample_options *options;
+    double across[3], along[3], up[3]; /* its own axes in the sample frame */
+    double middle[3];                  /* of its printed side */
+};
+
+static void sample_plate_turn(double v[3], int a, int b, double angle) {
+    const double c = cos(angle), s = sin(angle), x = v[a], y = v[b];
+    v[a] = c * x - s * y;
+    v[b] = s * x + c * y;
+}
+
+/* Turned about its normal, then tilted so that its normal leans towards an azimuth. */
+static void place_axis(const struct sample_options *o, double v[3]) {
+    sample_plate_turn(v, 0, 1, RAD(o->turn_deg - o->tilt_towards_deg));
+    sample_plate_turn(v, 2, 0, RAD(o->tilt_deg));
+    sample_plate_turn(v, 0, 1, RAD(o->tilt_towards_deg));
+}
+
+/* Its lowest corner touches the turntable. */
+static void sample_plate_place(struct plate *plate) {
+    const struct sample_options *o = plate->options;
+    plate->across[0] = plate->along[1] = plate->up[2] = 1;
+    place_axis(o, plate->across);
+    place_axis(o, plate->along);
+    place_axis(o, plate->up);
+    const double reach =
+        fabs(plate->across[2]) * o->width_mm / 2 + fabs(plate->along[2]) * o->height_mm / 2;
+    plate->middle[0] = o->offset_mm.n == 2 ? o->offset_mm.values[0] : 0;
+    plate->middle[1] = o->offset_mm.n == 2 ? o->offset_mm.values[1] : 0;
+    plate->middle[2] = reach + o->base_mm * plate->up[2];
+}
+
+static guint32 sample_plate_add_corner(struct mesh *mesh, const struct plate *plate, double u,
+                                       double v, double depth, const float *albedo) {
+    struct vertex vertex = {.along = 1, .across = 1};
+    for (int k = 0; k < 3; k++) {
+        vertex.p[k] =
+            (float)(plate->middle[k] + plate->across[k] * (u - 0.5) * plate->options->width_mm +
+                    plate->along[k] * (0.5 - v) * plate->options->height_mm - plate->up[k] * depth);
+        vertex.n[k] = (float)plate->up[k];
+        vertex.t[k] = (float)plate->across[k];
+        vertex.albedo[k] = albedo[k];
+    }
+    return sample_add_vertex(mesh, &vertex);
+}
+
+static void sample_plate_add_cells(struct mesh *mesh, const struct plate *plate,
+                                   const png_image *image, const guint16 *values) {
+    for (guint32 j = 0; j < image->height; j++)
+        for (guint32 i = 0; i < image->width; i++) {
+            const guint16 *pixel = values + 3 * ((gsize)j * image->width + i);
+            const float albedo[3] = {(float)pixel[0] / 65535, (float)pixel[1] / 65535,
+                                     (float)pixel[2] / 65535};
+            const double u0 = (double)i / image->width, u1 = (double)(i + 1) / image->width;
+            const double v0 = (double)j / image->height, v1 = (double)(j + 1) / image->height;
+            const guint32 a = sample_plate_add_corner(mesh, plate, u0, v1, 0, albedo);
+            const guint32 b = sample_plate_add_corner(mesh, plate, u1, v1, 0, albedo);
+            const guint32 c = sample_plate_add_corner(mesh, plate, u1, v0, 0, albedo);
+            const guint32 d = sample_plate_add_corner(mesh, plate, u0, v0, 0, albedo);
+            sample_add_quad(mesh, a, b, c, d);
+        }
+}
+
+/* What is below the print is seen as one dark side: shadows need it, nothing looks at it. */
+static void add_sides(struct mesh *mesh, const struct plate *plate) {
+    static const double corners[4][2] = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
+    static const float dark[3] = {0.05f, 0.05f, 0.05f};
+    for (int k = 0; k < 4; k++) {
+        const double *p = corners[k], *q = corners[(k + 1) % 4];
+        const double depth = plate->options->base_mm;
+        const guint first_triangle = mesh->triangles->len;
+        const guint32 a = sample_plate_add_corner(mesh, plate, p[0], p[1], depth, dark);
+        const guint32 b = sample_plate_add_corner(mesh, plate, q[0], q[1], depth, dark);
+        const guint32 c = sample_plate_add_corner(mesh, plate, q[0], q[1], 0, dark);
+        const guint32 d = sample_plate_add_corner(mesh, plate, p[0], p[1], 0, dark);
+        sample_add_quad(mesh, a, b, c, d);
+        sample_smooth_normals(mesh, a, first_triangle);
+    }
+}
+
+static gboolean sample_plate_fail(png_image *image, const char *path, GError **error) {
+    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE, "%s: cannot be read as a PNG picture: %s",
+                path, image->message);
+    png_image_free(image);
+    return FALSE;
+}
+
+static gboolean read_print(png_image *image, const char *path, guint16 **ret, GError **error) {
+    gsize length;
+    g_autofree char *bytes = input_file_read(path, G_MAXINT, &length, error);
+    if (!bytes)
+        return FALSE;
+    if (!png_image_begin_read_from_memory(image, bytes, length))
+        return sample_plate_fail(image, path, error);
+    if ((guint64)image->width * image->height > MAX_CELLS) {
+        g_strlcpy(image->message, "a plate has at most a million pixels", sizeof image->message);
+        return sample_plate_fail(image, path, error);
+    }
+    image->format = PNG_FORMAT_LINEAR_RGB;
+    *ret = g_malloc(PNG_IMAGE_SIZE(*image));
+    png_color black = {0, 0, 0};
+    if (png_image_finish_read(image, &black, *ret, 0, NULL))
+        return TRUE;
+    g_clear_pointer(ret, g_free);
+    return sample_plate_fail(image, path, error);
+}
+
+struct mesh *sample_plate(const struct sample_options *options, GError **error) {
+    png_image image = {.version = PNG_IMAGE_VERSION};
+    struct plate plate = {.options = options};
+    guint16 *values = NULL;
+    if (!read_print(&image, options->albedo_path, &values, error))
+        return NULL;
+    struct mesh *mesh = sample_mesh_new();
+    sample_plate_place(&plate);
+    sample_plate_add_cells(mesh, &plate, &image, values);
+    add_sides(mesh, &plate);
+    g_free(values);
+    return mesh;
+}

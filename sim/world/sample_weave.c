@@ -1,0 +1,164 @@
+#include "sample.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A plain weave of twisted yarns: tubes that go over and under each other. Warp runs along y, weft
+ * along x; over one full period of two yarns the pattern repeats. */
+
+#define AROUND 24
+#define PLIES  3
+
+struct yarn {
+    const struct sample_options *options;
+    gboolean warp;
+    int index, n_across; /* of this kind, and yarns it crosses */
+    double at_mm, length_mm, pitch_mm, cross_pitch_mm;
+    double middle_mm, swing_mm; /* height of the centre line, and its amplitude */
+    double half_width_mm, half_height_mm;
+    float albedo[3];
+    guint64 seed;
+};
+
+/* Height of the centre line at s along the yarn; warp i is over weft j where i + j is even. */
+static double centre_height(const struct yarn *yarn, double s) {
+    double side = (yarn->index % 2 ? -1 : 1) * (yarn->warp ? 1 : -1);
+    double phase = (s + yarn->length_mm / 2 - yarn->cross_pitch_mm / 2) / yarn->cross_pitch_mm;
+    return yarn->middle_mm + yarn->swing_mm * side * cos(G_PI * phase);
+}
+
+static double centre_slope(const struct yarn *yarn, double s) {
+    return (centre_height(yarn, s + 1e-3) - centre_height(yarn, s - 1e-3)) / 2e-3;
+}
+
+/* Coordinates (along, aside, up) of the yarn to x, y, z. */
+static void sample_weave_place(const struct yarn *yarn, double along, double aside, double up,
+                               float to[3]) {
+    to[0] = (float)(yarn->warp ? aside : along);
+    to[1] = (float)(yarn->warp ? along : aside);
+    to[2] = (float)up;
+}
+
+/* Plies wind around the yarn: grooves between them are deep and dark, and the fibres' direction,
+ * which the gloss follows, is that of the winding. */
+static void yarn_vertex(const struct yarn *yarn, double s, double turn, struct vertex *to) {
+    double slope = centre_slope(yarn, s), stretch = sqrt(1 + slope * slope);
+    int windings = (int)MAX(1, rint(yarn->length_mm / 11));
+    double wind = 2 * G_PI * windings * s / yarn->length_mm;
+    double ply = cos(PLIES * (turn - wind)), groove = pow(0.5 - 0.5 * ply, 3);
+    double fuzz = sample_noise(s * 2.5 + 40, turn * 2.2 + wind, (int)(yarn->length_mm * 2.5), 1000,
+                               yarn->seed);
+    double swell = sample_noise(s / 4, 0.5, (int)MAX(1, yarn->length_mm / 4), 1, yarn->seed + 1);
+    double r = 1 - 0.11 * groove + 0.012 * fuzz + 0.025 * swell;
+    double aside = yarn->half_width_mm * r * cos(turn), up = yarn->half_height_mm * r * sin(turn);
+    double half = yarn->length_mm / 2, along = s - up * slope / stretch;
+    sample_weave_place(yarn, CLAMP(along, -half, half), yarn->at_mm + aside,
+                       centre_height(yarn, s) + up / stretch, to->p);
+    double rate = 2 * G_PI * windings / yarn->length_mm;
+    sample_weave_place(yarn, 1, -yarn->half_width_mm * sin(turn) * rate,
+                       slope + yarn->half_height_mm * cos(turn) * rate, to->t);
+    double tone = 1 - 0.45 * groove + 0.10 * fuzz + 0.05 * swell;
+    for (int k = 0; k < 3; k++)
+        to->albedo[k] = (float)CLAMP(yarn->albedo[k] * tone, 0, 1);
+}
+
+static void sample_weave_set_gloss(const struct sample_options *options, struct vertex *to) {
+    to->gloss = (float)(options->gloss >= 0 ? options->gloss : 0.05);
+    to->along = (float)(options->along > 0 ? options->along : 0.45);
+    to->across = (float)(options->across > 0 ? options->across : 0.2);
+}
+
+/* Closes an end of the tube: a fan around its centre. */
+static void add_cap(struct mesh *mesh, const struct yarn *yarn, guint32 ring, gboolean start) {
+    double s = start ? -yarn->length_mm / 2 : yarn->length_mm / 2;
+    guint first_triangle = mesh->triangles->len;
+    guint32 first = mesh->vertices->len;
+    for (guint32 i = 0; i < AROUND; i++) {
+        struct vertex copy = g_array_index(mesh->vertices, struct vertex, ring + i);
+        sample_add_vertex(mesh, &copy);
+    }
+    struct vertex centre = g_array_index(mesh->vertices, struct vertex, ring);
+    sample_weave_place(yarn, s, yarn->at_mm, centre_height(yarn, s), centre.p);
+    guint32 middle = sample_add_vertex(mesh, &centre);
+    gboolean flip = start != yarn->warp;
+    for (guint32 i = 0; i < AROUND; i++) {
+        guint32 a = first + i, b = first + (i + 1) % AROUND;
+        sample_add_triangle(mesh, middle, flip ? b : a, flip ? a : b);
+    }
+    sample_smooth_normals(mesh, first, first_triangle);
+}
+
+static void add_yarn(struct mesh *mesh, const struct yarn *yarn) {
+    int steps = (int)CLAMP(12 * yarn->length_mm / yarn->cross_pitch_mm, 8, 1000);
+    guint32 first = mesh->vertices->len;
+    guint first_triangle = mesh->triangles->len;
+    for (int i = 0; i <= steps; i++) {
+        for (int k = 0; k < AROUND; k++) {
+            struct vertex vertex = {0};
+            sample_weave_set_gloss(yarn->options, &vertex);
+            double s = yarn->length_mm * ((double)i / steps - 0.5);
+            yarn_vertex(yarn, s, 2 * G_PI * k / AROUND, &vertex);
+            sample_add_vertex(mesh, &vertex);
+        }
+    }
+    for (guint32 i = 0; i < (guint32)steps; i++) {
+        for (guint32 k = 0; k < AROUND; k++) {
+            guint32 a = first + i * AROUND + k, b = first + i * AROUND + (k + 1) % AROUND;
+            guint32 c = b + AROUND, d = a + AROUND;
+            if (yarn->warp)
+                sample_add_quad(mesh, d, c, b, a);
+            else
+                sample_add_quad(mesh, a, b, c, d);
+        }
+    }
+    sample_smooth_normals(mesh, first, first_triangle);
+    add_cap(mesh, yarn, first, TRUE);
+    add_cap(mesh, yarn, first + (guint32)steps * AROUND, FALSE);
+}
+
+struct backing {
+    float height;
+};
+
+static void backing_relief(struct vertex *vertex, gconstpointer data) {
+    vertex->p[2] = ((const struct backing *)data)->height;
+    for (int k = 0; k < 3; k++)
+        vertex->albedo[k] = 0.05f;
+}
+
+static int even_count(double length_mm, double period_mm) {
+    return 2 * (int)MAX(1, rint(length_mm / period_mm / 2));
+}
+
+static void add_yarns(struct mesh *mesh, const struct sample_options *o, gboolean warp) {
+    int n_x = even_count(o->width_mm, o->period_mm), n_y = even_count(o->height_mm, o->period_mm);
+    double pitch_x = o->width_mm / n_x, pitch_y = o->height_mm / n_y;
+    double thick = o->relief_mm / 4.3; /* the swing and half a yarn, above and below the middle */
+    int n = warp ? n_x : n_y;
+    for (int i = 0; i < n; i++) {
+        struct yarn yarn = {.options = o, .warp = warp, .index = i, .n_across = warp ? n_y : n_x};
+        yarn.pitch_mm = warp ? pitch_x : pitch_y;
+        yarn.cross_pitch_mm = warp ? pitch_y : pitch_x;
+        yarn.length_mm = warp ? o->height_mm : o->width_mm;
+        yarn.at_mm = (i + 0.5) * yarn.pitch_mm - (warp ? o->width_mm : o->height_mm) / 2;
+        yarn.half_width_mm = 0.455 * yarn.pitch_mm;
+        yarn.half_height_mm = thick;
+        yarn.swing_mm = 1.08 * thick;
+        yarn.middle_mm = o->base_mm + 0.03 * o->relief_mm + 2.15 * thick;
+        yarn.seed = sample_hash((guint64)o->seed * 1000 + (guint64)i * 2 + (guint64)warp);
+        if (warp)
+            sample_set_rgb(yarn.albedo, &o->albedo, 0.74f, 0.60f, 0.38f);
+        else
+            sample_set_rgb(yarn.albedo, &o->albedo2, 0.06f, 0.22f, 0.42f);
+        add_yarn(mesh, &yarn);
+    }
+}
+
+struct mesh *sample_weave(const struct sample_options *options) {
+    struct mesh *mesh = sample_mesh_new();
+    struct backing backing = {(float)options->base_mm};
+    sample_add_relief(mesh, options, 48, 48, backing_relief, &backing);
+    add_yarns(mesh, options, TRUE);
+    add_yarns(mesh, options, FALSE);
+    return mesh;
+}

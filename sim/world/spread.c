@@ -1,0 +1,62 @@
+#include "spread.h"
+
+#include <math.h>
+
+#define REACH       4.5 /* standard deviations of the blur, beyond which nothing comes */
+#define MOST_ACROSS 16
+
+/* Integral of a Gaussian's distribution function. */
+static double ramp(double x, double blur) {
+    const double z = x / blur;
+    return x * 0.5 * (1 + erf(z * M_SQRT1_2)) + blur * exp(-z * z / 2) / sqrt(2 * G_PI);
+}
+
+/* How much of what a pixel gathers comes from left of x. */
+static double spread_share(double x, double blur) {
+    return ramp(x + 0.5, blur) - ramp(x - 0.5, blur);
+}
+
+void spread_init(struct spread *spread, double blur_px) {
+    const double reach = 0.5 + REACH * blur_px;
+    for (int i = 0; i <= SPREAD_STEPS; i++) {
+        double low = -reach, high = reach;
+        for (int k = 0; k < 40; k++) {
+            const double middle = (low + high) / 2;
+            if (spread_share(middle, blur_px) < (double)i / SPREAD_STEPS)
+                low = middle;
+            else
+                high = middle;
+        }
+        spread->at_px[i] = (low + high) / 2;
+    }
+}
+
+static double spread_place(const struct spread *spread, double part) {
+    const double step = part * SPREAD_STEPS;
+    const int i = MIN((int)step, SPREAD_STEPS - 1);
+    return spread->at_px[i] + (step - i) * (spread->at_px[i + 1] - spread->at_px[i]);
+}
+
+static void shuffle(struct sample_random *random, int n, int *ret) {
+    for (int i = 0; i < n; i++) {
+        const int k = (int)(sample_uniform(random) * (i + 1));
+        ret[i] = ret[k];
+        ret[k] = i;
+    }
+}
+
+void spread_pixel(const struct spread *spread, struct sample_random *random, int across,
+                  double *ret_xy_px) {
+    int columns[MOST_ACROSS][MOST_ACROSS], rows[MOST_ACROSS][MOST_ACROSS];
+    const int n = MIN(across, MOST_ACROSS);
+    for (int i = 0; i < n; i++) {
+        shuffle(random, n, columns[i]);
+        shuffle(random, n, rows[i]);
+    }
+    for (int j = 0; j < n; j++)
+        for (int i = 0; i < n; i++) {
+            double *to = ret_xy_px + 2 * (j * across + i);
+            to[0] = spread_place(spread, (i + (columns[i][j] + sample_uniform(random)) / n) / n);
+            to[1] = spread_place(spread, (j + (rows[j][i] + sample_uniform(random)) / n) / n);
+        }
+}

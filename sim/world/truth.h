@@ -1,0 +1,77 @@
+/*
+ * The tests' door to the simulated world's own truth: exact distances and reflectances by ray
+ * tracing. In a library of its own (mesorig_truth) that only tests and the demo's report link to.
+ */
+#pragma once
+
+#include "world.h"
+
+struct truth_grid { /* texels of the reference plane, as in pipeline/pipeline.h, said again */
+    int width, height;
+    double width_mm, height_mm, reference_mm;
+};
+
+/* True position of a camera's centre in the sample frame, for turntable angle commanded, backlash
+ * and position errors aside. */
+void truth_view_centre_mm(World *world, int camera, double turntable_deg, double ret[3]);
+
+/* How the arc truly turns, rig frame. */
+/* A camera as it truly is, in the rig frame. */
+struct truth_camera {
+    double centre_mm[3], right[3], down[3], forward[3];
+    double focal_px, centre_px[2], k1, k2, p1, p2;
+};
+void truth_camera(World *world, int camera, struct truth_camera *ret);
+
+/* Where a camera truly sees a point of the rig frame, be it hidden or outside of the picture. */
+void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]);
+
+struct truth_arc {
+    double zero_deg;     /* added to the arc's angle */
+    double axis[3];      /* unit, upwards */
+    double centre_mm[3]; /* where it goes through z = 0 */
+};
+void truth_arc(World *world, struct truth_arc *ret);
+
+/* Where lamp and laser sheet truly are with the arc at an angle (backlash and position errors
+ * aside), rig frame. ret_aim may be NULL. */
+void truth_lamp(World *world, int lamp, double arc_deg, double ret_position_mm[3],
+                double ret_aim[3]);
+/* What a camera shows, DN a second behind the filter of a colour (0 … 2: red, green, blue), of a
+ * white diffuser that lies level at a point of the rig frame under a lamp at its full output. */
+double truth_white(World *world, int camera, int lamp, double arc_deg, const double point_mm[3],
+                   int colour);
+
+struct truth_sheet { /* points p with normal · p = offset_mm */
+    double normal[3], offset_mm;
+    double source_mm[3], axis[3]; /* the axis it turns about goes through the source */
+};
+void truth_laser_sheet(World *world, int laser, double arc_deg, double sweep_deg,
+                       struct truth_sheet *ret);
+
+/* Distance in mm along the true viewing ray of each texel's centre from the reference plane to the
+ * surface (turntable included); and, if ret_edge is given, whether a depth edge (a step of more
+ * than half a texel) lies within one texel. */
+void truth_mdf(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
+               float *ret_distance_mm, guint8 *ret_edge);
+
+/* How many of the given laser positions (arc angle, laser) light the surface point each texel
+ * shows. */
+void truth_laser_seen(World *world, int camera, double turntable_deg, const struct truth_grid *grid,
+                      const double *arc_deg, const int *laser, int n, guint8 *ret_seen);
+
+/* Reflectance as in pipeline/pipeline.h, R G B interleaved, averaged over each texel's area with
+ * samples² rays. Edges of shadows need many: on a brick wall the 95th percentile of the difference
+ * to a picture with 4 pixels a texel was 5.4 % with 6 samples and 1.8 % with 24. */
+void truth_btf(World *world, int camera, int lamp, double turntable_deg, double arc_deg,
+               const struct truth_grid *grid, int samples, float *ret_rgb);
+
+/* The sample's own surface, without the turntable: borrowed, as long as the world lives. A vertex
+ * is stride floats: position in mm in the sample frame at 0, diffuse albedo at albedo. */
+struct truth_surface {
+    const float *vertices;
+    guint n_vertices, stride, albedo;
+    const guint32 *triangles; /* three a triangle, counter-clockwise seen from outside */
+    guint n_triangles;
+};
+void truth_surface(World *world, struct truth_surface *ret);

@@ -1,0 +1,248 @@
+#include "world_private.h"
+
+#include <string.h>
+
+static GMutex registry_lock;
+static GHashTable *registry; /* path → World, without a reference */
+
+static void free_world(World *world) {
+    if (!world)
+        return;
+    cache_free(world->cache);
+    scene_clear(&world->scene);
+    sample_free(world->mesh);
+    for (int i = 0; i < WORLD_MAX_CAMERAS; i++)
+        g_free(world->camera_names[i]);
+    for (int i = 0; i < WORLD_MAX_LAMPS; i++)
+        g_free(world->lamp_names[i]);
+    for (int i = 0; i < WORLD_MAX_LASERS; i++)
+        g_free(world->laser_names[i]);
+    g_mutex_clear(&world->lock);
+    g_free(world->key);
+    g_free(world);
+}
+
+static World *new_world(const char *key, GError **error) {
+    World *world = g_new0(World, 1);
+    world->ref_count = 1;
+    world->key = g_strdup(key);
+    g_mutex_init(&world->lock);
+    for (int i = 0; i < WORLD_MAX_LAMPS; i++)
+        world->power[i].on_us = G_MAXINT64; /* never was on */
+    if (!world_load(world, key, error)) {
+        free_world(world);
+        return NULL;
+    }
+    return world;
+}
+
+World *world_get(const char *path, GError **error) {
+    g_autofree char *key = g_canonicalize_filename(path, NULL);
+    char *real = realpath(key, NULL);
+    if (real) {
+        g_free(key);
+        key = g_strdup(real);
+        free(real);
+    }
+    g_mutex_lock(&registry_lock);
+    if (!registry)
+        registry = g_hash_table_new(g_str_hash, g_str_equal);
+    World *world = g_hash_table_lookup(registry, key);
+    if (world)
+        world->ref_count++;
+    else if ((world = new_world(key, error)))
+        g_hash_table_insert(registry, world->key, world);
+    g_mutex_unlock(&registry_lock);
+    return world;
+}
+
+World *world_ref(World *world) {
+    g_mutex_lock(&registry_lock);
+    world->ref_count++;
+    g_mutex_unlock(&registry_lock);
+    return world;
+}
+
+void world_unref(World *world) {
+    if (!world)
+        return;
+    g_mutex_lock(&registry_lock);
+    gboolean last = --world->ref_count == 0;
+    if (last)
+        g_hash_table_remove(registry, world->key);
+    if (last && g_hash_table_size(registry) == 0)
+        g_clear_pointer(&registry, g_hash_table_unref);
+    g_mutex_unlock(&registry_lock);
+    if (last)
+        free_world(world);
+}
+
+static int world_find(char *const *names, int n, const char *name) {
+    for (int i = 0; i < n; i++)
+        if (g_str_equal(names[i], name))
+            return i;
+    return -1;
+}
+
+int world_find_camera(const World *world, const char *name) {
+    return world_find(world->camera_names, world->n_cameras, name);
+}
+
+int world_find_lamp(const World *world, const char *name) {
+    return world_find(world->lamp_names, world->n_lamps, name);
+}
+
+int world_find_laser(const World *world, const char *name) {
+    return world_find(world->laser_names, world->n_lasers, name);
+}
+
+void world_sensor(const World *world, int camera, struct world_sensor *ret) {
+    g_return_if_fail(camera >= 0 && camera < world->n_cameras);
+    const struct optics_camera *from = &world->cameras[camera];
+    *ret =
+        (struct world_sensor){from->width, from->height, from->bits, from->cfa, from->black_level};
+}
+
+void world_set_turntable(World *world, double deg) {
+    g_mutex_lock(&world->lock);
+    world->turntable_deg = deg;
+    g_mutex_unlock(&world->lock);
+}
+
+void world_set_arc(World *world, double deg) {
+    g_mutex_lock(&world->lock);
+    world->arc_deg = deg;
+    g_mutex_unlock(&world->lock);
+}
+
+void world_set_sweep(World *world, int laser, double deg) {
+    g_return_if_fail(laser >= 0 && laser < world->n_lasers);
+    g_mutex_lock(&world->lock);
+    world->sweep_deg[laser] = deg;
+    g_mutex_unlock(&world->lock);
+}
+
+void world_mount_laser(World *world, int laser, int place) {
+    g_return_if_fail(laser >= 0 && laser < world->n_lasers);
+    g_return_if_fail(place >= 0 && place < world->n_lasers);
+    g_mutex_lock(&world->lock);
+    world->laser_place[laser] = place;
+    g_mutex_unlock(&world->lock);
+}
+
+void world_set_lamp(World *world, int lamp, gboolean on, gint64 at_us) {
+    g_return_if_fail(lamp >= 0 && lamp < world->n_lamps);
+    g_mutex_lock(&world->lock);
+    struct lamp_power *power = &world->power[lamp];
+    if (on && !power->on)
+        power->on_us = at_us;
+    if (!on && power->on)
+        power->off_us = at_us;
+    power->on = on;
+    g_mutex_unlock(&world->lock);
+}
+
+void world_set_lamp_dead(World *world, int lamp, gboolean dead) {
+    g_return_if_fail(lamp >= 0 && lamp < world->n_lamps);
+    g_mutex_lock(&world->lock);
+    world->power[lamp].dead = dead;
+    g_mutex_unlock(&world->lock);
+}
+
+double world_lamp_warm_up_s(const World *world) {
+    return world->warm_up_s;
+}
+
+void world_set_laser(World *world, int laser, gboolean on) {
+    g_return_if_fail(laser >= 0 && laser < world->n_lasers);
+    g_mutex_lock(&world->lock);
+    world->laser_on[laser] = on;
+    g_mutex_unlock(&world->lock);
+}
+
+/* Integral of the warm-up curve 1 − (1 − start)(1 − t/w)² from 0 to t ≤ w, seconds. */
+static double warming(const World *world, double t) {
+    double w = world->warm_up_s, rest = 1 - t / w;
+    return t - (1 - world->warm_up_start) * w / 3 * (1 - rest * rest * rest);
+}
+
+static double lit_seconds(const World *world, double from_s, double to_s) {
+    double w = world->warm_up_s;
+    double sum = MAX(0, to_s - MAX(from_s, w));
+    if (from_s < w)
+        sum += warming(world, MIN(to_s, w)) - warming(world, from_s);
+    return sum;
+}
+
+static double lamp_output(const World *world, const struct lamp_power *power, gint64 start_us,
+                          gint64 exposure_us) {
+    gint64 end_us = start_us + MAX(exposure_us, 1);
+    gint64 from_us = MAX(start_us, power->on_us);
+    gint64 to_us = power->on ? end_us : MIN(end_us, power->off_us);
+    if (power->dead || to_us <= from_us)
+        return 0;
+    double from_s = (double)(from_us - power->on_us) * 1e-6;
+    double to_s = (double)(to_us - power->on_us) * 1e-6;
+    gint64 warm_us = (gint64)llrint(world->warm_up_s * 1e6);
+    gboolean full = from_us == start_us && to_us == end_us && from_us - power->on_us >= warm_us;
+    double span_s = (double)(end_us - start_us) * 1e-6;
+    double output = full ? 1 : lit_seconds(world, from_s, to_s) / span_s;
+    if (world->drift != 0) {
+        double middle_s = ((double)start_us + (double)exposure_us / 2) * 1e-6;
+        output *= 1 + world->drift * sin(2 * G_PI * middle_s / world->drift_period_s);
+    }
+    return output;
+}
+
+void world_snapshot(World *world, gint64 start_us, gint64 exposure_us, struct world_state *ret) {
+    memset(ret, 0, sizeof *ret);
+    g_mutex_lock(&world->lock);
+    ret->turntable_deg = world->turntable_deg;
+    ret->arc_deg = world->arc_deg;
+    ret->time_us = start_us;
+    for (int i = 0; i < world->n_lasers; i++) {
+        int place = world->laser_place[i];
+        if (ret->laser_on[place])
+            continue; /* one that shines shares the place with one that is dark */
+        ret->sweep_deg[place] = world->sweep_deg[i];
+        ret->laser_on[place] = world->laser_on[i];
+    }
+    for (int i = 0; i < world->n_lamps; i++)
+        ret->lamp_output[i] = (float)lamp_output(world, &world->power[i], start_us, exposure_us);
+    g_mutex_unlock(&world->lock);
+}
+
+static void world_add_lamp(World *world, int camera, int lamp, const struct world_state *state,
+                           float *rate) {
+    const struct optics_camera *from = &world->cameras[camera];
+    struct cache_entry *entry =
+        world_lamp_picture(world, camera, lamp, state->turntable_deg, state->arc_deg);
+    const float *picture = entry->value;
+    float output = state->lamp_output[lamp];
+    int n = from->width * from->height;
+    for (int i = 0; i < n; i++)
+        rate[i] += output * picture[i];
+    cache_release(world->cache, entry);
+}
+
+void world_expose(World *world, int camera, const struct world_state *state, gint64 exposure_us,
+                  double gain_db, guint64 noise_key, guint16 *ret_pixels) {
+    g_return_if_fail(camera >= 0 && camera < world->n_cameras);
+    const struct optics_camera *sensor = &world->cameras[camera];
+    gboolean lit = FALSE;
+    for (int i = 0; i < world->n_lamps; i++)
+        lit |= state->lamp_output[i] > 0;
+    for (int i = 0; i < world->n_lasers; i++)
+        lit |= state->laser_on[i];
+    g_autofree float *rate =
+        lit ? g_new0(float, (gsize)sensor->width *(gsize)sensor->height) : NULL;
+    for (int i = 0; i < world->n_lamps; i++)
+        if (state->lamp_output[i] > 0)
+            world_add_lamp(world, camera, i, state, rate);
+    for (int i = 0; i < world->n_lasers; i++)
+        if (state->laser_on[i])
+            world_add_laser(world, camera, i, state, rate);
+    guint64 key = sample_hash(noise_key * 0x9e3779b97f4a7c15u + (guint64)camera + 1);
+    optics_sense(sensor, rate, (double)exposure_us * 1e-6, gain_db, world->noise,
+                 sample_hash(key ^ world->noise_seed), ret_pixels);
+}

@@ -1,0 +1,338 @@
+#include "spread.h"
+#include "world_private.h"
+
+#include <string.h>
+
+#define RAD(deg)     ((deg) * (G_PI / 180))
+#define MOST_SAMPLES 64 /* of a pixel */
+
+enum cached {
+    CACHED_VIEW = 1,
+    CACHED_BOUNCE,
+    CACHED_PICTURE,
+};
+
+static double whole_turn(double deg) { /* 0 … 360, in steps of 1e-9 */
+    double rest = fmod(deg, 360);
+    double steps = rint((rest < 0 ? rest + 360 : rest) * 1e9);
+    return steps >= 360e9 ? 0 : steps * 1e-9;
+}
+
+static guint64 world_light_bits(double value) {
+    guint64 word;
+    memcpy(&word, &value, sizeof word);
+    return word;
+}
+
+double world_relative_rad(double arc_deg, double turntable_deg) {
+    return RAD(whole_turn(arc_deg - turntable_deg));
+}
+
+struct light_pose world_light_pose(const World *world, double arc_deg, double turntable_deg) {
+    return (struct light_pose){world_relative_rad(arc_deg, turntable_deg),
+                               world->arc.crooked ? RAD(whole_turn(turntable_deg)) : 0};
+}
+
+/* By the angle between the two where that will do, to the last bit as without an arc's errors. */
+static struct v3 world_light_place(const World *world, struct light_pose pose, struct v3 v,
+                                   gboolean point) {
+    double relative = pose.relative_rad + world->arc.zero, turn = pose.turntable_rad;
+    if (!world->arc.crooked)
+        return v3_turn_z(v, cos(relative), sin(relative));
+    struct v3 rig =
+        (point ? optics_arc_point : optics_arc_direction)(&world->arc, pose.relative_rad + turn, v);
+    return v3_turn_z(rig, cos(-turn), sin(-turn));
+}
+
+struct optics_lamp world_lamp_at(const World *world, int lamp, struct light_pose pose) {
+    struct optics_lamp at = world->lamps[lamp];
+    at.position_mm = world_light_place(world, pose, at.position_mm, TRUE);
+    at.aim = world_light_place(world, pose, at.aim, FALSE);
+    return at;
+}
+
+struct optics_laser world_laser_at(const World *world, int laser, struct light_pose pose) {
+    struct optics_laser at = world->lasers[laser];
+    at.position_mm = world_light_place(world, pose, at.position_mm, TRUE);
+    at.axis = world_light_place(world, pose, at.axis, FALSE);
+    at.forward = world_light_place(world, pose, at.forward, FALSE);
+    return at;
+}
+
+struct v3 world_eye_mm(const World *world, int camera, double turntable_deg) {
+    double angle = -RAD(whole_turn(turntable_deg));
+    return v3_turn_z(world->cameras[camera].centre_mm, cos(angle), sin(angle));
+}
+
+struct v3 world_ray(const World *world, int camera, double turntable_deg, double x_px,
+                    double y_px) {
+    double angle = -RAD(whole_turn(turntable_deg));
+    return v3_turn_z(optics_ray(&world->cameras[camera], x_px, y_px), cos(angle), sin(angle));
+}
+
+struct view_job {
+    const World *world;
+    int camera;
+    double turntable_deg;
+    const struct spread *spread;
+};
+
+struct tracer { /* of one picture row */
+    struct v3 *rays;
+    struct surface *surfaces;
+    gboolean *hit;
+};
+
+static float pixel_weight(const struct optics_camera *camera, int x, int y) {
+    return (float)optics_response(camera, x, y, cfa_colour_at(camera->cfa, x, y));
+}
+
+static void world_light_add_point(GArray *points, const struct surface *surface,
+                                  enum cfa_colour colour, guint32 pixel) {
+    struct point point;
+    world_pack(surface, colour, pixel, &point);
+    g_array_append_val(points, point);
+}
+
+/* Turntable alone has no detail: one sample a pixel is as good as many. */
+static void world_light_add_pixel(const struct view_job *job, const struct tracer *row, int x,
+                                  int y, GArray *points, float *ret_weight) {
+    const struct optics_camera *camera = &job->world->cameras[job->camera];
+    int n = job->world->supersample * job->world->supersample, sample = 0;
+    const struct surface *surfaces = row->surfaces + x * n;
+    const gboolean *hit = row->hit + x * n;
+    for (int i = 0; i < n; i++)
+        sample += hit[i] && surfaces[i].triangle != NO_TRIANGLE;
+    enum cfa_colour colour = cfa_colour_at(camera->cfa, x, y);
+    *ret_weight = pixel_weight(camera, x, y);
+    guint32 pixel = (guint32)(y * camera->width + x);
+    if (sample > 0) {
+        *ret_weight /= (float)n;
+        for (int i = 0; i < n; i++)
+            if (hit[i])
+                world_light_add_point(points, &surfaces[i], colour, pixel);
+        return;
+    }
+    struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    struct v3 ray = world_ray(job->world, job->camera, job->turntable_deg, x, y);
+    struct surface table;
+    gboolean seen;
+    scene_trace(&job->world->scene, eye, NULL, &ray, 1, &table, &seen);
+    if (seen)
+        world_light_add_point(points, &table, colour, pixel);
+}
+
+static void trace_row(const struct view_job *job, const struct tracer *row, int y) {
+    const struct optics_camera *camera = &job->world->cameras[job->camera];
+    int aa = job->world->supersample, k = 0;
+    const float *low = job->world->scene.low, *high = job->world->scene.high;
+    guint64 sample =
+        sample_hash(world_light_bits((double)low[0] + (double)high[1])) ^
+        sample_hash(world_light_bits((double)low[1] - (double)high[0] + (double)high[2]));
+    struct sample_random random = {sample_hash(world_light_bits(whole_turn(job->turntable_deg)) +
+                                               sample + (guint64)job->camera * 8191 +
+                                               (guint64)y * 0x9e3779b97f4a7c15u)};
+    double at[2 * MOST_SAMPLES];
+    for (int i = 0; i < aa * aa; i++) {
+        const int row_of = i / aa;
+        at[2 * i] = (i % aa + 0.5) / aa - 0.5;
+        at[2 * i + 1] = (row_of + 0.5) / aa - 0.5;
+    }
+    for (int x = 0; x < camera->width; x++) {
+        if (camera->blur_px > 0)
+            spread_pixel(job->spread, &random, aa, at);
+        for (int i = 0; i < aa * aa; i++)
+            row->rays[k++] = world_ray(job->world, job->camera, job->turntable_deg, x + at[2 * i],
+                                       y + at[2 * i + 1]);
+    }
+    struct v3 eye = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    scene_trace(&job->world->scene, eye, NULL, row->rays, k, row->surfaces, row->hit);
+}
+
+static gpointer make_view(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
+    struct view_job own = *(const struct view_job *)data, *job = &own;
+    const struct optics_camera *camera = &job->world->cameras[job->camera];
+    struct spread spread;
+    if (camera->blur_px > 0)
+        spread_init(&spread, camera->blur_px);
+    job->spread = &spread;
+    gsize n = (gsize)camera->width * (gsize)(job->world->supersample * job->world->supersample);
+    g_autofree struct v3 *rays = g_new(struct v3, n);
+    g_autofree struct surface *surfaces = g_new(struct surface, n);
+    g_autofree gboolean *hit = g_new(gboolean, n);
+    struct tracer row = {rays, surfaces, hit};
+    gsize n_pixels = (gsize)camera->width * (gsize)camera->height;
+    g_autofree float *weights = g_new(float, n_pixels);
+    g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(struct point));
+    for (int y = 0; y < camera->height; y++) {
+        trace_row(job, &row, y);
+        for (int x = 0; x < camera->width; x++)
+            world_light_add_pixel(job, &row, x, y, points, &weights[y * camera->width + x]);
+    }
+    gsize before = sizeof(struct view) + points->len * sizeof(struct point);
+    *ret_bytes = before + n_pixels * sizeof(float);
+    struct view *view = g_malloc(*ret_bytes);
+    view->eye_mm = world_eye_mm(job->world, job->camera, job->turntable_deg);
+    view->n = points->len;
+    view->weights = memcpy((char *)view + before, weights, n_pixels * sizeof(float));
+    if (points->len)
+        memcpy(view->points, points->data, points->len * sizeof(struct point));
+    return view;
+}
+
+struct cache_entry *world_view(World *world, int camera, double turntable_deg) {
+    struct view_job job = {world, camera, turntable_deg, NULL};
+    struct cache_key key = {
+        {CACHED_VIEW, (guint64)camera, world_light_bits(whole_turn(turntable_deg)), 0}};
+    return cache_get(world->cache, &key, make_view, &job);
+}
+
+struct bounce_job {
+    const World *world;
+    int lamp;
+    struct light_pose pose;
+};
+
+/* Direct irradiance at every vertex. */
+static float *light_vertices(const World *world, const struct optics_lamp *lamp) {
+    const struct scene *scene = &world->scene;
+    float *direct = g_new0(float, scene->n_vertices);
+    g_autofree struct surface *surfaces = g_new0(struct surface, SCENE_BATCH);
+    const struct surface *pointers[SCENE_BATCH] = {NULL};
+    guint8 blocked[SCENE_BATCH];
+    for (guint first = 0; first < scene->n_vertices; first += SCENE_BATCH) {
+        int n = (int)MIN(SCENE_BATCH, scene->n_vertices - first);
+        for (int i = 0; i < n; i++) {
+            const struct vertex *from = &scene->vertices[first + (guint)i];
+            memcpy(surfaces[i].p, from->p, sizeof from->p);
+            memcpy(surfaces[i].n, from->n, sizeof from->n);
+            memcpy(surfaces[i].ng, from->n, sizeof from->n);
+            surfaces[i].albedo[CFA_GREEN] = (float)G_PI; /* makes scene_reflect() n·l */
+            pointers[i] = &surfaces[i];
+        }
+        scene_shadow(scene, lamp->position_mm, pointers, n, blocked);
+        for (int i = 0; i < n; i++) {
+            struct v3 p = v3(surfaces[i].p[0], surfaces[i].p[1], surfaces[i].p[2]);
+            if (!blocked[i])
+                direct[first + (guint)i] =
+                    (float)optics_lamp_irradiance(lamp, p) *
+                    scene_reflect(&surfaces[i], lamp->position_mm, lamp->position_mm, CFA_GREEN);
+        }
+    }
+    return direct;
+}
+
+static gpointer make_bounce(const struct cache_key *key, gconstpointer data, gsize *ret_bytes) {
+    const struct bounce_job *job = data;
+    const struct scene *scene = &job->world->scene;
+    *ret_bytes = (gsize)scene->n_vertices * 3 * sizeof(float);
+    float *bounce = g_malloc0(*ret_bytes);
+    if (scene->n_gather == 0)
+        return bounce;
+    struct optics_lamp lamp = world_lamp_at(job->world, job->lamp, job->pose);
+    g_autofree float *direct = light_vertices(job->world, &lamp);
+    float share = 1.0f / (float)scene->n_gather;
+    const guint32 *gather = scene->gather;
+    for (guint i = 0; i < scene->n_vertices; i++, gather += scene->n_gather) {
+        for (int k = 0; k < scene->n_gather; k++) {
+            if (gather[k] == NO_TRIANGLE)
+                continue;
+            float e = direct[gather[k]] * share;
+            const float *albedo = scene->vertices[gather[k]].albedo;
+            for (int c = 0; c < 3; c++)
+                bounce[3 * i + (guint)c] += e * albedo[c];
+        }
+    }
+    return bounce;
+}
+
+struct cache_entry *world_bounce(World *world, int lamp, struct light_pose pose) {
+    struct bounce_job job = {world, lamp, pose};
+    struct cache_key key = {{CACHED_BOUNCE, (guint64)lamp, world_light_bits(pose.relative_rad),
+                             world_light_bits(pose.turntable_rad)}};
+    return cache_get(world->cache, &key, make_bounce, &job);
+}
+
+float world_bounce_at(const World *world, const float *bounce, const struct surface *s,
+                      enum cfa_colour colour) {
+    if (s->triangle == NO_TRIANGLE)
+        return 0;
+    const guint32 *corners = world->scene.triangles[s->triangle];
+    return bounce[3 * corners[0] + colour] * (1 - s->u - s->v) +
+           bounce[3 * corners[1] + colour] * s->u + bounce[3 * corners[2] + colour] * s->v;
+}
+
+struct picture_job {
+    World *world;
+    int camera, lamp;
+    double turntable_deg, arc_deg;
+};
+
+struct lit { /* what shading a block of points needs */
+    const World *world;
+    const struct optics_camera *camera;
+    struct optics_lamp lamp;
+    struct v3 eye_mm;
+    const float *bounce;
+};
+
+static float point_radiance(const struct lit *lit, const struct surface *s, gboolean blocked,
+                            enum cfa_colour colour) {
+    float radiance = 0;
+    if (!blocked) {
+        float e = (float)optics_lamp_irradiance(&lit->lamp, v3(s->p[0], s->p[1], s->p[2]));
+        radiance = e * scene_reflect(s, lit->lamp.position_mm, lit->eye_mm, colour);
+    }
+    return radiance +
+           s->albedo[colour] * (float)M_1_PI * world_bounce_at(lit->world, lit->bounce, s, colour);
+}
+
+static void shade_block(const struct lit *lit, const struct view *view, guint first,
+                        float *picture) {
+    struct surface surfaces[SCENE_BATCH];
+    const struct surface *pointers[SCENE_BATCH] = {NULL};
+    guint8 blocked[SCENE_BATCH];
+    const struct point *points = view->points + first;
+    int n = (int)MIN(SCENE_BATCH, view->n - first);
+    for (int i = 0; i < n; i++) {
+        world_unpack(&points[i], &surfaces[i]);
+        pointers[i] = &surfaces[i];
+    }
+    scene_shadow(&lit->world->scene, lit->lamp.position_mm, pointers, n, blocked);
+    int width = lit->camera->width;
+    for (int i = 0; i < n; i++) {
+        int x = (int)points[i].pixel % width, y = (int)points[i].pixel / width;
+        enum cfa_colour colour = cfa_colour_at(lit->camera->cfa, x, y);
+        picture[points[i].pixel] +=
+            view->weights[points[i].pixel] * point_radiance(lit, &surfaces[i], blocked[i], colour);
+    }
+}
+
+static gpointer world_light_make_picture(const struct cache_key *key, gconstpointer data,
+                                         gsize *ret_bytes) {
+    const struct picture_job *job = data;
+    World *world = job->world;
+    const struct optics_camera *camera = &world->cameras[job->camera];
+    struct light_pose pose = world_light_pose(world, job->arc_deg, job->turntable_deg);
+    struct cache_entry *bounce = world_bounce(world, job->lamp, pose);
+    struct cache_entry *entry = world_view(world, job->camera, job->turntable_deg);
+    const struct view *view = entry->value;
+    struct lit lit = {world, camera, world_lamp_at(world, job->lamp, pose), view->eye_mm,
+                      bounce->value};
+    *ret_bytes = (gsize)camera->width * (gsize)camera->height * sizeof(float);
+    float *picture = g_malloc0(*ret_bytes);
+    for (guint i = 0; i < view->n; i += SCENE_BATCH)
+        shade_block(&lit, view, i, picture);
+    cache_release(world->cache, entry);
+    cache_release(world->cache, bounce);
+    return picture;
+}
+
+struct cache_entry *world_lamp_picture(World *world, int camera, int lamp, double turntable_deg,
+                                       double arc_deg) {
+    struct picture_job job = {world, camera, lamp, turntable_deg, arc_deg};
+    guint64 relative = world_light_bits(world_relative_rad(arc_deg, turntable_deg));
+    struct cache_key key = {{CACHED_PICTURE | (guint64)camera << 8 | (guint64)lamp << 16,
+                             world_light_bits(whole_turn(turntable_deg)), relative, 0}};
+    return cache_get(world->cache, &key, world_light_make_picture, &job);
+}

@@ -1,0 +1,452 @@
+#include "world_private.h"
+
+#include "base/options.h"
+
+#include <string.h>
+
+#define RAD(deg) ((deg) * (G_PI / 180))
+
+struct world_options {
+    int seed, supersample, n_gather, cache_mb;
+    gboolean noise;
+    double arc_zero_deg, arc_tilt_deg, arc_mm;
+    double camera_mm, camera_deg, lamp_mm, lamp_deg, lamp_pct, laser_mm, laser_deg;
+    double warm_up_s, warm_up_start, drift_pct, drift_period_s;
+    double table_albedo, table_radius_mm;
+};
+
+#define AT(field) G_STRUCT_OFFSET(struct world_options, field)
+static const struct option world_table[] = {
+    {"seed", OPTION_INT, NULL, 0, 1e9, "1", NULL, AT(seed),
+     "what the misalignments and the noise of this world are drawn from"},
+    {"noise", OPTION_BOOL, NULL, 0, 0, "yes", NULL, AT(noise), "photon and read noise"},
+    {"supersample", OPTION_INT, NULL, 1, 8, "2", NULL, AT(supersample),
+     "samples a pixel in x and in y"},
+    {"gather_rays", OPTION_INT, NULL, 0, 64, "12", NULL, AT(n_gather),
+     "rays a surface point for light by one diffuse bounce; 0: direct light only"},
+    {"cache_mb", OPTION_INT, "MB", 1, 65536, "512", NULL, AT(cache_mb),
+     "memory for what pictures are made of"},
+    {"arc_zero_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(arc_zero_deg),
+     "standard deviation of where the light arc's angle 0 truly is"},
+    {"arc_tilt_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(arc_tilt_deg),
+     "standard deviation of the lean of the light arc's axis, towards x and towards y"},
+    {"arc_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(arc_mm),
+     "standard deviation of where the light arc's axis stands, along x and along y"},
+    {"camera_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(camera_mm),
+     "standard deviation of the cameras' positions from where they should be, each axis"},
+    {"camera_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(camera_deg),
+     "standard deviation of the cameras' turns about each of their axes"},
+    {"lamp_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(lamp_mm),
+     "standard deviation of the lamps' positions, each axis"},
+    {"lamp_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(lamp_deg),
+     "standard deviation of the lamps' aim, about each of two axes"},
+    {"lamp_error_pct", OPTION_DOUBLE, "%", 0, 20, "0", NULL, AT(lamp_pct),
+     "standard deviation of the lamps' intensities"},
+    {"laser_error_mm", OPTION_DOUBLE, "mm", 0, 10, "0", NULL, AT(laser_mm),
+     "standard deviation of the lasers' positions, each axis"},
+    {"laser_error_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AT(laser_deg),
+     "standard deviation of the laser sheets' tilt and of the sweep's zero"},
+    {"warm_up_s", OPTION_DOUBLE, "s", 0, 3600, "2", NULL, AT(warm_up_s),
+     "time until a lamp gives its full output"},
+    {"warm_up_start", OPTION_DOUBLE, NULL, 0, 1, "0.8", NULL, AT(warm_up_start),
+     "output just after switching on, of the full one"},
+    {"drift_pct", OPTION_DOUBLE, "%", 0, 50, "0", NULL, AT(drift_pct),
+     "amplitude of the lamps' slow drift"},
+    {"drift_period_s", OPTION_DOUBLE, "s", 1, 1e7, "3600", NULL, AT(drift_period_s),
+     "period of the drift"},
+    {"turntable_albedo", OPTION_DOUBLE, NULL, 0, 1, "0.04", NULL, AT(table_albedo),
+     "of the turntable's top, a diffuser"},
+    {"turntable_radius_mm", OPTION_DOUBLE, "mm", 0, 1000, "150", NULL, AT(table_radius_mm),
+     "of the turntable's top; beyond it everything is black"},
+    {0},
+};
+#undef AT
+
+struct camera_options {
+    struct optics_camera optics;
+    int cfa;
+    double theta_deg, phi_deg, distance_mm, focal_scale;
+    struct option_doubles offset_mm, turn_deg, centre_px, colour;
+};
+
+static const char *const cfa_choices[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
+
+#define AT(field) G_STRUCT_OFFSET(struct camera_options, field)
+static const struct option camera_table[] = {
+    {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
+    {"phi_deg", OPTION_DOUBLE, "deg", -360, 360, "0", NULL, AT(phi_deg), "azimuth"},
+    {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "650", NULL, AT(distance_mm),
+     "from the origin, which it looks at"},
+    {"width", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.width), "columns"},
+    {"height", OPTION_INT, "px", 1, 8192, "160", NULL, AT(optics.height), "rows"},
+    {"focal_px", OPTION_DOUBLE, "px", 10, 1e6, "1664", NULL, AT(optics.focal_px),
+     "focal length in pixels"},
+    {"bits", OPTION_INT, NULL, 8, 16, "12", NULL, AT(optics.bits), "of the ADC"},
+    {"cfa", OPTION_CHOICE, NULL, 0, 0, "rggb", cfa_choices, AT(cfa), "colour filters"},
+    {"black_level", OPTION_DOUBLE, "DN", 0, 4096, "64", NULL, AT(optics.black_level),
+     "mean value in the dark"},
+    {"full_well_e", OPTION_DOUBLE, "e", 100, 1e7, "15000", NULL, AT(optics.full_well_e),
+     "electrons that fill a pixel; at 0 dB the ADC's last value"},
+    {"read_noise_e", OPTION_DOUBLE, "e", 0, 1000, "4", NULL, AT(optics.read_noise_e),
+     "standard deviation of a pixel in the dark"},
+    {"curvature", OPTION_DOUBLE, NULL, -0.2, 0.2, "0", NULL, AT(optics.curvature),
+     "what a full pixel shows less than a straight line would, as a part of it"},
+    {"response", OPTION_DOUBLE, "DN/s per W/sr/m2", 0, 1e9, "6000", NULL, AT(optics.response),
+     "on the axis at 0 dB"},
+    {"colour", OPTION_DOUBLES, NULL, 0, 10, "1;1;1", NULL, AT(colour),
+     "response behind the red, green and blue filters, times the response"},
+    {"vignetting", OPTION_DOUBLE, NULL, 0, 1, "0", NULL, AT(optics.vignetting),
+     "what is lost in the corners, growing with the square of the distance from the centre"},
+    {"falloff", OPTION_DOUBLE, NULL, 0, 8, "0", NULL, AT(optics.falloff),
+     "exponent of the cosine of the angle to the axis, 4 for a simple lens"},
+    {"blur_px", OPTION_DOUBLE, "px", 0, 10, "0", NULL, AT(optics.blur_px),
+     "standard deviation of the lens's blur; samples are then spread over what it blurs"},
+    {"k1", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k1), "radial distortion, r³"},
+    {"k2", OPTION_DOUBLE, NULL, -2, 2, "0", NULL, AT(optics.k2), "radial distortion, r⁵"},
+    {"p1", OPTION_DOUBLE, NULL, -0.1, 0.1, "0", NULL, AT(optics.p1), "tangential distortion"},
+    {"p2", OPTION_DOUBLE, NULL, -0.1, 0.1, "0", NULL, AT(optics.p2), "tangential distortion"},
+    {"focal_scale", OPTION_DOUBLE, NULL, 0.5, 2, "1", NULL, AT(focal_scale),
+     "true focal length, of the one said"},
+    {"centre_px", OPTION_DOUBLES, "px", -1000, 1000, "0;0", NULL, AT(centre_px),
+     "principal point away from the picture's middle, x and y"},
+    {"offset_mm", OPTION_DOUBLES, "mm", -100, 100, "0;0;0", NULL, AT(offset_mm),
+     "away from where it should be, rig frame"},
+    {"turn_deg", OPTION_DOUBLES, "deg", -30, 30, "0;0;0", NULL, AT(turn_deg),
+     "turned about its own right, down and forward axes"},
+    {0},
+};
+#undef AT
+
+struct lamp_options {
+    struct optics_lamp optics;
+    gboolean dead;
+    double theta_deg, distance_mm, scale;
+    struct option_doubles offset_mm, aim_deg;
+};
+
+#define AT(field) G_STRUCT_OFFSET(struct lamp_options, field)
+static const struct option lamp_table[] = {
+    {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
+    {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "500", NULL, AT(distance_mm),
+     "from the origin, which it is aimed at"},
+    {"exponent", OPTION_DOUBLE, NULL, 0, 100, "2", NULL, AT(optics.exponent),
+     "intensity falls with the cosine of the angle to the aim to this power"},
+    {"intensity", OPTION_DOUBLE, "W/sr", 0, 1e6, "40", NULL, AT(optics.intensity), "along its aim"},
+    {"intensity_scale", OPTION_DOUBLE, NULL, 0, 2, "1", NULL, AT(scale),
+     "true intensity, of the one said"},
+    {"offset_mm", OPTION_DOUBLES, "mm", -100, 100, "0;0;0", NULL, AT(offset_mm),
+     "away from where it should be, with the arc at 0"},
+    {"aim_deg", OPTION_DOUBLES, "deg", -30, 30, "0;0", NULL, AT(aim_deg),
+     "aim turned along and across the arc"},
+    {"dead", OPTION_BOOL, NULL, 0, 0, "no", NULL, AT(dead), "gives no light at all"},
+    {0},
+};
+#undef AT
+
+struct laser_options {
+    struct optics_laser optics;
+    double theta_deg, distance_mm, width_mm, fan_deg, tilt_deg, start_deg;
+    struct option_doubles offset_mm, colour;
+};
+
+#define AT(field) G_STRUCT_OFFSET(struct laser_options, field)
+static const struct option laser_table[] = {
+    {"theta_deg", OPTION_DOUBLE, "deg", 0, 89, NULL, NULL, AT(theta_deg), "angle from the zenith"},
+    {"distance_mm", OPTION_DOUBLE, "mm", 50, 10000, "480", NULL, AT(distance_mm),
+     "from the origin, which it lights at sweep 0"},
+    {"width_mm", OPTION_DOUBLE, "mm", 0.01, 20, "1.2", NULL, AT(width_mm),
+     "full width at half maximum at the origin, across the sheet"},
+    {"fan_deg", OPTION_DOUBLE, "deg", 1, 120, "20", NULL, AT(fan_deg), "opening of the sheet"},
+    {"power_w", OPTION_DOUBLE, "W", 0, 1000, "0.02", NULL, AT(optics.power_w),
+     "in the whole sheet"},
+    {"colour", OPTION_DOUBLES, NULL, 0, 10, "1;1;1", NULL, AT(colour),
+     "response of red, green and blue pixels to it, of their response to lamps"},
+    {"tilt_deg", OPTION_DOUBLE, "deg", -10, 10, "0", NULL, AT(tilt_deg),
+     "of the sheet about its direction"},
+    {"start_deg", OPTION_DOUBLE, "deg", -10, 10, "0", NULL, AT(start_deg),
+     "sweep angle at which it truly lights the origin"},
+    {"offset_mm", OPTION_DOUBLES, "mm", -100, 100, "0;0;0", NULL, AT(offset_mm),
+     "away from where it should be, with the arc at 0"},
+    {0},
+};
+#undef AT
+
+/* Deviates of a device come from the world's seed and its place in the file. */
+static struct sample_random device_random(const struct world_options *options, char class_letter,
+                                          int index) {
+    guint64 seed = (guint64)options->seed << 16 | (guint64)class_letter << 8 | (guint64)index;
+    return (struct sample_random){sample_hash(seed + 0x9e3779b97f4a7c15u)};
+}
+
+static double deviate(struct sample_random *random) { /* nearly normal, within ±6 */
+    double sum = -6;
+    for (int i = 0; i < 12; i++)
+        sum += sample_uniform(random);
+    return sum;
+}
+
+static struct v3 deviate3(struct sample_random *random) {
+    double x = deviate(random), y = deviate(random), z = deviate(random);
+    return v3(x, y, z);
+}
+
+static gboolean check_count(const struct config_section *section, const char *key,
+                            const struct option_doubles *list, int n, GError **error) {
+    if (list->n == n)
+        return TRUE;
+    config_set_error(error, CONFIG_ERROR_VALUE, section, key,
+                     "%d number(s) given, %d are needed, separated by ';'", list->n, n);
+    return FALSE;
+}
+
+static struct v3 world_load_vector(const struct option_doubles *list) {
+    return v3(list->values[0], list->values[1], list->values[2]);
+}
+
+static void make_arc(World *world, const struct world_options *all) {
+    struct sample_random random = device_random(all, 'a', 0);
+    struct optics_arc *arc = &world->arc;
+    arc->zero = RAD(all->arc_zero_deg * deviate(&random));
+    struct v3 lean = deviate3(&random), aside = deviate3(&random);
+    optics_arc_lean(arc, RAD(all->arc_tilt_deg * lean.x), RAD(all->arc_tilt_deg * lean.y));
+    arc->centre_mm = v3(all->arc_mm * aside.x, all->arc_mm * aside.y, 0);
+    arc->crooked = all->arc_tilt_deg > 0 || all->arc_mm > 0;
+}
+
+static void make_camera(World *world, const struct world_options *all,
+                        const struct camera_options *from) {
+    struct sample_random random = device_random(all, 'c', world->n_cameras);
+    struct optics_camera *camera = &world->cameras[world->n_cameras];
+    *camera = from->optics;
+    camera->cfa = (enum cfa)from->cfa;
+    camera->focal_px *= from->focal_scale;
+    camera->centre_x_px = (camera->width - 1) / 2.0 + from->centre_px.values[0];
+    camera->centre_y_px = (camera->height - 1) / 2.0 + from->centre_px.values[1];
+    for (int i = 0; i < 3; i++)
+        camera->colour[i] = from->colour.values[i];
+    optics_camera_place(camera, RAD(from->theta_deg), RAD(from->phi_deg), from->distance_mm);
+    camera->centre_mm = v3_mad(world_load_vector(&from->offset_mm), 1, camera->centre_mm);
+    camera->centre_mm = v3_mad(deviate3(&random), all->camera_mm, camera->centre_mm);
+    struct v3 turn = v3_mad(deviate3(&random), all->camera_deg, world_load_vector(&from->turn_deg));
+    optics_camera_turn(camera, RAD(turn.x), RAD(turn.y), RAD(turn.z));
+}
+
+static gboolean load_camera(World *world, const struct world_options *all,
+                            const struct config_section *section, GError **error) {
+    struct camera_options from = {0};
+    if (!options_parse(camera_table, section, NULL, &from, error))
+        return FALSE;
+    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
+                    check_count(section, "turn_deg", &from.turn_deg, 3, error) &&
+                    check_count(section, "centre_px", &from.centre_px, 2, error) &&
+                    check_count(section, "colour", &from.colour, 3, error);
+    if (good && from.optics.black_level >= (double)((1 << from.optics.bits) - 1)) {
+        config_set_error(error, CONFIG_ERROR_VALUE, section, "black_level",
+                         "%g is not below the last value of %d bits", from.optics.black_level,
+                         from.optics.bits);
+        good = FALSE;
+    }
+    if (good) {
+        make_camera(world, all, &from);
+        world->camera_names[world->n_cameras++] = g_strdup(section->name);
+    }
+    options_clear(camera_table, &from);
+    return good;
+}
+
+static void make_lamp(World *world, const struct world_options *all,
+                      const struct lamp_options *from) {
+    struct sample_random random = device_random(all, 'l', world->n_lamps);
+    struct optics_lamp *lamp = &world->lamps[world->n_lamps];
+    *lamp = from->optics;
+    double theta = RAD(from->theta_deg);
+    struct v3 out = v3(sin(theta), 0, cos(theta)), up = v3(-cos(theta), 0, sin(theta));
+    lamp->position_mm = v3_mad(out, from->distance_mm, world_load_vector(&from->offset_mm));
+    lamp->position_mm = v3_mad(deviate3(&random), all->lamp_mm, lamp->position_mm);
+    double along = from->aim_deg.values[0] + all->lamp_deg * deviate(&random);
+    double across = from->aim_deg.values[1] + all->lamp_deg * deviate(&random);
+    struct v3 aim = v3(-out.x, -out.y, -out.z);
+    aim = v3_mad(up, tan(RAD(along)), aim);
+    lamp->aim = v3_norm(v3_mad(v3(0, 1, 0), tan(RAD(across)), aim));
+    lamp->intensity *= from->scale * (1 + all->lamp_pct / 100 * deviate(&random));
+    lamp->intensity = MAX(lamp->intensity, 0);
+    world->power[world->n_lamps].dead = from->dead;
+}
+
+static gboolean load_lamp(World *world, const struct world_options *all,
+                          const struct config_section *section, GError **error) {
+    struct lamp_options from = {0};
+    if (!options_parse(lamp_table, section, NULL, &from, error))
+        return FALSE;
+    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
+                    check_count(section, "aim_deg", &from.aim_deg, 2, error);
+    if (good) {
+        make_lamp(world, all, &from);
+        world->lamp_names[world->n_lamps++] = g_strdup(section->name);
+    }
+    options_clear(lamp_table, &from);
+    return good;
+}
+
+static void make_laser(World *world, const struct world_options *all,
+                       const struct laser_options *from) {
+    struct sample_random random = device_random(all, 's', world->n_lasers);
+    struct optics_laser *laser = &world->lasers[world->n_lasers];
+    *laser = from->optics;
+    double theta = RAD(from->theta_deg);
+    struct v3 out = v3(sin(theta), 0, cos(theta)), up = v3(-cos(theta), 0, sin(theta));
+    laser->position_mm = v3_mad(out, from->distance_mm, world_load_vector(&from->offset_mm));
+    laser->position_mm = v3_mad(deviate3(&random), all->laser_mm, laser->position_mm);
+    double tilt = RAD(from->tilt_deg + all->laser_deg * deviate(&random));
+    double start = RAD(from->start_deg + all->laser_deg * deviate(&random));
+    laser->forward = v3(-out.x, -out.y, -out.z);
+    laser->axis = v3_mad(up, sin(tilt), v3(0, cos(tilt), 0));
+    laser->start = start;
+    laser->sigma = from->width_mm / (2 * sqrt(2 * G_LN2)) / from->distance_mm;
+    laser->fan = RAD(from->fan_deg);
+    for (int i = 0; i < 3; i++)
+        laser->colour[i] = from->colour.values[i];
+}
+
+static gboolean load_laser(World *world, const struct world_options *all,
+                           const struct config_section *section, GError **error) {
+    struct laser_options from = {0};
+    if (!options_parse(laser_table, section, NULL, &from, error))
+        return FALSE;
+    gboolean good = check_count(section, "offset_mm", &from.offset_mm, 3, error) &&
+                    check_count(section, "colour", &from.colour, 3, error);
+    if (good) {
+        make_laser(world, all, &from);
+        world->laser_place[world->n_lasers] = world->n_lasers;
+        world->laser_names[world->n_lasers++] = g_strdup(section->name);
+    }
+    options_clear(laser_table, &from);
+    return good;
+}
+
+struct mark_options {
+    double x_mm, y_mm, z_mm, radius_mm;
+    struct option_doubles albedo;
+};
+
+#define AT(field) G_STRUCT_OFFSET(struct mark_options, field)
+static const struct option mark_table[] = {
+    {"x_mm", OPTION_DOUBLE, "mm", -1000, 1000, NULL, NULL, AT(x_mm), "of its middle, sample frame"},
+    {"y_mm", OPTION_DOUBLE, "mm", -1000, 1000, NULL, NULL, AT(y_mm), "of its middle"},
+    {"z_mm", OPTION_DOUBLE, "mm", 0.01, 100, "1", NULL, AT(z_mm),
+     "of its face, above the turntable"},
+    {"radius_mm", OPTION_DOUBLE, "mm", 0.1, 100, "3", NULL, AT(radius_mm), "of its face"},
+    {"albedo", OPTION_DOUBLES, NULL, 0, 1, "0.95", NULL, AT(albedo),
+     "of its face, one value or three; its sides are black"},
+    {0},
+};
+#undef AT
+
+static gboolean load_mark(World *world, const struct config_section *section, GError **error) {
+    struct mark_options from = {0};
+    if (!options_parse(mark_table, section, NULL, &from, error))
+        return FALSE;
+    float albedo[3];
+    sample_set_rgb(albedo, &from.albedo, 0.95f, 0.95f, 0.95f);
+    sample_add_post(world->mesh, from.x_mm, from.y_mm, from.z_mm, from.radius_mm, albedo);
+    options_clear(mark_table, &from);
+    return TRUE;
+}
+
+static gboolean world_load_load_marks(World *world, const Config *config, GError **error) {
+    gsize n = 0;
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++)
+        if (g_str_equal(sections[i].class_name, "mark") && !load_mark(world, &sections[i], error))
+            return FALSE;
+    return TRUE;
+}
+
+static gboolean load_sample(World *world, const struct world_options *all, const Config *config,
+                            GError **error) {
+    const struct config_section *section = config_find(config, "sample", NULL);
+    if (!section) {
+        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_MISSING,
+                    "%s: no section [sample]: say what lies on the turntable (kind = flat, …)",
+                    config_path(config));
+        return FALSE;
+    }
+    struct sample_options options = {0};
+    if (!options_parse(sample_option_table, section, NULL, &options, error))
+        return FALSE;
+    world->mesh = sample_new(section, &options, error);
+    options_clear(sample_option_table, &options);
+    if (!world->mesh || !world_load_load_marks(world, config, error))
+        return FALSE;
+    struct scene_settings settings = {all->n_gather, all->seed, all->table_albedo,
+                                      all->table_radius_mm};
+    scene_init(&world->scene, world->mesh, &settings);
+    return TRUE;
+}
+
+typedef gboolean (*LoadDevice)(World *, const struct world_options *, const struct config_section *,
+                               GError **);
+
+static gboolean load_section(World *world, const struct world_options *all,
+                             const struct config_section *section, GError **error) {
+    const struct {
+        const char *class_name;
+        LoadDevice load;
+        int n, max;
+    } classes[] = {
+        {"camera", load_camera, world->n_cameras, WORLD_MAX_CAMERAS},
+        {"lamp", load_lamp, world->n_lamps, WORLD_MAX_LAMPS},
+        {"laser", load_laser, world->n_lasers, WORLD_MAX_LASERS},
+    };
+    if (g_str_equal(section->group, "world") || g_str_equal(section->group, "sample") ||
+        g_str_equal(section->class_name, "mark"))
+        return TRUE; /* the world's marks are part of its sample */
+    for (gsize i = 0; i < G_N_ELEMENTS(classes); i++) {
+        if (!g_str_equal(section->class_name, classes[i].class_name))
+            continue;
+        if (section->name && classes[i].n < classes[i].max)
+            return classes[i].load(world, all, section, error);
+        if (section->name)
+            config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "more than %d of a kind",
+                             classes[i].max);
+        else
+            config_set_error(error, CONFIG_ERROR_VALUE, section, NULL, "needs a name: [%s NAME]",
+                             section->class_name);
+        return FALSE;
+    }
+    config_set_error(error, CONFIG_ERROR_UNKNOWN, section, NULL,
+                     "a world file has [world], [sample], [camera NAME], [lamp NAME], "
+                     "[laser NAME] and [mark NAME]");
+    return FALSE;
+}
+
+static void set_options(World *world, const struct world_options *all) {
+    world->supersample = all->supersample;
+    world->noise = all->noise;
+    world->noise_seed = sample_hash((guint64)all->seed);
+    world->warm_up_s = all->warm_up_s;
+    world->warm_up_start = all->warm_up_start;
+    world->drift = all->drift_pct / 100;
+    world->drift_period_s = all->drift_period_s;
+    world->cache = cache_new((gsize)all->cache_mb << 20);
+}
+
+gboolean world_load(World *world, const char *path, GError **error) {
+    g_autoptr(Config) config = config_load(path, error);
+    if (!config)
+        return FALSE;
+    struct world_options all = {0};
+    const struct config_section *head = config_find(config, "world", NULL);
+    if (!head)
+        options_defaults(world_table, &all);
+    else if (!options_parse(world_table, head, NULL, &all, error))
+        return FALSE;
+    set_options(world, &all);
+    make_arc(world, &all);
+    gsize n = 0;
+    const struct config_section *sections = config_sections(config, &n);
+    for (gsize i = 0; i < n; i++)
+        if (!load_section(world, &all, &sections[i], error))
+            return FALSE;
+    return load_sample(world, &all, config, error);
+}

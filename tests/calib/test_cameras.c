@@ -1,0 +1,259 @@
+/*
+ * Cameras and turntable from pictures of a board that the simulated world has drawn, against that
+ * world's own truth; and everything that must be refused rather than calibrated wrongly.
+ */
+#include "lib/calibration_fixture.h"
+
+#include "cameras/board_find.h"
+
+#define N_STOPS 8
+
+static struct fixture f; /* lay 0 flat, lay 1 leaning; three cameras, the last at 75° */
+
+static void open_fixture(void) {
+    static const struct fixture_lay lays[] = {{0, 0, 3, 1, -2}, {30, 20, 40, 2, 1}};
+    const struct fixture_rig options = {.n_cameras = 3,
+                                        .width = 176,
+                                        .height = 160,
+                                        .focal_px = 714,
+                                        .distance_mm = 320,
+                                        .first_theta_deg = 15,
+                                        .last_theta_deg = 75,
+                                        .seed = 3,
+                                        .supersample = 2,
+                                        .error_mm = 1,
+                                        .error_deg = 0.2,
+                                        .turntable_error_deg = 0.01,
+                                        .blur_px = 0.4,
+                                        .board = "7x7,square=10.5,marker=7.875,thickness=3"};
+    fixture_open(&f, &options, lays, G_N_ELEMENTS(lays));
+    fixture_capture(&f, N_STOPS);
+}
+
+static struct cameras_task whole_task(void) {
+    return (struct cameras_task){f.board, f.pictures, f.n_pictures, fixture_read, NULL, &f};
+}
+
+static void test_truth(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&f.nominal);
+    const struct cameras_task task = whole_task();
+    g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
+
+    g_assert_no_error(error);
+    const struct fixture_errors e = fixture_compare(&f, calibration);
+    g_test_message(
+        "points %.4f px, direction %.4f°, distance %.3f %%, axis %.4f mm %.4f°, chi2 %.2f",
+        e.point_px, e.direction_deg, e.distance_pct, e.axis_mm, e.axis_deg, e.chi2);
+    /* Fewer pictures than anybody would take: what a whole calibration reaches is measured. */
+    g_assert_cmpfloat(result->rms_px, <, 0.15);
+    g_assert_cmpfloat(e.point_px, <, 0.05);
+    g_assert_cmpfloat(e.direction_deg, <, 0.08);
+    g_assert_cmpfloat(e.distance_pct, <, 1);
+    g_assert_cmpfloat(e.axis_mm, <, 0.02);
+    g_assert_cmpfloat(e.axis_deg, <, 0.04);
+    g_assert_cmpfloat(e.chi2, <, 3);
+    g_assert_cmpfloat(e.chi2, >, 0.2);
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
+    g_assert_true(part->done);
+    g_assert_cmpint(part->pictures + (int)part->rejected->len, ==, f.n_pictures);
+    g_assert_cmpint(strlen(part->checksum), ==, 64);
+    /* The camera at 75° has no picture in which OpenCV alone would find the board flat, yet it has
+     * corners of all of them. */
+    g_assert_cmpint(calibration->cameras[2].points, >, 150);
+    /* It can be written and read. */
+    g_autofree char *text = calibration_to_text(calibration);
+    g_autoptr(Calibration) back = calibration_from_text(text, "x", &error);
+    g_assert_no_error(error);
+    g_assert_cmpmem(back->cameras, sizeof back->cameras, calibration->cameras,
+                    sizeof calibration->cameras);
+    for (guint i = 0; i < result->stops->len; i++) {
+        const struct cameras_stop *s = &g_array_index(result->stops, struct cameras_stop, i);
+        const double truth = fixture_true_deg(&f, s->commanded_deg) - s->commanded_deg;
+        g_assert_cmpfloat_with_epsilon(s->error_deg, truth, 0.03);
+    }
+}
+
+static void assert_refused(const struct cameras_task *task, const char *reason) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&f.nominal);
+    g_autofree char *before = calibration_to_text(calibration);
+    g_autoptr(CamerasResult) result = cameras_calibrate(calibration, task, &error);
+
+    g_assert_null(result);
+    g_assert_nonnull(error);
+    g_test_message("%s", error->message);
+    if (!strstr(error->message, reason))
+        g_error("“%s” does not say “%s”", error->message, reason);
+    g_autofree char *after = calibration_to_text(calibration);
+    g_assert_cmpstr(before, ==, after);
+}
+
+static void test_all_parallel(void) {
+    struct cameras_task task = whole_task();
+    task.n_pictures /= 2;
+    assert_refused(&task, "all boards are parallel");
+}
+
+static void test_never_flat(void) {
+    g_autofree struct cameras_picture *leaning =
+        g_memdup2(f.pictures + f.n_pictures / 2, sizeof *leaning * (gsize)f.n_pictures / 2);
+    struct fixture half = f;
+    half.taken += f.n_pictures / 2;
+    for (int i = 0; i < f.n_pictures / 2; i++)
+        leaning[i].lay = 0;
+    const struct cameras_task task = {f.board,      leaning, f.n_pictures / 2,
+                                      fixture_read, NULL,    &half};
+    assert_refused(&task, "never lies flat");
+}
+
+static void test_too_few_angles(void) {
+    struct cameras_task task = whole_task();
+    task.n_pictures = 2 * f.options.n_cameras;
+    assert_refused(&task, "axis cannot be found from 2 angle(s)");
+}
+
+static void test_square_size(void) {
+    g_autoptr(GError) error = NULL;
+    struct cameras_task task = whole_task();
+    g_assert_true(board_parse(&task.board, "7x7,square=12.6,marker=9.45,thickness=3", &error));
+    assert_refused(&task, "are the squares really 12.6 mm");
+}
+
+static struct picture *read_scaled(int i, gpointer data, GError **error) {
+    return picture_new(f.taken[i]->name, "", 88, 80);
+}
+
+static void test_other_size(void) {
+    struct cameras_task task = whole_task();
+    task.read = read_scaled;
+    assert_refused(&task, "has 88 × 80 pixels, but camera cam0 has 176 × 160");
+}
+
+static struct picture *read_empty(int i, gpointer data, GError **error) {
+    struct picture *picture = picture_new(f.taken[i]->name, "", 176, 160);
+    GRand *rand = g_rand_new_with_seed((guint32)i);
+    for (int k = 0; k < 176 * 160; k++)
+        picture->values[k] = (float)g_rand_double_range(rand, 90, 110);
+    g_rand_free(rand);
+    return picture;
+}
+
+static void test_no_board(void) {
+    struct cameras_task task = whole_task();
+    task.read = read_empty;
+    assert_refused(&task, "the board was found in 0 of 24 pictures");
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Picture) picture = read_empty(0, NULL, NULL);
+    g_assert_null(board_find(picture, &f.board, FALSE, &error));
+    g_assert_cmpstr(error->message, ==, "no board is to be seen");
+}
+
+static void test_mirrored(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Picture) picture = fixture_copy(f.taken[0]);
+    for (int y = 0; y < picture->height; y++)
+        for (int x = 0; x < picture->width; x++)
+            picture->values[y * picture->width + x] =
+                f.taken[0]->values[y * picture->width + picture->width - 1 - x];
+    g_assert_null(board_find(picture, &f.board, FALSE, &error));
+    g_test_message("%s", error->message);
+    g_assert_nonnull(strstr(error->message, "mirrored"));
+}
+
+static struct picture *read_broken(int i, gpointer data, GError **error) {
+    if (i != 5)
+        return fixture_copy(f.taken[i]);
+    g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, "the disk has gone");
+    return NULL;
+}
+
+static void test_read_error(void) {
+    struct cameras_task task = whole_task();
+    task.read = read_broken;
+    assert_refused(&task, "the disk has gone");
+}
+
+/* One picture with the turntable elsewhere, one with half of it black, one of not-a-numbers. */
+static struct picture *read_spoilt(int i, gpointer data, GError **error) {
+    struct picture *picture = fixture_copy(f.taken[i == 0 ? 3 : i]);
+    const int n = picture->width * picture->height;
+    for (int k = 0; i == 4 && k < n / 2; k++)
+        picture->values[k] = 0;
+    for (int k = 0; i == 7 && k < n; k++)
+        picture->values[k] = NAN;
+    return picture;
+}
+
+static void test_spoilt_pictures(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&f.nominal);
+    struct cameras_task task = whole_task();
+    task.read = read_spoilt;
+    g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
+
+    g_assert_no_error(error);
+    const struct fixture_errors e = fixture_compare(&f, calibration);
+    const GPtrArray *rejected = calibration->parts[CALIBRATION_CAMERAS].rejected;
+    g_assert_cmpfloat(e.point_px, <, 0.05);
+    int told = 0;
+    for (guint i = 0; i < rejected->len; i++) {
+        g_test_message("%s", (char *)rejected->pdata[i]);
+        told += g_str_has_prefix(rejected->pdata[i], f.taken[3]->name) ||
+                g_str_has_prefix(rejected->pdata[i], f.taken[7]->name);
+    }
+    g_assert_cmpint(told, >=, 2);
+}
+
+/* The lens alone, from pictures that are said to be photographs of a board held anyhow. */
+static void test_lens(void) {
+    g_autoptr(GError) error = NULL;
+    struct rig rig = {.id = "photographs", .n_cameras = 1};
+    struct cameras_picture pictures[2 * N_STOPS];
+    struct picture *taken[2 * N_STOPS];
+    struct fixture one = f;
+    rig.cameras[0] = (struct rig_camera){.name = "camera", .width = 176, .height = 160};
+    rig.cameras[0].response = 1;
+    rig.cameras[0].rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    for (int i = 0; i < 2 * N_STOPS; i++) {
+        pictures[i] = (struct cameras_picture){0, i, 0};
+        taken[i] = f.taken[i * f.options.n_cameras + 1];
+    }
+    one.taken = taken;
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    struct cameras_task task = {f.board, pictures, 2 * N_STOPS, fixture_read, NULL, &one};
+    g_autoptr(CamerasResult) result = cameras_calibrate_lens(calibration, &task, &error);
+    g_assert_no_error(error);
+    struct rig_camera truth;
+    fixture_true_camera(&f, 1, &truth);
+    const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
+    g_test_message("focal length %.2f ± %.2f px, truly %.2f", calibration->rig.cameras[0].fx_px,
+                   sigma, truth.fx_px);
+    g_assert_cmpfloat(fabs(calibration->rig.cameras[0].fx_px - truth.fx_px), <, 4 * sigma);
+    g_assert_cmpfloat(sigma, <, 0.02 * truth.fx_px);
+    g_assert_cmpfloat(result->rms_px, <, 0.15);
+    task.n_pictures = N_STOPS; /* flat alone */
+    g_autoptr(Calibration) flat = calibration_new(&rig);
+    g_assert_null(cameras_calibrate_lens(flat, &task, &error));
+    g_test_message("%s", error->message);
+    g_assert_error(error, CAMERAS_ERROR, CAMERAS_ERROR_PICTURES);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    open_fixture();
+    g_test_add_func("/cameras/truth", test_truth);
+    g_test_add_func("/cameras/all parallel", test_all_parallel);
+    g_test_add_func("/cameras/never flat", test_never_flat);
+    g_test_add_func("/cameras/too few angles", test_too_few_angles);
+    g_test_add_func("/cameras/square size", test_square_size);
+    g_test_add_func("/cameras/other size", test_other_size);
+    g_test_add_func("/cameras/no board", test_no_board);
+    g_test_add_func("/cameras/mirrored", test_mirrored);
+    g_test_add_func("/cameras/read error", test_read_error);
+    g_test_add_func("/cameras/spoilt pictures", test_spoilt_pictures);
+    g_test_add_func("/cameras/lens", test_lens);
+    const int code = g_test_run();
+    fixture_close(&f);
+    return code;
+}

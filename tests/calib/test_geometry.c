@@ -1,0 +1,451 @@
+#include "geometry/rig.h"
+
+#include <locale.h>
+#include <string.h>
+
+#define RAD(deg) ((deg) * (G_PI / 180))
+
+static void assert_near(double a, double b, double tolerance) {
+    if (!(fabs(a - b) <= tolerance))
+        g_error("%.17g is not %.17g within %g", a, b, tolerance);
+}
+
+static void assert_vec(struct vec3 a, struct vec3 b, double tolerance) {
+    assert_near(a.x, b.x, tolerance);
+    assert_near(a.y, b.y, tolerance);
+    assert_near(a.z, b.z, tolerance);
+}
+
+static struct rig_camera pinhole(void) {
+    return (struct rig_camera){.name = "cam",
+                               .width = 160,
+                               .height = 120,
+                               .fx_px = 1000,
+                               .fy_px = 1000,
+                               .cx_px = 79.5,
+                               .cy_px = 59.5,
+                               .response = 1};
+}
+
+/* From straight above at 500 mm with 1000 px: two pixels a millimetre. A camera at azimuth 0 tilted
+ * up to the zenith has +y to its right and, upside, −x: image down is +x. */
+static void test_overhead(void) {
+    struct rig_camera camera = pinhole();
+    double x, y;
+
+    rig_camera_look_at(&camera, vec3(0, 0, 500), vec3(0, 0, 0));
+    g_assert_true(rig_project(&camera, vec3(0, 0, 0), &x, &y));
+    assert_near(x, 79.5, 1e-12);
+    assert_near(y, 59.5, 1e-12);
+    g_assert_true(rig_project(&camera, vec3(0, 10, 0), &x, &y));
+    assert_near(x, 99.5, 1e-10);
+    assert_near(y, 59.5, 1e-10);
+    g_assert_true(rig_project(&camera, vec3(10, 0, 250), &x, &y));
+    assert_near(x, 79.5, 1e-10);
+    assert_near(y, 99.5, 1e-10);
+    assert_vec(rig_camera_centre_mm(&camera), vec3(0, 0, 500), 1e-10);
+    g_assert_false(rig_project(&camera, vec3(0, 0, 500), &x, &y));
+    g_assert_false(rig_project(&camera, vec3(0, 0, 501), &x, &y));
+    g_assert_false(rig_project(&camera, vec3(NAN, 0, 0), &x, &y) && isfinite(x));
+}
+
+/* At 45° over +x, 500·√2 mm away: the ray to (0, 0, z) leaves the axis by hand-made triangles. */
+static void test_oblique(void) {
+    struct rig_camera camera = pinhole();
+    double x, y;
+
+    rig_camera_look_at(&camera, vec3(500, 0, 500), vec3(0, 0, 0));
+    g_assert_true(rig_project(&camera, vec3(0, 0, 100), &x, &y));
+    /* along the axis 500√2 − 100/√2, across it 100/√2 up */
+    assert_near(x, 79.5, 1e-10);
+    assert_near(y, 59.5 - 1000 * (100 / sqrt(2)) / (500 * sqrt(2) - 100 / sqrt(2)), 1e-10);
+    g_assert_true(rig_project(&camera, vec3(0, 70, 0), &x, &y));
+    assert_near(x, 79.5 + 1000 * 70 / (500 * sqrt(2)), 1e-10);
+    assert_near(y, 59.5, 1e-10);
+    assert_vec(rig_pixel_ray(&camera, 79.5, 59.5), vec3(-M_SQRT1_2, 0, -M_SQRT1_2), 1e-12);
+    assert_vec(rig_camera_centre_mm(&camera), vec3(500, 0, 500), 1e-10);
+}
+
+/* OpenCV's manual, with numbers: at x' = 0.3, y' = −0.2 r² is 0.13. */
+static void test_distortion(void) {
+    struct rig_camera camera = pinhole();
+    double x, y;
+
+    camera.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    camera.k1 = -0.2;
+    camera.k2 = 0.1;
+    camera.k3 = 0.05;
+    camera.p1 = 0.01;
+    camera.p2 = -0.02;
+    double radial = 1 - 0.2 * 0.13 + 0.1 * 0.0169 + 0.05 * 0.002197;
+    g_assert_true(rig_project(&camera, vec3(30, -20, 100), &x, &y));
+    assert_near(x, 79.5 + 1000 * (0.3 * radial + 2 * 0.01 * -0.06 - 0.02 * (0.13 + 0.18)), 1e-9);
+    assert_near(y, 59.5 + 1000 * (-0.2 * radial + 0.01 * (0.13 + 0.08) + 2 * -0.02 * -0.06), 1e-9);
+}
+
+/* With k1 = −0.3 alone the distorted radius is largest at r² = 1/0.9. */
+static void test_fold(void) {
+    struct rig_camera camera = pinhole();
+    double x, y, edge = sqrt(1 / 0.9);
+
+    camera.rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    camera.k1 = -0.3;
+    g_assert_true(rig_project(&camera, vec3(0.999 * edge, 0, 1), &x, &y));
+    g_assert_false(rig_project(&camera, vec3(1.001 * edge, 0, 1), &x, &y));
+    g_assert_false(rig_project(&camera, vec3(3, 0, 1), &x, &y));
+    /* d(r'')/dr' = 1 − 3r² + 2r⁴ is negative between r² = ½ and 1: what lies beyond that is in
+     * front of the fold again, and not to be trusted either */
+    camera.k1 = -1;
+    camera.k2 = 0.4;
+    g_assert_true(rig_project(&camera, vec3(0.7, 0, 1), &x, &y));
+    g_assert_false(rig_project(&camera, vec3(0.8, 0, 1), &x, &y));
+    g_assert_false(rig_project(&camera, vec3(1.2, 0, 1), &x, &y));
+}
+
+static struct rig_camera random_camera(GRand *rand) {
+    struct rig_camera camera = pinhole();
+    struct vec3 target = vec3(g_rand_double_range(rand, -20, 20),
+                              g_rand_double_range(rand, -20, 20), g_rand_double_range(rand, 0, 10));
+    double theta = g_rand_double_range(rand, 0, 1.4), phi = g_rand_double_range(rand, -7, 7);
+
+    camera.fx_px = g_rand_double_range(rand, 200, 3000);
+    camera.fy_px = camera.fx_px * g_rand_double_range(rand, 0.9, 1.1);
+    camera.cx_px += g_rand_double_range(rand, -10, 10);
+    camera.cy_px += g_rand_double_range(rand, -10, 10);
+    camera.k1 = g_rand_double_range(rand, -0.3, 0.3);
+    camera.k2 = g_rand_double_range(rand, -0.1, 0.1);
+    camera.k3 = g_rand_double_range(rand, -0.02, 0.02);
+    camera.p1 = g_rand_double_range(rand, -0.005, 0.005);
+    camera.p2 = g_rand_double_range(rand, -0.005, 0.005);
+    rig_camera_look_at(&camera, vec3_scale(rig_direction(theta, phi), 600), target);
+    return camera;
+}
+
+static void test_ray_round_trip(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(1);
+    double worst = 0;
+
+    for (int i = 0; i < 20000; i++) {
+        struct rig_camera camera = random_camera(rand);
+        double x = g_rand_double_range(rand, -20, 180), y = g_rand_double_range(rand, -20, 140);
+        struct vec3 ray = rig_pixel_ray(&camera, x, y);
+        assert_near(vec3_length(ray), 1, 1e-12);
+        struct vec3 point = vec3_add(rig_camera_centre_mm(&camera), vec3_scale(ray, 600));
+        double x2, y2;
+        g_assert_true(rig_project(&camera, point, &x2, &y2));
+        worst = MAX(worst, hypot(x2 - x, y2 - y));
+    }
+    g_test_message("worst round trip: %.2g px", worst);
+    g_assert_cmpfloat(worst, <, 1e-8); /* the inversion itself is to 1e-9 */
+}
+
+static void test_wild_pixels(void) {
+    struct rig_camera camera = pinhole();
+    const double wild[] = {-1e300, -1e6, 0, 1e6, 1e300};
+
+    rig_camera_look_at(&camera, vec3(500, 0, 500), vec3(0, 0, 0));
+    camera.k1 = -0.5;
+    camera.k3 = 1;
+    for (gsize i = 0; i < G_N_ELEMENTS(wild); i++)
+        for (gsize j = 0; j < G_N_ELEMENTS(wild); j++)
+            rig_pixel_ray(&camera, wild[i], wild[j]); /* ends, and that is all there is to ask */
+    rig_pixel_ray(&camera, NAN, INFINITY);
+}
+
+static void test_look_at(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(2);
+
+    for (int i = 0; i < 1000; i++) {
+        struct rig_camera camera = random_camera(rand);
+        const double(*m)[3] = camera.rotation.m;
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                assert_near(m[r][0] * m[c][0] + m[r][1] * m[c][1] + m[r][2] * m[c][2], r == c,
+                            1e-12);
+        assert_near(m[0][2], 0, 1e-12);    /* image x is level */
+        g_assert_cmpfloat(m[1][2], <=, 0); /* and y points down */
+        double det = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+                     m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+                     m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+        assert_near(det, 1, 1e-12);
+    }
+}
+
+static void test_turn_and_angles(void) {
+    double theta, phi;
+
+    assert_vec(rig_turn(vec3(1, 0, 5), RAD(90)), vec3(0, 1, 5), 1e-15);
+    assert_vec(rig_turn(vec3(0, 2, 0), RAD(-90)), vec3(2, 0, 0), 1e-15);
+    rig_angles(vec3(0, 0, 1), &theta, &phi);
+    assert_near(theta, 0, 0);
+    assert_near(phi, 0, 0);
+    rig_angles(vec3(0, -3, 3), &theta, &phi);
+    assert_near(theta, RAD(45), 1e-15);
+    assert_near(phi, RAD(270), 1e-15);
+    rig_angles(vec3(1, -1e-300, 0), &theta, &phi);
+    g_assert_cmpfloat(phi, <, 2 * G_PI);
+    rig_angles(vec3(0, 0, -1), &theta, &phi);
+    assert_near(theta, G_PI, 1e-15);
+    assert_vec(rig_direction(RAD(30), RAD(90)), vec3(0, 0.5, sqrt(0.75)), 1e-15);
+}
+
+static void test_lamp(void) {
+    struct rig_lamp lamp = {.position_mm = vec3(300, 0, 400),
+                            .aim = vec3(-0.6, 0, -0.8),
+                            .exponent = 2,
+                            .intensity = 40};
+
+    /* on its axis at 0.5 m: 40 / 0.25 */
+    assert_near(rig_lamp_irradiance(NULL, &lamp, 0, vec3(0, 0, 0)), 160, 1e-9);
+    assert_near(rig_lamp_irradiance(NULL, &lamp, RAD(123), vec3(0, 0, 0)), 160, 1e-9);
+    assert_vec(rig_lamp_position_mm(NULL, &lamp, RAD(90)), vec3(0, 300, 400), 1e-10);
+    /* the point straight below: cos = 0.8, 0.4 m */
+    assert_near(rig_lamp_irradiance(NULL, &lamp, 0, vec3(300, 0, 0)), 40 * 0.64 / 0.16, 1e-9);
+    assert_near(rig_lamp_irradiance(NULL, &lamp, RAD(90), vec3(0, 300, 0)), 40 * 0.64 / 0.16, 1e-9);
+    assert_near(rig_lamp_irradiance(NULL, &lamp, 0, vec3(600, 0, 800)), 0, 0); /* behind it */
+}
+
+static struct rig_laser laser_at(double theta, double distance) {
+    struct vec3 u = vec3_scale(rig_direction(theta, 0), -1);
+    struct rig_laser laser = {.position_mm = vec3_scale(u, -distance), .axis = vec3(0, 1, 0)};
+
+    laser.normal = vec3_unit(vec3_cross(laser.axis, u));
+    return laser;
+}
+
+static void test_laser(void) {
+    struct rig_laser laser = laser_at(RAD(45), 480);
+    struct rig_plane sheet = rig_laser_sheet(NULL, &laser, 0, 0);
+
+    assert_near(sheet.offset_mm, 0, 1e-10); /* through the origin, and the whole y axis */
+    assert_near(vec3_dot(sheet.normal, vec3(0, 7, 0)), 0, 1e-12);
+    /* swept by 1° the line on the table lies where a ray 1° off the axis comes down: right-handed
+     * about +y turns the beam (−1, 0, −1) towards −x */
+    double side = 480 * M_SQRT1_2;
+    sheet = rig_laser_sheet(NULL, &laser, 0, RAD(1));
+    double x = side - side * tan(RAD(46));
+    assert_near(vec3_dot(sheet.normal, vec3(x, 3, 0)), sheet.offset_mm, 1e-9);
+    assert_near(rig_laser_sweep_rad(NULL, &laser, 0, vec3(x, -3, 0)), RAD(1), 1e-12);
+    assert_near(rig_laser_sweep_rad(NULL, &laser, RAD(90), vec3(3, x, 0)), RAD(1), 1e-12);
+    assert_vec(rig_laser_position_mm(NULL, &laser, RAD(90)), vec3(0, side, side), 1e-9);
+}
+
+/* An arc that hangs crooked, worked out by hand: tilted by 90° about x, z becomes −y. */
+static void test_crooked_arc(void) {
+    const struct rig_arc arc = {
+        .zero_rad = RAD(90), .tilt_rad = {G_PI_2, 0}, .centre_mm = {10, 20}};
+    struct vec3 p = vec3(300, 0, 400); /* turned by −90 + 90°, tilted, moved */
+
+    assert_vec(rig_arc_point(&arc, RAD(-90), p), vec3(310, -380, 0), 1e-9);
+    assert_vec(rig_arc_direction(&arc, 0, vec3(1, 0, 0)), vec3(0, 0, 1), 1e-12);
+    g_autoptr(GRand) rand = g_rand_new_with_seed(6);
+    for (int i = 0; i < 1000; i++) {
+        struct rig_arc crooked = {
+            g_rand_double(rand), {g_rand_double(rand) - 0.5, g_rand_double(rand) - 0.5}, {3, -4}};
+        struct rig_laser laser = laser_at(g_rand_double_range(rand, 0.05, 1.4), 480);
+        double alpha = g_rand_double_range(rand, -7, 7);
+        struct vec3 q = vec3(g_rand_double(rand), g_rand_double(rand), g_rand_double(rand));
+        assert_vec(rig_arc_point_back(&crooked, alpha, rig_arc_point(&crooked, alpha, q)), q, 1e-9);
+        laser.stretch = 0.01;
+        double sweep = rig_laser_sweep_rad(&crooked, &laser, alpha, q);
+        struct rig_plane sheet = rig_laser_sheet(&crooked, &laser, alpha, sweep);
+        assert_near(vec3_dot(sheet.normal, q), sheet.offset_mm, 1e-9);
+        assert_near(vec3_dot(sheet.normal, rig_laser_position_mm(&crooked, &laser, alpha)),
+                    sheet.offset_mm, 1e-9);
+    }
+}
+
+static void test_sheet_through_points(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(3);
+
+    for (int i = 0; i < 5000; i++) {
+        struct rig_laser laser =
+            laser_at(g_rand_double_range(rand, 0.05, 1.4), g_rand_double_range(rand, 200, 800));
+        struct vec3 p = vec3(g_rand_double_range(rand, -50, 50), g_rand_double_range(rand, -50, 50),
+                             g_rand_double_range(rand, 0, 10));
+        double arc = g_rand_double_range(rand, -7, 7);
+        double sweep = rig_laser_sweep_rad(NULL, &laser, arc, p);
+        struct rig_plane sheet = rig_laser_sheet(NULL, &laser, arc, sweep);
+        g_assert_cmpfloat(fabs(sweep), <, 0.5);
+        assert_near(vec3_length(sheet.normal), 1, 1e-12);
+        assert_near(vec3_dot(sheet.normal, p), sheet.offset_mm, 1e-9);
+        assert_near(vec3_dot(sheet.normal, rig_laser_position_mm(NULL, &laser, arc)),
+                    sheet.offset_mm, 1e-9);
+    }
+}
+
+static void test_clearance(void) {
+    struct rig rig = {.n_cameras = 1, .arc_radius_mm = 500, .arc_width_mm = 30};
+
+    rig.cameras[0] = pinhole();
+    rig_camera_look_at(&rig.cameras[0], vec3(800 * M_SQRT1_2, 0, 800 * M_SQRT1_2), vec3(0, 0, 0));
+    /* right behind the arc: half the band and the cone are in the way */
+    assert_near(rig_arc_clearance_mm(&rig, 0, 0, 40), -15 - 40 * (1 - 500.0 / 800), 1e-9);
+    /* a quarter turn away the nearest point of the arc is its upper end, 45° off */
+    assert_near(rig_arc_clearance_mm(&rig, 0, RAD(90), 40),
+                500 * 2 * sin(RAD(22.5)) - 15 - 40 * (1 - 500.0 / 800), 1e-9);
+    assert_near(rig_arc_clearance_mm(&rig, 0, RAD(180), 40),
+                500 * 2 * sin(RAD(22.5)) - 15 - 40 * (1 - 500.0 / 800), 1e-9);
+    g_assert_cmpfloat(rig_arc_clearance_mm(&rig, 0, RAD(20), 0), >,
+                      rig_arc_clearance_mm(&rig, 0, RAD(10), 0));
+    rig.arc_radius_mm = 900;
+    g_assert_cmpfloat(rig_arc_clearance_mm(&rig, 0, 0, 40), >, 1e6); /* the arc is behind it */
+}
+
+static struct rig random_rig(GRand *rand) {
+    struct rig rig = {
+        .id = " odd; \"id\" \\ # é ", .arc_radius_mm = 500.1, .arc_width_mm = 1.0 / 3};
+
+    rig.n_cameras = 3;
+    rig.n_lamps = 2;
+    rig.n_lasers = 2;
+    for (int i = 0; i < 3; i++) {
+        rig.cameras[i] = random_camera(rand);
+        rig.cameras[i].response = g_rand_double_range(rand, 1e-3, 1e9);
+        rig.cameras[i].vignetting = g_rand_double(rand) * 0.5;
+        g_snprintf(rig.cameras[i].name, RIG_NAME, "cam %d", i);
+    }
+    for (int i = 0; i < 2; i++) {
+        struct vec3 d = rig_direction(g_rand_double(rand), g_rand_double(rand));
+        rig.lamps[i] = (struct rig_lamp){.position_mm = vec3_scale(d, 500),
+                                         .aim = vec3_unit(vec3_scale(d, -1)),
+                                         .exponent = g_rand_double(rand),
+                                         .intensity = 1e-300};
+        g_snprintf(rig.lamps[i].name, RIG_NAME, "lamp%d", i);
+        rig.lasers[i] = laser_at(g_rand_double(rand) + 0.1, 480);
+        g_snprintf(rig.lasers[i].name, RIG_NAME, "laser%d", i);
+    }
+    rig.arc = (struct rig_arc){g_rand_double(rand), {g_rand_double(rand), -0.0}, {1e-300, 7}};
+    rig.lasers[1].stretch = g_rand_double_range(rand, -0.4, 0.4);
+    rig.cameras[0].k1 = -0.0;
+    rig.cameras[1].k1 = 5e-324;
+    return rig;
+}
+
+static void test_text_round_trip(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(4);
+
+    for (int i = 0; i < 50; i++) {
+        struct rig rig = random_rig(rand), read;
+        g_autoptr(GError) error = NULL;
+        g_autofree char *text = rig_to_text(&rig);
+        memset(&read, 0xa5, sizeof read);
+        g_assert_true(rig_from_text(&read, text, "calibration.conf", &error));
+        g_assert_no_error(error);
+        g_autofree char *again = rig_to_text(&read);
+        g_assert_cmpstr(text, ==, again);
+        g_assert_cmpstr(read.id, ==, rig.id);
+        g_assert_cmpstr(read.cameras[2].name, ==, "cam 2");
+        g_assert_true(memcmp(&read.cameras[1].fx_px, &rig.cameras[1].fx_px,
+                             sizeof rig.cameras[1] - offsetof(struct rig_camera, fx_px)) == 0);
+        g_assert_true(memcmp(&read.lamps[1].position_mm, &rig.lamps[1].position_mm,
+                             sizeof rig.lamps[1] - offsetof(struct rig_lamp, position_mm)) == 0);
+        g_assert_true(memcmp(&read.lasers[1].position_mm, &rig.lasers[1].position_mm,
+                             sizeof rig.lasers[1] - offsetof(struct rig_laser, position_mm)) == 0);
+        g_assert_true(signbit(read.cameras[0].k1));
+        g_assert_cmpmem(&read.arc, sizeof read.arc, &rig.arc, sizeof rig.arc);
+    }
+}
+
+/* As written before arcs were measured: an ideal one. */
+static void test_text_without_arc(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(8);
+    g_autoptr(GError) error = NULL;
+    struct rig rig = random_rig(rand), read;
+    g_autofree char *text = rig_to_text(&rig);
+    g_autoptr(GRegex) lines =
+        g_regex_new("(arc_zero|arc_tilt|arc_centre|stretch)[^\n]*\n", 0, 0, NULL);
+    g_autofree char *old = g_regex_replace(lines, text, -1, 0, "", 0, NULL);
+
+    g_assert_true(rig_from_text(&read, old, "calibration.conf", &error));
+    g_assert_no_error(error);
+    const struct rig_arc ideal = {0};
+    g_assert_cmpmem(&read.arc, sizeof read.arc, &ideal, sizeof ideal);
+    g_assert_true(read.lasers[1].stretch == 0);
+}
+
+static void test_text_truncated(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(5);
+    struct rig rig = random_rig(rand);
+    g_autofree char *text = rig_to_text(&rig);
+    gsize length = strlen(text);
+
+    for (gsize n = 0; n < length; n++) {
+        struct rig read = {.n_cameras = 77};
+        g_autoptr(GError) error = NULL;
+        g_autofree char *part = g_strndup(text, n);
+        gboolean ok = rig_from_text(&read, part, "x.conf", &error);
+        g_assert_true(ok == (n >= length - 1)); /* only the last line's end may be missing */
+        if (!ok) {
+            g_assert_true(g_str_has_prefix(error->message, "x.conf: "));
+            g_assert_cmpint(read.n_cameras, ==, 77); /* nothing half-read is handed out */
+        }
+    }
+}
+
+static void assert_refused(const char *text, const char *from, const char *to, const char *says) {
+    g_auto(GStrv) parts = g_strsplit(text, from, 2);
+    g_assert_cmpuint(g_strv_length(parts), ==, 2);
+    g_autofree char *bad = g_strjoinv(to, parts);
+    g_autoptr(GError) error = NULL;
+    struct rig read;
+
+    g_assert_false(rig_from_text(&read, bad, "x.conf", &error));
+    g_assert_nonnull(error);
+    g_test_message("%s", error->message);
+    g_assert_true(error->domain == RIG_ERROR);
+    g_assert_nonnull(strstr(error->message, says));
+}
+
+static void test_text_refused(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(6);
+    struct rig rig = random_rig(rand);
+    rig.cameras[0].k2 = 0.125;
+    g_autofree char *text = rig_to_text(&rig);
+
+    assert_refused(text, "k2=0.125", "k2=nan", "k2");
+    assert_refused(text, "k2=0.125", "k2=inf", "k2");
+    assert_refused(text, "k2=0.125", "k2=0.125x", "k2");
+    assert_refused(text, "k2=0.125", "k2=", "k2");
+    assert_refused(text, "k2=0.125", "k2=1;2", "k2");
+    assert_refused(text, "k2=0.125", "", "k2");
+    assert_refused(text, "k2=0.125", "k2=0.125\nk9=1", "k9");
+    assert_refused(text, "width=160", "width=0", "width");
+    assert_refused(text, "width=160", "width=1e9", "width");
+    assert_refused(text, "width=160", "width=160.5", "width");
+    assert_refused(text, "cameras=3", "cameras=4", "camera 3");
+    assert_refused(text, "cameras=3", "cameras=2", "sections");
+    assert_refused(text, "cameras=3", "cameras=17", "cameras");
+    assert_refused(text, "cameras=3", "cameras=-1", "cameras");
+    assert_refused(text, "calibration-1", "calibration-2", "version");
+    assert_refused(text, "complete=yes", "complete=no", "short");
+    assert_refused(text, "name=cam 1", "name=a name that is much too long to be a camera's",
+                   "long");
+    assert_refused(text, "axis=0;1;0", "axis=0;1;1", "axis");
+    assert_refused(text, "axis=0;1;0", "axis=1;0;0", "perpendicular");
+    assert_refused(text, "rotation=", "rotation=0;0;0;0;0;0;0;0;0\n#", "rotation");
+    assert_refused(text, "[rig]", "[rig\001]", "x.conf");
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/rig/overhead", test_overhead);
+    g_test_add_func("/rig/oblique", test_oblique);
+    g_test_add_func("/rig/distortion", test_distortion);
+    g_test_add_func("/rig/fold", test_fold);
+    g_test_add_func("/rig/ray-round-trip", test_ray_round_trip);
+    g_test_add_func("/rig/wild-pixels", test_wild_pixels);
+    g_test_add_func("/rig/look-at", test_look_at);
+    g_test_add_func("/rig/turn-and-angles", test_turn_and_angles);
+    g_test_add_func("/rig/lamp", test_lamp);
+    g_test_add_func("/rig/laser", test_laser);
+    g_test_add_func("/rig/sheet-through-points", test_sheet_through_points);
+    g_test_add_func("/rig/crooked-arc", test_crooked_arc);
+    g_test_add_func("/rig/clearance", test_clearance);
+    g_test_add_func("/rig/text-round-trip", test_text_round_trip);
+    g_test_add_func("/rig/text-without-arc", test_text_without_arc);
+    g_test_add_func("/rig/text-truncated", test_text_truncated);
+    g_test_add_func("/rig/text-refused", test_text_refused);
+    return g_test_run();
+}

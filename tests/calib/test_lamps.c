@@ -1,0 +1,274 @@
+/* Several lamps, and light from all around. */
+#include "exr/exr.h"
+#include "lib/gpu_fixture.h"
+#include "methods/microfacet.h"
+#include "scene/environment.h"
+#include "shapes/scene.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+
+#define SIZE 48
+
+static float *draw(View *view, const struct view_settings *s) {
+    g_autoptr(GError) error = NULL;
+    float *linear = view_render_linear(view, s, SIZE, SIZE, &error);
+    g_assert_no_error(error);
+    return linear;
+}
+
+/* Light adds up. */
+static void test_sum(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    static const struct view_lamp lamps[2] = {{30, 10, {1, 0.5F, 0.2F}},
+                                              {60, 200, {0.1F, 0.4F, 2}}};
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_torus(1, 0.4, 64, 32);
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_assert_true(view_open(view, &methods_microfacet[2], NULL, &error));
+    mesh_free(mesh);
+    struct view_settings s = view_settings_default;
+    s.camera_distance = 3;
+    g_autofree float *first = draw(view, &s);
+    s.n_lamps = 2;
+    memcpy(s.lamps, lamps, sizeof lamps);
+    g_autofree float *all = draw(view, &s);
+    s.n_lamps = 0;
+    s.ambient = 0;
+    float *singly[2];
+    for (int k = 0; k < 2; k++) {
+        s.light_theta_deg = lamps[k].theta_deg;
+        s.light_phi_deg = lamps[k].phi_deg;
+        singly[k] = draw(view, &s);
+    }
+    int lit = 0;
+    for (gsize k = 0; k < 4 * SIZE * SIZE; k++) {
+        const gsize c = k % 4;
+        if (c == 3 || all[k - c + 3] < 0.5F || fabsf(first[k] - 0.02F) < 1e-3F)
+            continue;
+        const float sum =
+            first[k] + lamps[0].rgb[c] * singly[0][k] + lamps[1].rgb[c] * singly[1][k];
+        g_assert_cmpfloat_with_epsilon(all[k], sum, 0.004F * fmaxf(1, sum));
+        lit += all[k] > first[k] + 0.05F;
+    }
+    g_assert_cmpint(lit, >, 500);
+    g_free(singly[0]);
+    g_free(singly[1]);
+}
+
+/* An even sky of radiance 1 lights a white diffuser as much as a lamp from its normal does. */
+static void test_even(void) {
+    g_autofree float *rgb = g_new(float, 3 * 64 * 32);
+    struct view_lamp lamps[VIEW_MAX_LAMPS];
+    for (int k = 0; k < 3 * 64 * 32; k++)
+        rgb[k] = 1;
+    const int n = environment_lamps(rgb, 64, 32, 64, lamps);
+    double up = 0, sideways = 0, all = 0;
+    g_assert_cmpint(n, ==, 64);
+    for (int k = 0; k < n; k++) {
+        const double theta = lamps[k].theta_deg * G_PI / 180, phi = lamps[k].phi_deg * G_PI / 180;
+        all += (double)lamps[k].rgb[1];
+        up += (double)lamps[k].rgb[0] * fmax(cos(theta), 0);
+        sideways += (double)lamps[k].rgb[2] * fmax(sin(theta) * cos(phi), 0);
+    }
+    g_assert_cmpfloat_with_epsilon(all, 4, 1e-3);
+    g_assert_cmpfloat_with_epsilon(up, 1, 0.03);
+    g_assert_cmpfloat_with_epsilon(sideways, 1, 0.03);
+}
+
+/* One bright pixel is one lamp, just where it is; left of the middle is +y. */
+static void test_point(void) {
+    g_autofree float *rgb = g_new0(float, 3 * 16 * 8);
+    struct view_lamp lamps[VIEW_MAX_LAMPS];
+    g_assert_cmpint(environment_lamps(rgb, 16, 8, 9, lamps), ==, 0);
+    rgb[3 * (2 * 16 + 4) + 1] = 100;
+    g_assert_cmpint(environment_lamps(rgb, 16, 8, 9, lamps), ==, 1);
+    g_assert_cmpfloat_with_epsilon(lamps[0].theta_deg, 180.0 * 2.5 / 8, 1e-6);
+    g_assert_cmpfloat_with_epsilon(lamps[0].phi_deg, 180 - 360.0 * 4.5 / 16, 1e-6);
+    const double solid = G_PI / 8 * (cos(G_PI / 4) - cos(3 * G_PI / 8));
+    g_assert_cmpfloat_with_epsilon((double)lamps[0].rgb[1], 100 * solid / G_PI, 1e-4);
+    g_assert_cmpfloat((double)lamps[0].rgb[0], ==, 0);
+}
+
+static void check_file(const char *path, int width, int height, float value, const char *said) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("sky", width, height, channels, EXR_FLOAT);
+    struct view_settings s = view_settings_default;
+    for (int c = 0; c < 3; c++)
+        part->planes[c][0] = value;
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
+    exr_file_free(file);
+    struct environment *environment = environment_read(path, &error);
+    const gboolean good = environment != NULL && environment_light(environment, &s, &error);
+    environment_free(environment);
+    g_assert_cmpint(good, ==, said == NULL);
+    g_assert_true(said == NULL || strstr(error->message, said) != NULL);
+    g_assert_cmpint(s.n_lamps, ==, good ? 1 : 0);
+    g_assert_cmpfloat(s.lamp, ==, good ? 0 : 1);
+}
+
+static void test_files(void) {
+    g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(dir, "sky.exr", NULL);
+    check_file(path, 8, 4, 3, NULL);
+    check_file(path, 8, 5, 3, "another shape");
+    check_file(path, 8, 4, 0, "black");
+    check_file(path, 8, 4, NAN, "no amount of light");
+    check_file(path, 8, 4, -1, "no amount of light");
+    g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
+    g_autoptr(GError) error = NULL;
+    g_assert_null(environment_read(path, &error));
+    g_assert_nonnull(strstr(error->message, path));
+}
+
+/* With all lamps given, an environment has no place. */
+static void test_full(void) {
+    g_autoptr(GError) error = NULL;
+    float rgb[6] = {1, 1, 1, 1, 1, 1};
+    const struct environment even = {2, 1, rgb};
+    struct view_settings s = view_settings_default;
+    s.n_lamps = VIEW_MAX_LAMPS;
+    g_assert_false(environment_light(&even, &s, &error));
+    g_assert_nonnull(strstr(error->message, "give fewer"));
+    g_assert_cmpint(s.n_lamps, ==, VIEW_MAX_LAMPS);
+}
+
+/* A small shape on which nothing falls, before a picture of directions. */
+static View *before(const struct environment *environment, struct view_settings *ret) {
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_torus(1, 0.1, 12, 6);
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_assert_true(view_open(view, &methods_microfacet[2], NULL, &error));
+    mesh_free(mesh);
+    g_assert_true(view_set_environment(view, environment, &error));
+    *ret = view_settings_default;
+    ret->backdrop = TRUE;
+    ret->camera_distance = 30;
+    ret->camera_pan[0] = ret->camera_pan[1] = 4; /* out of the middle */
+    ret->camera_fov_deg = 60;
+    ret->exposure_ev = 0;
+    return g_steal_pointer(&view);
+}
+
+/* Where the ray through a pixel's middle goes: written anew, as view.h describes the camera. */
+static void direction_of(const struct view_settings *s, int i, int j, double ret[3]) {
+    const double a = s->camera_azimuth_deg * G_PI / 180, e = s->camera_elevation_deg * G_PI / 180;
+    const double half = tan(s->camera_fov_deg * G_PI / 360) / SIZE;
+    const double x = (2 * i + 1 - SIZE) * half, y = (SIZE - 2 * j - 1) * half;
+    const double back[3] = {cos(e) * cos(a), cos(e) * sin(a), sin(e)};
+    const double right[3] = {-sin(a), cos(a), 0};
+    const double up[3] = {-sin(e) * cos(a), -sin(e) * sin(a), cos(e)};
+    const double length = sqrt(1 + x * x + y * y);
+    for (int k = 0; k < 3; k++)
+        ret[k] = (x * right[k] + y * up[k] - back[k]) / length;
+}
+
+#define SKY 256 /* pixels wide */
+
+/* Each axis has its colour: red grows along x, green along y, blue along z. */
+static float *axes_sky(void) {
+    float *rgb = g_new(float, 3 * SKY * SKY / 2);
+    for (int k = 0; k < SKY * SKY / 2; k++) {
+        const int row = k / SKY, column = k % SKY;
+        const double theta = 2 * G_PI * (row + 0.5) / SKY;
+        const double phi = G_PI - 2 * G_PI * (column + 0.5) / SKY;
+        const double d[3] = {sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta)};
+        for (int c = 0; c < 3; c++)
+            rgb[3 * k + c] = (float)(0.5 + 0.4 * d[c]);
+    }
+    return rgb;
+}
+
+/* Looked at from all sides, straight up and down, it is seen where it is. */
+static void test_backdrop(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    static const double cameras[][2] = {{-90, 20},  {-20, -35}, {60, 5},  {180, 0},
+                                        {135, -70}, {10, 90},   {10, -90}};
+    g_autofree float *rgb = axes_sky();
+    const struct environment sky = {SKY, SKY / 2, rgb};
+    struct view_settings s;
+    g_autoptr(View) view = before(&sky, &s);
+    for (gsize k = 0; k < G_N_ELEMENTS(cameras); k++) {
+        s.camera_azimuth_deg = cameras[k][0];
+        s.camera_elevation_deg = cameras[k][1];
+        s.exposure_ev = k % 2 == 0 ? 0 : 1;
+        g_autofree float *seen = draw(view, &s);
+        int n = 0;
+        for (int i = 0; i < SIZE * SIZE; i++) {
+            double d[3];
+            if (seen[4 * i + 3] > 0.5F)
+                continue;
+            n++;
+            direction_of(&s, i % SIZE, i / SIZE, d);
+            for (int c = 0; c < 3; c++)
+                g_assert_cmpfloat_with_epsilon((double)seen[4 * i + c],
+                                               (0.5 + 0.4 * d[c]) * view_exposure(&s), 0.006);
+        }
+        g_assert_cmpint(n, >, SIZE * SIZE * 9 / 10);
+    }
+}
+
+/* Looking at the lamp that one bright pixel is, the middle of the picture is bright, and no other:
+ * light comes from where its source is seen. */
+static void test_source(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autofree float *rgb = g_new0(float, 3 * SKY * SKY / 2);
+    rgb[3 * (75 * SKY + 77)] = 1e30F; /* beyond what a half float holds */
+    const struct environment sky = {SKY, SKY / 2, rgb};
+    struct view_lamp lamp[VIEW_MAX_LAMPS];
+    g_assert_cmpint(environment_lamps(rgb, SKY, SKY / 2, 4, lamp), ==, 1);
+    struct view_settings s;
+    g_autoptr(View) view = before(&sky, &s);
+    s.camera_elevation_deg = lamp[0].theta_deg - 90;
+    s.camera_azimuth_deg = lamp[0].phi_deg + 180;
+    g_autofree float *seen = draw(view, &s);
+    for (int i = 0; i < SIZE * SIZE; i++) {
+        const int x = i % SIZE - SIZE / 2, y = i / SIZE - SIZE / 2;
+        g_assert_true(isfinite(seen[4 * i]));
+        if (x >= -1 && x <= 0 && y >= -1 && y <= 0)
+            g_assert_cmpfloat((double)seen[4 * i], >, 1e3);
+        else if (x * x + y * y > 16 && seen[4 * i + 3] < 0.5F)
+            g_assert_cmpfloat((double)seen[4 * i], ==, 0);
+    }
+}
+
+static void test_backdrop_refused(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) none = NULL, large = NULL, error = NULL;
+    g_autoptr(View) view = view_new(NULL, &error);
+    struct mesh *mesh = scene_plane();
+    g_assert_true(view_set_mesh(view, mesh, &error));
+    mesh_free(mesh);
+    g_assert_true(view_open(view, &methods_microfacet[2], NULL, &error));
+    struct view_settings s = view_settings_default;
+    s.backdrop = TRUE;
+    g_assert_null(view_render_linear(view, &s, 8, 8, &none));
+    g_assert_nonnull(strstr(none->message, "--environment"));
+    const struct environment vast = {1 << 22, 1 << 21, NULL};
+    g_assert_false(view_set_environment(view, &vast, &large));
+    g_assert_error(large, GPU_ERROR, GPU_ERROR_TOO_LARGE);
+    g_assert_nonnull(strstr(large->message, "make it smaller"));
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add("/lamps/sum", struct fixture, NULL, set_up, test_sum, tear_down);
+    g_test_add_func("/lamps/even", test_even);
+    g_test_add_func("/lamps/point", test_point);
+    g_test_add_func("/lamps/files", test_files);
+    g_test_add_func("/lamps/full", test_full);
+    g_test_add("/lamps/backdrop", struct fixture, NULL, set_up, test_backdrop, tear_down);
+    g_test_add("/lamps/source", struct fixture, NULL, set_up, test_source, tear_down);
+    g_test_add("/lamps/refused", struct fixture, NULL, set_up, test_backdrop_refused, tear_down);
+    return g_test_run();
+}

@@ -1,0 +1,274 @@
+/*
+ * Lenses from photographs that a real camera took, and mesorig calibrate cameras --images as a
+ * shell sees it: the two sets of chessboards that come with OpenCV (Debian's opencv-doc), and what
+ * is made of them.
+ */
+#include "cameras/cameras.h"
+#include "pictures/vision.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define PHOTOGRAPHS "/usr/share/doc/opencv-doc/examples/data"
+#define BOARD       "10x7,square=25"
+#define N           13
+#define MESORIG     BUILD_DIR "/bin/mesorig"
+
+static const int numbers[N] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14};
+
+static char *path_of(const char *side, int i) {
+    char *path = g_strdup_printf(PHOTOGRAPHS "/%s%02d.jpg", side, numbers[i]);
+    if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
+        g_error("%s is missing: install the package opencv-doc; where dpkg is told to leave out "
+                "documentation, with --path-include='/usr/share/doc/opencv-doc/*'",
+                path);
+    return path;
+}
+
+static struct picture *read_side(int i, gpointer data, GError **error) {
+    g_autofree char *path = path_of(data, i);
+    return vision_read(path, error);
+}
+
+static struct calibration *calibrate(int width, int height, int n, CamerasRead read, gpointer data,
+                                     double *ret_rms_px, GError **error) {
+    struct rig rig = {.id = "photographs", .n_cameras = 1};
+    struct cameras_picture pictures[N];
+    struct cameras_task task = {.pictures = pictures, .n_pictures = n, .read = read, .data = data};
+    rig.cameras[0] = (struct rig_camera){.name = "camera", .width = width, .height = height};
+    rig.cameras[0].response = 1;
+    rig.cameras[0].rotation = (struct mat3){{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    for (int i = 0; i < n; i++)
+        pictures[i] = (struct cameras_picture){0, i, 0};
+    g_assert_true(board_parse(&task.board, BOARD, NULL));
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    g_autoptr(CamerasResult) result = cameras_calibrate_lens(calibration, &task, error);
+    if (!result)
+        return NULL;
+    *ret_rms_px = result->rms_px;
+    return g_steal_pointer(&calibration);
+}
+
+/* OpenCV 4.6 uses all of both, too; its focal lengths' standard error is 0.6 px. */
+static void test_set(const char *side, double opencv_focal_px, double opencv_rms_px) {
+    g_autoptr(GError) error = NULL;
+    double rms_px;
+    g_autoptr(Calibration) calibration =
+        calibrate(640, 480, N, read_side, (gpointer)side, &rms_px, &error);
+    g_assert_no_error(error);
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
+    const double fx = calibration->rig.cameras[0].fx_px;
+    const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
+    for (guint i = 0; i < part->rejected->len; i++)
+        g_test_message("%s", (char *)part->rejected->pdata[i]);
+    g_test_message("%s: %d pictures, %d corners, %.3f px RMS, focal length %.2f ± %.2f px", side,
+                   part->pictures, calibration->cameras[0].points, rms_px, fx, sigma);
+    g_assert_cmpint(part->pictures, ==, N);
+    g_assert_cmpint(calibration->cameras[0].points, >=, N * 54 * 98 / 100);
+    g_assert_cmpfloat(rms_px, <, opencv_rms_px);
+    g_assert_cmpfloat(fabs(fx - opencv_focal_px), <, 2 * hypot(sigma, 0.6));
+    g_assert_cmpfloat(sigma, <, 0.6);
+}
+
+static void test_left(void) {
+    test_set("left", 532.8, 0.195);
+}
+
+static void test_right(void) {
+    test_set("right", 537.5, 0.207);
+}
+
+/* As with another zoom; around a smaller picture, its outermost pixels. */
+static void zoom(struct picture *picture, double scale) {
+    g_autofree float *from =
+        g_memdup2(picture->values, sizeof(float) * (gsize)picture->width * (gsize)picture->height);
+    const double cx = (picture->width - 1) / 2.0, cy = (picture->height - 1) / 2.0;
+    for (int y = 0; y < picture->height; y++)
+        for (int x = 0; x < picture->width; x++) {
+            const double u = CLAMP(cx + (x - cx) / scale, 0, picture->width - 1);
+            const double v = CLAMP(cy + (y - cy) / scale, 0, picture->height - 1);
+            const int i = (int)u, j = (int)v;
+            const float *at = from + j * picture->width + i;
+            const int right = i + 1 < picture->width ? 1 : 0;
+            const int down = j + 1 < picture->height ? picture->width : 0;
+            const double top = at[0] + (u - i) * (at[right] - at[0]);
+            const double bottom = at[down] + (u - i) * (at[down + right] - at[down]);
+            picture->values[y * picture->width + x] = (float)(top + (v - j) * (bottom - top));
+        }
+}
+
+/* Pictures 2, 5 and 8 in another way each. */
+static struct picture *read_zoomed(int i, gpointer data, GError **error) {
+    struct picture *picture = read_side(i, data, error);
+    if (picture && i % 3 == 2 && i < 9)
+        zoom(picture, 0.8 - 0.04 * i);
+    return picture;
+}
+
+static void test_other_zoom(void) {
+    g_autoptr(GError) error = NULL;
+    double rms_px;
+    g_autoptr(Calibration) calibration =
+        calibrate(640, 480, N, read_zoomed, (gpointer) "left", &rms_px, &error);
+    g_assert_no_error(error);
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
+    for (guint i = 0; i < part->rejected->len; i++)
+        g_test_message("%s", (char *)part->rejected->pdata[i]);
+    g_test_message("%.3f px RMS, focal length %.2f px", rms_px, calibration->rig.cameras[0].fx_px);
+    g_assert_cmpint(part->pictures, ==, N - 3);
+    g_assert_cmpfloat(rms_px, <, 0.195);
+}
+
+/* A lens of known focal length before a chessboard at eight tilts: formulas, with almost no noise,
+ * but ripples of a fifth of a pixel that each picture has anew. Corners look far better than they
+ * are, as after compression. */
+#define WIDTH     320
+#define HEIGHT    240
+#define FOCAL_PX  330
+#define SAMPLES   4 /* a pixel, along each side */
+#define N_DRAWN   8
+#define RIPPLE_PX 0.2
+
+static double sample(const struct board *board, const struct rig_camera *camera, double x,
+                     double y) {
+    const struct vec3 ray = mat3_mul_transposed(
+        &camera->rotation, vec3((x - camera->cx_px) / FOCAL_PX, (y - camera->cy_px) / FOCAL_PX, 1));
+    const struct vec3 from = rig_camera_centre_mm(camera);
+    const double t = -from.z / ray.z;
+    const double value = board_value(board, from.x + t * ray.x, from.y + t * ray.y);
+    return value < 0 ? 1 : value;
+}
+
+/* By quarters of a turn. */
+static void roll(struct rig_camera *camera, int quarters) {
+    for (; quarters > 0; quarters--)
+        for (int k = 0; k < 3; k++) {
+            const double right = camera->rotation.m[0][k];
+            camera->rotation.m[0][k] = camera->rotation.m[1][k];
+            camera->rotation.m[1][k] = -right;
+        }
+}
+
+static struct picture *draw(int i, gpointer data, GError **error) {
+    const struct board *board = data;
+    struct rig_camera camera = {.width = WIDTH, .height = HEIGHT, .fx_px = FOCAL_PX};
+    struct picture *picture = picture_new("drawn", "drawn", WIDTH, HEIGHT);
+    GRand *rand = g_rand_new_with_seed((guint32)i);
+    const double phase = g_rand_double_range(rand, 0, 2 * G_PI);
+    camera.cx_px = (WIDTH - 1) / 2.0;
+    camera.cy_px = (HEIGHT - 1) / 2.0;
+    rig_camera_look_at(&camera, vec3_scale(rig_direction(0.3 + 0.05 * i, 2.5 * i), 420),
+                       vec3(0, 0, 0));
+    roll(&camera, i);
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++) {
+            const double dx = RIPPLE_PX * sin((x + 2 * y) / 7.0 + phase);
+            const double dy = RIPPLE_PX * cos((2 * x - y) / 7.0 + phase);
+            double sum = 0;
+            for (int k = 0; k < SAMPLES * SAMPLES; k++)
+                sum += sample(board, &camera, x + dx + (k % SAMPLES + 0.5) / SAMPLES - 0.5,
+                              y + dy + (k / SAMPLES + 0.5) / SAMPLES - 0.5);
+            picture->values[y * WIDTH + x] = (float)(0.1 + 0.8 * sum / (SAMPLES * SAMPLES) +
+                                                     g_rand_double_range(rand, 0, 0.002));
+        }
+    g_rand_free(rand);
+    return picture;
+}
+
+static void test_understated(void) {
+    struct board board;
+    g_autoptr(GError) error = NULL;
+    double rms_px;
+    g_assert_true(board_parse(&board, BOARD, NULL));
+    g_autoptr(Calibration) calibration =
+        calibrate(WIDTH, HEIGHT, N_DRAWN, draw, &board, &rms_px, &error);
+    g_assert_no_error(error);
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_CAMERAS];
+    const double fx = calibration->rig.cameras[0].fx_px;
+    const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
+    for (guint i = 0; i < part->rejected->len; i++)
+        g_test_message("%s", (char *)part->rejected->pdata[i]);
+    g_test_message("%d pictures, %.3f px RMS, focal length %.2f ± %.2f px", part->pictures, rms_px,
+                   fx, sigma);
+    g_assert_cmpint(part->pictures, ==, N_DRAWN);
+    g_assert_cmpfloat(rms_px, <, 1.2 * RIPPLE_PX);
+    g_assert_cmpfloat(fabs(fx - FOCAL_PX), <, 3 * sigma);
+    g_assert_cmpfloat(sigma, <, 0.01 * FOCAL_PX);
+}
+
+/* mesorig calibrate cameras of a folder of these pictures of OpenCV's; what it says. */
+static char *run(const char *const *names, int *ret_code, gboolean *ret_written) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-photographs-XXXXXX", NULL);
+    g_autofree char *output = g_build_filename(folder, "lens.calibration", NULL);
+    g_autoptr(GError) error = NULL;
+    char *out = NULL;
+    g_autofree char *err = NULL;
+    int status;
+    for (int i = 0; names[i]; i++) {
+        g_autofree char *from = g_build_filename(PHOTOGRAPHS, names[i], NULL);
+        g_autofree char *to = g_build_filename(folder, names[i], NULL);
+        g_assert_cmpint(symlink(from, to), ==, 0);
+    }
+    char *arguments[] = {(char *)MESORIG,
+                         (char *)"calibrate",
+                         (char *)"cameras",
+                         (char *)"--images",
+                         folder,
+                         (char *)"--board",
+                         (char *)BOARD,
+                         (char *)"-o",
+                         output,
+                         NULL};
+    g_spawn_sync(NULL, arguments, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status, &error);
+    g_assert_no_error(error);
+    g_assert_true(WIFEXITED(status));
+    *ret_code = WEXITSTATUS(status);
+    *ret_written = g_unlink(output) == 0;
+    for (int i = 0; names[i]; i++) {
+        g_autofree char *to = g_build_filename(folder, names[i], NULL);
+        g_unlink(to);
+    }
+    g_rmdir(folder);
+    char *both = g_strconcat(out, err, NULL);
+    g_test_message("%s", both);
+    g_free(out);
+    return both;
+}
+
+static void test_six(void) {
+    static const char *const names[] = {"left01.jpg", "left02.jpg", "left03.jpg", "left04.jpg",
+                                        "left05.jpg", "left06.jpg", NULL};
+    gboolean written;
+    int code;
+    g_autofree char *said = run(names, &code, &written);
+    g_assert_cmpint(code, ==, 0);
+    g_assert_true(written);
+    g_assert_nonnull(strstr(said, ": 6 pictures, "));
+}
+
+/* Four of seven show no board. */
+static void test_minority(void) {
+    static const char *const names[] = {"left01.jpg", "left02.jpg", "left03.jpg", "aero1.jpg",
+                                        "aero3.jpg",  "stuff.jpg",  "board.jpg",  NULL};
+    gboolean written;
+    int code;
+    g_autofree char *said = run(names, &code, &written);
+    g_assert_cmpint(code, !=, 0);
+    g_assert_false(written);
+    g_assert_nonnull(strstr(said, "only 3 of 7 photographs agree on one lens"));
+    g_assert_nonnull(strstr(said, "aero1.jpg: no chessboard of 10 × 7 squares"));
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/photographed boards/left", test_left);
+    g_test_add_func("/photographed boards/right", test_right);
+    g_test_add_func("/photographed boards/other zoom", test_other_zoom);
+    g_test_add_func("/photographed boards/understated", test_understated);
+    g_test_add_func("/photographed boards/six", test_six);
+    g_test_add_func("/photographed boards/minority", test_minority);
+    return g_test_run();
+}

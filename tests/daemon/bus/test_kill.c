@@ -1,0 +1,205 @@
+/*
+ * The daemon is killed with SIGKILL at random moments of a small session and resumed, until it was
+ * killed a hundred times; the products are bit for bit those of an undisturbed run.
+ *
+ * MESORIG_KILLS sets another number.
+ */
+#include <gio/gio.h>
+#include <glib/gstdio.h>
+
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+
+#include "lib/remove_tree.h"
+#include "session/session.h"
+
+#define RIG     SOURCE_DIR "/tests/small/rig.conf"
+#define SESSION SOURCE_DIR "/tests/small/session.conf"
+#define MESORIG BUILD_DIR "/bin/mesorig"
+
+static const char *const products[] = {"products/mdf.exr", "products/eigenmaps.exr",
+                                       "products/btf/view_0000.exr"};
+
+static GPid spawn(const char *const *argv, const char *mark) {
+    g_autoptr(GError) error = NULL;
+    g_auto(GStrv) environment = g_environ_setenv(g_get_environ(), "MESORIG_TEST_MARK", mark, TRUE);
+    GPid pid = 0;
+    g_spawn_async(NULL, (char **)argv, environment,
+                  G_SPAWN_DO_NOT_REAP_CHILD | G_SPAWN_STDOUT_TO_DEV_NULL |
+                      G_SPAWN_STDERR_TO_DEV_NULL,
+                  NULL, NULL, &pid, &error);
+    g_assert_no_error(error);
+    return pid;
+}
+
+static gboolean carries_mark(const char *pid, const char *mark) {
+    g_autofree char *path = g_build_filename("/proc", pid, "environ", NULL);
+    g_autofree char *text = NULL;
+    gsize length = 0;
+    if (!g_ascii_isdigit(pid[0]) || !g_file_get_contents(path, &text, &length, NULL))
+        return FALSE;
+    g_autofree char *wanted = g_strconcat("MESORIG_TEST_MARK=", mark, NULL);
+    for (const char *at = text; at < text + length; at += strlen(at) + 1)
+        if (strcmp(at, wanted) == 0)
+            return TRUE;
+    return FALSE;
+}
+
+/* Client and daemon, whatever groups and sessions they have put themselves into. */
+static void kill_all(const char *mark) {
+    g_autoptr(GDir) proc = g_dir_open("/proc", 0, NULL);
+    const char *pid;
+    while ((pid = g_dir_read_name(proc)) != NULL)
+        if (carries_mark(pid, mark))
+            kill((pid_t)atoi(pid), SIGKILL);
+}
+
+/* Waits until it ends or a deadline; TRUE if it ended by itself, with success. */
+static gboolean wait_until(GPid pid, gint64 deadline_us, gboolean *ret_ended) {
+    int status = 0;
+    *ret_ended = FALSE;
+    while (g_get_monotonic_time() < deadline_us) {
+        if (waitpid(pid, &status, WNOHANG) == pid) {
+            *ret_ended = TRUE;
+            return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+        }
+        g_usleep(2000);
+    }
+    return FALSE;
+}
+
+static void run_whole(const char *const *argv, const char *mark) {
+    gboolean ended = FALSE;
+    GPid pid = spawn(argv, mark);
+    const gboolean ok = wait_until(pid, g_get_monotonic_time() + 240 * G_USEC_PER_SEC, &ended);
+    if (!ended) {
+        kill_all(mark);
+        waitpid(pid, NULL, 0);
+    }
+    if (!ok)
+        g_test_message("failed: %s %s", argv[0], argv[1]);
+    g_assert_true(ok);
+}
+
+static char *checksum(const char *session, const char *product) {
+    g_autofree char *path = g_build_filename(session, product, NULL);
+    g_autofree char *data = NULL;
+    g_autoptr(GError) error = NULL;
+    gsize length = 0;
+    g_file_get_contents(path, &data, &length, &error);
+    g_assert_no_error(error);
+    return g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guint8 *)data, length);
+}
+
+static void process(const char *session, const char *mark) {
+    const char *const argv[] = {MESORIG, "process", session, NULL};
+    run_whole(argv, mark);
+}
+
+static int files_in(const char *session, const char *folder) {
+    g_autofree char *path = g_build_filename(session, folder, NULL);
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    int n = 0;
+    while (dir && g_dir_read_name(dir))
+        n++;
+    return n;
+}
+
+static int files_of(const char *session) {
+    return files_in(session, "frames") + files_in(session, "laser");
+}
+
+/* Shots that are done and that are still to be taken. */
+static void count_shots(const char *path, int *ret_done, int *ret_planned) {
+    g_autoptr(Session) session = session_open(path, SESSION_READ, NULL);
+    g_autoptr(GPtrArray) shots = session ? session_shots(session, NULL) : NULL;
+    *ret_done = *ret_planned = 0;
+    for (guint i = 0; shots && i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        *ret_done += shot->state == SHOT_DONE;
+        *ret_planned += shot->state == SHOT_PLANNED;
+    }
+}
+
+/* Waits for a random number of files, and a moment more; how long a start takes differs too much
+ * from machine to machine for times alone to hit what is between. */
+static gboolean wait_for_moment(GPid pid, const char *session, GRand *random, gboolean *ret_ended) {
+    const int wanted = files_of(session) + g_rand_int_range(random, -2, 12);
+    const gint64 latest = g_get_monotonic_time() + 240 * G_USEC_PER_SEC;
+    int status = 0;
+    *ret_ended = FALSE;
+    while (files_of(session) < wanted && g_get_monotonic_time() < latest) {
+        if (waitpid(pid, &status, WNOHANG) == pid) {
+            *ret_ended = TRUE;
+            return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+        }
+        g_usleep(500);
+    }
+    const double moment_s = g_rand_double(random) * (wanted <= 0 ? 0.1 : 0.005);
+    return wait_until(pid, g_get_monotonic_time() + (gint64)(moment_s * 1e6), ret_ended);
+}
+
+/* One session, killed at random moments until it is done or enough were killed. Adds to *ret_amid
+ * the kills that came between the first shot and the last. */
+static int capture_with_kills(const char *session, int most, GRand *random, int *ret_amid) {
+    const char *const capture[] = {MESORIG, "capture", RIG, SESSION, "-o", session, NULL};
+    const char *const resume[] = {MESORIG, "resume", session, NULL};
+    g_autofree char *database = g_build_filename(session, "session.db", NULL);
+    for (int kills = 0;; kills++) {
+        const gboolean begun = g_file_test(database, G_FILE_TEST_EXISTS);
+        g_autofree char *mark = g_strdup_printf("%s-%d", session, kills);
+        GPid pid = spawn(begun ? resume : capture, mark);
+        gboolean ended = FALSE;
+        int done, planned;
+        const gboolean ok =
+            kills < most ? wait_for_moment(pid, session, random, &ended)
+                         : wait_until(pid, g_get_monotonic_time() + 240 * G_USEC_PER_SEC, &ended);
+        if (ended) {
+            g_assert_true(ok);
+            return kills;
+        }
+        g_assert_cmpint(kills, <, most);
+        kill_all(mark);
+        waitpid(pid, NULL, 0);
+        count_shots(session, &done, &planned);
+        *ret_amid += done > 0 && planned > 0;
+    }
+}
+
+static void test_kill(void) {
+    const char *asked = g_getenv("MESORIG_KILLS");
+    const int wanted = asked ? atoi(asked) : 100;
+    g_autoptr(GRand) random = g_rand_new_with_seed(20);
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = g_dir_make_tmp("mesorig-kill-XXXXXX", &error);
+    g_assert_no_error(error);
+    g_autofree char *reference = g_build_filename(folder, "reference.session", NULL);
+
+    const char *const capture[] = {MESORIG, "capture", RIG, SESSION, "-o", reference, NULL};
+    run_whole(capture, "reference");
+    process(reference, "reference");
+
+    int kills = 0, amid = 0;
+    for (int run = 0; kills < wanted; run++) {
+        g_autofree char *session = g_strdup_printf("%s/run%d.session", folder, run);
+        kills += capture_with_kills(session, wanted - kills, random, &amid);
+        process(session, "process");
+        for (gsize i = 0; i < G_N_ELEMENTS(products); i++) {
+            g_autofree char *expected = checksum(reference, products[i]);
+            g_autofree char *found = checksum(session, products[i]);
+            g_assert_cmpstr(found, ==, expected);
+        }
+        remove_tree(session);
+    }
+    g_test_message("%d kills, %d between first and last shot", kills, amid);
+    g_assert_cmpint(amid, >=, wanted / 4);
+    remove_tree(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/kill/products-are-bit-identical", test_kill);
+    return g_test_run();
+}

@@ -1,0 +1,459 @@
+/* Sessions of the small simulated rig, captured, paused, killed and resumed. */
+#include <glib/gstdio.h>
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+
+#include "calibration/calibration.h"
+#include "exr/exr.h"
+#include "lib/capture_run.h"
+
+/* All is taken, in the time that the plan says. */
+static void run_as_planned(struct run *run) {
+    g_autoptr(GError) error = NULL;
+    struct plan *plan = capture_validate(run->devices, &run->conf, run->session, &error);
+    g_assert_no_error(error);
+    run_start(run);
+    while (run_status(run).state == CAPTURE_HOMING)
+        g_main_context_iteration(NULL, TRUE);
+    /* Homed: both axes stand at 0, and the plan's time begins in its first pose. */
+    double begun_s = run_status(run).elapsed_s, predicted_s = run_status(run).left_s;
+    g_assert_cmpfloat(predicted_s, >=, plan->predicted_s);
+    g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
+    struct capture_status status = run_status(run);
+    g_assert_cmpint(status.shots, ==, plan->session.n_shots);
+    g_assert_cmpint(status.shots_done, ==, status.shots);
+    g_assert_cmpint(status.frames, ==, plan->n_frames);
+    g_assert_cmpint(status.retakes, ==, 0);
+    g_assert_cmpfloat(status.left_s, ==, 0);
+    double took_s = status.elapsed_s - begun_s;
+    g_test_message("took %.2f s, predicted %.2f s, lower bound %.2f s", took_s, predicted_s,
+                   plan->lower_bound_s);
+    g_assert_cmpfloat(fabs(took_s / predicted_s - 1), <, 0.02);
+    g_assert_cmpfloat(took_s, >=, plan->lower_bound_s * (1 - 1e-6));
+    plan_free(plan);
+}
+
+static void test_whole(void) {
+    struct run *run = run_new(NULL);
+    run_as_planned(run);
+    g_assert_cmpint(run->least_gap_us, >=, 95000);
+    const struct capture_thumbnail *thumbnail = capture_thumbnail(run->capture, 1);
+    g_assert_nonnull(thumbnail);
+    g_assert_cmpint(thumbnail->width, ==, 16);
+    g_assert_null(capture_thumbnail(run->capture, 2));
+    run_check_safe(run);
+    g_clear_pointer(&run->capture, capture_free);
+    run_check_whole(run->session);
+    run_check_same(run);
+    run_free(run);
+}
+
+/* The picture under each lamp is what the lamp's distance and angle say, within the sample's. */
+static void test_radiance(void) {
+    g_autofree char *path = NULL;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run_undisturbed(), SESSION_READ, &error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_autoptr(GPtrArray) lights = session_lights(session, &error);
+    double mean[2] = {0};
+    int n[2] = {0};
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind != SHOT_LAMP || !(shot->cameras & 1))
+            continue;
+        g_autofree char *relative = session_frame_path(shot, "cam30");
+        g_autofree char *file = session_file(session, relative);
+        struct exr_part *part = exr_read_part(file, "radiance", &error);
+        g_assert_no_error(error);
+        mean[shot->device] += exr_part_plane(part, "Y")[16 * 32 + 16];
+        n[shot->device]++;
+        exr_part_free(part);
+    }
+    g_assert_cmpint(n[0], >, 0);
+    g_assert_cmpint(n[1], >, 0);
+    /* A matt sample at the aim of both lamps: cos 30° to cos 60°. */
+    double ratio = mean[0] / n[0] / (mean[1] / n[1]);
+    g_assert_cmpfloat_with_epsilon(ratio, sqrt(3), 0.1);
+}
+
+static void test_pause(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GError) error = NULL;
+    run_start(run);
+    g_assert_false(capture_continue(run->capture, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+    capture_pause(run->capture); /* before anything moved */
+    run_to_pause(run, "by the user");
+    for (gint64 frames = 5; frames < 60; frames += 9) {
+        run_continue(run);
+        run_until(run, frames);
+        int before = run_status(run).shots_done;
+        capture_pause(run->capture);
+        run_to_pause(run, "by the user");
+        g_assert_cmpint(run_status(run).shots_done, >=, before);
+        g_assert_null(strstr(run->told->str, "error"));
+        run_check_safe(run);
+    }
+    run_continue(run);
+    run_to_end(run);
+    run_check_same(run);
+    run_free(run);
+}
+
+static void test_abort(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GError) error = NULL;
+    run_start(run);
+    run_until(run, 25);
+    capture_abort(run->capture);
+    g_assert_cmpint(run_status(run).state, ==, CAPTURE_ABORTED);
+    run_check_safe(run);
+    g_assert_false(capture_continue(run->capture, &error));
+    g_assert_nonnull(strstr(error->message, "resume"));
+    run_resume(run);
+    run_to_end(run);
+    run_check_same(run);
+    run_resume(run); /* of what is done already */
+    g_assert_cmpint(run_until(run, 0), ==, CAPTURE_DONE);
+    g_assert_cmpint(run_status(run).frames, ==, 0);
+    run_free(run);
+}
+
+/* Killed at any moment: a new process finds what was committed and takes the rest. */
+static void test_resume(void) {
+    struct run *run = run_new(NULL);
+    run_start(run);
+    gint64 frames = g_test_rand_int_range(1, 20);
+    while (run_until(run, frames) < CAPTURE_PAUSED) {
+        for (int i = g_test_rand_int_range(0, 30); i > 0; i--)
+            g_main_context_iteration(NULL, FALSE);
+        double before_s = run_status(run).elapsed_s;
+        int done = run_status(run).shots_done;
+        g_clear_pointer(&run->capture, capture_free);
+        devices_close(run->devices);
+        run_open_devices(run);
+        run_resume(run);
+        g_assert_cmpint(run_status(run).shots_done, ==, done);
+        g_assert_cmpfloat_with_epsilon(run_status(run).elapsed_s, before_s, 1e-3);
+        frames = g_test_rand_int_range(5, 60);
+    }
+    g_assert_cmpint(run_status(run).state, ==, CAPTURE_DONE);
+    g_clear_pointer(&run->capture, capture_free);
+    run_check_whole(run->session);
+    run_check_same(run);
+    run_free(run);
+}
+
+/* A frame's file that is gone is taken again; a dark frame's that cannot be read, too. */
+static void test_lost_files(void) {
+    struct run *run = run_new(NULL);
+    run_start(run);
+    run_to_end(run);
+    g_autoptr(GPtrArray) frames = run_frames(run->session);
+    const struct session_frame *dark = frames->pdata[0], *last = frames->pdata[frames->len - 1];
+    g_autofree char *gone = g_build_filename(run->session, last->path, NULL);
+    g_autofree char *spoilt = g_build_filename(run->session, dark->path, NULL);
+    g_assert_cmpint(g_remove(gone), ==, 0);
+    g_autofree char *zeros = g_malloc0((gsize)dark->bytes);
+    g_assert_true(g_file_set_contents(spoilt, zeros, dark->bytes, NULL));
+    run_resume(run);
+    g_assert_cmpint(run_status(run).shots_done, ==, run_status(run).shots - 2);
+    run_to_end(run);
+    run_check_whole(run->session);
+    run_check_same(run);
+    run_free(run);
+}
+
+static void test_locked(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GError) error = NULL;
+    run_start(run);
+    run_until(run, 10);
+    g_assert_null(capture_resume(run->devices, run->session, NULL, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_LOCKED);
+    g_clear_error(&error);
+    g_assert_null(capture_start(run->devices, &run->conf, run->session, NULL, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS);
+    run_to_end(run);
+    run_check_same(run);
+    run_free(run);
+}
+
+/* The same from another process. */
+static void test_locked_elsewhere(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GError) error = NULL;
+    run_start(run);
+    run_until(run, 10);
+    char *argv[] = {"/proc/self/exe", "--resume", run->directory, NULL};
+    int status = -1;
+    g_autofree char *out = NULL;
+    g_assert_true(g_spawn_sync(NULL, argv, NULL, 0, NULL, NULL, &out, NULL, &status, &error));
+    g_assert_no_error(error);
+    g_assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+    g_assert_nonnull(strstr(out, "locked"));
+    run_free(run);
+}
+
+static int resume_in_child(const char *directory) {
+    g_autofree char *rig = g_build_filename(directory, "rig.conf", NULL);
+    g_autofree char *session = g_build_filename(directory, "small.session", NULL);
+    g_autoptr(GError) error = NULL;
+    struct devices *devices = devices_open(rig, &error);
+    Capture *capture = devices ? capture_resume(devices, session, NULL, &error) : NULL;
+    gboolean locked = g_error_matches(error, SESSION_ERROR, SESSION_ERROR_LOCKED);
+    g_print("%s\n", locked ? "locked" : error ? error->message : "taken");
+    capture_free(capture);
+    devices_close(devices);
+    return capture ? 0 : 1;
+}
+
+static void test_other_rig(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GError) error = NULL;
+    run_start(run);
+    run_until(run, 10);
+    g_clear_pointer(&run->capture, capture_free);
+    run_change_rig(run, (const struct change[]){{"[rig]", "id = another"}, {0}});
+    g_assert_null(capture_resume(run->devices, run->session, NULL, &error));
+    g_assert_nonnull(strstr(error->message, "another"));
+    g_assert_nonnull(strstr(error->message, "small"));
+    g_clear_error(&error);
+    run_change_rig(run, (const struct change[]){{"[camera cam60]", "width = 64"}, {0}});
+    g_assert_null(capture_resume(run->devices, run->session, NULL, &error));
+    g_assert_nonnull(strstr(error->message, "cam60"));
+    run_change_rig(run, (const struct change[]){{"[camera cam30]", "distance_mm = 651"}, {0}});
+    run_resume(run);
+    g_assert_nonnull(strstr(run->told->str, "geometry"));
+    run_free(run);
+}
+
+static void test_refused(void) {
+    struct run *run = run_new(NULL);
+    g_autoptr(GError) error = NULL;
+    run->conf.exposures_us[1] = 70e6; /* more than any camera can */
+    g_assert_null(capture_validate(run->devices, &run->conf, run->session, &error));
+    g_assert_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS);
+    g_assert_false(g_file_test(run->session, G_FILE_TEST_EXISTS));
+    g_clear_error(&error);
+    g_assert_null(capture_resume(run->devices, run->session, NULL, &error));
+    g_assert_nonnull(error);
+    run_free(run);
+}
+
+/* A process may write no file beyond a kilobyte: no frame's file can be written, nor the database
+ * much. */
+static void test_disk_full(void) {
+    struct run *run = run_new(NULL);
+    struct rlimit before, none;
+    run_start(run);
+    run_until(run, 20);
+    capture_pause(run->capture); /* so that it is a frame that does not fit first */
+    run_to_pause(run, "by the user");
+    run_continue(run);
+    signal(SIGXFSZ, SIG_IGN);
+    g_assert_cmpint(getrlimit(RLIMIT_FSIZE, &before), ==, 0);
+    none = (struct rlimit){.rlim_cur = 1000, .rlim_max = before.rlim_max};
+    g_assert_cmpint(setrlimit(RLIMIT_FSIZE, &none), ==, 0);
+    g_assert_cmpint(run_until(run, 0), ==, CAPTURE_PAUSED);
+    g_assert_cmpint(setrlimit(RLIMIT_FSIZE, &before), ==, 0);
+    g_assert_nonnull(strstr(run_status(run).reason, "disk is full"));
+    run_check_safe(run);
+    run_continue(run);
+    run_to_end(run);
+    run_check_whole(run->session);
+    run_check_same(run);
+    run_free(run);
+}
+
+/* Frames of a sweep are kept on request; the frames' pixels are those the analysis is made of. */
+static void test_keep_laser_frames(void) {
+    struct run *run =
+        run_new((const struct change[]){{"[capture]", "keep_laser_frames = yes"}, {0}});
+    run_start(run);
+    run_to_end(run);
+    run_check_same(run);
+    g_autoptr(GPtrArray) frames = run_frames(run->session);
+    int n = 0;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (!g_str_has_prefix(frame->path, "laser/"))
+            continue;
+        g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
+        g_autofree char *last = g_build_filename(run->session, stem, "0011.exr", NULL);
+        g_assert_true(g_file_test(last, G_FILE_TEST_EXISTS));
+        n++;
+    }
+    g_assert_cmpint(n, >, 0);
+    run_free(run);
+}
+
+/* Two frames at each step of a sweep; the time is predicted as it comes. */
+static void test_short_laser(void) {
+    struct run *run = run_new((const struct change[]){
+        {"[capture]", "keep_laser_frames = yes"}, {"[capture]", "laser_short_us = 250"}, {0}});
+    g_autoptr(GError) error = NULL;
+    run_as_planned(run);
+    g_clear_pointer(&run->capture, capture_free);
+    run_check_whole(run->session);
+    g_autoptr(GPtrArray) frames = run_frames(run->session);
+    int n = 0;
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        if (!g_str_has_prefix(frame->path, "laser/"))
+            continue;
+        g_autofree char *stem = g_strndup(frame->path, strlen(frame->path) - 4);
+        for (int k = 0; k < 2; k++) {
+            g_autofree char *file =
+                g_build_filename(run->session, stem, k ? "0011.exr" : "0011_short.exr", NULL);
+            struct exr_part *part = exr_read_part(file, "frame", &error);
+            double us = 0;
+            g_assert_no_error(error);
+            g_assert_true(exr_get_double(part, "mesorig.exposure_us", &us, NULL));
+            g_assert_cmpfloat(us, ==, k ? 4000 : 250);
+            exr_part_free(part);
+        }
+        n++;
+    }
+    g_assert_cmpint(n, >, 0);
+    run_free(run);
+}
+
+static struct exr_part *radiance_of(const char *path, const struct session_shot *shot) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *relative = session_frame_path(shot, "cam30");
+    g_autofree char *file = g_build_filename(path, relative, NULL);
+    struct exr_part *part = exr_read_part(file, "radiance", &error);
+    g_assert_no_error(error);
+    return part;
+}
+
+/* How much more radiance the first picture shows. */
+static double radiance_ratio(const char *a_path, const char *b_path,
+                             const struct session_shot *shot) {
+    struct exr_part *a = radiance_of(a_path, shot), *b = radiance_of(b_path, shot);
+    double sums[2] = {0};
+    for (int i = 0; i < a->width * a->height; i++) {
+        sums[0] += exr_part_plane(a, "Y")[i];
+        sums[1] += exr_part_plane(b, "Y")[i];
+    }
+    exr_part_free(a);
+    exr_part_free(b);
+    return sums[0] / sums[1];
+}
+
+/* A bracket far too long: each picture is taken again with shorter exposures until it holds, and
+ * says the same as one that was well exposed at once. */
+static void test_too_bright(void) {
+    struct run *run = run_new((const struct change[]){{"[capture]", "exposures_us = 100000"}, {0}});
+    run_start(run);
+    run_to_end(run);
+    g_assert_nonnull(strstr(run->told->str, "taken again at 25000 µs"));
+    g_assert_null(strstr(run->told->str, "saturated in the shortest exposure"));
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    int shorter = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind != SHOT_LAMP || !(shot->cameras & 1))
+            continue;
+        struct exr_part *part = radiance_of(run->session, shot);
+        const char *exposures = NULL;
+        g_assert_true(exr_get_string(part, "mesorig.exposures_us", &exposures, NULL));
+        shorter += !g_str_equal(exposures, "100000");
+        exr_part_free(part);
+        g_assert_cmpfloat_with_epsilon(radiance_ratio(run->session, run_undisturbed(), shot), 1,
+                                       0.02);
+    }
+    g_assert_cmpint(shorter, >, 0);
+    run_free(run);
+}
+
+/* Where retaking is not wanted, the picture is kept, and told of. */
+static void test_saturated(void) {
+    struct run *run = run_new(
+        (const struct change[]){{"[capture]", "exposures_us = 400000\nsaturated_pct = 100"}, {0}});
+    run_start(run);
+    run_to_end(run);
+    g_assert_nonnull(strstr(run->told->str, "saturated in the shortest exposure"));
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    int noted = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        noted += shot->note && strstr(shot->note, "saturated: cam30");
+    }
+    g_assert_cmpint(noted, >, 0);
+    run_free(run);
+}
+
+/* Captures with a camera that shows a fifth less than it should where it is full; with a
+ * calibration that knows of it, or none. Returns the most that a picture lacks of what it should
+ * show. */
+static double lacks_of_bent_camera(gboolean known) {
+    struct run *run = run_new(NULL);
+    g_autofree char *world = g_build_filename(run->directory, "world.conf", NULL);
+    g_autofree char *calibrated = g_build_filename(run->directory, "bent.calibration", NULL);
+    g_autofree char *text = NULL;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = calibration_new(&run->devices->geometry);
+    calibration->noise[0].known = known;
+    calibration->noise[0].transfer = (struct transfer){
+        .black_dn = 64, .curvature = 0.2, .curvature_error = 0.001, .gain_dn_e = 0.27};
+    g_assert_true(calibration_write(calibration, calibrated, &error));
+    run_change_rig(run, (const struct change[]){{"[rig]", "calibration = bent.calibration"}, {0}});
+    devices_close(run->devices);
+    g_assert_true(g_file_get_contents(world, &text, NULL, NULL));
+    const struct change bent = {"[camera cam30]", "curvature = 0.2"};
+    g_autofree char *changed = small_rig_changed(text, &bent);
+    g_assert_true(g_file_set_contents(world, changed, -1, NULL));
+    run_open_devices(run);
+    run_start(run);
+    run_to_end(run);
+    g_autoptr(Session) session = session_open(run->session, SESSION_READ, &error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    g_assert_no_error(error);
+    double lacks = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind == SHOT_LAMP && (shot->cameras & 1))
+            lacks = MAX(lacks, 1 - radiance_ratio(run->session, run_undisturbed(), shot));
+    }
+    run_free(run);
+    return lacks;
+}
+
+static void test_bent_camera(void) {
+    const double unknown = lacks_of_bent_camera(FALSE), known = lacks_of_bent_camera(TRUE);
+    g_test_message("lacks %.4f, or %.4f when it is known", unknown, known);
+    g_assert_cmpfloat(unknown, >, 0.02);
+    g_assert_cmpfloat(known, <, 0.002);
+}
+
+int main(int argc, char **argv) {
+    if (argc == 3 && g_str_equal(argv[1], "--resume"))
+        return resume_in_child(argv[2]);
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/capture/whole", test_whole);
+    g_test_add_func("/capture/radiance", test_radiance);
+    g_test_add_func("/capture/pause", test_pause);
+    g_test_add_func("/capture/abort", test_abort);
+    g_test_add_func("/capture/resume", test_resume);
+    g_test_add_func("/capture/lost-files", test_lost_files);
+    g_test_add_func("/capture/locked", test_locked);
+    g_test_add_func("/capture/locked-elsewhere", test_locked_elsewhere);
+    g_test_add_func("/capture/other-rig", test_other_rig);
+    g_test_add_func("/capture/refused", test_refused);
+    g_test_add_func("/capture/disk-full", test_disk_full);
+    g_test_add_func("/capture/keep-laser-frames", test_keep_laser_frames);
+    g_test_add_func("/capture/short-laser", test_short_laser);
+    g_test_add_func("/capture/too-bright", test_too_bright);
+    g_test_add_func("/capture/saturated", test_saturated);
+    g_test_add_func("/capture/bent-camera", test_bent_camera);
+    return run_tests();
+}

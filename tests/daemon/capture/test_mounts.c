@@ -1,0 +1,623 @@
+/* A rig with one laser unit that somebody mounts at one place after the other: what its file may
+ * say, what is planned, how the session asks, and that its pictures are those of a rig with a unit
+ * at each place. */
+#include "capture/capture.h"
+#include "exr/exr.h"
+#include "lib/remove_tree.h"
+
+#include <glib/gstdio.h>
+#include <locale.h>
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+
+#define SMALL   SOURCE_DIR "/tests/small/"
+#define DEMO    SOURCE_DIR "/etc/demo/"
+#define MESORIG BUILD_DIR "/bin/mesorig"
+
+static char *top;
+
+static char *read_text(const char *path) {
+    char *text = NULL;
+    g_autoptr(GError) error = NULL;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    return text;
+}
+
+static char *replaced(const char *text, const char *from, const char *to) {
+    g_auto(GStrv) parts = g_strsplit(text, from, -1);
+    g_assert_cmpuint(g_strv_length(parts), >, 1);
+    return g_strjoinv(to, parts);
+}
+
+/* [laser laserN] becomes a mount, and its sweep axis is left out. */
+static char *with_mount(const char *text, int theta_deg, const char *unit) {
+    g_autofree char *axis = g_strdup_printf("[axis sweep%d]", theta_deg);
+    g_autofree char *section =
+        g_strdup_printf("driver = sim-laser\nworld = world.conf\nsweep = sweep%d\n", theta_deg);
+    g_autofree char *mount = g_strdup_printf("mount_of = %s\n", unit);
+    g_autofree char *more = replaced(text, section, mount);
+    char *from = strstr(more, axis), *to = strstr(from, "\n[");
+    return g_strdup_printf("%.*s%s", (int)(from - more), more, to + 1);
+}
+
+static void write_text(const char *directory, const char *name, const char *text) {
+    g_autofree char *path = g_build_filename(directory, name, NULL);
+    g_assert_true(g_file_set_contents(path, text, -1, NULL));
+}
+
+/* A folder with the small rig, its two lasers one unit or not, and brighter. */
+static char *make_folder(const char *name, gboolean one_unit) {
+    char *directory = g_build_filename(top, name, NULL);
+    g_autofree char *two = read_text(SMALL "rig.conf");
+    g_autofree char *one = with_mount(two, 60, "laser30");
+    g_autofree char *dim = read_text(SMALL "world.conf");
+    g_autofree char *world = replaced(dim, "width_mm = 6", "width_mm = 6\npower_w = 0.1");
+    g_autofree char *session = read_text(SMALL "session.conf");
+    g_assert_cmpint(g_mkdir(directory, 0777), ==, 0);
+    write_text(directory, "rig.conf", one_unit ? one : two);
+    write_text(directory, "world.conf", world);
+    write_text(directory, "session.conf", session);
+    return directory;
+}
+
+static struct devices *open_rig(const char *directory) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = g_build_filename(directory, "rig.conf", NULL);
+    struct devices *devices = devices_open(path, &error);
+    g_assert_no_error(error);
+    return devices;
+}
+
+static void spin(void) {
+    while (g_main_context_iteration(NULL, FALSE))
+        ;
+}
+
+static void test_rig_file(void) {
+    g_autofree char *directory = make_folder("rig", TRUE);
+    struct devices *devices = open_rig(directory);
+    g_assert_cmpint(devices->geometry.n_lasers, ==, 2);
+    g_assert_true(devices->lasers[0] == devices->lasers[1]);
+    g_assert_true(devices->sweeps[0] == devices->sweeps[1]);
+    g_assert_cmphex(devices->timing.mounts[0], ==, 2);
+    g_assert_cmpint(rig_laser_unit(&devices->timing, 1), ==, 0);
+    double theta_rad, phi_rad;
+    rig_angles(devices->geometry.lasers[1].position_mm, &theta_rad, &phi_rad);
+    g_assert_cmpfloat_with_epsilon(theta_rad, G_PI / 3, 1e-9);
+    g_assert_true(devices_make_safe(devices, NULL));
+    spin();
+    devices_close(devices);
+    spin();
+}
+
+static void test_bad_rig_files(void) {
+    static const struct {
+        const char *from, *to, *says;
+    } cases[] = {
+        {"mount_of = laser30", "mount_of = laser31", "[laser laser31]"},
+        {"mount_of = laser30", "mount_of =", "mount_of"},
+        {"mount_of = laser30", "mount_of = laser60", "write it first"},
+        {"mount_of = laser30", "mount_of = laser30\ndriver = sim-laser", "driver"},
+        {"mount_of = laser30", "mount_of = laser30\nsweep = sweep30", "sweep"},
+        {"mount_of = laser30", "mount_of = laser30\npart = laser30", "part"},
+        {"[interlock door]",
+         "[laser x]\nmount_of = laser60\ntheta_deg = 1\ndistance_mm = 1\n\n[interlock door]",
+         "itself a mount"},
+        {"[laser laser60]", "[laser nowhere]", "\"nowhere\""},
+    };
+    g_autofree char *directory = make_folder("bad", TRUE);
+    g_autofree char *path = g_build_filename(directory, "rig.conf", NULL);
+    g_autofree char *good = read_text(path);
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        g_autofree char *bad = replaced(good, cases[i].from, cases[i].to);
+        g_autoptr(GError) error = NULL;
+        write_text(directory, "rig.conf", bad);
+        g_assert_null(devices_open(path, &error));
+        g_assert_nonnull(error);
+        g_test_message("%s", error->message);
+        g_assert_true(g_str_has_prefix(error->message, path));
+        g_assert_nonnull(strstr(error->message, cases[i].says));
+        spin();
+    }
+}
+
+/* The demo's rig as it was read, and its lasers units and mounts in whatever way. */
+static void demo_plan(struct session_conf *conf, struct rig *rig, struct rig_timing *timing) {
+    g_autoptr(GError) error = NULL;
+    struct devices *devices = devices_open(DEMO "rig.conf", &error);
+    g_assert_no_error(error);
+    *rig = devices->geometry;
+    *timing = devices->timing;
+    devices_close(devices);
+    spin();
+    g_assert_true(session_conf_load(conf, DEMO "session.conf", &error));
+    g_assert_no_error(error);
+}
+
+static struct plan *build(const struct session_conf *conf, const struct rig *rig,
+                          const struct rig_timing *timing) {
+    g_autoptr(GError) error = NULL;
+    struct plan *plan = plan_build(conf, rig, timing, &error);
+    g_assert_no_error(error);
+    return plan;
+}
+
+/* Every unit with mounts is at each place that is needed once, in the order of the rig file: less
+ * often cannot be. Returns how many places that are. */
+static int check_blocks(const struct plan *plan, const struct rig_timing *timing) {
+    int at[RIG_MAX_LASERS], n = 0;
+    guint32 needed = 0;
+    memset(at, -1, sizeof(at));
+    for (int i = 0; i < plan->session.n_shots; i++) {
+        const struct session_shot *shot = &plan->session.shots[i];
+        int unit = 0;
+        if (shot->kind != SHOT_SWEEP || shot->state != SHOT_PLANNED)
+            continue;
+        while (unit < shot->device && !(timing->mounts[unit] & 1u << shot->device))
+            unit++;
+        if (!timing->mounts[unit])
+            continue;
+        needed |= 1u << shot->device;
+        g_assert_cmpint(shot->device, >=, at[unit]);
+        n += shot->device != at[unit];
+        at[unit] = shot->device;
+    }
+    g_assert_cmpint(n, ==, __builtin_popcount(needed));
+    g_assert_cmpint(plan->n_mounts, ==, n);
+    g_assert_cmpfloat(plan->predicted_s, >=, plan->lower_bound_s - 1e-6);
+    g_assert_cmpfloat(plan->predicted_s, <=, plan->nested_s + 1e-6);
+    return n;
+}
+
+/* All that a rig with five units takes is taken, and with one unit it takes little longer. */
+static void test_plan_demo(void) {
+    struct session_conf conf;
+    struct rig rig;
+    struct rig_timing timing;
+    demo_plan(&conf, &rig, &timing);
+    struct plan *five = build(&conf, &rig, &timing);
+    g_assert_cmpint(five->n_mounts, ==, 0);
+    timing.mounts[0] = 0x1e;
+    struct plan *one = build(&conf, &rig, &timing);
+    g_assert_cmpint(check_blocks(one, &timing), ==, 5);
+    g_assert_cmpint(one->session.n_shots, ==, five->session.n_shots);
+    g_assert_cmpint(one->n_frames, ==, five->n_frames);
+    g_assert_cmpfloat_with_epsilon(one->lower_bound_s, five->lower_bound_s, 1e-6);
+    g_test_message("one unit %.0f s, five %.0f s, lower bound %.0f s", one->predicted_s,
+                   five->predicted_s, one->lower_bound_s);
+    g_assert_cmpfloat(one->predicted_s, <, 1.15 * five->predicted_s);
+    plan_free(one);
+    plan_free(five);
+    session_conf_clear(&conf);
+}
+
+static void random_conf(GRand *rand, struct session_conf *conf) {
+    conf->n_views = g_rand_int_range(rand, 1, 3);
+    conf->n_lights = g_rand_int_range(rand, 0, 3);
+    conf->n_lasers = g_rand_int_range(rand, 1, 6);
+    for (int i = 0; i < 5; i++) {
+        conf->views[i].count = g_rand_int_range(rand, 1, 5);
+        conf->lights[i].count = g_rand_int_range(rand, 1, 5);
+        conf->lasers[i] = (struct ring){15 + 15 * g_rand_int_range(rand, 0, 5), i + 0.5,
+                                        g_rand_int_range(rand, 1, 5)};
+    }
+}
+
+/* Any lasers mounts of any that stand before them. */
+static void random_mounts(GRand *rand, struct rig_timing *timing) {
+    gboolean is_mount[5] = {FALSE};
+    memset(timing->mounts, 0, sizeof(timing->mounts));
+    for (int i = 1; i < 5; i++) {
+        int unit = g_rand_int_range(rand, 0, i + 1);
+        if (unit == i || is_mount[unit])
+            continue;
+        is_mount[i] = TRUE;
+        timing->mounts[unit] |= 1u << i;
+    }
+}
+
+static void test_plan_random(void) {
+    g_autoptr(GRand) rand = g_rand_new_with_seed(11);
+    struct session_conf conf;
+    struct rig rig;
+    struct rig_timing timing;
+    int most = 0;
+    demo_plan(&conf, &rig, &timing);
+    for (int round = 0; round < 25; round++) {
+        random_mounts(rand, &timing);
+        random_conf(rand, &conf);
+        struct plan *plan = build(&conf, &rig, &timing);
+        most = MAX(most, check_blocks(plan, &timing));
+        plan_free(plan);
+    }
+    g_assert_cmpint(most, >, 2);
+    session_conf_clear(&conf);
+}
+
+struct run {
+    char *directory, *session;
+    struct devices *devices;
+    Capture *capture;
+    int n_asked;
+};
+
+static void on_event(Capture *capture, const char *level, const char *source, const char *message,
+                     gpointer data) {
+    ((struct run *)data)->n_asked += g_str_has_prefix(message, "mount laser unit");
+    if (g_str_equal(level, "error"))
+        g_error("%s: %s", source, message);
+}
+
+static struct run *begin(const char *name, gboolean one_unit) {
+    struct run *run = g_new0(struct run, 1);
+    struct capture_callbacks callbacks = {.event = on_event, .data = run};
+    struct session_conf conf;
+    g_autoptr(GError) error = NULL;
+    run->directory = make_folder(name, one_unit);
+    run->session = g_build_filename(run->directory, "a.session", NULL);
+    run->devices = open_rig(run->directory);
+    g_autofree char *path = g_build_filename(run->directory, "session.conf", NULL);
+    g_assert_true(session_conf_load(&conf, path, &error));
+    run->capture = capture_start(run->devices, &conf, run->session, &callbacks, &error);
+    g_assert_no_error(error);
+    session_conf_clear(&conf);
+    return run;
+}
+
+static void run_free(struct run *run) {
+    capture_free(run->capture);
+    devices_close(run->devices);
+    spin();
+    g_free(run->directory);
+    g_free(run->session);
+    g_free(run);
+}
+
+/* As after a kill: everything is opened anew. */
+static void begin_again(struct run *run) {
+    struct capture_callbacks callbacks = {.event = on_event, .data = run};
+    g_autoptr(GError) error = NULL;
+    g_clear_pointer(&run->capture, capture_free);
+    devices_close(run->devices);
+    spin();
+    run->devices = open_rig(run->directory);
+    run->capture = capture_resume(run->devices, run->session, &callbacks, &error);
+    g_assert_no_error(error);
+}
+
+static struct capture_status status_of(struct run *run) {
+    struct capture_status status;
+    capture_get_status(run->capture, &status);
+    return status;
+}
+
+static gboolean too_late(gpointer data) {
+    g_error("nothing more happens");
+    return G_SOURCE_REMOVE;
+}
+
+static void run_until(struct run *run, enum capture_state state, gint64 frames) {
+    guint guard = g_timeout_add_seconds(120, too_late, NULL);
+    while (status_of(run).state < CAPTURE_PAUSED && (frames == 0 || status_of(run).frames < frames))
+        g_main_context_iteration(NULL, TRUE);
+    g_source_remove(guard);
+    if (frames == 0)
+        g_assert_cmpint(status_of(run).state, ==, state);
+}
+
+static void run_to_prompt(struct run *run, const char *prompt) {
+    run_until(run, CAPTURE_PAUSED, 0);
+    g_assert_cmpstr(status_of(run).prompt, ==, prompt);
+    g_assert_cmpstr(status_of(run).reason, ==, prompt);
+}
+
+static void run_to_end(struct run *run) {
+    run_until(run, CAPTURE_DONE, 0);
+    g_assert_null(status_of(run).prompt);
+}
+
+static void answer(struct run *run) {
+    g_autoptr(GError) error = NULL;
+    g_assert_true(capture_continue(run->capture, &error));
+    g_assert_no_error(error);
+}
+
+static void count_down(gpointer data) {
+    (*(int *)data)--;
+}
+
+/* However long the operator takes, nothing happens. */
+static void check_safe(struct run *run) {
+    int left = 1;
+    double elapsed_s = status_of(run).elapsed_s;
+    clock_call_in(run->devices->clock, (gint64)3600 * G_USEC_PER_SEC, count_down, &left);
+    while (left > 0)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpint(status_of(run).state, ==, CAPTURE_PAUSED);
+    g_assert_cmpfloat(status_of(run).elapsed_s, ==, elapsed_s);
+    for (int i = 0; i < 2; i++) {
+        g_assert_false(lamps_is_on(run->devices->banks[0], i));
+        g_assert_false(laser_is_on(run->devices->lasers[i]));
+        g_assert_false(axis_is_moving(run->devices->sweeps[i]));
+    }
+    g_assert_false(axis_is_moving(run->devices->turntable));
+    g_assert_false(axis_is_moving(run->devices->arc));
+}
+
+static GPtrArray *shots_of(const char *path) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    GPtrArray *shots = session_shots(session, &error);
+    g_assert_no_error(error);
+    return shots;
+}
+
+/* How many sweeps from a laser's place are done; all of them if whole. */
+static int sweeps_done(const char *path, int laser, gboolean whole) {
+    g_autoptr(GPtrArray) shots = shots_of(path);
+    int n = 0;
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind != SHOT_SWEEP || shot->device != laser)
+            continue;
+        n += shot->state == SHOT_DONE;
+        g_assert_true(!whole || shot->state == SHOT_DONE);
+    }
+    return n;
+}
+
+/* When the line passed each pixel, and how bright: the same but for noise. A line that came from
+ * the other place, or was swept elsewhere, would be steps away. */
+static void check_same_peaks(const char *a_path, const char *b_path) {
+    g_autoptr(GError) error = NULL;
+    struct exr_part *a = exr_read_part(a_path, "sweep", &error);
+    struct exr_part *b = exr_read_part(b_path, "sweep", &error);
+    g_assert_no_error(error);
+    const float *peak_a = exr_part_plane(a, "peak"), *peak_b = exr_part_plane(b, "peak");
+    const float *light_a = exr_part_plane(a, "intensity"),
+                *light_b = exr_part_plane(b, "intensity");
+    double light = 0, of_b = 0;
+    int seen = 0, n = a->width * a->height;
+    for (int i = 0; i < n; i++) {
+        if (peak_a[i] < 0 || peak_b[i] < 0)
+            continue;
+        g_assert_cmpfloat(fabsf(peak_a[i] - peak_b[i]), <, 0.25F);
+        light += light_a[i];
+        of_b += light_b[i];
+        seen++;
+    }
+    g_assert_cmpint(seen, >, n / 4);
+    g_assert_cmpfloat_with_epsilon(light / of_b, 1, 0.01);
+    exr_part_free(a);
+    exr_part_free(b);
+}
+
+static void check_same_shot(const char *a, const struct session_shot *of_a, const char *b,
+                            const struct session_shot *of_b) {
+    static const char *const cameras[] = {"cam30", "cam60"};
+    for (int c = 0; c < 2; c++) {
+        if (!(of_a->cameras & 1u << c))
+            continue;
+        g_autofree char *a_name = session_frame_path(of_a, cameras[c]);
+        g_autofree char *b_name = session_frame_path(of_b, cameras[c]);
+        g_autofree char *a_path = g_build_filename(a, a_name, NULL);
+        g_autofree char *b_path = g_build_filename(b, b_name, NULL);
+        check_same_peaks(a_path, b_path);
+    }
+}
+
+static void check_same_sweeps(const char *a, const char *b) {
+    g_autoptr(GPtrArray) of_a = shots_of(a), of_b = shots_of(b);
+    int n = 0, matched = 0;
+    g_assert_cmpuint(of_a->len, ==, of_b->len);
+    for (guint i = 0; i < of_a->len; i++) {
+        const struct session_shot *s = of_a->pdata[i];
+        n += s->kind == SHOT_SWEEP;
+        for (guint k = 0; s->kind == SHOT_SWEEP && k < of_b->len; k++) {
+            const struct session_shot *t = of_b->pdata[k];
+            if (t->kind != SHOT_SWEEP || t->source != s->source || t->cameras != s->cameras ||
+                t->turntable_deg != s->turntable_deg)
+                continue;
+            check_same_shot(a, s, b, t);
+            matched++;
+        }
+    }
+    g_assert_cmpint(n, >, 0);
+    g_assert_cmpint(matched, ==, n);
+}
+
+#define AT_30 "mount laser unit laser30 at 30° (laser30), then continue"
+#define AT_60 "mount laser unit laser30 at 60° (laser60), then continue"
+
+static void test_capture(void) {
+    struct run *two = begin("two-units", FALSE), *one = begin("one-unit", TRUE);
+    run_to_end(two);
+    g_assert_cmpint(two->n_asked, ==, 0);
+    run_to_prompt(one, AT_30);
+    g_assert_false(axis_is_homed(one->devices->arc)); /* nothing has moved */
+    g_assert_cmpint(status_of(one).frames, ==, 0);
+    check_safe(one);
+    answer(one);
+    g_assert_null(status_of(one).prompt);
+    run_to_prompt(one, AT_60);
+    check_safe(one);
+    g_assert_cmpint(sweeps_done(one->session, 0, TRUE), >, 0);
+    g_assert_cmpint(sweeps_done(one->session, 1, FALSE), ==, 0);
+    capture_pause(one->capture); /* it is paused already */
+    g_assert_cmpstr(status_of(one).prompt, ==, AT_60);
+    answer(one);
+    run_to_end(one);
+    g_assert_cmpint(one->n_asked, ==, 2);
+    g_assert_cmpint(sweeps_done(one->session, 1, TRUE), >, 0);
+    check_same_sweeps(one->session, two->session);
+    run_free(one);
+    run_free(two);
+}
+
+/* A pause by the user is no answer and needs none; killed while it asks, it asks again; what was
+ * answered it does not. */
+static void test_resume(void) {
+    struct run *run = begin("resume", TRUE);
+    run_to_prompt(run, AT_30);
+    begin_again(run);
+    run_to_prompt(run, AT_30);
+    answer(run);
+    run_until(run, CAPTURE_PAUSED, 10);
+    capture_pause(run->capture);
+    run_until(run, CAPTURE_PAUSED, 0);
+    g_assert_null(status_of(run).prompt);
+    answer(run);
+    run_until(run, CAPTURE_PAUSED, 20);
+    begin_again(run);
+    run_to_prompt(run, AT_60);
+    int asked = run->n_asked;
+    begin_again(run);
+    run_to_prompt(run, AT_60);
+    g_assert_cmpint(run->n_asked, ==, asked + 1);
+    capture_abort(run->capture);
+    g_assert_null(status_of(run).prompt);
+    begin_again(run);
+    run_to_prompt(run, AT_60);
+    answer(run);
+    run_until(run, CAPTURE_PAUSED, 1);
+    begin_again(run);
+    run_to_end(run);
+    g_assert_cmpint(run->n_asked, ==, asked + 2);
+    run_free(run);
+}
+
+static void lose_sweeps(const char *path, int laser) {
+    g_autoptr(GPtrArray) shots = shots_of(path);
+    for (guint i = 0; i < shots->len; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind != SHOT_SWEEP || shot->device != laser)
+            continue;
+        g_autofree char *name = session_frame_path(shot, shot->cameras & 1 ? "cam30" : "cam60");
+        g_autofree char *file = g_build_filename(path, name, NULL);
+        g_assert_cmpint(g_remove(file), ==, 0);
+    }
+}
+
+/* What is lost is taken again from where the unit is before it is asked for elsewhere. */
+static void test_lost(void) {
+    struct run *run = begin("lost", TRUE);
+    run_to_prompt(run, AT_30);
+    answer(run);
+    run_to_prompt(run, AT_60);
+    answer(run);
+    run_to_end(run);
+    lose_sweeps(run->session, 0);
+    lose_sweeps(run->session, 1);
+    run->n_asked = 0;
+    begin_again(run);
+    run_to_prompt(run, AT_30);
+    g_assert_cmpint(sweeps_done(run->session, 0, FALSE), ==, 0);
+    g_assert_cmpint(sweeps_done(run->session, 1, TRUE), >, 0);
+    answer(run);
+    run_to_end(run);
+    g_assert_cmpint(run->n_asked, ==, 1);
+    sweeps_done(run->session, 0, TRUE);
+    run_free(run);
+}
+
+/* Runs mesorig, NULL-terminated; what it prints is to have the words. */
+static void tells(const char *const *argv, const char *words) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *out = NULL, *err = NULL;
+    int status = -1;
+    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status,
+                 &error);
+    g_assert_no_error(error);
+    if (status != 0 || !strstr(out, words))
+        g_error("%s %s: status %x, no “%s” in: %s%s", argv[0], argv[1], status, words, out, err);
+}
+
+static void test_cli(void) {
+    g_autofree char *directory = make_folder("cli", TRUE);
+    g_autofree char *rig = g_build_filename(directory, "rig.conf", NULL);
+    g_autofree char *session = g_build_filename(directory, "session.conf", NULL);
+    g_autofree char *output = g_build_filename(directory, "yes.session", NULL);
+    tells((const char *[]){MESORIG, "plan", rig, session, NULL}, "laser mounts    2 by hand");
+    tells((const char *[]){MESORIG, "plan", "--json", rig, session, NULL}, "\"mounts\": 2");
+    tells((const char *[]){MESORIG, "drivers", "laser", NULL}, "mount_of");
+    tells((const char *[]){MESORIG, "capture", "--yes", rig, session, "-o", output, NULL},
+          "is mounted at 60° (laser60)");
+    tells((const char *[]){MESORIG, "info", output, NULL}, "state      done");
+}
+
+static gboolean has_status(const char *session, const char *words) {
+    const char *const argv[] = {MESORIG, "status", "--json", session, NULL};
+    g_autofree char *out = NULL;
+    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_STDERR_TO_DEV_NULL, NULL, NULL, &out, NULL,
+                 NULL, NULL);
+    return out && strstr(out, words);
+}
+
+static void wait_for_status(const char *session, const char *words) {
+    const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
+    while (!has_status(session, words)) {
+        g_assert_cmpint(g_get_monotonic_time(), <, until);
+        g_usleep(50 * 1000);
+    }
+}
+
+/* Asked in one terminal, killed there, asked again after a resume, and answered in another. */
+static void test_cli_continue(void) {
+    g_autofree char *directory = make_folder("continue", TRUE);
+    g_autofree char *rig = g_build_filename(directory, "rig.conf", NULL);
+    g_autofree char *conf = g_build_filename(directory, "session.conf", NULL);
+    g_autofree char *session = g_build_filename(directory, "a.session", NULL);
+    const char *const go_on[] = {MESORIG, "continue", session, NULL};
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSubprocess) killed =
+        g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_SILENCE,
+                         &error, MESORIG, "capture", rig, conf, "-o", session, NULL);
+    g_assert_no_error(error);
+    wait_for_status(session, "\"prompt\": \"" AT_30 "\"");
+    tells((const char *[]){MESORIG, "status", session, NULL}, "to do      " AT_30);
+    tells(go_on, "going on");
+    wait_for_status(session, "\"prompt\": \"" AT_60 "\"");
+    g_subprocess_send_signal(killed, SIGKILL);
+    g_subprocess_wait(killed, NULL, NULL);
+
+    g_autofree char *out = NULL;
+    g_autoptr(GSubprocess) resumed = NULL;
+    const gint64 until = g_get_monotonic_time() + 30 * G_USEC_PER_SEC;
+    while (!has_status(session, "\"kind\": \"session\"")) /* the daemon ends with its client */
+        g_assert_cmpint(g_get_monotonic_time(), <, until);
+    resumed =
+        g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE, &error, MESORIG, "resume", session, NULL);
+    g_assert_no_error(error);
+    wait_for_status(session, "\"prompt\": \"" AT_60 "\"");
+    tells(go_on, "going on");
+    g_subprocess_communicate_utf8(resumed, NULL, NULL, &out, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(g_subprocess_get_exit_status(resumed), ==, 0);
+    g_assert_nonnull(strstr(out, AT_60));
+    g_assert_null(strstr(out, AT_30));
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    g_test_init(&argc, &argv, NULL);
+    g_setenv("LC_ALL", "C.UTF-8", TRUE);
+    g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
+    g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
+    top = g_dir_make_tmp("mesorig-mounts-XXXXXX", NULL);
+    g_test_add_func("/mounts/rig-file", test_rig_file);
+    g_test_add_func("/mounts/bad-rig-files", test_bad_rig_files);
+    g_test_add_func("/mounts/plan-demo", test_plan_demo);
+    g_test_add_func("/mounts/plan-random", test_plan_random);
+    g_test_add_func("/mounts/capture", test_capture);
+    g_test_add_func("/mounts/resume", test_resume);
+    g_test_add_func("/mounts/lost", test_lost);
+    g_test_add_func("/mounts/cli", test_cli);
+    g_test_add_func("/mounts/cli-continue", test_cli_continue);
+    int result = g_test_run();
+    remove_tree(top);
+    g_free(top);
+    return result;
+}

@@ -1,0 +1,169 @@
+/* mesorig board and mesorig calibrate as a shell sees them, and captures that use a calibration. */
+#include "calibration/calibration.h"
+#include "rig/devices.h"
+#include "session/session.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+#include <sys/wait.h>
+
+#define RIG     SOURCE_DIR "/tests/small/rig.conf"
+#define SESSION SOURCE_DIR "/tests/small/session.conf"
+#define MESORIG BUILD_DIR "/bin/mesorig"
+
+static char *folder;
+
+static char *in_folder(const char *name) {
+    return g_build_filename(folder, name, NULL);
+}
+
+/* What was printed, on stdout or else stderr; g_free(). */
+static char *run(int code, const char *const *arguments) {
+    g_autoptr(GStrvBuilder) builder = g_strv_builder_new();
+    g_autoptr(GError) error = NULL;
+    g_autofree char *out = NULL, *err = NULL;
+    int status;
+    g_strv_builder_add(builder, MESORIG);
+    for (; *arguments; arguments++)
+        g_strv_builder_add(builder, *arguments);
+    g_auto(GStrv) all = g_strv_builder_end(builder);
+    g_spawn_sync(NULL, all, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status, &error);
+    g_assert_no_error(error);
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != code)
+        g_error("%s %s: ended with %d: %s%s", all[1], all[2], WEXITSTATUS(status), out, err);
+    return g_strconcat(out, err, NULL);
+}
+
+#define RUN(code, ...) run(code, (const char *const[]){__VA_ARGS__, NULL})
+
+static void assert_says(const char *text, const char *what) {
+    if (!strstr(text, what))
+        g_error("“%s” does not say “%s”", text, what);
+}
+
+/* A calibration of the small rig whose first camera stands a millimetre off. */
+static struct calibration *example(void) {
+    g_autoptr(GError) error = NULL;
+    struct rig rig;
+    g_assert_true(devices_read_geometry(RIG, &rig, &error));
+    struct calibration *calibration = calibration_new(&rig);
+    calibration->rig.cameras[0].translation_mm.x += 1;
+    calibration_set_part(calibration, CALIBRATION_CAMERAS, "a test", 7, "abc", NULL);
+    return calibration;
+}
+
+static void test_capture(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = example();
+    g_autofree char *path = in_folder("small.calibration");
+    g_autofree char *directory = in_folder("calibrated.session");
+    calibration->parts[CALIBRATION_CAMERAS].date[3] = '0'; /* years ago */
+    g_assert_true(calibration_write(calibration, path, &error));
+    g_free(RUN(0, "capture", RIG, SESSION, "-o", directory, "-c", path));
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, &error);
+    g_assert_no_error(error);
+    g_autofree char *text = session_text(session, "calibration.conf", &error);
+    g_autofree char *wanted = calibration_to_text(calibration);
+    g_assert_cmpstr(text, ==, wanted);
+    g_autofree char *which = session_value(session, "calibration");
+    g_assert_cmpstr(which, ==, path);
+    g_autoptr(GPtrArray) events = session_events(session, &error);
+    gboolean warned = FALSE;
+    for (guint i = 0; i < events->len; i++) {
+        const struct session_event *event = events->pdata[i];
+        warned |= strcmp(event->level, "warning") == 0 && strstr(event->message, "days old");
+    }
+    g_assert_true(warned);
+}
+
+static void test_capture_refuses(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = example();
+    g_autofree char *path = in_folder("other.calibration");
+    g_autofree char *directory = in_folder("refused.session");
+    g_strlcpy(calibration->rig.id, "other", sizeof calibration->rig.id);
+    g_assert_true(calibration_write(calibration, path, &error));
+    g_autofree char *other = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
+    assert_says(other, "is of rig other, but this is rig small");
+    g_assert_true(g_file_set_contents(path, "[rig]\nformat=mesorig-cal", -1, NULL));
+    g_autofree char *cut = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
+    assert_says(cut, "not a calibration of this version");
+    g_unlink(path);
+    g_autofree char *gone = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
+    assert_says(gone, "no such calibration");
+    g_assert_false(g_file_test(directory, G_FILE_TEST_EXISTS));
+}
+
+static void test_show_and_report(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Calibration) calibration = example();
+    g_autofree char *path = in_folder("shown.calibration");
+    g_autofree char *html = in_folder("report.html");
+    g_autofree char *page = NULL;
+    g_key_file_set_value(calibration->extra, "camera residuals 0", "x_px", "3;9");
+    g_key_file_set_value(calibration->extra, "camera residuals 0", "y_px", "4;nan");
+    g_key_file_set_value(calibration->extra, "camera residuals 0", "dx_px", "0.1;0.2");
+    g_key_file_set_value(calibration->extra, "camera residuals 0", "dy_px", "0.1");
+    g_strlcpy(calibration->rig.cameras[0].name, "<cam&30>", RIG_NAME);
+    g_assert_true(calibration_write(calibration, path, &error));
+    g_autofree char *shown = RUN(0, "calibrate", "show", path);
+    assert_says(shown, "7 pictures");
+    assert_says(shown, "lamps and arc: not calibrated");
+    g_autofree char *json = RUN(0, "calibrate", "show", path, "--json");
+    assert_says(json, "\"pictures\": 7");
+    g_free(RUN(0, "calibrate", "report", path, "-o", html));
+    g_assert_true(g_file_get_contents(html, &page, NULL, NULL));
+    assert_says(page, "<svg");
+    assert_says(page, "&lt;cam&amp;30&gt;");
+    g_assert_null(strstr(page, "<cam"));
+    g_unlink(html);
+    g_free(RUN(2, "calibrate", "report", path));
+    g_free(RUN(2, "calibrate", "nonsense"));
+    g_free(RUN(1, "calibrate", "show", "/nowhere"));
+    g_unlink(path);
+}
+
+static void test_cameras_usage(void) {
+    g_autofree char *calibration = in_folder("none.calibration");
+    g_autofree char *session = in_folder("calibrated.session");
+    g_autofree char *no_board = RUN(2, "calibrate", "cameras", session, "-o", calibration);
+    assert_says(no_board, "--board");
+    g_autofree char *bad =
+        RUN(2, "calibrate", "cameras", session, "-o", calibration, "--board", "8x8,square=9");
+    assert_says(bad, "chessboard looks the same upside down");
+    /* A session of something else, with too few angles. */
+    g_autofree char *none = RUN(1, "calibrate", "cameras", session, "-o", calibration, "--board",
+                                "8x8,square=9,marker=6.75");
+    assert_says(none, "cannot be found from 2 angle(s)");
+    g_autofree char *empty = RUN(1, "calibrate", "cameras", "--images", folder, "-o", calibration,
+                                 "--board", "8x8,square=9,marker=6.75");
+    assert_says(empty, "there is no .jpg, .png or .tif picture");
+    g_assert_false(g_file_test(calibration, G_FILE_TEST_EXISTS));
+}
+
+static void test_board(void) {
+    g_autofree char *png = in_folder("board.png");
+    g_autofree char *told = RUN(0, "board", png, "--board", "8x8,square=9,marker=6.75", "--json");
+    assert_says(told, "\"corners\": 49");
+    g_autofree char *images = RUN(1, "calibrate", "cameras", "--images", folder, "-o", png,
+                                  "--board", "8x8,square=9,marker=6.75");
+    assert_says(images, "found in 1 of 1 pictures; at least 3 are needed");
+    g_unlink(png);
+    g_free(RUN(2, "board", png));
+    g_free(RUN(1, "board", "/nowhere/board.svg", "--board", "8x8,square=9,marker=6.75"));
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    folder = g_dir_make_tmp("mesorig-calibrate-XXXXXX", NULL);
+    g_test_add_func("/calibrate/capture", test_capture);
+    g_test_add_func("/calibrate/capture refuses", test_capture_refuses);
+    g_test_add_func("/calibrate/show and report", test_show_and_report);
+    g_test_add_func("/calibrate/cameras usage", test_cameras_usage);
+    g_test_add_func("/calibrate/board", test_board);
+    const int code = g_test_run();
+    g_autofree char *remove = g_strdup_printf("rm -rf '%s'", folder);
+    g_assert_cmpint(system(remove), ==, 0);
+    g_free(folder);
+    return code;
+}

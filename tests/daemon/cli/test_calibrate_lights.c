@@ -1,0 +1,312 @@
+/* mesorig calibrate lights and laser as a shell sees them, from captures of a simulated rig to a
+ * calibration file; and light directions in photographs. */
+#include "calibration/calibration.h"
+#include "lamps/ball_light.h"
+#include "lib/world_fixture.h"
+#include "world/truth.h"
+
+#include <png.h>
+#include <string.h>
+
+#define MESORIG  BUILD_DIR "/bin/mesorig"
+#define RAD(deg) ((deg) * (G_PI / 180))
+#define PLACES   "-20;-18;24;18;-20;12;20;16;24;-16;20;12;0;6;20;-6;-12;6;10;2;6"
+
+static const int camera_deg[] = {20, 55}, lamp_deg[] = {20, 40, 65};
+
+static int run(char **ret_out, const char *const *arguments) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GStrvBuilder) builder = g_strv_builder_new();
+    g_autofree char *errors = NULL, *out = NULL;
+    int status = 0;
+    g_strv_builder_add(builder, MESORIG);
+    g_strv_builder_addv(builder, (const char **)(gpointer)arguments);
+    g_auto(GStrv) argv = g_strv_builder_end(builder);
+    g_assert_true(g_spawn_sync(fixture_folder(), argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out,
+                               &errors, &status, &error));
+    g_assert_no_error(error);
+    g_assert_true(WIFEXITED(status));
+    *ret_out = WEXITSTATUS(status) == 0 ? g_steal_pointer(&out) : g_strconcat(out, errors, NULL);
+    return WEXITSTATUS(status);
+}
+
+#define RUN(out, ...) run(out, (const char *const[]){__VA_ARGS__, NULL})
+
+static void write_text(const char *name, const char *format, ...) G_GNUC_PRINTF(2, 3);
+static void write_text(const char *name, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    g_autofree char *text = g_strdup_vprintf(format, list);
+    va_end(list);
+    g_autofree char *path = fixture_write(name, text);
+}
+
+/* The same true world with another sample. */
+static void write_world(const char *name, const char *sample) {
+    g_autoptr(GString) text = g_string_new(
+        "[world]\nseed=3\ngather_rays=0\nwarm_up_s=0.1\narc_zero_error_deg=0.4\n"
+        "arc_tilt_error_deg=0.1\narc_error_mm=0.3\nlamp_error_mm=2\nlaser_error_mm=0.5\n"
+        "laser_error_deg=0.1\n");
+    for (gsize i = 0; i < G_N_ELEMENTS(camera_deg); i++)
+        g_string_append_printf(
+            text, "[camera c%d]\ntheta_deg=%d\nwidth=176\nheight=176\nfocal_px=1525\nbits=12\n",
+            camera_deg[i], camera_deg[i]);
+    for (gsize i = 0; i < G_N_ELEMENTS(lamp_deg); i++)
+        g_string_append_printf(text, "[lamp l%d]\ntheta_deg=%d\n", lamp_deg[i], lamp_deg[i]);
+    g_string_append_printf(text, "[laser s40]\ntheta_deg=40\n%s", sample);
+    write_text(name, "%s", text->str);
+}
+
+static void write_rig(const char *name, const char *world) {
+    g_autoptr(GString) text = g_string_new("[rig]\nid=test\nclock=virtual\narc_radius_mm=500\n"
+                                           "arc_width_mm=30\n");
+    static const char *const axes[] = {"turntable", "arc", "s40"};
+    for (gsize i = 0; i < G_N_ELEMENTS(axes); i++)
+        g_string_append_printf(text,
+                               "[axis %s]\ndriver=sim-axis\nworld=%s\nwraps=%s\nmin_deg=-15\n"
+                               "max_deg=15\n",
+                               axes[i], world, i < 2 ? "yes" : "no");
+    g_string_append_printf(text, "[lamps bank]\ndriver=sim-lamps\nworld=%s\n", world);
+    for (gsize i = 0; i < G_N_ELEMENTS(lamp_deg); i++)
+        g_string_append_printf(text,
+                               "[lamp l%d]\nbank=bank\nindex=%d\ntheta_deg=%d\ndistance_mm=500\n",
+                               lamp_deg[i], (int)i, lamp_deg[i]);
+    for (gsize i = 0; i < G_N_ELEMENTS(camera_deg); i++)
+        g_string_append_printf(
+            text,
+            "[camera c%d]\ndriver=sim-camera\nworld=%s\ntheta_deg=%d\n"
+            "phi_deg=0\ndistance_mm=650\nwidth=176\nheight=176\nfocal_px=1525\nresponse=6000\n",
+            camera_deg[i], world, camera_deg[i]);
+    g_string_append_printf(text,
+                           "[laser s40]\ndriver=sim-laser\nworld=%s\nsweep=s40\ntheta_deg=40\n"
+                           "distance_mm=480\n[interlock door]\ndriver=sim-interlock\n",
+                           world);
+    write_text(name, "%s", text->str);
+}
+
+static void write_session(const char *name, double reference_mm, const char *lights,
+                          const char *lasers) {
+    write_text(name,
+               "[session]\nname=test\n[sample]\nwidth_mm=50\nheight_mm=50\ntexels=8\n"
+               "reference_mm=%g\ndepth_mm=1\n[views]\nrings=20:3;55:3\n[lights]\nrings=%s\n"
+               "offset_deg=25\n%s[capture]\nexposures_us=8000\nlaser_exposure_us=4000\n"
+               "sweep_steps=72\nsweep_margin_mm=2\ndark_frames=1\nretries=1\n"
+               "laser_threshold_dn=40\non_blocked=skip\n",
+               reference_mm, lights, lasers);
+}
+
+static void capture(const char *what, const char *sample, double reference_mm, const char *lights,
+                    const char *lasers) {
+    g_autofree char *world = g_strconcat(what, "_world.conf", NULL), *out = NULL;
+    g_autofree char *rig = g_strconcat(what, "_rig.conf", NULL);
+    g_autofree char *conf = g_strconcat(what, ".conf", NULL);
+    g_autofree char *session = g_strconcat(what, ".session", NULL);
+    write_world(world, sample);
+    write_rig(rig, world);
+    write_session(conf, reference_mm, lights, lasers);
+    int code = RUN(&out, "capture", rig, conf, "-o", session);
+    g_test_message("%s", out);
+    g_assert_cmpint(code, ==, 0);
+}
+
+static char *in_folder(const char *name) {
+    return g_build_filename(fixture_folder(), name, NULL);
+}
+
+static void compare_lamps(const struct rig *rig, World *world) {
+    for (int i = 0; i < rig->n_lamps; i++)
+        for (int deg = 0; deg < 360; deg += 45) {
+            double p[3];
+            truth_lamp(world, i, deg, p, NULL);
+            struct vec3 truth = vec3(p[0], p[1], p[2]);
+            struct vec3 at = rig_lamp_position_mm(&rig->arc, &rig->lamps[i], RAD(deg));
+            double sine = vec3_length(vec3_cross(vec3_unit(at), vec3_unit(truth)));
+            g_assert_cmpfloat(asin(sine) * 180 / G_PI, <, 0.1);
+            g_assert_cmpfloat(fabs(vec3_length(at) / vec3_length(truth) - 1), <, 0.01);
+        }
+}
+
+static void compare_lasers(const struct rig *rig, World *world) {
+    for (int deg = 0; deg < 360; deg += 30)
+        for (double s = -3; s <= 3; s += 0.5) {
+            struct truth_sheet truth;
+            truth_laser_sheet(world, 0, deg, s, &truth);
+            struct rig_plane sheet = rig_laser_sheet(&rig->arc, &rig->lasers[0], RAD(deg), RAD(s));
+            struct vec3 n = vec3(truth.normal[0], truth.normal[1], truth.normal[2]);
+            double sine = vec3_length(vec3_cross(sheet.normal, n));
+            g_assert_cmpfloat(asin(sine) * 180 / G_PI, <, 0.03);
+        }
+}
+
+static void lamps_then_laser(void) {
+    g_autofree char *out = NULL, *world_path = in_folder("poles_world.conf");
+    g_autofree char *path = in_folder("two.conf");
+    g_autoptr(GError) error = NULL;
+    capture("poles",
+            "[sample]\nkind=poles\nwidth_mm=80\nheight_mm=80\nbase_mm=2\ntop_mm=40\nradius_mm=1\n"
+            "places_mm=" PLACES "\n",
+            2, "20:2;40:2;65:2", "");
+    capture("low", "[sample]\nkind=flat\ngrid=2\nwidth_mm=80\nheight_mm=80\nbase_mm=1\n", 1, "20:1",
+            "[lasers]\nrings=40:2\noffset_deg=25\n");
+    capture("high",
+            "[sample]\nkind=flat\ngrid=2\nwidth_mm=80\nheight_mm=80\nbase_mm=16\ntop_mm=20\n", 16,
+            "20:1", "[lasers]\nrings=40:2\noffset_deg=25\n");
+    write_text("target.conf", "[target]\nkind=poles\nplane_mm=2\nplate_mm=80;80\nradius_mm=1\n"
+                              "places_mm=" PLACES "\n");
+    g_assert_cmpint(RUN(&out, "calibrate", "lights", "poles.session", "--target", "target.conf",
+                        "-o", "one.conf"),
+                    ==, 0);
+    g_assert_nonnull(strstr(out, "arc: zero "));
+    g_assert_nonnull(strstr(out, "the cameras are nominal"));
+    g_free(out);
+    g_assert_cmpint(RUN(&out, "calibrate", "laser", "low.session", "high.session", "-c", "one.conf",
+                        "-o", "two.conf", "--json"),
+                    ==, 0);
+    g_assert_nonnull(strstr(out, "\"worst_step_mm\""));
+    g_autoptr(Calibration) calibration = calibration_read(path, &error);
+    g_assert_no_error(error);
+    g_assert_true(calibration->parts[CALIBRATION_LIGHTS].done);
+    g_assert_true(calibration->parts[CALIBRATION_LASER].done);
+    g_assert_true(calibration->arc.known && calibration->lamps[1].known);
+    g_autoptr(World) world = world_get(world_path, &error);
+    g_assert_no_error(error);
+    compare_lamps(&calibration->rig, world);
+    compare_lasers(&calibration->rig, world);
+    g_clear_pointer(&out, g_free);
+    g_assert_cmpint(RUN(&out, "calibrate", "show", "two.conf"), ==, 0);
+    g_assert_nonnull(strstr(out, "l40: "));
+    g_assert_nonnull(strstr(out, "s40: "));
+}
+
+/* After lamps_then_laser(), whose sessions it uses. */
+static void refused(void) {
+    g_autofree char *out = NULL, *here = NULL;
+    g_assert_cmpint(RUN(&out, "calibrate", "laser", "low.session", "-o", "no.conf"), ==, 1);
+    g_assert_nonnull(strstr(out, "planes of one height only, 1.000 mm"));
+    g_assert_nonnull(strstr(out, "low.session/laser/"));
+    g_clear_pointer(&out, g_free);
+    g_assert_cmpint(
+        RUN(&out, "calibrate", "lights", "low.session", "-t", "target.conf", "-o", "no.conf"), ==,
+        1);
+    g_assert_nonnull(strstr(out, "the posts' shadows are not where"));
+    g_clear_pointer(&out, g_free);
+    g_assert_cmpint(RUN(&out, "calibrate", "laser", "poles.session", "-o", "no.conf"), ==, 1);
+    g_assert_nonnull(strstr(out, "there are no laser sweeps in it"));
+    g_clear_pointer(&out, g_free);
+    g_assert_cmpint(RUN(&out, "calibrate", "laser", "low.session", "high.session", "-p", "1;x",
+                        "-o", "no.conf"),
+                    ==, 1);
+    g_assert_nonnull(strstr(out, "give one height in mm for each of the 2 sessions"));
+    g_clear_pointer(&out, g_free);
+    g_assert_cmpint(RUN(&out, "calibrate", "lights", "poles.session", "-o", "no.conf"), ==, 2);
+    g_clear_pointer(&out, g_free);
+    g_assert_cmpint(RUN(&out, "calibrate", "lights", "-i", ".", "-b", "1,2", "-o", "no.lp"), ==, 2);
+    here = in_folder("no.conf");
+    g_assert_false(g_file_test(here, G_FILE_TEST_EXISTS));
+}
+
+/* A ball as a camera far away sees it, lit from a direction or a place: a mirror image of the lamp
+ * somewhat blurred. Written as sRGB, as cameras do. */
+static void paint(guint8 *pixels, int size, const struct ball_outline *ball, struct vec3 lamp,
+                  gboolean near, double gain) {
+    for (int y = 0; y < size; y++)
+        for (int x = 0; x < size; x++) {
+            double u = (x - ball->x_px) / ball->radius_px, v = (ball->y_px - y) / ball->radius_px;
+            if (u * u + v * v >= 1)
+                continue;
+            struct vec3 n = vec3(u, v, sqrt(1 - u * u - v * v)), d = lamp;
+            if (near)
+                d = vec3_unit(vec3_sub(lamp, vec3_add(vec3(ball->x_px, -ball->y_px, 0),
+                                                      vec3_scale(n, ball->radius_px))));
+            struct vec3 mirror = vec3_sub(vec3_scale(n, 2 * n.z), vec3(0, 0, 1));
+            double light = 0.02 + gain * exp((vec3_dot(mirror, d) - 1) / 0.004);
+            double code = light <= 0.0031308 ? 12.92 * light : 1.055 * pow(light, 1 / 2.4) - 0.055;
+            pixels[y * size + x] = (guint8)lround(255 * MIN(code, 1));
+        }
+}
+
+static void save(const char *name, guint8 *pixels, int size) {
+    g_autofree char *path = in_folder(name);
+    png_image image = {.version = PNG_IMAGE_VERSION,
+                       .width = (png_uint_32)size,
+                       .height = (png_uint_32)size,
+                       .format = PNG_FORMAT_GRAY};
+    g_assert_true(png_image_write_to_file(&image, path, 0, pixels, 0, NULL));
+}
+
+static struct vec3 light_in(const char *lp, const char *name) {
+    g_autofree char *path = in_folder(lp), *text = NULL;
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    const char *at = strstr(text, name);
+    struct vec3 d;
+    g_assert_nonnull(at);
+    g_assert_cmpint(sscanf(at + strlen(name), "%lf %lf %lf", &d.x, &d.y, &d.z), ==, 3);
+    return d;
+}
+
+static void photographs(void) {
+    static const struct ball_outline balls[] = {{150, 160, 60}, {450, 180, 60}, {300, 430, 60}};
+    const int size = 600;
+    g_autofree guint8 *pixels = g_new0(guint8, size * size);
+    g_autofree char *folder = in_folder("photos"), *b = in_folder("photos/b.png"), *out = NULL;
+    struct vec3 d = rig_direction(RAD(35), RAD(110));
+    g_mkdir(folder, 0700);
+    paint(pixels, size, &balls[0], d, FALSE, 0.8);
+    save("photos/a.png", pixels, size);
+    memset(pixels, 0, (gsize)size * (gsize)size);
+    paint(pixels, size, &balls[0], d, FALSE, 40);
+    save("photos/b.png", pixels, size);
+    g_assert_cmpint(RUN(&out, "calibrate", "lights", "--images", "photos", "--ball", "150,160,60",
+                        "-o", "lights.lp"),
+                    ==, 0);
+    g_assert_nonnull(strstr(out, "2 of 2 photographs"));
+    struct vec3 found = light_in("lights.lp", "a.png");
+    g_assert_cmpfloat(vec3_length(vec3_cross(found, d)), <, RAD(0.3));
+    found = light_in("lights.lp", "b.png"); /* saturated */
+    g_assert_cmpfloat(vec3_length(vec3_cross(found, d)), <, RAD(0.3));
+    g_unlink(b);
+    /* A lamp 1.5 m away from balls of 30 mm radius, 60 px: near. */
+    struct vec3 lamp = vec3(900 + 150, 700 - 160, 2750);
+    memset(pixels, 0, (gsize)size * (gsize)size);
+    for (int i = 0; i < 3; i++)
+        paint(pixels, size, &balls[i], lamp, TRUE, 0.8);
+    save("photos/a.png", pixels, size);
+    g_clear_pointer(&out, g_free);
+    g_assert_cmpint(RUN(&out, "calibrate", "lights", "-i", "photos", "-b", "150,160,60", "-b",
+                        "450,180,60", "-b", "300,430,60", "-r", "30", "-o", "lights.lp"),
+                    ==, 0);
+    double x, y, z;
+    const char *at = strstr(out, "   at ");
+    g_assert_nonnull(at);
+    g_assert_cmpint(sscanf(at, "   at %lf %lf %lf mm", &x, &y, &z), ==, 3);
+    double distance = sqrt(x * x + y * y + z * z);
+    g_test_message("%s", out);
+    struct vec3 way = vec3_unit(vec3_sub(lamp, vec3(150, -160, 0)));
+    g_assert_cmpfloat(vec3_length(vec3_cross(vec3_scale(vec3(x, y, z), 1 / distance), way)), <,
+                      RAD(1));
+    g_assert_cmpfloat_with_epsilon(distance, vec3_length(vec3_sub(lamp, vec3(150, -160, 0))) / 2,
+                                   75);
+}
+
+static void clean(const char *path) {
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    const char *name;
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *file = g_build_filename(path, name, NULL);
+        if (g_file_test(file, G_FILE_TEST_IS_DIR))
+            clean(file);
+        else
+            g_unlink(file);
+    }
+    g_rmdir(path);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/calibrate-lights/lamps-then-laser", lamps_then_laser);
+    g_test_add_func("/calibrate-lights/refused", refused);
+    g_test_add_func("/calibrate-lights/photographs", photographs);
+    int result = g_test_run();
+    clean(fixture_folder());
+    return result;
+}

@@ -1,0 +1,705 @@
+/* mesorig as a shell sees it: what it prints, and its exit codes. */
+#include "base/json.h"
+#include "exr/exr.h"
+#include "session/session.h"
+
+#include <gio/gio.h>
+#include <gio/gunixsocketaddress.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "lib/long_session.h"
+#include "lib/remove_tree.h"
+
+#define RIG     SOURCE_DIR "/tests/small/rig.conf"
+#define SESSION SOURCE_DIR "/tests/small/session.conf"
+#define MESORIG BUILD_DIR "/bin/mesorig"
+
+/* A checker of RFC 8259, apart from the code that writes JSON. NULL where it is wrong. */
+static const char *json_value(const char *at);
+
+static const char *json_space(const char *at) {
+    return at + strspn(at, " \t\r\n");
+}
+
+static const char *json_string(const char *at) {
+    if (*at++ != '"')
+        return NULL;
+    for (; *at != '"'; at++) {
+        if ((unsigned char)*at < 0x20)
+            return NULL;
+        if (*at != '\\')
+            continue;
+        at++;
+        if (*at == 'u') {
+            for (int i = 0; i < 4; i++)
+                if (!g_ascii_isxdigit(*++at))
+                    return NULL;
+        } else if (!*at || !strchr("\"\\/bfnrt", *at)) {
+            return NULL;
+        }
+    }
+    return at + 1;
+}
+
+static const char *json_number(const char *at) {
+    at += *at == '-';
+    if (!g_ascii_isdigit(*at) || (*at == '0' && g_ascii_isdigit(at[1])))
+        return NULL;
+    at += strspn(at, "0123456789");
+    if (*at == '.') {
+        if (!g_ascii_isdigit(*++at))
+            return NULL;
+        at += strspn(at, "0123456789");
+    }
+    if (*at == 'e' || *at == 'E') {
+        at++;
+        at += *at == '-' || *at == '+';
+        if (!g_ascii_isdigit(*at))
+            return NULL;
+        at += strspn(at, "0123456789");
+    }
+    return at;
+}
+
+static const char *json_members(const char *at, char end) {
+    at = json_space(at + 1);
+    if (*at == end)
+        return at + 1;
+    for (;;) {
+        if (end == '}') {
+            at = json_string(json_space(at));
+            if (!at || *(at = json_space(at)) != ':')
+                return NULL;
+            at++;
+        }
+        if (!(at = json_value(at)))
+            return NULL;
+        at = json_space(at);
+        if (*at == end)
+            return at + 1;
+        if (*at++ != ',')
+            return NULL;
+    }
+}
+
+static const char *json_value(const char *at) {
+    static const char *const words[] = {"true", "false", "null"};
+    at = json_space(at);
+    if (*at == '{' || *at == '[')
+        return json_members(at, *at == '{' ? '}' : ']');
+    if (*at == '"')
+        return json_string(at);
+    for (gsize i = 0; i < G_N_ELEMENTS(words); i++)
+        if (g_str_has_prefix(at, words[i]))
+            return at + strlen(words[i]);
+    return json_number(at);
+}
+
+static gboolean is_json(const char *text) {
+    const char *end = json_value(text);
+    return end && *json_space(end) == 0 && g_utf8_validate(text, -1, NULL);
+}
+
+static void assert_json_lines(const char *text) {
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    g_assert_cmpuint(g_strv_length(lines), >, 1);
+    for (int i = 0; lines[i]; i++)
+        if (*lines[i] && !is_json(lines[i]))
+            g_error("not JSON: %s", lines[i]);
+}
+
+static void assert_has(const char *text, const char *words) {
+    if (!strstr(text, words))
+        g_error("no “%s” in: %s", words, text);
+}
+
+struct output {
+    char *out, *err;
+};
+
+static void clear(struct output *output) {
+    g_clear_pointer(&output->out, g_free);
+    g_clear_pointer(&output->err, g_free);
+}
+
+static void runs(int code, struct output *output, ...) G_GNUC_NULL_TERMINATED;
+
+/* Runs mesorig with arguments up to NULL. */
+static void runs(int code, struct output *output, ...) {
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_autoptr(GError) error = NULL;
+    int status = -1;
+    va_list arguments;
+    g_ptr_array_add(argv, (char *)MESORIG);
+    va_start(arguments, output);
+    for (char *argument; (argument = va_arg(arguments, char *));)
+        g_ptr_array_add(argv, argument);
+    va_end(arguments);
+    g_ptr_array_add(argv, NULL);
+    clear(output);
+    g_spawn_sync(NULL, (char **)argv->pdata, NULL, G_SPAWN_DEFAULT, NULL, NULL, &output->out,
+                 &output->err, &status, &error);
+    g_assert_no_error(error);
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != code)
+        g_error("mesorig %s %s: exit status %x, not %d\n%s%s", (char *)argv->pdata[1],
+                argv->len > 3 ? (char *)argv->pdata[2] : "", status, code, output->out,
+                output->err);
+}
+
+static char *write_file(const char *folder, const char *name, const char *text) {
+    char *path = g_build_filename(folder, name, NULL);
+    g_autoptr(GError) error = NULL;
+    g_file_set_contents(path, text, -1, &error);
+    g_assert_no_error(error);
+    return path;
+}
+
+static void test_json(void) {
+    static const struct {
+        const char *value, *text;
+    } cases[] = {
+        {"{'a': <1>, 'b': <'x'>}", "{\"a\": 1, \"b\": \"x\"}"},
+        {"@a{sv} {}", "{}"},
+        {"[1.5, 0.1, -0.0, 1e300]", "[1.5, 0.1, -0, 1e+300]"},
+        {"(true, byte 7, int64 -9007199254740993)", "[true, 7, -9007199254740993]"},
+        {"'\"\\\\\\n\\t\\u0001é'", "\"\\\"\\\\\\n\\u0009\\u0001é\""},
+        {"@ms nothing", "null"},
+        {"<uint64 18446744073709551615>", "18446744073709551615"},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GVariant) value = g_variant_parse(NULL, cases[i].value, NULL, NULL, &error);
+        g_assert_no_error(error);
+        g_autofree char *text = json_text(value);
+        g_assert_cmpstr(text, ==, cases[i].text);
+        g_assert_true(is_json(text));
+    }
+    g_autofree char *nan_text = json_text(g_variant_new_double(NAN));
+    g_assert_cmpstr(nan_text, ==, "null");
+    g_autofree char *inf_text = json_text(g_variant_new_double(-INFINITY));
+    g_assert_cmpstr(inf_text, ==, "null");
+    g_autoptr(GString) broken = g_string_new(NULL);
+    json_append_string(broken, "a\xff"
+                               "b");
+    g_assert_true(is_json(broken->str));
+}
+
+static void test_usage(void) {
+    static const char *const commands[] = {"plan",  "capture", "resume",   "status",   "watch",
+                                           "pause", "abort",   "safe",     "continue", "process",
+                                           "info",  "drivers", "compress", "verify"};
+    struct output output = {0};
+    runs(2, &output, NULL);
+    assert_has(output.out, "Commands:");
+    runs(0, &output, "--help", NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        assert_has(output.out, commands[i]);
+    runs(0, &output, "--version", NULL);
+    assert_has(output.out, "mesorig " MESORIG_VERSION);
+    runs(2, &output, "develop", NULL);
+    assert_has(output.err, "develop");
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
+        runs(0, &output, commands[i], "--help", NULL);
+        assert_has(output.out, "--json");
+        runs(2, &output, commands[i], "--nonsense", NULL);
+        assert_has(output.err, "--nonsense");
+        runs(2, &output, commands[i], "a", "b", "c", "d", NULL);
+    }
+    runs(2, &output, "plan", RIG, NULL);
+    runs(2, &output, "capture", RIG, SESSION, NULL);
+    assert_has(output.err, "-o");
+    runs(2, &output, "status", "--bus=coach", NULL);
+    runs(2, &output, "status", "--bus=system", "--address=unix:path=/x", NULL);
+    clear(&output);
+}
+
+static void test_drivers(void) {
+    struct output output = {0};
+    runs(0, &output, "drivers", NULL);
+    assert_has(output.out, "sim-axis");
+    assert_has(output.out, "sim-camera");
+    runs(0, &output, "drivers", "sim-axis", NULL);
+    assert_has(output.out, "speed_deg_s");
+    runs(0, &output, "drivers", "--json", NULL);
+    g_assert_true(is_json(output.out));
+    runs(1, &output, "drivers", "steam", NULL);
+    assert_has(output.err, "steam");
+    runs(1, &output, "drivers", "steam", "--json", NULL);
+    g_assert_true(is_json(output.out));
+    assert_has(output.out, "\"error\"");
+    clear(&output);
+}
+
+static void test_plan(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *bad_rig = write_file(
+        folder, "bad_rig.conf", "[rig]\nid = x\narc_radius_mm = NaN\narc_width_mm = 30\n");
+    g_autofree char *bad_session =
+        write_file(folder, "bad_session.conf", "[session]\nname = x\n\n[views]\nrings = 99:x\n");
+    g_autofree char *binary = write_file(folder, "binary.conf", "\x01\x02\xff\xfe[[[");
+    g_autofree char *rig_line = g_strconcat(bad_rig, ":3", NULL);
+    g_autofree char *session_line = g_strconcat(bad_session, ":", NULL);
+    struct output output = {0};
+    runs(0, &output, "plan", RIG, SESSION, NULL);
+    assert_has(output.out, "4 views, 4 lights, 2 laser positions");
+    assert_has(output.out, "lower bound");
+    runs(0, &output, "plan", "--json", RIG, SESSION, NULL);
+    g_assert_true(is_json(output.out));
+    assert_has(output.out, "\"predicted_s\"");
+    runs(1, &output, "plan", bad_rig, SESSION, NULL);
+    assert_has(output.err, rig_line);
+    runs(1, &output, "plan", RIG, bad_session, NULL);
+    assert_has(output.err, session_line);
+    runs(1, &output, "plan", binary, SESSION, NULL);
+    assert_has(output.err, binary);
+    runs(1, &output, "plan", RIG, binary, "--json", NULL);
+    g_assert_true(is_json(output.out));
+    runs(1, &output, "plan", "/no/such/rig.conf", SESSION, NULL);
+    assert_has(output.err, "/no/such/rig.conf");
+    runs(1, &output, "plan", RIG, folder, NULL);
+    runs(1, &output, "capture", bad_rig, SESSION, "-o", "x", NULL);
+    assert_has(output.err, rig_line);
+    clear(&output);
+    remove_tree(folder);
+}
+
+static void test_info(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "two.exr", NULL);
+    g_autofree char *broken = write_file(folder, "broken.exr", "v/1\1\2");
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("first", 5, 3, channels, EXR_HALF);
+    exr_set_double(part, "view.theta_deg", 12.5);
+    exr_set_string(part, "note", "a \"quote\"");
+    exr_file_add(file, part);
+    exr_file_add(file, exr_part_new("second", 2, 2, channels, EXR_FLOAT));
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+    exr_file_free(file);
+
+    struct output output = {0};
+    runs(0, &output, "info", path, NULL);
+    assert_has(output.out, "first");
+    assert_has(output.out, "5 × 3, half, B G R");
+    assert_has(output.out, "12.5");
+    runs(0, &output, "info", "--json", path, NULL);
+    g_assert_true(is_json(output.out));
+    assert_has(output.out, "\"view.theta_deg\": 12.5");
+    runs(1, &output, "info", broken, NULL);
+    assert_has(output.err, broken);
+    runs(1, &output, "info", folder, NULL);
+    runs(1, &output, "info", "/no/such", NULL);
+    runs(1, &output, "process", folder, NULL);
+    runs(1, &output, "resume", folder, NULL);
+    runs(1, &output, "status", "--address=unix:path=/no/such", NULL);
+    runs(1, &output, "pause", folder, NULL);
+    clear(&output);
+    remove_tree(folder);
+}
+
+/* Every way to compress what was processed; the errors are compared in test_lpca. */
+static void test_compress(const char *folder, const char *session) {
+    g_autofree char *btf = g_build_filename(session, "products", "btf", NULL);
+    g_autofree char *made = g_build_filename(session, "products", "lpca.exr", NULL);
+    g_autofree char *other = g_build_filename(folder, "other.exr", NULL);
+    struct output output = {0};
+    runs(0, &output, "compress", session, "-k", "3", "-c", "2", NULL);
+    assert_has(output.out, "3 clusters of 2 components");
+    g_assert_true(g_file_test(made, G_FILE_TEST_EXISTS));
+    runs(0, &output, "info", made, NULL);
+    assert_has(output.out, "clusters × components 3 × 2 in half, of ");
+    runs(0, &output, "compress", "--json", btf, "-k", "2", "-e", "50%", "-q", "8bit", "-o", other,
+         NULL);
+    assert_json_lines(output.out);
+    assert_has(output.out, "\"clusters\": 2");
+    runs(0, &output, "info", other, NULL);
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "-c", "1", "-o", other, NULL);
+    assert_has(output.out, "1 eigen-maps");
+    /* The same from the matrix as from the views one by one. */
+    g_autofree char *maps = g_build_filename(session, "products", "eigenmaps.exr", NULL);
+    g_autofree char *from_views = NULL, *from_matrix = NULL, *packed = NULL;
+    gsize n_views = 0, n_matrix = 0, n_packed = 0;
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "-o", other, NULL);
+    g_assert_true(g_file_get_contents(maps, &from_views, &n_views, NULL));
+    g_assert_true(g_file_get_contents(other, &from_matrix, &n_matrix, NULL));
+    g_assert_cmpmem(from_matrix, n_matrix, from_views, n_views);
+    /* A view takes 3 kB as floats. */
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "--memory", "7kB", "-c", "1", "-o",
+         other, NULL);
+    assert_has(output.out, "1 eigen-maps");
+    runs(1, &output, "compress", session, "-m", "eigenmaps", "--memory", "5kB", "-c", "1", "-o",
+         other, NULL);
+    assert_has(output.err, "allow more");
+    runs(0, &output, "compress", session, "-m", "eigenmaps", "-e", "99%", "-o", other, NULL);
+    assert_has(output.out, "1 eigen-maps");
+    runs(1, &output, "compress", session, "-m", "eigenmaps", "-e", "0.0001%", "-c", "1", "-o",
+         other, NULL);
+    assert_has(output.err, "is not reached with 1 eigen-maps");
+    runs(2, &output, "compress", session, "-m", "ptm", "--memory", "7kB", NULL);
+    runs(1, &output, "compress", session, "-k", "1", "-c", "1", "-e", "0.0001%", NULL);
+    assert_has(output.err, "is not reached");
+    runs(1, &output, "compress", session, "-o", "/no/such/folder/x.exr", NULL);
+    runs(1, &output, "compress", folder, NULL);
+    runs(0, &output, "compress", session, "--model", "fields", "-c", "1", NULL);
+    assert_has(output.out, "fields of 1 lobe, luminance off by");
+    g_autofree char *fields = g_build_filename(session, "products", "fields.exr", NULL);
+    runs(0, &output, "info", fields, NULL);
+    assert_has(output.out, "fields of 1 lobe: 8 × 8 texels, of 4 views × 4 lights");
+    runs(0, &output, "compress", "--json", session, "-m", "ashikhmin", NULL);
+    assert_has(output.out, "\"method\": \"ashikhmin\"");
+    runs(0, &output, "compress", session, "-m", "ptm", "--mips", "-o", other, NULL);
+    assert_has(output.out, "ptm, 4 mip levels, luminance off by");
+    runs(2, &output, "compress", session, "-m", "eigenmaps", "--mips", "-o", other, NULL);
+    runs(1, &output, "compress", session, "-m", "ptm", "-e", "0.0001%", NULL);
+    runs(1, &output, "compress", session, "-m", "fields", "-c", "4", NULL);
+    runs(2, &output, "compress", session, "-m", "ward", "-k", "2", NULL);
+    runs(0, &output, "compress", session, "--grid", "5", "-k", "1", "-c", "1", "-o", other, NULL);
+    assert_has(output.out, "1 cluster of 1 component on a grid of 5");
+    runs(0, &output, "compress", "--json", session, "--size", "20kB", "-o", other, NULL);
+    assert_json_lines(output.out);
+    runs(1, &output, "compress", session, "--size", "10B", "-o", other, NULL);
+    runs(0, &output, "compress", session, "-q", "packed", "-e", "40%", "-o", other, NULL);
+    assert_has(output.out, "on disk, 1:");
+    runs(0, &output, "compare", session, other, NULL);
+    runs(0, &output, "compress", session, "-q", "packed", "-s", "4500B", "-o", other, NULL);
+    g_assert_true(g_file_get_contents(other, &packed, &n_packed, NULL));
+    g_assert_cmpuint(n_packed, <=, 4500);
+    g_assert_true(g_file_set_contents(other, packed, (gssize)n_packed - 10, NULL));
+    runs(1, &output, "info", other, NULL);
+    assert_has(output.err, "not a whole EXR file");
+    runs(1, &output, "compare", session, other, NULL);
+    runs(2, &output, "compress", session, "-q", "packed", "-o", other, NULL);
+    runs(2, &output, "compress", session, "-q", "packed", "-e", "40%", "--mips", "-o", other, NULL);
+    runs(0, &output, "compress", session, "--mips", "-k", "2", "-c", "1", "-o", other, NULL);
+    assert_has(output.out, "2 clusters of 1 component, 4 mip levels");
+    runs(0, &output, "compress", session, "--memory", "60MB", "--colours", "log", "-k", "1", "-c",
+         "1", "-q", "8bit-weights", "-o", other, NULL);
+    assert_has(output.out, "1 cluster of 1 component");
+    runs(1, &output, "compress", session, "--memory", "1kB", "-k", "1", "-c", "1", "-o", other,
+         NULL);
+    assert_has(output.err, "of memory, not");
+    /* What is told is enough. */
+    g_autoptr(GRegex) pattern = g_regex_new("take ([0-9.]+)\\s([kM]B)", 0, 0, NULL);
+    g_autoptr(GMatchInfo) match = NULL;
+    g_assert_true(g_regex_match(pattern, output.err, 0, &match));
+    g_autofree char *enough = g_match_info_expand_references(match, "\\1\\2", NULL);
+    g_match_info_free(g_steal_pointer(&match));
+    runs(0, &output, "compress", session, "--memory", enough, "-k", "1", "-c", "1", "-o", other,
+         NULL);
+    runs(2, &output, "compress", session, "--memory", "little", NULL);
+    runs(2, &output, "compress", session, "--colours", "xyz", NULL);
+    runs(2, &output, "compress", session, "--colours", "log", "--grid", "8", NULL);
+    runs(2, &output, "compress", session, "--memory", "60MB", "--mips", NULL);
+    runs(2, &output, "compress", session, "--size", "large", NULL);
+    runs(2, &output, "compress", session, "--size", "20kB", "-k", "2", NULL);
+    runs(2, &output, "compress", session, "--grid", "1000", NULL);
+    runs(2, &output, "compress", session, "--grid", "8", "-m", "ptm", NULL);
+    g_autofree char *plot = g_build_filename(folder, "plot.png", NULL);
+    g_autofree char *curve = g_build_filename(folder, "curve.svg", NULL);
+    runs(0, &output, "compare", session, fields, "--plot", plot, NULL);
+    assert_has(output.out, "of R, G, B relative to A");
+    g_assert_true(g_file_test(plot, G_FILE_TEST_EXISTS));
+    runs(0, &output, "compare", "--json", session, made, NULL);
+    assert_json_lines(output.out);
+    runs(0, &output, "compare", session, "--curve", curve, NULL);
+    assert_has(output.out, "reflectance fields");
+    assert_has(output.out, "local PCA, 8 bits");
+    assert_has(output.out, "local PCA, packed");
+    g_assert_true(g_file_test(curve, G_FILE_TEST_EXISTS));
+    runs(0, &output, "compare", "--json", session, "--curve", curve, NULL);
+    assert_json_lines(output.out);
+    assert_has(output.out, "\"series\": \"local PCA, packed\", \"label\": \"");
+    runs(1, &output, "compare", session, fields, "--plot", "/no/such/folder/x.png", NULL);
+    runs(1, &output, "compare", session, fields, "--plot", "plot.jpg", NULL);
+    runs(1, &output, "compare", fields, "--curve", curve, NULL);
+    runs(2, &output, "compare", session, NULL);
+    runs(2, &output, "compare", session, fields, "--curve", curve, NULL);
+    runs(2, &output, "compress", session, "-m", "wavelets", NULL);
+    runs(2, &output, "compress", session, "-m", "eigenmaps", NULL);
+    runs(2, &output, "compress", session, "-e", "many", NULL);
+    runs(2, &output, "compress", session, "-q", "4bit", NULL);
+    runs(2, &output, "compress", session, "-k", "0", NULL);
+    clear(&output);
+}
+
+/* What a BTF and an MDF say of themselves; the figures are compared in test_energy. */
+static void test_check(const char *folder, const char *session) {
+    g_autofree char *plot = g_build_filename(folder, "energy.svg", NULL);
+    struct output output = {0};
+    runs(0, &output, "check", session, "--plot", plot, NULL);
+    assert_has(output.out, "of a light's energy come back");
+    assert_has(output.out, "is confirmed by others");
+    g_assert_true(g_file_test(plot, G_FILE_TEST_EXISTS));
+    runs(0, &output, "check", "--json", session, NULL);
+    assert_json_lines(output.out);
+    assert_has(output.out, "\"largest_albedo\"");
+    assert_has(output.out, "\"mdf_confirmed\"");
+    runs(1, &output, "check", session, "--texel", "1000000", NULL);
+    assert_has(output.err, "there is no texel");
+    runs(1, &output, "check", session, "--plot", "plot.jpg", NULL);
+    runs(1, &output, "check", folder, NULL);
+    assert_has(output.err, "mesorig process");
+    runs(2, &output, "check", NULL);
+    clear(&output);
+}
+
+static void test_capture(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *control = g_build_filename(session, "control", NULL);
+    struct output output = {0};
+    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    assert_has(output.out, "100 %");
+    assert_has(output.out, "done: ");
+    g_assert_false(g_file_test(control, G_FILE_TEST_EXISTS));
+    runs(1, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    assert_has(output.err, session);
+    runs(0, &output, "info", session, NULL);
+    assert_has(output.out, "state      done");
+    runs(0, &output, "info", "--json", session, NULL);
+    g_assert_true(is_json(output.out));
+    runs(0, &output, "process", session, NULL);
+    assert_has(output.out, "done in");
+    runs(0, &output, "process", "--json", session, NULL);
+    assert_json_lines(output.out);
+    test_compress(folder, session);
+    test_check(folder, session);
+
+    /* A stale control file, as a killed daemon leaves it. */
+    g_autofree char *stale = write_file(session, "control", "unix:path=/no/such/socket\n");
+    runs(0, &output, "status", session, NULL);
+    assert_has(output.out, "state      done");
+    runs(1, &output, "pause", session, NULL);
+    assert_has(output.err, "resume");
+    clear(&output);
+    remove_tree(folder);
+}
+
+/* The history is a PNG of the size it should have, of a session that has one, and of nothing else.
+ */
+static void test_history(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *png = g_build_filename(folder, "history.png", NULL);
+    g_autofree char *nowhere = g_build_filename(folder, "no", "history.png", NULL);
+    g_autofree guint8 *bytes = NULL;
+    static const guint8 head[24] = "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x05\0\0\0\x03\x20";
+    gsize length;
+    struct output output = {0};
+    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    runs(0, &output, "info", "--history", png, session, NULL);
+    g_assert_true(g_file_get_contents(png, (char **)&bytes, &length, NULL));
+    g_assert_cmpmem(bytes, MIN(length, sizeof head), head, sizeof head);
+    runs(1, &output, "info", "--history", nowhere, session, NULL);
+    assert_has(output.err, nowhere);
+    runs(2, &output, "info", "--history", png, png, NULL);
+    clear(&output);
+    remove_tree(folder);
+}
+
+/* Nothing that a session or a file holds makes a terminal do anything. */
+static void test_controls(void) {
+    static const char hostile[] = "a\033[2Jb\rc\x07"
+                                  "d\xc2\x9b"
+                                  "31me\u202ef";
+    static const char *const channels[] = {"Y", NULL};
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *exr = g_build_filename(folder, "a.exr", NULL);
+    struct output output = {0};
+    runs(0, &output, "capture", RIG, SESSION, "-o", session, NULL);
+    Session *open = session_open(session, SESSION_PRODUCTS, NULL);
+    g_assert_true(session_set_value(open, "imported", hostile, NULL));
+    session_close(open);
+    struct exr_file *file = exr_file_new();
+    exr_file_add(file, exr_part_new(hostile, 2, 2, channels, EXR_HALF));
+    g_assert_true(exr_write(exr, file, EXR_ZIP, FALSE, NULL));
+    exr_file_free(file);
+    const char *const paths[] = {session, exr};
+    for (int i = 0; i < 2; i++) {
+        runs(0, &output, "info", paths[i], NULL);
+        assert_has(output.out, "a\uFFFD[2Jb\uFFFDc\uFFFDd\uFFFD31me\uFFFDf");
+        runs(0, &output, "info", "--json", paths[i], NULL);
+        assert_has(output.out, "a\\u001b[2Jb\\u000dc\\u0007d\\u009b31m");
+        g_assert_true(is_json(output.out));
+    }
+    runs(1, &output, "info", hostile, NULL);
+    assert_has(output.err, "a\uFFFD[2Jb\uFFFDc");
+    clear(&output);
+    remove_tree(folder);
+}
+
+static gboolean count_connection(GSocketService *service, GSocketConnection *connection,
+                                 GObject *source, gpointer count) {
+    (*(int *)count)++;
+    return TRUE;
+}
+
+/* mesorig pause of a folder whose control file says so. */
+static void ask_pause(const char *folder) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSubprocess) process =
+        g_subprocess_new(G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, MESORIG, "pause", folder, NULL);
+    g_assert_no_error(error);
+    const gint64 until = g_get_monotonic_time() + 30 * G_USEC_PER_SEC;
+    while (g_subprocess_get_identifier(process)) {
+        if (g_get_monotonic_time() > until) {
+            g_subprocess_force_exit(process);
+            g_error("mesorig pause %s hangs", folder);
+        }
+        g_main_context_iteration(NULL, FALSE);
+        g_usleep(1000);
+    }
+    g_autofree char *told = NULL;
+    g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, &error);
+    g_assert_cmpint(g_subprocess_get_exit_status(process), ==, 1);
+    assert_has(told, "nobody captures into");
+}
+
+/* Somebody else's session leads neither to a host nor, by a link, to another file's address. */
+static void test_control(void) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *control = g_build_filename(folder, "control", NULL);
+    g_autofree char *path = g_build_filename(folder, "bus", NULL);
+    g_autofree char *address = g_strdup_printf("unix:path=%s\n", path);
+    g_autofree char *elsewhere = write_file(folder, "elsewhere", address);
+    g_autoptr(GSocketService) service = g_socket_service_new();
+    g_autoptr(GSocketAddress) local = g_unix_socket_address_new(path);
+    int count = 0;
+    const guint16 port =
+        g_socket_listener_add_any_inet_port(G_SOCKET_LISTENER(service), NULL, NULL);
+    g_assert_true(g_socket_listener_add_address(G_SOCKET_LISTENER(service), local,
+                                                G_SOCKET_TYPE_STREAM, G_SOCKET_PROTOCOL_DEFAULT,
+                                                NULL, NULL, NULL));
+    g_signal_connect(service, "incoming", G_CALLBACK(count_connection), &count);
+    g_autofree char *tcp =
+        g_strdup_printf("nonce-tcp:host=localhost,port=%d,noncefile=%s\n", port, elsewhere);
+    g_autofree char *both = g_strdup_printf("unix:path=/no/such;%s", tcp);
+    const char *const hostile[] = {tcp, both};
+    for (gsize i = 0; i < G_N_ELEMENTS(hostile); i++) {
+        g_assert_true(g_file_set_contents(control, hostile[i], -1, NULL));
+        ask_pause(folder);
+    }
+    g_unlink(control);
+    g_assert_cmpint(symlink(elsewhere, control), ==, 0);
+    ask_pause(folder);
+    g_unlink(control);
+    g_assert_cmpint(mkfifo(control, 0600), ==, 0);
+    ask_pause(folder);
+    g_assert_cmpint(count, ==, 0);
+    g_unlink(control);
+    g_assert_true(g_file_set_contents(control, address, -1, NULL)); /* this one is followed */
+    ask_pause(folder);
+    g_assert_cmpint(count, >, 0);
+    remove_tree(folder);
+}
+
+/* What could not be written is told, whoever wrote it: a command, its JSON, its help. */
+static void test_output_full(void) {
+    static const char *const lines[] = {"drivers", "drivers --json", "--help", "--version",
+                                        "drivers --help"};
+    for (gsize i = 0; i < G_N_ELEMENTS(lines); i++) {
+        g_autofree char *script = g_strdup_printf(MESORIG " %s >/dev/full", lines[i]);
+        char *argv[] = {(char *)"/bin/sh", (char *)"-c", script, NULL};
+        g_autofree char *told = NULL;
+        int status = -1;
+        g_assert_true(g_spawn_sync(NULL, argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, NULL, &told,
+                                   &status, NULL));
+        g_test_message("%s: %s", lines[i], told);
+        g_assert_true(WIFEXITED(status));
+        g_assert_cmpint(WEXITSTATUS(status), ==, 1);
+        assert_has(told, "standard output could not be written");
+    }
+}
+
+/* In a locale without its letters, what is said stays readable, and JSON stays UTF-8. */
+static void test_plain_letters(void) {
+    struct output output = {0};
+    g_setenv("LC_ALL", "C", TRUE);
+    runs(0, &output, "plan", RIG, SESSION, NULL);
+    g_assert_null(strchr(output.out, '?'));
+    assert_has(output.out, "lower bound");
+    runs(2, &output, "no-such", NULL);
+    assert_has(output.err, "\"no-such\"");
+    g_setenv("LC_ALL", "C.UTF-8", TRUE);
+    clear(&output);
+}
+
+static gboolean has_frames(const char *session) {
+    g_autofree char *path = g_build_filename(session, "frames", NULL);
+    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
+    return dir && g_dir_read_name(dir);
+}
+
+static gboolean is_there(const char *session) {
+    return g_file_test(session, G_FILE_TEST_IS_DIR);
+}
+
+/* Ctrl-C when begun() says so: what it says is true. */
+static void interrupt(gboolean (*begun)(const char *session)) {
+    g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "small.session", NULL);
+    g_autofree char *conf = write_long_session(folder);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSubprocess) process =
+        g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, &error,
+                         MESORIG, "capture", RIG, SESSION, "-o", session, NULL);
+    g_assert_no_error(error);
+    const gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
+    while (!begun(session)) {
+        g_assert_cmpint(g_get_monotonic_time(), <, until);
+        g_usleep(100);
+    }
+    struct output output = {0};
+    g_subprocess_send_signal(process, SIGINT);
+    g_autofree char *told = NULL;
+    g_subprocess_communicate_utf8(process, NULL, NULL, NULL, &told, &error);
+    g_assert_no_error(error);
+    if (g_subprocess_get_exit_status(process) == 1) { /* else it was quicker */
+        assert_has(told, "mesorig: paused");
+        assert_has(told, "mesorig resume");
+        runs(0, &output, "info", session, NULL);
+        assert_has(output.out, "state      paused");
+    }
+    runs(0, &output, "resume", "--json", session, NULL);
+    assert_json_lines(output.out);
+    runs(0, &output, "info", session, NULL);
+    assert_has(output.out, "state      done");
+    clear(&output);
+    remove_tree(folder);
+}
+
+/* In the middle, and before the client has heard that its capture has begun. */
+static void test_interrupt(void) {
+    interrupt(has_frames);
+    for (int i = 0; i < 3; i++)
+        interrupt(is_there);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_setenv("LC_ALL", "C.UTF-8", TRUE);
+    /* Whatever runs on this machine is none of ours. */
+    g_setenv("DBUS_SYSTEM_BUS_ADDRESS", "unix:path=/no/such", TRUE);
+    g_setenv("DBUS_SESSION_BUS_ADDRESS", "unix:path=/no/such", TRUE);
+    g_test_add_func("/cli/json", test_json);
+    g_test_add_func("/cli/usage", test_usage);
+    g_test_add_func("/cli/drivers", test_drivers);
+    g_test_add_func("/cli/plan", test_plan);
+    g_test_add_func("/cli/info", test_info);
+    g_test_add_func("/cli/history", test_history);
+    g_test_add_func("/cli/controls", test_controls);
+    g_test_add_func("/cli/control", test_control);
+    g_test_add_func("/cli/output-full", test_output_full);
+    g_test_add_func("/cli/plain-letters", test_plain_letters);
+    g_test_add_func("/cli/capture", test_capture);
+    g_test_add_func("/cli/interrupt", test_interrupt);
+    return g_test_run();
+}

@@ -1,0 +1,181 @@
+/* What the operator is told of files that are not what they should be: mistakes in the
+ * configuration, another rig's, a database of garbage, damaged frames. Nothing moves, and nothing
+ * is lost. */
+#include <glib/gstdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "lib/operator.h"
+
+struct mistake {
+    const char *file;
+    struct change change;
+    const char *place; /* what the message has after the file's path */
+    const char *says;
+};
+
+static const struct mistake mistakes[] = {
+    {"rig.conf",
+     {"[axis turntable]", "setle_ms = 150"},
+     ":10: [axis turntable] setle_ms",
+     "settle_ms?"},
+    {"rig.conf",
+     {"[axis turntable]", "settle_s = 0.15"},
+     ":10: [axis turntable] settle_s",
+     "write settle_ms"},
+    {"rig.conf",
+     {"[axis turntable]", "speed_deg_s = -1"},
+     ":10: [axis turntable] speed_deg_s",
+     "0.001 to 100000 deg/s"},
+    {"rig.conf",
+     {"[axis turntable]", "speed_deg_s = NaN"},
+     ":10: [axis turntable] speed_deg_s",
+     "not a number"},
+    {"rig.conf",
+     {"[camera cam30]", "distance_mm = 650 mm"},
+     " [camera cam30] distance_mm",
+     "write the number alone"},
+    {"rig.conf",
+     {"[axis turntable]", NULL},
+     ": there is no section [axis turntable]",
+     "a rig needs"},
+    {"rig.conf", {"[lamps bank]", NULL}, " [lamp lamp30] bank", "there is no section [lamps"},
+    {"rig.conf", {"[lamp lamp30]", "bank = benk"}, " [lamp lamp30] bank", "[lamps benk]"},
+    {"rig.conf", {"[camera cam30]", "width = 33"}, " [camera cam30] width", "write width = 32"},
+    {"rig.conf",
+     {"[interlock door]", "driver = steam"},
+     " [interlock door] driver",
+     "choose from: sim-interlock"},
+    {"rig.conf", {"[axis arc]", "world = welt.conf"}, " [axis arc]: cannot read ", "welt.conf"},
+    {"rig.conf",
+     {"[axis arc]", "part = leg"},
+     " [axis arc]: ",
+     "choose turntable, arc or one of its lasers"},
+    {"rig.conf",
+     {"[lamps bank]", "fault_dead = lamp61"},
+     " [lamps bank]: ",
+     "has no lamp \"lamp61\""},
+    {"session.conf",
+     {"[views]", "rings = 30:2; 45:2"},
+     ":13: [views]: no camera stands at elevation 45°",
+     "there are: 30° (cam30), 60° (cam60)"},
+    {"session.conf",
+     {"[lights]", "rings = 10:2"},
+     " [lights]: no lamp stands at elevation 10°",
+     "lamp30"},
+    {"session.conf",
+     {"[lasers]", "rings = 45:1"},
+     " [lasers]: no laser stands at elevation 45°",
+     "laser60"},
+    {"session.conf", {"[views]", NULL}, ": there is no section [views]", "[views]"},
+    {"session.conf", {"[sample]", "texels = 100000"}, " [sample] texels", "0 to 8192"},
+    {"session.conf",
+     {"[capture]", "exposures_us = 4000; nan"},
+     " [capture] exposures_us",
+     "not a number"},
+    {"session.conf",
+     {"[capture]", "exposures_ms = 4; 16"},
+     " [capture] exposures_ms",
+     "write exposures_us"},
+    {"session.conf", {"[capture]", "sweep_steps = 60000"}, " [capture] sweep_steps", "8 to 32767"},
+    {"session.conf", {"[capture]", "dark_frames = 2.5"}, " [capture] dark_frames", "whole number"},
+    {"world.conf", {"[world]", "gather_rays = nan"}, " [world] gather_rays", "whole number"},
+};
+
+/* A mistake in a file is told with its place and what would be right, before anything moves. */
+static void test_mistakes(void) {
+    for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
+        const struct mistake *mistake = &mistakes[i];
+        struct operation *run = operator_new(NULL);
+        g_autofree char *path = g_build_filename(run->directory, mistake->file, NULL);
+        small_rig_write(run->directory, mistake->file,
+                        (const struct change[]){mistake->change, {0}});
+        operator_does(run, 1, "plan", run->rig, run->conf, NULL);
+        g_autofree char *planned = g_strdup(run->err);
+        operator_captures(run, 1);
+        g_assert_cmpstr(run->err, ==, planned);
+        assert_has(run->err, path);
+        assert_has(run->err, mistake->place);
+        assert_has(run->err, mistake->says);
+        g_assert_false(g_file_test(run->session, G_FILE_TEST_EXISTS));
+        operator_free(run);
+    }
+}
+
+static const struct change late_death[] = {
+    {"[lamps bank]", "fault_dead = lamp60"}, {"[lamps bank]", "fault_dead_after = 2"}, {0}};
+
+/* With the file of another rig a session is not resumed, and stays as it is. */
+static void test_other_rig(void) {
+    struct operation *run = operator_new(late_death);
+    g_autofree char *other = g_build_filename(run->directory, "other.conf", NULL);
+    operator_captures(run, 1);
+    g_autofree char *before = operator_frames(run->session);
+    small_rig_write(run->directory, "rig.conf",
+                    (const struct change[]){{"[rig]", "id = another"}, {0}});
+    g_assert_cmpint(g_rename(run->rig, other), ==, 0);
+    operator_does(run, 1, "resume", "--rig", other, run->session, NULL);
+    assert_has(run->err, "the session was begun on rig small, but this is rig another");
+    assert_has(run->err, run->session);
+    operator_does(run, 1, "resume", run->session, NULL); /* its own is not there */
+    assert_has(run->err, run->rig);
+    assert_has(run->err, "--rig");
+    g_autofree char *after = operator_frames(run->session);
+    g_assert_cmpstr(before, ==, after);
+    small_rig_write(run->directory, "rig.conf", NULL);
+    operator_does(run, 0, "resume", run->session, NULL);
+    operator_check_products(run);
+    operator_free(run);
+}
+
+static void test_garbage_database(void) {
+    struct operation *run = operator_new(NULL);
+    g_autofree char *database = g_build_filename(run->session, "session.db", NULL);
+    g_autofree char *garbage = g_malloc(9000);
+    for (int i = 0; i < 9000; i++)
+        garbage[i] = (char)g_test_rand_int();
+    g_assert_cmpint(g_mkdir(run->session, 0777), ==, 0);
+    g_assert_true(g_file_set_contents(database, garbage, 9000, NULL));
+    static const char *const commands[] = {"resume", "process", "info", "status"};
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++) {
+        operator_does(run, 1, commands[i], run->session, NULL);
+        assert_has(run->err, database);
+    }
+    operator_captures(run, 1);
+    assert_has(run->err, "exists already; choose another name, or resume it");
+    g_autofree char *after = NULL;
+    gsize length = 0;
+    g_assert_true(g_file_get_contents(database, &after, &length, NULL));
+    g_assert_cmpmem(after, length, garbage, 9000);
+    operator_free(run);
+}
+
+/* A frame that was cut short or is gone: told by name, and mended by a resume. The views that do
+ * not need it are made all the same. */
+static void test_damaged_frames(void) {
+    struct operation *run = operator_new(NULL);
+    operator_undisturbed();
+    operator_captures(run, 0);
+    g_autofree char *frame = g_build_filename(run->session, "frames", "000003_cam30.exr", NULL);
+    g_assert_cmpint(truncate(frame, 1000), ==, 0);
+    operator_does(run, 1, "process", run->session, NULL);
+    assert_has(run->err, frame);
+    assert_has(run->err, "mesorig resume");
+    operator_does(run, 0, "resume", run->session, NULL);
+    g_assert_cmpint(g_remove(frame), ==, 0);
+    operator_does(run, 1, "process", run->session, NULL);
+    assert_has(run->err, frame);
+    assert_has(run->err, "mesorig resume");
+    operator_does(run, 0, "resume", run->session, NULL);
+    operator_check_products(run);
+    operator_free(run);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/input/mistakes", test_mistakes);
+    g_test_add_func("/input/other-rig", test_other_rig);
+    g_test_add_func("/input/garbage-database", test_garbage_database);
+    g_test_add_func("/input/damaged-frames", test_damaged_frames);
+    return operator_tests();
+}

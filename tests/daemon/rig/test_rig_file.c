@@ -1,0 +1,329 @@
+#include "plan/plan.h"
+#include "rig/devices.h"
+
+#include <glib/gstdio.h>
+#include <locale.h>
+#include <string.h>
+
+#define RAD(deg) ((deg) * (G_PI / 180))
+#define DEMO     SOURCE_DIR "/etc/demo/rig.conf"
+
+static void spin(void) {
+    while (g_main_context_iteration(NULL, FALSE))
+        ;
+}
+
+static G_NO_INLINE char *demo_text(void) {
+    char *text = NULL;
+    GError *error = NULL;
+
+    g_file_get_contents(DEMO, &text, NULL, &error);
+    g_assert_no_error(error);
+    return text;
+}
+
+/* The demo's rig with one piece replaced, and the line that piece is in. */
+static char *with(const char *from, const char *to, int *ret_line) {
+    char *text = demo_text();
+    const char *at = strstr(text, from);
+
+    g_assert_nonnull(at);
+    *ret_line = 1;
+    for (const char *c = text; c < at; c++)
+        *ret_line += *c == '\n';
+    char *changed = g_strdup_printf("%.*s%s%s", (int)(at - text), text, to, at + strlen(from));
+    g_free(text);
+    return changed;
+}
+
+static char *written(const char *text) {
+    GError *error = NULL;
+    g_autofree char *path = NULL;
+    g_autofree char *world = g_canonicalize_filename(SOURCE_DIR "/etc/demo/world.conf", NULL);
+    g_auto(GStrv) parts = g_strsplit(text, "world = world.conf", -1);
+    g_autofree char *here = g_strdup_printf("world = %s", world);
+    g_autofree char *moved = g_strjoinv(here, parts);
+    int fd = g_file_open_tmp("rig-XXXXXX.conf", &path, &error);
+
+    g_assert_no_error(error);
+    g_assert_true(g_close(fd, NULL));
+    g_assert_true(g_file_set_contents(path, moved, -1, &error));
+    return g_steal_pointer(&path);
+}
+
+static void test_demo_geometry(void) {
+    static const int theta_deg[] = {15, 30, 45, 60, 75};
+    g_autoptr(GError) error = NULL;
+    struct rig rig;
+
+    g_assert_true(devices_read_geometry(DEMO, &rig, &error));
+    g_assert_no_error(error);
+    g_assert_cmpstr(rig.id, ==, "demo");
+    g_assert_cmpint(rig.n_cameras, ==, 5);
+    g_assert_cmpint(rig.n_lamps, ==, 5);
+    g_assert_cmpint(rig.n_lasers, ==, 5);
+    g_assert_cmpfloat(rig.arc_radius_mm, ==, 500);
+    for (int i = 0; i < 5; i++) {
+        double s = sin(RAD(theta_deg[i])), c = cos(RAD(theta_deg[i]));
+        struct vec3 eye = rig_camera_centre_mm(&rig.cameras[i]), lamp = rig.lamps[i].position_mm;
+        struct vec3 laser = rig.lasers[i].position_mm;
+        double x, y;
+        g_assert_cmpfloat(vec3_length(vec3_sub(eye, vec3(650 * s, 0, 650 * c))), <, 1e-9);
+        g_assert_cmpfloat(vec3_length(vec3_sub(lamp, vec3(500 * s, 0, 500 * c))), <, 1e-9);
+        g_assert_cmpfloat(vec3_length(vec3_sub(laser, vec3(480 * s, 0, 480 * c))), <, 1e-9);
+        g_assert_cmpfloat(vec3_length(vec3_sub(rig.lamps[i].aim, vec3(-s, 0, -c))), <, 1e-12);
+        /* the axis times the way to the origin: (0,1,0) × (−s,0,−c) */
+        g_assert_cmpfloat(vec3_length(vec3_sub(rig.lasers[i].normal, vec3(-c, 0, s))), <, 1e-12);
+        g_assert_true(rig_project(&rig.cameras[i], vec3(0, 0, 0), &x, &y));
+        double cx = (rig.cameras[i].width - 1) / 2.0, cy = (rig.cameras[i].height - 1) / 2.0;
+        g_assert_cmpfloat(fabs(x - cx) + fabs(y - cy), <, 1e-9);
+        g_assert_true(rig_project(&rig.cameras[i], vec3(0, 25, 0), &x, &y));
+        g_assert_cmpfloat(fabs(x - cx - 1664 * 25.0 / 650), <, 1e-9);
+    }
+    g_autofree char *text = rig_to_text(&rig);
+    struct rig read;
+    g_assert_true(rig_from_text(&read, text, "calibration.conf", &error));
+}
+
+struct bad {
+    const char *from, *to;
+    int further; /* lines from the replaced one to the one complained of; −1: no line */
+    const char *says;
+};
+
+static const struct bad bad_files[] = {
+    {"[rig]", "[rig two]", 0, "write [rig]"},
+    {"id = demo", "id = ", 0, "id"},
+    {"id = demo\n", "", -1, "id"},
+    {"clock = virtual", "clock = fast", 0, "real, virtual"},
+    {"arc_radius_mm = 500", "arc_radius_mm = nan", 0, "number"},
+    {"arc_radius_mm = 500", "arc_radius_m = 0.5", 0, "arc_radius_mm"},
+    {"[axis turntable]", "[axis table]", 0, "neither turntable"},
+    {"[axis turntable]", "[axis]", 0, "[axis NAME]"},
+    {"[axis turntable]", "[engine turntable]", 0, "no such section"},
+    {"driver = sim-axis", "driver = sim-axes", 0, "sim-axis"},
+    {"driver = sim-axis\n", "", -1, "driver"},
+    {"driver = sim-axis", "driver = sim-camera", 0, "sim-axis"},
+    {"part = turntable", "part = turntable\nspeed = 3", 1, "speed_deg_s"},
+    {"wraps = yes", "wraps = maybe", 0, "yes nor no"},
+    {"settle_ms = 150", "settle_ms = inf", 0, "number"},
+    {"bank = bank", "bank = bonk", 0, "bonk"},
+    {"index = 1", "index = 0", 0, "lamp15"},
+    {"index = 1", "index = -1", 0, "range"},
+    {"index = 1", "index = 1\ndriver = sim-lamps", 1, "driver"},
+    {"theta_deg = 15", "theta_deg = 95", 0, "range"},
+    {"[lamp lamp30]", "[lamp lamp15]", 0, "before"},
+    {"[camera cam15]", "[camera a-name-that-is-far-too-long-for-a-camera]", 0, "31 bytes"},
+    {"phi_deg = 0\n", "", -1, "phi_deg"},
+    {"\nwidth = ", "\nwidth = 0.5", 1, "whole"},
+    {"sweep = sweep15", "sweep = sweep16", 0, "sweep16"},
+    {"sweep = sweep15", "sweep = arc", 0, "arc"},
+    {"sweep = sweep15", "sweep = sweep30", -2, "nothing uses"},
+};
+
+static void assert_message(const struct bad *bad, const char *path, int line, const GError *error) {
+    g_test_message("%s", error->message);
+    g_autofree char *where = bad->further >= 0
+                                 ? g_strdup_printf("%s:%d: ", path, line + bad->further)
+                                 : g_strdup_printf("%s:", path);
+    g_assert_true(g_str_has_prefix(error->message, where));
+    g_assert_nonnull(strstr(error->message, bad->says));
+}
+
+static void test_bad_files(void) {
+    for (gsize i = 0; i < G_N_ELEMENTS(bad_files); i++) {
+        const struct bad *bad = &bad_files[i];
+        g_autoptr(GError) error = NULL;
+        struct rig rig = {.n_cameras = 77};
+        int line;
+        g_autofree char *text = with(bad->from, bad->to, &line);
+        g_autofree char *path = written(text);
+        g_assert_false(devices_read_geometry(path, &rig, &error));
+        g_assert_nonnull(error);
+        assert_message(bad, path, line, error);
+        g_assert_cmpint(rig.n_cameras, ==, 77);
+        g_clear_error(&error);
+        g_assert_null(devices_open(path, &error));
+        assert_message(bad, path, line, error);
+        g_unlink(path);
+    }
+}
+
+static void test_missing(void) {
+    static const char *const head = "[rig]\nid = r\narc_radius_mm = 1\narc_width_mm = 1\n";
+    static const char *const texts[][2] = {
+        {"", "[rig]"},
+        {"%s", "[axis turntable]"},
+        {"%s[axis turntable]\ndriver=sim-axis\n", "[axis arc]"},
+        {"%s[axis turntable]\ndriver=sim-axis\n[axis arc]\ndriver=sim-axis\n", "[camera"},
+    };
+    struct rig rig;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++) {
+        g_auto(GStrv) parts = g_strsplit(texts[i][0], "%s", -1);
+        g_autofree char *text = g_strjoinv(head, parts);
+        g_autofree char *path = written(text);
+        g_autoptr(GError) error = NULL;
+        g_assert_false(devices_read_geometry(path, &rig, &error));
+        g_assert_nonnull(strstr(error->message, texts[i][1]));
+        g_unlink(path);
+    }
+    g_autoptr(GError) error = NULL;
+    g_assert_null(devices_open("/no/such/rig.conf", &error));
+    g_assert_nonnull(strstr(error->message, "/no/such/rig.conf"));
+}
+
+static void test_truncated(void) {
+    g_autofree char *text = demo_text();
+    gsize length = strlen(text);
+
+    for (gsize n = 0; n < length; n += 7) {
+        g_autofree char *part = g_strndup(text, n);
+        g_autofree char *path = written(part);
+        g_autoptr(GError) error = NULL;
+        struct rig rig;
+        if (!devices_read_geometry(path, &rig, &error))
+            g_assert_nonnull(error);
+        g_unlink(path);
+    }
+}
+
+static void test_open(void) {
+    g_autoptr(GError) error = NULL;
+    struct devices *devices = devices_open(DEMO, &error);
+    struct rig rig;
+
+    g_assert_no_error(error);
+    g_assert_nonnull(devices);
+    g_assert_true(clock_is_virtual(devices->clock));
+    g_assert_true(devices_read_geometry(DEMO, &rig, &error));
+    g_autofree char *said = rig_to_text(&rig), *has = rig_to_text(&devices->geometry);
+    g_assert_cmpstr(said, ==, has);
+    g_assert_cmpfloat(devices->timing.turntable.speed_deg_s, ==, 60);
+    g_assert_true(devices->timing.turntable.wraps);
+    g_assert_cmpfloat(devices->timing.arc.backlash_deg, ==, 0.1);
+    g_assert_cmpint(devices->n_banks, ==, 1);
+    for (int i = 0; i < 5; i++) {
+        g_assert_true(devices->lamps[i].bank == devices->banks[0]);
+        g_assert_cmpint(devices->lamps[i].index, ==, i);
+        g_assert_cmpfloat(devices->timing.sweep[i].max_deg, ==, 15);
+        g_assert_cmpint(devices->timing.readout_us[i], >, 0);
+        g_assert_cmpint(devices->timing.bits[i], ==, 12);
+        g_assert_false(laser_is_on(devices->lasers[i]));
+    }
+    g_assert_true(g_path_is_absolute(devices->path));
+    g_assert_nonnull(strstr(devices->text, "[camera cam75]"));
+    spin();
+    g_assert_true(devices_make_safe(devices, &error));
+    spin();
+    devices_close(devices);
+    devices_close(NULL);
+    spin();
+}
+
+/* What only the opened devices know. */
+static void test_open_refused(void) {
+    static const struct bad files[] = {
+        {"\nwidth = ", "\nwidth = 1", 1, "pictures are"},
+        {"\nheight = ", "\nheight = 1", 1, "write width = "},
+        {"index = 4", "index = 5", 0, "0 to 4"},
+    };
+
+    for (gsize i = 0; i < G_N_ELEMENTS(files); i++) {
+        g_autoptr(GError) error = NULL;
+        int line;
+        g_autofree char *text = with(files[i].from, files[i].to, &line);
+        g_autofree char *path = written(text);
+        g_assert_null(devices_open(path, &error));
+        g_assert_nonnull(error);
+        assert_message(&files[i], path, line, error);
+        g_unlink(path);
+        spin();
+    }
+}
+
+/* Two interlocks: one open is enough to keep the lasers off. */
+static void test_two_interlocks(void) {
+    g_autofree char *text = demo_text();
+    g_autofree char *more = g_strconcat(
+        text, "\n[interlock lid]\ndriver = sim-interlock\nopen_after_s = 1\nopen_for_s = 2\n",
+        NULL);
+    g_autofree char *path = written(more);
+    g_autoptr(GError) error = NULL;
+    struct devices *devices = devices_open(path, &error);
+
+    g_assert_no_error(error);
+    g_assert_cmpint(devices->n_interlocks, ==, 2);
+    clock_hold(devices->clock);
+    spin();
+    g_assert_true(interlock_is_closed(devices->guard));
+    g_assert_true(laser_set(devices->lasers[0], TRUE, &error));
+    clock_release(devices->clock);
+    while (interlock_is_closed(devices->interlocks[1]))
+        g_main_context_iteration(NULL, TRUE);
+    clock_hold(devices->clock);
+    g_assert_true(interlock_is_closed(devices->interlocks[0]));
+    g_assert_false(interlock_is_closed(devices->guard));
+    g_assert_false(laser_set(devices->lasers[1], TRUE, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK);
+    g_clear_error(&error);
+    clock_release(devices->clock);
+    while (!interlock_is_closed(devices->guard))
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_false(laser_is_on(devices->lasers[0]));
+    g_assert_true(laser_set(devices->lasers[1], TRUE, &error));
+    devices_close(devices);
+    spin();
+    g_unlink(path);
+}
+
+/* The demo's two files together: a plan within 5 % of what no order can beat. */
+static void test_demo_plan(void) {
+    g_autoptr(GError) error = NULL;
+    struct devices *devices = devices_open(DEMO, &error);
+    struct session_conf conf;
+
+    g_assert_no_error(error);
+    g_assert_true(session_conf_load(&conf, SOURCE_DIR "/etc/demo/session.conf", &error));
+    struct plan *plan = plan_build(&conf, &devices->geometry, &devices->timing, &error);
+    g_assert_no_error(error);
+    g_test_message("predicted %.0f s, bound %.0f s, nested %.0f s, %d poses, %d frames",
+                   plan->predicted_s, plan->lower_bound_s, plan->nested_s, plan->n_poses,
+                   plan->n_frames);
+    g_assert_cmpfloat(plan->predicted_s, <=, 1.05 * plan->lower_bound_s);
+    g_assert_cmpuint(plan->notes->len, ==, 0);
+    plan_free(plan);
+    session_conf_clear(&conf);
+    devices_close(devices);
+    spin();
+}
+
+static void test_describe(void) {
+    g_autofree char *all = devices_describe_drivers(NULL, FALSE);
+    g_autofree char *json = devices_describe_drivers(NULL, TRUE);
+    g_autofree char *one = devices_describe_drivers("sim-axis", TRUE);
+
+    g_assert_nonnull(strstr(all, "sim-camera"));
+    g_assert_nonnull(strstr(all, "arc_radius_mm"));
+    g_assert_nonnull(strstr(one, "\"speed_deg_s\""));
+    g_assert_null(strstr(one, "sim-camera"));
+    g_assert_true(g_str_has_prefix(json, "[{") && g_str_has_suffix(json, "}]"));
+    g_assert_null(strstr(json, "}{"));
+    g_assert_null(devices_describe_drivers("no-such", FALSE));
+    g_assert_null(devices_describe_drivers("no-such", TRUE));
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/rig-file/demo-geometry", test_demo_geometry);
+    g_test_add_func("/rig-file/bad", test_bad_files);
+    g_test_add_func("/rig-file/missing", test_missing);
+    g_test_add_func("/rig-file/truncated", test_truncated);
+    g_test_add_func("/rig-file/open", test_open);
+    g_test_add_func("/rig-file/open-refused", test_open_refused);
+    g_test_add_func("/rig-file/two-interlocks", test_two_interlocks);
+    g_test_add_func("/rig-file/demo-plan", test_demo_plan);
+    g_test_add_func("/rig-file/describe", test_describe);
+    return g_test_run();
+}

@@ -1,0 +1,516 @@
+/* What is left of a rig when something else has failed: `mesorigd --safe-state` with each device
+ * gone, its section broken or its line held; and the guardian, after any end of the daemon. The
+ * laser and each other device is a virtual one with a line of its own, which tells what it does. */
+#include "lib/find_guardian.h"
+#include "virtual/modbus.h"
+
+#include <fcntl.h>
+#include <gio/gio.h>
+#include <glib/gstdio.h>
+#include <modbus/modbus.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define MESORIGD   BUILD_DIR "/bin/mesorigd"
+#define WORLD      SOURCE_DIR "/tests/small/world.conf"
+#define LASER_COIL 3
+#define LAMPS      2
+#define SLACK_US   (G_USEC_PER_SEC * 3 / 2) /* a machine with more to do than this */
+
+enum which { LASER, BANK, DOOR, TURNTABLE, ARC, SWEEP, N_DEVICES };
+
+static const gboolean is_serial[N_DEVICES] = {[TURNTABLE] = TRUE, [ARC] = TRUE, [SWEEP] = TRUE};
+
+struct fixture {
+    char *folder, *rig, *socket;
+    VirtualModbus *devices[N_DEVICES];
+    GString *text; /* of the rig file */
+    GSubprocess *daemon;
+    char *said;
+};
+
+static VirtualModbus *new_device(gboolean rtu) {
+    const struct virtual_modbus_options options = {
+        .rtu = rtu, .unit = 1, .speed_steps_s = 200, .accel_steps_s2 = 4000};
+    GError *error = NULL;
+    VirtualModbus *device = virtual_modbus_new(&options, &error);
+    g_assert_no_error(error);
+    return device;
+}
+
+static void add_device(struct fixture *fixture, enum which which, const char *heading,
+                       const char *keys) {
+    g_string_append_printf(fixture->text, "\n[%s]\n%s\nbus = %s\n", heading, keys,
+                           virtual_modbus_bus(fixture->devices[which]));
+}
+
+#define AXIS                                                                                       \
+    "driver = modbus-axis\nmin_deg = -90\nmax_deg = 90\nspeed_deg_s = 2\naccel_deg_s2 = 40\n"      \
+    "steps_per_deg = 100\ntarget_register = 0\nposition_register = 21\nstatus_register = 20\n"     \
+    "moving_bit = 0\nhomed_bit = 1\nfault_bit = 2\nstart = 2=1\nhome = 2=2\nstop = 2=3\n"          \
+    "poll_ms = 5"
+
+/* The axes stand first and the laser last, as nobody should have to mind. */
+static void write_text(struct fixture *fixture) {
+    g_string_assign(fixture->text, "# Für Prüfungen\n[rig]\nid = safe\nclock = real\n"
+                                   "arc_radius_mm = 500\narc_width_mm = 30\n");
+    add_device(fixture, TURNTABLE, "axis turntable", AXIS);
+    add_device(fixture, ARC, "axis arc", AXIS);
+    add_device(fixture, SWEEP, "axis sweep", AXIS);
+    add_device(fixture, DOOR, "interlock door", "driver = modbus-inputs\ninput = 0");
+    g_string_append(fixture->text, "\n[camera cam30]\ndriver = sim-camera\nworld = " WORLD
+                                   "\ntheta_deg = 30\nphi_deg = 0\ndistance_mm = 650\nwidth = 32\n"
+                                   "height = 32\nfocal_px = 333\nresponse = 6000\n");
+    add_device(fixture, BANK, "lamps bank", "driver = modbus-relays\nn = 2\nwarm_up_s = 1");
+    g_string_append(fixture->text, "\n[lamp lamp30]\nbank = bank\nindex = 0\ntheta_deg = 30\n"
+                                   "distance_mm = 500\n");
+    add_device(fixture, LASER, "laser top",
+               "driver = modbus-laser\nunit = 1\nsweep = sweep\ntheta_deg = 30\ndistance_mm = 480\n"
+               "coil = 3\nwarm_up_s = 0.1");
+}
+
+static void set_up(struct fixture *fixture, gconstpointer data) {
+    fixture->folder = g_dir_make_tmp("mesorig-safe-XXXXXX", NULL);
+    fixture->rig = g_build_filename(fixture->folder, "rig.conf", NULL);
+    fixture->socket = g_build_filename(fixture->folder, "bus", NULL);
+    fixture->text = g_string_new(NULL);
+    for (int i = 0; i < N_DEVICES; i++)
+        fixture->devices[i] = new_device(is_serial[i]);
+    virtual_modbus_set_input(fixture->devices[DOOR], 0, TRUE);
+    write_text(fixture);
+}
+
+static void set_up_serial_laser(struct fixture *fixture, gconstpointer data) {
+    set_up(fixture, data);
+    virtual_modbus_free(fixture->devices[LASER]);
+    fixture->devices[LASER] = new_device(TRUE);
+    write_text(fixture);
+}
+
+static void tear_down(struct fixture *fixture, gconstpointer data) {
+    const char *const remove[] = {"/bin/rm", "-rf", fixture->folder, NULL};
+    if (fixture->daemon) {
+        g_subprocess_force_exit(fixture->daemon);
+        g_subprocess_wait(fixture->daemon, NULL, NULL);
+        g_object_unref(fixture->daemon);
+    }
+    for (int i = 0; i < N_DEVICES; i++)
+        virtual_modbus_free(fixture->devices[i]);
+    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
+    g_string_free(fixture->text, TRUE);
+    g_free(fixture->folder);
+    g_free(fixture->rig);
+    g_free(fixture->socket);
+    g_free(fixture->said);
+}
+
+static void replace(struct fixture *fixture, const char *what, const char *with) {
+    g_assert_cmpuint(g_string_replace(fixture->text, what, with, 0), ==, 1);
+}
+
+static void write_rig(struct fixture *fixture) {
+    g_assert_true(g_file_set_contents(fixture->rig, fixture->text->str, -1, NULL));
+}
+
+static void light_up(struct fixture *fixture) {
+    virtual_modbus_set_coil(fixture->devices[LASER], LASER_COIL, TRUE);
+    for (int i = 0; i < LAMPS; i++)
+        virtual_modbus_set_coil(fixture->devices[BANK], i, TRUE);
+}
+
+static gboolean has_light(VirtualModbus *device) {
+    struct virtual_modbus_state state;
+    gboolean any = FALSE;
+    virtual_modbus_state(device, &state);
+    for (int i = 0; i < VIRTUAL_MODBUS_BITS; i++)
+        any |= state.coils[i];
+    return any;
+}
+
+static gboolean is_dark(struct fixture *fixture) {
+    return !has_light(fixture->devices[LASER]) && !has_light(fixture->devices[BANK]);
+}
+
+/* Its exit code; what it prints is kept. */
+static int safe_state(struct fixture *fixture) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSubprocess) process =
+        g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, &error,
+                         MESORIGD, "--safe-state", fixture->rig, NULL);
+    g_assert_no_error(error);
+    g_clear_pointer(&fixture->said, g_free);
+    g_assert_true(g_subprocess_communicate_utf8(process, NULL, NULL, &fixture->said, NULL, &error));
+    g_test_message("%s", fixture->said);
+    return g_subprocess_get_if_exited(process) ? g_subprocess_get_exit_status(process) : -1;
+}
+
+static void assert_says(struct fixture *fixture, const char *words) {
+    if (!strstr(fixture->said, words))
+        g_error("“%s” is not said, but: %s", words, fixture->said);
+}
+
+static void assert_says_not(struct fixture *fixture, const char *words) {
+    if (strstr(fixture->said, words))
+        g_error("“%s” is said: %s", words, fixture->said);
+}
+
+static void test_well(struct fixture *fixture, gconstpointer data) {
+    light_up(fixture);
+    write_rig(fixture);
+    g_assert_cmpint(safe_state(fixture), ==, 0);
+    g_assert_true(is_dark(fixture));
+    assert_says(fixture, "laser top: off, read back\n");
+    assert_says(fixture, "lamps bank: off, read back\n");
+    assert_says(fixture, "axis turntable: stands, read back\n");
+    assert_says(fixture, "axis arc: stands, read back\n");
+    assert_says(fixture, "axis sweep: stands, read back\n");
+    assert_says(fixture, "lamps and lasers are off, axes stand\n");
+}
+
+/* What a device's end says of it, and that nothing else is kept from being safe. */
+static void test_gone(struct fixture *fixture, gconstpointer data) {
+    static const char *const names[N_DEVICES] = {"laser top",      "lamps bank", "",
+                                                 "axis turntable", "axis arc",   "axis sweep"};
+    const enum which gone = (enum which)GPOINTER_TO_INT(data);
+    g_autofree char *unsafe = g_strconcat(names[gone], ": NOT safe: ", NULL);
+    /* Not where it was: another test may have a device there by now. */
+    g_autofree char *bus =
+        g_strdup_printf("bus = %s\n", virtual_modbus_bus(fixture->devices[gone]));
+    replace(fixture, bus, is_serial[gone] ? "bus = /dev/gone\n" : "bus = tcp:127.0.0.1:1\n");
+    light_up(fixture);
+    write_rig(fixture);
+    g_assert_cmpint(safe_state(fixture), ==, gone == DOOR ? 0 : 1);
+    g_assert_true(gone == LASER || !has_light(fixture->devices[LASER]));
+    g_assert_true(gone == BANK || !has_light(fixture->devices[BANK]));
+    for (int i = 0; i < N_DEVICES; i++) {
+        g_autofree char *good =
+            g_strdup_printf("%s: %s, read back\n", names[i], is_serial[i] ? "stands" : "off");
+        if (i != (int)gone && i != DOOR)
+            assert_says(fixture, good);
+    }
+    if (gone != DOOR) {
+        assert_says(fixture, unsafe);
+        assert_says(fixture, "the rig is NOT safe");
+        assert_says_not(fixture, "lamps and lasers are off, axes stand");
+    }
+}
+
+/* Of other devices, and in keys that do not say which device it is. */
+static void test_mistakes(struct fixture *fixture, gconstpointer data) {
+    static const char *const mistakes[][3] = {
+        {"width = 32", "widht = 32", ""},
+        {"[camera cam30]", "[camera cam30", "left out: "},
+        {"[camera cam30]", "camera cam30]", "left out: "},
+        {"response = 6000", "response 6000", "left out: "},
+        {"response = 6000", "focal_px = 333", "left out: "},
+        {"response = 6000", "response = \xff\x01", "left out: "},
+        {"# Für", "# F\xfcr", ""},
+        {"clock = real", "clock = virtual", ""},
+        {"[rig]", "", "left out: "},
+        {"input = 0", "output = 0", ""},
+        {"bank = bank", "bank = benk", ""},
+        {"[lamps bank]", "[lamp bank]", ""},
+        {"[laser top]", "[laser top", "left out: "},
+        {"[laser top]", "[lazer top]", ""},
+        {"[laser top]", "", "laser lamp30: off, read back"},
+        {"theta_deg = 30\ndistance_mm = 480", "", ""},
+        {"warm_up_s = 0.1", "warm_up_s = soon", "is not a number"},
+        {"sweep = sweep", "sweep = swep", ""},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(mistakes); i++) {
+        write_text(fixture);
+        replace(fixture, mistakes[i][0], mistakes[i][1]);
+        write_rig(fixture);
+        light_up(fixture);
+        const int code = safe_state(fixture);
+        if (code != 0 || !is_dark(fixture))
+            g_error("“%s”: %d, %s", mistakes[i][1], code, fixture->said);
+        assert_says(fixture, mistakes[i][2]);
+    }
+}
+
+/* The laser is switched off where its section points, but that may not be where it is. */
+static void test_doubts(struct fixture *fixture, gconstpointer data) {
+    static const struct {
+        const char *what, *with, *words;
+        gboolean dark; /* it is where the rest says, all the same */
+    } cases[] = {
+        {"coil = 3", "coul = 3", "did you mean coil", FALSE},
+        {"coil = 3", "coil = three", "is not a whole number", FALSE},
+        {"coil = 3", "coil 3", "neither", FALSE},
+        {"unit = 1\nsweep", "unity = 1\nsweep", "did you mean unit", TRUE},
+        {"driver = modbus-laser", "driver = modbus-lazer", "there is no driver", FALSE},
+        {"driver = modbus-laser\n", "", "must be given", FALSE},
+        {"[lamps bank]\n", "", "driver: was given before", TRUE},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        write_text(fixture);
+        replace(fixture, cases[i].what, cases[i].with);
+        write_rig(fixture);
+        light_up(fixture);
+        g_assert_cmpint(safe_state(fixture), ==, 1);
+        g_assert_true(has_light(fixture->devices[LASER]) != cases[i].dark);
+        g_assert_false(has_light(fixture->devices[BANK]));
+        assert_says(fixture, *cases[i].with ? "laser top: NOT safe: " : ": NOT safe: ");
+        assert_says(fixture, cases[i].words);
+        assert_says_not(fixture, "lamps and lasers are off, axes stand");
+    }
+}
+
+/* An unknown key beside all that says which coil it is. */
+static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
+    replace(fixture, "coil = 3", "coil = 3\ncolour = red");
+    write_rig(fixture);
+    light_up(fixture);
+    g_assert_cmpint(safe_state(fixture), ==, 0);
+    g_assert_true(is_dark(fixture));
+    assert_says(fixture, "[laser top] colour: there is no such key");
+}
+
+static void test_deaf(struct fixture *fixture, gconstpointer data) {
+    const struct virtual_modbus_faults deaf = {.deaf = TRUE};
+    write_rig(fixture);
+    light_up(fixture);
+    virtual_modbus_fail(fixture->devices[LASER], &deaf);
+    g_assert_cmpint(safe_state(fixture), ==, 1);
+    g_assert_false(has_light(fixture->devices[BANK]));
+    assert_says(fixture, "laser top: NOT safe: ");
+    assert_says(fixture, "lamps bank: off, read back\n");
+}
+
+/* As by another program that takes the line for itself, for a time. */
+static GPid hold(VirtualModbus *device, double seconds) {
+    const pid_t pid = fork();
+    g_assert_cmpint(pid, >=, 0);
+    if (pid == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        const int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
+        if (fd < 0 || flock(fd, LOCK_EX | LOCK_NB) < 0)
+            _exit(1);
+        g_usleep((gulong)(seconds * 1e6));
+        _exit(0);
+    }
+    return pid;
+}
+
+static gboolean is_held(VirtualModbus *device) {
+    const int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    g_assert_cmpint(fd, >=, 0);
+    const gboolean held = flock(fd, LOCK_EX | LOCK_NB) < 0;
+    close(fd);
+    return held;
+}
+
+static void test_held(struct fixture *fixture, gconstpointer data) {
+    const enum which which = (enum which)GPOINTER_TO_INT(data);
+    write_rig(fixture);
+    light_up(fixture);
+    const GPid pid = hold(fixture->devices[which], 60);
+    while (!is_held(fixture->devices[which]))
+        g_usleep(1000);
+    g_assert_cmpint(safe_state(fixture), ==, 1);
+    kill(pid, SIGKILL);
+    waitpid(pid, NULL, 0);
+    g_assert_false(has_light(fixture->devices[BANK]));
+    g_assert_true(has_light(fixture->devices[LASER]) == (which == LASER));
+    assert_says(fixture, which == LASER ? "laser top: NOT safe: " : "axis arc: NOT safe: ");
+    assert_says(fixture, "another program uses it");
+    assert_says(fixture, "lamps bank: off, read back\n");
+}
+
+static void test_held_for_a_while(struct fixture *fixture, gconstpointer data) {
+    write_rig(fixture);
+    light_up(fixture);
+    const GPid pid = hold(fixture->devices[LASER], 2);
+    while (!is_held(fixture->devices[LASER]))
+        g_usleep(1000);
+    g_assert_cmpint(safe_state(fixture), ==, 0);
+    waitpid(pid, NULL, 0);
+    g_assert_true(is_dark(fixture));
+}
+
+/* Set off by a daemon that has died since; 90° take it 45 s. */
+static void start_axis(VirtualModbus *device) {
+    const guint16 target[] = {0, 9000};
+    modbus_t *line = modbus_new_rtu(virtual_modbus_bus(device), 115200, 'N', 8, 1);
+    modbus_set_slave(line, 1);
+    g_assert_cmpint(modbus_connect(line), ==, 0);
+    g_assert_cmpint(modbus_write_registers(line, 0, 2, target), ==, 2);
+    g_assert_cmpint(modbus_write_register(line, 2, 1), ==, 1);
+    modbus_close(line);
+    modbus_free(line);
+}
+
+static void test_moving(struct fixture *fixture, gconstpointer data) {
+    struct virtual_modbus_state state;
+    write_rig(fixture);
+    start_axis(fixture->devices[ARC]);
+    virtual_modbus_state(fixture->devices[ARC], &state);
+    g_assert_true(state.moving);
+    g_assert_cmpint(safe_state(fixture), ==, 0);
+    virtual_modbus_state(fixture->devices[ARC], &state);
+    g_assert_false(state.moving);
+    g_assert_cmpfloat(state.position_steps, <, 8000);
+    assert_says(fixture, "axis arc: stands, read back\n");
+}
+
+static void test_no_file(struct fixture *fixture, gconstpointer data) {
+    g_assert_cmpint(safe_state(fixture), ==, 1);
+    assert_says(fixture, "NOT safe: ");
+    g_assert_true(g_file_set_contents(fixture->rig, "[camera c]\ndriver = v4l2\n", -1, NULL));
+    g_assert_cmpint(safe_state(fixture), ==, 1);
+    assert_says(fixture, "names no laser, no lamps and no axis");
+}
+
+static void die_with_us(gpointer unused) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+}
+
+static void start_daemon(struct fixture *fixture) {
+    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_NONE);
+    g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
+    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
+    g_autoptr(GError) error = NULL;
+    write_rig(fixture);
+    g_subprocess_launcher_set_stderr_file_path(launcher, log);
+    g_subprocess_launcher_set_child_setup(launcher, die_with_us, NULL, NULL);
+    fixture->daemon = g_subprocess_launcher_spawn(launcher, &error, MESORIGD, "--listen", address,
+                                                  "--rig", fixture->rig, NULL);
+    g_assert_no_error(error);
+    for (int i = 0; i < 3000 && !g_file_test(fixture->socket, G_FILE_TEST_EXISTS); i++)
+        g_usleep(10000);
+    g_assert_true(g_file_test(fixture->socket, G_FILE_TEST_EXISTS));
+    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
+    g_usleep(G_USEC_PER_SEC * 3 / 2); /* it is watching, and has heard of the daemon */
+}
+
+static gint64 wait_for_dark(struct fixture *fixture) {
+    const gint64 began = g_get_monotonic_time();
+    while (!is_dark(fixture) && g_get_monotonic_time() < began + 30 * G_USEC_PER_SEC)
+        g_usleep(2000);
+    g_assert_true(is_dark(fixture));
+    return g_get_monotonic_time() - began;
+}
+
+static void wait_for_guardian_end(struct fixture *fixture) {
+    for (int i = 0; i < 3000 && find_guardian(fixture->rig); i++)
+        g_usleep(10000);
+    g_assert_cmpint(find_guardian(fixture->rig), ==, 0);
+}
+
+static void test_death(struct fixture *fixture, gconstpointer data) {
+    const int how = GPOINTER_TO_INT(data);
+    start_daemon(fixture);
+    light_up(fixture);
+    g_subprocess_send_signal(fixture->daemon, how);
+    const gint64 took_us = wait_for_dark(fixture);
+    g_test_message("dark after %.3f s", (double)took_us / 1e6);
+    g_assert_cmpint(took_us, <, (how == SIGSTOP ? 5 * G_USEC_PER_SEC : G_USEC_PER_SEC) + SLACK_US);
+    g_assert_true(how != SIGSTOP || took_us > 2 * G_USEC_PER_SEC); /* not at the first silence */
+    wait_for_guardian_end(fixture);
+    g_subprocess_wait(fixture->daemon, NULL, NULL);
+    g_assert_true(g_subprocess_get_if_signaled(fixture->daemon));
+    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
+    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    assert_says(fixture, "the daemon has left without a goodbye");
+    assert_says_not(fixture, "NOT safe");
+}
+
+/* With a device gone at the same time, and with signals to all of the daemon's group. */
+static void test_death_and_gone(struct fixture *fixture, gconstpointer data) {
+    const enum which gone = (enum which)GPOINTER_TO_INT(data);
+    start_daemon(fixture);
+    light_up(fixture);
+    g_clear_pointer(&fixture->devices[gone], virtual_modbus_free);
+    kill(find_guardian(fixture->rig), SIGTERM);
+    g_subprocess_send_signal(fixture->daemon, SIGKILL);
+    const gint64 took_us = wait_for_dark(fixture);
+    g_test_message("dark after %.3f s", (double)took_us / 1e6);
+    g_assert_cmpint(took_us, <, G_USEC_PER_SEC + SLACK_US);
+    wait_for_guardian_end(fixture);
+}
+
+static void test_normal_end(struct fixture *fixture, gconstpointer data) {
+    start_daemon(fixture);
+    light_up(fixture);
+    g_subprocess_send_signal(fixture->daemon, SIGTERM);
+    g_subprocess_wait(fixture->daemon, NULL, NULL);
+    g_assert_cmpint(g_subprocess_get_exit_status(fixture->daemon), ==, 0);
+    g_assert_true(is_dark(fixture));
+    wait_for_guardian_end(fixture);
+    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
+    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    assert_says(fixture, "the rig is safe");
+    assert_says_not(fixture, "guardian");
+}
+
+/* The laser does not listen any more when the daemon is asked to end. */
+static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
+    const struct virtual_modbus_faults deaf = {.deaf = TRUE}, none = {0};
+    start_daemon(fixture);
+    light_up(fixture);
+    virtual_modbus_fail(fixture->devices[LASER], &deaf);
+    g_subprocess_send_signal(fixture->daemon, SIGTERM);
+    g_subprocess_wait(fixture->daemon, NULL, NULL);
+    g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
+    g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
+    assert_says(fixture, "the rig is NOT safe: ");
+    assert_says_not(fixture, "the rig is safe");
+    virtual_modbus_fail(fixture->devices[LASER], &none);
+    wait_for_dark(fixture); /* by the guardian, which was not told to go */
+    wait_for_guardian_end(fixture);
+}
+
+/* A guardian that is killed is started again, but not over and over. */
+static void test_guardian_killed(struct fixture *fixture, gconstpointer data) {
+    start_daemon(fixture);
+    g_usleep(10 * G_USEC_PER_SEC);
+    const pid_t first = find_guardian(fixture->rig);
+    kill(first, SIGKILL);
+    for (int i = 0;
+         i < 500 && (find_guardian(fixture->rig) == first || !find_guardian(fixture->rig)); i++)
+        g_usleep(10000);
+    g_assert_cmpint(find_guardian(fixture->rig), !=, 0);
+    g_usleep(G_USEC_PER_SEC / 2);
+    light_up(fixture);
+    g_subprocess_send_signal(fixture->daemon, SIGKILL);
+    g_assert_cmpint(wait_for_dark(fixture), <, G_USEC_PER_SEC + SLACK_US);
+    wait_for_guardian_end(fixture);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+#define ADD(path, func, data)                                                                      \
+    g_test_add(path, struct fixture, GINT_TO_POINTER(data), set_up, func, tear_down)
+    ADD("/safe-state/well", test_well, 0);
+    ADD("/safe-state/laser-gone", test_gone, LASER);
+    ADD("/safe-state/lamps-gone", test_gone, BANK);
+    ADD("/safe-state/interlock-gone", test_gone, DOOR);
+    ADD("/safe-state/turntable-gone", test_gone, TURNTABLE);
+    ADD("/safe-state/arc-gone", test_gone, ARC);
+    ADD("/safe-state/sweep-gone", test_gone, SWEEP);
+    ADD("/safe-state/mistakes", test_mistakes, 0);
+    ADD("/safe-state/doubts", test_doubts, 0);
+    ADD("/safe-state/unknown-key", test_unknown_key, 0);
+    ADD("/safe-state/deaf", test_deaf, 0);
+    ADD("/safe-state/axis-held", test_held, ARC);
+    g_test_add("/safe-state/laser-held", struct fixture, GINT_TO_POINTER(LASER),
+               set_up_serial_laser, test_held, tear_down);
+    g_test_add("/safe-state/laser-held-for-a-while", struct fixture, NULL, set_up_serial_laser,
+               test_held_for_a_while, tear_down);
+    ADD("/safe-state/moving", test_moving, 0);
+    ADD("/safe-state/no-file", test_no_file, 0);
+    ADD("/guardian/killed", test_death, SIGKILL);
+    ADD("/guardian/aborted", test_death, SIGABRT);
+    ADD("/guardian/hung", test_death, SIGSTOP);
+    ADD("/guardian/killed-interlock-gone", test_death_and_gone, DOOR);
+    ADD("/guardian/killed-axis-gone", test_death_and_gone, TURNTABLE);
+    ADD("/guardian/normal-end", test_normal_end, 0);
+    ADD("/guardian/end-not-safe", test_end_not_safe, 0);
+    ADD("/guardian/guardian-killed", test_guardian_killed, 0);
+    return g_test_run();
+}

@@ -1,0 +1,398 @@
+#include "lib/gige_rig.h"
+#include "lib/painted.h"
+
+#include <glib-unix.h>
+#include <glib/gstdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static VirtualGige *painter(enum cfa cfa) {
+    struct virtual_camera_options options = {.serial = "PAINTER",
+                                             .width = PAINTED_WIDTH,
+                                             .height = PAINTED_HEIGHT,
+                                             .bits = 12,
+                                             .cfa = cfa,
+                                             .black_level = 64,
+                                             .picture = paint};
+    GError *error = NULL;
+    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
+    g_assert_no_error(error);
+    return device;
+}
+
+/* Every format of every phase, against pixels packed by other code than unpacks them. */
+static void formats(gconstpointer data) {
+    enum cfa cfa = (enum cfa)GPOINTER_TO_INT(data);
+    static const char *const phases[] = {"Mono", "BayerRG", "BayerBG", "BayerGR", "BayerGB"};
+    static const struct {
+        const char *name;
+        int bits;
+    } depths[] = {{"8", 8},   {"10", 10},  {"10p", 10},      {"10Packed", 10},
+                  {"12", 12}, {"12p", 12}, {"12Packed", 12}, {"16", 16}};
+    struct eye eye = {.device = painter(cfa)};
+    for (gsize i = 0; i < G_N_ELEMENTS(depths); i++) {
+        g_autofree char *key =
+            g_strdup_printf("pixel_format = %s%s\npacket_size = 1500", phases[cfa], depths[i].name);
+        GError *error = NULL;
+        eye_open(&eye, key, &error);
+        g_assert_no_error(error);
+        g_assert_cmpint(eye.camera->format.cfa, ==, (int)cfa);
+        g_assert_cmpint(eye.camera->format.bits, ==, depths[i].bits);
+        g_assert_true(eye_ready(&eye, 100, NULL));
+        g_assert_cmpint(eye_shoot(&eye, i), ==, CAMERA_FRAME);
+        assert_painted(eye.frame, 0, 0, 0);
+        eye_close(&eye);
+    }
+    eye_end(&eye);
+}
+
+static void settings(void) {
+    struct eye eye = {.device = painter(CFA_GRBG)};
+    struct virtual_camera_state state;
+    struct camera_settings wanted = {.exposure_us = 1234, .gain_db = 6.25}, more = {1234, 24.5};
+    GError *error = NULL;
+    eye_open(&eye,
+             "width = 32\nheight = 16\noffset_x = 4\noffset_y = 6\nblack_level = 72\n"
+             "black_level_dn = 70\nfeatures = GevSCPD=1000\n",
+             &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(eye.camera->format.black_level, ==, 70);
+    g_assert_cmpint(eye.camera->format.min_exposure_us, ==, 10);
+    g_assert_cmpint(eye.camera->format.max_exposure_us, ==, 60000000);
+    g_assert_false(camera_configure(eye.camera, &more, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE);
+    g_assert_cmpstr(error->message, ==,
+                    "camera eye: cannot have a gain of 24.5 dB, only 0 to 24 dB");
+    g_clear_error(&error);
+    g_assert_true(camera_configure(eye.camera, &wanted, NULL));
+    g_assert_true(camera_arm(eye.camera, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+    g_assert_cmpint(eye.frame->width, ==, 32);
+    g_assert_cmpint(eye.frame->height, ==, 16);
+    assert_painted(eye.frame, 4, 6, 8); /* black raised by 8 */
+    virtual_gige_state(eye.device, &state);
+    g_assert_cmpint(state.exposure_us, ==, 1234);
+    g_assert_cmpfloat_with_epsilon(state.gain_db, 6.25, 0.01);
+    g_assert_cmpfloat_with_epsilon(state.black_level, 72, 0.1);
+    g_assert_false(state.automatic);
+    eye_end(&eye);
+}
+
+/* As large as gets through, which is found out. */
+static void packet_size(void) {
+    struct eye eye = {.device = painter(CFA_MONO)};
+    struct virtual_camera_state state;
+    for (int mtu = 0; mtu <= 1500; mtu += 1500) {
+        struct virtual_camera_faults faults = {.mtu = mtu};
+        virtual_gige_fail(eye.device, &faults);
+        g_assert_true(eye_open(&eye, "", NULL));
+        g_assert_true(eye_ready(&eye, 1000, NULL));
+        g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+        virtual_gige_state(eye.device, &state);
+        g_assert_cmpint(state.packet_size, >, mtu > 0 ? 1450 : 8900);
+        g_assert_cmpint(state.packet_size, <=, mtu > 0 ? mtu : 9000);
+        eye_close(&eye);
+    }
+    eye_end(&eye);
+}
+
+/* The camera's own time stamps are mapped to ours: checked against when it was triggered. */
+static void times(void) {
+    struct eye eye;
+    eye_begin(&eye, "");
+    for (guint64 shot = 1; shot <= 10; shot++) {
+        struct virtual_camera_state state;
+        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
+        virtual_gige_state(eye.device, &state);
+        gint64 off_us = eye.frame->exposure_start_us - state.triggered_us;
+        g_assert_cmpint(ABS(off_us), <, 1000);
+        g_assert_cmpint(eye.frame->exposure_end_us - eye.frame->exposure_start_us, ==, 1000);
+    }
+    eye_end(&eye);
+}
+
+/* Some cameras stamp the end of the exposure; told so, the driver knows when it began. */
+static void stamps_of_the_end(void) {
+    struct eye eye;
+    struct virtual_camera_state state;
+    struct virtual_camera_faults faults = {.stamps_end = TRUE};
+    struct camera_settings settings = {.exposure_us = 200000};
+    eye_begin(&eye, "stamp = end");
+    virtual_gige_fail(eye.device, &faults);
+    g_assert_true(camera_configure(eye.camera, &settings, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+    virtual_gige_state(eye.device, &state);
+    g_assert_cmpint(ABS(eye.frame->exposure_start_us - state.triggered_us), <, 1000);
+    eye_end(&eye);
+    /* Not told so, it does not take them for something else. */
+    eye_begin(&eye, "");
+    virtual_gige_fail(eye.device, &faults);
+    g_assert_true(camera_configure(eye.camera, &settings, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_REFUSED);
+    eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "its time stamp is in the future");
+    eye_end(&eye);
+}
+
+/* Lamps may go on while the picture is still being sent. */
+static void exposed_before_it_is_here(void) {
+    struct eye eye;
+    eye_begin(&eye, "packet_delay_ns = 2000000\npacket_size = 1500");
+    for (guint64 shot = 1; shot <= 3; shot++) {
+        eye.n_exposed = 0;
+        eye_trigger(&eye, shot);
+        conformance_wait(eye.clock, &eye.n_exposed, 1, 5);
+        g_assert_cmpint(eye.n_ended, <, (int)shot);
+        gint64 exposed_us = clock_now_us(eye.clock);
+        conformance_wait(eye.clock, &eye.n_ended, (int)shot, 5);
+        g_assert_cmpint(eye.last, ==, CAMERA_FRAME);
+        g_assert_cmpint(eye.frame->exposure_end_us, <=, exposed_us);
+        g_assert_cmpint(clock_now_us(eye.clock) - exposed_us, >, 20000);
+    }
+    eye_end(&eye);
+}
+
+static void without_clock(void) {
+    struct eye eye;
+    eye_begin(&eye, "stamp = none");
+    for (guint64 shot = 1; shot <= 5; shot++)
+        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
+    eye_end(&eye);
+}
+
+/* Past the kernel's UDP where this process may, else as without. */
+static void packet_socket(void) {
+    struct eye eye;
+    eye_begin(&eye, "packet_socket = yes");
+    for (guint64 shot = 1; shot <= 5; shot++)
+        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
+    eye_end(&eye);
+}
+
+struct line {
+    VirtualGige *device;
+    int fd, pulses;
+};
+
+/* The wire from an output to the camera's input. */
+static gboolean on_line(gint fd, GIOCondition condition, gpointer data) {
+    struct line *line = data;
+    char level;
+    while (read(fd, &level, 1) == 1)
+        if (level == '1') {
+            virtual_gige_pulse(line->device);
+            line->pulses++;
+        }
+    return G_SOURCE_CONTINUE;
+}
+
+static void hardware_trigger(void) {
+    struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_MONO)};
+    struct line line = {.device = eye.device};
+    g_autofree char *dir = g_dir_make_tmp("mesorig-line-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(dir, "value", NULL);
+    g_autofree char *keys = g_strdup_printf("trigger = Line0\npulse_path = %s", path);
+    GError *error = NULL;
+    g_assert_cmpint(mkfifo(path, 0600), ==, 0);
+    line.fd = g_open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC, 0);
+    guint source = g_unix_fd_add(line.fd, G_IO_IN, on_line, &line);
+    eye_open(&eye, keys, &error);
+    g_assert_no_error(error);
+    g_assert_true(eye_ready(&eye, 1000, NULL));
+    for (guint64 shot = 1; shot <= 5; shot++)
+        g_assert_cmpint(eye_shoot(&eye, shot), ==, CAMERA_FRAME);
+    g_assert_cmpint(line.pulses, ==, 5);
+    g_source_remove(source);
+    close(line.fd);
+    g_unlink(path);
+    g_assert_cmpint(eye_shoot(&eye, 6), ==, CAMERA_FAULT);
+    eye_assert_said(&eye, DEVICE_ERROR_PROTOCOL, "cannot make a pulse with");
+    eye_end(&eye);
+    g_rmdir(dir);
+}
+
+/* On plain sockets, all triggered at once, and nothing lost, not even of the first pictures: what
+ * is asked for again does not come. */
+static void eight_at_once(void) {
+    struct eye eyes[8] = {0};
+    struct virtual_camera_faults faults = {.no_resend = TRUE};
+    GError *error = NULL;
+    for (int i = 0; i < 8; i++) {
+        g_autofree char *serial = g_strdup_printf("EIGHT%d", i);
+        eyes[i].device = eye_device(serial, 1024, 768, CFA_RGGB);
+        virtual_gige_fail(eyes[i].device, &faults);
+        eye_open(&eyes[i], "pixel_format = BayerRG8", &error);
+        g_assert_no_error(error);
+    }
+    for (int i = 0; i < 8; i++)
+        g_assert_true(eye_ready(&eyes[i], 1000, NULL));
+    for (guint64 shot = 1; shot <= 10; shot++) {
+        for (int i = 0; i < 8; i++)
+            eye_trigger(&eyes[i], shot);
+        for (int i = 0; i < 8; i++)
+            conformance_wait(eyes[i].clock, &eyes[i].n_ended, (int)shot, 10);
+    }
+    for (int i = 0; i < 8; i++) {
+        g_assert_cmpint(eyes[i].n_frames, ==, 10);
+        eye_end(&eyes[i]);
+    }
+}
+
+static void scan(void) {
+    g_autoptr(VirtualGige) device = eye_device("SCANNED", 320, 240, CFA_MONO);
+    g_autoptr(GPtrArray) all = aravis_scan();
+    gboolean found = FALSE;
+    for (guint i = 0; i < all->len; i++) {
+        const struct aravis_found *camera = all->pdata[i];
+        if (g_strcmp0(camera->address, virtual_gige_address(device)) != 0)
+            continue;
+        found = TRUE;
+        g_assert_cmpstr(camera->serial, ==, "SCANNED");
+        g_assert_cmpstr(camera->model, ==, "Mesorig VirtualCamera");
+        g_assert_cmpstr(camera->protocol, ==, "GigEVision");
+    }
+    g_assert_true(found);
+}
+
+/* A section that names the serial number finds it wherever it is. */
+static void by_serial(void) {
+    struct eye eye = {.device = eye_device("BYSERIAL", 320, 240, CFA_MONO)};
+    const struct conformance with = {.section = "[camera eye]\ndriver = aravis\n"};
+    const struct config_section *section;
+    GError *error = NULL;
+    g_autoptr(Config) config = conformance_config(&with, "device = BYSERIAL\n", &section);
+    g_autoptr(Config) other = conformance_config(&with, "device = NOBODY\n", &section);
+    eye.clock = clock_new_real();
+    g_assert_null(camera_open(&aravis_camera_driver, section, NULL, eye.clock, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+    g_assert_nonnull(strstr(error->message, "no camera \"NOBODY\" is found"));
+    g_clear_error(&error);
+    section = config_find(config, "camera", "eye");
+    eye.camera = camera_open(&aravis_camera_driver, section, NULL, eye.clock, &error);
+    g_assert_no_error(error);
+    camera_listen(eye.camera, eye_on_event, &eye);
+    g_assert_true(eye_ready(&eye, 1000, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+    eye_end(&eye);
+}
+
+static void refused_options(void) {
+    static const struct {
+        const char *keys, *said;
+    } cases[] = {
+        {"pixel_format = RGB8", "./rig.conf:5: [camera eye] pixel_format: \"RGB8\" cannot be"},
+        {"pixel_format = BayerGB8",
+         "it has no \"BayerGB8\" to measure with; choose from: BayerRG8"},
+        {"trigger = Line0", "pulse_path: must be given for a trigger by Line0"},
+        {"trigger = Line7\npulse_path = /dev/null",
+         "trigger: it has no source \"Line7\"; choose from: Line0, Software"},
+        {"width = 400", "a region of 400 × 240 at 0, 0 does not fit its sensor of 320 × 240"},
+        {"offset_y = 200\nheight = 100", "a region of 320 × 100 at 0, 200 does not fit"},
+        {"features = NoSuchThing=1", "features: NoSuchThing=1"},
+        {"gain_per_db = nan", "gain_per_db"},
+    };
+    struct eye eye = {.device = eye_device("EYE", 320, 240, CFA_RGGB)};
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        GError *error = NULL;
+        g_assert_false(eye_open(&eye, cases[i].keys, &error));
+        if (!strstr(error->message, cases[i].said))
+            g_error("said \"%s\", not \"%s\"", error->message, cases[i].said);
+        g_clear_error(&error);
+        eye_close(&eye);
+    }
+    eye_end(&eye);
+}
+
+static Camera *set_off(VirtualGige *device, int i, Clock *clock) {
+    g_autofree char *text = g_strdup_printf("[camera eye%d]\ndriver = aravis\ndevice = %s\n", i,
+                                            virtual_gige_address(device));
+    g_autoptr(Config) config = config_parse(text, "./rig.conf", NULL);
+    GError *error = NULL;
+    Camera *camera = camera_open_begin(&aravis_camera_driver, config_find(config, "camera", NULL),
+                                       NULL, clock, &error);
+    g_assert_no_error(error);
+    return camera;
+}
+
+/* Slow cameras are opened in about the time of one. */
+static void opened_at_once(void) {
+    struct virtual_camera_faults slow = {.answer_us = 10000};
+    VirtualGige *devices[8];
+    Camera *cameras[8];
+    Clock *clock = clock_new_real();
+    gint64 took_us[2];
+    for (int i = 0; i < 8; i++) {
+        g_autofree char *serial = g_strdup_printf("SLOW%d", i);
+        devices[i] = eye_device(serial, 64, 48, CFA_MONO);
+        virtual_gige_fail(devices[i], &slow);
+    }
+    for (int k = 0; k < 2; k++) {
+        int n = k == 0 ? 1 : 8;
+        gint64 begun = g_get_monotonic_time();
+        for (int i = 0; i < n; i++)
+            cameras[i] = set_off(devices[i], i, clock);
+        for (int i = 0; i < n; i++) {
+            GError *error = NULL;
+            camera_open_finish(cameras[i], &error);
+            g_assert_no_error(error);
+            g_assert_cmpint(cameras[i]->format.width, ==, 64);
+        }
+        took_us[k] = g_get_monotonic_time() - begun;
+        for (int i = 0; i < n; i++)
+            camera_close(cameras[i]);
+    }
+    g_test_message("one: %.0f ms, eight: %.0f ms", (double)took_us[0] / 1e3,
+                   (double)took_us[1] / 1e3);
+    g_assert_cmpint(took_us[0], >, 200000);
+    g_assert_cmpint(took_us[1], <, 4 * took_us[0]);
+    for (int i = 0; i < 8; i++)
+        virtual_gige_free(devices[i]);
+    clock_unref(clock);
+}
+
+/* Closed while it is still being opened. */
+static void closed_before_opened(void) {
+    VirtualGige *device = eye_device("SLOW", 64, 48, CFA_MONO);
+    struct virtual_camera_faults slow = {.answer_us = 10000}, none = {0};
+    struct eye eye = {.device = device};
+    Clock *clock = clock_new_real();
+    GError *error = NULL;
+    virtual_gige_fail(device, &slow);
+    camera_close(set_off(device, 0, clock));
+    virtual_gige_fail(device, &none);
+    eye_open(&eye, "", &error);
+    g_assert_no_error(error);
+    g_assert_true(eye_ready(&eye, 1000, NULL));
+    g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
+    eye_end(&eye);
+    clock_unref(clock);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_autoptr(VirtualGige) camera = eye_device("CONFORMANCE", 640, 480, CFA_RGGB);
+    g_autofree char *section =
+        g_strdup_printf("[camera test]\ndriver = aravis\ndevice = %s\nreadout_ms = 10\n",
+                        virtual_gige_address(camera));
+    struct conformance with = {.name = "gige", .section = section, .real_clock = TRUE};
+    conformance_camera(&aravis_camera_driver, &with);
+    for (int cfa = CFA_MONO; cfa <= CFA_GBRG; cfa++) {
+        g_autofree char *path = g_strdup_printf("/gige/formats/%s", cfa_name((enum cfa)cfa));
+        g_test_add_data_func(path, GINT_TO_POINTER(cfa), formats);
+    }
+    g_test_add_func("/gige/settings", settings);
+    g_test_add_func("/gige/packet-size", packet_size);
+    g_test_add_func("/gige/times", times);
+    g_test_add_func("/gige/stamps-of-the-end", stamps_of_the_end);
+    g_test_add_func("/gige/exposed-before-it-is-here", exposed_before_it_is_here);
+    g_test_add_func("/gige/without-clock", without_clock);
+    g_test_add_func("/gige/packet-socket", packet_socket);
+    g_test_add_func("/gige/hardware-trigger", hardware_trigger);
+    g_test_add_func("/gige/eight-at-once", eight_at_once);
+    g_test_add_func("/gige/opened-at-once", opened_at_once);
+    g_test_add_func("/gige/closed-before-opened", closed_before_opened);
+    g_test_add_func("/gige/scan", scan);
+    g_test_add_func("/gige/by-serial", by_serial);
+    g_test_add_func("/gige/refused-options", refused_options);
+    return g_test_run();
+}

@@ -1,0 +1,303 @@
+#include "lib/modbus_rig.h"
+
+#include "modbus/line.h"
+#include "modbus/serial.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <modbus/modbus.h>
+#include <string.h>
+#include <termios.h>
+#include <unistd.h>
+
+/* Drivers over RTU, and what only RTU has: answers that cannot be told apart. */
+
+/* A device of a class that only has a name and a clock, to open lines for. */
+struct opened {
+    VirtualModbus *device;
+    Clock *clock;
+    Config *config;
+    struct modbus_link link;
+    ModbusBus *bus;
+};
+
+/* Takes the device. */
+static void begin_with(struct opened *opened, VirtualModbus *served, int retries) {
+    static const struct driver_info info = {"axis", "test", "A test"};
+    GError *error = NULL;
+    *opened = (struct opened){.device = served, .clock = clock_new_real()};
+    opened->config = config_parse("[axis test]\nbus = x\n", "./test.conf", NULL);
+    struct device device = {&info, "test", opened->clock, NULL,
+                            config_find(opened->config, "axis", NULL)};
+    opened->link = (struct modbus_link){.bus = (char *)virtual_modbus_bus(opened->device),
+                                        .baud = 115200,
+                                        .parity = 1,
+                                        .stop_bits = 1,
+                                        .unit = RIG_UNIT,
+                                        .timeout_ms = 40,
+                                        .late_ms = 100,
+                                        .retries = retries};
+    opened->bus = modbus_bus_get(&opened->link, &device, &error);
+    g_assert_no_error(error);
+    virtual_modbus_set_plain(opened->device, 0, 111);
+    virtual_modbus_set_plain(opened->device, 1, 222);
+}
+
+static void begin(struct opened *opened, int retries) {
+    begin_with(opened, rig_device(TRUE), retries);
+}
+
+static void end(struct opened *opened) {
+    modbus_bus_unref(opened->bus);
+    virtual_modbus_free(opened->device);
+    clock_unref(opened->clock);
+    config_free(opened->config);
+}
+
+static gboolean read_plain(struct opened *opened, int index, guint16 *ret, GError **error) {
+    struct modbus_job job = {0};
+    modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN + index, 1);
+    gboolean ok = modbus_bus_do(opened->bus, &opened->link, &job, 1500, error);
+    *ret = job.requests[0].values[0];
+    return ok;
+}
+
+static void expect_plain(struct opened *opened, int index, guint16 value) {
+    GError *error = NULL;
+    guint16 got;
+    read_plain(opened, index, &got, &error);
+    g_assert_no_error(error);
+    g_assert_cmpuint(got, ==, value);
+}
+
+/* The hazard is real: libmodbus alone takes the late answer for that to the next request. */
+static void raw_is_fooled(void) {
+    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    struct virtual_modbus_faults late = {.late = 1, .late_ms = 60};
+    guint16 value = 0;
+    virtual_modbus_set_plain(device, 0, 111);
+    virtual_modbus_set_plain(device, 1, 222);
+    modbus_t *raw = modbus_new_rtu(virtual_modbus_bus(device), 115200, 'E', 8, 1);
+    modbus_set_slave(raw, RIG_UNIT);
+    modbus_set_response_timeout(raw, 0, 40000);
+    g_assert_cmpint(modbus_connect(raw), ==, 0);
+    virtual_modbus_fail(device, &late);
+    g_assert_cmpint(modbus_read_registers(raw, VIRTUAL_MODBUS_PLAIN, 1, &value), ==, -1);
+    g_assert_cmpint(errno, ==, ETIMEDOUT);
+    g_assert_cmpint(modbus_read_registers(raw, VIRTUAL_MODBUS_PLAIN + 1, 1, &value), ==, 1);
+    g_assert_cmpuint(value, ==, 111);
+    modbus_close(raw);
+    modbus_free(raw);
+}
+
+static void late_is_asked_again(void) {
+    struct virtual_modbus_faults late = {.late = 1, .late_ms = 60};
+    struct modbus_counts counts;
+    struct opened opened;
+    begin(&opened, 3);
+    virtual_modbus_fail(opened.device, &late);
+    expect_plain(&opened, 0, 111);
+    expect_plain(&opened, 1, 222);
+    modbus_bus_counts(opened.bus, &counts);
+    g_assert_cmpint(counts.timeouts, ==, 1);
+    end(&opened);
+}
+
+/* Without a retry the request fails; its answer must not pass for that to the next one. */
+static void late_is_not_the_next(void) {
+    static const int delays_ms[] = {45, 60, 80, 110, 130};
+    int n_late = 0;
+    for (gsize i = 0; i < G_N_ELEMENTS(delays_ms); i++) {
+        struct virtual_modbus_faults late = {.late = 1, .late_ms = delays_ms[i]};
+        struct opened opened;
+        GError *error = NULL;
+        guint16 value;
+        begin(&opened, 0);
+        virtual_modbus_fail(opened.device, &late);
+        /* A busy machine may wake this too late to see that it was late. */
+        if (read_plain(&opened, 0, &value, &error)) {
+            g_assert_cmpuint(value, ==, 111);
+        } else {
+            n_late++;
+            g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+        }
+        g_clear_error(&error);
+        expect_plain(&opened, 1, 222);
+        expect_plain(&opened, 0, 111);
+        end(&opened);
+    }
+    g_assert_cmpint(n_late, >, 0);
+}
+
+static void change_plain(gpointer data) {
+    virtual_modbus_set_plain(data, 0, 333);
+}
+
+static gpointer change_later(gpointer data) {
+    g_usleep(60000);
+    change_plain(data);
+    return NULL;
+}
+
+/* Later than the line waits: the old answer comes while the question is asked anew, with a value
+ * that is true no more. That a second answer follows gives it away. */
+static void very_late_is_disbelieved(void) {
+    struct virtual_modbus_faults late = {.late = 1, .late_ms = 155};
+    struct modbus_counts counts;
+    struct opened opened;
+    begin(&opened, 3);
+    virtual_modbus_fail(opened.device, &late);
+    GThread *thread = g_thread_new("change", change_later, opened.device);
+    expect_plain(&opened, 0, 333);
+    g_thread_join(thread);
+    modbus_bus_counts(opened.bus, &counts);
+    g_assert_cmpint(counts.disbelieved, >=, 1);
+    expect_plain(&opened, 1, 222);
+    end(&opened);
+}
+
+static void damaged_is_repeated(void) {
+    struct virtual_modbus_faults damaged = {.damaged = 2};
+    struct modbus_counts counts;
+    struct opened opened;
+    GError *error = NULL;
+    guint16 value;
+    begin(&opened, 3);
+    virtual_modbus_fail(opened.device, &damaged);
+    expect_plain(&opened, 0, 111);
+    modbus_bus_counts(opened.bus, &counts);
+    g_assert_cmpint(counts.damaged, ==, 2);
+    damaged.damaged = -1;
+    virtual_modbus_fail(opened.device, &damaged);
+    g_assert_false(read_plain(&opened, 0, &value, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL);
+    g_assert_nonnull(strstr(error->message, "unit 7, reading holding register 100 (0x0064)"));
+    g_assert_nonnull(strstr(error->message, "4 tries"));
+    g_assert_nonnull(strstr(error->message, "termination"));
+    g_clear_error(&error);
+    modbus_bus_counts(opened.bus, &counts);
+    g_assert_cmpint(counts.damaged, ==, 6);
+    damaged.damaged = 0;
+    virtual_modbus_fail(opened.device, &damaged);
+    expect_plain(&opened, 1, 222);
+    end(&opened);
+}
+
+static void note(const struct modbus_job *job, const GError *error, gpointer data) {
+    g_assert_no_error(error);
+    g_string_append_printf(data, "%d ", job->requests[0].address - VIRTUAL_MODBUS_PLAIN);
+}
+
+/* Commands keep their order, polls come last, results come from the main loop alone. */
+static void order(void) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    struct virtual_modbus_faults slow = {.delay_us = 5000};
+    struct opened opened;
+    begin(&opened, 3);
+    virtual_modbus_fail(opened.device, &slow);
+    static const struct {
+        int index;
+        gboolean poll;
+    } jobs[] = {{0, FALSE}, {1, TRUE}, {2, FALSE}, {3, TRUE}, {4, FALSE}};
+    for (gsize i = 0; i < G_N_ELEMENTS(jobs); i++) {
+        struct modbus_job job = {0};
+        modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN + jobs[i].index, 1);
+        modbus_bus_start(opened.bus, &opened.link, &job, jobs[i].poll, 1500, note, text);
+    }
+    g_usleep(100000);
+    g_assert_cmpuint(text->len, ==, 0);
+    while (text->len < 10)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpstr(text->str, ==, "0 2 4 1 3 ");
+    struct modbus_job job = {0};
+    modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
+    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 1500, note, text);
+    modbus_bus_cancel(opened.bus, text);
+    conformance_pass(opened.clock, 0.05);
+    g_assert_cmpuint(text->len, ==, 10);
+    end(&opened);
+}
+
+static void note_failed(const struct modbus_job *job, const GError *error, gpointer data) {
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    g_string_append(data, "failed ");
+}
+
+/* A request that is not answered holds up the line for longer than what waits behind it may take.
+ */
+static void waiting_does_not_count(void) {
+    g_autoptr(GString) text = g_string_new(NULL);
+    struct virtual_modbus_faults silent = {.silent = 4};
+    struct opened opened;
+    begin(&opened, 3);
+    virtual_modbus_fail(opened.device, &silent);
+    struct modbus_job job = {0};
+    modbus_job_add(&job, MODBUS_READ_HOLDING, VIRTUAL_MODBUS_PLAIN, 1);
+    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 1500, note_failed, text);
+    modbus_bus_start(opened.bus, &opened.link, &job, FALSE, 300, note, text);
+    while (text->len < 9)
+        g_main_context_iteration(NULL, TRUE);
+    g_assert_cmpstr(text->str, ==, "failed 0 ");
+    end(&opened);
+}
+
+/* A program that was killed leaves its settings behind; a pseudo-terminal has no parity to set. */
+static void left_behind(void) {
+    struct opened opened;
+    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    struct termios settings;
+    int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    g_assert_cmpint(fd, >=, 0);
+    g_assert_cmpint(tcgetattr(fd, &settings), ==, 0);
+    cfsetspeed(&settings, B115200);
+    settings.c_iflag = INPCK;
+    settings.c_cflag |= CREAD | CLOCAL;
+    g_assert_cmpint(tcsetattr(fd, TCSANOW, &settings), ==, 0);
+    close(fd);
+    begin_with(&opened, g_steal_pointer(&device), 0);
+    expect_plain(&opened, 0, 111);
+    end(&opened);
+}
+
+/* Two masters on one line would move axes by each other's answers. */
+static void in_use(void) {
+    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    struct modbus_link link = {.bus = (char *)virtual_modbus_bus(device),
+                               .baud = 115200,
+                               .parity = 1,
+                               .stop_bits = 1,
+                               .timeout_ms = 40};
+    GError *error = NULL;
+    int other = modbus_serial_take(link.bus);
+    g_assert_cmpint(other, >=, 0);
+    struct modbus_line *line = modbus_line_new(&link, &error);
+    g_assert_no_error(error);
+    g_assert_false(modbus_line_connect(line, g_get_monotonic_time() + 100000, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY);
+    g_assert_nonnull(strstr(error->message, "another program uses it"));
+    g_clear_error(&error);
+    close(other);
+    g_assert_true(modbus_line_connect(line, g_get_monotonic_time() + 3000000, &error));
+    g_assert_cmpint(modbus_serial_take(link.bus), ==, -1);
+    modbus_line_free(line);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    VirtualModbus *served = rig_device(TRUE);
+    rig_conformance(virtual_modbus_bus(served), "modbus-rtu");
+    rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-register", FALSE);
+    rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-pulses", TRUE);
+    g_test_add_func("/modbus/rtu/raw-is-fooled", raw_is_fooled);
+    g_test_add_func("/modbus/rtu/late-is-asked-again", late_is_asked_again);
+    g_test_add_func("/modbus/rtu/late-is-not-the-next", late_is_not_the_next);
+    g_test_add_func("/modbus/rtu/very-late-is-disbelieved", very_late_is_disbelieved);
+    g_test_add_func("/modbus/rtu/damaged-is-repeated", damaged_is_repeated);
+    g_test_add_func("/modbus/rtu/order", order);
+    g_test_add_func("/modbus/rtu/waiting-does-not-count", waiting_does_not_count);
+    g_test_add_func("/modbus/rtu/left-behind", left_behind);
+    g_test_add_func("/modbus/rtu/in-use", in_use);
+    int result = g_test_run();
+    virtual_modbus_free(served);
+    return result;
+}

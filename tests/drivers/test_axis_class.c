@@ -1,0 +1,263 @@
+/* The axis class, over simulated axes and one that says nothing by itself. */
+#include "lib/heard.h"
+
+#include <math.h>
+#include <string.h>
+
+static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
+    hear(data, (int)event, error);
+}
+
+static Axis *open_axis(const struct axis_driver *driver, const char *section, struct heard *heard) {
+    const struct conformance with = {.section = section, .path = RIG};
+    const struct config_section *found;
+    g_autoptr(Config) config = conformance_config(&with, "", &found);
+    GError *error = NULL;
+    Axis *axis = axis_open(driver, found, NULL, heard->clock, &error);
+    g_assert_no_error(error);
+    axis_listen(axis, on_axis, heard);
+    return axis;
+}
+
+static void home(Axis *axis, struct heard *heard) {
+    g_assert_true(axis_home(axis, NULL));
+    next(heard, AXIS_HOMED);
+}
+
+static void go(Axis *axis, struct heard *heard, double to_deg) {
+    GError *error = NULL;
+    axis_move(axis, to_deg, &error);
+    g_assert_no_error(error);
+    next(heard, AXIS_ARRIVED);
+}
+
+/* Worked out by hand: v = 10, a = 10, so that the ramps together take 10° and 2 s. */
+static void test_move_time(void) {
+    struct axis_motion m = {-100, 100, FALSE, 10, 10, 0, 500};
+    g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 0, 20), 3.5, 1e-12);
+    g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 0, 10), 2.5, 1e-12);
+    g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 0, 2.5), 1.5, 1e-12);
+    g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 20, 0), 3.5, 1e-12);
+    g_assert_cmpfloat(axis_move_time_s(&m, 7, 7), ==, 0);
+    m.backlash_deg = 0.4; /* back by 0.4°: 2 sqrt(0.04) = 0.4 s */
+    g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 20, 0), 3.54 + 0.4, 1e-12);
+    g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, 0, 20), 3.5, 1e-12);
+    g_assert_cmpfloat_with_epsilon(axis_move_time_s(&m, -80, -100), 3.5, 1e-12);
+    m.wraps = TRUE;
+    g_assert_cmpfloat(axis_way_deg(&m, 350, 10), ==, 20);
+    g_assert_cmpfloat(axis_way_deg(&m, 10, 350), ==, -20);
+    g_assert_cmpfloat(axis_way_deg(&m, 0, 180), ==, 180);
+    g_assert_cmpfloat(axis_way_deg(&m, 180, 0), ==, 180);
+    g_assert_cmpfloat(axis_way_deg(&m, 725, 5), ==, 0);
+}
+
+static void test_predicted_time(void) {
+    static const double targets[] = {30, 350, 170, 169.9, 169.95, 0, 180, 0, 0.001, -725.5};
+    g_autoptr(Clock) clock = clock_new_virtual();
+    struct heard heard = {.clock = clock};
+    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, &heard);
+    home(axis, &heard);
+    for (gsize i = 0; i < G_N_ELEMENTS(targets); i++) {
+        double from = axis_position_deg(axis);
+        double predicted = axis_move_time_s(&axis->motion, from, targets[i]);
+        gint64 start = clock_now_us(clock);
+        go(axis, &heard, targets[i]);
+        double took = (double)(clock_now_us(clock) - start) / 1e6;
+        g_assert_cmpfloat_with_epsilon(took, predicted, 1e-3);
+    }
+    g_assert_cmpfloat_with_epsilon(axis_position_deg(axis), 360 * 3 - 725.5, 1e-6);
+}
+
+/* An axis that notes what it is told and says nothing by itself. */
+struct silent_axis {
+    double targets[8];
+    int n_targets, n_stops;
+    double position;
+};
+
+static gboolean silent_open(Axis *axis, GError **error) {
+    axis->motion = (struct axis_motion){-50, 50, FALSE, 10, 10, 2, 500};
+    return TRUE;
+}
+
+static void silent_close(Axis *axis) {
+}
+
+static gboolean silent_home(Axis *axis, GError **error) {
+    return TRUE;
+}
+
+static gboolean silent_move(Axis *axis, double target_deg, GError **error) {
+    struct silent_axis *silent = axis->device.priv;
+    silent->targets[silent->n_targets++] = target_deg;
+    return TRUE;
+}
+
+static gboolean silent_stop(Axis *axis, GError **error) {
+    ((struct silent_axis *)axis->device.priv)->n_stops++;
+    return TRUE;
+}
+
+static double silent_position(Axis *axis) {
+    return ((struct silent_axis *)axis->device.priv)->position;
+}
+
+static const struct axis_driver silent_driver = {
+    .info = {"axis", "silent", "Says nothing", NULL, sizeof(struct silent_axis)},
+    .open = silent_open,
+    .close = silent_close,
+    .home = silent_home,
+    .move = silent_move,
+    .stop = silent_stop,
+    .position = silent_position,
+};
+
+static void arrive(Axis *axis) {
+    struct silent_axis *silent = axis->device.priv;
+    silent->position = silent->targets[silent->n_targets - 1];
+    axis_report(axis, AXIS_ARRIVED, NULL);
+}
+
+static void test_backlash(void) {
+    g_autoptr(Clock) clock = clock_new_virtual();
+    struct heard heard = {.clock = clock};
+    g_autoptr(Axis) axis = open_axis(&silent_driver, "[axis a]", &heard);
+    struct silent_axis *silent = axis->device.priv;
+    g_assert_true(axis_home(axis, NULL));
+    axis_report(axis, AXIS_HOMED, NULL);
+    next(&heard, AXIS_HOMED);
+
+    g_assert_true(axis_move(axis, 20, NULL)); /* upwards: straight */
+    arrive(axis);
+    next(&heard, AXIS_ARRIVED);
+    g_assert_cmpint(silent->n_targets, ==, 1);
+    g_assert_true(axis_move(axis, 10, NULL)); /* downwards: past it and back */
+    g_assert_cmpfloat(silent->targets[1], ==, 8);
+    arrive(axis);
+    g_assert_cmpint(heard.n, ==, 0);
+    g_assert_cmpfloat(silent->targets[2], ==, 10);
+    gint64 arrived = clock_now_us(clock);
+    arrive(axis);
+    next(&heard, AXIS_ARRIVED);
+    g_assert_cmpint(heard.at_us - arrived, ==, 500000); /* settled */
+    g_assert_true(axis_move(axis, -50, NULL));          /* no room below */
+    g_assert_cmpfloat(silent->targets[3], ==, -50);
+    arrive(axis);
+    next(&heard, AXIS_ARRIVED);
+    g_assert_cmpint(silent->n_targets, ==, 4);
+    heard_clear(&heard);
+}
+
+static void test_axis_deadline(void) {
+    g_autoptr(Clock) clock = clock_new_virtual();
+    struct heard heard = {.clock = clock};
+    g_autoptr(Axis) axis = open_axis(&silent_driver, "[axis a]", &heard);
+    struct silent_axis *silent = axis->device.priv;
+    g_assert_true(axis_home(axis, NULL));
+    axis_report(axis, AXIS_HOMED, NULL);
+    next(&heard, AXIS_HOMED);
+    gint64 start = clock_now_us(clock);
+    g_assert_true(axis_move(axis, 20, NULL));
+    next(&heard, AXIS_FAULT);
+    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    g_assert_cmpint(heard.at_us - start, ==, (gint64)(3.5 * 1.5e6) + 4000000);
+    g_assert_cmpint(silent->n_stops, ==, 1);
+    g_assert_false(axis_is_homed(axis));
+    axis_report(axis, AXIS_ARRIVED, NULL); /* too late */
+    axis_report(axis, AXIS_STOPPED, NULL);
+    g_assert_true(axis_home(axis, NULL));
+    axis_report(axis, AXIS_ARRIVED, NULL); /* still too late: no answer to home */
+    conformance_pass(clock, 1);
+    g_assert_cmpint(heard.n, ==, 0);
+    next(&heard, AXIS_FAULT); /* homing has its deadline too */
+    g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
+    heard_clear(&heard);
+}
+
+static double true_turntable(Clock *clock) {
+    g_autoptr(World) world = world_get(WORLD, NULL);
+    struct world_state state;
+    world_snapshot(world, clock_now_us(clock), 1, &state);
+    return state.turntable_deg;
+}
+
+/* What backlash and errors do to the truth, and that the class undoes the first. */
+static void test_true_position(void) {
+    g_autoptr(Clock) clock = clock_new_virtual();
+    g_autoptr(World) world = world_get(WORLD, NULL);
+    struct heard heard = {.clock = clock};
+    g_autoptr(Axis) axis =
+        open_axis(&sim_axis_driver,
+                  "[axis turntable]\nworld = world.conf\nwraps = yes\nbacklash_deg = 0.5\n"
+                  "position_error_deg = 0.1\nsettle_ms = 100\n",
+                  &heard);
+    home(axis, &heard);
+    go(axis, &heard, 40);
+    double from_below = true_turntable(clock);
+    g_assert_cmpfloat(fabs(from_below - 40), <=, 0.1);
+    g_assert_cmpfloat(fabs(from_below - 40), >, 0);
+    go(axis, &heard, 170);
+    go(axis, &heard, 290); /* round and round: the same truth to the last bit */
+    go(axis, &heard, 50);
+    go(axis, &heard, 40);
+    g_assert_cmpfloat(true_turntable(clock), ==, from_below);
+
+    g_assert_true(axis_move(axis, 30, NULL)); /* half way down the load lags, and moves */
+    conformance_pass(clock, 0.3);
+    double lag = true_turntable(clock) - axis_position_deg(axis);
+    g_assert_cmpfloat(lag, >, 0.35);
+    g_assert_cmpfloat(lag, <, 2.0);
+    g_assert_cmpfloat(true_turntable(clock), <, 40);
+    next(&heard, AXIS_ARRIVED);
+}
+
+/* Straight after arrival the load still swings, until the settling time is over. */
+static void test_settling(void) {
+    g_autoptr(Clock) clock = clock_new_virtual();
+    g_autoptr(World) world = world_get(WORLD, NULL);
+    struct heard heard = {.clock = clock};
+    g_autoptr(Axis) axis = open_axis(&sim_axis_driver, turntable.section, &heard);
+    home(axis, &heard);
+    double predicted = axis_move_time_s(&axis->motion, 0, 40);
+    g_assert_true(axis_move(axis, 40, NULL));
+    conformance_pass(clock, predicted - 0.01);
+    g_assert_cmpint(heard.n, ==, 0);
+    g_assert_cmpfloat(true_turntable(clock), !=, 40);
+    next(&heard, AXIS_ARRIVED);
+    g_assert_cmpfloat(true_turntable(clock), ==, 40);
+}
+
+static void test_stall(void) {
+    static const char *const kinds[] = {"reported", "silent"};
+    for (int kind = 0; kind < 2; kind++) {
+        g_autoptr(Clock) clock = clock_new_virtual();
+        g_autofree char *section =
+            g_strdup_printf("[axis a]\nfault_stall_at = 2\nfault_stall_kind = %s", kinds[kind]);
+        struct heard heard = {.clock = clock};
+        g_autoptr(Axis) axis = open_axis(&sim_axis_driver, section, &heard);
+        home(axis, &heard);
+        go(axis, &heard, 10);
+        g_assert_true(axis_move(axis, 100, NULL));
+        next(&heard, AXIS_FAULT);
+        int code = kind ? DEVICE_ERROR_TIMEOUT : DEVICE_ERROR_STALLED;
+        g_assert_error(heard.error, DEVICE_ERROR, code);
+        g_assert_false(axis_is_homed(axis));
+        g_assert_false(axis_move(axis, 20, NULL));
+        home(axis, &heard);
+        go(axis, &heard, 100);
+        heard_clear(&heard);
+    }
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_autoptr(World) built_once = world_get(WORLD, NULL);
+    g_test_add_func("/axis/move-time", test_move_time);
+    g_test_add_func("/axis/predicted-time", test_predicted_time);
+    g_test_add_func("/axis/backlash", test_backlash);
+    g_test_add_func("/axis/deadline", test_axis_deadline);
+    g_test_add_func("/axis/true-position", test_true_position);
+    g_test_add_func("/axis/settling", test_settling);
+    g_test_add_func("/axis/stall", test_stall);
+    return g_test_run();
+}

@@ -1,0 +1,686 @@
+#include "conformance/conformance.h"
+
+#include "usb/relays.h"
+#include "usb/tic.h"
+#include "virtual/testbed.h"
+#include "virtual/usb_relays.h"
+#include "virtual/usb_tic.h"
+
+#include <math.h>
+#include <string.h>
+
+/*
+ * Faults of the USB drivers against models of their devices, in real time. The Tic's axis has 100
+ * microsteps to the degree, homes towards a switch at 0° and has another at 40°.
+ */
+#define STEPS_PER_DEG 100.0
+#define TRAVEL        4000.0
+
+static const struct conformance tic_with = {
+    .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 100\nmin_deg = 0\nmax_deg = 38\n"
+               "speed_deg_s = 60\naccel_deg_s2 = 1200\npoll_ms = 10\n",
+};
+
+struct heard {
+    int n;
+    int last; /* axis event, or lamp */
+    GError *error;
+};
+
+static void note(struct heard *heard, int last, const GError *error) {
+    heard->n++;
+    heard->last = last;
+    g_clear_error(&heard->error);
+    if (error)
+        heard->error = g_error_copy(error);
+}
+
+static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
+    note(data, event, error);
+}
+
+static void on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, const GError *error,
+                    gpointer data) {
+    note(data, index, error);
+}
+
+static void on_laser(Laser *laser, gboolean on, const GError *error, gpointer data) {
+    note(data, on, error);
+}
+
+struct rig {
+    Clock *clock;
+    VirtualTic *tic;
+    Axis *axis;
+    struct heard heard;
+};
+
+static Axis *open_tic(Clock *clock, const char *more, GError **error) {
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&tic_with, more, &section);
+    return axis_open(&tic_axis_driver, section, NULL, clock, error);
+}
+
+static void begin(struct rig *rig, const char *more) {
+    GError *error = NULL;
+    *rig = (struct rig){.clock = clock_new_real()};
+    rig->tic = virtual_tic_new("00123456", 1, TRAVEL, 100);
+    rig->axis = open_tic(rig->clock, more, &error);
+    g_assert_no_error(error);
+    axis_listen(rig->axis, on_axis, &rig->heard);
+}
+
+static void end(struct rig *rig) {
+    g_clear_pointer(&rig->axis, axis_close);
+    g_clear_pointer(&rig->tic, virtual_tic_free);
+    g_clear_pointer(&rig->clock, clock_unref);
+    g_clear_error(&rig->heard.error);
+}
+
+static void expect(struct rig *rig, enum axis_event event) {
+    conformance_wait(rig->clock, &rig->heard.n, 1, 10);
+    if (event != AXIS_FAULT)
+        g_assert_no_error(rig->heard.error);
+    g_assert_cmpint(rig->heard.last, ==, event);
+    g_assert_cmpint(rig->heard.n, ==, 1);
+    rig->heard.n = 0;
+}
+
+static void expect_fault(struct rig *rig, enum device_error code, const char *text) {
+    expect(rig, AXIS_FAULT);
+    g_assert_error(rig->heard.error, DEVICE_ERROR, (int)code);
+    g_assert_true(g_str_has_prefix(rig->heard.error->message, "axis test: "));
+    if (!strstr(rig->heard.error->message, text))
+        g_error("\"%s\" does not say \"%s\"", rig->heard.error->message, text);
+    g_assert_false(axis_is_homed(rig->axis));
+    g_assert_false(axis_is_moving(rig->axis));
+    /* One cause, one fault. */
+    conformance_pass(rig->clock, 0.1);
+    g_assert_cmpint(rig->heard.n, ==, 0);
+}
+
+static void home(struct rig *rig) {
+    GError *error = NULL;
+    axis_home(rig->axis, &error);
+    g_assert_no_error(error);
+    expect(rig, AXIS_HOMED);
+}
+
+static void start(struct rig *rig, double deg) {
+    GError *error = NULL;
+    axis_move(rig->axis, deg, &error);
+    g_assert_no_error(error);
+}
+
+static void start_and_pass(struct rig *rig, double deg) {
+    start(rig, deg);
+    conformance_pass(rig->clock, 0.1);
+    g_assert_cmpint(rig->heard.n, ==, 0);
+    g_assert_cmpfloat(virtual_tic_speed(rig->tic), >, 1000);
+}
+
+/* What every fault must leave: an axis that homes and moves again. */
+static void assert_recovers(struct rig *rig) {
+    home(rig);
+    start(rig, 5);
+    expect(rig, AXIS_ARRIVED);
+    g_assert_cmpfloat(fabs(virtual_tic_steps(rig->tic) - 5 * STEPS_PER_DEG), <, 2);
+}
+
+static void assert_stands(struct rig *rig) {
+    g_assert_cmpfloat(virtual_tic_speed(rig->tic), ==, 0);
+}
+
+/* Where the load truly is, and how fast it went: the units of the commands. */
+static void test_tic_truth(void) {
+    struct rig rig;
+    begin(&rig, "home_deg = 3\n");
+    home(&rig);
+    g_assert_cmpfloat(axis_position_deg(rig.axis), ==, 3);
+    g_assert_cmpfloat(fabs(virtual_tic_steps(rig.tic)), <, 2);
+    gint64 from = clock_now_us(rig.clock);
+    start(&rig, 23.004);
+    expect(&rig, AXIS_ARRIVED);
+    double took = (double)(clock_now_us(rig.clock) - from) * 1e-6;
+    g_assert_cmpfloat(fabs(virtual_tic_steps(rig.tic) - 2000), <, 2);
+    g_assert_cmpfloat(axis_position_deg(rig.axis), ==, 23.004);
+    double top = virtual_tic_top_speed(rig.tic);
+    g_assert_cmpfloat(fabs(top - 6000), <, 10);
+    g_assert_cmpfloat(took, >, axis_move_time_s(&rig.axis->motion, 3, 23.004) - 0.02);
+    end(&rig);
+}
+
+static void test_tic_here(void) {
+    struct rig rig;
+    begin(&rig, "homing = here\n");
+    home(&rig);
+    g_assert_cmpfloat(fabs(virtual_tic_steps(rig.tic) - 100), <, 1);
+    start(&rig, 5);
+    expect(&rig, AXIS_ARRIVED);
+    g_assert_cmpfloat(fabs(virtual_tic_steps(rig.tic) - 600), <, 2);
+    end(&rig);
+}
+
+static void test_tic_stall(void) {
+    struct rig rig;
+    begin(&rig, "");
+    home(&rig);
+    start_and_pass(&rig, 30);
+    virtual_usb_set_fault(virtual_tic_usb(rig.tic), VIRTUAL_USB_STALLS);
+    expect_fault(&rig, DEVICE_ERROR_PROTOCOL, "refused a request");
+    virtual_usb_set_fault(virtual_tic_usb(rig.tic), VIRTUAL_USB_WELL);
+    assert_recovers(&rig);
+    end(&rig);
+}
+
+static void test_tic_silent(void) {
+    struct rig rig;
+    begin(&rig, "");
+    virtual_tic_set_mode(rig.tic, 0, 250);
+    home(&rig);
+    start_and_pass(&rig, 38);
+    virtual_usb_set_fault(virtual_tic_usb(rig.tic), VIRTUAL_USB_SILENT);
+    expect_fault(&rig, DEVICE_ERROR_TIMEOUT, "did not answer");
+    virtual_usb_set_fault(virtual_tic_usb(rig.tic), VIRTUAL_USB_WELL);
+    assert_recovers(&rig);
+    end(&rig);
+}
+
+static void test_tic_short_answer(void) {
+    struct rig rig;
+    GError *error = NULL;
+    begin(&rig, "");
+    home(&rig);
+    start_and_pass(&rig, 30);
+    virtual_usb_set_fault(virtual_tic_usb(rig.tic), VIRTUAL_USB_SHORT);
+    expect_fault(&rig, DEVICE_ERROR_PROTOCOL, "21 bytes of 42");
+    g_clear_pointer(&rig.axis, axis_close);
+    g_assert_null(open_tic(rig.clock, "", &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL);
+    g_clear_error(&error);
+    end(&rig);
+}
+
+/* Requests that are never answered are cancelled, and nothing is told of them. */
+static void test_tic_close_waiting(void) {
+    struct rig rig;
+    begin(&rig, "");
+    home(&rig);
+    start_and_pass(&rig, 30);
+    virtual_usb_set_fault(virtual_tic_usb(rig.tic), VIRTUAL_USB_SILENT);
+    conformance_pass(rig.clock, 0.05);
+    gint64 from = g_get_monotonic_time();
+    g_clear_pointer(&rig.axis, axis_close);
+    g_assert_cmpint(g_get_monotonic_time() - from, <, 600000);
+    conformance_pass(rig.clock, 0.1);
+    g_assert_cmpint(rig.heard.n, ==, 0);
+    end(&rig);
+}
+
+/* A motor left turning is braked by whoever opens it next. */
+static void test_tic_left_turning(void) {
+    static const struct conformance slow = {
+        .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 100\nspeed_deg_s = 10\n"
+                   "homing = here\n"};
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&slow, "", &section);
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualTic) tic = virtual_tic_new("1", 1, 0, 0);
+    struct heard heard = {0};
+    Axis *axis = axis_open(&tic_axis_driver, section, NULL, clock, NULL);
+    axis_listen(axis, on_axis, &heard);
+    g_assert_true(axis_home(axis, NULL));
+    conformance_wait(clock, &heard.n, 1, 5);
+    g_assert_true(axis_move(axis, 100, NULL));
+    conformance_pass(clock, 0.3);
+    virtual_usb_set_fault(virtual_tic_usb(tic), VIRTUAL_USB_SILENT);
+    axis_close(axis);
+    virtual_usb_set_fault(virtual_tic_usb(tic), VIRTUAL_USB_WELL);
+    g_assert_cmpfloat(virtual_tic_speed(tic), >, 900);
+    axis = axis_open(&tic_axis_driver, section, NULL, clock, NULL);
+    conformance_pass(clock, 0.4);
+    g_assert_cmpfloat(virtual_tic_speed(tic), ==, 0);
+    g_assert_cmpfloat(virtual_tic_steps(tic), <, 9000);
+    axis_close(axis);
+}
+
+static void test_tic_unplug(void) {
+    struct rig rig;
+    GError *error = NULL;
+    begin(&rig, "serial = 00123456\n");
+    home(&rig);
+    start_and_pass(&rig, 30);
+    gint64 from = clock_now_us(rig.clock);
+    virtual_usb_unplug(virtual_tic_usb(rig.tic));
+    expect_fault(&rig, DEVICE_ERROR_DISCONNECTED, "unplugged");
+    g_assert_cmpint(clock_now_us(rig.clock) - from, <, 500000);
+    g_assert_false(axis_home(rig.axis, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+    g_assert_nonnull(strstr(error->message, "00123456"));
+    g_clear_error(&error);
+    virtual_usb_plug(virtual_tic_usb(rig.tic));
+    conformance_pass(rig.clock, 0.1);
+    assert_recovers(&rig);
+    end(&rig);
+}
+
+/* Nothing under way: the hot-plug event alone tells of it. */
+static void test_tic_unplug_standing(void) {
+    struct rig rig;
+    begin(&rig, "");
+    virtual_usb_unplug(virtual_tic_usb(rig.tic));
+    expect_fault(&rig, DEVICE_ERROR_DISCONNECTED, "unplugged");
+    virtual_usb_plug(virtual_tic_usb(rig.tic));
+    conformance_pass(rig.clock, 0.1);
+    assert_recovers(&rig);
+    end(&rig);
+}
+
+static void test_tic_safe_start(void) {
+    struct rig rig;
+    begin(&rig, "");
+    home(&rig);
+    start_and_pass(&rig, 38);
+    virtual_tic_enter_safe_start(rig.tic);
+    expect_fault(&rig, DEVICE_ERROR_STALLED, "safe start violation");
+    assert_stands(&rig);
+    assert_recovers(&rig);
+    end(&rig);
+}
+
+static void test_tic_limit(void) {
+    struct rig rig;
+    begin(&rig, "");
+    home(&rig);
+    start_and_pass(&rig, 38);
+    virtual_tic_block_switch(rig.tic, TRUE);
+    expect_fault(&rig, DEVICE_ERROR_STALLED, "limit switch");
+    assert_stands(&rig);
+    virtual_tic_block_switch(rig.tic, FALSE);
+    assert_recovers(&rig);
+    end(&rig);
+}
+
+static void test_tic_uncertain(void) {
+    struct rig rig;
+    begin(&rig, "");
+    home(&rig);
+    start_and_pass(&rig, 30);
+    virtual_tic_lose_steps(rig.tic);
+    expect_fault(&rig, DEVICE_ERROR_STALLED, "uncertain");
+    assert_stands(&rig);
+    assert_recovers(&rig);
+    conformance_pass(rig.clock, 0.2);
+    virtual_tic_lose_steps(rig.tic); /* noticed while it stands, too */
+    expect_fault(&rig, DEVICE_ERROR_STALLED, "uncertain");
+    end(&rig);
+}
+
+/* The switches are cut: it would turn on for ever, if it were not stopped. */
+static void test_tic_no_switch(void) {
+    struct rig rig;
+    begin(&rig, "");
+    virtual_tic_cut_switches(rig.tic);
+    g_assert_true(axis_home(rig.axis, NULL));
+    conformance_pass(rig.clock, 0.5);
+    g_assert_true(axis_is_moving(rig.axis));
+    g_assert_true(axis_stop(rig.axis, NULL));
+    expect(&rig, AXIS_STOPPED);
+    g_assert_false(axis_is_homed(rig.axis));
+    assert_stands(&rig);
+    end(&rig);
+}
+
+/* As if the daemon hung or died: the Tic's own timeout stops the motor. When it wakes, it goes on.
+ */
+static void test_tic_daemon_hangs(void) {
+    struct rig rig;
+    begin(&rig, "");
+    axis_close(rig.axis);
+    virtual_tic_set_mode(rig.tic, 0, 400);
+    rig.axis = open_tic(rig.clock, "", NULL);
+    axis_listen(rig.axis, on_axis, &rig.heard);
+    home(&rig);
+    conformance_pass(rig.clock, 0.6); /* fed while it stands */
+    g_assert_false(virtual_tic_has_timed_out(rig.tic));
+    start_and_pass(&rig, 38);
+    g_usleep(700000);
+    g_assert_true(virtual_tic_has_timed_out(rig.tic));
+    assert_stands(&rig);
+    g_assert_cmpfloat(virtual_tic_steps(rig.tic), <, 37 * STEPS_PER_DEG);
+    expect(&rig, AXIS_ARRIVED);
+    g_assert_true(axis_is_homed(rig.axis));
+    g_assert_cmpfloat_with_epsilon(axis_position_deg(rig.axis), 38, 1e-9);
+    g_usleep(700000); /* while it stands, too */
+    conformance_pass(rig.clock, 0.3);
+    g_assert_false(virtual_tic_has_timed_out(rig.tic));
+    start(&rig, 5);
+    expect(&rig, AXIS_ARRIVED);
+    end(&rig);
+}
+
+static void assert_not_opened(Clock *clock, const char *more, GQuark domain, int code,
+                              const char *text) {
+    GError *error = NULL;
+    g_assert_null(open_tic(clock, more, &error));
+    g_assert_error(error, domain, code);
+    if (!strstr(error->message, text))
+        g_error("\"%s\" does not say \"%s\"", error->message, text);
+    g_clear_error(&error);
+}
+
+static void test_tic_settings(void) {
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualTic) tic = virtual_tic_new("1", 1, TRAVEL, 100);
+    virtual_tic_set_mode(tic, 1, 1000);
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "control mode is 1");
+    virtual_tic_set_mode(tic, 0, 0);
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "(off)");
+    virtual_tic_set_mode(tic, 0, 100);
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "200 ms or more");
+    virtual_tic_set_mode(tic, 0, 1000);
+    virtual_usb_set_fault(virtual_tic_usb(tic), VIRTUAL_USB_SILENT);
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_TIMEOUT, "did not answer");
+    virtual_usb_set_fault(virtual_tic_usb(tic), VIRTUAL_USB_STALLS);
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "refused a request");
+}
+
+static void test_tic_units(void) {
+    static const struct conformance fast = {
+        .section = "[axis test]\ndriver = tic-axis\nsteps_per_deg = 10000\nspeed_deg_s = 60\n"};
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&fast, "", &section);
+    g_autoptr(Clock) clock = clock_new_real();
+    GError *error = NULL;
+    g_assert_null(axis_open(&tic_axis_driver, section, NULL, clock, &error));
+    g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE);
+    g_assert_nonnull(strstr(error->message, "600000 microsteps/s"));
+    g_clear_error(&error);
+}
+
+static void test_tic_choice(void) {
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualTic) one = virtual_tic_new("AAA", 1, TRAVEL, 100);
+    g_autoptr(VirtualTic) two = virtual_tic_new("BBB", 2, TRAVEL, 700);
+    struct heard heard = {0};
+    GError *error = NULL;
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_RANGE, "more than one device");
+    assert_not_opened(clock, "serial = CCC\n", DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "BBB");
+    assert_not_opened(clock, "path = 1-3\n", DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "1-3");
+    g_autoptr(Axis) by_path = open_tic(clock, "path = 1-1\nhoming = here\n", &error);
+    g_assert_no_error(error);
+    g_autoptr(Axis) by_serial = open_tic(clock, "serial = BBB\nhoming = here\n", &error);
+    g_assert_no_error(error);
+    axis_listen(by_path, on_axis, &heard);
+    axis_listen(by_serial, on_axis, &heard);
+    g_assert_true(axis_home(by_path, NULL) && axis_home(by_serial, NULL));
+    conformance_wait(clock, &heard.n, 2, 5);
+    heard.n = 0;
+    g_assert_true(axis_move(by_path, 4, NULL) && axis_move(by_serial, 6, NULL));
+    conformance_wait(clock, &heard.n, 2, 5);
+    g_assert_no_error(heard.error);
+    g_assert_cmpfloat(fabs(virtual_tic_steps(one) - 500), <, 2);
+    g_assert_cmpfloat(fabs(virtual_tic_steps(two) - 1300), <, 2);
+}
+
+/* The right ids on a device of another kind, as a Tic in its bootloader is. */
+static void test_no_interface(void) {
+    static const guint8 no_vendor[] = {9, 2, 18, 0, 1, 1, 0, 0xc0, 50, 9, 4, 0, 0, 0, 2, 0, 0, 0};
+    static const struct virtual_usb_class class = {
+        0x1ffb, 0x00b3, "Tic Bootloader", "1", no_vendor, sizeof no_vendor, NULL};
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualUsb) usb = virtual_usb_new(&class, 1, NULL);
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "no interface");
+    g_assert_cmpint(virtual_usb_n_requests(usb), ==, 0);
+}
+
+struct board {
+    Clock *clock;
+    VirtualRelays *relays;
+    LampBank *bank;
+    Laser *laser;
+    struct heard lamps, lasers;
+};
+
+static LampBank *open_bank(Clock *clock, const char *more, GError **error) {
+    static const struct conformance with = {.section = "[lamps bank]\ndriver = usb-relays\n"};
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&with, more, &section);
+    return lamps_open(&usb_relays_driver, section, NULL, clock, error);
+}
+
+static void test_nothing_plugged(void) {
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualRelays) other = virtual_relays_new("Mouse7", "XXXXX", 1, FALSE);
+    GError *error = NULL;
+    assert_not_opened(clock, "", DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "found: none");
+    g_assert_null(open_bank(clock, "", &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+    g_assert_nonnull(strstr(error->message, "Mouse7"));
+    g_assert_cmpint(virtual_usb_n_requests(virtual_relays_usb(other)), ==, 0);
+    g_clear_error(&error);
+}
+
+static Laser *open_laser(Clock *clock, const char *more, GError **error) {
+    static const struct conformance with = {.section = "[laser line]\ndriver = usb-relay-laser\n"};
+    const struct config_section *section;
+    g_autoptr(Config) config = conformance_config(&with, more, &section);
+    return laser_open(&usb_relay_laser_driver, section, NULL, clock, error);
+}
+
+/* A bank on relays 2 to 4, and a laser on relay 6, of one board. */
+static void begin_board(struct board *board) {
+    GError *error = NULL;
+    *board = (struct board){.clock = clock_new_real()};
+    board->relays = virtual_relays_new("USBRelay8", "BOARD", 3, TRUE);
+    board->bank = open_bank(board->clock, "first_relay = 2\nn_lamps = 3\n", &error);
+    g_assert_no_error(error);
+    board->laser = open_laser(board->clock, "relay = 6\n", &error);
+    g_assert_no_error(error);
+    lamps_listen(board->bank, on_lamp, &board->lamps);
+    laser_listen(board->laser, on_laser, &board->lasers);
+}
+
+static void end_board(struct board *board) {
+    g_clear_pointer(&board->bank, lamps_close);
+    g_clear_pointer(&board->laser, laser_close);
+    g_clear_pointer(&board->relays, virtual_relays_free);
+    g_clear_pointer(&board->clock, clock_unref);
+    g_clear_error(&board->lamps.error);
+    g_clear_error(&board->lasers.error);
+}
+
+static void set_lamp(struct board *board, int index, gboolean on) {
+    GError *error = NULL;
+    board->lamps.n = 0;
+    lamps_set(board->bank, index, on, &error);
+    g_assert_no_error(error);
+    conformance_wait(board->clock, &board->lamps.n, 1, 5);
+}
+
+static void set_laser(struct board *board, gboolean on) {
+    GError *error = NULL;
+    board->lasers.n = 0;
+    laser_set(board->laser, on, &error);
+    g_assert_no_error(error);
+    conformance_wait(board->clock, &board->lasers.n, 1, 5);
+}
+
+static void test_relays_shared(void) {
+    struct board board;
+    GError *error = NULL;
+    begin_board(&board);
+    set_lamp(&board, 0, TRUE);
+    set_lamp(&board, 2, TRUE);
+    set_laser(&board, TRUE);
+    g_assert_cmphex(virtual_relays_state(board.relays), ==, 0x2a);
+    lamps_all_off(board.bank, &error);
+    conformance_wait(board.clock, &board.lamps.n, 2, 5);
+    g_assert_cmphex(virtual_relays_state(board.relays), ==, 0x20);
+    set_lamp(&board, 1, TRUE);
+    g_clear_pointer(&board.bank, lamps_close);
+    g_assert_cmphex(virtual_relays_state(board.relays), ==, 0x20);
+    g_clear_pointer(&board.laser, laser_close);
+    g_assert_cmphex(virtual_relays_state(board.relays), ==, 0);
+    end_board(&board);
+}
+
+/* Whatever was left on by a program that died is off once opened. */
+static void test_relays_left_on(void) {
+    struct board board;
+    GError *error = NULL;
+    begin_board(&board);
+    set_laser(&board, TRUE);
+    Laser *again = open_laser(board.clock, "relay = 6\n", &error);
+    g_assert_no_error(error);
+    g_assert_cmphex(virtual_relays_state(board.relays), ==, 0);
+    laser_close(again);
+    end_board(&board);
+}
+
+static void test_relays_stuck(void) {
+    struct board board;
+    begin_board(&board);
+    virtual_relays_stick(board.relays, 1 << 2);
+    set_lamp(&board, 1, TRUE);
+    g_assert_error(board.lamps.error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL);
+    g_assert_nonnull(strstr(board.lamps.error->message, "relay 3 was switched on"));
+    g_assert_false(lamps_is_on(board.bank, 1));
+    set_lamp(&board, 0, TRUE);
+    g_assert_no_error(board.lamps.error);
+    virtual_relays_stick(board.relays, 0);
+    set_lamp(&board, 1, TRUE);
+    g_assert_no_error(board.lamps.error);
+    g_assert_true(lamps_is_on(board.bank, 1));
+    end_board(&board);
+}
+
+/* A laser that will not go off must not be taken for off. */
+static void test_relays_laser_stuck(void) {
+    struct board board;
+    begin_board(&board);
+    set_laser(&board, TRUE);
+    virtual_relays_stick(board.relays, 1 << 5);
+    set_laser(&board, FALSE);
+    g_assert_error(board.lasers.error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL);
+    g_assert_nonnull(strstr(board.lasers.error->message, "relay 6 was switched off"));
+    g_assert_true(laser_is_on(board.laser));
+    virtual_relays_stick(board.relays, 0);
+    set_laser(&board, FALSE);
+    g_assert_no_error(board.lasers.error);
+    g_assert_false(laser_is_on(board.laser));
+    end_board(&board);
+}
+
+static void test_relays_faults(void) {
+    static const struct {
+        enum virtual_usb_fault fault;
+        enum device_error code;
+    } cases[] = {
+        {VIRTUAL_USB_STALLS, DEVICE_ERROR_PROTOCOL},
+        {VIRTUAL_USB_SILENT, DEVICE_ERROR_TIMEOUT},
+        {VIRTUAL_USB_SHORT, DEVICE_ERROR_PROTOCOL},
+    };
+    struct board board;
+    begin_board(&board);
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        virtual_usb_set_fault(virtual_relays_usb(board.relays), cases[i].fault);
+        set_lamp(&board, 0, TRUE);
+        g_assert_error(board.lamps.error, DEVICE_ERROR, (int)cases[i].code);
+        g_assert_true(g_str_has_prefix(board.lamps.error->message, "USB relay board"));
+        virtual_usb_set_fault(virtual_relays_usb(board.relays), VIRTUAL_USB_WELL);
+        set_lamp(&board, 0, TRUE);
+        g_assert_no_error(board.lamps.error);
+        set_lamp(&board, 0, FALSE);
+    }
+    end_board(&board);
+}
+
+/* A kernel may end what is under way as failed, a moment before it says that the device is gone. */
+static gboolean tells_unplugged(const GError *error) {
+    return g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED) ||
+           (g_error_matches(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL) &&
+            strstr(error->message, "USB failed") && strstr(error->message, "check its cable"));
+}
+
+static void test_relays_unplug(void) {
+    struct board board;
+    GError *error = NULL;
+    begin_board(&board);
+    set_laser(&board, TRUE);
+    board.lamps.n = 0;
+    virtual_usb_set_fault(virtual_relays_usb(board.relays), VIRTUAL_USB_SILENT);
+    g_assert_true(lamps_set(board.bank, 0, TRUE, NULL));
+    virtual_usb_unplug(virtual_relays_usb(board.relays));
+    virtual_relays_lose_power(board.relays);
+    conformance_wait(board.clock, &board.lamps.n, 1, 5);
+    g_assert_true(tells_unplugged(board.lamps.error));
+    conformance_pass(board.clock, 0.1);
+    g_assert_false(lamps_set(board.bank, 0, TRUE, &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+    g_assert_true(g_str_has_prefix(error->message, "lamps bank: "));
+    g_clear_error(&error);
+    virtual_usb_set_fault(virtual_relays_usb(board.relays), VIRTUAL_USB_WELL);
+    virtual_usb_plug(virtual_relays_usb(board.relays));
+    conformance_pass(board.clock, 0.1);
+    set_lamp(&board, 0, TRUE);
+    g_assert_no_error(board.lamps.error);
+    set_laser(&board, FALSE);
+    g_assert_no_error(board.lasers.error);
+    g_assert_cmphex(virtual_relays_state(board.relays), ==, 0x02);
+    end_board(&board);
+}
+
+static void test_relays_wrong_relay(void) {
+    g_autoptr(Clock) clock = clock_new_real();
+    g_autoptr(VirtualRelays) relays = virtual_relays_new("USBRelay2", "SMALL", 1, FALSE);
+    GError *error = NULL;
+    g_assert_null(open_laser(clock, "relay = 3\n", &error));
+    g_assert_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE);
+    g_assert_nonnull(strstr(error->message, "relay 3 of a board that has 2"));
+    g_clear_error(&error);
+    g_assert_null(open_bank(clock, "serial = OTHER\n", &error));
+    g_assert_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED);
+    g_assert_nonnull(strstr(error->message, "SMALL"));
+    g_clear_error(&error);
+    virtual_relays_stick(relays, 0x3);
+    g_autoptr(LampBank) bank = open_bank(clock, "", &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(bank->n, ==, 2);
+}
+
+static void add_tests(void) {
+    g_test_add_func("/usb/tic/truth", test_tic_truth);
+    g_test_add_func("/usb/tic/here", test_tic_here);
+    g_test_add_func("/usb/tic/stall", test_tic_stall);
+    g_test_add_func("/usb/tic/silent", test_tic_silent);
+    g_test_add_func("/usb/tic/short-answer", test_tic_short_answer);
+    g_test_add_func("/usb/tic/close-waiting", test_tic_close_waiting);
+    g_test_add_func("/usb/tic/left-turning", test_tic_left_turning);
+    g_test_add_func("/usb/tic/unplug", test_tic_unplug);
+    g_test_add_func("/usb/tic/unplug-standing", test_tic_unplug_standing);
+    g_test_add_func("/usb/tic/safe-start", test_tic_safe_start);
+    g_test_add_func("/usb/tic/limit", test_tic_limit);
+    g_test_add_func("/usb/tic/uncertain", test_tic_uncertain);
+    g_test_add_func("/usb/tic/no-switch", test_tic_no_switch);
+    g_test_add_func("/usb/tic/daemon-hangs", test_tic_daemon_hangs);
+    g_test_add_func("/usb/tic/settings", test_tic_settings);
+    g_test_add_func("/usb/tic/units", test_tic_units);
+    g_test_add_func("/usb/tic/choice", test_tic_choice);
+    g_test_add_func("/usb/nothing-plugged", test_nothing_plugged);
+    g_test_add_func("/usb/no-interface", test_no_interface);
+    g_test_add_func("/usb/relays/shared", test_relays_shared);
+    g_test_add_func("/usb/relays/left-on", test_relays_left_on);
+    g_test_add_func("/usb/relays/stuck", test_relays_stuck);
+    g_test_add_func("/usb/relays/laser-stuck", test_relays_laser_stuck);
+    g_test_add_func("/usb/relays/faults", test_relays_faults);
+    g_test_add_func("/usb/relays/unplug", test_relays_unplug);
+    g_test_add_func("/usb/relays/wrong-relay", test_relays_wrong_relay);
+}
+
+int main(int argc, char **argv) {
+    testbed_enter(argv);
+    g_test_init(&argc, &argv, NULL);
+    add_tests();
+    return g_test_run();
+}

@@ -1,0 +1,215 @@
+/*
+ * Silhouettes and shadows of a simulated material on a torus above a floor, as mesorig-view draws
+ * them from the products of its session, against the same scene with the sample's true surface, ray
+ * traced. Also makes that scene's picture.
+ */
+#include "gl/gpu.h"
+#include "lib/silhouettes.h"
+#include "scene/picture.h"
+
+#include <locale.h>
+#include <stdio.h>
+#include <string.h>
+
+struct options {
+    char *world, *session, *picture, *size, **tiles, **rest;
+    gboolean json, no_floor;
+    int width, height;
+    double tile_mm, reference_mm;
+    struct view_settings view;
+};
+
+/* What the session's MDF says of its texels. */
+static gboolean read_grid(struct options *o, const char *path, GError **error) {
+    struct exr_file *file = exr_read_headers(path, error);
+    const struct exr_part *part =
+        file != NULL && file->parts->len > 0 ? file->parts->pdata[0] : NULL;
+    double texel_mm = 0;
+    gboolean good = part != NULL && exr_get_double(part, "texel_mm", &texel_mm, error) &&
+                    exr_get_double(part, "reference_mm", &o->reference_mm, error);
+    if (good)
+        o->tile_mm = texel_mm * part->width;
+    exr_file_free(file);
+    return good;
+}
+
+static View *open_view(const struct options *o, int tiles_u, int tiles_v, GError **error) {
+    g_autofree char *material = method_path(methods[0], o->session);
+    g_autofree char *mdf = g_build_filename(o->session, "products", "mdf.exr", NULL);
+    const struct scene_options scene = {tiles_u, tiles_v, SCENE_Z_UP, !o->no_floor};
+    struct mesh *mesh = scene_make("torus", &scene, error);
+    g_autoptr(View) view = view_new(NULL, error);
+    gboolean good = view != NULL && view_open(view, methods[0], material, error) &&
+                    view_open_mdf(view, mdf, error) && view_set_mesh(view, mesh, error);
+    mesh_free(mesh);
+    return good ? g_steal_pointer(&view) : NULL;
+}
+
+static gboolean compare(const struct options *o, View *view, const struct view_settings *s,
+                        const struct displaced_pixel *truth, struct scores *ret, GError **error) {
+    g_autofree float *seen =
+        view_render_geometry(view, s, VIEW_GEOMETRY_LIT, o->width, o->height, error);
+    if (seen == NULL)
+        return FALSE;
+    *ret = score(seen, truth, s, o->width, o->height, !o->no_floor);
+    return TRUE;
+}
+
+enum { BTF, STRAIGHT, MDF, N_WAYS };
+
+static gboolean measure(const struct options *o, Displaced *displaced, View *view,
+                        const struct view_settings *s, struct scores ret[N_WAYS], GError **error) {
+    g_autofree struct displaced_pixel *truth = trace(displaced, s, o->width, o->height);
+    for (int way = 0; way < N_WAYS; way++) {
+        struct view_settings one = *s;
+        one.shadows = TRUE;
+        one.silhouettes = way != BTF;
+        one.visibility.straight = way == STRAIGHT;
+        if (!compare(o, view, &one, truth, &ret[way], error))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static void report(const struct options *o, int u, int v, const struct scores *scores) {
+    static const char *const names[N_WAYS] = {"btf_only", "flat_rays", "mdf"};
+    if (o->json)
+        printf("{\"tiles\": \"%dx%d\"", u, v);
+    else
+        printf("%dx%d\n", u, v);
+    for (int way = 0; way < N_WAYS; way++)
+        printf(o->json ? ", \"%s\": {\"outline\": %.4f, \"shadow\": %.4f}"
+                       : "  %-10s outline %.4f  shadow on the floor %.4f\n",
+               names[way], overlap_share(&scores[way].outline), overlap_share(&scores[way].shadow));
+    printf(o->json ? "}" : "");
+}
+
+/* Diffuse: direct light, and ambient as the viewer adds it. */
+static gboolean make_picture(const struct options *o, Displaced *displaced, View *view,
+                             const struct view_settings *s, GError **error) {
+    int w = o->width * s->samples, h = o->height * s->samples;
+    g_autofree struct displaced_pixel *pixels = trace(displaced, s, w, h);
+    g_autofree float *linear = g_new0(float, 4 * (gsize)w * h);
+    for (int k = 0; k < w * h; k++) {
+        const struct displaced_pixel *p = &pixels[k];
+        float *to = linear + 4 * (gsize)k;
+        to[3] = p->part != DISPLACED_NONE;
+        for (int c = 0; c < 3; c++)
+            to[c] = p->part == DISPLACED_NONE
+                        ? 0.03f
+                        : p->albedo[c] * ((p->dark ? 0 : p->cosine) + (float)s->ambient);
+    }
+    g_autofree guint8 *rgb = view_resolve(view, s, linear, o->width, o->height, error);
+    g_autofree char *world = g_path_get_basename(o->world); /* nobody's business where it lies */
+    const char *texts[] = {"Software", "silhouettes_report", "World", world, NULL};
+    return rgb != NULL && picture_write_png(o->picture, rgb, o->width, o->height, texts, error);
+}
+
+static gboolean run_tiling(const struct options *o, World *world, const char *tiles,
+                           GError **error) {
+    int u, v;
+    char end;
+    if (sscanf(tiles, "%3dx%3d%c", &u, &v, &end) != 2 || u < 1 || v < 1) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                    "--tiles %s: UxV is expected, whole numbers", tiles);
+        return FALSE;
+    }
+    struct truth_surface surface;
+    struct displaced_shape shape = {.radius = TORUS_RADIUS,
+                                    .tube_radius = TORUS_TUBE,
+                                    .tiles_u = u,
+                                    .tiles_v = v,
+                                    .floor = o->no_floor ? 0 : TORUS_FLOOR * TORUS_MESH_RADIUS,
+                                    .tile_mm = o->tile_mm,
+                                    .reference_mm = o->reference_mm};
+    truth_surface(world, &surface);
+    g_autoptr(View) view = open_view(o, u, v, error);
+    if (view == NULL)
+        return FALSE;
+    g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
+    struct view_settings s = o->view;
+    view_fit(view, &s, (double)o->width / o->height);
+    if (o->picture != NULL)
+        return make_picture(o, displaced, view, &s, error);
+    struct scores scores[N_WAYS];
+    if (!measure(o, displaced, view, &s, scores, error))
+        return FALSE;
+    report(o, u, v, scores);
+    return TRUE;
+}
+
+static gboolean run(struct options *o, GError **error) {
+    static const char *const usual[] = {"8x3", "6x2", "3x1", NULL};
+    const char *const *tiles = o->tiles != NULL ? (const char *const *)o->tiles : usual;
+    g_autofree char *mdf = g_build_filename(o->session, "products", "mdf.exr", NULL);
+    g_autoptr(World) world = world_get(o->world, error);
+    if (world == NULL || !read_grid(o, mdf, error))
+        return FALSE;
+    g_autoptr(Gpu) gpu = gpu_new_headless(error);
+    if (gpu == NULL)
+        return FALSE;
+    gboolean print = o->json && o->picture == NULL;
+    if (print)
+        printf("{\"width\": %d, \"height\": %d, \"iou\": [", o->width, o->height);
+    for (int k = 0; tiles[k] != NULL; k++) {
+        printf("%s", print && k > 0 ? ", " : "");
+        if (!run_tiling(o, world, tiles[k], error))
+            return FALSE;
+    }
+    printf(print ? "]}\n" : "");
+    return TRUE;
+}
+
+static gboolean parse(struct options *o, int *argc, char ***argv, GError **error) {
+    struct view_settings *s = &o->view;
+    const GOptionEntry entries[] = {
+        {"tiles", 0, 0, G_OPTION_ARG_STRING_ARRAY, &o->tiles,
+         "Along the torus; may be repeated; default 8x3, 6x2 and 3x1", "UxV"},
+        {"picture", 0, 0, G_OPTION_ARG_FILENAME, &o->picture,
+         "Write the ray-traced scene instead of measuring", "OUT.png"},
+        {"size", 0, 0, G_OPTION_ARG_STRING, &o->size, "Pixels, default 800x600", "WxH"},
+        {"supersample", 0, 0, G_OPTION_ARG_INT, &s->samples, "Of the picture, each way, default 3",
+         "N"},
+        {"no-floor", 0, 0, G_OPTION_ARG_NONE, &o->no_floor, "The torus alone", NULL},
+        {"light-theta-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_theta_deg, "As mesorig-view",
+         "DEG"},
+        {"light-phi-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->light_phi_deg, "As mesorig-view", "DEG"},
+        {"camera-azimuth-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_azimuth_deg, "As mesorig-view",
+         "DEG"},
+        {"camera-elevation-deg", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_elevation_deg,
+         "As mesorig-view", "DEG"},
+        {"camera-distance", 0, 0, G_OPTION_ARG_DOUBLE, &s->camera_distance, "As mesorig-view", "R"},
+        {"json", 0, 0, G_OPTION_ARG_NONE, &o->json, "One JSON object", NULL},
+        {G_OPTION_REMAINING, 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &o->rest, NULL,
+         "WORLD.conf SESSION"},
+        {NULL}};
+    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
+    char end;
+    g_option_context_add_main_entries(context, entries, NULL);
+    if (!g_option_context_parse(context, argc, argv, error))
+        return FALSE;
+    if (o->rest == NULL || g_strv_length(o->rest) != 2 ||
+        (o->size != NULL && sscanf(o->size, "%4dx%4d%c", &o->width, &o->height, &end) != 2)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED,
+                    "WORLD.conf and SESSION are expected, --size as WxH");
+        return FALSE;
+    }
+    o->world = o->rest[0];
+    o->session = o->rest[1];
+    return view_settings_check(s, error);
+}
+
+int main(int argc, char **argv) {
+    setlocale(LC_ALL, "");
+    struct options o = {.width = 800, .height = 600, .view = view_settings_default};
+    o.view.samples = 3;
+    g_autoptr(GError) error = NULL;
+    int status = !parse(&o, &argc, &argv, &error) ? 2 : !run(&o, &error) ? 1 : 0;
+    if (error != NULL)
+        g_printerr("silhouettes_report: %s\n", error->message);
+    g_free(o.picture);
+    g_free(o.size);
+    g_strfreev(o.tiles);
+    g_strfreev(o.rest);
+    return status;
+}

@@ -1,0 +1,326 @@
+/* A session through real protocols: mesorig-rig stands for the small rig, 1 % of its cameras'
+ * packets lost, and the programs capture it in real time. Its frames and products are those of the
+ * simulated drivers, but for the noise. */
+#include "lib/find_guardian.h"
+#include "lib/twin_sessions.h"
+
+#include "virtual/rig.h"
+
+#include <gio/gio.h>
+#include <glib/gstdio.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+
+#define SMALL  SOURCE_DIR "/tests/small/"
+#define BIN(x) BUILD_DIR "/bin/" x
+
+static char *text_of(const char *path) {
+    char *text = NULL;
+    g_autoptr(GError) error = NULL;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    return text;
+}
+
+static void runs(const char *program, ...) G_GNUC_NULL_TERMINATED;
+static void runs(const char *program, ...) {
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_autofree char *out = NULL, *err = NULL;
+    g_autoptr(GError) error = NULL;
+    int status = -1;
+    va_list arguments;
+    g_ptr_array_add(argv, (char *)program);
+    va_start(arguments, program);
+    for (char *argument; (argument = va_arg(arguments, char *));)
+        g_ptr_array_add(argv, argument);
+    va_end(arguments);
+    g_ptr_array_add(argv, NULL);
+    g_spawn_sync(NULL, (char **)argv->pdata, NULL, 0, NULL, NULL, &out, &err, &status, &error);
+    g_assert_no_error(error);
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
+        g_error("%s %s: status %x\n%s%s", program, (char *)argv->pdata[1], status, out, err);
+}
+
+static GSubprocess *starts(GSubprocessFlags flags, const char *program, ...) G_GNUC_NULL_TERMINATED;
+static GSubprocess *starts(GSubprocessFlags flags, const char *program, ...) {
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_autoptr(GError) error = NULL;
+    va_list arguments;
+    g_ptr_array_add(argv, (char *)program);
+    va_start(arguments, program);
+    for (char *argument; (argument = va_arg(arguments, char *));)
+        g_ptr_array_add(argv, argument);
+    va_end(arguments);
+    g_ptr_array_add(argv, NULL);
+    GSubprocess *process = g_subprocess_newv((const char *const *)argv->pdata, flags, &error);
+    g_assert_no_error(error);
+    return process;
+}
+
+static void ends(GSubprocess *process) {
+    g_subprocess_send_signal(process, SIGTERM);
+    g_subprocess_wait(process, NULL, NULL);
+    g_assert_true(g_subprocess_get_successful(process));
+    g_object_unref(process);
+}
+
+static char *first_line(GSubprocess *process) {
+    g_autoptr(GDataInputStream) in = g_data_input_stream_new(g_subprocess_get_stdout_pipe(process));
+    return g_data_input_stream_read_line(in, NULL, NULL, NULL);
+}
+
+/* The same rig, with other noise. */
+static void capture_simulated(const char *name, const char *seed) {
+    g_autofree char *rig = in_top("rig.conf"), *world = in_top("world.conf");
+    g_autofree char *session = in_top(name);
+    g_autofree char *rig_text = text_of(SMALL "rig.conf"), *text = text_of(SMALL "world.conf");
+    g_auto(GStrv) parts = g_strsplit(text, "seed = 7", 2);
+    g_assert_nonnull(parts[1]);
+    g_autofree char *changed = g_strconcat(parts[0], "seed = ", seed, parts[1], NULL);
+    g_assert_true(g_file_set_contents(rig, rig_text, -1, NULL));
+    g_assert_true(g_file_set_contents(world, changed, -1, NULL));
+    runs(BIN("mesorig"), "capture", rig, SMALL "session.conf", "-o", session, NULL);
+    runs(BIN("mesorig"), "process", session, NULL);
+}
+
+/* Were it left behind by a test that failed, it would open the lines of the next. */
+static void die_with_us(gpointer unused) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+}
+
+/* Its socket is there when it has opened the rig. What it says is told if that fails. */
+static GSubprocess *starts_daemon(const char *rig, const char *address, const char *socket) {
+    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_NONE);
+    g_autofree char *says = in_top("daemon.log");
+    g_autoptr(GError) error = NULL;
+    g_subprocess_launcher_set_stderr_file_path(launcher, says);
+    g_subprocess_launcher_set_child_setup(launcher, die_with_us, NULL, NULL);
+    GSubprocess *daemon = g_subprocess_launcher_spawn(launcher, &error, BIN("mesorigd"), "--listen",
+                                                      address, "--rig", rig, NULL);
+    g_assert_no_error(error);
+    for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
+        g_usleep(10000);
+    g_autofree char *said = text_of(says);
+    if (!g_file_test(socket, G_FILE_TEST_EXISTS))
+        g_error("mesorigd does not listen: %s", said);
+    return daemon;
+}
+
+static void capture_virtual(const char *name) {
+    g_autofree char *rig = in_top("virtual.conf"), *socket = in_top("bus");
+    g_autofree char *session = in_top(name);
+    g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+    GSubprocess *devices = starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE, BIN("mesorig-rig"), "--virtual",
+                                  SMALL "rig.conf", "-o", rig, "--loss", "0.01", "--json", NULL);
+    g_autofree char *said = first_line(devices);
+    g_assert_nonnull(strstr(said, "{\"section\":\"camera cam30\",\"driver\":\"aravis\""));
+    g_assert_nonnull(strstr(said, "{\"section\":\"axis arc\",\"driver\":\"modbus-axis\""));
+    GSubprocess *daemon = starts_daemon(rig, address, socket);
+    runs(BIN("mesorig"), "capture", "--address", address, rig, SMALL "session.conf", "-o", session,
+         NULL);
+    runs(BIN("mesorig"), "process", session, NULL);
+    ends(daemon);
+    ends(devices);
+    g_assert_false(g_file_test(rig, G_FILE_TEST_EXISTS));
+}
+
+static void through_real_protocols(void) {
+    capture_virtual("virtual.session");
+    capture_simulated("simulated.session", "7");
+    capture_simulated("other.session", "8");
+    g_assert_cmpfloat(value("virtual.session", "frames"), ==, 144);
+    g_assert_cmpfloat(value("virtual.session", "retakes"), ==, 0);
+    static const struct {
+        const char *folder;
+        gboolean holes;
+    } kinds[] = {{"frames", FALSE}, {"products/btf", FALSE}, {"products", TRUE}};
+    for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
+        struct difference noise =
+            compare("simulated.session", "other.session", kinds[i].folder, kinds[i].holes);
+        struct difference real =
+            compare("simulated.session", "virtual.session", kinds[i].folder, kinds[i].holes);
+        g_assert_cmpfloat(noise.rms, >, 0);
+        g_assert_cmpfloat(real.rms, >, 0); /* other noise */
+        g_assert_cmpfloat(real.rms, <, 1.4 * noise.rms);
+        g_assert_cmpfloat(fabs(real.systematic), <, noise.rms);
+        g_assert_cmpfloat(real.seen_differently, <, noise.seen_differently + 0.05);
+    }
+}
+
+struct mishap { /* a session, and what happens to a camera in it */
+    VirtualRig *rig;
+    GSubprocess *capture;
+    char *out;
+    int n_late;
+    gboolean over;
+};
+
+#define MAX_LATE 6
+
+/* A line of every drive and relay board answers late, once, damaged, once, and once not at all. */
+static gboolean answer_late(gpointer data) {
+    static const struct virtual_modbus_faults kinds[] = {
+        {.late = 1, .late_ms = 450}, {.damaged = 1}, {.silent = 1}};
+    struct mishap *mishap = data;
+    virtual_rig_fail_lines(mishap->rig, &kinds[mishap->n_late % G_N_ELEMENTS(kinds)]);
+    return ++mishap->n_late < MAX_LATE ? G_SOURCE_CONTINUE : G_SOURCE_REMOVE;
+}
+
+static gboolean lose_power(gpointer data) {
+    struct mishap *mishap = data;
+    virtual_rig_restart_camera(mishap->rig, "cam30", 4000);
+    return G_SOURCE_REMOVE;
+}
+
+static void on_over(GObject *source, GAsyncResult *result, gpointer data) {
+    struct mishap *mishap = data;
+    g_autoptr(GError) error = NULL;
+    g_subprocess_communicate_utf8_finish(mishap->capture, result, &mishap->out, NULL, &error);
+    g_assert_no_error(error);
+    mishap->over = TRUE;
+}
+
+static void assert_has(const char *text, const char *words) {
+    if (!strstr(text, words))
+        g_error("no \"%s\" in: %s", words, text);
+}
+
+static void write_short_session(const char *conf) {
+    g_assert_true(g_file_set_contents(conf,
+                                      "[session]\nname = short\n[sample]\nwidth_mm = 50\n"
+                                      "height_mm = 50\ntexels = 8\nreference_mm = 5\n"
+                                      "depth_mm = 5\n[views]\nrings = 30:2; 60:2\n"
+                                      "[lights]\nrings = 30:2; 60:2\noffset_deg = 45\n"
+                                      "[capture]\nexposures_us = 4000; 16000\nretries = 6\n",
+                                      -1, NULL));
+}
+
+/* Until so many shine, or after limit_s; how long it took. */
+static double wait_lit(VirtualRig *rig, gboolean lit, double limit_s) {
+    gint64 from = g_get_monotonic_time();
+    struct virtual_rig_state state;
+    do {
+        g_main_context_iteration(NULL, TRUE);
+        virtual_rig_state(rig, &state);
+    } while ((state.n_lit > 0) != lit && g_get_monotonic_time() - from < limit_s * G_USEC_PER_SEC);
+    g_assert_cmpint(state.n_lit > 0, ==, lit);
+    return (double)(g_get_monotonic_time() - from) * 1e-6;
+}
+
+/* The daemon is killed, or hangs, while a lamp is on: the relay boards switch it off by themselves
+ * within their 5 s. A daemon that goes on afterwards pauses the session. */
+static void abandoned(void) {
+    const int signals[] = {SIGKILL, SIGSTOP};
+    g_autofree char *path = in_top("abandoned.conf"), *conf = in_top("short.conf");
+    write_short_session(conf);
+    for (gsize i = 0; i < G_N_ELEMENTS(signals); i++) {
+        g_autofree char *folder = g_strdup_printf("abandoned%d.session", signals[i]);
+        g_autofree char *session = in_top(folder), *socket = in_top(folder + 9);
+        g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+        struct mishap mishap = {0};
+        GError *error = NULL;
+        mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
+        g_assert_no_error(error);
+        g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
+        g_autoptr(GSubprocess) daemon = starts_daemon(path, address, socket);
+        mishap.capture =
+            starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
+                   "capture", "--address", address, path, conf, "-o", session, NULL);
+        g_subprocess_communicate_utf8_async(mishap.capture, NULL, NULL, on_over, &mishap);
+        wait_lit(mishap.rig, TRUE, 60);
+        kill(find_guardian(path), SIGKILL); /* which would be quicker */
+        g_subprocess_send_signal(daemon, signals[i]);
+        g_assert_cmpfloat(wait_lit(mishap.rig, FALSE, 20), <, 5.5);
+        if (signals[i] == SIGSTOP)
+            g_subprocess_send_signal(daemon, SIGCONT);
+        for (gint64 until = g_get_monotonic_time() + 60 * G_USEC_PER_SEC; !mishap.over;) {
+            g_main_context_iteration(NULL, TRUE);
+            g_assert_cmpint(g_get_monotonic_time(), <, until);
+        }
+        if (signals[i] == SIGSTOP)
+            assert_has(mishap.out, "not known to be on any more");
+        g_subprocess_force_exit(daemon);
+        g_subprocess_wait(daemon, NULL, NULL);
+        virtual_rig_free(mishap.rig);
+        g_object_unref(mishap.capture);
+        g_free(mishap.out);
+    }
+}
+
+/* Two pictures of each camera come incomplete, all lines answer late again and again, and one
+ * camera is without power for a while: the session goes on by itself and says what happened. */
+static void mishaps(void) {
+    g_autofree char *path = in_top("virtual.conf"), *conf = in_top("short.conf");
+    g_autofree char *session = in_top("mishap.session"), *socket = in_top("mishap-bus");
+    g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
+    struct virtual_camera_faults faults = {.cut = 2};
+    struct mishap mishap = {0};
+    GError *error = NULL;
+    mishap.rig = virtual_rig_new(SMALL "rig.conf", NULL, NULL, &error);
+    g_assert_no_error(error);
+    virtual_rig_fail_cameras(mishap.rig, &faults);
+    g_assert_true(g_file_set_contents(path, virtual_rig_text(mishap.rig), -1, NULL));
+    write_short_session(conf);
+    GSubprocess *daemon = starts_daemon(path, address, socket);
+    mishap.capture =
+        starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, BIN("mesorig"),
+               "capture", "--address", address, path, conf, "-o", session, NULL);
+    g_subprocess_communicate_utf8_async(mishap.capture, NULL, NULL, on_over, &mishap);
+    g_timeout_add(5000, lose_power, &mishap);
+    g_timeout_add(1300, answer_late, &mishap);
+    for (gint64 until = g_get_monotonic_time() + 90 * G_USEC_PER_SEC; !mishap.over;) {
+        g_main_context_iteration(NULL, TRUE); /* the rig's own timer wakes it */
+        g_assert_cmpint(g_get_monotonic_time(), <, until);
+    }
+    if (!g_subprocess_get_successful(mishap.capture))
+        g_error("the capture failed: %s", mishap.out);
+    assert_has(mishap.out,
+               "cam60: picture taken again: picture refused: some of its data was lost");
+    assert_has(mishap.out, "cam30: picture taken again: ");
+    runs(BIN("mesorig"), "process", session, NULL);
+    g_assert_cmpfloat(value("mishap.session", "retakes"), >=, 5);
+    g_assert_cmpint(mishap.n_late, ==, MAX_LATE);
+    ends(daemon);
+    virtual_rig_free(mishap.rig);
+    g_object_unref(mishap.capture);
+    g_free(mishap.out);
+}
+
+static void refused(void) {
+    static const struct {
+        const char *text, *said;
+        const char *usb;
+    } cases[] = {
+        {"[rig]\nid = x\n", "no device of it has a world"},
+        {"[axis a]\ndriver = tic-axis\n", "only simulated devices have a virtual one"},
+        {"[camera c]\ndriver = sim-camera\nworld = " SMALL "world.conf\n", "no such camera"},
+        {"[axis a]\ndriver = sim-axis\nworld = /nowhere.conf\n", "/nowhere.conf"},
+        {"[axis a]\ndriver = sim-axis\n", "no device of it has a world"},
+        {"[axis a]\ndriver = sim-axis\n", "it has no device \"b\"", "b"},
+        {"[axis a]\ndriver = sim-axis\n", "libumockdev-preload0", "a"},
+    };
+    g_autofree char *path = in_top("bad.conf");
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        const char *const usb[] = {cases[i].usb, NULL};
+        g_autoptr(GError) error = NULL;
+        g_assert_true(g_file_set_contents(path, cases[i].text, -1, NULL));
+        g_assert_null(virtual_rig_new(path, usb, NULL, &error));
+        if (!strstr(error->message, cases[i].said))
+            g_error("said \"%s\", not \"%s\"", error->message, cases[i].said);
+    }
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    top = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
+    g_test_add_func("/virtual-rig/refused", refused);
+    g_test_add_func("/virtual-rig/mishaps", mishaps);
+    g_test_add_func("/virtual-rig/abandoned", abandoned);
+    g_test_add_func("/virtual-rig/through-real-protocols", through_real_protocols);
+    int failed = g_test_run();
+    const char *const remove[] = {"/bin/rm", "-rf", top, NULL};
+    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
+    g_free(top);
+    return failed;
+}

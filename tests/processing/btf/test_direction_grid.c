@@ -1,0 +1,303 @@
+#include "base/data_error.h"
+#include "btf/direction_grid.h"
+#include "lpca/lpca_resample.h"
+
+#include "exr/exr.h"
+#include "lpca/lpca_choose.h"
+#include "lpca/lpca_levels.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+
+static double uniform(GRand *random, double low, double high) {
+    return g_rand_double_range(random, low, high);
+}
+
+/* There and back; equal areas of the square are equal solid angles; the formula of Schneider 2004
+ * §6.1. */
+static void test_map(void) {
+    GRand *random = g_rand_new_with_seed(2);
+    int counts[8] = {0};
+    for (int i = 0; i < 8000; i++) {
+        const double s = uniform(random, 0, 1), t = uniform(random, 0, 1);
+        double s2, t2;
+        float d[3];
+        direction_grid_direction(s, t, d);
+        g_assert_cmpfloat_with_epsilon(d[0] * d[0] + d[1] * d[1] + d[2] * d[2], 1, 1e-5);
+        direction_grid_square(d, &s2, &t2);
+        g_assert_cmpfloat_with_epsilon(s2, s, 1e-3);
+        g_assert_cmpfloat_with_epsilon(t2, t, 1e-3);
+        counts[MIN((int)(4 * d[2]), 3) + (d[0] > d[1] ? 4 : 0)]++;
+    }
+    for (int i = 0; i < 8; i++) /* of binomially 1000 ± 30 */
+        g_assert_cmpint(ABS(counts[i] - 1000), <, 150);
+    g_rand_free(random);
+    float d[3];
+    direction_grid_direction(0.75, 0.625, d); /* a = ½, b = ¼: ρ = ½, φ = π/8 */
+    g_assert_cmpfloat_with_epsilon(d[0], 0.5 * sqrt(1.75) * cos(G_PI / 8), 1e-6);
+    g_assert_cmpfloat_with_epsilon(d[1], 0.5 * sqrt(1.75) * sin(G_PI / 8), 1e-6);
+    g_assert_cmpfloat_with_epsilon(d[2], 0.75, 1e-6);
+    double s, t;
+    const float below[3] = {0, -0.8F, -0.6F};
+    direction_grid_square(below, &s, &t);
+    g_assert_cmpfloat_with_epsilon(s, 0.5, 1e-6);
+    g_assert_cmpfloat_with_epsilon(t, 0, 1e-6);
+}
+
+static int rings(float **ret_theta_deg, float **ret_phi_deg) {
+    *ret_theta_deg = g_new0(float, 60);
+    *ret_phi_deg = g_new0(float, 60);
+    for (int i = 0; i < 60; i++) {
+        (*ret_theta_deg)[i] = 15 + 15 * (float)(i / 12);
+        (*ret_phi_deg)[i] = 30 * (float)(i % 12);
+    }
+    return 60;
+}
+
+/* A smooth lobe, in double precision. */
+static double smooth(const float d[3]) {
+    return 0.3 + 0.5 * d[2] + 0.4 * exp(-4 * ((d[0] - 0.4) * (d[0] - 0.4) + d[1] * d[1]));
+}
+
+static void direction_of(double theta_deg, double phi_deg, float ret[3]) {
+    ret[0] = (float)(sin(theta_deg * G_PI / 180) * cos(phi_deg * G_PI / 180));
+    ret[1] = (float)(sin(theta_deg * G_PI / 180) * sin(phi_deg * G_PI / 180));
+    ret[2] = (float)cos(theta_deg * G_PI / 180);
+}
+
+static double at(const double *samples, int n_grid, const float d[3]) {
+    int index[4];
+    float weight[4];
+    double sum = 0, all = 0;
+    direction_grid_weights(n_grid, d, index, weight);
+    for (int k = 0; k < 4; k++) {
+        g_assert_cmpint(index[k], >=, 0);
+        g_assert_cmpint(index[k], <, n_grid * n_grid);
+        g_assert_cmpfloat(weight[k], >=, 0);
+        all += weight[k];
+        sum += weight[k] * samples[index[k]];
+    }
+    g_assert_cmpfloat_with_epsilon(all, 1, 1e-5);
+    return sum;
+}
+
+/* A smooth function is kept, at and between what was measured, the better the finer the grid; a
+ * constant is one everywhere; lights fade to 0 at the horizon. */
+static void test_operator(void) {
+    g_autofree float *theta = NULL, *phi = NULL;
+    const int n = rings(&theta, &phi);
+    double before = 1;
+    for (int n_grid = 8; n_grid <= 16; n_grid += 4) {
+        g_autofree float *views = direction_grid_operator(theta, phi, n, n_grid, FALSE, NULL);
+        g_autofree float *lights = direction_grid_operator(theta, phi, n, n_grid, TRUE, NULL);
+        g_autofree double *samples = g_new0(double, n_grid *n_grid);
+        g_autofree double *ones = g_new0(double, n_grid *n_grid);
+        g_autofree double *faded = g_new0(double, n_grid *n_grid);
+        float d[3];
+        for (int i = 0; i < n_grid * n_grid; i++)
+            for (int j = 0; j < n; j++) {
+                direction_of(theta[j], phi[j], d);
+                samples[i] += views[i * n + j] * smooth(d);
+                ones[i] += views[i * n + j];
+                faded[i] += lights[i * n + j];
+            }
+        double worst = 0, worst_measured = 0;
+        for (int i = 0; i < n; i++) {
+            direction_of(theta[i], phi[i], d);
+            worst_measured = MAX(worst_measured, fabs(at(samples, n_grid, d) - smooth(d)));
+        }
+        for (double t = 16; t < 74; t += 3)
+            for (double p = 0; p < 360; p += 7) {
+                direction_of(t, p, d);
+                worst = MAX(worst, fabs(at(samples, n_grid, d) - smooth(d)));
+                g_assert_cmpfloat_with_epsilon(at(ones, n_grid, d), 1, 1e-3);
+                if (n_grid > 8 && t < 66) /* a coarse grid cannot bend that fast */
+                    g_assert_cmpfloat_with_epsilon(at(faded, n_grid, d), 1, 0.15);
+            }
+        direction_of(90, 40, d);
+        g_assert_cmpfloat_with_epsilon(at(ones, n_grid, d), 1, 1e-3);
+        g_assert_cmpfloat(fabs(at(faded, n_grid, d)), <, n_grid == 8 ? 0.3 : 0.25);
+        g_test_message("grid %d: %.4f between, %.4f at", n_grid, worst, worst_measured);
+        g_assert_cmpfloat(worst, <, n_grid == 8 ? 0.1 : 0.05);
+        g_assert_cmpfloat(worst_measured, <, before);
+        before = worst_measured;
+    }
+}
+
+static void test_refused(void) {
+    static const float theta[] = {10, 100}, phi[] = {0, 50}, nan[] = {NAN, 0};
+    g_autoptr(GError) error = NULL;
+    g_assert_null(direction_grid_operator(theta, phi, 0, 12, FALSE, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_null(direction_grid_operator(theta, phi, 1, 3, FALSE, NULL));
+    g_assert_null(direction_grid_operator(theta, phi, 1, 1000, FALSE, NULL));
+    g_assert_null(direction_grid_operator(theta, phi, 2, 12, FALSE, NULL));
+    g_assert_null(direction_grid_operator(theta, nan, 1, 12, FALSE, NULL));
+    g_autofree float *one =
+        direction_grid_operator(theta, phi, 1, 8, FALSE, NULL); /* one view is all */
+    for (int i = 0; i < 64; i++)
+        g_assert_cmpfloat_with_epsilon(one[i], 1, 0.05);
+}
+
+/* Lambertian bumps: a normal a texel. */
+static struct btf_matrix *new_btf(int size) {
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    *btf = (struct btf_matrix){.name = g_strdup("bumps"), .width = size, .height = size};
+    btf->texel_mm = 1;
+    btf->n_views = rings(&btf->view_theta_deg, &btf->view_phi_deg);
+    btf->n_lights = rings(&btf->light_theta_deg, &btf->light_phi_deg);
+    btf->values = g_new0(float, (gsize)(size * size * 60 * 60 * 3));
+    for (int i = 0; i < size * size * 60 * 60; i++) {
+        const int texel = i / 3600, light = i % 60;
+        const double a = 0.4 * sin(texel % size), b = 0.4 * cos(2.0 * texel / size);
+        float l[3];
+        direction_of(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+        const double nl = (a * l[0] + b * l[1] + l[2]) / sqrt(1 + a * a + b * b);
+        const double y = 0.7 * MAX(nl, 0) * (1 + 0.2 * sin(0.1 * (i / 60 % 60)));
+        for (int c = 0; c < 3; c++)
+            btf->values[3 * i + c] = (float)(y * (1 - 0.2 * c));
+    }
+    return btf;
+}
+
+/* The error at the measured directions is known before and after, on disk and when rounded. */
+static void test_lpca(void) {
+    g_autofree char *folder = g_dir_make_tmp("resample-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = new_btf(6);
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 4};
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    struct lpca *grid = lpca_resample(lpca, 10, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(grid->n_grid, ==, 10);
+    g_assert_cmpint(grid->n_views, ==, 100);
+    const double found = lpca_resample_error(grid, btf, 0);
+    g_assert_cmpfloat(found, <, lpca->error + 0.04);
+    lpca_quantise(grid, LPCA_8BIT);
+    const double rounded = lpca_resample_error(grid, btf, 0);
+    g_assert_cmpfloat(rounded, <, found + 0.01);
+    g_assert_true(lpca_write(path, grid, &error));
+    struct lpca *back = lpca_read(path, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(back->n_grid, ==, 10);
+    g_assert_true(back->error == rounded);
+    g_assert_cmpfloat_with_epsilon(lpca_resample_error(back, btf, 0), rounded, 1e-6);
+    g_assert_null(lpca_resample(lpca, 100, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    lpca_free(back);
+    lpca_free(grid);
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+/* What is asked for is kept, and not beaten by any choice near it. */
+static void test_choose(void) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = new_btf(8);
+    const struct lpca_options options = {0};
+    struct lpca_wish wish = {.bytes = 300000, .n_components = 8, .quantise = LPCA_8BIT};
+    struct lpca *best = lpca_choose(btf, &options, &wish, &error);
+    g_assert_no_error(error);
+    for (int k = 1; k <= 4; k *= 2) {
+        const struct lpca_options other = {.n_clusters = k, .n_components = 2};
+        struct lpca *lpca = lpca_compute(btf, &other, NULL);
+        struct lpca like = *lpca;
+        like.quantise = LPCA_8BIT;
+        if (lpca_bytes(&like) <= wish.bytes)
+            g_assert_cmpfloat(best->error, <=, lpca->error * 1.0001);
+        lpca_free(lpca);
+    }
+    lpca_quantise(best, LPCA_8BIT);
+    g_assert_cmpint(lpca_bytes(best), <=, wish.bytes);
+    lpca_free(best);
+    wish = (struct lpca_wish){.error = 0.05, .n_components = 8, .quantise = LPCA_HALF};
+    best = lpca_choose(btf, &options, &wish, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(best->error, <=, 0.05);
+    lpca_free(best);
+    wish.bytes = 1000;
+    g_assert_null(lpca_choose(btf, &options, &wish, &error));
+    g_assert_nonnull(strstr(error->message, "is too little"));
+    g_clear_error(&error);
+    for (gsize i = 0; i < (gsize)btf->width * (gsize)btf->height; i++) /* all texels alike */
+        memcpy(btf->values + i * 3 * (gsize)(btf->n_views * btf->n_lights), btf->values,
+               sizeof(float) * 3 * (gsize)(btf->n_views * btf->n_lights));
+    wish = (struct lpca_wish){.bytes = 300000, .n_components = 8};
+    best = lpca_choose(btf, &options, &wish, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(best->n_components, ==, 1);
+    lpca_free(best);
+    btf_matrix_free(btf);
+    btf = new_btf(8);
+    wish = (struct lpca_wish){.error = 1e-7, .bytes = 100000, .n_components = 8};
+    g_assert_null(lpca_choose(btf, &options, &wish, &error));
+    g_assert_nonnull(strstr(error->message, "is not reached"));
+    btf_matrix_free(btf);
+}
+
+/* Levels are means over areas, also of odd sizes, and come back from one file each as it was. */
+static void test_levels(void) {
+    g_autofree char *folder = g_dir_make_tmp("levels-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    struct lpca *levels[3];
+    struct btf_matrix *btf = new_btf(5), *half = btf_matrix_halved(btf);
+    const int row = 60 * 60 * 3;
+    g_assert_cmpint(half->width, ==, 2);
+    g_assert_cmpfloat(half->texel_mm, ==, 2.5);
+    for (int i = 0; i < row; i += 97) { /* 2.5 × 2.5 texels: two whole, one by half, each way */
+        static const double share[] = {0.4, 0.4, 0.2};
+        double mean = 0;
+        for (int y = 0; y < 3; y++)
+            for (int x = 0; x < 3; x++)
+                mean +=
+                    share[x] * share[y] * btf->values[(gsize)(y * 5 + x) * (gsize)row + (gsize)i];
+        g_assert_cmpfloat_with_epsilon(half->values[i], mean, 1e-5);
+    }
+    struct btf_matrix *one = btf_matrix_halved(half);
+    g_assert_cmpint(one->width * one->height, ==, 1);
+    g_assert_null(btf_matrix_halved(one));
+    const struct btf_matrix *all[] = {btf, half, one};
+    for (int i = 0; i < 3; i++) {
+        const struct lpca_options options = {.n_clusters = MIN(2, all[i]->width),
+                                             .n_components = 2};
+        levels[i] = lpca_compute(all[i], &options, &error);
+        g_assert_no_error(error);
+        lpca_quantise(levels[i], LPCA_HALF);
+        lpca_error(levels[i], all[i], 0);
+    }
+    g_assert_true(lpca_write_levels(path, levels, 3, &error));
+    g_assert_cmpint(lpca_count_levels(path, &error), ==, 3);
+    for (int i = 0; i < 3; i++) {
+        struct lpca *back = i ? lpca_read_level(path, i, &error) : lpca_read(path, &error);
+        g_assert_no_error(error);
+        g_assert_cmpint(back->width, ==, all[i]->width);
+        g_assert_cmpfloat(back->texel_mm, ==, all[i]->texel_mm);
+        g_assert_true(back->error == levels[i]->error);
+        g_assert_cmpfloat_with_epsilon(lpca_error(back, all[i], 0), levels[i]->error, 1e-6);
+        lpca_free(back);
+        lpca_free(levels[i]);
+    }
+    g_assert_null(lpca_read_level(path, 3, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
+    btf_matrix_free(one);
+    btf_matrix_free(half);
+    btf_matrix_free(btf);
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/resample/map", test_map);
+    g_test_add_func("/resample/operator", test_operator);
+    g_test_add_func("/resample/refused", test_refused);
+    g_test_add_func("/resample/lpca", test_lpca);
+    g_test_add_func("/resample/choose", test_choose);
+    g_test_add_func("/resample/levels", test_levels);
+    return g_test_run();
+}

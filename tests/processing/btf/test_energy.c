@@ -1,0 +1,125 @@
+#include "base/data_error.h"
+#include "btf/energy.h"
+
+#include <math.h>
+
+#define SIDE 3
+
+/* Views and lights at the same directions: rings of 15° with so many each. */
+static void fill_directions(float *theta_deg, float *phi_deg) {
+    static const int around[] = {1, 6, 10, 14, 18, 20};
+    for (int ring = 0, i = 0; ring < 6; ring++)
+        for (int k = 0; k < around[ring]; k++, i++) {
+            theta_deg[i] = 15.0F * (float)ring;
+            phi_deg[i] = 360.0F * (float)k / (float)around[ring];
+        }
+}
+
+#define N 69
+
+typedef double (*Reflect)(double theta_l, double theta_v, double between);
+
+static struct btf_matrix *new_btf(Reflect reflect) {
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    *btf = (struct btf_matrix){.name = g_strdup("analytic"),
+                               .width = SIDE,
+                               .height = SIDE,
+                               .n_views = N,
+                               .n_lights = N,
+                               .view_theta_deg = g_new(float, N),
+                               .view_phi_deg = g_new(float, N),
+                               .light_theta_deg = g_new(float, N),
+                               .light_phi_deg = g_new(float, N),
+                               .values = g_new(float, SIDE *SIDE *N *N * 3)};
+    fill_directions(btf->view_theta_deg, btf->view_phi_deg);
+    fill_directions(btf->light_theta_deg, btf->light_phi_deg);
+    for (int i = 0; i < SIDE * SIDE * N * N; i++) {
+        int v = i / N % N, l = i % N;
+        double degree = G_PI / 180;
+        double value = reflect((double)btf->light_theta_deg[l] * degree,
+                               (double)btf->view_theta_deg[v] * degree,
+                               (double)(btf->view_phi_deg[v] - btf->light_phi_deg[l]) * degree);
+        for (int c = 0; c < 3; c++)
+            btf->values[3 * i + c] = (float)value;
+    }
+    return btf;
+}
+
+static double lambert(double theta_l, double theta_v, double between) {
+    return 0.6 * cos(theta_l);
+}
+
+/* Of a diffuser 0.6 comes back from everywhere; fields of views are alike, those of lights fall. */
+static void test_lambert(void) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = new_btf(lambert);
+    struct energy *energy = energy_compute(btf, -1, &error);
+    g_assert_no_error(error);
+    double mean = 0;
+    for (int l = 0; l < N; l++)
+        mean += 0.6 * cos((double)btf->light_theta_deg[l] * G_PI / 180) / N;
+    g_assert_cmpint(energy->texel, ==, 4);
+    g_assert_cmpint(energy->pairs, ==, N * (N - 1) / 2);
+    g_assert_cmpfloat(energy->asymmetry, <, 1e-5);
+    g_assert_cmpfloat_with_epsilon(energy->largest_albedo, 0.6, 1e-5);
+    for (int i = 0; i < N; i++) {
+        g_assert_cmpfloat_with_epsilon(energy->e_r[i], mean, 1e-5);
+        g_assert_cmpfloat_with_epsilon(energy->texel_e_r[i], mean, 1e-5);
+        g_assert_cmpfloat_with_epsilon(
+            energy->e_i[i], 0.6 * cos((double)btf->light_theta_deg[i] * G_PI / 180), 1e-5);
+        g_assert_cmpfloat_with_epsilon(energy->albedo[i], 0.6, 1e-5);
+    }
+    energy_free(energy);
+    btf_matrix_free(btf);
+}
+
+/* A lobe around the mirror direction, reciprocal: f = 2·max(r·v, 0)⁴. */
+static double lobe(double theta_l, double theta_v, double between) {
+    double cosine = cos(theta_l) * cos(theta_v) - sin(theta_l) * sin(theta_v) * cos(between);
+    return 2 * pow(MAX(cosine, 0), 4) * cos(theta_l);
+}
+
+static void test_lobe(void) {
+    struct btf_matrix *btf = new_btf(lobe);
+    struct energy *energy = energy_compute(btf, 0, NULL);
+    g_test_message("albedo under the zenith %.4f", energy->albedo[0]);
+    g_assert_cmpfloat(energy->asymmetry, <, 1e-5);
+    /* (1/π) ∫ 2 cos⁵θ dω = 2/3, but for the steps between views */
+    g_assert_cmpfloat_with_epsilon(energy->albedo[0], 2.0 / 3, 0.01);
+    energy_free(energy);
+    btf_matrix_free(btf);
+}
+
+/* Values that depend on the view alone: B / cos l = cos v / cos l, which exchanged is its inverse.
+ */
+static double lopsided(double theta_l, double theta_v, double between) {
+    return cos(theta_v);
+}
+
+static void test_lopsided(void) {
+    struct btf_matrix *btf = new_btf(lopsided);
+    struct energy *energy = energy_compute(btf, 0, NULL);
+    g_assert_cmpfloat(energy->asymmetry, >, 0.5);
+    g_assert_cmpfloat(energy->largest_albedo, >, 1);
+    energy_free(energy);
+    btf_matrix_free(btf);
+}
+
+static void test_no_such_texel(void) {
+    struct btf_matrix *btf = new_btf(lambert);
+    for (int texel = -2; texel <= SIDE * SIDE; texel += SIDE * SIDE + 2) {
+        g_autoptr(GError) error = NULL;
+        g_assert_null(energy_compute(btf, texel, &error));
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    }
+    btf_matrix_free(btf);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/energy/lambert", test_lambert);
+    g_test_add_func("/energy/lobe", test_lobe);
+    g_test_add_func("/energy/lopsided", test_lopsided);
+    g_test_add_func("/energy/no-such-texel", test_no_such_texel);
+    return g_test_run();
+}

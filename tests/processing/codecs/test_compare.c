@@ -1,0 +1,331 @@
+#include "base/data_error.h"
+#include "codecs/compare.h"
+#include "formats/compare_pictures.h"
+
+#include "exr/exr.h"
+#include "scene/picture.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <png.h>
+#include <string.h>
+
+/* Published with the formula (Sharma, Wu & Dalal 2005, Table 1). */
+static void test_delta_e(void) {
+    static const double pairs[][7] = {
+        {50, 2.6772, -79.7751, 50, 0, -82.7485, 2.0425},
+        {50, 3.1571, -77.2803, 50, 0, -82.7485, 2.8615},
+        {50, 2.8361, -74.0200, 50, 0, -82.7485, 3.4412},
+        {50, -1.3802, -84.2814, 50, 0, -82.7485, 1.0000},
+        {50, 0, 0, 50, -1, 2, 2.3669},
+        {50, -1, 2, 50, 0, 0, 2.3669},
+        {50, 2.4900, -0.0010, 50, -2.4900, 0.0009, 7.1792},
+        {50, 2.4900, -0.0010, 50, -2.4900, 0.0011, 7.2195},
+        {50, -0.0010, 2.4900, 50, 0.0009, -2.4900, 4.8045},
+        {50, 2.5, 0, 73, 25, -18, 27.1492},
+        {50, 2.5, 0, 61, -5, 29, 22.8977},
+        {50, 2.5, 0, 56, -27, -3, 31.9030},
+        {50, 2.5, 0, 58, 24, 15, 19.4535},
+        {60.2574, -34.0099, 36.2677, 60.4626, -34.1751, 39.4387, 1.2644},
+        {63.0109, -31.0961, -5.8663, 62.8187, -29.7946, -4.0864, 1.2630},
+        {6.7747, -0.2908, -2.4247, 5.8714, -0.0985, -2.2286, 0.6377},
+        {2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082},
+    };
+    for (gsize i = 0; i < G_N_ELEMENTS(pairs); i++)
+        g_assert_cmpfloat_with_epsilon(compare_delta_e(pairs[i], pairs[i] + 3), pairs[i][6], 1e-4);
+}
+
+/* Of the primaries of sRGB, as they are commonly tabulated. */
+static void test_lab(void) {
+    static const float rgb[][3] = {{1, 1, 1}, {0, 0, 0}, {1, 0, 0}, {0, 0, 1}, {-1, -2, -3}};
+    static const double labs[][3] = {{100, 0, 0},
+                                     {0, 0, 0},
+                                     {53.2408, 80.0925, 67.2032},
+                                     {32.2970, 79.1875, -107.8602},
+                                     {0, 0, 0}};
+    for (gsize i = 0; i < G_N_ELEMENTS(labs); i++) {
+        double lab[3];
+        compare_lab(rgb[i], lab);
+        for (int k = 0; k < 3; k++)
+            g_assert_cmpfloat_with_epsilon(lab[k], labs[i][k], 0.02);
+    }
+}
+
+static struct btf_matrix *new_btf(int width, int height, int n_views, int n_lights) {
+    const gsize n = (gsize)width * (gsize)height * (gsize)n_views * (gsize)n_lights * 3;
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    GRand *random = g_rand_new_with_seed(1);
+    *btf = (struct btf_matrix){.name = g_strdup("small"),
+                               .width = width,
+                               .height = height,
+                               .texel_mm = 1,
+                               .n_views = n_views,
+                               .n_lights = n_lights,
+                               .view_theta_deg = g_new0(float, n_views),
+                               .view_phi_deg = g_new0(float, n_views),
+                               .light_theta_deg = g_new0(float, n_lights),
+                               .light_phi_deg = g_new0(float, n_lights),
+                               .values = g_new0(float, n)};
+    for (int i = 0; i < n_views; i++)
+        btf->view_theta_deg[i] = 20 * (float)i, btf->view_phi_deg[i] = 50 * (float)i;
+    for (int i = 0; i < n_lights; i++)
+        btf->light_theta_deg[i] = 15 * (float)i, btf->light_phi_deg[i] = 80 * (float)i;
+    for (gsize i = 0; i < n; i++)
+        btf->values[i] = (float)g_rand_double_range(random, 0.1, 0.6);
+    g_rand_free(random);
+    return btf;
+}
+
+/* One view is brighter by a tenth of itself, one light darker by 0.05 everywhere else. */
+static void test_sums(void) {
+    struct btf_matrix *a = new_btf(4, 3, 3, 4), *b = new_btf(4, 3, 3, 4);
+    for (int i = 0; i < 12 * 12 * 3; i++) {
+        const int view = i / 12 % 3, light = i / 3 % 4;
+        if (view == 1)
+            b->values[i] *= 1.1F;
+        else if (light == 2)
+            b->values[i] -= 0.05F;
+    }
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Material) of_a = material_of_btf("a", a), of_b = material_of_btf("b", b);
+    struct comparison *c = compare_materials(of_a, of_b, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat_with_epsilon(c->views[1].error, 0.1, 1e-5);
+    g_assert_cmpfloat(c->lights[0].error, >, 0.02);
+    g_assert_cmpfloat(c->lights[0].error, <, 0.1);
+    g_assert_cmpfloat_with_epsilon(c->views[0].luminance_error, 0.05 / 4, 1e-6);
+    g_assert_cmpfloat(c->views[0].delta_e, >, 0.1);
+    g_assert_cmpfloat(c->views[0].delta_e, <, 3);
+    g_assert_cmpfloat_with_epsilon(c->largest, 0.06, 0.002);
+    double weighted = 0;
+    for (int i = 0; i < 3; i++)
+        weighted += c->views[i].luminance_error / 3;
+    g_assert_cmpfloat_with_epsilon(c->all.luminance_error, weighted, 1e-9);
+    comparison_free(c);
+    c = compare_materials(of_a, of_a, NULL, &error);
+    g_assert_cmpfloat(c->all.error, ==, 0);
+    g_assert_cmpfloat(c->all.delta_e, ==, 0);
+    comparison_free(c);
+}
+
+/* Exact models give no error at all. */
+static struct eigenmaps *exact_maps(const struct btf_matrix *btf) {
+    const gsize texels = (gsize)btf->width * (gsize)btf->height, lights = (gsize)btf->n_lights;
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    *maps = (struct eigenmaps){.name = g_strdup("small"),
+                               .width = btf->width,
+                               .height = btf->height,
+                               .texel_mm = 1,
+                               .n_views = btf->n_views,
+                               .n_lights = btf->n_lights,
+                               .n_terms = btf->n_views};
+    maps->view_theta_deg = g_memdup2(btf->view_theta_deg, sizeof(float) * (gsize)btf->n_views);
+    maps->view_phi_deg = g_memdup2(btf->view_phi_deg, sizeof(float) * (gsize)btf->n_views);
+    maps->light_theta_deg = g_memdup2(btf->light_theta_deg, sizeof(float) * lights);
+    maps->light_phi_deg = g_memdup2(btf->light_phi_deg, sizeof(float) * lights);
+    maps->weights = g_new0(float, btf->n_views * btf->n_views);
+    maps->maps = g_new0(float, texels *lights *(gsize)btf->n_views * 3);
+    for (gsize view = 0; view < (gsize)btf->n_views; view++) {
+        maps->weights[view * (gsize)btf->n_views + view] = 1;
+        for (gsize i = 0; i < texels * lights * 3; i++)
+            maps->maps[view * texels * lights * 3 + i] =
+                btf->values[((i / 3 % texels * (gsize)btf->n_views + view) * lights +
+                             i / 3 / texels) *
+                                3 +
+                            i % 3];
+    }
+    return maps;
+}
+
+static void test_kinds(void) {
+    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = new_btf(4, 3, 3, 4);
+    const struct lpca_options options = {.n_clusters = 1, .n_components = 11};
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    const struct lobes_options ptm = {.model = LOBES_PTM};
+    struct lobes *lobes = lobes_compute(btf, &ptm, &error);
+    const double lobes_error = lobes->error;
+    g_autoptr(Material) of_btf = material_of_btf("btf", btf);
+    struct eigenmaps *maps = exact_maps(btf);
+    g_assert_true(lpca_write(path, lpca, &error));
+    lpca_free(lpca);
+    Material *material = material_open(path, NULL, &error);
+    struct comparison *c = compare_materials(of_btf, material, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_cmpstr(material_info(material)->kind, ==, "lpca");
+    g_assert_cmpfloat(c->all.error, <, 1e-3);
+    comparison_free(c);
+    material_free(material);
+    g_assert_true(eigenmaps_write(path, maps, &error));
+    eigenmaps_free(maps);
+    material = material_open(path, NULL, &error);
+    c = compare_materials(of_btf, material, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(c->all.error, <, 1e-3);
+    comparison_free(c);
+    material_free(material);
+    g_assert_true(lobes_write(path, lobes, &error));
+    lobes_free(lobes);
+    material = material_open(path, NULL, &error);
+    c = compare_materials(of_btf, material, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat_with_epsilon(c->all.error, lobes_error, 1e-6);
+    comparison_free(c);
+    material_free(material);
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+static void assert_refused(int width, int n_views, float turn_deg, const char *what) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *other = new_btf(width, 3, n_views, 4);
+    other->light_phi_deg[2] += turn_deg;
+    g_autoptr(Material) a = material_of_btf("a", new_btf(4, 3, 3, 4));
+    g_autoptr(Material) b = material_of_btf("b", other);
+    g_assert_null(compare_materials(a, b, NULL, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, what));
+}
+
+/* Ward's model of a roughness of 0 divides by it. */
+static void test_not_finite(void) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = new_btf(4, 3, 3, 4);
+    const struct lobes_options options = {.model = LOBES_WARD};
+    struct lobes *lobes = lobes_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    lobes->values[7 * lobes->n_values + 12] = 0; /* texel (3, 1) */
+    g_autoptr(Material) a = material_of_btf("a", btf), b = material_of_lobes("ward.exr", lobes);
+    g_assert_null(compare_materials(a, b, NULL, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "ward.exr: its values at texel (3, 1) are not finite"));
+}
+
+static void test_refused(void) {
+    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    assert_refused(5, 3, 0, "different texels");
+    assert_refused(4, 2, 0, "different views");
+    assert_refused(4, 3, 0.1F, "different lights");
+    g_assert_null(material_open(path, NULL, &error));
+    g_clear_error(&error);
+    static const char *const channels[] = {"R", NULL};
+    for (int i = 0; i < 2; i++) {
+        struct exr_file *file = exr_file_new();
+        struct exr_part *part = exr_part_new("p", 2, 2, channels, EXR_HALF);
+        if (i)
+            exr_set_string(part, "mesorig.kind", "mdf");
+        exr_file_add(file, part);
+        g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+        exr_file_free(file);
+        g_assert_null(material_open(path, NULL, &error));
+        g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+        g_clear_error(&error);
+    }
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+/* 4 × 2 pixels of sRGB; those of a column are grey. */
+static void write_png(const char *path, int width, const guint8 *columns) {
+    png_image image = {.version = PNG_IMAGE_VERSION,
+                       .width = (png_uint_32)width,
+                       .height = 2,
+                       .format = PNG_FORMAT_RGB};
+    g_autofree guint8 *pixels = g_new(guint8, (gsize)(width * 2) * 3);
+    for (int i = 0; i < width * 2; i++)
+        memset(pixels + (gsize)i * 3, columns[i % width], 3);
+    g_assert_true(png_image_write_to_file(&image, path, 0, pixels, 0, NULL));
+}
+
+static double lightness(guint8 srgb) {
+    const double v = srgb / 255.0,
+                 linear = v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+    return 116 * cbrt(linear) - 16;
+}
+
+/* Of greys the formula has nothing but lightness. */
+static double grey_delta_e(guint8 a, guint8 b) {
+    const double mean = (lightness(a) + lightness(b)) / 2, away = (mean - 50) * (mean - 50);
+    return fabs(lightness(a) - lightness(b)) / (1 + 0.015 * away / sqrt(20 + away));
+}
+
+/* As light, of the same greys. */
+static void write_exr(const char *path, int width, const guint8 *columns) {
+    g_autofree float *rgb = g_new(float, 3 * 2 * width);
+    for (int i = 0; i < 3 * 2 * width; i++) {
+        const double v = columns[i / 3 % width] / 255.0;
+        rgb[i] = (float)(v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4));
+    }
+    const char *texts[] = {"Shape", "torus", "Tiles", "8 x 3", NULL};
+    g_assert_true(picture_write_exr(path, rgb, width, 2, texts, NULL));
+}
+
+static void test_light(void) {
+    static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
+    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    g_autofree char *a = g_build_filename(folder, "a.exr", NULL);
+    g_autofree char *b = g_build_filename(folder, "b.exr", NULL);
+    struct picture_comparison found;
+    write_exr(a, 4, one);
+    write_exr(b, 4, other);
+    g_assert_true(compare_is_picture(a));
+    g_assert_true(compare_pictures(a, b, &found, NULL));
+    g_assert_cmpfloat_with_epsilon(found.delta_e,
+                                   (grey_delta_e(100, 104) + grey_delta_e(200, 190)) / 4, 0.01);
+    struct exr_part *part = exr_read_part(a, "picture", NULL);
+    const char *shape = NULL;
+    g_assert_true(exr_get_string(part, "picture.shape", &shape, NULL));
+    g_assert_cmpstr(shape, ==, "torus");
+    exr_part_free(part);
+    g_assert_true(g_file_set_contents(b, "no EXR", -1, NULL));
+    g_assert_false(compare_is_picture(b));
+    g_unlink(a);
+    g_unlink(b);
+    g_rmdir(folder);
+}
+
+static void test_pictures(void) {
+    static const guint8 one[] = {30, 100, 150, 200}, other[] = {30, 104, 150, 190};
+    g_autofree char *folder = g_dir_make_tmp("compare-XXXXXX", NULL);
+    g_autofree char *a = g_build_filename(folder, "a.png", NULL);
+    g_autofree char *b = g_build_filename(folder, "b.png", NULL);
+    g_autoptr(GError) error = NULL;
+    struct picture_comparison found;
+    write_png(a, 4, one);
+    write_png(b, 4, other);
+    g_assert_true(compare_pictures(a, b, &found, &error));
+    g_assert_no_error(error);
+    const double first = grey_delta_e(100, 104), last = grey_delta_e(200, 190);
+    g_assert_cmpint(found.width, ==, 4);
+    g_assert_cmpfloat_with_epsilon(found.delta_e, (first + last) / 4, 0.01);
+    g_assert_cmpfloat_with_epsilon(found.delta_e_different, (first + last) / 2, 0.01);
+    g_assert_cmpfloat_with_epsilon(found.different, 0.5, 1e-9);
+    g_assert_cmpfloat_with_epsilon(found.largest, MAX(first, last), 0.01);
+    write_png(b, 3, other);
+    g_assert_false(compare_pictures(a, b, &found, &error));
+    g_assert_nonnull(strstr(error->message, "3 × 2: render them alike"));
+    g_clear_error(&error);
+    g_assert_true(g_file_set_contents(b, "\x89PNG", -1, NULL));
+    g_assert_false(compare_pictures(a, b, &found, &error));
+    g_assert_nonnull(strstr(error->message, "b.png"));
+    g_unlink(a);
+    g_unlink(b);
+    g_rmdir(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/compare/delta-e", test_delta_e);
+    g_test_add_func("/compare/lab", test_lab);
+    g_test_add_func("/compare/sums", test_sums);
+    g_test_add_func("/compare/light", test_light);
+    g_test_add_func("/compare/kinds", test_kinds);
+    g_test_add_func("/compare/not-finite", test_not_finite);
+    g_test_add_func("/compare/refused", test_refused);
+    g_test_add_func("/compare/pictures", test_pictures);
+    return g_test_run();
+}

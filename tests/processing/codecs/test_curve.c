@@ -1,0 +1,176 @@
+/* Error against size of all models: what is measured, and what is drawn of it. */
+#include "cli/curve.h"
+#include "lib/remove_tree.h"
+#include "lib/waves_fixture.h"
+#include "lpca/lpca_choose.h"
+#include "lpca/lpca_pack.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+#define WIDTH  23
+#define HEIGHT 19
+#define VIEWS  9
+#define LIGHTS 10
+#define PACKED "local PCA, packed"
+#define NAMES  8000 /* bytes, of which those of parts and attributes are half */
+
+static const char *const names[] = {
+    "Ashikhmin–Shirley",        "Lafortune",         "Ward", "eigen-maps",  "local PCA, 8 bits",
+    "local PCA, 8-bit weights", "local PCA, halves", PACKED, "polynomials", "reflectance fields"};
+
+static struct btf_matrix *waves(gboolean constant) {
+    return waves_fixture_new(WIDTH, HEIGHT, VIEWS, LIGHTS, constant ? 0 : 0.002, constant);
+}
+
+static GArray *measure(const struct btf_matrix *btf) {
+    g_autoptr(GError) error = NULL;
+    GArray *points = curve_measure(btf, NULL, &error);
+    g_assert_no_error(error);
+    return points;
+}
+
+static const struct plot_point *point_at(const GArray *points, guint i) {
+    return &g_array_index(points, struct plot_point, i);
+}
+
+/* Every series is there once, and a larger point of it is a better one. */
+static void assert_series(const GArray *points) {
+    guint series = 0;
+    for (guint i = 0; i < points->len; i++) {
+        const struct plot_point *point = point_at(points, i), *before = i ? point - 1 : NULL;
+        g_assert_cmpfloat(point->bytes, >, 0);
+        if (before && g_str_equal(point->series, before->series)) {
+            g_assert_cmpfloat(point->bytes, >, before->bytes);
+            g_assert_cmpfloat(point->error, <, before->error);
+            continue;
+        }
+        g_assert_cmpuint(series, <, G_N_ELEMENTS(names));
+        g_assert_cmpstr(point->series, ==, names[series++]);
+    }
+    g_assert_cmpuint(series, ==, G_N_ELEMENTS(names));
+}
+
+static gint64 size_of_file(const char *path) {
+    GStatBuf status;
+    g_assert_cmpint(g_stat(path, &status), ==, 0);
+    return status.st_size;
+}
+
+/* Who asks for the error of a packed point by itself gets a file of about that size, which has that
+ * error. Of other local PCAs none is both as small and as good, unless there is so little in the
+ * file that the names of its parts count. */
+static void assert_packed(const struct btf_matrix *btf, const GArray *points,
+                          const struct plot_point *point) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", &error);
+    g_autofree char *path = g_build_filename(folder, "packed.exr", NULL);
+    const struct lpca_wish wish = {.error = point->error * 1.0001};
+    struct lpca *lpca = lpca_pack(btf, &(struct lpca_options){0}, &wish, &error);
+    g_assert_no_error(error);
+    g_assert_true(lpca_write(path, lpca, &error));
+    lpca_free(lpca);
+    g_assert_cmpfloat_with_epsilon((double)size_of_file(path), point->bytes, 0.05 * point->bytes);
+    lpca = lpca_read(path, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat_with_epsilon(lpca_error(lpca, btf, 0), point->error, 0.02 * point->error);
+    lpca_free(lpca);
+    for (guint i = 0; point->bytes > NAMES && i < points->len; i++) {
+        const struct plot_point *other = point_at(points, i);
+        if (g_str_has_prefix(other->series, "local PCA") && !g_str_equal(other->series, PACKED))
+            g_assert_true(other->bytes > point->bytes || other->error > point->error);
+    }
+    remove_tree(folder);
+}
+
+static gboolean has_colour(cairo_surface_t *picture, int i) {
+    cairo_surface_t *one = cairo_image_surface_create(CAIRO_FORMAT_RGB24, 1, 1);
+    cairo_t *cr = cairo_create(one);
+    plot_colour(cr, i);
+    cairo_paint(cr);
+    cairo_destroy(cr);
+    cairo_surface_flush(one);
+    const guint32 wanted = *(guint32 *)(gpointer)cairo_image_surface_get_data(one) & 0xffffff;
+    const guint8 *rows = cairo_image_surface_get_data(picture);
+    const int stride = cairo_image_surface_get_stride(picture);
+    gboolean found = FALSE;
+    for (int y = 0; !found && y < PLOT_HEIGHT; y++)
+        for (int x = 0; !found && x < PLOT_WIDTH; x++)
+            found = (((const guint32 *)(gconstpointer)(rows + y * stride))[x] & 0xffffff) == wanted;
+    cairo_surface_destroy(one);
+    return found;
+}
+
+/* Each series has a colour of its own. */
+static void assert_drawn(const char *folder, const GArray *points) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *png = g_build_filename(folder, "curve.png", NULL);
+    g_autofree char *svg = g_build_filename(folder, "curve.svg", NULL);
+    g_assert_true(plot_curve(svg, "waves", 1e5, point_at(points, 0), (int)points->len, &error));
+    g_assert_true(plot_curve(png, "waves", 1e5, point_at(points, 0), (int)points->len, &error));
+    g_assert_cmpint(size_of_file(svg), >, 1000);
+    cairo_surface_t *picture = cairo_image_surface_create_from_png(png);
+    g_assert_cmpint(cairo_surface_status(picture), ==, CAIRO_STATUS_SUCCESS);
+    for (int i = 0; i < (int)G_N_ELEMENTS(names); i++)
+        g_assert_true(has_colour(picture, i));
+    cairo_surface_destroy(picture);
+    g_assert_false(plot_curve("curve.jpg", "waves", 1e5, point_at(points, 0), 1, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_INVALID_ARGUMENT);
+}
+
+static void test_waves(void) {
+    g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", NULL);
+    struct btf_matrix *btf = waves(FALSE);
+    GArray *points = measure(btf);
+    int packed = 0;
+    assert_series(points);
+    for (guint i = 0; i < points->len; i++)
+        if (g_str_equal(point_at(points, i)->series, PACKED) && packed++ % 3 == 0)
+            assert_packed(btf, points, point_at(points, i));
+    g_assert_cmpint(packed, >=, 6);
+    assert_drawn(folder, points);
+    curve_free(points);
+    btf_matrix_free(btf);
+    remove_tree(folder);
+}
+
+/* All texels alike, and black. */
+static void test_constant(void) {
+    g_autofree char *folder = g_dir_make_tmp("curve-XXXXXX", NULL);
+    struct btf_matrix *btf = waves(TRUE);
+    for (int black = 0; black < 2; black++) {
+        GArray *points = measure(btf);
+        assert_series(points);
+        for (guint i = 0; black && i < points->len; i++)
+            g_assert_cmpfloat(point_at(points, i)->error, ==, 0);
+        assert_drawn(folder, points);
+        curve_free(points);
+        memset(btf->values, 0, sizeof(float) * WIDTH * HEIGHT * VIEWS * LIGHTS * 3);
+    }
+    btf_matrix_free(btf);
+    remove_tree(folder);
+}
+
+static void cancel_packed(const struct work_progress *progress, gpointer data) {
+    if (g_str_equal(progress->stage, "weights")) /* of packed ones alone */
+        g_cancellable_cancel(data);
+}
+
+static void test_cancelled(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    struct btf_matrix *btf = waves(FALSE);
+    const struct work work = {
+        .progress = cancel_packed, .data = cancellable, .cancellable = cancellable};
+    g_assert_null(curve_measure(btf, &work, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    btf_matrix_free(btf);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/curve/waves", test_waves);
+    g_test_add_func("/curve/constant", test_constant);
+    g_test_add_func("/curve/cancelled", test_cancelled);
+    return g_test_run();
+}

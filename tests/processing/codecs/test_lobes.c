@@ -1,0 +1,597 @@
+#include "base/data_error.h"
+#include "lobes/lobes.h"
+
+#include "btf/btf_checkpoint.h"
+#include "exr/exr.h"
+
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+
+#define RINGS 4
+
+/* 1 + 6 + 12 + 18 directions, up to 75 degrees: as dense as the 81 of the papers is coarse. */
+static int count_directions(int rings) {
+    return 1 + 3 * rings * (rings + 1);
+}
+
+static void fill_directions(int rings, float turn_deg, float *theta_deg, float *phi_deg) {
+    int n = 0;
+    theta_deg[n] = phi_deg[n] = 0;
+    n++;
+    for (int ring = 1; ring <= rings; ring++)
+        for (int i = 0; i < 6 * ring; i++, n++) {
+            theta_deg[n] = 75 * (float)ring / (float)rings;
+            phi_deg[n] = 360 * (float)i / (float)(6 * ring) + turn_deg;
+        }
+}
+
+static struct btf_matrix *new_btf(int width, int height, int view_rings, int light_rings) {
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    *btf = (struct btf_matrix){.name = g_strdup("weave"),
+                               .width = width,
+                               .height = height,
+                               .texel_mm = 0.5,
+                               .reference_mm = 5,
+                               .n_views = count_directions(view_rings),
+                               .n_lights = count_directions(light_rings)};
+    btf->view_theta_deg = g_new0(float, btf->n_views);
+    btf->view_phi_deg = g_new0(float, btf->n_views);
+    btf->light_theta_deg = g_new0(float, btf->n_lights);
+    btf->light_phi_deg = g_new0(float, btf->n_lights);
+    fill_directions(view_rings, 0, btf->view_theta_deg, btf->view_phi_deg);
+    fill_directions(light_rings, 7, btf->light_theta_deg, btf->light_phi_deg);
+    btf->values = g_new0(float, (gsize)(width * height * btf->n_views * btf->n_lights * 3));
+    return btf;
+}
+
+static void unit(double theta_deg, double phi_deg, double ret[3]) {
+    ret[0] = sin(theta_deg * G_PI / 180) * cos(phi_deg * G_PI / 180);
+    ret[1] = sin(theta_deg * G_PI / 180) * sin(phi_deg * G_PI / 180);
+    ret[2] = cos(theta_deg * G_PI / 180);
+}
+
+static double dot(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Truth in double precision, by the formulas of the header written out again. */
+typedef double (*Truth)(const double *v, const double *l, const double *p);
+
+static double lobe(const double *p, const double *w) {
+    const double c = dot(p, w);
+    return c > 0 ? p[4] * pow(c, p[3]) : 0; /* p: unit vector, exponent, peak */
+}
+
+static double truth_fields(const double *v, const double *l, const double *p) {
+    return lobe(p, l) + lobe(p + 5, l);
+}
+
+static double truth_lafortune(const double *v, const double *l, const double *p) {
+    const double w[3] = {v[0] * l[0], v[1] * l[1], v[2] * l[2]};
+    return l[2] * (p[10] + lobe(p, w) + lobe(p + 5, w));
+}
+
+struct frame {
+    double t[3], b[3], n[3];
+};
+
+/* Normal from its slopes, tangent the turned x axis laid into the surface by Gram and Schmidt. */
+static struct frame frame_of(const double *p) {
+    struct frame f;
+    const double size = sqrt(p[0] * p[0] + p[1] * p[1] + 1);
+    const double x[3] = {cos(p[2]), sin(p[2]), p[0] * cos(p[2]) + p[1] * sin(p[2])};
+    const double n[3] = {-p[0] / size, -p[1] / size, 1 / size};
+    memcpy(f.n, n, sizeof n);
+    for (int i = 0; i < 3; i++)
+        f.t[i] = x[i] / sqrt(dot(x, x));
+    g_assert_cmpfloat_with_epsilon(dot(f.t, f.n), 0, 1e-12);
+    f.b[0] = n[1] * f.t[2] - n[2] * f.t[1];
+    f.b[1] = n[2] * f.t[0] - n[0] * f.t[2];
+    f.b[2] = n[0] * f.t[1] - n[1] * f.t[0];
+    return f;
+}
+
+/* p: slopes, angle, U, V, diffuse, specular. */
+static double truth_ward(const double *v, const double *l, const double *p) {
+    const struct frame f = frame_of(p);
+    double h[3] = {v[0] + l[0], v[1] + l[1], v[2] + l[2]};
+    const double size = sqrt(dot(h, h)), nl = dot(f.n, l), nv = MAX(dot(f.n, v), 0.1);
+    if (nl <= 0)
+        return 0;
+    for (int i = 0; i < 3; i++)
+        h[i] /= size;
+    const double x = dot(h, f.t) / p[3], y = dot(h, f.b) / p[4];
+    return p[5] * nl + p[6] * sqrt(nl / nv) / (4 * p[3] * p[4]) *
+                           exp(-2 * (x * x + y * y) / (1 + MAX(dot(h, f.n), 0)));
+}
+
+static double truth_ashikhmin(const double *v, const double *l, const double *p) {
+    const struct frame f = frame_of(p);
+    double h[3] = {v[0] + l[0], v[1] + l[1], v[2] + l[2]};
+    const double size = sqrt(dot(h, h)), nl = dot(f.n, l), nv = MAX(dot(f.n, v), 0.1);
+    if (nl <= 0)
+        return 0;
+    for (int i = 0; i < 3; i++)
+        h[i] /= size;
+    const double x = dot(h, f.t), y = dot(h, f.b), z = dot(h, f.n);
+    if (z <= 0)
+        return p[5] * nl;
+    const double d = z >= 1 - 1e-12 ? 1 : pow(z, (p[3] * x * x + p[4] * y * y) / (1 - z * z));
+    return p[5] * nl +
+           p[6] * sqrt((p[3] + 1) * (p[4] + 1)) / 8 * d * nl / (dot(h, l) * MAX(nl, nv));
+}
+
+static double between(GRand *random, double low, double high) {
+    return g_rand_double_range(random, low, high);
+}
+
+static void random_lobe(GRand *random, double *p, double n_low, double n_high, double peak) {
+    unit(between(random, 0, 60), between(random, 0, 360), p);
+    p[3] = between(random, n_low, n_high);
+    p[4] = peak;
+}
+
+static void random_parameters(GRand *random, enum lobes_model model, double *p) {
+    switch (model) {
+    case LOBES_FIELDS:
+        random_lobe(random, p, 1, 1.5, between(random, 0.2, 0.6));
+        random_lobe(random, p + 5, 6, 20, between(random, 0.2, 1));
+        break;
+    case LOBES_LAFORTUNE: {
+        const double c[2][3] = {{-1, -1, 1}, {0.8, 0.8, 1}};
+        for (int i = 0; i < 2; i++) {
+            for (int k = 0; k < 3; k++)
+                p[5 * i + k] = c[i][k] / sqrt(dot(c[i], c[i]));
+            p[5 * i + 3] = i ? 2.5 : between(random, 6, 12);
+            p[5 * i + 4] = between(random, 0.2, 1);
+        }
+        p[10] = between(random, 0.1, 0.5);
+        break;
+    }
+    default:
+        p[0] = between(random, -0.3, 0.3);
+        p[1] = between(random, -0.3, 0.3);
+        p[2] = between(random, 0, G_PI);
+        p[3] = model == LOBES_WARD ? between(random, 0.15, 0.25) : between(random, 60, 120);
+        p[4] = model == LOBES_WARD ? between(random, 0.4, 0.6) : between(random, 8, 16);
+        p[5] = between(random, 0.2, 0.5);
+        p[6] = between(random, 0.1, 0.4);
+        break;
+    }
+}
+
+/* Luminance as the truth says, in one colour, with noise. */
+static void fill(struct btf_matrix *btf, enum lobes_model model, double noise) {
+    static const Truth truths[] = {truth_fields, NULL, truth_lafortune, truth_ward,
+                                   truth_ashikhmin};
+    static const double colour[3] = {1.4, 0.9, 0.7};
+    GRand *random = g_rand_new_with_seed(11);
+    float *to = btf->values;
+    double p[16] = {0}, v[3], l[3];
+    for (int texel = 0; texel < btf->width * btf->height; texel++) {
+        for (int view = 0; view < btf->n_views; view++) {
+            if (view == 0 || model == LOBES_FIELDS)
+                random_parameters(random, model, p);
+            unit(btf->view_theta_deg[view], btf->view_phi_deg[view], v);
+            for (int light = 0; light < btf->n_lights; light++, to += 3) {
+                unit(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+                const double y = truths[model](v, l, p);
+                for (int c = 0; c < 3; c++)
+                    to[c] = (float)(colour[c] * y + noise * between(random, -1, 1));
+            }
+        }
+    }
+    g_rand_free(random);
+}
+
+static struct lobes *compute(const struct btf_matrix *btf, enum lobes_model model) {
+    const struct lobes_options options = {.model = model};
+    g_autoptr(GError) error = NULL;
+    struct lobes *lobes = lobes_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    return lobes;
+}
+
+static double residual(const struct lobes *lobes, const struct btf_matrix *btf) {
+    const int d = btf->n_views * btf->n_lights * 3;
+    g_autofree float *row = g_new(float, d);
+    double rest = 0, all = 0;
+    for (int texel = 0; texel < btf->width * btf->height; texel++) {
+        lobes_reconstruct(lobes, texel, row);
+        for (int i = 0; i < d; i++) {
+            const double truth = btf->values[texel * d + i];
+            rest += (truth - row[i]) * (truth - row[i]);
+            all += truth * truth;
+        }
+    }
+    return all > 0 ? sqrt(rest / all) : 0;
+}
+
+/* Each model finds itself again. */
+static void test_own(void) {
+    const enum lobes_model models[] = {LOBES_FIELDS, LOBES_LAFORTUNE, LOBES_WARD, LOBES_ASHIKHMIN};
+    for (gsize i = 0; i < G_N_ELEMENTS(models); i++) {
+        struct btf_matrix *btf = new_btf(4, 3, 2, RINGS);
+        fill(btf, models[i], 0);
+        struct lobes *lobes = compute(btf, models[i]);
+        g_test_message("%s: %g", lobes_model_name(models[i]), lobes->error);
+        g_assert_cmpfloat(lobes->exact_error, <, 0.02);
+        g_assert_cmpfloat(lobes->error, <, 0.02);
+        g_assert_cmpfloat_with_epsilon(residual(lobes, btf), lobes->error, 1e-5);
+        lobes_free(lobes);
+        btf_matrix_free(btf);
+    }
+}
+
+/* A polynomial is found again; of what is none, the best one: nothing is left that the basis
+ * could take. */
+static void test_polynomial(void) {
+    static const double c[6] = {0.2, -0.1, 0.05, 0.3, -0.2, 0.6};
+    struct btf_matrix *btf = new_btf(2, 2, 1, RINGS);
+    double l[3];
+    for (int i = 0; i < 4 * btf->n_views * btf->n_lights; i++) {
+        const int light = i % btf->n_lights;
+        unit(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+        const double basis[6] = {l[0] * l[0], l[1] * l[1], l[0] * l[1], l[0], l[1], 1};
+        double y = 0;
+        for (int k = 0; k < 6; k++)
+            y += c[k] * basis[k];
+        btf->values[3 * i] = btf->values[3 * i + 1] = btf->values[3 * i + 2] = (float)y;
+    }
+    struct lobes *lobes = compute(btf, LOBES_PTM);
+    for (int k = 0; k < 6; k++)
+        g_assert_cmpfloat_with_epsilon(lobes->values[3 + k], c[k], 1e-3);
+    g_assert_cmpfloat(lobes->error, <, 1e-3);
+    lobes_free(lobes);
+    fill(btf, LOBES_FIELDS, 0);
+    lobes = compute(btf, LOBES_PTM);
+    g_autofree float *row = g_new(float, btf->n_views * btf->n_lights * 3);
+    lobes_reconstruct(lobes, 0, row);
+    double left[6] = {0};
+    for (int light = 0; light < btf->n_lights; light++) {
+        unit(btf->light_theta_deg[light], btf->light_phi_deg[light], l);
+        const double basis[6] = {l[0] * l[0], l[1] * l[1], l[0] * l[1], l[0], l[1], 1};
+        const float *a = btf->values + (gsize)(3 * light), *b = row + (gsize)(3 * light);
+        const double y = 0.2126 * (a[0] - b[0]) + 0.7152 * (a[1] - b[1]) + 0.0722 * (a[2] - b[2]);
+        for (int k = 0; k < 6; k++)
+            left[k] += y * basis[k] / btf->n_lights;
+    }
+    for (int k = 0; k < 6; k++)
+        g_assert_cmpfloat_with_epsilon(left[k], 0, 1e-3);
+    lobes_free(lobes);
+    btf_matrix_free(btf);
+}
+
+/* Noise does not stop the fit from the truth: what is left is the noise, and no more. */
+static void test_noise(void) {
+    struct btf_matrix *btf = new_btf(6, 5, 1, RINGS);
+    fill(btf, LOBES_FIELDS, 0.03);
+    struct lobes *lobes = compute(btf, LOBES_FIELDS);
+    const double noise = 0.03 / sqrt(3);
+    double all = 0;
+    const int n = 6 * 5 * btf->n_views * btf->n_lights * 3;
+    for (int i = 0; i < n; i++)
+        all += (double)btf->values[i] * btf->values[i] / n;
+    g_assert_cmpfloat(lobes->error, <, 1.05 * noise / sqrt(all));
+    lobes_free(lobes);
+    btf_matrix_free(btf);
+}
+
+/* What a graphics card does in half floats has no infinity in it, wherever the light comes from. */
+static void test_halves(void) {
+    struct btf_matrix *btf = new_btf(8, 8, 1, 2);
+    GRand *random = g_rand_new_with_seed(3);
+    const int n = 64 * btf->n_views * btf->n_lights;
+    for (int i = 0; i < 3 * n; i++) /* single bright lights: the sharpest lobes there are */
+        btf->values[i] = i / 3 % 7 == g_rand_int_range(random, 0, 7)
+                             ? (float)pow(10, between(random, -3, 3))
+                             : 0.01F;
+    struct lobes *lobes = compute(btf, LOBES_FIELDS);
+    for (int i = 0; i < 64 * lobes->n_slices; i++) {
+        const float *values = lobes->values + (gsize)(i * lobes->n_values);
+        for (int k = 0; k < lobes->n_values; k++)
+            g_assert_cmpfloat(fabsf(values[k]), <, 65504);
+        for (int k = 0; k < 2; k++) {
+            const float *p = values + 3 + (gsize)(4 * k);
+            const double size = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+            g_assert_cmpfloat(p[3], >=, LOBES_MIN_EXPONENT);
+            g_assert_cmpfloat(p[3], <=, LOBES_MAX_EXPONENT);
+            g_assert_cmpfloat(size, <, 65504);
+            g_assert_cmpfloat(pow(size, p[3]), <, 1.1 * LOBES_MAX_PEAK);
+        }
+    }
+    lobes_free(lobes);
+    g_rand_free(random);
+    btf_matrix_free(btf);
+}
+
+static void test_threads(void) {
+    struct btf_matrix *btf = new_btf(9, 7, 1, 3);
+    struct lobes *first = NULL;
+    fill(btf, LOBES_FIELDS, 0.02);
+    for (int threads = 1; threads <= 3; threads++) {
+        const struct lobes_options options = {LOBES_FIELDS, .work.n_threads = threads};
+        struct lobes *lobes = lobes_compute(btf, &options, NULL);
+        const gsize size = sizeof(float) * (gsize)(63 * lobes->n_slices * lobes->n_values);
+        if (first)
+            g_assert_cmpmem(first->values, size, lobes->values, size);
+        if (first)
+            lobes_free(lobes);
+        else
+            first = lobes;
+    }
+    lobes_free(first);
+    btf_matrix_free(btf);
+}
+
+/* Black, constant, one direction, holes: every model gives something finite and sensible. */
+static void test_edges(void) {
+    for (int model = 0; model < LOBES_MODELS; model++) {
+        struct btf_matrix *btf = new_btf(3, 2, 1, 2);
+        const int n = 6 * btf->n_views * btf->n_lights * 3;
+        struct lobes *lobes = compute(btf, (enum lobes_model)model);
+        g_assert_cmpfloat(lobes->error, ==, 0);
+        g_assert_cmpfloat(residual(lobes, btf), ==, 0);
+        lobes_free(lobes);
+        for (int i = 0; i < n; i++)
+            btf->values[i] = 0.5F;
+        lobes = compute(btf, (enum lobes_model)model);
+        g_assert_cmpfloat(lobes->error, <, model == LOBES_FIELDS || model == LOBES_PTM ? 0.2 : 0.7);
+        lobes_free(lobes);
+        btf_matrix_free(btf);
+
+        btf = new_btf(1, 1, 0, 0); /* one view, one light */
+        btf->values[0] = btf->values[1] = btf->values[2] = 0.7F;
+        lobes = compute(btf, (enum lobes_model)model);
+        g_assert_cmpfloat(lobes->error, <, 0.01);
+        lobes_free(lobes);
+        btf_matrix_free(btf);
+
+        btf = new_btf(2, 1, 0, 3); /* one view; the second texel was never seen */
+        fill(btf, LOBES_FIELDS, 0);
+        for (int i = 0; i < btf->n_lights * 3; i++)
+            btf->values[btf->n_lights * 3 + i] = NAN;
+        lobes = compute(btf, (enum lobes_model)model);
+        g_assert_true(isfinite(lobes->error));
+        for (int i = 0; i < 2 * lobes->n_slices * lobes->n_values; i++)
+            g_assert_true(isfinite(lobes->values[i]));
+        g_autofree float *row = g_new(float, btf->n_lights * 3);
+        lobes_reconstruct(lobes, 1, row);
+        for (int i = 0; i < btf->n_lights * 3; i++)
+            g_assert_cmpfloat(row[i], ==, 0);
+        lobes_free(lobes);
+        btf_matrix_free(btf);
+    }
+}
+
+/* A tenth of the values missing changes the fit of a clean BTF little. */
+static void test_holes(void) {
+    for (int model = 0; model < LOBES_MODELS; model++) {
+        struct btf_matrix *whole = new_btf(3, 3, 1, RINGS), *btf = new_btf(3, 3, 1, RINGS);
+        const enum lobes_model kind = model == LOBES_PTM ? LOBES_FIELDS : (enum lobes_model)model;
+        fill(whole, kind, 0);
+        fill(btf, kind, 0);
+        for (int i = 0; i < 9 * btf->n_views * btf->n_lights; i += 10)
+            btf->values[3 * i + 1] = NAN;
+        struct lobes *lobes = compute(btf, (enum lobes_model)model);
+        const double error = lobes->error;
+        const double on_all = lobes_error(lobes, whole, 0);
+        g_assert_cmpfloat(on_all, <, model == LOBES_PTM ? 1.1 * error : 0.03);
+        lobes_free(lobes);
+        btf_matrix_free(whole);
+        btf_matrix_free(btf);
+    }
+}
+
+static void cancel_soon(const struct work_progress *progress, gpointer cancellable) {
+    if (progress->done > 0)
+        g_cancellable_cancel(cancellable);
+}
+
+static struct lobes *compute_checkpoint(const struct btf_matrix *btf, const char *path,
+                                        GCancellable *cancellable) {
+    g_autoptr(Checkpoint) checkpoint = path ? checkpoint_new(path) : NULL;
+    const struct lobes_options options = {.model = LOBES_PTM,
+                                          .work.n_threads = 1,
+                                          .work.progress = cancellable ? cancel_soon : NULL,
+                                          .work.data = cancellable,
+                                          .work.cancellable = cancellable,
+                                          .checkpoint = checkpoint};
+    return lobes_compute(btf, &options, NULL);
+}
+
+/* Changes a value of what is kept, as if it had come out so. */
+static void spoil_kept(const struct btf_matrix *btf, const char *path, gsize n) {
+    g_autoptr(Checkpoint) checkpoint = checkpoint_new(path);
+    const int n_blocks = btf->width * btf->height / 16;
+    btf_checkpoint_begin(checkpoint, btf, "ptm of 0");
+    const int *found = checkpoint_get(checkpoint, "blocks", sizeof(int) * (gsize)n_blocks);
+    const float *values = checkpoint_get(checkpoint, "values", sizeof(float) * n);
+    g_assert_nonnull(found);
+    g_assert_nonnull(values);
+    g_assert_cmpint(found[0], ==, 1);
+    g_autofree int *blocks = g_memdup2(found, sizeof(int) * (gsize)n_blocks);
+    g_autofree float *spoiled = g_memdup2(values, sizeof(float) * n);
+    spoiled[0] = 7;
+    checkpoint_keep_flags(checkpoint, "blocks", blocks, n_blocks);
+    checkpoint_keep(checkpoint, "values", spoiled, sizeof(float) * n);
+    checkpoint_save(checkpoint);
+}
+
+/* Cut off, it goes on with what it had, and ends with the same. */
+static void test_checkpoint(void) {
+    g_autofree char *dir = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(dir, "checkpoint.exr", NULL);
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    struct btf_matrix *btf = new_btf(64, 64, 1, RINGS);
+    fill(btf, LOBES_FIELDS, 0.1);
+    const gsize n = (gsize)(64 * 64 * btf->n_views * 9);
+    struct lobes *whole = compute_checkpoint(btf, NULL, NULL);
+    g_assert_null(compute_checkpoint(btf, path, cancellable));
+    struct lobes *rest = compute_checkpoint(btf, path, NULL);
+    g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
+    g_assert_cmpfloat(rest->error, ==, whole->error);
+    lobes_free(rest);
+    /* What was done is not done again: it shows when it is changed. */
+    spoil_kept(btf, path, n);
+    rest = compute_checkpoint(btf, path, NULL);
+    g_assert_cmpfloat(rest->values[0], ==, 7);
+    lobes_free(rest);
+    /* Of something else, or damaged, it counts as nothing. */
+    btf->values[0] += 0.5F;
+    rest = compute_checkpoint(btf, path, NULL);
+    g_assert_cmpfloat(rest->values[0], !=, 7);
+    lobes_free(rest);
+    g_assert_true(g_file_set_contents(path, "cut off", -1, NULL));
+    btf->values[0] -= 0.5F;
+    rest = compute_checkpoint(btf, path, NULL);
+    g_assert_cmpmem(rest->values, n * sizeof(float), whole->values, n * sizeof(float));
+    lobes_free(rest);
+    lobes_free(whole);
+    btf_matrix_free(btf);
+    g_unlink(path);
+    g_rmdir(dir);
+}
+
+static void test_refused(void) {
+    static const struct lobes_options bad[] = {
+        {(enum lobes_model)5}, {LOBES_FIELDS, -1}, {LOBES_FIELDS, 4}, {LOBES_LAFORTUNE, G_MAXINT}};
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GCancellable) cancelled = g_cancellable_new();
+    struct btf_matrix *btf = new_btf(5, 4, 1, 1);
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        g_assert_null(lobes_compute(btf, &bad[i], &error));
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+        g_clear_error(&error);
+    }
+    const struct lobes_options options = {LOBES_FIELDS, .work.cancellable = cancelled};
+    g_cancellable_cancel(cancelled);
+    g_assert_null(lobes_compute(btf, &options, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    g_clear_error(&error);
+    btf->values[(7 * 49 + 10) * 3] = INFINITY; /* texel (2, 1), view 1 */
+    const struct lobes_options good = {LOBES_PTM};
+    g_assert_null(lobes_compute(btf, &good, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "view 1, texel (2, 1)"));
+    btf_matrix_free(btf);
+}
+
+static void test_file(void) {
+    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
+    struct btf_matrix *btf = new_btf(5, 4, 1, 2);
+    fill(btf, LOBES_FIELDS, 0.01);
+    for (int model = 0; model < LOBES_MODELS; model++) {
+        g_autoptr(GError) error = NULL;
+        struct lobes *lobes = compute(btf, (enum lobes_model)model);
+        g_assert_true(lobes_write(path, lobes, &error));
+        struct lobes *back = lobes_read(path, &error);
+        g_assert_no_error(error);
+        const gsize size = sizeof(float) * (gsize)(20 * lobes->n_slices * lobes->n_values);
+        g_assert_cmpint(back->model, ==, model);
+        g_assert_cmpint(back->n_values, ==, lobes->n_values);
+        g_assert_cmpmem(back->values, size, lobes->values, size);
+        g_assert_true(back->error == lobes->error);
+        g_assert_true(back->luminance_error == lobes->luminance_error);
+        g_assert_cmpstr(back->name, ==, "weave");
+        g_assert_cmpfloat(back->view_theta_deg[3], ==, btf->view_theta_deg[3]);
+        g_assert_cmpfloat(back->light_phi_deg[5], ==, btf->light_phi_deg[5]);
+        lobes_free(back);
+        lobes_free(lobes);
+    }
+    btf_matrix_free(btf);
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+static void write_small(const char *path) {
+    struct btf_matrix *btf = new_btf(4, 3, 1, 1);
+    g_autoptr(GError) error = NULL;
+    fill(btf, LOBES_FIELDS, 0);
+    struct lobes *lobes = compute(btf, LOBES_FIELDS);
+    g_assert_true(lobes_write(path, lobes, &error));
+    lobes_free(lobes);
+    btf_matrix_free(btf);
+}
+
+static void spoil(struct exr_file *file, int fault) {
+    static const char *const parts[] = {"colour", "lobe1", "lobe2", "views", "lights"};
+    struct exr_part *first = exr_file_part(file, "colour");
+    if (fault < 5) {
+        g_assert_true(g_ptr_array_remove(file->parts, exr_file_part(file, parts[fault])));
+        return;
+    }
+    switch (fault) {
+    case 5:
+        exr_part_plane(exr_file_part(file, "lobe1"), "N")[3] = NAN;
+        break;
+    case 6:
+        exr_set_int(first, "mesorig.lobes", 4);
+        break;
+    case 7:
+        exr_set_int(first, "mesorig.slices", 1);
+        break;
+    case 8:
+        exr_set_int(first, "mesorig.height", 2);
+        break;
+    case 9:
+        exr_set_int(first, "mesorig.width", 5);
+        break;
+    case 10:
+        exr_set_double(first, "texel_mm", -1);
+        break;
+    case 11:
+        exr_set_int(first, "mesorig.height", G_MAXINT);
+        break;
+    default:
+        exr_set_string(first, "mesorig.kind", "lpca");
+        break;
+    }
+}
+
+static void test_hostile(void) {
+    g_autofree char *folder = g_dir_make_tmp("lobes-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lobes.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    g_autofree char *bytes = NULL;
+    gsize length;
+    for (int fault = 0; fault < 13; fault++) {
+        write_small(path);
+        struct exr_file *file = exr_read(path, &error);
+        g_assert_no_error(error);
+        spoil(file, fault);
+        g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+        exr_file_free(file);
+        g_assert_null(lobes_read(path, &error));
+        g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+        g_clear_error(&error);
+    }
+    write_small(path);
+    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+    for (gsize cut = 0; cut < length; cut += 211) {
+        g_assert_true(g_file_set_contents(path, bytes, (gssize)cut, NULL));
+        g_assert_null(lobes_read(path, &error));
+        g_assert_nonnull(error);
+        g_clear_error(&error);
+    }
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/lobes/own", test_own);
+    g_test_add_func("/lobes/polynomial", test_polynomial);
+    g_test_add_func("/lobes/noise", test_noise);
+    g_test_add_func("/lobes/halves", test_halves);
+    g_test_add_func("/lobes/threads", test_threads);
+    g_test_add_func("/lobes/edges", test_edges);
+    g_test_add_func("/lobes/holes", test_holes);
+    g_test_add_func("/lobes/checkpoint", test_checkpoint);
+    g_test_add_func("/lobes/refused", test_refused);
+    g_test_add_func("/lobes/file", test_file);
+    g_test_add_func("/lobes/hostile", test_hostile);
+    return g_test_run();
+}

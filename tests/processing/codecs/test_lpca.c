@@ -1,0 +1,432 @@
+#include "base/data_error.h"
+#include "lpca/lpca.h"
+
+#include "exr/exr.h"
+#include "lib/lpca_fixture.h"
+
+#include <glib/gstdio.h>
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+static struct lpca *compute(const struct btf_matrix *btf, int k, int c) {
+    const struct lpca_options options = {.n_clusters = k, .n_components = c};
+    g_autoptr(GError) error = NULL;
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    return lpca;
+}
+
+static double error_of(const struct btf_matrix *btf, int k, int c) {
+    struct lpca *lpca = compute(btf, k, c);
+    const double error = lpca->error;
+    lpca_free(lpca);
+    return error;
+}
+
+/* Written out: the formula of the header, texel by texel. */
+static double residual(const struct lpca *lpca, const struct btf_matrix *btf) {
+    const int d = row_length(btf), c = lpca->n_components;
+    double rest = 0, all = 0;
+    for (int x = 0; x < btf->width * btf->height; x++)
+        for (int j = 0; j < d; j++) {
+            const float *e = lpca->brdfs + lpca->clusters[x] * (c + 1) * d + j;
+            double value = btf->values[x * d + j], sum = e[0];
+            for (int i = 1; i <= c; i++)
+                sum += (double)lpca->weights[x * c + i - 1] * e[i * d];
+            rest += (value - sum) * (value - sum);
+            all += value * value;
+        }
+    return all > 0 ? sqrt(rest / all) : 0;
+}
+
+static void assert_orthonormal(const struct lpca *lpca) {
+    const int d = lpca->n_views * lpca->n_lights * 3, c = lpca->n_components;
+    for (int k = 0; k < lpca->n_clusters; k++)
+        for (int i = 1; i <= c; i++)
+            for (int j = 1; j <= i; j++) {
+                const float *a = lpca->brdfs + (k * (c + 1) + i) * d;
+                const float *b = lpca->brdfs + (k * (c + 1) + j) * d;
+                double product = 0;
+                for (int l = 0; l < d; l++)
+                    product += (double)a[l] * b[l];
+                if (i != j || product > 0.5)
+                    g_assert_cmpfloat_with_epsilon(product, i == j, 1e-4);
+                else /* left out */
+                    g_assert_cmpfloat(product, ==, 0);
+            }
+}
+
+/* A mixture of planes of low rank is told apart, and nothing is left. */
+static void test_mixture(void) {
+    struct btf_matrix *btf = mixture(16, 15, 4, 5, 4, 2, 0);
+    struct lpca *lpca = compute(btf, 4, 2);
+    g_assert_cmpint(lpca->n_clusters, ==, 4);
+    g_assert_cmpfloat(lpca->error, <, 2e-5);
+    g_assert_cmpfloat_with_epsilon(residual(lpca, btf), lpca->error, 1e-6);
+    for (int i = 0; i < 16 * 15; i++)
+        g_assert_cmpint(lpca->clusters[i], ==, lpca->clusters[i % 4]);
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < i; j++)
+            g_assert_cmpint(lpca->clusters[i], !=, lpca->clusters[j]);
+    assert_orthonormal(lpca);
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+}
+
+/* Of the matrix less its mean row, beyond the first c, relative to the whole. */
+static double dense_error(const struct btf_matrix *btf, int c) {
+    const int d = row_length(btf), n = btf->width * btf->height, rank = MIN(n, d);
+    g_autofree double *a = g_new(double, n *d), *s = g_new(double, rank);
+    g_autofree double *superb = g_new(double, rank);
+    double rest = 0, all = 0;
+    for (int j = 0; j < d; j++) {
+        double mean = 0;
+        for (int i = 0; i < n; i++)
+            mean += (double)btf->values[i * d + j] / n;
+        for (int i = 0; i < n; i++) {
+            a[i * d + j] = btf->values[i * d + j] - mean;
+            all += (double)btf->values[i * d + j] * btf->values[i * d + j];
+        }
+    }
+    g_assert_cmpint(
+        LAPACKE_dgesvd(LAPACK_ROW_MAJOR, 'N', 'N', n, d, a, d, s, NULL, n, NULL, d, superb), ==, 0);
+    for (int i = c; i < rank; i++)
+        rest += s[i] * s[i];
+    return sqrt(rest / all);
+}
+
+static void test_dense(void) {
+    struct btf_matrix *btf = mixture(10, 9, 4, 5, 1, 8, 0.05);
+    for (int c = 1; c <= 8; c++) {
+        const double truth = dense_error(btf, c), error = error_of(btf, 1, c);
+        g_assert_cmpfloat_with_epsilon(error, truth, 1e-4 * truth);
+    }
+    btf_matrix_free(btf);
+    /* More texels than are drawn, more values than dimensions that are kept. */
+    btf = mixture(31, 30, 5, 10, 1, 12, 0.1);
+    for (int c = 1; c <= 16; c *= 4) {
+        const double truth = dense_error(btf, c), error = error_of(btf, 1, c);
+        g_assert_cmpfloat(error, >=, truth * (1 - 1e-5));
+        g_assert_cmpfloat(error, <, truth * 1.01);
+    }
+    btf_matrix_free(btf);
+}
+
+static void test_monotone(void) {
+    struct btf_matrix *btf = mixture(24, 24, 4, 6, 11, 6, 0.05);
+    double row[3] = {G_MAXDOUBLE, G_MAXDOUBLE, G_MAXDOUBLE};
+    for (int k = 1; k <= 16; k *= 2) {
+        double before = G_MAXDOUBLE;
+        for (int i = 0; i < 3; i++) {
+            const double error = error_of(btf, k, 1 << (i + i / 2));
+            g_assert_cmpfloat(error, <, before);
+            g_assert_cmpfloat(error, <, row[i]);
+            before = row[i] = error;
+        }
+    }
+    btf_matrix_free(btf);
+}
+
+static void test_threads(void) {
+    struct btf_matrix *btf = mixture(30, 27, 5, 9, 6, 5, 0.05);
+    struct lpca *first = NULL;
+    for (int threads = 1; threads <= 4; threads++) {
+        const struct lpca_options options = {6, 4, .work.n_threads = threads};
+        struct lpca *lpca = lpca_compute(btf, &options, NULL);
+        g_assert_nonnull(lpca);
+        if (first) {
+            assert_same(lpca, first);
+            g_assert_true(lpca->error == first->error);
+            lpca_free(lpca);
+        } else {
+            first = lpca;
+        }
+    }
+    lpca_free(first);
+    btf_matrix_free(btf);
+}
+
+static void test_target(void) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = mixture(20, 20, 4, 5, 2, 12, 0.02);
+    struct lpca_options options = {.n_clusters = 2, .n_components = 16, .target = 0.1};
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(lpca->error, <=, 0.1);
+    g_assert_cmpint(lpca->n_components, >, 1);
+    struct lpca *fewer = lpca_truncated(lpca, lpca->n_components - 1);
+    g_assert_cmpfloat(lpca_error(fewer, btf, 0), >, 0.1);
+    g_assert_cmpfloat_with_epsilon(residual(fewer, btf), fewer->error, 1e-6);
+    lpca_free(fewer);
+    lpca_free(lpca);
+    options.target = 1e-5;
+    g_assert_null(lpca_compute(btf, &options, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "is not reached"));
+    btf_matrix_free(btf);
+}
+
+static void test_edges(void) {
+    struct btf_matrix *btf = btf_fixture_new("weave", 5, 4, 2, 3); /* black */
+    struct lpca *lpca = compute(btf, 4, 2);
+    g_assert_cmpint(lpca->n_clusters, ==, 1);
+    g_assert_cmpfloat(lpca->error, ==, 0);
+    lpca_free(lpca);
+    for (int i = 0; i < 20 * 18; i++) /* constant */
+        btf->values[i] = 0.5F + 0.01F * (float)(i % 18);
+    lpca = compute(btf, 4, 2);
+    g_assert_cmpint(lpca->n_clusters, ==, 1);
+    g_assert_cmpfloat(residual(lpca, btf), <, 1e-6);
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+
+    btf = mixture(4, 3, 1, 2, 3, 2, 0.1); /* one view; as many clusters as texels */
+    lpca = compute(btf, 12, 6);
+    g_assert_cmpfloat(residual(lpca, btf), <, 1e-5);
+    assert_orthonormal(lpca);
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+
+    btf = mixture(1, 1, 1, 1, 1, 1, 0); /* one value of each colour */
+    g_assert_cmpfloat(error_of(btf, 1, 3), <, 1e-6);
+    btf_matrix_free(btf);
+}
+
+static void test_refused(void) {
+    static const struct lpca_options bad[] = {
+        {0, 2},  {-1, 2}, {21, 2}, {G_MAXINT, 2}, {2, 0},
+        {2, -3}, {2, 65}, {2, 19}, {2, 2, NAN},   {2, 2, -0.1},
+    };
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GCancellable) cancelled = g_cancellable_new();
+    struct btf_matrix *btf = mixture(5, 4, 2, 3, 2, 2, 0.1);
+    for (guint i = 0; i < G_N_ELEMENTS(bad); i++) {
+        g_assert_null(lpca_compute(btf, &bad[i], &error));
+        g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+        g_clear_error(&error);
+    }
+    const struct lpca_options options = {2, 2, .work.cancellable = cancelled};
+    g_cancellable_cancel(cancelled);
+    g_assert_null(lpca_compute(btf, &options, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    g_clear_error(&error);
+    btf->values[7 * 18 + 9] = NAN; /* texel (2, 1), view 1 */
+    g_assert_null(lpca_compute(btf, &bad[0], NULL));
+    const struct lpca_options good = {2, 2};
+    g_assert_null(lpca_compute(btf, &good, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "view 1, texel (2, 1)"));
+    btf_matrix_free(btf);
+}
+
+/* What rounding may do to a texel: half a step of each eigen-BRDF, and the bits of a half. */
+static void assert_within_bound(const struct lpca *exact, const struct lpca *rounded) {
+    const int d = exact->n_views * exact->n_lights * 3, c = exact->n_components;
+    g_autofree float *a = g_new(float, d), *b = g_new(float, d);
+    for (int x = 0; x < exact->width * exact->height; x++) {
+        const int table = exact->clusters[x] * (c + 1);
+        lpca_reconstruct(exact, x, a);
+        lpca_reconstruct(rounded, x, b);
+        for (int j = 0; j < d; j++) {
+            double bound = 1e-6 + fabsf(exact->brdfs[table * d + j]) / 2048;
+            for (int i = 1; i <= c; i++) {
+                const double weight = fabsf(exact->weights[x * c + i - 1]);
+                const double value = fabsf(exact->brdfs[(table + i) * d + j]);
+                const double step = rounded->quantise >= LPCA_8BIT
+                                        ? rounded->scales[table + i] *
+                                              rounded->light_scales[(table + i) * exact->n_lights +
+                                                                    j / 3 % exact->n_lights] /
+                                              2
+                                        : value / 2048 + 1e-7;
+                const double weight_step =
+                    rounded->quantise == LPCA_8BIT_WEIGHTS
+                        ? rounded->weight_scales[exact->clusters[x] * c + i - 1] / 2
+                        : weight / 2048 + 1e-7;
+                bound += weight * step + weight_step * (value + step);
+            }
+            g_assert_cmpfloat(fabsf(a[j] - b[j]), <=, bound * (1 + 1e-4));
+        }
+    }
+}
+
+static void test_quantised(void) {
+    g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
+    struct btf_matrix *btf = mixture(17, 16, 4, 5, 3, 4, 0.05);
+    struct lpca *exact = compute(btf, 3, 4);
+    gint64 bytes = G_MAXINT64;
+    for (int kind = LPCA_FLOAT; kind < LPCA_QUANTISE_KINDS; kind++) {
+        g_autoptr(GError) error = NULL;
+        struct lpca *rounded = lpca_truncated(exact, 4);
+        lpca_quantise(rounded, (enum lpca_quantise)kind);
+        assert_within_bound(exact, rounded);
+        lpca_error(rounded, btf, 0);
+        g_assert_cmpfloat_with_epsilon(residual(rounded, btf), rounded->error, 1e-6);
+        g_assert_cmpfloat(rounded->error, <, exact->error * 1.05);
+        g_assert_cmpint(lpca_bytes(rounded), <, bytes);
+        bytes = lpca_bytes(rounded);
+        g_assert_true(lpca_write(path, rounded, &error));
+        struct lpca *back = lpca_read(path, &error);
+        g_assert_no_error(error);
+        assert_same(back, rounded);
+        g_assert_cmpint(back->quantise, ==, kind);
+        g_assert_true(back->error == rounded->error);
+        g_assert_cmpstr(back->name, ==, "weave");
+        g_assert_cmpfloat(back->texel_mm, ==, 0.5);
+        g_assert_cmpfloat(back->reference_mm, ==, 5);
+        g_assert_cmpfloat(back->view_theta_deg[3], ==, 3);
+        g_assert_cmpfloat(back->light_phi_deg[4], ==, 16);
+        lpca_free(back);
+        lpca_free(rounded);
+    }
+    lpca_free(exact);
+    btf_matrix_free(btf);
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+/* Relative, under one light, of what rounding makes of a local PCA. */
+static double rounding_under(const struct lpca *exact, const struct lpca *rounded, int light) {
+    const int d = exact->n_views * exact->n_lights * 3;
+    g_autofree float *a = g_new(float, d), *b = g_new(float, d);
+    double off = 0, all = 0;
+    for (int x = 0; x < exact->width * exact->height; x++) {
+        lpca_reconstruct(exact, x, a);
+        lpca_reconstruct(rounded, x, b);
+        for (int j = 0; j < d; j++) {
+            off += j / 3 % exact->n_lights == light ? pow(a[j] - b[j], 2) : 0;
+            all += j / 3 % exact->n_lights == light ? pow(a[j], 2) : 0;
+        }
+    }
+    return sqrt(off / all);
+}
+
+/* What a light at grazing angles leaves is as well rounded, for its size, as what others do. */
+static void test_dark_light(void) {
+    enum { DARK = 2 };
+    struct btf_matrix *btf = mixture(17, 16, 4, 5, 3, 4, 0.05);
+    for (int i = 0; i < 17 * 16 * 4 * 5 * 3; i++)
+        if (i / 3 % 5 == DARK)
+            btf->values[i] *= 0.03F;
+    struct lpca *exact = compute(btf, 3, 4);
+    for (int kind = LPCA_8BIT; kind <= LPCA_8BIT_WEIGHTS; kind++) {
+        struct lpca *rounded = lpca_truncated(exact, 4);
+        lpca_quantise(rounded, (enum lpca_quantise)kind);
+        g_assert_cmpfloat(rounded->light_scales[5 + DARK], <, 0.06);
+        g_assert_cmpfloat(rounding_under(exact, rounded, DARK), <,
+                          2 * rounding_under(exact, rounded, 0));
+        lpca_free(rounded);
+    }
+    lpca_free(exact);
+    btf_matrix_free(btf);
+}
+
+static void write_small(const char *path, enum lpca_quantise quantise) {
+    struct btf_matrix *btf = mixture(6, 5, 2, 3, 2, 2, 0.05);
+    struct lpca *lpca = compute(btf, 2, 2);
+    g_autoptr(GError) error = NULL;
+    lpca_quantise(lpca, quantise);
+    g_assert_true(lpca_write(path, lpca, &error));
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+}
+
+static void test_truncated_file(void) {
+    g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
+    g_autofree char *bytes = NULL;
+    g_autoptr(GError) error = NULL;
+    gsize length;
+    write_small(path, LPCA_8BIT);
+    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+    for (gsize cut = 0; cut < length; cut += 97) {
+        g_assert_true(g_file_set_contents(path, bytes, (gssize)cut, NULL));
+        g_assert_null(lpca_read(path, &error));
+        g_assert_nonnull(error);
+        g_clear_error(&error);
+    }
+    g_unlink(path);
+    g_assert_null(lpca_read(path, &error));
+    g_assert_nonnull(strstr(error->message, "lpca.exr"));
+    g_rmdir(folder);
+}
+
+#define BAD_LIGHT 16 /* the last fault */
+
+/* Whole EXR files that are not whole local PCAs. */
+static void spoil(struct exr_file *file, int fault) {
+    static const char *const parts[] = {"clusters", "weights", "scales", "means",
+                                        "E02",      "views",   "lights"};
+    if (fault < (int)G_N_ELEMENTS(parts)) {
+        g_assert_true(g_ptr_array_remove(file->parts, exr_file_part(file, parts[fault])));
+        return;
+    }
+    struct exr_part *clusters = exr_file_part(file, "clusters");
+    switch (fault - (int)G_N_ELEMENTS(parts)) {
+    case 0:
+        exr_part_plane(clusters, "K")[3] = 2;
+        break;
+    case 1:
+        exr_part_plane(clusters, "K")[3] = -1;
+        break;
+    case 2:
+        exr_part_plane(clusters, "K")[3] = 0.5F;
+        break;
+    case 3:
+        exr_part_plane(clusters, "K")[3] = NAN;
+        break;
+    case 4:
+        exr_part_plane(exr_file_part(file, "weights"), "W02")[3] = NAN;
+        break;
+    case 5:
+        exr_part_plane(exr_file_part(file, "E01"), "G")[3] = NAN;
+        break;
+    case 6:
+        exr_set_double(clusters, "texel_mm", 0);
+        break;
+    case 7:
+        exr_set_string(clusters, "mesorig.quantise", "4bit");
+        break;
+    case 8:
+        exr_set_string(clusters, "mesorig.kind", "eigenmaps");
+        break;
+    default:
+        exr_part_plane(exr_file_part(file, "light_scales"), "S")[1] = 0;
+        break;
+    }
+}
+
+static void test_hostile(void) {
+    g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
+    for (int fault = 0; fault < 17; fault++) {
+        g_autoptr(GError) error = NULL;
+        write_small(path, fault == BAD_LIGHT ? LPCA_8BIT : LPCA_HALF);
+        struct exr_file *file = exr_read(path, &error);
+        g_assert_no_error(error);
+        spoil(file, fault);
+        g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+        exr_file_free(file);
+        g_assert_null(lpca_read(path, &error));
+        g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+    }
+    g_unlink(path);
+    g_rmdir(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/lpca/mixture", test_mixture);
+    g_test_add_func("/lpca/dense", test_dense);
+    g_test_add_func("/lpca/monotone", test_monotone);
+    g_test_add_func("/lpca/threads", test_threads);
+    g_test_add_func("/lpca/dark-light", test_dark_light);
+    g_test_add_func("/lpca/target", test_target);
+    g_test_add_func("/lpca/edges", test_edges);
+    g_test_add_func("/lpca/refused", test_refused);
+    g_test_add_func("/lpca/quantised", test_quantised);
+    g_test_add_func("/lpca/truncated-file", test_truncated_file);
+    g_test_add_func("/lpca/hostile", test_hostile);
+    return g_test_run();
+}

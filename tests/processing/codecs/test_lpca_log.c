@@ -1,0 +1,85 @@
+/* Pictures of local PCAs of logarithms against a plain evaluation of the formula, pixel by pixel.
+ */
+#include "lib/lpca_scene.h"
+#include "methods/lpca_grid.h"
+#include "methods/lpca_revised.h"
+#include "methods/lpca_view.h"
+
+/* What random numbers are as logarithms: from a hundredth to about white. */
+static void make_log(struct lpca *lpca) {
+    const gsize size = 3 * (gsize)lpca->n_views * lpca->n_lights;
+    lpca->colours = LPCA_LOG;
+    for (int k = 0; k < lpca->n_clusters; k++)
+        for (gsize i = 0; i < size; i += 3) {
+            float *mean = lpca->brdfs + size * (lpca->n_components + 1) * k + i;
+            mean[0] = 8 * mean[0] - 6;
+            mean[1] -= 0.5F;
+            mean[2] -= 0.5F;
+        }
+}
+
+static void check_log(int n_components, gboolean nearest, double ambient) {
+    g_autoptr(GError) error = NULL;
+    struct lpca *lpca = make_lpca(4, n_components);
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    g_autoptr(View) view = view_new(NULL, &error);
+    struct view_settings settings;
+    make_log(lpca);
+    start_view(view, &settings, mesh);
+    view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    g_assert_no_error(error);
+    settings.style.nearest = nearest;
+    settings.ambient = ambient;
+    g_autoptr(Directions) views = directions_new_triangulated(
+        lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
+    g_autoptr(Directions) lights = directions_new_triangulated(
+        lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
+    g_autofree float *sky = g_new0(float, lpca->n_lights);
+    directions_sky(lights, sky);
+    const struct scene scene = {lpca, views, lights, sky, ambient, nearest};
+    compare_picture(of_scene, &scene, view, &settings);
+    g_assert_null(lpca_grid_new(&lpca, 1, 4, &error));
+    g_assert_nonnull(strstr(error->message, "--method lpca"));
+    g_clear_error(&error);
+    g_assert_null(lpca_revised_new(&lpca, 1, 4, &error));
+    g_assert_nonnull(strstr(error->message, "--method lpca"));
+    mesh_free(mesh);
+    lpca_free(lpca);
+}
+
+static void test_log(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_log(5, TRUE, 0);
+    check_log(2, FALSE, 0);
+    check_log(6, FALSE, 0.4);
+    check_log(1, TRUE, 0.2);
+}
+
+static void test_levels(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct lpca *levels[3];
+    g_autoptr(View) view = view_new(NULL, &error);
+    for (int k = 0; k < 3; k++) {
+        levels[k] = make_level(k, 4 - k, k == 1 ? 2 : 3);
+        make_log(levels[k]);
+    }
+    view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
+    g_assert_no_error(error);
+    check_levels(view, levels, 18);
+    check_levels(view, levels, 33);
+    levels[1]->colours = LPCA_RGB;
+    g_assert_null(lpca_view_new(levels, 3, &error));
+    g_assert_nonnull(strstr(error->message, "mip level 1"));
+    for (int k = 0; k < 3; k++)
+        lpca_free(levels[k]);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add("/lpca-log/formula", struct fixture, NULL, set_up, test_log, tear_down);
+    g_test_add("/lpca-log/levels", struct fixture, NULL, set_up, test_levels, tear_down);
+    return g_test_run();
+}

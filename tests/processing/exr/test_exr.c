@@ -1,0 +1,681 @@
+/*
+ * EXR files: what goes in comes out, tools of others agree, and no file can harm.
+ */
+#include "exr/exr.h"
+#include "exr/exr_half.h"
+
+#include <fcntl.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static const char *const rgb[] = {"B", "G", "R", NULL};
+static const char *const one[] = {"Y", NULL};
+static char *folder;
+
+static char *in_folder(const char *name) {
+    return g_build_filename(folder, name, NULL);
+}
+
+/* The value of a half by its definition, in exact arithmetic. */
+static double half_value(guint16 half) {
+    int exponent = half >> 10 & 31, mantissa = half & 0x3ff;
+    double magnitude = exponent ? ldexp(1024 + mantissa, exponent - 25) : ldexp(mantissa, -24);
+
+    return half & 0x8000 ? -magnitude : magnitude;
+}
+
+static guint16 to_half(float value) {
+    guint16 half;
+
+    exr_half_from_floats(&half, &value, 1);
+    return half;
+}
+
+static void test_half_every(void) {
+    for (int i = 0; i <= 0xffff; i++) {
+        guint16 half = (guint16)i;
+        float value;
+
+        exr_half_to_floats(&value, &half, 1);
+        if ((half & 0x7c00) != 0x7c00)
+            g_assert_cmpfloat((double)value, ==, half_value(half));
+        else if (half & 0x3ff)
+            g_assert_true(isnan(value));
+        else
+            g_assert_true(isinf(value) && !!signbit(value) == half >> 15);
+        if ((half & 0x7fff) == 0x7c00)
+            g_assert_cmphex(to_half(value), ==, half - 1); /* infinity becomes the largest */
+        else
+            g_assert_cmphex(to_half(value), ==, half);
+    }
+}
+
+/* Many at once are what each is by itself, to the bit, whatever is among them. */
+static void test_half_many(void) {
+    g_autofree guint16 *halves = g_new(guint16, 0x10000);
+    g_autofree float *many = g_new(float, 0x10000);
+    for (int step = 1; step < 12; step += 2) {
+        for (int i = 0; i < 0x10000; i++)
+            halves[i] = (guint16)(i * step);
+        exr_half_to_floats(many, halves, 0xfffb);
+        for (int i = 0; i < 0xfffb; i++) {
+            float alone;
+            exr_half_to_floats(&alone, &halves[i], 1);
+            g_assert_cmpmem(&alone, sizeof alone, &many[i], sizeof alone);
+        }
+    }
+}
+
+/* Between two neighbours: the nearer, at the middle the one whose last bit is 0. */
+static void test_half_rounding(void) {
+    for (int i = 0; i < 0x7bff; i++) {
+        float low = (float)half_value((guint16)i), high = (float)half_value((guint16)(i + 1));
+        float middle = (low + high) / 2; /* exact: 12 bits */
+        guint16 even = (guint16)(i & 1 ? i + 1 : i);
+
+        g_assert_cmphex(to_half(middle), ==, even);
+        g_assert_cmphex(to_half(-middle), ==, even | 0x8000);
+        g_assert_cmphex(to_half(nextafterf(middle, 0)), ==, i);
+        g_assert_cmphex(to_half(nextafterf(middle, INFINITY)), ==, i + 1);
+    }
+}
+
+static void test_half_limits(void) {
+    g_assert_cmphex(to_half(65504), ==, 0x7bff);
+    g_assert_cmphex(to_half(65519.996f), ==, 0x7bff);
+    g_assert_cmphex(to_half(65520), ==, 0x7bff);
+    g_assert_cmphex(to_half(-1e30f), ==, 0xfbff);
+    g_assert_cmphex(to_half(INFINITY), ==, 0x7bff);
+    g_assert_cmphex(to_half(0x1p-25f), ==, 0);
+    g_assert_cmphex(to_half(0x1.000002p-25f), ==, 1);
+    g_assert_cmphex(to_half(-0.0f), ==, 0x8000);
+    g_assert_cmphex(to_half(1e-42f), ==, 0);
+    g_assert_cmphex(to_half(NAN) & 0x7c00, ==, 0x7c00);
+    g_assert_cmphex(to_half(NAN) & 0x3ff, !=, 0);
+}
+
+static void fill(struct exr_part *part, GRand *rand) {
+    for (int c = 0; c < part->n_channels; c++)
+        for (int i = 0; i < part->width * part->height; i++) {
+            guint16 half = (guint16)g_rand_int_range(rand, 0, 0x7c00);
+
+            if (part->type == EXR_FLOAT)
+                part->planes[c][i] = (float)g_rand_double_range(rand, -1e6, 1e6);
+            else
+                exr_half_to_floats(&part->planes[c][i], &half, 1);
+        }
+}
+
+static void assert_same_header(const struct exr_part *a, const struct exr_part *b) {
+    g_assert_cmpstr(a->name, ==, b->name);
+    g_assert_cmpint(a->width, ==, b->width);
+    g_assert_cmpint(a->height, ==, b->height);
+    g_assert_cmpint(a->type, ==, b->type);
+    g_assert_cmpint(a->n_channels, ==, b->n_channels);
+    g_assert_cmpuint(a->attributes->len, ==, b->attributes->len);
+    for (int c = 0; c < a->n_channels; c++)
+        g_assert_cmpstr(a->channels[c], ==, b->channels[c]);
+}
+
+static void assert_same(const struct exr_part *a, const struct exr_part *b) {
+    gsize bytes = (gsize)a->width * (gsize)a->height * sizeof(float);
+
+    assert_same_header(a, b);
+    for (int c = 0; c < a->n_channels; c++)
+        g_assert_cmpmem(a->planes[c], bytes, b->planes[c], bytes);
+}
+
+static struct exr_file *make_file(int parts, guint32 seed) {
+    struct exr_file *file = exr_file_new();
+    GRand *rand = g_rand_new_with_seed(seed);
+
+    for (int i = 0; i < parts; i++) {
+        g_autofree char *name = g_strdup_printf("part_%04d", i);
+        struct exr_part *part =
+            exr_part_new(name, g_rand_int_range(rand, 1, 40), g_rand_int_range(rand, 1, 70),
+                         i % 3 ? rgb : one, i % 2 ? EXR_FLOAT : EXR_HALF);
+
+        fill(part, rand);
+        exr_set_int(part, "index", i);
+        exr_set_double(part, "light.theta_deg", i / 7.0);
+        exr_set_string(part, "note", i % 2 ? "µm, 100 %" : "");
+        exr_set_v3d(part, "direction", 1.0 / 3, -0.0, 1e300);
+        exr_file_add(file, part);
+    }
+    g_rand_free(rand);
+    return file;
+}
+
+static void check_round_trip(int parts, enum exr_compression compression) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = in_folder("round.exr");
+    struct exr_file *file = make_file(parts, (guint32)parts);
+    struct exr_file *back, *headers;
+
+    g_assert_true(exr_write(path, file, compression, FALSE, &error));
+    g_assert_no_error(error);
+    back = exr_read(path, &error);
+    g_assert_no_error(error);
+    headers = exr_read_headers(path, &error);
+    g_assert_no_error(error);
+    g_assert_cmpuint(back->parts->len, ==, parts);
+    g_assert_cmpuint(headers->parts->len, ==, parts);
+    for (int i = 0; i < parts; i++) {
+        struct exr_part *part = g_ptr_array_index(file->parts, i);
+        struct exr_part *single = NULL, *header = g_ptr_array_index(headers->parts, i);
+        const char *note;
+        double v[3];
+        int index;
+
+        assert_same(part, g_ptr_array_index(back->parts, i));
+        assert_same_header(part, header);
+        g_assert_null(header->planes[0]);
+        g_assert_true(exr_get_int(header, "index", &index, &error) && index == i);
+        g_assert_true(exr_get_double(header, "light.theta_deg", v, &error) && v[0] == i / 7.0);
+        g_assert_true(exr_get_string(header, "note", &note, &error));
+        g_assert_cmpstr(note, ==, i % 2 ? "µm, 100 %" : "");
+        g_assert_true(exr_get_v3d(header, "direction", v, &error));
+        g_assert_true(v[0] == 1.0 / 3 && v[1] == 0 && signbit(v[1]) && v[2] == 1e300);
+        if (i % 50 == parts % 50 / 2)
+            single = exr_read_part(path, part->name, &error);
+        g_assert_no_error(error);
+        if (single)
+            assert_same(part, single);
+        exr_part_free(single);
+    }
+    exr_file_free(headers);
+    exr_file_free(back);
+    exr_file_free(file);
+}
+
+/* Noise compresses to about what it was, now and then to just that. */
+static void test_incompressible(void) {
+    static const char *const channels[] = {"V", NULL};
+    g_autofree char *path = in_folder("noise.exr");
+    for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
+        g_autoptr(GError) error = NULL;
+        struct exr_file *file = exr_file_new();
+        GRand *random = g_rand_new_with_seed(5);
+        for (int i = 0; i < 300; i++) {
+            g_autofree char *name = g_strdup_printf("noise %d", i);
+            struct exr_part *part = exr_part_new(name, 12 + i % 24, 16, channels, EXR_HALF);
+            for (int k = 0; k < part->width * 16; k++)
+                part->planes[0][k] = (float)g_rand_int_range(random, 0, 2048) / 64;
+            exr_file_add(file, part);
+        }
+        g_rand_free(random);
+        g_assert_true(exr_write(path, file, (enum exr_compression)method, FALSE, &error));
+        struct exr_file *again = exr_read(path, &error);
+        g_assert_no_error(error);
+        for (guint i = 0; i < file->parts->len; i++) {
+            const struct exr_part *a = file->parts->pdata[i], *b = again->parts->pdata[i];
+            const gsize n = sizeof(float) * (gsize)a->width * (gsize)a->height;
+            g_assert_cmpmem(a->planes[0], n, b->planes[0], n);
+        }
+        exr_file_free(file);
+        exr_file_free(again);
+    }
+    g_unlink(path);
+}
+
+static void test_round_trip(void) {
+    static const int parts[] = {1, 2, 61, 300};
+
+    for (gsize i = 0; i < G_N_ELEMENTS(parts); i++)
+        for (int method = EXR_NONE; method <= EXR_PIZ; method++)
+            check_round_trip(parts[i], method);
+}
+
+static void test_special_values(void) {
+    static const float in[] = {NAN, INFINITY, -INFINITY, 1e9f, -0.0f, 0.1f, 1e-9f, 65504};
+    static const float half_out[] = {NAN, 65504, -65504, 65504, -0.0f, 0x1.998p-4f, 0, 65504};
+    g_autofree char *path = in_folder("special.exr");
+    g_autoptr(GError) error = NULL;
+
+    for (int type = EXR_HALF; type <= EXR_FLOAT; type++) {
+        struct exr_file *file = exr_file_new();
+        struct exr_part *part = exr_part_new("p", 8, 1, one, type), *back;
+        const float *expected = type == EXR_HALF ? half_out : in;
+
+        memcpy(part->planes[0], in, sizeof in);
+        exr_file_add(file, part);
+        g_assert_true(exr_write(path, file, EXR_PIZ, TRUE, &error));
+        back = exr_read_part(path, "p", &error);
+        g_assert_no_error(error);
+        for (int i = 0; i < 8; i++)
+            g_assert_cmpmem(&back->planes[0][i], i || type ? 4 : 0, &expected[i],
+                            i || type ? 4 : 0);
+        g_assert_true(isnan(back->planes[0][0]));
+        exr_part_free(back);
+        exr_file_free(file);
+    }
+}
+
+/* Frames are wider than a PIZ block and have a last block that is not full. */
+static void test_large(void) {
+    g_autofree char *path = in_folder("large.exr");
+    g_autoptr(GError) error = NULL;
+
+    for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
+        struct exr_file *file = exr_file_new();
+        struct exr_part *part = exr_part_new("p", 517, 259, rgb, EXR_HALF), *back;
+
+        for (int c = 0; c < 3; c++)
+            for (int i = 0; i < 517 * 259; i++)
+                part->planes[c][i] = (float)(i % 517 + c) / 64;
+        exr_file_add(file, part);
+        g_assert_true(exr_write(path, file, method, FALSE, &error));
+        back = exr_read_part(path, "p", &error);
+        g_assert_no_error(error);
+        assert_same(part, back);
+        exr_part_free(back);
+        exr_file_free(file);
+    }
+}
+
+static void test_same_bytes(void) {
+    g_autofree char *a = in_folder("a.exr"), *b = in_folder("b.exr");
+    g_autofree char *sum_a = NULL, *sum_b = NULL, *bytes = NULL, *expected = NULL;
+    struct exr_file *file = make_file(20, 1);
+    gint64 size;
+    gsize length;
+
+    g_assert_true(exr_write(a, file, EXR_ZIP, FALSE, NULL));
+    g_usleep(20000);
+    g_assert_true(exr_write(b, file, EXR_ZIP, TRUE, NULL));
+    sum_a = exr_sha256(a, &size, NULL);
+    sum_b = exr_sha256(b, NULL, NULL);
+    g_assert_cmpstr(sum_a, ==, sum_b);
+    g_assert_true(g_file_get_contents(a, &bytes, &length, NULL));
+    g_assert_cmpint(size, ==, (gint64)length);
+    expected = g_compute_checksum_for_data(G_CHECKSUM_SHA256, (guchar *)bytes, length);
+    g_assert_cmpstr(sum_a, ==, expected);
+    exr_file_free(file);
+}
+
+static char *tool_output(const char *tool, const char *path) {
+    g_autofree char *program = g_find_program_in_path(tool);
+    char *argv[] = {program, (char *)path, NULL}, *out = NULL;
+    int status = -1;
+
+    if (!program)
+        return NULL;
+    /* Address space of sanitizers is inherited, their preload is not wanted. */
+    g_assert_true(g_spawn_sync(NULL, argv, NULL, 0, NULL, NULL, &out, NULL, &status, NULL));
+    g_assert_cmpint(status, ==, 0);
+    return out;
+}
+
+static void test_exrheader(void) {
+    g_autofree char *path = in_folder("tools.exr"), *out = NULL, *info = NULL;
+    struct exr_file *file = make_file(70, 5);
+
+    g_assert_true(exr_write(path, file, EXR_PIZ, FALSE, NULL));
+    exr_file_free(file);
+    out = tool_output("exrheader", path);
+    info = tool_output("exrinfo", path);
+    if (!out || !info) {
+        g_test_skip("exrheader is not installed");
+        return;
+    }
+    g_assert_nonnull(strstr(out, "name (type string): \"part_0069\""));
+    g_assert_nonnull(strstr(out, "light.theta_deg (type double): 9.85714"));
+    g_assert_nonnull(strstr(out, "compression): piz"));
+    g_assert_nonnull(strstr(info, "part_0033"));
+}
+
+/* A file by the C++ library of the same pixels: the tool rewrites ours with another compression. */
+static void test_made_by_others(void) {
+    g_autofree char *ours = in_folder("ours.exr"), *theirs = in_folder("theirs.exr");
+    g_autofree char *program = g_find_program_in_path("exrstdattr");
+    char *argv[] = {program,         (char *)"-owner",
+                    (char *)"Cölln", (char *)"-expTime",
+                    (char *)"0.25",  ours,
+                    theirs,          NULL};
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = make_file(1, 3);
+    struct exr_file *back;
+    struct exr_part *part, *read;
+    const char *owner;
+    double time;
+    int status = -1;
+
+    if (!program) {
+        g_test_skip("exrstdattr is not installed");
+        exr_file_free(file);
+        return;
+    }
+    g_assert_true(exr_write(ours, file, EXR_ZIP, FALSE, NULL));
+    g_assert_true(g_spawn_sync(NULL, argv, NULL, 0, NULL, NULL, NULL, NULL, &status, NULL));
+    g_assert_cmpint(status, ==, 0);
+    back = exr_read(theirs, &error);
+    g_assert_no_error(error);
+    part = g_ptr_array_index(file->parts, 0);
+    read = g_ptr_array_index(back->parts, 0);
+    g_assert_cmpmem(part->planes[0], (gsize)(part->width * part->height) * 4, read->planes[0],
+                    (gsize)(read->width * read->height) * 4);
+    g_assert_true(exr_get_string(read, "owner", &owner, &error));
+    g_assert_cmpstr(owner, ==, "Cölln");
+    g_assert_true(exr_get_double(read, "expTime", &time, &error));
+    g_assert_cmpfloat(time, ==, 0.25);
+    exr_file_free(back);
+    exr_file_free(file);
+}
+
+/* Nothing of a file that was not finished. */
+static void assert_nothing_left(void) {
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+
+    for (const char *name; (name = g_dir_read_name(dir));)
+        g_assert_false(g_str_has_suffix(name, ".part"));
+}
+
+static void assert_not_written(struct exr_part *part, struct exr_part *second,
+                               enum exr_error code) {
+    g_autofree char *path = in_folder("refused.exr");
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_file_new();
+
+    if (part)
+        exr_file_add(file, part);
+    if (second)
+        exr_file_add(file, second);
+    g_assert_false(exr_write(path, file, EXR_ZIP, FALSE, &error));
+    g_assert_error(error, EXR_ERROR, (int)code);
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+    assert_nothing_left();
+    exr_file_free(file);
+}
+
+static void test_refused_to_write(void) {
+    static const char *const unordered[] = {"R", "G", NULL}, *const twice[] = {"A", "A", NULL};
+    static const char *const none[] = {NULL};
+    struct exr_part *part = exr_part_new("p", 2, 2, one, EXR_HALF);
+
+    assert_not_written(NULL, NULL, EXR_ERROR_FORMAT);
+    assert_not_written(exr_part_new("p", 2, 2, unordered, EXR_HALF), NULL, EXR_ERROR_FORMAT);
+    assert_not_written(exr_part_new("p", 2, 2, twice, EXR_HALF), NULL, EXR_ERROR_FORMAT);
+    assert_not_written(exr_part_new("p", 2, 2, none, EXR_HALF), NULL, EXR_ERROR_FORMAT);
+    assert_not_written(exr_part_new("", 2, 2, one, EXR_HALF), NULL, EXR_ERROR_FORMAT);
+    assert_not_written(exr_part_new("p", 0, 2, one, EXR_HALF), NULL, EXR_ERROR_TOO_LARGE);
+    assert_not_written(exr_part_new("p", 2, 2, one, EXR_HALF),
+                       exr_part_new("p", 2, 2, one, EXR_HALF), EXR_ERROR_FORMAT);
+    exr_set_int(part, "dataWindow", 3);
+    assert_not_written(part, NULL, EXR_ERROR_FORMAT);
+}
+
+static void test_attributes_missing(void) {
+    g_autoptr(GError) error = NULL;
+    struct exr_part *part = exr_part_new("p", 1, 1, one, EXR_HALF);
+    double value = 5;
+    int integer;
+
+    exr_set_double(part, "a", 1);
+    exr_set_double(part, "a", 2);
+    g_assert_cmpuint(part->attributes->len, ==, 1);
+    g_assert_true(exr_get_double(part, "a", &value, &error) && value == 2);
+    g_assert_false(exr_get_double(part, "b", &value, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
+    g_clear_error(&error);
+    g_assert_false(exr_get_int(part, "a", &integer, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
+    g_assert_null(exr_part_plane(part, "Z"));
+    g_assert_nonnull(exr_part_plane(part, "Y"));
+    exr_part_free(part);
+}
+
+static void test_long_names(void) {
+    static const char *const channels[] = {"a channel whose name has more than thirty-one bytes",
+                                           NULL};
+    g_autofree char *path = in_folder("long.exr");
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("p", 3, 3, channels, EXR_FLOAT), *back;
+    int value;
+
+    exr_set_int(part, "an attribute whose name has more than thirty-one bytes", 7);
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, &error));
+    g_assert_no_error(error);
+    back = exr_read_part(path, "p", &error);
+    g_assert_no_error(error);
+    assert_same(part, back);
+    g_assert_true(
+        exr_get_int(back, "an attribute whose name has more than thirty-one bytes", &value, NULL) &&
+        value == 7);
+    exr_part_free(back);
+    exr_file_free(file);
+}
+
+static void test_missing(void) {
+    g_autofree char *path = in_folder("missing.exr"), *nowhere = in_folder("no/such/x.exr");
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = make_file(2, 2);
+
+    g_assert_null(exr_read(nowhere, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
+    g_clear_error(&error);
+    g_assert_false(exr_write(nowhere, file, EXR_ZIP, TRUE, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
+    g_clear_error(&error);
+    g_assert_null(exr_read(folder, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+    g_clear_error(&error);
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, NULL));
+    g_assert_null(exr_read_part(path, "no such part", &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_MISSING);
+    g_clear_error(&error);
+    g_assert_null(exr_sha256(nowhere, NULL, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
+    exr_file_free(file);
+}
+
+/* A write that fails leaves the old file as it was and nothing beside it. */
+static void test_failed_write(void) {
+    g_autofree char *path = in_folder("kept.exr");
+    g_autofree char *before = NULL, *after = NULL;
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = make_file(30, 9);
+    struct rlimit limit = {16384, RLIM_INFINITY}, none = {RLIM_INFINITY, RLIM_INFINITY};
+
+    g_assert_true(exr_write(path, file, EXR_ZIP, TRUE, NULL));
+    before = exr_sha256(path, NULL, NULL);
+    signal(SIGXFSZ, SIG_IGN);
+    g_assert_cmpint(setrlimit(RLIMIT_FSIZE, &limit), ==, 0);
+    g_assert_false(exr_write(path, file, EXR_NONE, TRUE, &error));
+    setrlimit(RLIMIT_FSIZE, &none);
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_IO);
+    after = exr_sha256(path, NULL, NULL);
+    g_assert_cmpstr(before, ==, after);
+    assert_nothing_left();
+    exr_file_free(file);
+}
+
+/* Reading a part, or the headers, must not touch the others' pixels: they are damaged here. */
+static void test_reads_no_other_part(void) {
+    g_autofree char *path = in_folder("damaged.exr"), *bytes = NULL;
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = make_file(3, 4);
+    struct exr_part *part = g_ptr_array_index(file->parts, 0), *back;
+    struct exr_file *headers;
+    gsize length;
+
+    g_assert_true(exr_write(path, file, EXR_ZIP, FALSE, NULL));
+    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+    memset(bytes + length - 400, 0xff, 400);
+    g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
+    back = exr_read_part(path, "part_0000", &error);
+    g_assert_no_error(error);
+    assert_same(part, back);
+    exr_part_free(back);
+    headers = exr_read_headers(path, &error);
+    g_assert_no_error(error);
+    exr_file_free(headers);
+    g_assert_null(exr_read(path, &error));
+    g_assert_error(error, EXR_ERROR, EXR_ERROR_FORMAT);
+    exr_file_free(file);
+}
+
+static void read_all_ways(const char *path, gboolean must_fail) {
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_read(path, &error);
+    struct exr_file *headers = exr_read_headers(path, NULL);
+    struct exr_part *part = exr_read_part(path, "part_0001", NULL);
+
+    g_assert_true((file != NULL) == (error == NULL));
+    if (error)
+        g_assert_true(g_utf8_validate(error->message, -1, NULL) && *error->message);
+    if (must_fail)
+        g_assert_nonnull(error);
+    exr_file_free(file);
+    exr_file_free(headers);
+    exr_part_free(part);
+}
+
+static char *small_file(const char *path, int parts, enum exr_compression method, gsize *length) {
+    struct exr_file *file = exr_file_new();
+    GRand *rand = g_rand_new_with_seed(8);
+    char *bytes = NULL;
+
+    for (int i = 0; i < parts; i++) {
+        g_autofree char *name = g_strdup_printf("part_%04d", i);
+        struct exr_part *part = exr_part_new(name, 9, 37, rgb, i ? EXR_FLOAT : EXR_HALF);
+
+        for (int c = 0; c < 3; c++)
+            for (int p = 0; p < 9 * 37; p++)
+                part->planes[c][p] = (float)(p % 9) + (float)g_rand_int_range(rand, 0, 3);
+        exr_set_string(part, "note", "hello");
+        exr_set_v3d(part, "v", 1, 2, 3);
+        exr_file_add(file, part);
+    }
+    g_assert_true(exr_write(path, file, method, FALSE, NULL));
+    g_assert_true(g_file_get_contents(path, &bytes, length, NULL));
+    exr_file_free(file);
+    g_rand_free(rand);
+    return bytes;
+}
+
+static void overwrite(const char *path, const char *bytes, gsize length) {
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+
+    g_assert_cmpint(write(fd, bytes, length), ==, (gssize)length);
+    close(fd);
+}
+
+static void test_truncated(void) {
+    g_autofree char *path = in_folder("short.exr");
+
+    for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
+        gsize length;
+        g_autofree char *bytes = small_file(path, 2, method, &length);
+
+        for (gsize n = 0; n < length; n += n < 1200 ? 1 : 7) {
+            overwrite(path, bytes, n);
+            read_all_ways(path, TRUE);
+        }
+    }
+}
+
+static void mutate(char *bytes, gsize length, GRand *rand) {
+    static const guint8 favourites[] = {0x00, 0xff, 0x7f, 0x80, 0x01};
+    int n = g_rand_int_range(rand, 1, 6);
+
+    for (int i = 0; i < n; i++) {
+        gboolean header = g_rand_boolean(rand);
+        gsize at = (gsize)g_rand_int_range(rand, 0, header ? MIN(1400, (int)length) : (int)length);
+
+        if (g_rand_boolean(rand))
+            bytes[at] = (char)favourites[g_rand_int_range(rand, 0, 5)];
+        else
+            bytes[at] ^= (char)(1 << g_rand_int_range(rand, 0, 8));
+    }
+}
+
+static void test_mutated(void) {
+    g_autofree char *path = in_folder("mutated.exr");
+    const char *wanted = g_getenv("MESORIG_FUZZ");
+    int rounds = wanted ? atoi(wanted) : 5000;
+    GRand *rand = g_rand_new_with_seed(wanted ? g_random_int() : 20);
+
+    for (int method = EXR_NONE; method <= EXR_PIZ; method++) {
+        for (int parts = 1; parts <= 2; parts++) {
+            gsize length;
+            g_autofree char *bytes = small_file(path, parts, method, &length);
+
+            for (int i = 0; i < rounds / 6 + 1; i++) {
+                g_autofree char *copy = g_memdup2(bytes, length);
+
+                mutate(copy, length, rand);
+                overwrite(path, copy, length);
+                read_all_ways(path, FALSE);
+            }
+        }
+    }
+    g_rand_free(rand);
+}
+
+/* A header that promises far more than the file holds must not cost memory. */
+static void test_promises(void) {
+    g_autofree char *path = in_folder("promise.exr");
+    g_autoptr(GError) error = NULL;
+    gsize length;
+    g_autofree char *bytes = small_file(path, 1, EXR_ZIP, &length);
+    char *window = NULL;
+
+    for (gsize i = 0; !window && i + 10 < length; i++)
+        if (memcmp(bytes + i, "dataWindow", 10) == 0)
+            window = bytes + i + 11 + 6 + 4;
+    g_assert_nonnull(window);
+    memcpy(window + 8, "\xff\x3f\x00\x00\xff\x3f\x00\x00", 8); /* 16384 × 16384 */
+    overwrite(path, bytes, length);
+    g_assert_null(exr_read_headers(path, &error));
+    g_assert_true(g_error_matches(error, EXR_ERROR, EXR_ERROR_TOO_LARGE) ||
+                  g_error_matches(error, EXR_ERROR, EXR_ERROR_FORMAT));
+    g_clear_error(&error);
+    memcpy(window, "\x01\x00\x00\x80\x00\x00\x00\x00\xff\xff\xff\x7f\x00\x00\x00\x00", 16);
+    overwrite(path, bytes, length);
+    g_assert_null(exr_read(path, &error));
+    g_assert_nonnull(error);
+}
+
+int main(int argc, char **argv) {
+    int status;
+    g_autoptr(GDir) dir = NULL;
+    const char *name;
+
+    g_test_init(&argc, &argv, NULL);
+    folder = g_dir_make_tmp("mesorig-exr-XXXXXX", NULL);
+    g_test_add_func("/exr/half/every", test_half_every);
+    g_test_add_func("/exr/half/many", test_half_many);
+    g_test_add_func("/exr/half/rounding", test_half_rounding);
+    g_test_add_func("/exr/half/limits", test_half_limits);
+    g_test_add_func("/exr/round-trip", test_round_trip);
+    g_test_add_func("/exr/incompressible", test_incompressible);
+    g_test_add_func("/exr/special-values", test_special_values);
+    g_test_add_func("/exr/large", test_large);
+    g_test_add_func("/exr/same-bytes", test_same_bytes);
+    g_test_add_func("/exr/exrheader", test_exrheader);
+    g_test_add_func("/exr/made-by-others", test_made_by_others);
+    g_test_add_func("/exr/refused-to-write", test_refused_to_write);
+    g_test_add_func("/exr/attributes-missing", test_attributes_missing);
+    g_test_add_func("/exr/long-names", test_long_names);
+    g_test_add_func("/exr/missing", test_missing);
+    g_test_add_func("/exr/failed-write", test_failed_write);
+    g_test_add_func("/exr/reads-no-other-part", test_reads_no_other_part);
+    g_test_add_func("/exr/truncated", test_truncated);
+    g_test_add_func("/exr/mutated", test_mutated);
+    g_test_add_func("/exr/promises", test_promises);
+    status = g_test_run();
+    dir = g_dir_open(folder, 0, NULL);
+    while (dir && (name = g_dir_read_name(dir))) {
+        g_autofree char *path = in_folder(name);
+        g_unlink(path);
+    }
+    g_rmdir(folder);
+    g_free(folder);
+    return status;
+}

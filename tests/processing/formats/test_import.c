@@ -1,0 +1,424 @@
+/* What others have measured, made into sessions; and sessions written for others. */
+#include "base/data_error.h"
+#include "eigenmaps/eigenmaps.h"
+#include "formats/bonn.h"
+#include "formats/export.h"
+#include "formats/import.h"
+#include "lpca/lpca.h"
+#include "scene/picture.h"
+
+#include <glib/gstdio.h>
+
+#include "lib/session_fixture.h"
+
+#define WIDTH  6
+#define HEIGHT 4
+#define TEXELS (WIDTH * HEIGHT)
+
+static const struct work quietly = {0};
+static const struct work silent = {0};
+
+static char *in_folder(const char *name) {
+    return g_build_filename(folder, name, NULL);
+}
+
+static char *new_folder(void) {
+    g_autofree char *template = g_build_filename(folder, "pictures-XXXXXX", NULL);
+    g_assert_nonnull(g_mkdtemp(template));
+    return g_steal_pointer(&template);
+}
+
+/* What a picture holds; a half holds it too. */
+static float value(int view, int light, int texel, int colour) {
+    return (float)((view * 37 + light * 11 + texel * 5 + colour * 3) % 97) / 64;
+}
+
+static void write_exr(const char *path, int view, int light, int width, int n_nan) {
+    static const char *const channels[] = {"B", "G", "R", NULL};
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("rgb", width, HEIGHT, channels, EXR_HALF);
+    for (int i = 0; i < width * HEIGHT; i++)
+        for (int c = 0; c < 3; c++)
+            part->planes[2 - c][i] = i < n_nan ? NAN : value(view, light, i, c);
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
+    exr_file_free(file);
+}
+
+/* Two views and three lights, keys in both orders. */
+static void write_set(const char *dir) {
+    static const char *const names[2][3] = {
+        {"00001 tl000 pl000 tv015.5 pv000.exr", "00002 tl030 pl090 tv015.5 pv000.exr",
+         "00003 tl030.25 pl270.5 tv015.5 pv000.exr"},
+        {"tv060.0_pv180.0_tl000.0_pl000.0.exr", "tv060.0_pv180.0_tl030.0_pl090.0.exr",
+         "tv060.0_pv180.0_tl030.25_pl270.5.exr"}};
+    for (int v = 0; v < 2; v++)
+        for (int l = 0; l < 3; l++) {
+            g_autofree char *path = g_build_filename(dir, names[v][l], NULL);
+            write_exr(path, v, l, WIDTH, 0);
+        }
+}
+
+static struct btf_matrix *read_back(const char *path) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = btf_matrix_read(path, NULL, &error);
+    g_assert_no_error(error);
+    return btf;
+}
+
+static void assert_set(const struct btf_matrix *btf) {
+    g_assert_cmpint(btf->n_views, ==, 2);
+    g_assert_cmpint(btf->n_lights, ==, 3);
+    g_assert_cmpint(btf->width, ==, WIDTH);
+    g_assert_cmpfloat((double)btf->view_theta_deg[0], ==, 15.5);
+    g_assert_cmpfloat((double)btf->view_phi_deg[1], ==, 180);
+    g_assert_cmpfloat((double)btf->light_theta_deg[2], ==, 30.25);
+    g_assert_cmpfloat((double)btf->light_phi_deg[2], ==, 270.5);
+    for (int t = 0; t < TEXELS; t++)
+        for (int v = 0; v < 2; v++)
+            for (int l = 0; l < 3; l++)
+                for (int c = 0; c < 3; c++)
+                    g_assert_cmpfloat((double)btf->values[((t * 2 + v) * 3 + l) * 3 + c], ==,
+                                      (double)value(v, l, t, c));
+}
+
+static void test_pictures(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = fresh("pictures");
+    struct import_result result;
+    const struct import_wish wish = {.texel_mm = 0.25};
+    write_set(dir);
+    g_assert_true(import_pictures(path, dir, &wish, &quietly, &result, &error));
+    g_assert_no_error(error);
+    struct btf_matrix *btf = read_back(path);
+    assert_set(btf);
+    g_assert_cmpfloat(btf->texel_mm, ==, 0.25);
+    btf_matrix_free(btf);
+    g_autofree char *maps_path = g_build_filename(path, "products", "eigenmaps.exr", NULL);
+    struct eigenmaps *maps = eigenmaps_read(maps_path, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(maps->n_terms, ==, 2);
+    g_assert_cmpfloat(result.eigenmaps_error, <, 1e-3);
+    eigenmaps_free(maps);
+}
+
+static void assert_not_imported(const char *path, GError *error, const char *what) {
+    g_autofree char *parent = g_path_get_dirname(path), *base = g_path_get_basename(path);
+    g_autofree char *hidden = g_strconcat(".", base, NULL);
+    g_autoptr(GDir) dir = g_dir_open(parent, 0, NULL);
+    g_assert_nonnull(error);
+    if (!strstr(error->message, what))
+        g_error("“%s” is not in: %s", what, error->message);
+    for (const char *name; (name = g_dir_read_name(dir));)
+        g_assert_false(g_str_has_prefix(name, hidden) || g_str_equal(name, base));
+}
+
+static void assert_folder_refused(const char *dir, const char *what) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = fresh("refused");
+    struct import_result result;
+    const struct import_wish wish = {0};
+    g_assert_false(import_pictures(path, dir, &wish, &quietly, &result, &error));
+    assert_not_imported(path, error, what);
+}
+
+static void test_bad_pictures(void) {
+    g_autofree char *dir = new_folder();
+    g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
+    g_autofree char *same = g_build_filename(dir, "again pl90 tl30 pv180 tv60.exr", NULL);
+    g_autofree char *odd = g_build_filename(dir, "tv060_pv180_tl030.exr", NULL);
+    assert_folder_refused(dir, "there is no .jpg");
+    assert_folder_refused("/nonexistent", "No such file");
+    write_set(dir);
+    g_unlink(one);
+    assert_folder_refused(dir,
+                          "1 of 2 views × 3 lights have no picture, the first seen from θ 60° φ "
+                          "180° and lit from θ 30° φ 90°");
+    write_exr(one, 1, 1, WIDTH + 1, 0);
+    assert_folder_refused(dir, "tl030.0_pl090.0.exr: it has 7 × 4 pixels, the first picture 6 × 4");
+    write_exr(one, 1, 1, WIDTH, TEXELS / 2 + 1);
+    assert_folder_refused(dir, "tl030.0_pl090.0.exr: 13 of its 24 pixels are no numbers");
+    write_exr(one, 1, 1, WIDTH, 0);
+    write_exr(same, 1, 1, WIDTH, 0);
+    assert_folder_refused(dir, "of the same view and light as");
+    g_unlink(same);
+    write_exr(odd, 1, 1, WIDTH, 0);
+    assert_folder_refused(dir, "the name “tv060_pv180_tl030.exr” does not say its directions");
+    g_unlink(odd);
+    g_assert_true(g_file_set_contents(one, "not a picture", -1, NULL));
+    assert_folder_refused(dir, "tl030.0_pl090.0.exr");
+}
+
+static void test_holes(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = fresh("holes");
+    g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
+    struct import_result result;
+    const struct import_wish wish = {0};
+    write_set(dir);
+    write_exr(one, 1, 1, WIDTH, 5);
+    g_assert_true(import_pictures(path, dir, &wish, &quietly, &result, &error));
+    g_assert_cmpint(result.holes, ==, 5);
+    struct btf_matrix *btf = read_back(path);
+    g_assert_cmpint(btf->holes, ==, 5);
+    /* Filled from the four around it that are none. */
+    g_assert_cmpfloat_with_epsilon(
+        (double)btf->values[((4 * 2 + 1) * 3 + 1) * 3],
+        (double)(value(1, 1, 5, 0) + value(1, 1, 9, 0) + value(1, 1, 10, 0) + value(1, 1, 11, 0)) /
+            4,
+        1e-3);
+    g_assert_cmpfloat((double)btf->values[((5 * 2 + 1) * 3 + 1) * 3], ==,
+                      (double)value(1, 1, 5, 0));
+    btf_matrix_free(btf);
+}
+
+/* 8-bit pictures are sRGB. */
+static void write_png(const char *path, guint8 level) {
+    guint8 rgb[TEXELS * 3];
+    memset(rgb, level, sizeof rgb);
+    rgb[0] = 255;
+    g_assert_true(picture_write_png(path, rgb, WIDTH, HEIGHT, NULL, NULL));
+}
+
+static void write_list(const char *path, const char *text) {
+    g_assert_true(g_file_set_contents(path, text, -1, NULL));
+}
+
+static void test_rti(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = fresh("rti");
+    g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *a = g_build_filename(dir, "a one.png", NULL);
+    g_autofree char *b = g_build_filename(dir, "b.png", NULL);
+    struct import_result result;
+    const struct import_wish wish = {.region = {1, 1, 4, 2}};
+    write_png(a, 0);
+    write_png(b, 188);
+    write_list(list, "2\r\nC:\\taken\\a one.png 0 0 1\r\nb.png\t0\t-0.5 0.866025\r\n");
+    g_assert_true(import_rti(path, list, &wish, &quietly, &result, &error));
+    g_assert_no_error(error);
+    struct btf_matrix *btf = read_back(path);
+    g_assert_cmpint(btf->n_views, ==, 1);
+    g_assert_cmpint(btf->n_lights, ==, 2);
+    g_assert_cmpint(btf->width, ==, 4);
+    g_assert_cmpint(btf->height, ==, 2);
+    g_assert_cmpfloat_with_epsilon((double)btf->light_theta_deg[1], 30, 1e-3);
+    g_assert_cmpfloat_with_epsilon((double)btf->light_phi_deg[1], 270, 1e-3);
+    g_assert_cmpfloat((double)btf->values[0], ==, 0);
+    g_assert_cmpfloat_with_epsilon((double)btf->values[3], 0.5029,
+                                   1e-3); /* ((188/255+.055)/1.055)^2.4 */
+    btf_matrix_free(btf);
+}
+
+static void assert_list_refused(const char *list, const char *text, const char *what) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = fresh("refused");
+    struct import_result result;
+    const struct import_wish wish = {0};
+    write_list(list, text);
+    g_assert_false(import_rti(path, list, &wish, &quietly, &result, &error));
+    assert_not_imported(path, error, what);
+}
+
+static void test_bad_lists(void) {
+    g_autofree char *dir = new_folder();
+    g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *a = g_build_filename(dir, "a.png", NULL);
+    write_png(a, 100);
+    assert_list_refused(list, "", "lights.lp:1: the number of pictures");
+    assert_list_refused(list, "many\n", "lights.lp:1: the number of pictures");
+    assert_list_refused(list, "2\na.png 0 0 1\n", "it says that there are 2 pictures, but lists 1");
+    assert_list_refused(list, "1\na.png 0 1\n", "lights.lp:2: a picture's name and x, y, z");
+    assert_list_refused(list, "1\n\na.png 0 x 1\n", "lights.lp:3: “x” is no number");
+    assert_list_refused(list, "1\na.png 0 nan 1\n", "lights.lp:2: “nan” is no number");
+    assert_list_refused(list, "1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is no direction");
+    assert_list_refused(list, "1\nb.png 0 0 1\n", "lights.lp:2: there is no picture");
+    assert_list_refused(list, "2\na.png 0 0 1\na.png 0 0 1\n", "of the same view and light");
+}
+
+/* Whatever bytes a list has, it is a list or an error. */
+static void test_mutated_list(void) {
+    static const char *const good = "2\na.png 0 0 1\na.png 0.5 0 0.866\n";
+    g_autofree char *dir = new_folder();
+    g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
+    g_autofree char *a = g_build_filename(dir, "a.png", NULL);
+    GRand *rand = g_rand_new_with_seed(3);
+    write_png(a, 100);
+    for (int i = 0; i < 150; i++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *text = g_strdup(good), *path = fresh("mutated");
+        struct import_result result;
+        const struct import_wish wish = {0};
+        for (int k = g_rand_int_range(rand, 1, 6); k > 0; k--)
+            text[g_rand_int_range(rand, 0, (int)strlen(good))] =
+                (char)g_rand_int_range(rand, i % 2, 256);
+        write_list(list, text);
+        const gboolean ok = import_rti(path, list, &wish, &quietly, &result, &error);
+        g_assert_true(ok == (error == NULL));
+    }
+    g_rand_free(rand);
+}
+
+static void write_bonn(const char *path, gboolean cosine) {
+    float view_theta[2] = {0, 45}, view_phi[2] = {0, 90}, light_theta[3] = {0, 60, 75};
+    float light_phi[3] = {0, 120, 240};
+    struct bonn_header header = {.kind = BONN_BDI,
+                                 .texels_a_mm = 4,
+                                 .rgb_scale = {1, 1, 1},
+                                 .cosine = cosine,
+                                 .width = WIDTH,
+                                 .height = HEIGHT,
+                                 .n_views = 2,
+                                 .n_lights = 3,
+                                 .view_theta_deg = view_theta,
+                                 .view_phi_deg = view_phi,
+                                 .light_theta_deg = light_theta,
+                                 .light_phi_deg = light_phi};
+    float rgb[3 * TEXELS * 3];
+    g_autoptr(GError) error = NULL;
+    g_autoptr(BonnWriter) writer = bonn_writer_new(path, &header, NULL, &error);
+    g_assert_no_error(error);
+    for (int v = 0; v < 2; v++) {
+        for (int i = 0; i < 3 * TEXELS * 3; i++)
+            rgb[i] = value(v, i / 3 / TEXELS, i / 3 % TEXELS, i % 3);
+        g_assert_true(bonn_writer_view(writer, v, rgb, &error));
+    }
+    g_assert_true(bonn_writer_finish(writer, &error));
+}
+
+static void test_bonn(void) {
+    g_autofree char *file = in_folder("a.btf");
+    for (int cosine = 0; cosine < 2; cosine++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *path = fresh("bonn");
+        struct import_result result;
+        const struct import_wish wish = {0};
+        write_bonn(file, cosine);
+        g_assert_true(import_bonn(path, file, &wish, &quietly, &result, &error));
+        g_assert_no_error(error);
+        struct btf_matrix *btf = read_back(path);
+        g_assert_cmpfloat(btf->texel_mm, ==, 0.25);
+        g_assert_cmpfloat_with_epsilon((double)btf->light_phi_deg[2], 240, 1e-4);
+        const double here = (double)btf->values[((7 * 2 + 1) * 3 + 1) * 3 + 2];
+        g_assert_cmpfloat_with_epsilon(here, (double)value(1, 1, 7, 2) * (cosine ? 1 : 0.5), 1e-3);
+        btf_matrix_free(btf);
+    }
+}
+
+/* A session's BTF written and read again; and in factors, with all there are. */
+static void test_export_bonn(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *path = fresh("exported");
+    struct import_result result;
+    struct export_bonn_result exported;
+    const struct import_wish wish = {.texel_mm = 0.5};
+    write_set(dir);
+    g_assert_true(import_pictures(path, dir, &wish, &quietly, &result, &error));
+    for (enum bonn_kind kind = BONN_BDI; kind <= BONN_DFMF; kind++) {
+        g_autofree char *file = in_folder("exported.btf");
+        if (kind == BONN_BDI_SPARSE)
+            continue;
+        g_assert_true(export_bonn(path, file, kind, 18, &silent, &exported, &error));
+        g_assert_no_error(error);
+        g_assert_cmpfloat(exported.error, <, 1e-3);
+        g_autoptr(BonnFile) btf = bonn_open(file, &error);
+        g_assert_no_error(error);
+        g_assert_cmpint(bonn_header(btf)->kind, ==, kind);
+        g_assert_cmpfloat_with_epsilon(bonn_header(btf)->texels_a_mm, 2, 1e-6);
+        float rgb[3 * TEXELS * 3];
+        int holes[3];
+        g_assert_true(bonn_read_view(btf, 1, rgb, holes, &error));
+        g_assert_no_error(error);
+        for (int i = 0; i < 3 * TEXELS * 3; i++)
+            g_assert_cmpfloat_with_epsilon((double)rgb[i],
+                                           (double)value(1, i / 3 / TEXELS, i / 3 % TEXELS, i % 3),
+                                           kind == BONN_BDI ? 1e-9 : 4e-3);
+    }
+    g_assert_false(
+        export_bonn(folder, "/nonexistent/a.btf", BONN_BDI, 0, &silent, &exported, &error));
+    g_assert_nonnull(error);
+}
+
+static void test_exists(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder();
+    struct import_result result;
+    const struct import_wish wish = {0}, outside = {.region = {3, 0, WIDTH, HEIGHT}};
+    write_set(dir);
+    g_assert_false(import_pictures(dir, dir, &wish, &quietly, &result, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
+    g_clear_error(&error);
+    g_autofree char *path = fresh("outside");
+    g_assert_false(import_pictures(path, dir, &outside, &quietly, &result, &error));
+    assert_not_imported(path, error, "do not lie within its 6 × 4");
+}
+
+static void test_cancelled(void) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    g_autofree char *dir = new_folder(), *path = fresh("cancelled");
+    struct import_result result;
+    const struct import_wish wish = {0};
+    const struct work progress = {.cancellable = cancellable};
+    write_set(dir);
+    g_cancellable_cancel(cancellable);
+    g_assert_false(import_pictures(path, dir, &wish, &progress, &result, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    assert_not_imported(path, error, "");
+}
+
+static char *run_mesorig(const char *line, int wanted) {
+    g_autofree char *command = g_strconcat(BUILD_DIR "/bin/mesorig ", line, NULL);
+    g_autoptr(GError) error = NULL;
+    g_autofree char *err = NULL;
+    char *out = NULL;
+    int status = 0;
+    g_assert_true(g_spawn_command_line_sync(command, &out, &err, &status, &error));
+    if (WEXITSTATUS(status) != wanted)
+        g_error("%s: %d\n%s%s", command, WEXITSTATUS(status), out, err);
+    return out;
+}
+
+static void test_command(void) {
+    g_autofree char *file = in_folder("command.btf"), *path = fresh("command");
+    g_autofree char *back = in_folder("back.btf");
+    write_bonn(file, TRUE);
+    g_autofree char *import = g_strdup_printf("import btf %s -o %s --json", file, path);
+    g_autofree char *imported = run_mesorig(import, 0), *again = run_mesorig(import, 1);
+    g_assert_nonnull(strstr(imported, "\"views\": 2"));
+    g_assert_nonnull(strstr(again, "exists already"));
+    g_autofree char *process = g_strdup_printf("process %s --json", path);
+    g_autofree char *processed = run_mesorig(process, 1);
+    g_assert_nonnull(strstr(processed, "there is nothing to process"));
+    g_autofree char *compress = g_strdup_printf("compress %s -k 2 -c 2 --json", path);
+    g_autofree char *compressed = run_mesorig(compress, 0);
+    g_autofree char *info = g_strdup_printf("info %s --json", path);
+    g_autofree char *told = run_mesorig(info, 0);
+    g_autofree char *export = g_strdup_printf("export btf %s -o %s --json", path, back);
+    g_autofree char *exported = run_mesorig(export, 0);
+    g_autofree char *none = run_mesorig("import btf --json", 2);
+    g_autofree char *kind = run_mesorig("import nothing here -o there", 2);
+    char *a = NULL, *b = NULL;
+    gsize n_a, n_b;
+    g_assert_true(g_file_get_contents(file, &a, &n_a, NULL));
+    g_assert_true(g_file_get_contents(back, &b, &n_b, NULL));
+    g_assert_cmpmem(a + n_a - 200, 200, b + n_b - 200, 200);
+    g_free(a);
+    g_free(b);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/import/pictures", test_pictures);
+    g_test_add_func("/import/pictures/bad", test_bad_pictures);
+    g_test_add_func("/import/pictures/holes", test_holes);
+    g_test_add_func("/import/rti", test_rti);
+    g_test_add_func("/import/rti/bad", test_bad_lists);
+    g_test_add_func("/import/rti/mutated", test_mutated_list);
+    g_test_add_func("/import/bonn", test_bonn);
+    g_test_add_func("/import/exists", test_exists);
+    g_test_add_func("/import/cancelled", test_cancelled);
+    g_test_add_func("/export/bonn", test_export_bonn);
+    g_test_add_func("/import/command", test_command);
+    return session_fixture_run();
+}

@@ -1,0 +1,494 @@
+/*
+ * Pictures with a table of poses. Where truth is a whole session, one is captured by simulated
+ * devices, its frames are written as pictures, and what is processed from these has to be what was
+ * processed from those.
+ */
+#include "base/text_table.h"
+#include "formats/import_poses.h"
+#include "lpca/lpca.h"
+#include "pipeline/catalogue.h"
+#include "rig/devices.h"
+
+#include "lib/session_fixture.h"
+
+#define RIG     SOURCE_DIR "/tests/small/rig.conf"
+#define SESSION SOURCE_DIR "/tests/small/session.conf"
+#define SIDE    32 /* pixels of the small rig's cameras */
+#define PIXELS  (SIDE * SIDE)
+#define WHITE   4095
+
+static const struct work quietly = {0};
+static const struct session_grid grid = {8, 8, 50, 50, 5, 5};
+static char *calibration;
+
+static char *new_folder(void) {
+    char *template = g_build_filename(folder, "pictures-XXXXXX", NULL);
+    g_assert_nonnull(g_mkdtemp(template));
+    return template;
+}
+
+/* planes: Y, or R, G, B */
+static void write_picture(const char *path, const float *const *planes, int n, int width) {
+    static const char *const grey[] = {"Y", NULL}, *const rgb[] = {"B", "G", "R", NULL};
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("picture", width, SIDE, n == 1 ? grey : rgb, EXR_FLOAT);
+    for (int i = 0; i < n; i++)
+        memcpy(part->planes[n - 1 - i], planes[i], sizeof(float) * (gsize)(width * SIDE));
+    exr_file_add(file, part);
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, NULL));
+    exr_file_free(file);
+}
+
+static void write_grey(const char *dir, const char *name, const float *values) {
+    g_autofree char *path = g_build_filename(dir, name, NULL);
+    write_picture(path, &values, 1, SIDE);
+}
+
+static void mesorig(const char *line) {
+    g_autofree char *command = g_strconcat(BUILD_DIR "/bin/mesorig ", line, NULL);
+    g_autofree char *out = NULL, *err = NULL;
+    int status = 0;
+    g_assert_true(g_spawn_command_line_sync(command, &out, &err, &status, NULL));
+    if (WEXITSTATUS(status) != 0)
+        g_error("%s: %d\n%s%s", command, WEXITSTATUS(status), out, err);
+}
+
+static char *captured(void) {
+    g_autofree char *text = NULL, *conf = g_build_filename(folder, "session.conf", NULL);
+    char *path = g_build_filename(folder, "captured.session", NULL);
+    g_assert_true(g_file_get_contents(SESSION, &text, NULL, NULL));
+    g_autofree char *with = g_strconcat(text, "\nkeep_laser_frames = yes\n", NULL);
+    g_assert_true(g_file_set_contents(conf, with, -1, NULL));
+    g_autofree char *line =
+        g_strdup_printf("capture %s %s -o %s --process --yes --json", RIG, conf, path);
+    mesorig(line);
+    return path;
+}
+
+static void scale(float *values, float by) {
+    for (int i = 0; i < PIXELS; i++)
+        values[i] *= by;
+}
+
+/* One frame of a session as a picture, or a sweep as several; and their rows. */
+static void add_frame(Session *session, const struct rig *rig, const struct session_shot *shot,
+                      const struct session_frame *frame, const char *dir, GString *table) {
+    const char *camera = rig->cameras[frame->camera].name;
+    const int steps = shot->kind == SHOT_SWEEP ? shot->sweep_steps : 1;
+    for (int k = 0; k < steps; k++) {
+        g_autofree char *name = g_strdup_printf("p%d_%s_%d.exr", (int)shot->id, camera, k);
+        g_autofree char *whole = session_file(session, frame->path);
+        g_autofree char *stem = g_strndup(whole, strlen(whole) - 4);
+        g_autofree char *raw = g_strdup_printf("%s/%04d.exr", stem, k);
+        struct exr_file *file = exr_read(shot->kind == SHOT_SWEEP ? raw : whole, NULL);
+        g_assert_nonnull(file);
+        float *plane = exr_part_plane(file->parts->pdata[0], "Y");
+        scale(plane, 1.0f / WHITE);
+        write_grey(dir, name, plane);
+        exr_file_free(file);
+        g_string_append_printf(table, "%s,%s,%s,%s,%.17g,%.17g", name, camera,
+                               shot->kind == SHOT_LAMP ? rig->lamps[shot->device].name : "",
+                               shot->kind == SHOT_LAMP ? "" : rig->lasers[shot->device].name,
+                               shot->turntable_deg, shot->arc_deg);
+        g_string_append_printf(table, ",%.17g\n",
+                               shot->sweep_from_deg + (shot->sweep_to_deg - shot->sweep_from_deg) *
+                                                          k / MAX(steps - 1, 1));
+    }
+}
+
+static char *as_pictures(const char *path, const char *dir) {
+    g_autoptr(Session) session = session_open(path, SESSION_READ, NULL);
+    g_autoptr(GPtrArray) frames = session_frames(session, NULL);
+    g_autoptr(GPtrArray) shots = session_shots(session, NULL);
+    g_autoptr(GString) table =
+        g_string_new("file,camera,lamp,laser,turntable_deg,arc_deg,sweep_deg\n# rows\n");
+    struct rig *rig = g_new0(struct rig, 1);
+    g_assert_true(devices_read_geometry(RIG, rig, NULL));
+    for (guint i = 0; i < frames->len; i++) {
+        const struct session_frame *frame = frames->pdata[i];
+        const struct session_shot *shot = shots->pdata[frame->shot - 1];
+        if (shot->kind != SHOT_DARK)
+            add_frame(session, rig, shot, frame, dir, table);
+    }
+    g_free(rig);
+    char *file = g_build_filename(dir, "poses.csv", NULL);
+    g_assert_true(g_file_set_contents(file, table->str, -1, NULL));
+    return file;
+}
+
+static GPtrArray *views_of(const char *path) {
+    g_autoptr(Session) session = session_open(path, SESSION_READ, NULL);
+    GPtrArray *views = session_views(session, NULL);
+    g_assert_nonnull(views);
+    return views;
+}
+
+/* The same parts, found by what their attribute says. */
+static void compare_files(const char *a_path, const char *b_path, const char *channel,
+                          double tolerance) {
+    struct exr_file *a = exr_read(a_path, NULL), *b = exr_read(b_path, NULL);
+    g_assert_true(a && b);
+    g_assert_cmpuint(a->parts->len, ==, b->parts->len);
+    for (guint i = 0; i < a->parts->len; i++) {
+        const struct exr_part *x = a->parts->pdata[i], *y = NULL;
+        double theta, phi, other_theta, other_phi;
+        g_assert_true(exr_get_double(x, "light.theta_deg", &theta, NULL) &&
+                      exr_get_double(x, "light.phi_deg", &phi, NULL));
+        for (guint k = 0; k < b->parts->len && !y; k++)
+            if (exr_get_double(b->parts->pdata[k], "light.theta_deg", &other_theta, NULL) &&
+                exr_get_double(b->parts->pdata[k], "light.phi_deg", &other_phi, NULL) &&
+                fabs(theta - other_theta) < 1.5 && fabs(remainder(phi - other_phi, 360)) < 1.5)
+                y = b->parts->pdata[k];
+        g_assert_nonnull(y);
+        const float *p = exr_part_plane(x, channel), *q = exr_part_plane(y, channel);
+        for (int t = 0; t < x->width * x->height; t++)
+            g_assert_cmpfloat_with_epsilon((double)p[t], (double)q[t],
+                                           tolerance * (1 + fabs((double)p[t])));
+    }
+    exr_file_free(a);
+    exr_file_free(b);
+}
+
+static void compare_mdf(const char *a_path, const char *b_path, const int *other, guint n) {
+    struct exr_file *a = exr_read(a_path, NULL), *b = exr_read(b_path, NULL);
+    g_assert_true(a && b);
+    int seen = 0;
+    for (guint v = 0; v < n; v++) {
+        g_autofree char *x = g_strdup_printf("view_%04d", (int)v);
+        g_autofree char *y = g_strdup_printf("view_%04d", other[v]);
+        const float *p = exr_part_plane(exr_file_part(a, x), "D");
+        const float *q = exr_part_plane(exr_file_part(b, y), "D");
+        for (int t = 0; t < 64; t++) {
+            g_assert_cmpfloat_with_epsilon((double)p[t], (double)q[t], 1e-4);
+            seen += p[t] >= 0;
+        }
+    }
+    g_assert_cmpint(seen, >, 20);
+    exr_file_free(a);
+    exr_file_free(b);
+}
+
+static void test_session(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = captured(), *dir = new_folder(), *again = fresh("again");
+    g_autofree char *table = as_pictures(path, dir);
+    const struct import_poses poses = {.table = table,
+                                       .calibration = calibration,
+                                       .cfa = "rggb",
+                                       .grid = grid,
+                                       .threshold_dn = 40};
+    struct import_poses_result result;
+    g_assert_true(import_poses(again, &poses, &quietly, &result, &error));
+    g_assert_no_error(error);
+    g_assert_cmpint(result.n_views, ==, 4);
+    g_assert_cmpint(result.n_lights, ==, 4);
+    g_assert_cmpint(result.n_lasers, ==, 2);
+    g_autofree char *line = g_strdup_printf("process %s --json", again);
+    mesorig(line);
+    g_autoptr(GPtrArray) views = views_of(path), others = views_of(again);
+    int other[4] = {-1, -1, -1, -1};
+    for (guint v = 0; v < 4; v++)
+        for (guint k = 0; k < 4; k++) {
+            const struct session_direction *a = views->pdata[v], *b = others->pdata[k];
+            if (a->device != b->device ||
+                fabs(remainder(a->turntable_deg - b->turntable_deg, 360)) > 1e-6)
+                continue;
+            other[v] = (int)k;
+            g_assert_cmpfloat_with_epsilon(a->theta_deg, b->theta_deg, 1.5);
+            g_autofree char *x = g_strdup_printf("%s/products/btf/view_%04d.exr", path, (int)v);
+            g_autofree char *y = g_strdup_printf("%s/products/btf/view_%04d.exr", again, (int)k);
+            compare_files(x, y, "R", 2e-3);
+            compare_files(x, y, "B", 2e-3);
+        }
+    g_autofree char *a = g_build_filename(path, "products/mdf.exr", NULL);
+    g_autofree char *b = g_build_filename(again, "products/mdf.exr", NULL);
+    compare_mdf(a, b, other, 4);
+}
+
+/* A table of rows, and what import says of it. */
+static gboolean import_rows(const char *dir, const char *path, const char *rows,
+                            enum import_edge edge, struct import_poses_result *ret,
+                            GError **error) {
+    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
+    const struct import_poses poses = {.table = table,
+                                       .calibration = calibration,
+                                       .cfa = "mono",
+                                       .grid = grid,
+                                       .edge = edge,
+                                       .threshold_dn = 40};
+    g_assert_true(g_file_set_contents(table, rows, -1, NULL));
+    return import_poses(path, &poses, &quietly, ret, error);
+}
+
+static void assert_refused(const char *dir, const char *rows, const char *what) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = fresh("refused");
+    struct import_poses_result result;
+    g_assert_false(import_rows(dir, path, rows, IMPORT_LINE, &result, &error));
+    g_assert_nonnull(error);
+    if (!strstr(error->message, what))
+        g_error("“%s” is not in: %s", what, error->message);
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+static void test_bad(void) {
+    g_autofree char *dir = new_folder(), *wide = g_build_filename(dir, "wide.exr", NULL);
+    float values[(SIDE + 1) * SIDE] = {0};
+    const float *plane = values;
+    write_grey(dir, "a.exr", values);
+    write_grey(dir, "b.exr", values);
+    write_picture(wide, &plane, 1, SIDE + 1);
+    for (int i = 0; i < PIXELS / 2 + 1; i++)
+        values[i] = NAN;
+    write_grey(dir, "nan.exr", values);
+#define HEAD "file,camera,lamp,laser,turntable_deg,arc_deg,sweep_deg\n"
+    assert_refused(dir, "", "there are no rows in it");
+    assert_refused(dir, "file,camera\na.exr,cam30\n", "needs the columns file, camera");
+    assert_refused(dir, "file,file\n", "poses.csv:1: there are two columns “file”");
+    assert_refused(dir, HEAD "a.exr,cam30\n", "poses.csv:2: it has 2 fields, the head 7");
+    assert_refused(dir, HEAD "\"a.exr,cam30\n", "poses.csv:2: a quote is not closed");
+    assert_refused(dir, HEAD "\n#\na.exr,cam31,lamp30,,0,0,\n",
+                   "poses.csv:4: camera “cam31” is not in");
+    assert_refused(dir, HEAD "a.exr,cam30,lamp31,,0,0,\n", "poses.csv:2: lamp “lamp31” is not in");
+    assert_refused(dir, HEAD "a.exr,cam30,,lamp30,0,0,1\n",
+                   "poses.csv:2: laser “lamp30” is not in");
+    assert_refused(dir, HEAD "a.exr,cam30,,,0,0,1\n", "either a lamp or a laser");
+    assert_refused(dir, HEAD "a.exr,cam30,lamp30,laser30,0,0,1\n", "either a lamp or a laser");
+    assert_refused(dir, HEAD "c.exr,cam30,lamp30,,0,0,\n", "poses.csv:2: there is no picture /");
+    assert_refused(dir, HEAD "a.exr,cam30,lamp30,,0°,0,\n",
+                   "poses.csv:2: “0°” in column turntable_deg is no number");
+    assert_refused(dir, HEAD "a.exr,cam30,lamp30,,inf,0,\n", "“inf” in column turntable_deg");
+    assert_refused(dir, HEAD "wide.exr,cam30,lamp30,,0,0,\n",
+                   "poses.csv:2: wide.exr has 33 × 32 pixels, camera cam30 has 32 × 32");
+    assert_refused(dir, HEAD "nan.exr,cam30,lamp30,,0,0,\n",
+                   "poses.csv:2: 513 of the 1024 pixels of nan.exr are no numbers");
+    assert_refused(dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam30,lamp30,,360,-360,\n",
+                   "poses.csv:3: it says the same of b.exr as line 2 says of a.exr");
+    assert_refused(
+        dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam60,lamp30,,0,0,\nb.exr,cam30,lamp60,,0,90,\n",
+        "there is no picture of camera cam60 at turntable_deg 0 under lamp lamp60 at arc_deg 90");
+    assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,\n",
+                   "poses.csv:2: a picture of a sweep needs");
+    assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,1\n", "a sweep of 1 pictures tells nothing");
+    assert_refused(dir,
+                   HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
+                        "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,4.4\n"
+                        "a.exr,cam30,,laser30,0,0,5\n",
+                   "steps by 1°, but a.exr is at 4.4°");
+    assert_refused(dir,
+                   HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
+                        "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,6\n",
+                   "of the sweep that begins here 2 of 6 pictures are missing, such as that at 4°");
+}
+
+/* When a pixel is lit, or no longer lit, in steps. */
+static double arrival(int pixel) {
+    return 4 + 15.0 * pixel / PIXELS;
+}
+
+/* Every other pixel sees a line a second time, fainter. */
+static double second_arrival(int pixel) {
+    const double first = arrival(pixel);
+    return pixel % 2 ? first + (first < 11.5 ? 9 : -9) : -1;
+}
+
+#define STEPS 24
+
+static void write_sweep(const char *dir, enum import_edge edge, GString *table, int without) {
+    float values[PIXELS];
+    g_string_append(table, HEAD);
+    for (int k = 0; k < STEPS; k++) {
+        g_autofree char *name = g_strdup_printf("s%02d.exr", k);
+        for (int i = 0; i < PIXELS; i++) {
+            const double at = k - arrival(i), part = 0.5 * erfc(at / G_SQRT2);
+            const double again = i % 2 ? k - second_arrival(i) : INFINITY;
+            const double pulses = 0.5 * exp(-at * at / 2) + 0.2 * exp(-again * again / 2);
+            values[i] = (float)(edge == IMPORT_LINE      ? pulses + 0.02
+                                : edge == IMPORT_DARKENS ? 0.02 + 0.5 * part
+                                                         : 0.52 - 0.5 * part);
+        }
+        write_grey(dir, name, values);
+        if (k != without)
+            g_string_append_printf(table, "%s,cam30,,laser30,0,0,%.17g\n", name, -3 + 0.25 * k);
+    }
+}
+
+static struct exr_part *sweep_file(const char *path) {
+    g_autofree char *laser = g_build_filename(path, "laser", NULL), *file = NULL;
+    g_autoptr(GDir) dir = g_dir_open(laser, 0, NULL);
+    const char *name = g_dir_read_name(dir);
+    g_assert_nonnull(name);
+    file = g_build_filename(laser, name, NULL);
+    struct exr_part *part = exr_read_part(file, "sweep", NULL);
+    g_assert_nonnull(part);
+    return part;
+}
+
+/* Whether a time is what was made, or forgotten next to a picture that is missing; −1: none was. */
+static void check_second(const struct exr_part *part, enum import_edge edge, int without) {
+    const float *peak = exr_part_plane(part, "second_peak");
+    const float *intensity = exr_part_plane(part, "second_intensity");
+    for (int i = 0; edge == IMPORT_LINE && i < PIXELS; i++) {
+        const double wanted = second_arrival(i);
+        if (wanted < 0 || (without >= 0 && fabs(wanted - without) < 1.8))
+            g_assert_cmpfloat((double)peak[i], ==, -1);
+        else if (without < 0 || (fabs(wanted - without) > 6 && fabs(arrival(i) - without) > 6)) {
+            g_assert_cmpfloat_with_epsilon((double)peak[i], wanted, 0.08);
+            g_assert_cmpfloat_with_epsilon((double)intensity[i], 0.2 * WHITE, 0.03 * WHITE);
+        }
+    }
+}
+
+/* Of each pixel the sheet's angle is what the pulse, or the edge, was made of. */
+static void test_sweep(gconstpointer data) {
+    const enum import_edge edge = (enum import_edge)GPOINTER_TO_INT(data);
+    for (int without = -1; without < 12; without += 12) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GString) table = g_string_new(NULL);
+        g_autofree char *dir = new_folder(), *path = fresh("sweep");
+        struct import_poses_result result;
+        write_sweep(dir, edge, table, without);
+        g_assert_true(import_rows(dir, path, table->str, edge, &result, &error));
+        g_assert_no_error(error);
+        g_assert_cmpint(result.n_missing, ==, without >= 0);
+        struct exr_part *part = sweep_file(path);
+        double from, to;
+        int steps, seen = 0;
+        g_assert_true(exr_get_double(part, "sweep.from_deg", &from, NULL) &&
+                      exr_get_double(part, "sweep.to_deg", &to, NULL) &&
+                      exr_get_int(part, "sweep.steps", &steps, NULL));
+        const float *peak = exr_part_plane(part, "peak");
+        for (int i = 0; i < PIXELS; i++) {
+            const double wanted = -3 + 0.25 * arrival(i);
+            const double got = from + (to - from) * (double)peak[i] / (steps - 1);
+            if (without >= 0 && fabs(arrival(i) - without) < 1.8)
+                g_assert_cmpfloat((double)peak[i], ==, -1);
+            if (peak[i] < 0)
+                continue;
+            g_assert_cmpfloat_with_epsilon(got, wanted, 0.25 * 0.08);
+            seen++;
+        }
+        g_assert_cmpint(seen, >, without >= 0 ? PIXELS * 2 / 5 : PIXELS * 95 / 100);
+        check_second(part, edge, without);
+        exr_part_free(part);
+    }
+}
+
+static double mean_of(const char *path, const char *channel) {
+    g_autofree char *file = g_build_filename(path, "products/btf/view_0000.exr", NULL);
+    struct exr_file *exr = exr_read(file, NULL);
+    g_assert_nonnull(exr);
+    const float *plane = exr_part_plane(exr->parts->pdata[0], channel);
+    double sum = 0;
+    for (int i = 0; i < 64; i++)
+        sum += (double)plane[i] * (1 + i % 8) / 64; /* not even: a shift would show */
+    exr_file_free(exr);
+    return sum;
+}
+
+/* A colour picture, whose camera is doubled, against the grey ones of its channels. */
+static void test_colour(void) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
+    g_autofree char *path = fresh("colour");
+    struct import_poses_result result;
+    float planes[3][PIXELS];
+    const float *all[3] = {planes[0], planes[1], planes[2]};
+    static const char *const channels[] = {"R", "G", "B"};
+    for (int i = 0; i < PIXELS; i++)
+        for (int c = 0; c < 3; c++)
+            planes[c][i] = (float)((0.2 + 0.02 * (i % SIDE)) * (1 - 0.3 * c));
+    write_picture(colour, all, 3, SIDE);
+    g_assert_true(
+        import_rows(dir, path, HEAD "rgb.exr,cam30,lamp30,,0,45,\n", IMPORT_LINE, &result, &error));
+    g_assert_no_error(error);
+    g_autofree char *line = g_strdup_printf("process %s --json", path);
+    mesorig(line);
+    for (int c = 0; c < 3; c++) {
+        g_autofree char *grey = fresh("grey");
+        write_grey(dir, "grey.exr", planes[c]);
+        g_assert_true(import_rows(dir, grey, HEAD "grey.exr,cam30,lamp30,,0,45,\n", IMPORT_LINE,
+                                  &result, &error));
+        g_autofree char *process = g_strdup_printf("process %s --json", grey);
+        mesorig(process);
+        const double wanted = mean_of(grey, "G");
+        g_assert_cmpfloat(wanted, >, 0.001);
+        g_assert_cmpfloat_with_epsilon(mean_of(path, channels[c]) / wanted, 1, 0.01);
+    }
+    write_grey(dir, "grey.exr", planes[0]);
+    assert_refused(dir, HEAD "rgb.exr,cam30,lamp30,,0,45,\ngrey.exr,cam30,lamp30,,0,90,\n",
+                   "grey.exr is grey, the first picture of camera cam30 is not");
+}
+
+static void test_mutated(void) {
+    static const char *const good =
+        HEAD "a.exr,cam30,lamp30,,0,45,\n\"a.exr\";cam30;lamp60;;0;-45.5;\n";
+    g_autofree char *dir = new_folder();
+    GRand *rand = g_rand_new_with_seed(9);
+    float values[PIXELS] = {0};
+    write_grey(dir, "a.exr", values);
+    for (int i = 0; i < 300; i++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *text = g_strdup(good), *path = fresh("mutated");
+        struct import_poses_result result;
+        for (int k = g_rand_int_range(rand, 1, 5); k > 0; k--)
+            text[g_rand_int_range(rand, 0, (int)strlen(good))] =
+                (char)g_rand_int_range(rand, i % 2, 256);
+        const gboolean ok = import_rows(dir, path, text, IMPORT_LINE, &result, &error);
+        g_assert_true(ok == (error == NULL));
+    }
+    g_rand_free(rand);
+}
+
+static void write_calibration(void) {
+    struct rig *rig = g_new0(struct rig, 1);
+    g_assert_true(devices_read_geometry(RIG, rig, NULL));
+    g_autofree char *text = rig_to_text(rig);
+    calibration = g_build_filename(folder, "calibration.conf", NULL);
+    g_assert_true(g_file_set_contents(calibration, text, -1, NULL));
+    g_free(rig);
+}
+
+/* data: the table's path is given relative to the working directory. */
+static void test_command(gconstpointer data) {
+    const gboolean relative = data != NULL;
+    g_autofree char *dir = new_folder();
+    g_autofree char *path = fresh(relative ? "relative" : "command");
+    g_autofree char *before = g_get_current_dir();
+    g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
+    float values[PIXELS] = {0};
+    write_grey(dir, "a.exr", values);
+    g_assert_true(g_file_set_contents(table, "file,camera,lamp\na.exr,cam30,lamp30\n", -1, NULL));
+    g_autofree char *line = g_strdup_printf(
+        "import poses %s -c %s --sample 50x40 --texels 10 --reference 5 --depth 5 -o %s --json",
+        relative ? "poses.csv" : table, calibration, path);
+    g_assert_cmpint(g_chdir(dir), ==, 0);
+    mesorig(line);
+    g_assert_cmpint(g_chdir(before), ==, 0);
+    g_autoptr(Session) session = session_open(path, SESSION_READ, NULL);
+    struct session_grid got;
+    g_assert_true(session_grid(session, &got, NULL));
+    g_assert_cmpint(got.height, ==, 8);
+    g_assert_cmpfloat(got.height_mm, ==, 40);
+}
+
+/* The folder is made here, since the calibration lies in it for all tests. */
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    folder = g_dir_make_tmp("mesorig-poses-XXXXXX", NULL);
+    write_calibration();
+    g_test_add_func("/poses/session", test_session);
+    g_test_add_func("/poses/bad", test_bad);
+    g_test_add_data_func("/poses/sweep/line", GINT_TO_POINTER(IMPORT_LINE), test_sweep);
+    g_test_add_data_func("/poses/sweep/darkens", GINT_TO_POINTER(IMPORT_DARKENS), test_sweep);
+    g_test_add_data_func("/poses/sweep/lightens", GINT_TO_POINTER(IMPORT_LIGHTENS), test_sweep);
+    g_test_add_func("/poses/colour", test_colour);
+    g_test_add_func("/poses/mutated", test_mutated);
+    g_test_add_data_func("/poses/command", NULL, test_command);
+    g_test_add_data_func("/poses/command/relative", GINT_TO_POINTER(TRUE), test_command);
+    const int status = g_test_run();
+    remove_tree(folder);
+    g_free(calibration);
+    g_free(folder);
+    return status;
+}

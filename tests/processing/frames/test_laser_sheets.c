@@ -1,0 +1,135 @@
+/* Laser sheets and sweeps from lines on planes of two heights, in simulated sweeps. */
+#include "lib/lasers_scene.h"
+
+#include <string.h>
+
+static void two_heights(void) {
+    const struct sweep_poses poses = {
+        .arcs = 3, .steps = 64, .span_deg = 2.5, .most = 800, .cameras = 2};
+    struct laser_result found;
+    struct scene *scene;
+    struct sweep_errors errors;
+    g_autoptr(GError) error = NULL;
+    g_assert_true(sweep_measure(1, 96, 0, &poses, 2, &found, &scene, &error));
+    g_assert_no_error(error);
+    sweep_compare(scene, &poses, &found, &errors);
+    g_test_message("angle %.4f°, offset %.4f mm, source %.3f mm, rms %.4f mm, %u steps",
+                   errors.angle_deg, errors.offset_mm, errors.source_mm, found.rms_all_mm,
+                   found.steps->len);
+    g_assert_cmpfloat(errors.angle_deg, <, 0.03); /* bench_calibration has larger pictures */
+    g_assert_cmpfloat(errors.offset_mm, <, 0.03);
+    g_assert_cmpfloat(found.source_error_mm[0], <, 5);
+    g_assert_cmpuint(found.steps->len, >, 50);
+    laser_result_clear(&found);
+    scene_free(scene);
+}
+
+static void one_height(void) {
+    const struct sweep_poses poses = {
+        .arcs = 1, .steps = 24, .span_deg = 2.5, .most = 400, .cameras = 1};
+    struct laser_result found;
+    struct scene *scene;
+    g_autoptr(GError) error = NULL;
+    g_assert_false(sweep_measure(1, 48, 0, &poses, 1, &found, &scene, &error));
+    g_assert_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE);
+    g_assert_nonnull(strstr(error->message, "sweep: laser s0 is seen on planes of one height only, "
+                                            "1.000 mm"));
+    scene_free(scene);
+}
+
+static const char *const names[] = {"a.exr"};
+static const struct laser_arc unknown = {0.01, 1};
+static const struct rig_arc true_arc = {0.01, {0.002, -0.001}, {0.3, -0.2}};
+
+/* Points of a sheet that is off, which the sweep turns by `turn` times what it is told; every
+ * wrong_every-th is nowhere near it (0: none). */
+static GArray *new_points(struct rig *rig, double turn, int wrong_every) {
+    GArray *points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
+    g_autoptr(GRand) rand = g_rand_new_with_seed(1);
+    struct vec3 out = rig_direction(SCENE_RAD(40), 0);
+    *rig = (struct rig){.n_lasers = 2, .n_cameras = 1};
+    rig->lasers[0] = (struct rig_laser){"one", vec3_scale(out, 480), vec3(0, 1, 0),
+                                        vec3(-cos(SCENE_RAD(40)), 0, sin(SCENE_RAD(40))), 0};
+    rig->lasers[1] = rig->lasers[0];
+    struct rig_laser truth = rig->lasers[0];
+    truth.position_mm = vec3_add(truth.position_mm, vec3(2, 0, -1));
+    truth.axis = vec3_unit(vec3(0.003, 1, 0.002));
+    truth.normal = vec3_unit(vec3_cross(truth.axis, vec3_scale(vec3(out.x, 0.001, out.z), -1)));
+    truth.stretch = turn - 1;
+    for (int i = 0; i < 3000; i++) {
+        struct laser_point p = {.arc_rad = SCENE_RAD(30 * (i % 12)),
+                                .sigma_mm = 0.01,
+                                .point_mm =
+                                    vec3(g_rand_double_range(rand, -30, 30),
+                                         g_rand_double_range(rand, -30, 30), i & 1 ? 20 : 1)};
+        p.sweep_rad = rig_laser_sweep_rad(&true_arc, &truth, p.arc_rad, p.point_mm);
+        if (wrong_every > 0 && i % wrong_every == 0)
+            p.sweep_rad += 0.02;
+        g_array_append_val(points, p);
+    }
+    return points;
+}
+
+static gboolean fit_points(const struct rig *rig, const GArray *points, struct laser_result *ret,
+                           GError **error) {
+    return laser_fit(rig, (const struct laser_point *)(gpointer)points->data, (int)points->len,
+                     &unknown, names, ret, error);
+}
+
+/* Exact points of a sheet that is off, and some that are nowhere near it. */
+static void exact(void) {
+    struct rig rig;
+    struct laser_result found;
+    g_autoptr(GArray) points = new_points(&rig, 1.01, 50);
+    g_autoptr(GError) error = NULL;
+    const gboolean fitted = fit_points(&rig, points, &found, &error);
+    g_assert_no_error(error);
+    g_assert_true(fitted);
+    g_assert_false(found.seen[1]);
+    for (guint i = 0; i < points->len; i++) {
+        const struct laser_point *p = &g_array_index(points, struct laser_point, i);
+        g_assert_cmpint(found.rejected[i], ==, i % 50 == 0);
+        double sweep =
+            rig_laser_sweep_rad(&found.rig.arc, &found.rig.lasers[0], p->arc_rad, p->point_mm);
+        if (i % 50)
+            g_assert_cmpfloat_with_epsilon(sweep, p->sweep_rad, 1e-6);
+    }
+    /* The zero of the arc is the laser's own azimuth: only what is left is told. */
+    g_assert_cmpfloat_with_epsilon(found.rig.arc.tilt_rad[0], 0.002, 1e-5);
+    g_assert_cmpfloat_with_epsilon(found.rig.arc.centre_mm[1], -0.2, 1e-2);
+    g_assert_cmpfloat_with_epsilon(found.rig.lasers[0].stretch, 0.01, 1e-4);
+    laser_result_clear(&found);
+}
+
+/* What no file of a calibration may hold is refused with its cause. */
+static void wrong_turn(void) {
+    static const struct {
+        double turn;
+        const char *what;
+    } cases[] = {{-0.98, "laser one: the direction of its sweep is reversed"},
+                 {1.7, "laser one: a step of 1° of its sweep turns the sheet by 1.7"},
+                 {0.4, "laser one: a step of 1° of its sweep turns the sheet by 0.4"}};
+    for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
+        struct rig rig;
+        struct laser_result found;
+        g_autoptr(GArray) points = new_points(&rig, cases[i].turn, 0);
+        g_autoptr(GError) error = NULL;
+        g_assert_false(fit_points(&rig, points, &found, &error));
+        g_assert_error(error, LASER_ERROR, LASER_ERROR_SWEEP);
+        g_test_message("%s", error->message);
+        g_assert_nonnull(strstr(error->message, cases[i].what));
+        g_assert_nonnull(strstr(error->message, "steps_per_deg"));
+        laser_result_clear(&found);
+    }
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/laser-sheets/exact", exact);
+    g_test_add_func("/laser-sheets/wrong-turn", wrong_turn);
+    g_test_add_func("/laser-sheets/two-heights", two_heights);
+    g_test_add_func("/laser-sheets/one-height", one_height);
+    int result = g_test_run();
+    fixture_clean();
+    return result;
+}

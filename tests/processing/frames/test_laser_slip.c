@@ -1,0 +1,125 @@
+/* A sweep axis that has slipped, in the simulated world: the line on the turntable beside a weave
+ * tells, and the surface is found where it is. */
+#include "capture/radiance.h"
+#include "frames/sweep.h"
+#include "lib/two_lasers.h"
+#include "mdf/mdf.h"
+#include "world/truth.h"
+
+#define DEGREE    (G_PI / 180)
+#define SIDE      144
+#define TEXELS    24
+#define N_TEXELS  (TEXELS * TEXELS)
+#define N_STEPS   64
+#define POSITIONS 8
+#define REACH_MM  17
+#define SLIP_DEG  0.25
+
+static const struct session_grid grid = {TEXELS, TEXELS, 26, 26, 2.2, 2.2};
+static const struct laser_reference table = {0, 0.01, {33, 33}, 2.2, 60};
+static const double turntable_deg = 20;
+
+static World *new_world(void) {
+    return two_lasers_world(SIDE, 0.02, "turntable_albedo = 0.04\n",
+                            "kind = weave\nwidth_mm = 31\nheight_mm = 31\nrelief_mm = 1.2\n"
+                            "period_mm = 6.25\n");
+}
+
+struct planes {
+    float peak[SIDE * SIDE], width[SIDE * SIDE], intensity[SIDE * SIDE];
+};
+
+/* The sheet passes REACH_MM on both sides of the middle; the first laser has slipped. */
+static struct laser_sweep take(World *world, const struct rig *rig, int position,
+                               struct planes *planes) {
+    const int laser = position % 2;
+    const double arc_deg = 20 + 45.0 * position;
+    const double half = atan(REACH_MM / 480.0) * (laser ? 0.55 : 0.9);
+    struct laser_sweep sweep = {.laser = &rig->lasers[laser],
+                                .arc_rad = arc_deg * DEGREE,
+                                .from_rad = -half,
+                                .step_rad = 2 * half / (N_STEPS - 1),
+                                .peak = planes->peak,
+                                .width = planes->width,
+                                .intensity = planes->intensity};
+    struct world_sensor sensor;
+    world_sensor(world, 0, &sensor);
+    g_autoptr(Sweep) frames = sweep_new(SIDE, SIDE, N_STEPS, radiance_saturation(sensor.bits));
+    g_autofree guint16 *pixels = g_new(guint16, SIDE * SIDE);
+    struct world_state state = {.turntable_deg = turntable_deg, .arc_deg = arc_deg};
+    state.laser_on[laser] = TRUE;
+    for (int k = 0; k < N_STEPS; k++) {
+        state.sweep_deg[laser] =
+            (sweep.from_rad + k * sweep.step_rad) / DEGREE + (laser ? 0 : SLIP_DEG);
+        world_expose(world, 0, &state, 4000, 0, (guint64)position * N_STEPS + (guint64)k + 1,
+                     pixels);
+        sweep_add(frames, pixels);
+    }
+    sweep_finish(frames, 12, planes->peak, planes->width, planes->intensity);
+    return sweep;
+}
+
+/* RMS in mm, off edges; coverage of what a laser lights. */
+static double compare(World *world, const MdfView *view, double *ret_coverage) {
+    const struct truth_grid at = {TEXELS, TEXELS, grid.width_mm, grid.height_mm, grid.reference_mm};
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS], truth[N_TEXELS];
+    guint8 edge[N_TEXELS];
+    double squares = 0;
+    int measured = 0, all = 0;
+    mdf_view_merge(view, mm, n, s);
+    truth_mdf(world, 0, turntable_deg, &at, truth, edge);
+    for (int i = 0; i < N_TEXELS; i++) {
+        all += !edge[i];
+        if (edge[i] || mm[i] < 0)
+            continue;
+        squares += pow((double)(mm[i] - truth[i]), 2);
+        measured++;
+    }
+    *ret_coverage = (double)measured / all;
+    return sqrt(squares / measured);
+}
+
+static void test_slipped(void) {
+    static const struct laser_known known = {1e-4, 1e-4};
+    g_autoptr(World) world = new_world();
+    const struct rig rig = two_lasers_rig(SIDE);
+    g_autoptr(LaserRegion) region =
+        laser_region_new(&rig, &rig.cameras[0], turntable_deg * DEGREE, &table);
+    g_autoptr(MdfView) with = mdf_view_new(&rig.cameras[0], turntable_deg * DEGREE, &grid);
+    g_autoptr(MdfView) without = mdf_view_new(&rig.cameras[0], turntable_deg * DEGREE, &grid);
+    g_autofree struct planes *planes = g_new(struct planes, 1);
+    for (int position = 0; position < POSITIONS; position++) {
+        struct laser_sweep sweep = take(world, &rig, position, planes);
+        struct laser_lines lines;
+        const double slip = position % 2 ? 0 : SLIP_DEG * DEGREE;
+        laser_lines_find(region, &sweep, N_STEPS, &known, &lines);
+        g_test_message("position %d: %d pixels in %d frames, %.4f ± %.4f°, roll %.4f ± %.4f°, "
+                       "%.3f mm",
+                       position, lines.pixels, lines.frames, lines.offset_rad / DEGREE,
+                       lines.offset_error_rad / DEGREE, lines.roll_seen_rad / DEGREE,
+                       lines.roll_error_rad / DEGREE, lines.scatter_mm);
+        g_assert_nonnull(lines.turn_rad);
+        g_assert_true(lines.disagrees == (slip > 0));
+        g_assert_cmpfloat_with_epsilon(lines.offset_rad, slip, 0.01 * DEGREE);
+        mdf_view_add(without, &sweep);
+        sweep.lines = &lines;
+        mdf_view_add(with, &sweep);
+        laser_lines_clear(&lines);
+    }
+    double coverage, bare_coverage;
+    const double rms = compare(world, with, &coverage);
+    const double bare = compare(world, without, &bare_coverage);
+    g_test_message("RMS %.4f mm by lines (%.3f covered), %.4f by calibration (%.3f)", rms, coverage,
+                   bare, bare_coverage);
+    g_assert_cmpfloat(coverage, >, 0.95);
+    g_assert_cmpfloat(rms, <, 0.06);
+    g_assert_cmpfloat(bare, >, 5 * rms);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/laser-slip/slipped", test_slipped);
+    const int code = g_test_run();
+    fixture_clean();
+    return code;
+}

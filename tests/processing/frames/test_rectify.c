@@ -1,0 +1,218 @@
+#include "base/data_error.h"
+#include "frames/rectify.h"
+
+#include "lib/analytic.h"
+#include "pipeline/pipeline.h"
+
+#include <math.h>
+
+#define DEGREE (G_PI / 180)
+
+static const struct session_grid grid = {24, 20, 36, 30, 5, 5};
+static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg"};
+
+static struct pinhole camera_at(double theta_deg, double focal_px) {
+    return (struct pinhole){160, 160, theta_deg * DEGREE, 650, focal_px};
+}
+
+static int colour_at(const char *cfa, int x, int y) {
+    if (strcmp(cfa, "mono") == 0)
+        return 1;
+    char c = cfa[2 * (y & 1) + (x & 1)];
+    return c == 'r' ? 0 : c == 'g' ? 1 : 2;
+}
+
+/* Each colour's picture is linear in x and y, with slopes of its own. */
+static double linear_at(int colour, double x, double y) {
+    static const double slope[3][3] = {{2, 0.011, -0.007}, {3, -0.013, 0.017}, {1, 0.005, 0.009}};
+    return slope[colour][0] + slope[colour][1] * x + slope[colour][2] * y;
+}
+
+static float *linear_mosaic(const char *cfa, const struct rig_camera *camera) {
+    float *mosaic = g_new(float, camera->width * camera->height);
+    for (int y = 0; y < camera->height; y++)
+        for (int x = 0; x < camera->width; x++)
+            mosaic[y * camera->width + x] = (float)linear_at(colour_at(cfa, x, y), x, y);
+    return mosaic;
+}
+
+static void texel_in_picture(const struct pinhole *pinhole, double turntable, int texel,
+                             double *ret_x, double *ret_y) {
+    double x = -18 + (texel % 24 + 0.5) * 1.5, y = 15 - ((double)(texel / 24) + 0.5) * 1.5;
+    double p[3] = {x, y, 5};
+    turn3(p, turntable, p);
+    pinhole_project(pinhole, p, ret_x, ret_y);
+}
+
+static void check_linear(const char *cfa, const struct pinhole *pinhole, double turntable) {
+    g_autoptr(GError) error = NULL;
+    struct rig_camera camera = pinhole_to_rig(pinhole, "cam");
+    camera.response = 1000; /* a DN a millisecond is one unit of radiance */
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, cfa, turntable, &grid, &error);
+    g_assert_no_error(error);
+    g_autofree float *mosaic = linear_mosaic(cfa, &camera), *rgb = g_new(float, 24 * 20 * 3);
+    g_assert_cmpint(rectify_apply(rectify, mosaic, rgb, NULL), ==, 0);
+    for (int texel = 0; texel < 24 * 20; texel++)
+        for (int c = 0; c < 3; c++) {
+            double x, y;
+            texel_in_picture(pinhole, turntable, texel, &x, &y);
+            double expected = linear_at(strcmp(cfa, "mono") == 0 ? 1 : c, x, y);
+            double most = strcmp(cfa, "mono") == 0 ? 1e-4 : 5e-3 * (1 + expected);
+            g_assert_cmpfloat_with_epsilon(rgb[3 * texel + c], expected, most);
+        }
+}
+
+/* No filter's phase moves a colour: pictures linear in x and y come out as they are, or to half a
+ * percent where each colour has slopes of its own, at every magnification, whatever the view. */
+static void test_linear(void) {
+    for (guint f = 0; f < G_N_ELEMENTS(filters); f++)
+        for (int view = 0; view < 12; view++)
+            for (double focal_px = 400; focal_px < 1700; focal_px *= 2) {
+                struct pinhole pinhole = camera_at(15 * (view % 6), focal_px);
+                check_linear(filters[f], &pinhole, 0.7 * view);
+            }
+}
+
+/* The picture of a white diffuser under vignetting comes out flat. */
+static void test_vignetting(void) {
+    struct pinhole pinhole = camera_at(30, 1664);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    camera.vignetting = 0.3;
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rggb", 1, &grid, NULL);
+    g_autofree float *mosaic = g_new(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
+    for (int y = 0; y < 160; y++)
+        for (int x = 0; x < 160; x++) {
+            double r2 = (pow(x - 79.5, 2) + pow(y - 79.5, 2)) / (2 * 79.5 * 79.5);
+            mosaic[160 * y + x] = (float)(6 * 0.25 * (1 - 0.3 * r2)); /* 6 DN/ms a unit */
+        }
+    rectify_apply(rectify, mosaic, rgb, NULL);
+    for (int i = 0; i < 24 * 20 * 3; i++)
+        g_assert_cmpfloat_with_epsilon(rgb[i], 0.25, 1e-6);
+}
+
+/* What a single pixel gives away to all texels is the number of texels that its area covers.
+ * Straight from above, with a texel of p × p pixels. */
+static void test_energy(void) {
+    struct pinhole pinhole = {160, 160, 0, 650, 0};
+    for (double p = 0.7; p < 4; p += 0.9) {
+        pinhole.focal_px = p * 645 / 1.5;
+        struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+        camera.response = 1000;
+        g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "mono", 0, &grid, NULL);
+        g_autofree float *mosaic = g_new0(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
+        double sum[3] = {0};
+        mosaic[160 * 78 + 80] = 4;
+        rectify_apply(rectify, mosaic, rgb, NULL);
+        for (int i = 0; i < 24 * 20 * 3; i++)
+            sum[i % 3] += rgb[i];
+        for (int c = 0; c < 3; c++)
+            g_assert_cmpfloat_with_epsilon(sum[c] * p * p, 4, p < 1 ? 0.4 : 0.1);
+    }
+}
+
+/* Stripes finer than red or blue pixels can show alone, of a colour all over: each colour follows
+ * them as green does, and none goes below black. */
+static void test_detail(void) {
+    static const double tint[3] = {0.8, 0.5, 0.1};
+    struct pinhole pinhole = camera_at(15, 1664);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    camera.response = 1000;
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rggb", 0, &grid, NULL);
+    g_autofree float *mosaic = g_new(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
+    for (int y = 0; y < 160; y++)
+        for (int x = 0; x < 160; x++)
+            mosaic[160 * y + x] =
+                (float)(tint[colour_at("rggb", x, y)] * (1 + 0.8 * sin(2 * G_PI * x / 5.0)));
+    rectify_apply(rectify, mosaic, rgb, NULL);
+    double error[3] = {0}, alone = 0;
+    for (int texel = 0; texel < 24 * 20; texel++) {
+        double x, y;
+        texel_in_picture(&pinhole, 0, texel, &x, &y);
+        /* The mean over a texel's 3.87 pixels. */
+        double u = G_PI * 3.87 / 5, expected = 1 + 0.8 * sin(2 * G_PI * x / 5) * sin(u) / u;
+        for (int c = 0; c < 3; c++) {
+            g_assert_cmpfloat(rgb[3 * texel + c], >, 0);
+            error[c] += pow(rgb[3 * texel + c] / tint[c] - expected, 2);
+        }
+        alone += pow(1 - expected, 2);
+    }
+    for (int c = 0; c < 3; c++)
+        g_assert_cmpfloat(sqrt(error[c] / alone), <, 0.45);
+    g_assert_cmpfloat(sqrt(error[1] / alone), <, 0.35);
+}
+
+/* Texels at the very border of the picture: no pixel is read that is not there. */
+static void test_border(void) {
+    for (guint f = 0; f < G_N_ELEMENTS(filters); f++)
+        for (int size = 93; size < 97; size++) {
+            struct pinhole pinhole = {size, size - 16, 0, 645 + 5, 1664};
+            struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+            camera.response = 1000;
+            g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, filters[f], 0, &grid, NULL);
+            if (!rectify) /* a picture that is too small is refused */
+                continue;
+            int n = camera.width * camera.height;
+            g_autofree float *mosaic = g_new(float, n), *rgb = g_new(float, 24 * 20 * 3);
+            for (int i = 0; i < n; i++)
+                mosaic[i] = 3;
+            int holes = rectify_apply(rectify, mosaic, rgb, NULL);
+            g_assert_cmpint(holes, ==, rectify_outside(rectify));
+            for (int i = 0; i < 24 * 20 * 3; i++)
+                g_assert_true(rgb[i] == 0 || fabsf(rgb[i] - 3) < 1e-4f);
+        }
+}
+
+static void test_holes(void) {
+    struct pinhole pinhole = camera_at(15, 1664);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam");
+    g_autoptr(Rectify) rectify = rectify_new(&camera, NULL, "rggb", 0, &grid, NULL);
+    g_autofree float *mosaic = g_new(float, 160 * 160), *rgb = g_new(float, 24 * 20 * 3);
+    for (int i = 0; i < 160 * 160; i++)
+        mosaic[i] = 1;
+    mosaic[80 * 160 + 80] = NAN;
+    mosaic[60 * 160 + 61] = INFINITY;
+    int holes = rectify_apply(rectify, mosaic, rgb, NULL);
+    g_assert_cmpint(holes, >, 0);
+    g_assert_cmpint(holes, <, 30);
+    int zeros = 0;
+    for (int i = 0; i < 24 * 20; i++) {
+        g_assert_true(isfinite(rgb[3 * i]) && isfinite(rgb[3 * i + 1]) && isfinite(rgb[3 * i + 2]));
+        zeros += rgb[3 * i] == 0 && rgb[3 * i + 1] == 0 && rgb[3 * i + 2] == 0;
+    }
+    g_assert_cmpint(zeros, ==, holes);
+}
+
+static void test_outside(void) {
+    g_autoptr(GError) error = NULL;
+    struct pinhole pinhole = camera_at(15, 5000);
+    struct rig_camera camera = pinhole_to_rig(&pinhole, "cam7");
+    g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_assert_nonnull(strstr(error->message, "cam7"));
+    g_assert_nonnull(strstr(error->message, "calibrate"));
+    g_clear_error(&error);
+    pinhole.focal_px = 1664;
+    camera = pinhole_to_rig(&pinhole, "cam7");
+    camera.translation_mm.z = -650; /* behind the camera */
+    g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_clear_error(&error);
+    camera.translation_mm.z = NAN;
+    g_assert_null(rectify_new(&camera, NULL, "rggb", 0, &grid, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+    g_clear_error(&error);
+    g_assert_null(rectify_new(&camera, NULL, "xtrans", 0, &grid, &error));
+    g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/rectify/linear", test_linear);
+    g_test_add_func("/rectify/vignetting", test_vignetting);
+    g_test_add_func("/rectify/energy", test_energy);
+    g_test_add_func("/rectify/detail", test_detail);
+    g_test_add_func("/rectify/border", test_border);
+    g_test_add_func("/rectify/holes", test_holes);
+    g_test_add_func("/rectify/outside", test_outside);
+    return g_test_run();
+}

@@ -1,0 +1,425 @@
+#include "mdf/mdf.h"
+
+#include "frames/rectify.h"
+#include "lib/analytic.h"
+
+#include <math.h>
+
+#define DEGREE   (G_PI / 180)
+#define SIDE     128
+#define N_TEXELS (20 * 20)
+#define FROM_DEG -6.0
+#define STEP_DEG 0.12
+#define N_STEPS  100
+
+static const struct session_grid grid = {20, 20, 30, 30, 5, 5};
+
+/* The surface in the sample frame: z = height + slope·(x, y), and step_mm more where x > edge. */
+struct surface {
+    double height, slope_x, slope_y, step_mm, edge_mm;
+};
+
+/* The camera over azimuth 0 with the sample turned: where a ray meets the surface, as distance. */
+static double meet(const struct surface *surface, const double *eye, const double *ray) {
+    for (int raised = 1; raised >= 0; raised--) {
+        double height = surface->height + (raised ? surface->step_mm : 0);
+        double n[3] = {-surface->slope_x, -surface->slope_y, 1};
+        double t = (height - dot3(n, eye)) / dot3(n, ray), x = eye[0] + t * ray[0];
+        if (!raised || (surface->step_mm > 0 && x > surface->edge_mm))
+            return t;
+    }
+    g_assert_not_reached();
+}
+
+struct world {
+    struct pinhole pinhole;
+    struct surface surface;
+    double turntable;
+    float peak[SIDE * SIDE], width[SIDE * SIDE], intensity[SIDE * SIDE];
+};
+
+static double meet_turned(const struct world *world, const double *ray) {
+    double eye[3], sample_eye[3], sample_ray[3];
+    pinhole_eye(&world->pinhole, eye);
+    turn3(eye, -world->turntable, sample_eye);
+    turn3(ray, -world->turntable, sample_ray);
+    return meet(&world->surface, sample_eye, sample_ray);
+}
+
+/* What a sweep leaves in each pixel. */
+static void sweep(struct world *world, const struct line_laser *laser, double arc, double noise,
+                  GRand *random) {
+    double eye[3], ray[3];
+    pinhole_eye(&world->pinhole, eye);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        pinhole_ray(&world->pinhole, i % SIDE, (double)(i / SIDE), ray);
+        double t = meet_turned(world, ray);
+        double point[3] = {eye[0] + t * ray[0], eye[1] + t * ray[1], eye[2] + t * ray[2]};
+        double peak = (laser_sweep(laser, arc, point) / DEGREE - FROM_DEG) / STEP_DEG;
+        if (noise > 0)
+            peak += noise * (g_rand_double(random) + g_rand_double(random) - 1) * 2.45;
+        world->peak[i] = peak > 0 && peak < N_STEPS - 1 ? (float)peak : -1;
+        world->width[i] = 1.5f;
+        world->intensity[i] = 1000;
+    }
+}
+
+static void add(MdfView *view, const struct world *world, const struct line_laser *laser,
+                double arc) {
+    struct rig_laser rig = laser_to_rig(laser, "laser");
+    struct laser_sweep seen = {&rig,        arc,          FROM_DEG * DEGREE, STEP_DEG * DEGREE,
+                               world->peak, world->width, world->intensity,  NULL};
+    mdf_view_add(view, &seen);
+}
+
+/* The distance from the reference plane along the ray through a texel's centre. */
+static double expected_mm(const struct world *world, int texel) {
+    double p[3] = {-15 + (texel % 20 + 0.5) * 1.5, 15 - ((double)(texel / 20) + 0.5) * 1.5, 5};
+    double eye[3], ray[3];
+    turn3(p, world->turntable, p);
+    pinhole_eye(&world->pinhole, eye);
+    double length = sqrt(pow(p[0] - eye[0], 2) + pow(p[1] - eye[1], 2) + pow(p[2] - eye[2], 2));
+    for (int i = 0; i < 3; i++)
+        ray[i] = (p[i] - eye[i]) / length;
+    return meet_turned(world, ray) - length;
+}
+
+/* Straight lasers at these elevations, all around. */
+static void add_all(MdfView *view, struct world *world, double noise) {
+    GRand *random = g_rand_new_with_seed(5);
+    for (int i = 0; i < 12; i++) {
+        struct line_laser laser = {(15 + 15 * (i % 5)) * DEGREE, 480};
+        double arc = (15 + 37 * i) * DEGREE;
+        sweep(world, &laser, arc, noise, random);
+        add(view, world, &laser, arc);
+    }
+    g_rand_free(random);
+}
+
+struct errors {
+    double rms, worst;
+    int missing, most;
+};
+
+static struct errors measure(struct world *world, double noise) {
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    add_all(view, world, noise);
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    struct errors errors = {0};
+    for (int i = 0; i < N_TEXELS; i++) {
+        g_assert_true(isfinite(mm[i]) && isfinite(n[i]) && isfinite(s[i]));
+        if (mm[i] < 0) {
+            g_assert_cmpfloat(n[i], ==, 0);
+            errors.missing++;
+            continue;
+        }
+        double error = mm[i] - expected_mm(world, i);
+        errors.rms += error * error;
+        errors.worst = MAX(errors.worst, fabs(error));
+        errors.most = MAX(errors.most, (int)n[i]);
+    }
+    errors.rms = sqrt(errors.rms / MAX(1, N_TEXELS - errors.missing));
+    return errors;
+}
+
+static struct world *new_world(double theta_deg, double turntable_deg, struct surface surface) {
+    struct world *world = g_new0(struct world, 1);
+    world->pinhole = (struct pinhole){SIDE, SIDE, theta_deg * DEGREE, 650, 1600};
+    world->turntable = turntable_deg * DEGREE;
+    world->surface = surface;
+    return world;
+}
+
+/* A plane below the reference plane, level and tilted, in views from steep to grazing. */
+static void test_planes(void) {
+    static const struct surface planes[] = {{3, 0, 0}, {1.5, 0, 0}, {2.5, 0.08, -0.05}};
+    for (guint p = 0; p < G_N_ELEMENTS(planes); p++)
+        for (int view = 0; view < 10; view++) {
+            g_autofree struct world *world = new_world(15 + 15 * (view % 5), 67 * view, planes[p]);
+            struct errors errors = measure(world, 0);
+            g_test_message("plane %u view %d: missing %d, worst %.4f mm", p, view, errors.missing,
+                           errors.worst);
+            g_assert_cmpint(errors.missing, ==, 0);
+            g_assert_cmpfloat(errors.worst, <, 0.01);
+            g_assert_cmpint(errors.most, >, 4);
+        }
+}
+
+/* A tenth of a frame is about 0.1 mm of one laser; the mean of several is better. */
+static void test_noise(void) {
+    g_autofree struct world *world = new_world(45, 20, (struct surface){2, 0, 0});
+    struct errors errors = measure(world, 0.1);
+    g_test_message("RMS %.4f mm", errors.rms);
+    g_assert_cmpint(errors.missing, ==, 0);
+    g_assert_cmpfloat(errors.rms, <, 0.05);
+}
+
+/* At a step each texel shows one side or the other, never the middle. */
+static void test_step(void) {
+    struct surface step = {1, 0, 0, 3, 0.2};
+    g_autofree struct world *world = new_world(30, 0, step);
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    add_all(view, world, 0);
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    int wrong = 0;
+    for (int i = 0; i < N_TEXELS; i++) {
+        double high = 1 / cos(30 * DEGREE), low = 4 / cos(30 * DEGREE);
+        double to_either = MIN(fabs(mm[i] - high), fabs(mm[i] - low));
+        g_assert_cmpfloat(to_either, <, 0.25); /* rays are not all at 30° */
+        wrong += fabs(mm[i] - expected_mm(world, i)) > 0.2;
+    }
+    g_assert_cmpint(wrong, <=, 20); /* one texel a row, at the edge */
+}
+
+/* Some lasers see a reflection instead: they are outvoted, not averaged. */
+static void test_outliers(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int i = 0; i < 9; i++) {
+        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
+        double arc = (70 + 30 * i) * DEGREE;
+        world->surface.height = i % 3 == 1 ? 0.3 + 0.2 * i : 2;
+        sweep(world, &laser, arc, 0, NULL);
+        add(view, world, &laser, arc);
+    }
+    world->surface.height = 2;
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+}
+
+/* What is in a damaged sweep's file, instead of peaks, widths and intensities. */
+static void spoil(struct world *world, int how) {
+    const float nothing[] = {NAN, INFINITY, -INFINITY, 1e30F};
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const float value = nothing[i % 4];
+        if (how == 0)
+            world->peak[i] = value;
+        else if (how == 1)
+            world->width[i] = value;
+        else
+            world->intensity[i] = value;
+    }
+}
+
+/* Some sweeps are of values that are no numbers, or of impossible ones: the others tell. */
+static void test_not_numbers(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int i = 0; i < 9; i++) {
+        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
+        double arc = (70 + 30 * i) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        if (i % 3 == 1)
+            spoil(world, i / 3);
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++) {
+        g_assert_true(isfinite(n[i]) && isfinite(s[i]));
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+    }
+}
+
+/* Most lasers do not reach a place and see what others throw back there, faintly and elsewhere: the
+ * few that are bright are believed. Brightness that is no number counts for nothing. */
+static void test_faint(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int i = 0; i < 9; i++) {
+        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
+        double arc = (70 + 30 * i) * DEGREE;
+        world->surface.height = i < 6 ? 2.6 : 2;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int k = 0; k < SIDE * SIDE; k++)
+            world->intensity[k] = i < 5 ? 30 : i == 5 ? (k % 2 ? NAN : -INFINITY) : 900;
+        add(view, world, &laser, arc);
+    }
+    world->surface.height = 2;
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+}
+
+/* A ghost of each laser is brighter than its line, at a place of its own: second pulses, which
+ * agree, are believed. */
+static void test_ghosts(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    g_autofree struct world *ghost = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int i = 0; i < 9; i++) {
+        struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
+        struct rig_laser rig = laser_to_rig(&laser, "laser");
+        double arc = (70 + 30 * i) * DEGREE;
+        ghost->surface.height = 0.2 + 0.45 * i;
+        sweep(world, &laser, arc, 0, NULL);
+        sweep(ghost, &laser, arc, 0, NULL);
+        for (int k = 0; k < SIDE * SIDE; k++)
+            world->intensity[k] = 700;
+        struct laser_sweep seen = {.laser = &rig,
+                                   .arc_rad = arc,
+                                   .from_rad = FROM_DEG * DEGREE,
+                                   .step_rad = STEP_DEG * DEGREE,
+                                   .peak = ghost->peak,
+                                   .width = ghost->width,
+                                   .intensity = ghost->intensity,
+                                   .second_peak = world->peak,
+                                   .second_intensity = world->intensity};
+        mdf_view_add(view, &seen);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++) {
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+        g_assert_cmpfloat(n[i], >=, 6);
+    }
+}
+
+/* Seen by one laser alone, but the surface around goes on there: believed, and said to be one. */
+static void test_continued(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int k = 0; k < 5; k++) {
+        struct line_laser laser = {45 * DEGREE, 480};
+        double arc = (75 + 50 * k) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int i = 0; i < SIDE * SIDE && k > 0; i++)
+            if (i % SIDE >= SIDE / 2 && i % SIDE < SIDE / 2 + 4)
+                world->peak[i] = -1;
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    int alone = 0;
+    for (int i = 0; i < N_TEXELS; i++) {
+        if (n[i] == 0)
+            continue;
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.05);
+        alone += n[i] == 1;
+        g_assert_true(n[i] > 1 || s[i] == -1);
+    }
+    g_assert_cmpint(alone, >, 0);
+}
+
+static void test_unseen(void) {
+    g_autofree struct world *world = new_world(45, 100, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    g_autoptr(MdfView) none = mdf_view_new(&camera, world->turntable, &grid);
+    mdf_view_merge(none, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_true(mm[i] == -1 && n[i] == 0 && s[i] == -1);
+
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    struct line_laser laser = {30 * DEGREE, 480};
+    sweep(world, &laser, 2, 0, NULL);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) /* what is left of the middle is no time at all */
+            if (x < SIDE / 2)
+                world->peak[SIDE * y + x] = y % 3 == 0 ? NAN : y % 3 == 1 ? -1 : INFINITY;
+    add(view, world, &laser, 2);
+    mdf_view_merge(view, mm, n, s);
+    int seen = 0;
+    for (int i = 0; i < N_TEXELS; i++) {
+        g_assert_true(mm[i] == -1 || fabs(mm[i] - expected_mm(world, i)) < 0.01);
+        g_assert_cmpfloat(s[i], ==, -1);
+        seen += mm[i] >= 0;
+    }
+    g_assert_cmpint(seen, >, N_TEXELS * 2 / 5);
+    g_assert_cmpint(seen, <, N_TEXELS * 3 / 5);
+}
+
+/* A red laser on a colour sensor: one pixel in four sees it, and that is enough. */
+static void test_one_phase(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0.05, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int k = 0; k < 6; k++) {
+        struct line_laser laser = {45 * DEGREE, 480};
+        double arc = (75 + 50 * k) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int i = 0; i < SIDE * SIDE; i++)
+            if (i % SIDE % 2 != 1 || i / SIDE % 2 != 0)
+                world->peak[i] = -1;
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_cmpfloat_with_epsilon(mm[i], expected_mm(world, i), 0.02);
+}
+
+/* Of many sweeps one alone saw something: a reflection more likely than the surface. */
+static void test_alone(void) {
+    g_autofree struct world *world = new_world(45, 30, (struct surface){2, 0, 0});
+    struct rig_camera camera = pinhole_to_rig(&world->pinhole, "cam");
+    g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
+    for (int k = 0; k < 5; k++) {
+        struct line_laser laser = {45 * DEGREE, 480};
+        double arc = (75 + 50 * k) * DEGREE;
+        sweep(world, &laser, arc, 0, NULL);
+        for (int i = 0; i < SIDE * SIDE && k > 0; i++)
+            world->peak[i] = -1;
+        add(view, world, &laser, arc);
+    }
+    float mm[N_TEXELS], n[N_TEXELS], s[N_TEXELS];
+    mdf_view_merge(view, mm, n, s);
+    for (int i = 0; i < N_TEXELS; i++)
+        g_assert_true(mm[i] == -1 && n[i] == 0 && s[i] == -1);
+}
+
+/* Peaks that would put the surface above the reference plane or below the turntable. */
+static void test_impossible_heights(void) {
+    for (int i = 0; i < 2; i++) {
+        g_autofree struct world *world =
+            new_world(45, 100, (struct surface){i == 0 ? 6.5 : -3, 0, 0});
+        struct errors errors = measure(world, 0);
+        g_assert_cmpint(errors.missing, ==, N_TEXELS);
+    }
+}
+
+/* Laser and camera on opposite sides in one plane with the origin, the laser's line across it: the
+ * volume is a third of the triangle's area times the line's length of 2. */
+static void test_weight(void) {
+    struct line_laser laser = {40 * DEGREE, 480};
+    struct rig_laser rig = laser_to_rig(&laser, "laser");
+    double c[2] = {-650 * sin(1), 650 * cos(1)};
+    double l[2] = {480 * sin(40 * DEGREE), 480 * cos(40 * DEGREE)};
+    double area = 0.5 * fabs(c[0] * l[1] - c[1] * l[0]);
+    double weight = mdf_weight(NULL, &rig, 0, vec3(c[0], 0, c[1]));
+    g_assert_cmpfloat_with_epsilon(weight, area * 2 / 3, 1e-6 * weight);
+    /* From where the laser stands nothing can be told. */
+    g_assert_cmpfloat(mdf_weight(NULL, &rig, 0, rig.position_mm), <, 1e-6 * weight);
+    /* Camera in the sheet's plane: neither. */
+    g_assert_cmpfloat(mdf_weight(NULL, &rig, G_PI_2, vec3(300, l[0], l[1])), <, 1e-6 * weight);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/mdf/planes", test_planes);
+    g_test_add_func("/mdf/noise", test_noise);
+    g_test_add_func("/mdf/step", test_step);
+    g_test_add_func("/mdf/outliers", test_outliers);
+    g_test_add_func("/mdf/not-numbers", test_not_numbers);
+    g_test_add_func("/mdf/faint", test_faint);
+    g_test_add_func("/mdf/ghosts", test_ghosts);
+    g_test_add_func("/mdf/continued", test_continued);
+    g_test_add_func("/mdf/unseen", test_unseen);
+    g_test_add_func("/mdf/one-phase", test_one_phase);
+    g_test_add_func("/mdf/alone", test_alone);
+    g_test_add_func("/mdf/impossible-heights", test_impossible_heights);
+    g_test_add_func("/mdf/weight", test_weight);
+    return g_test_run();
+}

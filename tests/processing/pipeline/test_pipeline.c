@@ -1,0 +1,342 @@
+/* From a session's frames to its products: whole, again, in part, while they come, and refused. */
+#include "base/data_error.h"
+#include "lib/pipeline_fixture.h"
+
+#include "eigenmaps/eigenmaps.h"
+
+#include <glib/gstdio.h>
+
+/* The cosine at which the lamp stands over a texel: near-field, so not everywhere that of 35°. */
+static double lamp_cosine(const struct session_shot *shot, int turn, int texel) {
+    double side = 24.0 / TEXELS, at[3],
+           start[3] = {500 * sin(lamp.theta), 0, 500 * cos(lamp.theta)};
+    double p[3] = {-12 + (texel % TEXELS + 0.5) * side,
+                   12 - ((double)(texel / TEXELS) + 0.5) * side, 5};
+    turn3(p, turn_deg(turn) * DEGREE, p);
+    turn3(start, shot->arc_deg * DEGREE, at);
+    double way[3] = {at[0] - p[0], at[1] - p[1], at[2] - p[2]};
+    return way[2] / sqrt(dot3(way, way));
+}
+
+static void check_place(const struct exr_part *part, const char *name, double mm, double theta_deg,
+                        double phi_deg) {
+    double p[3], theta = theta_deg * DEGREE, phi = phi_deg * DEGREE;
+    g_assert_true(exr_get_v3d(part, name, p, NULL));
+    g_assert_cmpfloat_with_epsilon(p[0], mm * sin(theta) * cos(phi), 1e-6);
+    g_assert_cmpfloat_with_epsilon(p[1], mm * sin(theta) * sin(phi), 1e-6);
+    g_assert_cmpfloat_with_epsilon(p[2], mm * cos(theta), 1e-6);
+}
+
+static void check_btf(const struct fixture *fixture) {
+    static const char *const channels[] = {"R", "G", "B"};
+    for (int view = 0; view < N_VIEWS; view++)
+        for (int light = 0; light < N_LIGHTS; light++) {
+            g_autoptr(GError) error = NULL;
+            g_autofree char *file = g_strdup_printf("btf/view_%04d.exr", view);
+            g_autofree char *path = product(fixture, file);
+            g_autofree char *name = g_strdup_printf("light_%04d", light);
+            struct exr_part *part = exr_read_part(path, name, &error);
+            g_assert_no_error(error);
+            int turn = view / N_CAMERAS;
+            const struct session_shot *shot = &fixture->shots[turn * (N_LIGHTS + N_LASERS) + light];
+            for (int i = 0; i < TEXELS * TEXELS * 3; i++) {
+                double cosine = lamp_cosine(shot, turn, i / 3);
+                g_assert_cmpfloat_with_epsilon(exr_part_plane(part, channels[i % 3])[i / 3],
+                                               albedo[i % 3] * cosine, 2e-3 * albedo[i % 3]);
+            }
+            double theta_deg, phi_deg;
+            int holes;
+            g_assert_true(exr_get_double(part, "view.theta_deg", &theta_deg, NULL));
+            g_assert_true(exr_get_double(part, "light.phi_deg", &phi_deg, NULL));
+            g_assert_true(exr_get_int(part, "mesorig.holes", &holes, NULL));
+            g_assert_cmpfloat(theta_deg, ==, view % N_CAMERAS ? 50 : 20);
+            g_assert_cmpfloat(phi_deg, ==, 40 + 70 * light);
+            g_assert_cmpint(holes, ==, 0);
+            check_place(part, "view.centre_mm", 650, theta_deg, -turn_deg(turn));
+            check_place(part, "light.position_mm", lamp.distance_mm, 35, phi_deg);
+            exr_part_free(part);
+        }
+}
+
+static void check_eigenmaps(const struct fixture *fixture, double error_said) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *path = product(fixture, "eigenmaps.exr");
+    struct eigenmaps *maps = eigenmaps_read(path, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(maps->n_views, ==, N_VIEWS);
+    g_assert_cmpint(maps->n_lights, ==, N_LIGHTS);
+    g_assert_cmpint(maps->n_terms, ==, 2);
+    g_assert_cmpstr(maps->name, ==, "small");
+    /* Lamps turn with the sample here, and the diffuser looks alike from everywhere. */
+    g_assert_cmpfloat(error_said, <, 0.01);
+    for (int light = 0; light < N_LIGHTS; light++) {
+        double sum = 0;
+        int texel = TEXELS * TEXELS / 2 + TEXELS / 2;
+        for (int term = 0; term < 2; term++)
+            sum += maps->weights[term * N_VIEWS + 1] *
+                   maps->maps[((term * N_LIGHTS + light) * TEXELS * TEXELS + texel) * 3];
+        g_assert_cmpfloat_with_epsilon(
+            sum, albedo[0] * lamp_cosine(&fixture->shots[light], 0, texel), 0.01);
+    }
+    eigenmaps_free(maps);
+}
+
+static char *hash_products(const struct fixture *fixture) {
+    static const char *const names[] = {"btf/view_0000.exr", "btf/view_0003.exr", "mdf.exr",
+                                        "eigenmaps.exr"};
+    g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
+    for (guint i = 0; i < G_N_ELEMENTS(names); i++) {
+        g_autofree char *path = product(fixture, names[i]), *bytes = NULL;
+        gsize length;
+        g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+        g_checksum_update(sum, (guchar *)bytes, (gssize)length);
+    }
+    return g_strdup(g_checksum_get_string(sum));
+}
+
+static void test_whole(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, NULL);
+    set_state(fixture, "done");
+    struct pipeline_result result = process(fixture, 1, FALSE);
+    g_assert_cmpint(result.n_views, ==, N_VIEWS);
+    g_assert_cmpint(result.n_lights, ==, N_LIGHTS);
+    g_assert_cmpint(result.n_mdf_views, ==, N_VIEWS);
+    g_assert_cmpfloat(result.mdf_coverage, ==, 1);
+    check_btf(fixture);
+    check_mdf(fixture);
+    check_eigenmaps(fixture, result.eigenmaps_error);
+    g_autoptr(Session) session = session_open(fixture->path, SESSION_READ, NULL);
+    g_autofree char *said = session_value(session, "eigenmaps_error");
+    g_assert_cmpfloat(g_ascii_strtod(said, NULL), ==, result.eigenmaps_error);
+    g_autofree char *coverage = session_value(session, "mdf_coverage");
+    g_assert_cmpfloat(g_ascii_strtod(coverage, NULL), ==, 1);
+}
+
+static void test_threads(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, NULL);
+    process(fixture, 1, FALSE);
+    g_autofree char *one = hash_products(fixture), *products = product(fixture, NULL);
+    remove_tree(products);
+    process(fixture, 4, FALSE);
+    g_autofree char *four = hash_products(fixture);
+    g_assert_cmpstr(one, ==, four);
+}
+
+static gint64 inode_of(const struct fixture *fixture, const char *name) {
+    g_autofree char *path = product(fixture, name);
+    GStatBuf status;
+    g_assert_cmpint(g_stat(path, &status), ==, 0);
+    return (gint64)status.st_ino;
+}
+
+/* What is up to date stays; what is not there, damaged, or of other frames is made again. */
+static void test_again(struct fixture *fixture, gconstpointer unused) {
+    static const char *const names[] = {"btf/view_0000.exr", "btf/view_0001.exr",
+                                        "btf/view_0002.exr", "mdf.exr", "eigenmaps.exr"};
+    gint64 before[G_N_ELEMENTS(names)];
+    capture(fixture, 0, fixture->n_shots, NULL);
+    struct pipeline_result first = process(fixture, 2, FALSE);
+    for (guint i = 0; i < G_N_ELEMENTS(names); i++)
+        before[i] = inode_of(fixture, names[i]);
+    struct pipeline_result second = process(fixture, 2, FALSE);
+    g_assert_cmpmem(&first, sizeof first, &second, sizeof second);
+    for (guint i = 0; i < G_N_ELEMENTS(names); i++)
+        g_assert_cmpint(inode_of(fixture, names[i]), ==, before[i]);
+
+    g_autofree char *hash = hash_products(fixture), *gone = product(fixture, names[1]);
+    g_autofree char *cut = product(fixture, names[0]), *mdf = product(fixture, names[3]);
+    g_unlink(gone);
+    g_assert_true(g_file_set_contents(cut, "v/1\1", 4, NULL));
+    g_assert_true(g_file_set_contents(mdf, "", 0, NULL));
+    process(fixture, 2, FALSE);
+    g_autofree char *again = hash_products(fixture);
+    g_assert_cmpstr(hash, ==, again);
+    g_assert_cmpint(inode_of(fixture, names[2]), ==, before[2]);
+
+    capture(fixture, 0, 1, NULL); /* the same picture once more */
+    process(fixture, 2, FALSE);
+    g_assert_cmpint(inode_of(fixture, names[2]), ==, before[2]);
+}
+
+static void brighter(struct exr_part *part, const struct session_shot *shot) {
+    for (int i = 0; i < SIDE * SIDE; i++)
+        part->planes[0][i] *= 1.1f;
+}
+
+static void test_retaken(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, brighter);
+    process(fixture, 2, FALSE);
+    gint64 other = inode_of(fixture, "btf/view_0002.exr");
+    capture(fixture, 0, N_LIGHTS, NULL); /* the lights of turn 0 */
+    process(fixture, 2, FALSE);
+    g_assert_cmpint(inode_of(fixture, "btf/view_0002.exr"), ==, other);
+    capture(fixture, N_LIGHTS + N_LASERS, fixture->n_shots, NULL);
+    process(fixture, 2, FALSE);
+    check_btf(fixture);
+}
+
+static void test_missing(struct fixture *fixture, gconstpointer unused) {
+    process_fails(fixture, DATA_ERROR_INCOMPLETE, "4 of 4 views");
+    capture(fixture, 0, N_LIGHTS + N_LASERS, NULL);
+    process_fails(fixture, DATA_ERROR_INCOMPLETE, "2 of 4 views");
+    set_state(fixture, "aborted");
+    struct pipeline_result result = process(fixture, 2, TRUE);
+    g_assert_cmpint(result.n_views, ==, 2);
+    g_assert_cmpint(result.n_mdf_views, ==, 2);
+    /* The rest comes later; what there was stays. */
+    gint64 before = inode_of(fixture, "btf/view_0001.exr");
+    capture(fixture, N_LIGHTS + N_LASERS, fixture->n_shots, NULL);
+    result = process(fixture, 2, TRUE);
+    g_assert_cmpint(result.n_views, ==, 4);
+    g_assert_cmpint(inode_of(fixture, "btf/view_0001.exr"), ==, before);
+    check_btf(fixture);
+    check_mdf(fixture);
+}
+
+static void test_skipped(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 1, fixture->n_shots - 1, NULL);
+    g_autoptr(Session) session = session_open(fixture->path, SESSION_CAPTURE, NULL);
+    for (int i = 0; i < 2; i++)
+        g_assert_true(session_commit_shot(session, i ? fixture->n_shots : 1, SHOT_SKIPPED, NULL, 0,
+                                          "the arc stands in the way", NULL));
+    g_clear_pointer(&session, session_close);
+    struct pipeline_result result = process(fixture, 2, FALSE);
+    g_assert_cmpint(result.n_views, ==, 2); /* a light is missing in two */
+    g_assert_cmpint(result.n_mdf_views, ==, 4);
+    check_mdf(fixture);
+}
+
+struct follower {
+    struct fixture *fixture;
+    int reports;
+};
+
+static gpointer capture_slowly(gpointer data) {
+    struct fixture *fixture = data;
+    for (int i = 0; i < fixture->n_shots; i += 4) {
+        g_usleep(100000);
+        capture(fixture, i, MIN(i + 4, fixture->n_shots), NULL);
+    }
+    return NULL;
+}
+
+static void count_reports(const struct work_progress *progress, gpointer data) {
+    struct follower *follower = data;
+    g_assert_cmpint(progress->done, <=, progress->total);
+    g_assert_true(progress->left_s >= 0 || progress->left_s == -1);
+    follower->reports++;
+}
+
+static void test_follow(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(GError) error = NULL;
+    struct follower follower = {fixture, 0};
+    struct pipeline_options options = {
+        .n_eigenmaps = 2, .follow = TRUE, .work.progress = count_reports, .work.data = &follower};
+    struct pipeline_result result;
+    set_state(fixture, "running");
+    GThread *thread = g_thread_new("capture", capture_slowly, fixture);
+    pipeline_run(fixture->path, &options, &result, &error);
+    g_assert_no_error(error);
+    g_thread_join(thread);
+    g_assert_cmpint(result.n_views, ==, N_VIEWS);
+    g_assert_cmpint(follower.reports, >=, 3 * N_VIEWS);
+    check_btf(fixture);
+    check_mdf(fixture);
+}
+
+static gpointer cancel_soon(gpointer data) {
+    g_usleep(300000);
+    g_cancellable_cancel(data);
+    return NULL;
+}
+
+static void test_cancel(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GCancellable) cancellable = g_cancellable_new();
+    struct pipeline_options options = {
+        .n_eigenmaps = 2, .follow = TRUE, .work.cancellable = cancellable};
+    struct pipeline_result result;
+    GThread *thread = g_thread_new("cancel", cancel_soon, cancellable);
+    g_assert_false(pipeline_run(fixture->path, &options, &result, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+    g_thread_join(thread);
+    g_clear_error(&error);
+    capture(fixture, 0, fixture->n_shots, NULL);
+    g_assert_false(pipeline_run(fixture->path, &options, &result, &error));
+    g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
+}
+
+static void test_damaged(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, NULL);
+    for (int kind = 0; kind < 2; kind++) {
+        const struct session_shot *shot = &fixture->shots[kind ? N_LIGHTS : 1];
+        g_autofree char *relative = session_frame_path(shot, "cam50"), *bytes = NULL;
+        g_autofree char *path = g_build_filename(fixture->path, relative, NULL);
+        gsize length;
+        g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+        g_assert_true(g_file_set_contents(path, bytes, (gssize)length / 2, NULL));
+        process_fails(fixture, DATA_ERROR_INVALID, relative);
+        bytes[length / 2] ^= 1;
+        g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
+        process_fails(fixture, DATA_ERROR_INVALID, "SHA-256");
+        g_unlink(path);
+        process_fails(fixture, DATA_ERROR_INVALID, relative);
+        bytes[length / 2] ^= 1;
+        g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
+    }
+    process(fixture, 2, FALSE);
+    check_btf(fixture);
+    check_mdf(fixture);
+}
+
+static void other_sweep(struct exr_part *part, const struct session_shot *shot) {
+    if (shot->kind == SHOT_SWEEP && shot->id == N_LIGHTS + 1)
+        exr_set_double(part, "sweep.from_deg", -5);
+}
+
+static void other_shot(struct exr_part *part, const struct session_shot *shot) {
+    if (shot->kind == SHOT_LAMP)
+        exr_set_int(part, "mesorig.shot", 77);
+}
+
+static void test_mixed_up(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, other_shot);
+    process_fails(fixture, DATA_ERROR_INVALID, "77");
+    capture(fixture, 0, fixture->n_shots, other_sweep);
+    process_fails(fixture, DATA_ERROR_INVALID, "000004");
+    /* A picture of another camera. */
+    capture(fixture, 0, fixture->n_shots, NULL);
+    struct exr_part *part =
+        exr_part_new("radiance", 8, 8, (const char *const[]){"Y", NULL}, EXR_HALF);
+    struct session_frame frames[2] = {write_frame(fixture, part, &fixture->shots[0], 0)};
+    g_autoptr(Session) session = session_open(fixture->path, SESSION_CAPTURE, NULL);
+    part = lamp_frame(&fixture->shots[0], 1);
+    frames[1] = write_frame(fixture, part, &fixture->shots[0], 1);
+    session_commit_shot(session, 1, SHOT_DONE, frames, 2, NULL, NULL);
+    g_clear_pointer(&session, session_close);
+    process_fails(fixture, DATA_ERROR_INVALID, "8 × 8");
+    for (int i = 0; i < 2; i++) {
+        g_free(frames[i].path);
+        g_free(frames[i].sha256);
+    }
+}
+
+static void test_no_session(struct fixture *fixture, gconstpointer unused) {
+    g_autoptr(GError) error = NULL;
+    struct pipeline_options options = {.n_eigenmaps = 2};
+    struct pipeline_result result;
+    g_assert_false(pipeline_run(fixture->folder, &options, &result, &error));
+    g_assert_nonnull(error);
+}
+
+int main(int argc, char **argv) {
+    static const struct pipeline_test tests[] = {
+        {"/pipeline/whole", test_whole},           {"/pipeline/threads", test_threads},
+        {"/pipeline/again", test_again},           {"/pipeline/retaken", test_retaken},
+        {"/pipeline/missing", test_missing},       {"/pipeline/skipped", test_skipped},
+        {"/pipeline/follow", test_follow},         {"/pipeline/cancel", test_cancel},
+        {"/pipeline/damaged", test_damaged},       {"/pipeline/mixed-up", test_mixed_up},
+        {"/pipeline/no-session", test_no_session},
+    };
+    return run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
+}

@@ -1,0 +1,100 @@
+/* Laser positions whose lines are elsewhere than told, and surfaces that no camera saw. */
+#include "base/data_error.h"
+#include "lib/pipeline_fixture.h"
+
+#include "frames/laser_lines.h"
+
+/* The first laser position's sheet was 0.2° further on than it was told. */
+static void slip(struct exr_part *part, const struct session_shot *shot) {
+    if (shot->kind != SHOT_SWEEP || shot->source != 0)
+        return;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        part->planes[1][i] -= (float)(0.2 / (to_deg - from_deg) * (N_STEPS - 1));
+}
+
+/* It is told where a laser is said to be known. */
+static void check_against_calibration(const struct fixture *fixture) {
+    g_autoptr(GError) error = NULL;
+    const struct rig rig = make_rig();
+    g_autoptr(Calibration) calibration = calibration_new(&rig);
+    calibration->lasers[0].known = TRUE;
+    calibration->lasers[0].normal_rad = calibration->lasers[0].axis_rad = 1e-4;
+    g_autofree char *text = calibration_to_text(calibration);
+    const struct pipeline_options options = {.n_eigenmaps = 2, .calibration = text};
+    struct pipeline_result result;
+    pipeline_run(fixture->path, &options, &result, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(result.lines_disagree, ==, N_VIEWS);
+    g_assert_cmpint(result.line_worst_position, ==, 0);
+    check_mdf(fixture);
+}
+
+/* What lies around the sample is as high as its surface: the lines there tell of the slip, again
+ * when nothing is made again, and the surface is where it is. Without it nobody can tell. */
+static void test_slipped(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, slip);
+    struct pipeline_result result = process(fixture, 1, FALSE);
+    g_assert_cmpint(result.line_sweeps, ==, N_VIEWS * N_LASERS);
+    g_assert_cmpint(result.lines_found, ==, 0);
+    g_assert_cmpint(result.line_worst_position, ==, -1);
+    set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28;30");
+    for (int i = 0; i < 2; i++) {
+        result = process(fixture, 1, FALSE);
+        g_assert_cmpint(result.lines_found, ==, N_VIEWS * N_LASERS);
+        g_assert_cmpint(result.line_worst_position, ==, 0);
+        g_assert_cmpfloat_with_epsilon(result.lines_worst_deg, 0.2, 0.002);
+        g_assert_cmpfloat_with_epsilon(result.lines_rms_deg, 0.2 / sqrt(N_LASERS), 0.002);
+    }
+    g_assert_cmpint(result.lines_disagree, ==, 0); /* with a calibration that knows nothing */
+    check_mdf(fixture);
+    check_against_calibration(fixture);
+    set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28");
+    process_fails(fixture, DATA_ERROR_INVALID, "2.2;0.01;28;28");
+}
+
+/* No camera saw a line in the middle of its pictures, with the turntable as it was first. */
+static void blind(struct exr_part *part, const struct session_shot *shot) {
+    if (shot->kind != SHOT_SWEEP || shot->pose != 0)
+        return;
+    for (int i = 0; i < SIDE * SIDE; i++)
+        if (abs(i % SIDE - SIDE / 2) < 12 && abs(i / SIDE - SIDE / 2) < 12)
+            part->planes[1][i] = -1;
+}
+
+/* Others fill in what they see, it is said where, and it does not count as measured. */
+static void test_predicted(struct fixture *fixture, gconstpointer unused) {
+    capture(fixture, 0, fixture->n_shots, blind);
+    const struct pipeline_result result = process(fixture, 1, FALSE),
+                                 again = process(fixture, 1, FALSE);
+    g_autofree char *path = product(fixture, "mdf.exr");
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_read(path, &error);
+    g_assert_no_error(error);
+    int predicted = 0, measured = 0;
+    for (guint v = 0; v < file->parts->len; v++) {
+        const struct exr_part *part = file->parts->pdata[v];
+        const float *d = exr_part_plane(part, "D"), *m = exr_part_plane(part, "M"),
+                    *p = exr_part_plane(part, "P"), *n = exr_part_plane(part, "N");
+        for (int i = 0; i < TEXELS * TEXELS; i++) {
+            predicted += p[i] == 3;
+            measured += p[i] == 1;
+            g_assert_true(p[i] != 3 || (m[i] == -1 && n[i] == 0 && d[i] >= 0));
+            g_assert_true(p[i] != 1 || d[i] == m[i]);
+            g_assert_true(p[i] != 0 || d[i] == -1);
+        }
+    }
+    exr_file_free(file);
+    g_assert_cmpint(predicted, >=, 4);
+    g_assert_cmpfloat(result.mdf_coverage, ==, measured / (double)(N_VIEWS * TEXELS * TEXELS));
+    g_assert_cmpfloat(result.mdf_predicted, ==, predicted / (double)(N_VIEWS * TEXELS * TEXELS));
+    g_assert_cmpfloat(again.mdf_predicted, ==, result.mdf_predicted);
+    check_mdf_where_known(fixture, FALSE);
+}
+
+int main(int argc, char **argv) {
+    static const struct pipeline_test tests[] = {
+        {"/pipeline/slipped", test_slipped},
+        {"/pipeline/predicted", test_predicted},
+    };
+    return run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
+}

@@ -1,0 +1,357 @@
+/*
+ * The session directory: what was planned comes back bit for bit, and commits are whole or not at
+ * all.
+ */
+#include "lib/session_fixture.h"
+
+#include <sys/stat.h>
+
+static void test_plan(void) {
+    for (guint32 seed = 1; seed <= 12; seed++) {
+        g_autofree char *path = fresh("plan");
+        g_autofree struct random_plan *p = random_plan(seed, (int)seed * 25);
+        Session *session = create(path, seed, (int)seed * 25);
+
+        assert_plan(session, p);
+        session_close(session);
+        for (int mode = SESSION_READ; mode <= SESSION_CAPTURE; mode++) {
+            g_autoptr(GError) error = NULL;
+            g_autoptr(Session) again = session_open(path, (enum session_mode)mode, &error);
+
+            g_assert_no_error(error);
+            assert_plan(again, p);
+            g_assert_cmpstr(session_path(again), ==, path);
+        }
+    }
+}
+
+static void assert_refused(const struct session_plan *plan) {
+    g_autofree char *path = fresh("refused");
+    g_autoptr(GError) error = NULL;
+
+    g_assert_null(session_create(path, "x", &texts, plan, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+/* Who may write is for the umask to say, and whose group it is for the folder it is made in. */
+static void test_permissions(void) {
+    static const struct {
+        const char *name;
+        mode_t mode;
+    } made[] = {{"", 02770}, {"frames", 02770}, {"products", 02770}, {"session.db", 0660}};
+    g_autofree char *path = fresh("permissions");
+    g_autofree char *parent = g_path_get_dirname(path);
+    struct stat before, now;
+
+    g_assert_cmpint(stat(parent, &before), ==, 0);
+    g_assert_cmpint(chmod(parent, 02700), ==, 0);
+    const mode_t mask = umask(0007);
+    session_close(create(path, 1, 10));
+    umask(mask);
+    for (gsize i = 0; i < G_N_ELEMENTS(made); i++) {
+        g_autofree char *file = g_build_filename(path, made[i].name, NULL);
+
+        g_assert_cmpint(stat(file, &now), ==, 0);
+        g_assert_cmpint(now.st_mode & 07777, ==, made[i].mode);
+    }
+    g_assert_cmpint(chmod(parent, before.st_mode & 07777), ==, 0);
+}
+
+static void test_bad_plan(void) {
+    static const double bad[] = {NAN, INFINITY, -INFINITY};
+    static const struct session_texts latin = {
+        .rig_conf = "\xfc", .session_conf = "", .calibration = ""};
+    g_autofree struct random_plan *p = random_plan(3, 50);
+    g_autofree char *path = fresh("refused");
+    g_autoptr(GError) error = NULL;
+
+    for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
+        g_autofree struct random_plan *q = random_plan(3, 50);
+
+        q->shots[49].arc_deg = bad[i];
+        assert_refused(&q->plan);
+        q->shots[49].arc_deg = 0;
+        q->plan.grid.reference_mm = bad[i];
+        assert_refused(&q->plan);
+        q->plan.grid.reference_mm = 0;
+        q->plan.n_lights = 1;
+        q->lights[0].theta_deg = bad[i];
+        assert_refused(&q->plan);
+    }
+    p->plan.grid.width = 0;
+    assert_refused(&p->plan);
+    p->plan.grid.width = 10;
+    p->shots[7].id = 7;
+    assert_refused(&p->plan);
+    p->shots[7].id = 8;
+    p->shots[7].kind = SHOT_LAMP;
+    p->shots[7].source = p->plan.n_lights;
+    assert_refused(&p->plan);
+    p->plan.n_shots = 0;
+    g_assert_null(session_create(path, "x", &latin, &p->plan, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+}
+
+static void test_exists(void) {
+    g_autofree char *path = fresh("exists"), *nowhere = g_build_filename(path, "a/b", NULL);
+    g_autofree struct random_plan *p = random_plan(1, 1);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GDir) dir = NULL;
+    const char *name;
+
+    g_assert_cmpint(g_mkdir(path, 0755), ==, 0); /* empty, which rename() would replace */
+    g_assert_null(session_create(path, "x", &texts, &p->plan, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_EXISTS);
+    g_clear_error(&error);
+    g_assert_null(session_create(nowhere, "x", &texts, &p->plan, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
+    dir = g_dir_open(folder, 0, NULL);
+    while ((name = g_dir_read_name(dir)))
+        g_assert_true(*name != '.'); /* nothing half made is left */
+}
+
+static void test_commit(void) {
+    g_autofree char *path = fresh("commit");
+    g_autoptr(Session) session = create(path, 1, 10);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) frames = NULL;
+    const struct session_frame *frame;
+
+    g_assert_true(commit(session, 3, 2, &error));
+    g_assert_true(commit(session, 2, 3, &error));
+    g_assert_true(commit(session, 3, 1, &error)); /* retaken: replaces */
+    g_assert_no_error(error);
+    frames = session_frames(session, &error);
+    g_assert_cmpuint(frames->len, ==, 4);
+    frame = g_ptr_array_index(frames, 2);
+    g_assert_cmpint(frame->shot, ==, 2);
+    g_assert_cmpint(frame->camera, ==, 2);
+    g_assert_cmpint(frame->retakes, ==, 2);
+    g_assert_cmpstr(frame->path, ==, "frames/000002_cam_2.exr");
+    g_assert_cmpfloat(frame->captured_s, ==, 2 + 2 / 3.0);
+    g_assert_cmpint(state_of(session, 3), ==, SHOT_DONE);
+    g_assert_true(session_commit_shot(session, 5, SHOT_SKIPPED, NULL, 0, "lamp is broken", &error));
+    g_assert_cmpint(state_of(session, 5), ==, SHOT_SKIPPED);
+}
+
+static void assert_commit_fails(Session *session, gint64 shot, const struct session_frame *frames,
+                                int n, int code) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) before = session_frames(session, NULL), after = NULL;
+
+    g_assert_false(session_commit_shot(session, shot, SHOT_DONE, frames, n, NULL, &error));
+    g_assert_error(error, SESSION_ERROR, code);
+    after = session_frames(session, NULL);
+    g_assert_cmpuint(after->len, ==, before->len);
+}
+
+/* Refused as a whole: neither state nor frames have changed. */
+static void test_commit_refused(void) {
+    g_autofree char *path = fresh("refuse");
+    g_autoptr(Session) session = create(path, 1, 10);
+    g_autoptr(GError) error = NULL;
+    struct session_frame frames[2], changed;
+
+    g_assert_true(commit(session, 2, 2, NULL));
+    frames[0] = make_frame(session, 4, 0);
+    frames[1] = make_frame(session, 4, 1);
+    changed = frames[1];
+    changed.camera = 0; /* twice the same camera */
+    assert_commit_fails(session, 4, (struct session_frame[]){frames[0], changed}, 2,
+                        SESSION_ERROR_FORMAT);
+    changed = frames[1];
+    changed.bytes++;
+    assert_commit_fails(session, 4, (struct session_frame[]){frames[0], changed}, 2,
+                        SESSION_ERROR_IO);
+    changed = frames[1];
+    changed.path = (char *)"../000004_cam_1.exr";
+    assert_commit_fails(session, 4, &changed, 1, SESSION_ERROR_IO);
+    changed.path = (char *)"frames/none.exr";
+    assert_commit_fails(session, 4, &changed, 1, SESSION_ERROR_IO);
+    assert_commit_fails(session, 5, frames, 2, SESSION_ERROR_IO);    /* of another shot */
+    assert_commit_fails(session, 99, NULL, 0, SESSION_ERROR_FORMAT); /* not in the plan */
+    g_assert_cmpint(state_of(session, 4), ==, SHOT_PLANNED);
+    g_assert_true(session_commit_shot(session, 4, SHOT_DONE, frames, 2, NULL, &error));
+    clear_frame(&frames[0]);
+    clear_frame(&frames[1]);
+}
+
+static void test_modes(void) {
+    g_autofree char *path = fresh("modes");
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) reader = NULL, maker = NULL;
+    int lost;
+
+    session_close(create(path, 1, 3));
+    reader = session_open(path, SESSION_READ, &error);
+    maker = session_open(path, SESSION_PRODUCTS, &error);
+    g_assert_no_error(error);
+    g_assert_false(session_set_value(reader, "a", "b", &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
+    g_clear_error(&error);
+    g_assert_false(session_add_event(reader, 0, "info", "x", "y", &error));
+    g_clear_error(&error);
+    g_assert_false(session_verify(maker, FALSE, &lost, &error));
+    g_clear_error(&error);
+    g_assert_false(session_commit_shot(maker, 1, SHOT_DONE, NULL, 0, NULL, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
+    g_clear_error(&error);
+    g_assert_true(session_set_value(maker, "a", "b", &error));
+}
+
+static void test_facts(void) {
+    g_autofree char *path = fresh("facts"), *file = NULL, *value = NULL, *gone = NULL, *rig = NULL;
+    g_autoptr(Session) session = create(path, 1, 3);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) events = NULL;
+    const struct session_event *event;
+
+    rig = session_value(session, "rig_path");
+    g_assert_cmpstr(rig, ==, "/etc/mesorig/rig.conf");
+    g_assert_null(session_value(session, "state"));
+    g_assert_true(session_set_value(session, "state", "running", &error));
+    g_assert_true(session_set_value(session, "state", "done", &error));
+    value = session_value(session, "state");
+    g_assert_cmpstr(value, ==, "done");
+    g_assert_true(session_set_value(session, "state", NULL, &error));
+    gone = session_value(session, "state");
+    g_assert_null(gone);
+    g_assert_true(session_add_event(session, 1.5, "warning", "lamps", "dim\xff", &error));
+    g_assert_true(session_add_event(session, NAN, "info", "x", "second", &error));
+    events = session_events(session, &error);
+    g_assert_cmpuint(events->len, ==, 2);
+    event = g_ptr_array_index(events, 0);
+    g_assert_cmpfloat(event->time_s, ==, 1.5);
+    g_assert_cmpstr(event->level, ==, "warning");
+    g_assert_cmpstr(event->message, ==, "dim\xef\xbf\xbd");
+    file = session_file(session, "products/mdf.exr");
+    g_assert_true(g_file_set_contents(file, "abc", 3, NULL));
+    g_assert_true(session_add_product(session, "products/mdf.exr", "mesorig", &error));
+    g_assert_true(session_add_product(session, "products/mdf.exr", "mesorig again", &error));
+    g_assert_no_error(error);
+    g_assert_false(session_add_product(session, "products/no.exr", "mesorig", &error));
+    g_clear_error(&error);
+    g_assert_false(session_add_product(session, "../x", "mesorig", &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
+    g_clear_error(&error);
+    g_assert_null(session_text(session, "nothing", &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+}
+
+static void test_verify(void) {
+    g_autofree char *path = fresh("verify");
+    g_autofree char *gone = NULL, *shorter = NULL, *changed = NULL;
+    g_autoptr(Session) session = create(path, 1, 10);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GPtrArray) frames = NULL, events = NULL;
+    int lost = -1;
+
+    for (gint64 shot = 1; shot <= 5; shot++)
+        g_assert_true(commit(session, shot, 2, NULL));
+    g_assert_true(session_verify(session, TRUE, &lost, &error) && lost == 0);
+    gone = session_file(session, "frames/000001_cam_0.exr");
+    shorter = session_file(session, "frames/000002_cam_1.exr");
+    changed = session_file(session, "frames/000003_cam_0.exr");
+    g_unlink(gone);
+    g_assert_cmpint(truncate(shorter, 3), ==, 0);
+    g_assert_true(g_file_set_contents(changed, "pixels 9 0", -1, NULL)); /* as long as before */
+    g_assert_true(session_verify(session, FALSE, &lost, &error));
+    g_assert_cmpint(lost, ==, 2);
+    g_assert_cmpint(state_of(session, 1), ==, SHOT_PLANNED);
+    g_assert_cmpint(state_of(session, 2), ==, SHOT_PLANNED);
+    g_assert_cmpint(state_of(session, 3), ==, SHOT_DONE);
+    g_assert_true(session_verify(session, TRUE, &lost, &error));
+    g_assert_cmpint(lost, ==, 1);
+    g_assert_cmpint(state_of(session, 3), ==, SHOT_PLANNED);
+    frames = session_frames(session, &error);
+    g_assert_cmpuint(frames->len, ==, 4);
+    events = session_events(session, &error);
+    g_assert_cmpuint(events->len, ==, 3);
+    g_assert_nonnull(strstr(((struct session_event *)g_ptr_array_index(events, 0))->message,
+                            "frames/000001_cam_0.exr is gone"));
+}
+
+static void test_lock(void) {
+    g_autofree char *path = fresh("lock");
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) reader = NULL, again = NULL;
+    int ready[2];
+    char byte;
+    pid_t child;
+
+    session_close(create(path, 1, 3));
+    g_assert_cmpint(pipe(ready), ==, 0);
+    if ((child = fork()) == 0) {
+        if (session_open(path, SESSION_CAPTURE, NULL))
+            (void)!write(ready[1], "x", 1);
+        for (;;)
+            pause();
+    }
+    g_assert_cmpint(read(ready[0], &byte, 1), ==, 1);
+    g_assert_null(session_open(path, SESSION_CAPTURE, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_LOCKED);
+    g_clear_error(&error);
+    reader = session_open(path, SESSION_READ, &error);
+    g_assert_no_error(error);
+    kill(child, SIGKILL);
+    wait_for(child, SIGKILL);
+    again = session_open(path, SESSION_CAPTURE, &error);
+    g_assert_no_error(error);
+    g_assert_nonnull(again);
+    close(ready[0]);
+    close(ready[1]);
+}
+
+/* One process commits two frames a shot, another counts: it never sees half a shot, nor fewer. */
+static void test_concurrent(void) {
+    g_autofree char *path = fresh("two");
+    g_autoptr(Session) reader = NULL;
+    g_autoptr(GError) error = NULL;
+    guint seen = 0, reads = 0;
+    pid_t child;
+    int status;
+
+    session_close(create(path, 1, 200));
+    if ((child = fork()) == 0) {
+        Session *session = session_open(path, SESSION_CAPTURE, NULL);
+        gboolean ok = session != NULL;
+
+        for (gint64 shot = 1; ok && shot <= 200; shot++)
+            ok = commit(session, shot, 2, NULL);
+        session_close(session);
+        _exit(ok ? 0 : 1);
+    }
+    reader = session_open(path, SESSION_PRODUCTS, &error);
+    while (waitpid(child, &status, WNOHANG) == 0) {
+        g_autoptr(GPtrArray) frames = session_frames(reader, &error);
+
+        g_assert_no_error(error);
+        g_assert_cmpuint(frames->len % 2, ==, 0);
+        g_assert_cmpuint(frames->len, >=, seen);
+        seen = frames->len;
+        if (reads++ % 16 == 0)
+            g_assert_true(session_add_event(reader, reads, "info", "reader", "I was here", &error));
+        g_assert_no_error(error);
+    }
+    g_assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    seen = 0;
+    g_ptr_array_unref(session_frames(reader, &error));
+    g_assert_cmpuint(reads, >, 0);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/session/plan", test_plan);
+    g_test_add_func("/session/permissions", test_permissions);
+    g_test_add_func("/session/bad-plan", test_bad_plan);
+    g_test_add_func("/session/exists", test_exists);
+    g_test_add_func("/session/commit", test_commit);
+    g_test_add_func("/session/commit-refused", test_commit_refused);
+    g_test_add_func("/session/modes", test_modes);
+    g_test_add_func("/session/facts", test_facts);
+    g_test_add_func("/session/verify", test_verify);
+    g_test_add_func("/session/lock", test_lock);
+    g_test_add_func("/session/concurrent", test_concurrent);
+    return session_fixture_run();
+}

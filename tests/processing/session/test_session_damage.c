@@ -1,0 +1,360 @@
+/*
+ * What can happen to a session: kills, full disks, strangers' and damaged databases.
+ */
+#include "lib/session_fixture.h"
+
+/* Killed at any time while committing: what is there is whole. */
+static void test_killed_commit(void) {
+    g_autofree char *path = fresh("kill");
+    GRand *rand = g_rand_new_with_seed(4);
+
+    session_close(create(path, 1, 250));
+    for (int round = 0; round < 8; round++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GPtrArray) frames = NULL, shots = NULL;
+        g_autoptr(Session) session = NULL;
+        guint done = 0;
+        int lost = -1;
+        pid_t child = fork();
+
+        if (child == 0) {
+            Session *own = session_open(path, SESSION_CAPTURE, NULL);
+
+            for (gint64 shot = 1 + round * 30; own && shot <= 250; shot++)
+                commit(own, shot, 3, NULL);
+            _exit(own ? 0 : 1);
+        }
+        g_usleep((gulong)g_rand_int_range(rand, 3000, 60000));
+        kill(child, SIGKILL);
+        wait_for(child, SIGKILL);
+        session = session_open(path, SESSION_CAPTURE, &error);
+        g_assert_no_error(error);
+        g_assert_true(session_verify(session, TRUE, &lost, &error));
+        g_assert_cmpint(lost, ==, 0);
+        shots = session_shots(session, &error);
+        frames = session_frames(session, &error);
+        for (guint i = 0; i < shots->len; i++)
+            done += ((struct session_shot *)g_ptr_array_index(shots, i))->state == SHOT_DONE;
+        g_assert_cmpuint(frames->len, ==, done * 3);
+    }
+    g_rand_free(rand);
+}
+
+/* Killed at any time while being made: there is no session, or a whole one. */
+static void test_killed_create(void) {
+    GRand *rand = g_rand_new_with_seed(5);
+
+    for (int round = 0; round < 12; round++) {
+        g_autofree char *path = fresh("born");
+        g_autofree struct random_plan *p = random_plan(2, 300);
+        pid_t child = fork();
+
+        if (child == 0)
+            _exit(session_create(path, "Loden, grün", &texts, &p->plan, NULL) ? 0 : 1);
+        g_usleep((gulong)g_rand_int_range(rand, 0, 30000));
+        kill(child, SIGKILL);
+        wait_for(child, SIGKILL);
+        if (g_file_test(path, G_FILE_TEST_EXISTS)) {
+            g_autoptr(GError) error = NULL;
+            g_autoptr(Session) session = session_open(path, SESSION_CAPTURE, &error);
+
+            g_assert_no_error(error);
+            assert_plan(session, p);
+        }
+    }
+    g_rand_free(rand);
+}
+
+static void sql(const char *path, const char *statement) {
+    g_autofree char *file = g_build_filename(path, "session.db", NULL);
+    sqlite3 *db = NULL;
+
+    g_assert_cmpint(sqlite3_open(file, &db), ==, SQLITE_OK);
+    g_assert_cmpint(sqlite3_exec(db, statement, NULL, NULL, NULL), ==, SQLITE_OK);
+    sqlite3_close(db);
+}
+
+static void assert_not_opened(const char *path, const char *says) {
+    for (int mode = SESSION_READ; mode <= SESSION_CAPTURE; mode++) {
+        g_autoptr(GError) error = NULL;
+
+        g_assert_null(session_open(path, (enum session_mode)mode, &error));
+        g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+        if (!strstr(error->message, says))
+            g_error("\"%s\" does not say \"%s\"", error->message, says);
+    }
+}
+
+static void test_not_a_session(void) {
+    g_autofree char *none = fresh("none"), *empty = fresh("empty"), *text = fresh("text");
+    g_autofree char *foreign = fresh("foreign"), *fifo = fresh("fifo");
+    g_autofree char *text_db = g_build_filename(text, "session.db", NULL);
+    g_autofree char *fifo_db = g_build_filename(fifo, "session.db", NULL);
+    g_autofree char *lock = g_build_filename(empty, "capture.lock", NULL);
+
+    assert_not_opened(none, "no session there");
+    g_mkdir(empty, 0755);
+    assert_not_opened(empty, "no session there");
+    g_assert_false(g_file_test(lock, G_FILE_TEST_EXISTS));
+    g_mkdir(text, 0755);
+    g_assert_true(g_file_set_contents(text_db, "I am no database, I am a long text.", -1, NULL));
+    assert_not_opened(text, "not a session's database");
+    g_assert_true(g_file_set_contents(text_db, "", 0, NULL));
+    assert_not_opened(text, "not of a session");
+    g_mkdir(foreign, 0755);
+    sql(foreign, "CREATE TABLE shot (id); PRAGMA user_version = 1");
+    assert_not_opened(foreign, "not of a session");
+    g_mkdir(fifo, 0755);
+    g_assert_cmpint(mkfifo(fifo_db, 0600), ==, 0);
+    assert_not_opened(fifo, "a FIFO, not a regular file");
+}
+
+static void assert_changed(const char *statement, const char *says) {
+    g_autofree char *path = fresh("changed");
+
+    session_close(create(path, 6, 9));
+    sql(path, statement);
+    assert_not_opened(path, says);
+}
+
+static void test_changed_schema(void) {
+    assert_changed("PRAGMA user_version = 2", "newer program");
+    assert_changed("PRAGMA user_version = 0", "format 0");
+    assert_changed("DROP TABLE event", "damaged");
+    assert_changed("ALTER TABLE shot ADD COLUMN evil TEXT", "not as it was made");
+    assert_changed("DROP TABLE value; CREATE TABLE value (key, value AS (key || 'x'))",
+                   "not as it was made");
+    assert_changed("DROP TABLE product; CREATE VIEW product AS SELECT 1", "damaged");
+    assert_changed("DELETE FROM session", "no name");
+}
+
+/* Rows that a stranger put in are refused when they are read, triggers never run. */
+static void test_changed_rows(void) {
+    static const char *const changes[] = {
+        "UPDATE shot SET id = 77 WHERE id = 3",
+        "UPDATE shot SET cameras = -1 WHERE id = 3",
+        "UPDATE shot SET sweep_steps = 99999999999 WHERE id = 3",
+        "UPDATE shot SET kind = 'lamp', source = 4000 WHERE id = 3",
+        "UPDATE shot SET arc_deg = 9e999 WHERE id = 3",
+        "PRAGMA ignore_check_constraints = 1; UPDATE shot SET kind = 'bomb' WHERE id = 3",
+    };
+
+    for (gsize i = 0; i < G_N_ELEMENTS(changes); i++) {
+        g_autofree char *path = fresh("rows");
+        g_autoptr(GError) error = NULL;
+        g_autoptr(Session) session = NULL;
+
+        session_close(create(path, 6, 9));
+        sql(path, changes[i]);
+        session = session_open(path, SESSION_READ, &error);
+        if (session)
+            g_assert_null(session_shots(session, &error));
+        g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+    }
+}
+
+static void test_trigger(void) {
+    g_autofree char *path = fresh("trigger"), *value = NULL;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = NULL;
+
+    session_close(create(path, 6, 9));
+    sql(path, "CREATE TRIGGER t AFTER INSERT ON event BEGIN"
+              " INSERT INTO value VALUES ('evil', 'yes'); END;"
+              "INSERT INTO frame VALUES (1, 0, '../../etc/passwd', 'x', 1, 0, 0)");
+    session = session_open(path, SESSION_PRODUCTS, &error);
+    g_assert_no_error(error);
+    g_assert_true(session_add_event(session, 0, "info", "a", "b", &error));
+    value = session_value(session, "evil");
+    g_assert_null(value);
+    g_assert_null(session_frames(session, &error));
+    g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+}
+
+static void read_everything(const char *path, enum session_mode mode) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = session_open(path, mode, &error);
+    GPtrArray *(*const readers[])(Session *, GError **) = {session_views,  session_lights,
+                                                           session_lasers, session_shots,
+                                                           session_frames, session_events};
+    struct session_grid grid;
+
+    g_assert_true((session != NULL) == (error == NULL));
+    if (!session)
+        return;
+    for (gsize i = 0; i < G_N_ELEMENTS(readers); i++) {
+        g_autoptr(GError) own = NULL;
+        g_autoptr(GPtrArray) rows = readers[i](session, &own);
+
+        g_assert_true((rows != NULL) == (own == NULL));
+    }
+    session_grid(session, &grid, NULL);
+    g_free(session_text(session, "rig.conf", NULL));
+    if (mode == SESSION_CAPTURE) {
+        session_commit_shot(session, 2, SHOT_SKIPPED, NULL, 0, "x", NULL);
+        session_add_event(session, 0, "info", "x", "y", NULL);
+        session_verify(session, FALSE, NULL, NULL);
+    }
+}
+
+static void test_mutated(void) {
+    g_autofree char *path = fresh("mutated"), *file = NULL, *bytes = NULL, *wal = NULL, *shm = NULL;
+    const char *wanted = g_getenv("MESORIG_FUZZ");
+    GRand *rand = g_rand_new_with_seed(wanted ? g_random_int() : 7);
+    Session *session = create(path, 6, 40);
+    gsize length;
+
+    for (gint64 shot = 1; shot <= 20; shot++)
+        g_assert_true(commit(session, shot, 2, NULL));
+    session_close(session);
+    file = g_build_filename(path, "session.db", NULL);
+    wal = g_strconcat(file, "-wal", NULL);
+    shm = g_strconcat(file, "-shm", NULL);
+    g_assert_true(g_file_get_contents(file, &bytes, &length, NULL));
+    for (int i = 0; i < (wanted ? atoi(wanted) : 400); i++) {
+        g_autofree char *copy = g_memdup2(bytes, length);
+        int n = g_rand_int_range(rand, 1, 8);
+        int fd;
+
+        for (int k = 0; k < n; k++) {
+            /* Half of them where pages begin, since there is their structure. */
+            gsize at = (gsize)g_rand_int_range(rand, 0, (int)length);
+
+            at = g_rand_boolean(rand) ? at : at / 4096 * 4096 + at % 64;
+            copy[at] = (char)g_rand_int(rand);
+        }
+        fd = open(file, O_WRONLY | O_TRUNC);
+        g_assert_cmpint(write(fd, copy, i % 5 ? length : length * (gsize)(i % 7) / 7), >=, 0);
+        close(fd);
+        g_unlink(wal);
+        g_unlink(shm);
+        read_everything(path, i % 2 ? SESSION_READ : SESSION_CAPTURE);
+    }
+    g_rand_free(rand);
+}
+
+/* In a name space of its own, so that it ends with the child. */
+static gboolean mount_small(const char *where, const char *options) {
+    return unshare(CLONE_NEWNS | (getuid() ? CLONE_NEWUSER : 0)) == 0 &&
+           mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) == 0 &&
+           mount("tmpfs", where, "tmpfs", 0, options) == 0;
+}
+
+/* A capture until the disk is full, then some is freed and it goes on with nothing lost. */
+static int capture_until_full(const char *where) {
+    g_autofree char *path = g_build_filename(where, "full.session", NULL);
+    g_autofree char *ballast = g_build_filename(where, "ballast", NULL);
+    static const char block[4096];
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = NULL;
+    g_autoptr(GPtrArray) frames = NULL;
+    struct session_frame frame;
+    gint64 shot = 1;
+    int fd, lost;
+
+    if (!mount_small(where, "size=1400k"))
+        return 77;
+    session = create(path, 1, 250);
+    frame = make_frame(session, 1, 0);
+    if (!session_commit_shot(session, 1, SHOT_DONE, &frame, 1, NULL, NULL))
+        return 1;
+    fd = open(ballast, O_WRONLY | O_CREAT, 0600);
+    while (write(fd, block, sizeof block) > 0)
+        ;
+    close(fd);
+    do
+        shot++;
+    while (shot < 250 &&
+           session_commit_shot(session, shot, SHOT_SKIPPED, NULL, 0, "no frames", &error));
+    if (!g_error_matches(error, SESSION_ERROR, SESSION_ERROR_FULL))
+        return 2;
+    g_clear_error(&error);
+    if (session_add_event(session, 0, "error", "disk", "full", &error) ||
+        !g_error_matches(error, SESSION_ERROR, SESSION_ERROR_FULL))
+        return 3;
+    g_clear_error(&error);
+    if (state_of(session, shot) != SHOT_PLANNED || state_of(session, shot - 1) == SHOT_PLANNED)
+        return 4;
+    g_unlink(ballast);
+    if (!session_commit_shot(session, shot, SHOT_SKIPPED, NULL, 0, NULL, &error) ||
+        !session_verify(session, TRUE, &lost, &error) || lost != 0)
+        return 5;
+    frames = session_frames(session, &error);
+    return frames && frames->len == 1 ? 0 : 6;
+}
+
+static int create_when_full(const char *where) {
+    g_autofree char *path = g_build_filename(where, "full.session", NULL);
+    g_autofree struct random_plan *p = random_plan(1, 300);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GDir) dir = NULL;
+
+    if (!mount_small(where, "size=40k"))
+        return 77;
+    if (session_create(path, "x", &texts, &p->plan, &error) ||
+        !g_error_matches(error, SESSION_ERROR, SESSION_ERROR_FULL))
+        return 1;
+    dir = g_dir_open(where, 0, NULL);
+    return g_dir_read_name(dir) == NULL ? 0 : 2;
+}
+
+static int read_only_medium(const char *where) {
+    g_autofree char *path = g_build_filename(where, "still.session", NULL);
+    g_autofree struct random_plan *p = random_plan(1, 30);
+    g_autoptr(GError) error = NULL;
+    g_autoptr(Session) session = NULL;
+
+    if (!mount_small(where, "size=4m"))
+        return 77;
+    session_close(create(path, 1, 30));
+    if (mount("none", where, NULL, MS_REMOUNT | MS_RDONLY, NULL) != 0)
+        return 77;
+    session = session_open(path, SESSION_READ, &error);
+    if (!session)
+        return 1;
+    assert_plan(session, p);
+    return 0;
+}
+
+static void in_name_space(int (*run)(const char *where), const char *name) {
+    g_autofree char *where = g_build_filename(folder, name, NULL);
+    pid_t child;
+    int status;
+
+    g_mkdir(where, 0755);
+    if ((child = fork()) == 0)
+        _exit(run(where));
+    g_assert_cmpint(waitpid(child, &status, 0), ==, child);
+    g_assert_true(WIFEXITED(status));
+    if (WEXITSTATUS(status) == 77)
+        g_test_skip("may not mount a file system of its own");
+    else
+        g_assert_cmpint(WEXITSTATUS(status), ==, 0);
+}
+
+static void test_disk_full(void) {
+    in_name_space(capture_until_full, "small");
+}
+
+static void test_create_full(void) {
+    in_name_space(create_when_full, "smaller");
+}
+
+static void test_read_only(void) {
+    in_name_space(read_only_medium, "readonly");
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/session-damage/killed-commit", test_killed_commit);
+    g_test_add_func("/session-damage/killed-create", test_killed_create);
+    g_test_add_func("/session-damage/not-a-session", test_not_a_session);
+    g_test_add_func("/session-damage/changed-schema", test_changed_schema);
+    g_test_add_func("/session-damage/changed-rows", test_changed_rows);
+    g_test_add_func("/session-damage/trigger", test_trigger);
+    g_test_add_func("/session-damage/mutated", test_mutated);
+    g_test_add_func("/session-damage/disk-full", test_disk_full);
+    g_test_add_func("/session-damage/create-full", test_create_full);
+    g_test_add_func("/session-damage/read-only-medium", test_read_only);
+    return session_fixture_run();
+}

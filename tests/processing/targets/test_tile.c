@@ -1,0 +1,198 @@
+/* From a white tile to reflectances of a grey scale, through sessions; and what marks notice. */
+#include "capture/capture_marks.h"
+#include "lib/grey_fixture.h"
+#include "session/outputs.h"
+
+static void tile(void) {
+    struct grey_chi2 chi2 = {0};
+    for (int seed = 1; seed <= 3; seed++) {
+        g_autofree char *folder = grey_folder();
+        g_autofree char *path = g_build_filename(folder, "calibration.conf", NULL);
+        struct tile_result result;
+        grey_calibrate(folder, seed, &result);
+        g_assert_cmpint(result.marks, ==, 4);
+        g_assert_cmpint(result.transfers, ==, 3);
+        g_assert_cmpfloat(result.quality, >, 0.8);
+        g_assert_cmpfloat(result.quality, <, 1.25);
+        g_assert_cmpfloat(result.drift, >, 0.005);
+        g_autoptr(Calibration) found = calibration_read(path, NULL);
+        struct grey_chi2 own = {0};
+        grey_compare(found, &own);
+        grey_compare(found, &chi2);
+        g_test_message("seed %d: %d pictures, residual %.4f, quality %.3f, chi-square %.2f of %d",
+                       seed, result.pictures, result.residual, result.quality, own.sum / own.n,
+                       own.n);
+        rig_remove(folder);
+    }
+    g_assert_cmpfloat(chi2.sum / chi2.n, >, 0.7);
+    g_assert_cmpfloat(chi2.sum / chi2.n, <, 1.4);
+}
+
+static void grey_scale(void) {
+    for (int seed = 1; seed <= 2; seed++)
+        g_assert_cmpfloat(grey_error(seed, TRUE), <, 0.005);
+}
+
+static void expect(const char *world_keys, const char *turntable_keys, enum capture_state expected,
+                   const char *says, const char * not ) {
+    enum capture_state state;
+    g_autofree char *told = grey_pause(1, world_keys, turntable_keys, &state);
+    g_assert_cmpint(state, ==, expected);
+    g_assert_nonnull(strstr(told, says));
+    g_assert_true(!not || !strstr(told, not ));
+}
+
+static void quick_check(void) {
+    expect(NULL, "", CAPTURE_DONE, "quick check", "moved since");
+    expect("turn_deg=0;0.1;0", "", CAPTURE_PAUSED, "camera cam1 is turned by 0.1", "cam0");
+    expect("turn_deg=-0.1;0;0", "", CAPTURE_PAUSED, "camera cam1 is turned by 0.", "cam2");
+    expect(NULL, "fault_slip_deg=0.1\n", CAPTURE_PAUSED, "turntable has slipped by +0.", "cam");
+    expect(NULL, "fault_slip_deg=-0.2\nfault_slip_at=2\n", CAPTURE_PAUSED,
+           "turntable has slipped by -0.", "cam");
+}
+
+/* Four marks in each camera's picture, cam1's 3 pixels off if it is turned. */
+static void shot_of_marks(struct flight *flight, gboolean turned) {
+    flight->marks = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
+    for (int i = 0; i < 8; i++) {
+        struct mark_seen seen = {.camera = i / 4,
+                                 .mark = i % 4,
+                                 .error_px = 0.01,
+                                 .output_error = INFINITY,
+                                 .expected_x_px = 30,
+                                 .expected_y_px = 40};
+        seen.x_px = seen.expected_x_px + (turned && seen.camera == 1 ? 3 : 0);
+        seen.y_px = seen.expected_y_px;
+        g_array_append_val(flight->marks, seen);
+    }
+}
+
+static char *check_shot(Capture *capture, gboolean turned) {
+    const struct session_shot shot = {.id = 1, .kind = SHOT_LAMP};
+    struct flight flight = {.shot = &shot};
+    shot_of_marks(&flight, turned);
+    char *told = capture_marks_check(capture, &flight);
+    g_array_unref(flight.marks);
+    return told;
+}
+
+/* A light may make marks look displaced; nobody is called at night for one shot's sake. */
+static void quick_check_asks_twice(void) {
+    g_autofree char *folder = grey_folder(), *path = g_build_filename(folder, "few.session", NULL);
+    g_autofree char *calibration_path = g_build_filename(folder, "calibration.conf", NULL);
+    grey_truth(folder, "radiometry", 1);
+    grey_write(folder, 1, "");
+    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "few", NULL, NULL, NULL), ==, CAPTURE_DONE);
+    g_autoptr(Clock) clock = clock_new_virtual();
+    struct devices devices = {.clock = clock};
+    Capture capture = {.devices = &devices,
+                       .session = session_open(path, SESSION_PRODUCTS, NULL),
+                       .calibration = calibration_read(calibration_path, NULL),
+                       .since_us = -1};
+    static const gboolean shots[] = {FALSE, TRUE, FALSE, FALSE, TRUE, TRUE};
+    for (gsize i = 0; i < G_N_ELEMENTS(shots); i++) {
+        if (i == 2) /* what was seen in the window would still show */
+            g_queue_clear_full(capture.marks, (GDestroyNotify)g_array_unref);
+        g_autofree char *told = check_shot(&capture, shots[i]);
+        g_assert_cmpint(told != NULL, ==, i == G_N_ELEMENTS(shots) - 1);
+        g_assert_true(!told || strstr(told, "camera cam1 is turned by"));
+    }
+    capture_marks_forget(&capture);
+    session_close(capture.session);
+    calibration_free(capture.calibration);
+    rig_remove(folder);
+}
+
+/* Old calibrations are warned of, other rigs' and damaged ones refused. */
+static void policy(void) {
+    g_autofree char *folder = grey_folder();
+    g_autofree char *path = g_build_filename(folder, "calibration.conf", NULL), *text = NULL;
+    g_autoptr(GString) told = g_string_new(NULL);
+    g_autoptr(GError) error = NULL;
+    grey_write(folder, 1, "");
+    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "none", told, NULL, &error), ==,
+                    CAPTURE_DONE);
+    g_assert_nonnull(strstr(told->str, "is not there yet"));
+    grey_truth(folder, "radiometry", 40);
+    g_string_truncate(told, 0);
+    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "old", told, NULL, &error), ==,
+                    CAPTURE_DONE);
+    g_assert_no_error(error);
+    g_assert_nonnull(strstr(told->str, "calibration of cameras"));
+    g_assert_nonnull(strstr(told->str, "40 days old"));
+    grey_truth(folder, "another", 1);
+    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "other", told, NULL, &error), ==,
+                    CAPTURE_ABORTED);
+    g_assert_error(error, RIG_ERROR, RIG_ERROR_VALUE);
+    g_assert_nonnull(strstr(error->message, "another"));
+    g_clear_error(&error);
+    grey_truth(folder, "radiometry", 1);
+    g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
+    text[strlen(text) / 2] = '\0';
+    rig_write(folder, "calibration.conf", text);
+    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "cut", told, NULL, &error), ==,
+                    CAPTURE_ABORTED);
+    g_assert_nonnull(strstr(error->message, "calibration.conf"));
+    g_autofree char *session = g_build_filename(folder, "cut.session", NULL);
+    g_assert_false(g_file_test(session, G_FILE_TEST_EXISTS));
+    rig_remove(folder);
+}
+
+/* Shots in which no mark was seen have what their lamp's neighbours have; nonsense is refused. */
+static void lamp_outputs(void) {
+    g_autofree char *folder = grey_folder();
+    g_autofree char *path = g_build_filename(folder, "few.session", NULL);
+    g_autoptr(GError) error = NULL;
+    grey_write(folder, 1, "");
+    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "few", NULL, NULL, &error), ==,
+                    CAPTURE_DONE);
+    g_autoptr(Session) session = session_open(path, SESSION_PRODUCTS, &error);
+    g_autoptr(GPtrArray) shots = session_shots(session, &error);
+    int of_lamp[16], n = 0;
+    for (guint i = 0; i < shots->len && n < 16; i++) {
+        const struct session_shot *shot = shots->pdata[i];
+        if (shot->kind == SHOT_LAMP && shot->device == 0)
+            of_lamp[n++] = (int)shot->id;
+    }
+    g_assert_cmpint(n, >=, 3);
+    struct outputs *outputs = outputs_load(session, shots, &error);
+    g_assert_cmpfloat(outputs_of(outputs, of_lamp[0]), ==, 1);
+    outputs_free(outputs);
+    g_assert_true(outputs_store(session, of_lamp[0], "cam0", 1.02, 0.001, &error));
+    g_assert_true(outputs_store(session, of_lamp[0], "cam1", 1.04, 0.001, &error));
+    g_assert_true(outputs_store(session, of_lamp[2], "cam0", 0.97, 0.001, &error));
+    outputs = outputs_load(session, shots, &error);
+    g_assert_cmpint(outputs_measured(outputs), ==, 2);
+    g_assert_cmpfloat_with_epsilon(outputs_of(outputs, of_lamp[0]), 1.03, 1e-9);
+    double part = (double)(of_lamp[1] - of_lamp[0]) / (of_lamp[2] - of_lamp[0]);
+    g_assert_cmpfloat_with_epsilon(outputs_of(outputs, of_lamp[1]), 1.03 - 0.06 * part, 1e-9);
+    g_assert_cmpfloat_with_epsilon(outputs_of(outputs, of_lamp[n - 1]), 0.97, 1e-9);
+    outputs_free(outputs);
+    static const char *const wrong[][2] = {{"lamp_output/1/cam0", "nan 0.1"},
+                                           {"lamp_output/1/cam0", "1.0"},
+                                           {"lamp_output/1/cam0", "-1 0.1"},
+                                           {"lamp_output/9999/cam0", "1 0.1"},
+                                           {"lamp_output/x", "1 0.1"}};
+    for (gsize i = 0; i < G_N_ELEMENTS(wrong); i++) {
+        g_assert_true(session_set_value(session, wrong[i][0], wrong[i][1], NULL));
+        g_assert_null(outputs_load(session, shots, &error));
+        g_assert_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT);
+        g_clear_error(&error);
+        g_assert_true(session_set_value(session, wrong[i][0], NULL, NULL));
+    }
+    g_clear_pointer(&session, session_close);
+    rig_remove(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/tile/tile", tile);
+    g_test_add_func("/tile/grey-scale", grey_scale);
+    g_test_add_func("/tile/quick-check", quick_check);
+    g_test_add_func("/tile/quick-check-asks-twice", quick_check_asks_twice);
+    g_test_add_func("/tile/policy", policy);
+    g_test_add_func("/tile/lamp-outputs", lamp_outputs);
+    int status = g_test_run();
+    fixture_clean();
+    return status;
+}

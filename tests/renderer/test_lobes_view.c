@@ -1,0 +1,164 @@
+/* Pictures of the analytic models of texels against lobes_evaluate(), pixel by pixel. */
+#include "lib/lobes_scene.h"
+
+#include <glib/gstdio.h>
+#include <string.h>
+
+static double uniform(GRand *random, double low, double high) {
+    return g_rand_double_range(random, low, high);
+}
+
+static void fill_lobe(GRand *random, float *ret) {
+    for (int k = 0; k < 2; k++)
+        ret[k] = (float)uniform(random, -0.4, 0.4);
+    ret[2] = (float)uniform(random, 0.5, 0.9);
+    ret[3] = (float)uniform(random, 0.8, 6);
+}
+
+/* Normal and tangent as a fit has them: the tangent's azimuth is turned, then laid into the
+ * surface. */
+static void fill_frame(GRand *random, float *ret) {
+    const double p = uniform(random, -0.5, 0.5), q = uniform(random, -0.5, 0.5);
+    const double turn = uniform(random, -3, 3), c = cos(turn), s = sin(turn);
+    const double n = sqrt(p * p + q * q + 1), z = p * c + q * s, t = sqrt(1 + z * z);
+    const double frame[6] = {-p / n, -q / n, 1 / n, c / t, s / t, z / t};
+    for (int k = 0; k < 6; k++)
+        ret[k] = (float)frame[k];
+}
+
+static void fill_values(GRand *random, const struct lobes *lobes, float *ret) {
+    for (int k = 0; k < 6; k++)
+        ret[k] = (float)uniform(random, 0.1, 0.5);
+    if (lobes->model == LOBES_PTM)
+        for (int k = 3; k < 9; k++)
+            ret[k] = (float)uniform(random, -0.3, 0.6);
+    if (lobes->model == LOBES_FIELDS || lobes->model == LOBES_LAFORTUNE)
+        for (int k = 0; k < lobes->n_lobes; k++)
+            fill_lobe(random, ret + lobes->n_values - 4 * (k + 1));
+    if (lobes->model < LOBES_WARD)
+        return;
+    const gboolean ward = lobes->model == LOBES_WARD;
+    for (int k = 3; k < 6; k++)
+        ret[k] *= 0.3F;
+    fill_frame(random, ret + 6);
+    ret[12] = (float)(ward ? uniform(random, 0.2, 0.6) : uniform(random, 1, 20));
+    ret[13] = (float)(ward ? uniform(random, 0.2, 0.6) : uniform(random, 1, 20));
+}
+
+static struct lobes *make_lobes(enum lobes_model model, int n_lobes) {
+    g_autoptr(GRand) random = g_rand_new_with_seed(11 + model);
+    struct lobes *p = g_new0(struct lobes, 1);
+    const gboolean sliced = model == LOBES_FIELDS || model == LOBES_PTM;
+    const int n_values[LOBES_MODELS] = {3 + 4 * n_lobes, 9, 4 + 4 * n_lobes, 14, 14};
+    *p = (struct lobes){.model = model,
+                        .name = g_strdup("test"),
+                        .width = W,
+                        .height = H,
+                        .texel_mm = 1,
+                        .n_views = RINGS * A_RING,
+                        .n_lights = RINGS * A_RING,
+                        .n_lobes = model == LOBES_FIELDS || model == LOBES_LAFORTUNE ? n_lobes : 0,
+                        .n_slices = sliced ? RINGS * A_RING : 1,
+                        .n_values = n_values[model]};
+    fill_directions(0, &p->view_theta_deg, &p->view_phi_deg);
+    fill_directions(5, &p->light_theta_deg, &p->light_phi_deg);
+    p->values = g_new0(float, p->n_slices *W *H * p->n_values);
+    for (int k = 0; k < p->n_slices * W * H; k++)
+        fill_values(random, p, p->values + (gsize)k * p->n_values);
+    return p;
+}
+
+/* Through a file, as the viewer opens it; returns what the file gives back. */
+static struct lobes *show(View *view, enum lobes_model model, int n_lobes) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(dir, "lobes.exr", NULL);
+    struct lobes *made = make_lobes(model, n_lobes);
+    g_assert_true(lobes_write(path, made, &error));
+    lobes_free(made);
+    struct lobes *lobes = lobes_read(path, &error);
+    g_assert_no_error(error);
+    g_assert_true(view_open(view, &methods_lobes[model], path, &error));
+    g_assert_no_error(error);
+    g_assert_false(view_open(view, &methods_lobes[(model + 1) % LOBES_MODELS], path, &error));
+    g_assert_nonnull(strstr(error->message, lobes_model_name(model)));
+    g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
+    return lobes;
+}
+
+static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest, double ambient,
+                          enum method_rotation rotation) {
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    struct view_settings settings;
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    start_view(view, &settings, mesh);
+    settings.style.nearest = nearest;
+    settings.style.rotation = rotation;
+    settings.ambient = ambient;
+    struct lobes *lobes = show(view, model, n_lobes);
+    g_autoptr(Directions) views =
+        directions_new(lobes->view_theta_deg, lobes->view_phi_deg, lobes->n_views, &error);
+    const struct scene scene = {lobes, views, ambient, nearest, rotation};
+    g_test_message("%s, %d lobes", lobes_model_name(model), lobes->n_lobes);
+    compare_picture(expected, &scene, view, &settings);
+    lobes_free(lobes);
+    mesh_free(mesh);
+}
+
+static void check_model(enum lobes_model model, int n_lobes, gboolean nearest, double ambient) {
+    check_rotated(model, n_lobes, nearest, ambient, METHOD_ROTATION_EXACT);
+}
+
+/* What was fitted, with the ways of Kang & Cho 2011 to turn it. */
+static void test_rotations(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_rotated(LOBES_WARD, 0, FALSE, 0, METHOD_ROTATION_APPROXIMATE);
+    check_rotated(LOBES_WARD, 0, TRUE, 0, METHOD_ROTATION_NONE);
+    check_rotated(LOBES_ASHIKHMIN, 0, TRUE, 0, METHOD_ROTATION_APPROXIMATE);
+    check_rotated(LOBES_ASHIKHMIN, 0, FALSE, 0, METHOD_ROTATION_NONE);
+}
+
+static void test_formula(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_model(LOBES_FIELDS, 2, FALSE, 0);
+    check_model(LOBES_FIELDS, 3, TRUE, 0.3);
+    check_model(LOBES_PTM, 0, FALSE, 0.1);
+    check_model(LOBES_LAFORTUNE, 1, TRUE, 0.2);
+    check_model(LOBES_LAFORTUNE, 3, FALSE, 0);
+    check_model(LOBES_WARD, 0, FALSE, 0);
+    check_model(LOBES_ASHIKHMIN, 0, FALSE, 0.1);
+}
+
+static void test_bad(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct lobes *lobes = make_lobes(LOBES_FIELDS, 2);
+    lobes->values[19] = NAN;
+    g_assert_null(lobes_view_new(&lobes, 1, &error));
+    g_assert_nonnull(strstr(error->message, "value number 19 of the fields"));
+    g_clear_error(&error);
+    lobes->values[19] = 0.5F;
+    lobes->view_theta_deg[1] = NAN;
+    g_assert_null(lobes_view_new(&lobes, 1, &error));
+    g_assert_true(g_str_has_prefix(error->message, "views: "));
+    g_clear_error(&error);
+    lobes->view_theta_deg[1] = 20;
+    lobes->width = 1 << 20;
+    lobes->height = 0;
+    g_assert_null(lobes_view_new(&lobes, 1, &error));
+    g_assert_nonnull(strstr(error->message, "more than"));
+    lobes_free(lobes);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add("/lobes-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
+    g_test_add("/lobes-view/rotations", struct fixture, NULL, set_up, test_rotations, tear_down);
+    g_test_add("/lobes-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
+    return g_test_run();
+}

@@ -1,0 +1,269 @@
+/* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
+#include "lib/lpca_scene.h"
+#include "lpca/lpca_resample.h"
+#include "methods/lpca_grid.h"
+#include "methods/lpca_revised.h"
+#include "methods/lpca_view.h"
+
+static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient,
+                       int n_grid) {
+    g_autoptr(GError) error = NULL;
+    struct lpca *lpca = make_lpca(n_clusters, n_components);
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    struct view_settings settings;
+    start_view(view, &settings, mesh);
+    if (n_grid == 0)
+        view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    else
+        view_set_method(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error), &error);
+    g_assert_no_error(error);
+    settings.style.nearest = nearest;
+    settings.ambient = ambient;
+    Directions *(*const new)(const float *, const float *, int, GError **) =
+        n_grid == 0 ? directions_new_triangulated : directions_new;
+    g_autoptr(Directions) views =
+        new (lpca->view_theta_deg, lpca->view_phi_deg, lpca->n_views, &error);
+    g_autoptr(Directions) lights =
+        new (lpca->light_theta_deg, lpca->light_phi_deg, lpca->n_lights, &error);
+    g_autofree float *sky = g_new0(float, lpca->n_lights);
+    directions_sky(lights, sky);
+    const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
+    compare_picture(of_scene, &scene, view, &settings);
+    mesh_free(mesh);
+    lpca_free(lpca);
+}
+
+static void test_formula(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_case(5, 6, TRUE, 0, 0);
+    check_case(5, 6, FALSE, 0, 0);
+    check_case(5, 3, FALSE, 0.5, 0);
+    check_case(1, 1, FALSE, 0, 0);
+}
+
+/* Of an even sky by the trapezoidal rule; the square's area is the hemisphere's 2π. */
+static float *sky_of_grid(int n) {
+    float *sky = g_new(float, n *n);
+    for (int k = 0; k < n * n; k++) {
+        const gboolean edge[2] = {k % n == 0 || k % n == n - 1, k / n == 0 || k / n == n - 1};
+        sky[k] =
+            2.0f / ((float)(n - 1) * (float)(n - 1)) * (edge[0] ? 0.5f : 1) * (edge[1] ? 0.5f : 1);
+    }
+    return sky;
+}
+
+static void check_revised(int n_clusters, int n_components, gboolean nearest, double ambient, int n,
+                          gboolean from_grid) {
+    g_autoptr(GError) error = NULL;
+    struct lpca *lpca = make_lpca(n_clusters, n_components);
+    struct lpca *grid = lpca_resample(lpca, n, &error);
+    struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
+    struct view_settings settings;
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    start_view(view, &settings, mesh);
+    lpca_quantise(grid, LPCA_8BIT);
+    view_set_method(view, &method_lpca_revised,
+                    lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
+    g_assert_no_error(error);
+    settings.style.nearest = nearest;
+    settings.ambient = ambient;
+    g_autofree float *sky = sky_of_grid(n);
+    const struct scene scene = {
+        .lpca = grid, .sky = sky, .ambient = ambient, .nearest = nearest, .revised = TRUE};
+    compare_picture(of_scene, &scene, view, &settings);
+    mesh_free(mesh);
+    lpca_free(lpca);
+    lpca_free(grid);
+}
+
+static void test_revised(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_revised(5, 6, TRUE, 0, 8, FALSE);
+    check_revised(5, 6, FALSE, 0, 6, TRUE);
+    check_revised(260, 2, FALSE, 0.5, 8, FALSE); /* more than fit side by side */
+}
+
+static void test_levels(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct lpca *levels[3];
+    g_autoptr(View) view = view_new(NULL, &error);
+    for (int k = 0; k < 3; k++)
+        levels[k] = make_level(k, 4 - k, k == 1 ? 2 : 3);
+    view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
+    g_assert_no_error(error);
+    check_levels(view, levels, 6);
+    check_levels(view, levels, 18);
+    check_levels(view, levels, 33);
+    check_levels(view, levels, 90);
+    levels[1]->view_phi_deg[3] += 1;
+    g_assert_null(lpca_view_new(levels, 3, &error));
+    g_assert_nonnull(strstr(error->message, "mip level 1"));
+    for (int k = 0; k < 3; k++)
+        lpca_free(levels[k]);
+}
+
+static void test_grid(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_case(5, 2, TRUE, 0, 5);
+    check_case(3, 5, TRUE, 0.5, 4);
+    check_case(2, 1, FALSE, 0, 3);
+    check_case(7, 9, FALSE, 0.2, 6);
+}
+
+/* Lambertian bumps with a soft gloss, a normal a texel. */
+static struct btf_matrix *make_btf(void) {
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    const int n = RINGS * A_RING;
+    *btf = (struct btf_matrix){
+        .name = g_strdup("bumps"), .width = W, .height = H, .texel_mm = 1, .n_views = n};
+    btf->n_lights = n;
+    fill_directions(0, &btf->view_theta_deg, &btf->view_phi_deg);
+    fill_directions(5, &btf->light_theta_deg, &btf->light_phi_deg);
+    btf->values = g_new(float, 3 * (gsize)W * H * n * n);
+    for (int k = 0; k < W * H * n * n; k++) {
+        const struct vec3 v = direction_at(btf->view_theta_deg, btf->view_phi_deg, k / n % n);
+        const struct vec3 l = direction_at(btf->light_theta_deg, btf->light_phi_deg, k % n);
+        const int texel = k / n / n;
+        const struct vec3 normal = vec3_unit(vec3(0.4 * sin(texel), 0.4 * cos(2.0 * texel), 1));
+        const double gloss = pow(fmax(vec3_dot(vec3_unit(vec3_add(v, l)), normal), 0), 8);
+        for (int c = 0; c < 3; c++)
+            btf->values[3 * k + c] =
+                (float)(fmax(vec3_dot(normal, l), 0) * (0.6 - 0.1 * c) + 0.3 * gloss * l.z);
+    }
+    return btf;
+}
+
+/* How far two methods' pictures are apart, relative to those of the first, over all measured pairs
+ * of directions and all texels. */
+static double apart(View *a, View *b, const struct btf_matrix *btf) {
+    struct view_settings s = view_settings_default;
+    g_autoptr(GError) error = NULL;
+    double off = 0, all = 0;
+    for (int k = 0; k < btf->n_views * btf->n_lights; k++) {
+        const struct vec3 v =
+            direction_at(btf->view_theta_deg, btf->view_phi_deg, k / btf->n_lights);
+        const struct vec3 l =
+            direction_at(btf->light_theta_deg, btf->light_phi_deg, k % btf->n_lights);
+        const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
+        const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
+        g_autofree float *one = view_render_flat(a, &s, to_view, to_light, W, H, &error);
+        g_autofree float *other = view_render_flat(b, &s, to_view, to_light, W, H, &error);
+        g_assert_no_error(error);
+        for (int i = 0; i < 4 * W * H; i++) {
+            off += i % 4 < 3 ? pow((double)other[i] - one[i], 2) : 0;
+            all += i % 4 < 3 ? pow(one[i], 2) : 0;
+        }
+    }
+    return sqrt(off / all);
+}
+
+/* At measured directions lpca shows what was compressed: revised is as far from it as resampling
+ * said, and a finer grid is nearer. What remains is that cube maps tell directions a third of a
+ * degree apart. */
+static void test_agree(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    static const int grids[] = {5, 8, 12};
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = make_btf();
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 3};
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    g_autoptr(View) original = view_new(NULL, &error), revised = view_new(NULL, &error);
+    double before = 1;
+    view_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    g_assert_no_error(error);
+    for (gsize k = 0; k < G_N_ELEMENTS(grids); k++) {
+        struct lpca *grid = lpca_resample(lpca, grids[k], &error);
+        lpca_quantise(grid, LPCA_8BIT);
+        const double reported = lpca_resample_error(grid, btf, 0);
+        view_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
+                        &error);
+        g_assert_no_error(error);
+        const double found = apart(original, revised, btf);
+        g_test_message("grid of %d: compression %.4f, with resampling %.4f; pictures %.4f apart",
+                       grids[k], lpca->error, reported, found);
+        g_assert_cmpfloat(found, <, sqrt(reported * reported - lpca->error * lpca->error) + 0.01);
+        g_assert_cmpfloat(found, <, before);
+        before = found;
+        lpca_free(grid);
+    }
+    lpca_free(lpca);
+    btf_matrix_free(btf);
+}
+
+/* Cube maps: six faces of 256² of 8 bytes; texels: clusters 8 bytes, weights 16 a page. */
+static void test_bytes(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct lpca *levels[2] = {make_level(0, 3, 5), make_level(1, 2, 5)};
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    const gint64 texels = (gint64)(W * H + W / 2 * (H / 2)) * (8 + 2 * 16),
+                 cubes = 4 * 6 * 65536 * 8;
+    const gint64 n = RINGS * A_RING;
+    view_set_method(view, &method_lpca, lpca_view_new(levels, 2, &error), &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(view_memory(view).material, ==, texels + cubes + 5 * n * (n + 1) * 6 * 8);
+    view_set_method(view, &method_lpca_grid, lpca_grid_new(levels, 2, 6, &error), &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(view_memory(view).material, ==, texels + 5 * 36 * 37 * 2 * 16);
+    g_assert_cmpint(view_memory(view).mdf, ==, 0);
+    lpca_free(levels[0]);
+    lpca_free(levels[1]);
+}
+
+static void refuse_lpca(struct lpca *lpca, const char *said) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GError) of_grid = NULL;
+    g_assert_null(lpca_view_new(&lpca, 1, &error));
+    g_assert_nonnull(error);
+    g_assert_nonnull(strstr(error->message, said));
+    g_assert_null(lpca_grid_new(&lpca, 1, 4, &of_grid));
+    g_assert_cmpstr(of_grid->message, ==, error->message);
+    lpca_free(lpca);
+}
+
+static void test_bad(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    struct lpca *lpca = make_lpca(3, 2);
+    lpca->weights[11] = NAN;
+    refuse_lpca(lpca, "weight number 11");
+    lpca = make_lpca(3, 2);
+    lpca->brdfs[77] = INFINITY;
+    refuse_lpca(lpca, "eigen-BRDF value number 77");
+    lpca = make_lpca(3, 2);
+    lpca->clusters[4] = 3;
+    refuse_lpca(lpca, "texel 4 is in cluster 3");
+    lpca = make_lpca(3, 2);
+    lpca->clusters[0] = -1;
+    refuse_lpca(lpca, "cluster -1");
+    lpca = make_lpca(3, 2);
+    lpca->view_theta_deg[1] = NAN;
+    refuse_lpca(lpca, "views: ");
+    lpca = make_lpca(3, 2);
+    lpca->n_lights = 0;
+    refuse_lpca(lpca, "no texels or directions");
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add("/lpca-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
+    g_test_add("/lpca-view/revised", struct fixture, NULL, set_up, test_revised, tear_down);
+    g_test_add("/lpca-view/levels", struct fixture, NULL, set_up, test_levels, tear_down);
+    g_test_add("/lpca-view/grid", struct fixture, NULL, set_up, test_grid, tear_down);
+    g_test_add("/lpca-view/agree", struct fixture, NULL, set_up, test_agree, tear_down);
+    g_test_add("/lpca-view/bytes", struct fixture, NULL, set_up, test_bytes, tear_down);
+    g_test_add("/lpca-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
+    return g_test_run();
+}

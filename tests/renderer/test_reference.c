@@ -1,0 +1,248 @@
+/* Pictures from the whole BTF: against the formula, and against eigen-maps that are exact. */
+#include "lib/view_fixture.h"
+#include "scene/compose.h"
+#include "scene/measured.h"
+#include "window/live.h"
+
+static void check_reference(enum kind kind, struct mesh *mesh, const struct view_settings *s,
+                            struct hit (*find)(struct v3, struct v3), double tolerance) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *dir = write_btf(kind, 8, 16);
+    g_autoptr(Reference) reference = reference_open(dir, &error);
+    g_assert_no_error(error);
+    g_autoptr(View) view = make_view(kind, 8, 16, mesh);
+    struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
+    double relative;
+    g_autofree float *pixels =
+        reference_render_linear(reference, view, s, c.width, c.height, &relative, &error);
+    g_assert_no_error(error);
+    c.pixels = pixels;
+    compare(&c, tolerance, 1000);
+    /* These materials' eigen-maps are exact. */
+    g_assert_cmpfloat(relative, <, 0.01);
+    remove_folder(dir);
+}
+
+static void test_reference(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    struct view_settings s = bare_settings();
+    s.camera_distance = 2.5;
+    s.tiles_u = 3.0;
+    struct mesh *mesh = scene_torus(1.0, 0.4, 512, 256);
+    check_reference(TEXEL, mesh, &s, hit_torus, 1e-3);
+    check_reference(VIEW, mesh, &s, hit_torus, 0.03);
+    check_reference(LIGHT, mesh, &s, hit_torus, 0.03);
+    mesh_free(mesh);
+}
+
+/* Filtered, seen from all around, and lit by the sky too: the two ways agree in every sample. */
+static void test_reference_agrees(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_sphere();
+    g_autofree char *dir = write_btf(COSINE, 3, 8);
+    g_autoptr(View) view = make_view(COSINE, 3, 8, mesh);
+    mesh_free(mesh);
+    g_autoptr(Reference) reference = reference_open(dir, &error);
+    struct view_settings s = view_settings_default;
+    double relative = 1.0;
+    g_autofree guint8 *whole = reference_render(reference, view, &s, 60, 40, &relative, &error);
+    g_assert_no_error(error);
+    g_autofree guint8 *maps = view_render(view, &s, 60, 40, &error);
+    g_assert_cmpfloat(relative, <, 0.005);
+    for (int k = 0; k < 60 * 40 * 3; k++)
+        g_assert_cmpint(ABS(whole[k] - maps[k]), <=, 3);
+    remove_folder(dir);
+}
+
+/* In a shadow both have what an even sky gives, and nothing else. */
+static void test_reference_shadows(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_autofree char *dir = write_btf(COSINE, 3, 8);
+    g_autoptr(View) view = make_view(COSINE, 3, 8, mesh);
+    mesh_free(mesh);
+    g_autoptr(Reference) reference = reference_open(dir, &error);
+    struct view_settings s = view_settings_default;
+    s.shadows = TRUE;
+    s.ambient = 0.1;
+    double relative = 1.0, dark = 0.0;
+    g_autofree float *whole =
+        reference_render_linear(reference, view, &s, 120, 90, &relative, &error);
+    g_assert_no_error(error);
+    g_assert_cmpfloat(relative, <, 0.005);
+    g_autofree float *lit = view_render_geometry(view, &s, VIEW_GEOMETRY_LIT, 120, 90, &error);
+    for (int k = 0; k < 120 * 90; k++)
+        if (lit[4 * k + 3] > 0.5f && lit[4 * k] == 0.0f) {
+            dark++;
+            g_assert_cmpfloat(whole[4 * k], <=, 0.1 + 1e-3);
+        }
+    g_assert_cmpfloat(dark, >, 500.0);
+    remove_folder(dir);
+}
+
+static void test_bad_reference(struct fixture *f, gconstpointer data) {
+    g_autoptr(GError) none = NULL, odd = NULL, torn = NULL, lost = NULL;
+    g_autofree char *dir = write_btf(GREY, 1, 4);
+    g_assert_null(reference_open("/nowhere", &none));
+    g_assert_error(none, REFERENCE_ERROR, REFERENCE_ERROR_NONE);
+    struct eigenmaps *m = make_material(GREY, 1, 4);
+    m->view_phi_deg[2] = NAN;
+    write_view(GREY, m, 2, dir);
+    g_assert_null(reference_open(dir, &lost));
+    g_assert_error(lost, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
+    g_assert_nonnull(strstr(lost->message, "view_0002.exr: part light_0000: an angle of its view"));
+    m->n_lights = 3;
+    write_view(GREY, m, 2, dir); /* a light is missing */
+    eigenmaps_free(m);
+    g_assert_null(reference_open(dir, &odd));
+    g_assert_error(odd, REFERENCE_ERROR, REFERENCE_ERROR_FORMAT);
+    g_assert_nonnull(strstr(odd->message, "view_0002.exr"));
+    g_autofree char *path = g_build_filename(dir, "view_0001.exr", NULL);
+    g_assert_true(g_file_set_contents(path, "v/1\1", 4, NULL));
+    g_assert_null(reference_open(dir, &torn));
+    g_assert_nonnull(strstr(torn->message, "view_0001.exr"));
+    remove_folder(dir);
+}
+
+/* Of exact eigen-maps nothing differs; each panel is the right texel of the right frame. */
+static void test_measured(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_plane();
+    g_autofree char *dir = write_btf(VIEW, 3, 8);
+    g_autoptr(Reference) reference = reference_open(dir, &error);
+    g_autoptr(View) view = make_view(VIEW, 3, 8, mesh);
+    struct view_settings s = bare_settings();
+    struct measured m;
+    mesh_free(mesh);
+    s.camera_elevation_deg = 35; /* the rings are at 28, 57 and 85 degrees from above */
+    s.camera_azimuth_deg = 80;
+    s.light_theta_deg = 20;
+    s.light_phi_deg = 200;
+    s.exposure_ev = -1; /* below where tones bend */
+    g_assert_true(measured_compare(reference, view, &s, 3 * W * 4 + 5, &m, &error));
+    g_assert_no_error(error);
+    g_assert_cmpint(m.width, ==, 3 * W * 4);
+    g_assert_cmpint(m.height, ==, H * 4);
+    g_assert_cmpfloat_with_epsilon((double)m.view_theta_deg, 170.0 / 3, 0.1);
+    g_assert_cmpfloat_with_epsilon((double)m.view_phi_deg, 90, 0.1);
+    g_assert_cmpfloat_with_epsilon((double)m.light_theta_deg, 85.0 / 3, 0.1);
+    g_assert_cmpfloat(m.error, <, 0.002);
+    for (int j = 0; j < m.height; j++)
+        for (int i = 0; i < W * 4; i++) {
+            const guint8 *at = m.rgb + 3 * (j * m.width + i);
+            const double blue = 0.8 * 0.5 * texel_code(i / 4, j / 4);
+            const double srgb =
+                blue <= 0.0031308 ? 12.92 * blue : 1.055 * pow(blue, 1 / 2.4) - 0.055;
+            g_assert_cmpfloat(fabs(at[2] - 255 * srgb), <, 2);
+            g_assert_cmpint(ABS(at[2] - at[3 * 4 * W + 2]), <=, 1);
+            for (int c = 0; c < 3; c++)
+                g_assert_cmpint(ABS(at[3 * 8 * W + c] - 128), <=, 8);
+        }
+    measured_clear(&m);
+    remove_folder(dir);
+}
+
+static void test_compose(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_torus(1.0, 0.4, 64, 32);
+    g_autoptr(View) a = make_view(LIGHT, 3, 8, mesh), b = make_view(COSINE, 3, 8, mesh);
+    g_autoptr(Compose) compose = compose_new(&error);
+    const struct view_settings s = bare_settings();
+    const struct compose hows[] = {
+        {COMPOSE_ONE, 0.5, 4}, {COMPOSE_SPLIT, 0.25, 4}, {COMPOSE_DIFFERENCE, 0.5, 3}};
+    guint8 *pictures[3];
+    mesh_free(mesh);
+    g_autofree guint8 *other = view_render(b, &s, 80, 60, &error);
+    for (int k = 0; k < 3; k++) {
+        pictures[k] = compose_render(compose, a, b, &hows[k], &s, 80, 60, &error);
+        g_assert_no_error(error);
+    }
+    for (int k = 0; k < 80 * 60 * 3; k++) {
+        const int x = k / 3 % 80, first = pictures[0][k];
+        if (x < 18 || x > 21)
+            g_assert_cmpint(pictures[1][k], ==, x < 20 ? first : other[k]);
+        const double difference = CLAMP(127.5 + 3 * (other[k] - first), 0, 255);
+        g_assert_cmpfloat(fabs(pictures[2][k] - difference), <=, 1);
+    }
+    for (int k = 0; k < 3; k++)
+        g_free(pictures[k]);
+}
+
+static void move_view(const char *from, const char *to, int view) {
+    g_autofree char *name = g_strdup_printf("view_%04d.exr", view);
+    g_autofree char *old = g_build_filename(from, name, NULL);
+    g_autofree char *new = g_build_filename(to, name, NULL);
+    g_assert_cmpint(g_rename(old, new), ==, 0);
+}
+
+static struct eigenmaps *wait_for(Live *live, int *ret_n_views) {
+    g_autoptr(GError) error = NULL;
+    for (int k = 0; k < 1000; k++) {
+        struct eigenmaps *maps = live_poll(live, ret_n_views, &error);
+        g_assert_no_error(error);
+        if (maps != NULL)
+            return maps;
+        g_usleep(10000);
+    }
+    g_error("no eigen-maps after ten seconds");
+}
+
+/* Views that come one after the other are in what is shown. */
+static void test_live(struct fixture *f, gconstpointer data) {
+    g_autofree char *made = write_btf(LIGHT, 2, 4);
+    g_autofree char *session = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *products = g_build_filename(session, "products", NULL);
+    g_autofree char *btf = g_build_filename(products, "btf", NULL);
+    g_assert_cmpint(g_mkdir_with_parents(btf, 0755), ==, 0);
+    g_autoptr(Live) live = live_new(session);
+    g_autoptr(GError) error = NULL;
+    int n_views = 0;
+    g_assert_null(live_eigenmaps(session, &n_views, &error));
+    g_assert_error(error, REFERENCE_ERROR, REFERENCE_ERROR_NONE);
+    g_assert_null(live_poll(live, &n_views, NULL));
+    for (int n = 0; n < 8; n += 4) {
+        for (int k = n; k < n + 4; k++)
+            move_view(made, btf, k);
+        struct eigenmaps *maps = wait_for(live, &n_views);
+        g_assert_cmpint(n_views, ==, n + 4);
+        g_assert_cmpint(maps->n_views, ==, n + 4);
+        g_assert_cmpint(maps->n_lights, ==, 8);
+        g_assert_null(live_poll(live, &n_views, NULL)); /* nothing new */
+        eigenmaps_free(maps);
+    }
+    remove_folder(btf);
+    remove_folder(made);
+    g_assert_true(g_rmdir(products) == 0 && g_rmdir(session) == 0);
+    g_clear_error(&error);
+    g_assert_null(live_views(session, &error));
+    g_assert_nonnull(error);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    const struct {
+        const char *name;
+        void (*run)(struct fixture *f, gconstpointer data);
+    } tests[] = {
+        {"/reference/formula", test_reference},
+        {"/reference/agrees", test_reference_agrees},
+        {"/reference/shadows", test_reference_shadows},
+        {"/reference/bad", test_bad_reference},
+        {"/reference/measured", test_measured},
+        {"/reference/compose", test_compose},
+        {"/reference/live", test_live},
+    };
+    for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)
+        g_test_add(tests[k].name, struct fixture, NULL, set_up, tests[k].run, tear_down);
+    return g_test_run();
+}

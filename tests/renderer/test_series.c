@@ -1,0 +1,188 @@
+/* Pictures of a session while its views come, and where they say that one is missing. */
+#include "lib/capturing_fixture.h"
+#include "lib/remove_tree.h"
+#include "window/live.h"
+#include "window/series.h"
+
+#include <gio/gio.h>
+#include <png.h>
+
+#define PROGRAM BUILD_DIR "/bin/mesorig-view"
+
+static void test_parse(void) {
+    int percent[SERIES_MAX];
+    g_assert_cmpint(series_parse("20,40,100", percent), ==, 3);
+    g_assert_cmpint(percent[0], ==, 20);
+    g_assert_cmpint(percent[2], ==, 100);
+    const char *const bad[] = {"", "0", "20,", "20,20", "40,20", "101", "-1", "a", "20;40", "1.5"};
+    for (gsize k = 0; k < G_N_ELEMENTS(bad); k++)
+        g_assert_cmpint(series_parse(bad[k], percent), ==, 0);
+    g_autoptr(GString) many = g_string_new("1");
+    for (int k = 2; k <= 101; k++)
+        g_string_append_printf(many, ",%d", k);
+    g_assert_cmpint(series_parse(many->str, percent), ==, 0);
+}
+
+static int pixels_that_differ(View *view, const struct view_settings *s, const guint8 *plain) {
+    g_autoptr(GError) error = NULL;
+    g_autofree guint8 *rgb = view_render(view, s, 64, 64, &error);
+    int n = 0;
+    g_assert_no_error(error);
+    for (int k = 0; k < 64 * 64; k++)
+        n += memcmp(rgb + (gsize)3 * k, plain + (gsize)3 * k, 3) != 0;
+    return n;
+}
+
+/* A plane seen from far away is seen from one direction: all of it is striped, or nothing. */
+static void test_stripes(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    struct mesh *mesh = scene_plane();
+    g_autoptr(View) view = make_view(GREY, N_RINGS, N_PHI, mesh);
+    mesh_free(mesh);
+    struct planned_view views[N];
+    for (int k = 0; k < N; k++)
+        views[k] = (struct planned_view){theta_of(k), phi_of(k), k % 3 != 0};
+    struct view_settings s = bare_settings();
+    s.camera_fov_deg = 1.0;
+    s.camera_distance = 0.0;
+    for (int k = 0; k < N_PHI; k++) { /* of the upper ring */
+        g_autoptr(GError) error = NULL;
+        s.camera_azimuth_deg = views[k].phi_deg + 20.0;
+        s.camera_elevation_deg = 90.0 - views[k].theta_deg + 5.0;
+        view_set_planned(view, NULL, 0);
+        g_autofree guint8 *plain = view_render(view, &s, 64, 64, &error);
+        g_assert_no_error(error);
+        view_set_planned(view, views, N);
+        const int n = pixels_that_differ(view, &s, plain);
+        g_test_message("view %d: %d pixels striped", k, n);
+        if (views[k].measured)
+            g_assert_cmpint(n, ==, 0);
+        else
+            g_assert_cmpint(n, >, 300);
+    }
+    g_autoptr(GError) error = NULL;
+    view_set_planned(view, NULL, 0);
+    g_autofree guint8 *plain = view_render(view, &s, 64, 64, &error);
+    for (int k = 0; k < N; k++)
+        views[k].measured = TRUE;
+    view_set_planned(view, views, N);
+    g_assert_cmpint(pixels_that_differ(view, &s, plain), ==, 0);
+}
+
+static void wait_for_file(const char *path) {
+    for (int k = 0; k < 3000 && !g_file_test(path, G_FILE_TEST_EXISTS); k++)
+        g_usleep(10000);
+    g_assert_true(g_file_test(path, G_FILE_TEST_EXISTS));
+}
+
+/* Bright orange is nowhere else in a grey material. */
+static int count_stripes(const char *path) {
+    png_image image = {.version = PNG_IMAGE_VERSION};
+    int n = 0;
+    g_assert_true(png_image_begin_read_from_file(&image, path));
+    image.format = PNG_FORMAT_RGB;
+    g_autofree guint8 *rgb = g_malloc(PNG_IMAGE_SIZE(image));
+    g_assert_true(png_image_finish_read(&image, NULL, rgb, 0, NULL));
+    for (guint k = 0; k < image.width * image.height; k++)
+        n += rgb[3 * k] > rgb[3 * k + 2] + 40;
+    png_image_free(&image);
+    return n;
+}
+
+static gboolean have_program(struct fixture *f) {
+    if (f->gpu != NULL && g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE))
+        return TRUE;
+    g_test_skip("no OpenGL, or mesorig-view is not built");
+    return FALSE;
+}
+
+/* The program runs while views come, and each of its pictures has more of them. */
+static void test_series(struct fixture *f, gconstpointer data) {
+    if (!have_program(f))
+        return;
+    static const char *const names[] = {"p_025.png", "p_060.png", "p_100.png"};
+    static const int there[] = {2, 5, 8};
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *session = g_build_filename(folder, "a.session", NULL);
+    g_autofree char *made = write_btf(GREY, N_RINGS, N_PHI), *out = NULL;
+    g_autofree char *render = g_build_filename(folder, "p.png", NULL);
+    /* Before there is a session. */
+    g_autoptr(GSubprocess) program = g_subprocess_new(
+        G_SUBPROCESS_FLAGS_STDOUT_PIPE, &error, PROGRAM, session, "--live", "--series", "25,60,100",
+        "--render", render, "--size", "96x72", "--json", "--wait-s", "60", NULL);
+    g_assert_no_error(error);
+    g_free(new_session(folder));
+    int before = G_MAXINT;
+    for (int k = 0, view = 0; k < 3; k++) {
+        g_autofree char *path = g_build_filename(folder, names[k], NULL);
+        g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+        for (; view < there[k]; view++)
+            move_view(made, session, view);
+        wait_for_file(path);
+    }
+    g_subprocess_communicate_utf8(program, NULL, NULL, &out, NULL, &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(g_subprocess_get_exit_status(program), ==, 0);
+    g_assert_nonnull(strstr(out, "\"frames\": 3"));
+    g_assert_nonnull(strstr(out, "\"views\": 8"));
+    for (int k = 0; k < 3; k++) {
+        g_autofree char *path = g_build_filename(folder, names[k], NULL);
+        const int n = count_stripes(path);
+        g_test_message("%s: %d pixels striped", names[k], n);
+        g_assert_cmpint(n, <, before);
+        before = n;
+    }
+    g_assert_cmpint(before, ==, 0);
+    remove_tree(made);
+    remove_tree(folder);
+}
+
+static void refuse(const char *session, int code, const char *said, const char *series) {
+    g_autoptr(GError) error = NULL;
+    g_autofree char *err = NULL;
+    g_autoptr(GSubprocess) program = g_subprocess_new(
+        G_SUBPROCESS_FLAGS_STDERR_PIPE, &error, PROGRAM, session, "--live", "--series", series,
+        "--render", "/nowhere/p.png", "--size", "32x24", "--wait-s", "0.5", NULL);
+    g_assert_no_error(error);
+    g_subprocess_communicate_utf8(program, NULL, NULL, NULL, &err, &error);
+    g_assert_no_error(error);
+    g_test_message("%s", err);
+    g_assert_cmpint(g_subprocess_get_exit_status(program), ==, code);
+    g_assert_nonnull(strstr(err, said));
+}
+
+/* Nothing comes, nothing will come, or nobody captures here. */
+static void test_refused(struct fixture *f, gconstpointer data) {
+    if (!have_program(f))
+        return;
+    g_autoptr(GError) error = NULL;
+    g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *made = write_btf(GREY, N_RINGS, N_PHI);
+    g_autofree char *session = new_session(folder);
+    refuse("/nowhere.session", 1, "/nowhere.session", "50");
+    refuse(session, 2, "--series", "50,20");
+    refuse(session, 1, "no new view for 0.5 s, 0 of 8", "50");
+    move_view(made, session, 0);
+    refuse(session, 1, "no new view for 0.5 s, 1 of 8", "50");
+    refuse(session, 1, "/nowhere/p", "10");
+    g_autofree char *last = g_build_filename(session, "products", "eigenmaps.exr", NULL);
+    g_assert_true(g_file_set_contents(last, "", 0, &error));
+    g_autoptr(Session) opened = session_open(session, SESSION_PRODUCTS, &error);
+    g_assert_no_error(error);
+    session_set_value(opened, "state", "aborted", &error);
+    g_assert_no_error(error);
+    refuse(session, 1, "its capture has ended and 1 of 8", "50");
+    remove_tree(made);
+    remove_tree(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/series/parse", test_parse);
+    g_test_add("/series/stripes", struct fixture, NULL, set_up, test_stripes, tear_down);
+    g_test_add("/series/series", struct fixture, NULL, set_up, test_series, tear_down);
+    g_test_add("/series/refused", struct fixture, NULL, set_up, test_refused, tear_down);
+    return g_test_run();
+}

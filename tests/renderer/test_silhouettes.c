@@ -1,0 +1,477 @@
+/* Silhouettes and shadows of a material's structure: against closed forms, and against displaced
+ * geometry that is ray traced. */
+#include "lib/silhouettes_fixture.h"
+#include "shapes/mesh_shape.h"
+
+#include <string.h>
+
+#define W 320
+#define H 240
+
+static float *see(View *view, const struct view_settings *s, int width, int height) {
+    g_autoptr(GError) error = NULL;
+    float *seen = view_render_geometry(view, s, VIEW_GEOMETRY_LIT, width, height, &error);
+    g_assert_no_error(error);
+    return seen;
+}
+
+/* Rings of views at which a flat structure lies depth_mm deep. */
+static struct mdf_table *flat_mdf(int n, double depth_mm) {
+    struct mdf_table *t = g_new0(struct mdf_table, 1);
+    *t = (struct mdf_table){.width = n, .height = n, .n_views = 24, .texel_mm = 50.0 / n};
+    t->theta_deg = g_new(float, 24);
+    t->phi_deg = g_new(float, 24);
+    t->depth_mm = g_new(float, 24 * n * n);
+    t->deepest_mm = depth_mm;
+    for (int k = 0; k < 24; k++) {
+        t->theta_deg[k] = k < 12 ? 40.0f : 75.0f;
+        t->phi_deg[k] = 30.0f * (k % 12);
+    }
+    for (int k = 0; k < 24 * n * n; k++)
+        t->depth_mm[k] = depth_mm;
+    return t;
+}
+
+static void test_shapes_of_torus(void) {
+    const double R = 1.0, r = 0.4;
+    struct mesh *mesh = scene_torus(R, r, 256, 128);
+    g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
+    for (guint k = 0; k < mesh->n_vertices; k++) {
+        const struct vertex *v = &mesh->vertices[k];
+        double b = 2.0 * G_PI * v->uv[1], around = R + r * cos(b);
+        g_assert_cmpfloat_with_epsilon(shapes[k].scale[0], 2.0 * G_PI * around, 0.08);
+        g_assert_cmpfloat_with_epsilon(shapes[k].scale[1], 2.0 * G_PI * r, 0.02);
+        g_assert_cmpfloat_with_epsilon(shapes[k].bend[0], cos(b) / around, 0.04);
+        g_assert_cmpfloat_with_epsilon(shapes[k].bend[1], 0.0, 0.03);
+        g_assert_cmpfloat_with_epsilon(shapes[k].bend[2], 1.0 / r, 0.04);
+    }
+    mesh_free(mesh);
+}
+
+/* Triangles without size in space or in the texture leave finite numbers. */
+static void test_shapes_degenerate(void) {
+    struct vertex vertices[3] = {{.normal = {0, 0, 1}, .tangent = {1, 0, 0, 1}}};
+    guint32 indices[3] = {0, 1, 2};
+    struct mesh mesh = {.vertices = vertices, .n_vertices = 3, .indices = indices, .n_indices = 3};
+    g_autofree struct vertex_shape *shapes = mesh_shapes(&mesh);
+    for (int k = 0; k < 3; k++) {
+        g_assert_cmpfloat(shapes[k].scale[0], >, 0.0);
+        g_assert_true(isfinite(shapes[k].bend[0]) && isfinite(shapes[k].bend[1]) &&
+                      isfinite(shapes[k].bend[2]));
+    }
+}
+
+/* A structure everywhere h deep makes a sphere smaller by h; how large it looks is known. */
+static void check_sphere(double h_mm, enum visibility_way way) {
+    struct mesh *mesh = scene_sphere();
+    struct mdf_table *mdf = flat_mdf(4, h_mm);
+    mesh->tiles_u = 12;
+    mesh->tiles_v = 6;
+    g_autoptr(View) view = new_view(mesh, mdf);
+    struct view_settings s = view_settings_default;
+    s.camera_distance = 6.0;
+    s.camera_fov_deg = 22.0;
+    s.silhouettes = TRUE;
+    s.visibility.way = way;
+    g_autofree float *seen = see(view, &s, W, H);
+    double area = 0.0;
+    for (int k = 0; k < W * H; k++)
+        area += seen[4 * k + 3] > 0.5f;
+    /* Tiles are 2π/12 long at the equator; the camera sees where areas are a little smaller. */
+    double scale = 2.0 * G_PI / 12.0 / 50.0, focal = 0.5 * H / tan(11.0 * G_PI / 180.0);
+    double measured = sqrt(area / G_PI), r[2] = {1.0, 1.0 - h_mm * scale};
+    for (int k = 0; k < 2; k++)
+        r[k] = focal * tan(asin(r[k] / 6.0));
+    g_test_message("radius %.2f pixels, the smooth sphere's is %.2f, the structure's %.2f",
+                   measured, r[0], r[1]);
+    g_assert_cmpfloat(fabs(measured - r[1]), <, 0.25 * (r[0] - r[1]) + 0.5);
+    mdf_table_free(mdf);
+    mesh_free(mesh);
+}
+
+static void test_sphere(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    check_sphere(4.0, VISIBILITY_PEEL);
+    check_sphere(8.0, VISIBILITY_AUTO);
+}
+
+/* Several tori one behind the other, so that rays enter and leave many times. */
+static struct mesh *pile(int n) {
+    struct mesh *one = scene_torus(1.0, 0.25, 48, 24), *all = g_new0(struct mesh, 1);
+    all->name = g_strdup("pile");
+    all->n_vertices = n * one->n_vertices;
+    all->n_indices = n * one->n_indices;
+    all->vertices = g_new(struct vertex, all->n_vertices);
+    all->indices = g_new(guint32, all->n_indices);
+    all->radius = 1.5f + 0.35f * n;
+    all->tiles_u = 6;
+    all->tiles_v = 2;
+    for (int k = 0; k < n; k++) {
+        for (guint i = 0; i < one->n_vertices; i++) {
+            struct vertex *v = &all->vertices[k * one->n_vertices + i];
+            *v = one->vertices[i];
+            v->position[2] += 0.7f * (k - 0.5f * (n - 1));
+        }
+        for (guint i = 0; i < one->n_indices; i++)
+            all->indices[k * one->n_indices + i] = one->indices[i] + k * one->n_vertices;
+    }
+    mesh_free(one);
+    return all;
+}
+
+static int n_seen(const float *seen) {
+    int n = 0;
+    for (int k = 0; k < W * H; k++)
+        n += seen[4 * k + 3] > 0.5f;
+    return n;
+}
+
+/* Bumps that stand up from a deep ground. */
+static struct mdf_table *bumpy_mdf(void) {
+    struct mdf_table *t = flat_mdf(8, 6.0);
+    for (int k = 0; k < 24 * 64; k++)
+        t->depth_mm[k] = k % 8 < 3 && k / 8 % 8 < 4 ? 0.5f : 6.0f;
+    return t;
+}
+
+static void test_ways_agree(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    struct mesh *mesh = pile(5);
+    struct mdf_table *mdf = bumpy_mdf();
+    g_autoptr(View) view = new_view(mesh, mdf);
+    struct view_settings s = view_settings_default;
+    s.camera_elevation_deg = 12.0;
+    s.silhouettes = s.shadows = TRUE;
+    s.shadow_size = 256;
+    int by_layers = 0;
+    for (int straight = 0; straight < 2; straight++)
+        for (int layers = 1; layers <= 4; layers += 1 + 2 * (layers == 2)) {
+            s.visibility = (struct visibility_options){VISIBILITY_PEEL, layers, straight};
+            g_autofree float *peeled = see(view, &s, W, H);
+            s.visibility.way = VISIBILITY_AUTO;
+            g_autofree float *listed = see(view, &s, W, H);
+            int differ = 0;
+            for (int k = 0; k < 4 * W * H; k++)
+                differ += fabsf(peeled[k] - listed[k]) > 1e-3f;
+            g_assert_cmpint(differ, <=, 4 * W * H / 20000);
+            if (straight == 0 && layers > 1)
+                g_assert_cmpint(n_seen(peeled), >, by_layers + 50);
+            by_layers = n_seen(peeled);
+        }
+    mdf_table_free(mdf);
+    mesh_free(mesh);
+}
+
+/* More faces than there was room for at first, and another size of picture. */
+static void test_lists_grow(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL || !gpu_has_43())
+        return;
+    struct mesh *mesh = pile(8);
+    struct mdf_table *mdf = bumpy_mdf();
+    g_autoptr(View) view = new_view(mesh, mdf);
+    struct view_settings s = view_settings_default;
+    s.camera_elevation_deg = 1.0;
+    s.camera_azimuth_deg = -90.0;
+    s.silhouettes = TRUE;
+    for (int size = 60; size <= 240; size *= 4) {
+        s.camera_distance = 0.9;
+        s.visibility.way = VISIBILITY_LISTS;
+        g_autofree float *listed = see(view, &s, size, size);
+        s.visibility.way = VISIBILITY_PEEL;
+        g_autofree float *peeled = see(view, &s, size, size);
+        int differ = 0;
+        for (int k = 0; k < 4 * size * size; k++)
+            differ += fabsf(peeled[k] - listed[k]) > 1e-3f;
+        g_assert_cmpint(differ, <=, size * size / 2000);
+    }
+    mdf_table_free(mdf);
+    mesh_free(mesh);
+}
+
+/* Without structure, silhouettes change nothing. */
+static void test_smooth(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_torus(1.0, 0.4, 96, 48);
+    struct mdf_table *mdf = flat_mdf(2, 0.0);
+    g_autoptr(View) view = new_view(mesh, mdf);
+    struct view_settings s = view_settings_default;
+    g_autofree float *without = view_render_linear(view, &s, W, H, &error);
+    g_assert_no_error(error);
+    s.silhouettes = TRUE;
+    g_autofree float *with = view_render_linear(view, &s, W, H, &error);
+    g_assert_no_error(error);
+    int differ = 0;
+    for (int k = 0; k < 4 * W * H; k++)
+        differ += fabsf(with[k] - without[k]) > 2e-3f;
+    g_assert_cmpint(differ, <=, 4 * W * H / 5000);
+    mdf_table_free(mdf);
+    mesh_free(mesh);
+}
+
+/* A torus above a floor, lit from straight above: its shadow is a ring. */
+static void test_shadow_ring(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_assert_no_error(error);
+    g_autoptr(View) view = new_view(mesh, NULL);
+    struct view_settings s = view_settings_default;
+    s.light_theta_deg = 0.0;
+    s.camera_elevation_deg = 35.0;
+    s.shadows = TRUE;
+    view_fit(view, &s, (double)W / H);
+    struct displaced_camera c = camera_of(&s, W, H);
+    g_autofree float *seen = see(view, &s, W, H);
+    int n = 0, wrong = 0;
+    for (int k = 0; k < W * H; k++) {
+        int i = k % W, j = k / W;
+        double distance = floor_distance(&c, i, j), p[3];
+        if (fabs(seen[4 * k + 2] - distance) > 1e-3 * distance)
+            continue;
+        floor_point(&c, i, j, p);
+        double r = hypot(p[0], p[1]);
+        if (fabs(r - 0.6) < 0.02 || fabs(r - 1.4) < 0.02)
+            continue;
+        n++;
+        wrong += (seen[4 * k] < 0.5f) != (r > 0.6 && r < 1.4);
+    }
+    g_assert_cmpint(n, >, 10000);
+    g_assert_cmpint(wrong, <=, n / 500);
+    mesh_free(mesh);
+}
+
+static gboolean same(const float *a, const float *b) {
+    for (int k = 0; k < 4 * W * H; k++)
+        if (a[k] != b[k])
+            return FALSE;
+    return TRUE;
+}
+
+/* The shadow map is kept only as long as nothing changes that it depends on. */
+static void test_shadow_kept(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) error = NULL;
+    struct mesh *mesh = pile(3);
+    struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
+    g_autoptr(View) view = new_view(mesh, bumps);
+    struct view_settings s = view_settings_default;
+    s.silhouettes = s.shadows = TRUE;
+    g_autofree float *first = see(view, &s, W, H);
+    g_autofree float *again = see(view, &s, W, H);
+    g_assert_true(same(first, again));
+    s.light_phi_deg += 40.0;
+    g_autofree float *lit_otherwise = see(view, &s, W, H);
+    g_assert_false(same(first, lit_otherwise));
+    s.light_phi_deg -= 40.0;
+    g_assert_true(view_set_mdf(view, flat, &error));
+    g_autofree float *with_flat = see(view, &s, W, H);
+    g_assert_false(same(first, with_flat));
+    g_assert_true(view_set_mdf(view, bumps, &error));
+    g_autofree float *as_before = see(view, &s, W, H);
+    g_assert_true(same(first, as_before));
+    mesh_free(mesh);
+    mesh = pile(2);
+    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_autofree float *other_mesh = see(view, &s, W, H);
+    s.shadow_size = 64;
+    g_autofree float *coarse = see(view, &s, W, H);
+    g_assert_false(same(other_mesh, coarse));
+    mdf_table_free(bumps);
+    mdf_table_free(flat);
+    mesh_free(mesh);
+}
+
+struct material {
+    const char *kind;
+    double relief_mm, reference_mm;
+};
+
+static void check_tiling(const struct material *m, World *world, const char *mdf, int u, int v) {
+    g_autoptr(GError) error = NULL;
+    struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
+    struct mesh *mesh = scene_make("torus", &scene, &error);
+    g_assert_no_error(error);
+    g_autoptr(View) view = new_view(mesh, NULL);
+    mesh_free(mesh);
+    view_open_mdf(view, mdf, &error);
+    g_assert_no_error(error);
+    struct truth_surface surface;
+    truth_surface(world, &surface);
+    struct displaced_shape shape = {
+        TORUS_RADIUS, TORUS_TUBE, u, v, TORUS_FLOOR * TORUS_MESH_RADIUS, 25.0, m->reference_mm};
+    g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
+    struct view_settings s = view_settings_default;
+    s.shadows = TRUE;
+    view_fit(view, &s, (double)W / H);
+    g_autofree struct displaced_pixel *truth = trace(displaced, &s, W, H);
+    struct scores scores[2];
+    for (int way = 0; way < 2; way++) {
+        s.silhouettes = way;
+        g_autofree float *seen = see(view, &s, W, H);
+        scores[way] = score(seen, truth, &s, W, H, TRUE);
+    }
+    g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f)", m->kind, u, v,
+                   overlap_share(&scores[1].outline), overlap_share(&scores[0].outline),
+                   overlap_share(&scores[1].shadow), overlap_share(&scores[0].shadow));
+    g_assert_cmpfloat(overlap_share(&scores[1].outline), >=, 0.97);
+    g_assert_cmpfloat(overlap_share(&scores[1].shadow), >=, 0.97);
+    g_assert_cmpfloat(1.0 - overlap_share(&scores[0].outline), >,
+                      1.5 * (1.0 - overlap_share(&scores[1].outline)));
+    g_assert_cmpfloat(1.0 - overlap_share(&scores[0].shadow), >,
+                      1.3 * (1.0 - overlap_share(&scores[1].shadow)));
+}
+
+/* Wang et al. 2005 fig. 10 and 11. */
+static void test_truth(struct fixture *f, gconstpointer data) {
+    const struct material *m = data;
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(World) world = make_world(m->kind, m->relief_mm);
+    struct truth_grid grid = {TEXELS, TEXELS, 25.0, 25.0, m->reference_mm};
+    g_autofree char *mdf = write_truth(world, &grid);
+    check_tiling(m, world, mdf, 8, 3);
+    check_tiling(m, world, mdf, 6, 2);
+    check_tiling(m, world, mdf, 3, 1);
+}
+
+struct bad {
+    const char *name, *says;
+    float value;
+    gboolean no_angle, no_texel, other_size, no_channel;
+};
+
+static void write_bad(const struct bad *bad, const char *path) {
+    static const char *const channels[] = {"D", NULL}, *const others[] = {"N", NULL};
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_file_new();
+    for (int k = 0; k < 3; k++) {
+        g_autofree char *name = g_strdup_printf("view_%04d", k);
+        int size = bad->other_size && k == 1 ? 3 : 4;
+        struct exr_part *part =
+            exr_part_new(name, size, size, bad->no_channel ? others : channels, EXR_FLOAT);
+        for (int i = 0; i < size * size; i++)
+            part->planes[0][i] = k == 1 ? bad->value : 1.0f;
+        if (!bad->no_angle || k != 2)
+            exr_set_double(part, "view.theta_deg", 30.0);
+        exr_set_double(part, "view.phi_deg", 120.0 * k);
+        if (!bad->no_texel)
+            exr_set_double(part, "texel_mm", 1.0);
+        exr_file_add(file, part);
+    }
+    exr_write(path, file, EXR_NONE, FALSE, &error);
+    g_assert_no_error(error);
+    exr_file_free(file);
+}
+
+static void test_bad_files(void) {
+    static const struct bad bads[] = {
+        {"NaN", "not a number of millimetres", .value = NAN},
+        {"infinite", "not a number of millimetres", .value = INFINITY},
+        {"far", "not a number of millimetres", .value = 1e9f},
+        {"unseen", "no laser position saw", .value = -1.0f},
+        {"no angle", "view.theta_deg", .value = 1.0f, .no_angle = TRUE},
+        {"no texel size", "texel_mm", .value = 1.0f, .no_texel = TRUE},
+        {"other size", "another size", .value = 1.0f, .other_size = TRUE},
+        {"no distances", "no channel D", .value = 1.0f, .no_channel = TRUE},
+    };
+    g_autofree char *path = g_build_filename(fixture_folder(), "bad.exr", NULL);
+    for (gsize k = 0; k < G_N_ELEMENTS(bads); k++) {
+        g_autoptr(GError) error = NULL;
+        write_bad(&bads[k], path);
+        g_assert_null(mdf_table_read(path, &error));
+        g_assert_nonnull(error);
+        if (strstr(error->message, bads[k].says) == NULL ||
+            strstr(error->message, "bad.exr") == NULL)
+            g_error("%s: %s", bads[k].name, error->message);
+    }
+    g_autoptr(GError) torn = NULL, missing = NULL;
+    g_assert_true(g_file_set_contents(path, "v/1\001", 4, NULL));
+    g_assert_null(mdf_table_read(path, &torn));
+    g_assert_nonnull(torn);
+    g_unlink(path);
+    g_assert_null(mdf_table_read(path, &missing));
+    g_assert_nonnull(missing);
+}
+
+/* What was not seen takes what is around it, across the tile's edges too. */
+static void test_holes(void) {
+    g_autoptr(GError) error = NULL;
+    static const char *const channels[] = {"D", NULL};
+    struct exr_file *file = exr_file_new();
+    struct exr_part *part = exr_part_new("view_0000", 5, 5, channels, EXR_FLOAT);
+    for (int i = 0; i < 25; i++)
+        part->planes[0][i] = i % 5 == 4 ? 2.0f : -1.0f;
+    exr_set_double(part, "view.theta_deg", 60.0);
+    exr_set_double(part, "view.phi_deg", 0.0);
+    exr_set_double(part, "texel_mm", 1.0);
+    exr_file_add(file, part);
+    g_autofree char *path = g_build_filename(fixture_folder(), "holes.exr", NULL);
+    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
+    exr_file_free(file);
+    struct mdf_table *t = mdf_table_read(path, &error);
+    g_assert_no_error(error);
+    for (int i = 0; i < 25; i++)
+        g_assert_cmpfloat_with_epsilon(t->depth_mm[i], 1.0, 1e-5);
+    g_assert_cmpfloat_with_epsilon(t->deepest_mm, 1.0, 1e-5);
+    mdf_table_free(t);
+}
+
+/* Over ridges that are known, flat rays stop where a closed form says. */
+static void test_grazing(void) {
+    struct mdf_table *t = flat_mdf(32, 2.0);
+    int before = t->n_views, n = 32 * 32;
+    mdf_table_add_grazing(t);
+    g_assert_cmpint(t->n_views, ==, before + 3 * 36);
+    for (int k = before; k < t->n_views; k++)
+        for (int i = 0; i < n; i++)
+            g_assert_cmpfloat_with_epsilon(t->depth_mm[k * n + i], 2.0, 0.05);
+    mdf_table_free(t);
+}
+
+static void test_missing(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
+    struct mesh *mesh = scene_sphere();
+    g_autoptr(View) view = new_view(mesh, NULL);
+    struct view_settings s = view_settings_default;
+    s.silhouettes = TRUE;
+    g_assert_null(view_render(view, &s, 40, 30, &none));
+    g_assert_nonnull(strstr(none->message, "mdf.exr"));
+    g_assert_false(view_open_mdf(view, "/nonexistent/mdf.exr", &file));
+    g_assert_nonnull(strstr(file->message, "/nonexistent/mdf.exr"));
+    s.visibility.layers = 0;
+    g_assert_false(view_settings_check(&s, &layers));
+    mesh_free(mesh);
+}
+
+int main(int argc, char **argv) {
+    static const struct material weave = {"weave", 1.2, 1.75}, brick = {"brick", 1.8, 2.4};
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/silhouettes/shapes/torus", test_shapes_of_torus);
+    g_test_add_func("/silhouettes/shapes/degenerate", test_shapes_degenerate);
+    g_test_add_func("/silhouettes/table/bad", test_bad_files);
+    g_test_add_func("/silhouettes/table/holes", test_holes);
+    g_test_add_func("/silhouettes/table/grazing", test_grazing);
+#define ADD(path, data, function)                                                                  \
+    g_test_add(path, struct fixture, data, set_up, function, tear_down)
+    ADD("/silhouettes/sphere", NULL, test_sphere);
+    ADD("/silhouettes/smooth", NULL, test_smooth);
+    ADD("/silhouettes/ways", NULL, test_ways_agree);
+    ADD("/silhouettes/lists", NULL, test_lists_grow);
+    ADD("/silhouettes/shadow", NULL, test_shadow_ring);
+    ADD("/silhouettes/shadow-kept", NULL, test_shadow_kept);
+    ADD("/silhouettes/missing", NULL, test_missing);
+    ADD("/silhouettes/truth/weave", &weave, test_truth);
+    ADD("/silhouettes/truth/brick", &brick, test_truth);
+    int status = g_test_run();
+    fixture_clean();
+    return status;
+}

@@ -1,0 +1,69 @@
+/* What a picture of the viewer says about itself. */
+#include "exr/exr.h"
+#include "window/snapshot.h"
+
+#include <glib/gstdio.h>
+#include <locale.h>
+
+#include "lib/remove_tree.h"
+
+/* A locale whose decimal point is a comma, made here, since a machine may have none. */
+static gboolean use_comma(const char *folder) {
+    g_autofree char *source = g_build_filename(folder, "comma", NULL);
+    g_autofree char *locale = g_build_filename(folder, "xx_XX", NULL);
+    char *argv[] = {(char *)"localedef",
+                    (char *)"-c",
+                    (char *)"--quiet",
+                    (char *)"-i",
+                    source,
+                    (char *)"-f",
+                    (char *)"ANSI_X3.4-1968",
+                    locale,
+                    NULL};
+    g_assert_true(g_file_set_contents(source,
+                                      "LC_NUMERIC\ndecimal_point \",\"\nthousands_sep \".\"\n"
+                                      "grouping 3;3\nEND LC_NUMERIC\n",
+                                      -1, NULL));
+    g_spawn_sync(NULL, argv, NULL,
+                 G_SPAWN_SEARCH_PATH | G_SPAWN_STDOUT_TO_DEV_NULL | G_SPAWN_STDERR_TO_DEV_NULL,
+                 NULL, NULL, NULL, NULL, NULL, NULL);
+    g_setenv("LOCPATH", folder, TRUE);
+    const gboolean is_used = setlocale(LC_NUMERIC, "xx_XX") != NULL;
+    g_unsetenv("LOCPATH"); /* newlocale() of glibc does not free what it makes of it */
+    return is_used;
+}
+
+/* The texts have decimal points, and the user's own numbers are as before. */
+static void test_comma(void) {
+    static const float rgb[3] = {0.5F, 0.5F, 0.5F};
+    static const struct method method = {.title = "a method"};
+    struct view_settings settings = view_settings_default;
+    const struct snapshot snapshot = {
+        .material = "a.exr", .shape = "torus", .first = &method, .settings = &settings};
+    g_autofree char *folder = g_dir_make_tmp("mesorig-snapshot-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "a.exr", NULL);
+    const char *tiles = NULL;
+    if (!use_comma(folder)) {
+        g_test_skip("localedef makes no locale here");
+        remove_tree(folder);
+        return;
+    }
+    settings.tiles_u = 6.25F;
+    settings.tiles_v = 2.5F;
+    g_assert_true(snapshot_write_light(path, &snapshot, rgb, 1, 1, NULL));
+    struct exr_part *part = exr_read_part(path, "picture", NULL);
+    g_assert_nonnull(part);
+    g_assert_true(exr_get_string(part, "picture.tiles", &tiles, NULL));
+    g_assert_cmpstr(tiles, ==, "6.25 x 2.5");
+    exr_part_free(part);
+    g_autofree char *own = g_strdup_printf("%.1f", 1.5);
+    g_assert_cmpstr(own, ==, "1,5");
+    setlocale(LC_NUMERIC, "C");
+    remove_tree(folder);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/snapshot/comma", test_comma);
+    return g_test_run();
+}

@@ -1,0 +1,569 @@
+/* What mesorig-view says of materials that are torn, incomplete or full of what are no numbers, of
+ * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
+ * black picture. */
+#include "lib/fields_fixture.h"
+#include "lib/remove_tree.h"
+#include "lib/view_fixture.h"
+#include "lib/x_display.h"
+#include "lpca/lpca_levels.h"
+#include "relief/mdf_source.h"
+
+#include <dlfcn.h>
+#include <link.h>
+#include <png.h>
+#include <sched.h>
+#include <sys/mount.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define VIEWER  BUILD_DIR "/bin/mesorig-view"
+#define MESORIG BUILD_DIR "/bin/mesorig"
+#define CUTS    20 /* places at which a file is torn */
+#define NO_HIDE 77 /* exit code: files cannot be hidden here */
+
+/* In the child, in a name space of its own: what these paths lead to is empty. */
+static void hide(gpointer paths) {
+    gboolean good = unshare(CLONE_NEWNS | (getuid() ? CLONE_NEWUSER : 0)) == 0 &&
+                    mount("none", "/", NULL, MS_REC | MS_PRIVATE, NULL) == 0;
+    for (const char *const *path = paths; good && *path != NULL; path++)
+        good = mount("/dev/null", *path, NULL, MS_BIND, NULL) == 0;
+    if (!good)
+        _exit(NO_HIDE);
+}
+
+static int run_without(const char *const *hidden, const char *const *environment,
+                       const char *const *arguments, char **ret_err) {
+    g_autoptr(GError) error = NULL;
+    g_auto(GStrv) all = g_get_environ();
+    g_autofree char *out = NULL;
+    int status;
+    for (int k = 0; environment != NULL && environment[k] != NULL; k += 2)
+        all = environment[k + 1] != NULL
+                  ? g_environ_setenv(all, environment[k], environment[k + 1], TRUE)
+                  : g_environ_unsetenv(all, environment[k]);
+    g_spawn_sync(NULL, (char **)arguments, all, G_SPAWN_SEARCH_PATH, hidden != NULL ? hide : NULL,
+                 (gpointer)hidden, &out, ret_err, &status, &error);
+    g_assert_no_error(error);
+    g_assert_true(WIFEXITED(status));
+    return WEXITSTATUS(status);
+}
+
+static int run_in(const char *const *environment, const char *const *arguments, char **ret_err) {
+    return run_without(NULL, environment, arguments, ret_err);
+}
+
+/* Exit code 1, and a sentence that has these words. */
+static void refuses(const char *const *environment, const char *const *arguments,
+                    const char *said) {
+    g_autofree char *err = NULL;
+    const int code = run_in(environment, arguments, &err);
+    g_test_message("%s", err);
+    g_assert_cmpint(code, ==, 1);
+    g_assert_nonnull(strstr(err, "mesorig-view: ")); /* libraries may have said their own before */
+    g_assert_nonnull(strstr(err, said));
+}
+
+static gboolean have_programs(void) {
+    if (g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE) &&
+        g_file_test(MESORIG, G_FILE_TEST_IS_EXECUTABLE))
+        return TRUE;
+    g_test_skip("mesorig or mesorig-view is not built");
+    return FALSE;
+}
+
+static void compress(const char *path, const char *const *options) {
+    g_autoptr(GPtrArray) argv = g_ptr_array_new();
+    g_autofree char *err = NULL;
+    g_ptr_array_add(argv, MESORIG);
+    g_ptr_array_add(argv, "compress");
+    g_ptr_array_add(argv, (gpointer)path);
+    for (; *options != NULL; options++)
+        g_ptr_array_add(argv, (gpointer)*options);
+    g_ptr_array_add(argv, NULL);
+    const int code = run_in(NULL, (const char *const *)argv->pdata, &err);
+    if (code != 0)
+        g_error("mesorig compress: %s", err);
+}
+
+/* What make_material() is the eigen-maps of. */
+static struct btf_matrix *make_btf(void) {
+    struct eigenmaps *m = make_material(LIGHT, 3, 4);
+    struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
+    const int n = m->n_views;
+    *btf = (struct btf_matrix){.name = g_strdup("test"),
+                               .width = W,
+                               .height = H,
+                               .texel_mm = 1,
+                               .n_views = n,
+                               .n_lights = n,
+                               .view_theta_deg = g_steal_pointer(&m->view_theta_deg),
+                               .view_phi_deg = g_steal_pointer(&m->view_phi_deg),
+                               .light_theta_deg = g_steal_pointer(&m->light_theta_deg),
+                               .light_phi_deg = g_steal_pointer(&m->light_phi_deg)};
+    btf->values = g_new(float, (gsize)W *H *n *n * 3);
+    for (int texel = 0; texel < W * H; texel++)
+        for (int k = 0; k < n * n; k++)
+            fill_texel(LIGHT, 0, unit(btf->light_theta_deg[k % n], btf->light_phi_deg[k % n]),
+                       texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
+    eigenmaps_free(m);
+    return btf;
+}
+
+static void write_lpca(const char *path, const struct btf_matrix *btf) {
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *half = btf_matrix_halved(btf);
+    const struct btf_matrix *const levels[2] = {btf, half};
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .work.n_threads = 1};
+    struct lpca *lpca[2];
+    for (int k = 0; k < 2; k++) {
+        lpca[k] = lpca_compute(levels[k], &options, &error);
+        g_assert_no_error(error);
+        lpca_quantise(lpca[k], LPCA_HALF);
+    }
+    g_assert_true(lpca_write_levels(path, lpca, 2, &error));
+    lpca_free(lpca[0]);
+    lpca_free(lpca[1]);
+    btf_matrix_free(half);
+}
+
+static void write_lobes(const char *path, const struct btf_matrix *btf, enum lobes_model model) {
+    g_autoptr(GError) error = NULL;
+    const struct lobes_options options = {.model = model, .n_lobes = 1, .work.n_threads = 1};
+    struct lobes *lobes = lobes_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    g_assert_true(lobes_write(path, lobes, &error));
+    lobes_free(lobes);
+}
+
+/* A session with every product that a method draws. */
+static char *write_products(void) {
+    char *session = write_session();
+    struct btf_matrix *btf = make_btf();
+    g_autofree char *lpca = method_path(method_find("lpca"), session);
+    write_lpca(lpca, btf);
+    for (int k = 0; k < LOBES_MODELS; k++) {
+        const enum lobes_model model = (enum lobes_model)k;
+        g_autofree char *path = method_path(method_find(lobes_model_name(model)), session);
+        write_lobes(path, btf, model);
+    }
+    btf_matrix_free(btf);
+    return session;
+}
+
+/* The opener of a method, or of distances. */
+static gboolean opens(const struct method *method, const char *path, GError **error) {
+    if (method == NULL) {
+        struct mdf_source *mdf = mdf_source_read(path, error);
+        const gboolean good = mdf != NULL;
+        mdf_source_free(mdf);
+        return good;
+    }
+    gpointer material = method_open(method, path, error);
+    if (material != NULL)
+        method->free(material);
+    return material != NULL;
+}
+
+static void must_refuse(const struct method *method, const char *path, const char *what) {
+    g_autoptr(GError) error = NULL, left = NULL;
+    if (opens(method, path, &error))
+        g_error("%s: %s was opened", path, what);
+    g_assert_nonnull(error);
+    if (strstr(error->message, path) == NULL)
+        g_error("%s: %s: “%s” does not name the file", path, what, error->message);
+    g_assert_true(gpu_check("what was left", &left));
+}
+
+static void tear(const struct method *method, const char *path) {
+    g_autofree char *bytes = NULL;
+    gsize length;
+    g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
+    g_autofree char *torn = g_strconcat(path, ".torn", NULL);
+    const gsize firsts[] = {0, 1, 3, 4, 8, 40, length - 1};
+    for (gsize k = 0; k < G_N_ELEMENTS(firsts) + CUTS; k++) {
+        const gsize at = k < G_N_ELEMENTS(firsts)
+                             ? firsts[k]
+                             : length * (k - G_N_ELEMENTS(firsts) + 1) / (CUTS + 1);
+        g_autofree char *what = g_strdup_printf("cut at byte %" G_GSIZE_FORMAT, at);
+        g_assert_true(g_file_set_contents(torn, bytes, (gssize)at, NULL));
+        must_refuse(method, torn, what);
+    }
+    g_unlink(torn);
+}
+
+static struct exr_file *read_all(const char *path) {
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_read(path, &error);
+    g_assert_no_error(error);
+    return file;
+}
+
+static void write_all(const char *path, const struct exr_file *file) {
+    g_autoptr(GError) error = NULL;
+    exr_write(path, file, EXR_NONE, FALSE, &error);
+    g_assert_no_error(error);
+}
+
+/* One value of one plane after the other is none, or endless. */
+static void poison(const struct method *method, const char *path, struct exr_file *file) {
+    g_autofree char *bad = g_strconcat(path, ".bad", NULL);
+    for (guint k = 0; k < file->parts->len; k++) {
+        const struct exr_part *part = file->parts->pdata[k];
+        for (int c = 0; c < part->n_channels; c++) {
+            const gsize at = (gsize)part->width * part->height / 2;
+            const float kept = part->planes[c][at];
+            part->planes[c][at] = (k + (guint)c) % 2 == 0 ? NAN : INFINITY;
+            write_all(bad, file);
+            g_autofree char *what = g_strdup_printf("part %s, channel %s with %g", part->name,
+                                                    part->channels[c], (double)part->planes[c][at]);
+            /* Halves end at 65504. */
+            if (part->type == EXR_FLOAT || isnan(part->planes[c][at]))
+                must_refuse(method, bad, what);
+            part->planes[c][at] = kept;
+        }
+    }
+    g_unlink(bad);
+}
+
+/* optional: how many parts a file may lack and be opened all the same. */
+static void lack(const struct method *method, const char *path, struct exr_file *file,
+                 int optional) {
+    g_autofree char *part_of = g_strconcat(path, ".part", NULL);
+    GPtrArray *const all = file->parts;
+    int opened = 0;
+    for (guint k = 0; k < all->len; k++) {
+        g_autoptr(GPtrArray) rest = g_ptr_array_new();
+        g_autoptr(GError) error = NULL;
+        for (guint i = 0; i < all->len; i++)
+            if (i != k)
+                g_ptr_array_add(rest, all->pdata[i]);
+        if (rest->len == 0)
+            continue;
+        file->parts = rest;
+        write_all(part_of, file);
+        file->parts = all;
+        const struct exr_part *part = all->pdata[k];
+        if (opens(method, part_of, &error)) {
+            g_test_message("%s is opened without its part %s", path, part->name);
+            opened++;
+        } else if (strstr(error->message, part_of) == NULL) {
+            g_error("%s without %s: “%s” does not name the file", path, part->name, error->message);
+        }
+    }
+    g_assert_cmpint(opened, <=, optional);
+    g_unlink(part_of);
+}
+
+static void check_file(const struct method *method, const char *path, int optional) {
+    g_autoptr(GError) error = NULL;
+    if (!opens(method, path, &error))
+        g_error("%s", error->message);
+    tear(method, path);
+    struct exr_file *file = read_all(path);
+    poison(method, path, file);
+    lack(method, path, file, optional);
+    exr_file_free(file);
+}
+
+/* Whatever else draws the same file reads it alike. */
+static void test_products(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL)
+        return;
+    g_autofree char *session = write_products();
+    const char *last = "";
+    for (int k = 0; methods[k] != NULL; k++) {
+        if (methods[k]->product == NULL)
+            continue;
+        g_autofree char *path = method_path(methods[k], session);
+        if (!g_str_equal(last, methods[k]->product))
+            check_file(methods[k], path, 0);
+        last = methods[k]->product;
+    }
+    remove_tree(session);
+}
+
+static char *write_mdf(const char *session, int width, int height) {
+    static const char *const channels[] = {"D", NULL};
+    struct exr_file *file = exr_file_new();
+    for (int k = 0; k < 12; k++) {
+        g_autofree char *name = g_strdup_printf("view_%04d", k);
+        struct exr_part *part = exr_part_new(name, width, height, channels, EXR_FLOAT);
+        for (int i = 0; i < width * height; i++)
+            part->planes[0][i] = 1.0F + (float)((i + k) % 5) / 10.0F;
+        exr_set_double(part, "view.theta_deg", k < 6 ? 30.0 : 70.0);
+        exr_set_double(part, "view.phi_deg", 60.0 * (k % 6));
+        exr_set_double(part, "reference_mm", 2.0);
+        exr_set_double(part, "texel_mm", 0.5);
+        exr_file_add(file, part);
+    }
+    char *path = g_build_filename(session, "products", "mdf.exr", NULL);
+    write_all(path, file);
+    exr_file_free(file);
+    return path;
+}
+
+static void test_distances(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL || !have_programs())
+        return;
+    g_autofree char *session = write_session();
+    g_autofree char *plain = write_mdf(session, 8, 8);
+    g_autofree char *maps = g_build_filename(session, "products", "maps.exr", NULL);
+    g_autofree char *views = g_build_filename(session, "products", "views.exr", NULL);
+    compress(plain, (const char *[]){"--method", "mdf", "-c", "4", "-o", maps, NULL});
+    compress(plain, (const char *[]){"--method", "mdf-views", "-o", views, NULL});
+    check_file(NULL, plain, 12); /* any number of views will do */
+    check_file(NULL, maps, 0);
+    check_file(NULL, views, 12);
+    remove_tree(session);
+}
+
+#define WIDE 40000 /* texels: more than llvmpipe and today's cards take each way */
+
+static void write_wide_maps(const char *path) {
+    g_autoptr(GError) error = NULL;
+    struct eigenmaps *m = make_material(LIGHT, 1, 3);
+    m->width = WIDE;
+    m->height = m->n_terms = 1;
+    g_free(m->maps);
+    m->maps = g_new0(float, (gsize)m->n_lights *WIDE * 3);
+    eigenmaps_write(path, m, &error);
+    g_assert_no_error(error);
+    eigenmaps_free(m);
+}
+
+static void write_wide_lpca(const char *path, const struct btf_matrix *btf) {
+    g_autoptr(GError) error = NULL;
+    const struct lpca_options options = {.n_clusters = 2, .n_components = 2, .work.n_threads = 1};
+    struct lpca *lpca = lpca_compute(btf, &options, &error);
+    g_assert_no_error(error);
+    lpca->width = WIDE;
+    lpca->height = 1;
+    g_free(lpca->clusters);
+    g_free(lpca->weights);
+    lpca->clusters = g_new0(int, WIDE);
+    lpca->weights = g_new0(float, (gsize)WIDE * lpca->n_components);
+    lpca_quantise(lpca, LPCA_HALF);
+    g_assert_true(lpca_write_levels(path, &lpca, 1, &error));
+    lpca_free(lpca);
+}
+
+static void is_too_wide(const char *path, const GError *error) {
+    g_assert_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE);
+    g_test_message("%s", error->message);
+    g_assert_nonnull(strstr(error->message, path));
+    g_assert_nonnull(strstr(error->message, "40000 × 1 texels"));
+}
+
+/* More than the card takes. */
+static void test_too_wide(struct fixture *f, gconstpointer data) {
+    static const char *const names[] = {"eigenmaps", "fields",       "lpca",
+                                        "lpca-grid", "lpca-revised", NULL};
+    if (f->gpu == NULL)
+        return;
+    g_autofree char *session = write_session(), *mdf = write_mdf(session, WIDE, 1);
+    for (int k = 0; names[k] != NULL; k++) {
+        g_autoptr(GError) error = NULL;
+        g_autofree char *path = method_path(method_find(names[k]), session);
+        if (g_str_equal(names[k], "eigenmaps"))
+            write_wide_maps(path);
+        else if (g_str_equal(names[k], "fields"))
+            write_fields(path, WIDE, 1);
+        else if (g_str_equal(names[k], "lpca")) {
+            struct btf_matrix *btf = make_btf();
+            write_wide_lpca(path, btf);
+            btf_matrix_free(btf);
+        }
+        g_assert_false(opens(method_find(names[k]), path, &error));
+        is_too_wide(path, error);
+    }
+    g_autoptr(GError) error = NULL, wide = NULL;
+    g_autoptr(View) view = view_new(NULL, &error);
+    g_assert_no_error(error);
+    g_assert_false(view_open_mdf(view, mdf, &wide));
+    is_too_wide(mdf, wide);
+    g_assert_true(gpu_check("what was left", &error));
+    remove_tree(session);
+}
+
+/* Where a driver has less than is needed, or there is none. */
+static void test_no_gl(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL || !have_programs())
+        return;
+    g_autofree char *dir = write_session();
+    g_autofree char *path = g_build_filename(dir, "out.png", NULL);
+    const char *const render[] = {VIEWER, dir, "-o", path, "--size", "48x32", NULL};
+    refuses((const char *[]){"MESA_GL_VERSION_OVERRIDE", "3.0", NULL}, render,
+            "LIBGL_ALWAYS_SOFTWARE=1");
+    refuses((const char *[]){"__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent", NULL}, render,
+            "libegl-mesa0");
+    refuses((const char *[]){"EGL_PLATFORM", "x11", "LIBGL_DRIVERS_PATH", "/nonexistent", NULL},
+            render, "libgl1-mesa-dri");
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+    remove_tree(dir);
+}
+
+/* Where a library lies; it must be there. */
+static char *find_library(const char *name) {
+    void *library = dlopen(name, RTLD_LAZY | RTLD_LOCAL);
+    struct link_map *map = NULL;
+    if (library == NULL)
+        g_error("%s", dlerror());
+    g_assert_cmpint(dlinfo(library, RTLD_DI_LINKMAP, &map), ==, 0);
+    char *path = realpath(map->l_name, NULL);
+    dlclose(library);
+    return path;
+}
+
+struct missing {
+    const char *libraries[3];
+    const char *said; /* NULL: it draws all the same */
+};
+
+static void check_missing(const struct missing *m, const char *const *environment,
+                          const char *const *arguments) {
+    char *paths[G_N_ELEMENTS(m->libraries)] = {NULL};
+    g_autofree char *err = NULL;
+    for (int k = 0; m->libraries[k] != NULL; k++)
+        paths[k] = find_library(m->libraries[k]);
+    const int code = run_without((const char *const *)paths, environment, arguments, &err);
+    for (int k = 0; paths[k] != NULL; k++)
+        free(paths[k]);
+    g_test_message("without %s: %d: %s", m->libraries[0], code, err);
+    if (code == NO_HIDE) {
+        g_test_skip("files cannot be hidden: no name spaces of mounts");
+        return;
+    }
+    g_assert_cmpint(code, ==, m->said != NULL ? 1 : 0);
+    if (m->said != NULL) {
+        g_assert_true(g_str_has_prefix(err, "mesorig-view: "));
+        g_assert_nonnull(strstr(err, m->said));
+    }
+}
+
+/* Libraries that are not installed. */
+static void test_no_library(struct fixture *f, gconstpointer data) {
+    static const struct missing headless[] = {
+        {{"libEGL.so.1"}, "install EGL and Mesa (libegl1"},
+        {{"libOpenGL.so.0", "libGL.so.1"}, "install libgl1"},
+        {{"libGL.so.1"}, NULL},
+        {{"libOpenGL.so.0"}, NULL},
+        {{"libEGL_mesa.so.0"}, "libegl-mesa0"},
+    };
+    static const struct missing window[] = {
+        {{"libGL.so.1"}, "install libgl1"},
+        {{"libGLX.so.0"}, "install libgl1"},
+        {{"libGLX_mesa.so.0"}, "LIBGL_ALWAYS_SOFTWARE=1"},
+        {{"libEGL.so.1"}, NULL},
+    };
+    if (f->gpu == NULL || !have_programs())
+        return;
+    g_autofree char *dir = write_session();
+    g_autofree char *path = g_build_filename(dir, "out.png", NULL);
+    const char *const render[] = {VIEWER, dir, "-o", path, "--size", "48x32", NULL};
+    const char *const show[] = {VIEWER, dir, "--size", "48x32", "--close-after", "1", NULL};
+    for (gsize k = 0; k < G_N_ELEMENTS(headless); k++)
+        check_missing(&headless[k], NULL, render);
+    g_autoptr(XDisplay) x = x_display_new();
+    for (gsize k = 0; x != NULL && k < G_N_ELEMENTS(window); k++)
+        check_missing(&window[k], (const char *[]){"DISPLAY", x_display_name(x), NULL}, show);
+    remove_tree(dir);
+}
+
+struct shape {
+    const char *name, *text, *said;
+};
+
+static void test_shapes(struct fixture *f, gconstpointer data) {
+    static const struct shape shapes[] = {
+        {"bare.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no texture coordinates (vt)"},
+        {"nan.obj", "v 0 nan 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n", "nan.obj:1"},
+        {"empty.obj", "", "empty.obj"},
+        {"torn.gltf", "{\"asset\": {\"version\": \"2.0\"}, \"mesh", "torn.gltf"},
+        {"bare.gltf",
+         "{\"asset\":{\"version\":\"2.0\"},\"meshes\":[{\"primitives\":[{\"attributes\":"
+         "{\"POSITION\":0}}]}],\"nodes\":[{\"mesh\":0}],\"scenes\":[{\"nodes\":[0]}],"
+         "\"accessors\":[{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}],"
+         "\"bufferViews\":[{\"buffer\":0,\"byteLength\":36}],\"buffers\":[{\"byteLength\":36,"
+         "\"uri\":\"data:application/octet-stream;base64,"
+         "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA\"}]}",
+         "no texture coordinates (TEXCOORD_0)"},
+    };
+    if (f->gpu == NULL || !have_programs())
+        return;
+    g_autofree char *dir = write_session();
+    g_autofree char *path = g_build_filename(dir, "out.png", NULL);
+    for (gsize k = 0; k < G_N_ELEMENTS(shapes); k++) {
+        g_autofree char *shape = g_build_filename(dir, shapes[k].name, NULL);
+        g_assert_true(g_file_set_contents(shape, shapes[k].text, -1, NULL));
+        refuses(NULL, (const char *[]){VIEWER, dir, "-o", path, "--shape", shape, NULL},
+                shapes[k].said);
+    }
+    g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
+    remove_tree(dir);
+}
+
+static guint8 *picture(const char *const *environment, const char *const *arguments,
+                       const char *path, int *ret_n) {
+    g_autofree char *err = NULL;
+    png_image image = {.version = PNG_IMAGE_VERSION};
+    const int code = run_in(environment, arguments, &err);
+    if (code != 0)
+        g_error("%s", err);
+    g_assert_true(png_image_begin_read_from_file(&image, path));
+    image.format = PNG_FORMAT_RGB;
+    guint8 *rgb = g_malloc(PNG_IMAGE_SIZE(image));
+    g_assert_true(png_image_finish_read(&image, NULL, rgb, 0, NULL));
+    *ret_n = (int)PNG_IMAGE_SIZE(image);
+    png_image_free(&image);
+    return rgb;
+}
+
+static int count_different(const guint8 *a, const guint8 *b, int n) {
+    int different = 0;
+    for (int k = 0; k < n; k++)
+        different += ABS(a[k] - b[k]) > 2;
+    return different;
+}
+
+/* OpenGL 3.3 is enough, for silhouettes too; what needs more says so. */
+static void test_least_gl(struct fixture *f, gconstpointer data) {
+    if (f->gpu == NULL || !have_programs())
+        return;
+    g_autofree char *dir = write_session();
+    g_autofree char *mdf = write_mdf(dir, 8, 8);
+    g_autofree char *path = g_build_filename(dir, "out.png", NULL);
+    static const char *const least[] = {"MESA_GL_VERSION_OVERRIDE", "3.3", NULL};
+    const char *arguments[] = {VIEWER,
+                               dir,
+                               "-o",
+                               path,
+                               "--size",
+                               "48x32",
+                               "--supersample",
+                               "1",
+                               "--shadows",
+                               "--lamp",
+                               "30,90",
+                               "--silhouettes=lists",
+                               NULL};
+    refuses(least, arguments, "OpenGL 4.3");
+    arguments[11] = "--silhouettes";
+    int n = 0;
+    g_autofree guint8 *with = picture(NULL, arguments, path, &n);
+    g_autofree guint8 *without = picture(least, arguments, path, &n);
+    g_assert_cmpint(count_different(with, without, n), <=, n / 500);
+    remove_tree(dir);
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+#define ADD(path, function) g_test_add(path, struct fixture, NULL, set_up, function, tear_down)
+    ADD("/view-mistakes/products", test_products);
+    ADD("/view-mistakes/distances", test_distances);
+    ADD("/view-mistakes/too-wide", test_too_wide);
+    ADD("/view-mistakes/no-gl", test_no_gl);
+    ADD("/view-mistakes/no-library", test_no_library);
+    ADD("/view-mistakes/shapes", test_shapes);
+    ADD("/view-mistakes/least-gl", test_least_gl);
+    return g_test_run();
+}

@@ -1,0 +1,233 @@
+/* The window as a user has it: keys and mouse on a display without a screen, and what its
+ * screenshots say of themselves. */
+#include "lib/remove_tree.h"
+#include "lib/view_fixture.h"
+#include "lib/window_user.h"
+
+#include "eigenmaps/eigenmaps.h"
+
+#define SMALL "--size", "400x300"
+
+static double camera(GHashTable *texts, gboolean elevation) {
+    double azimuth = NAN, high = NAN;
+    g_assert_cmpint(
+        sscanf(user_said(texts, "Camera"), "azimuth %lf deg, elevation %lf deg", &azimuth, &high),
+        ==, 2);
+    return elevation ? high : azimuth;
+}
+
+static double light(GHashTable *texts, gboolean azimuth) {
+    double theta = NAN, phi = NAN;
+    g_assert_cmpint(sscanf(user_said(texts, "Light"), "theta %lf deg, phi %lf deg", &theta, &phi),
+                    ==, 2);
+    return azimuth ? phi : theta;
+}
+
+static double distance(GHashTable *texts) {
+    const char *at = strstr(user_said(texts, "Camera"), "distance ");
+    g_assert_nonnull(at);
+    return g_ascii_strtod(at + strlen("distance "), NULL);
+}
+
+static void test_mouse(void) {
+    struct user u;
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
+        return;
+    user_wait_for_title(&u, "eigenmaps.exr");
+    g_autoptr(GHashTable) before = user_look(&u);
+    x_display_drag(u.x, 1, 360, 200, 50, 20);
+    g_autoptr(GHashTable) turned = user_look(&u);
+    g_assert_cmpfloat_with_epsilon(camera(turned, FALSE), camera(before, FALSE) - 20.0, 1e-6);
+    g_assert_cmpfloat_with_epsilon(camera(turned, TRUE), camera(before, TRUE) + 8.0, 1e-6);
+    g_assert_cmpstr(user_said(turned, "Light"), ==, user_said(before, "Light"));
+    x_display_drag(u.x, 3, 360, 200, -25, 10);
+    g_autoptr(GHashTable) lit = user_look(&u);
+    g_assert_cmpstr(user_said(lit, "Camera"), ==, user_said(turned, "Camera"));
+    g_assert_cmpfloat_with_epsilon(light(lit, TRUE), light(before, TRUE) - 10.0, 1e-6);
+    g_assert_cmpfloat_with_epsilon(light(lit, FALSE), light(before, FALSE) + 4.0, 1e-6);
+    x_display_click(u.x, 4, 360, 200);
+    g_autoptr(GHashTable) nearer = user_look(&u);
+    g_assert_cmpfloat_with_epsilon(distance(nearer), 0.9 * distance(before), 1e-6);
+    /* On the panel the mouse is the panel's. */
+    x_display_drag(u.x, 1, 30, 14, 0, 200);
+    g_autoptr(GHashTable) same = user_look(&u);
+    g_assert_cmpstr(user_said(same, "Camera"), ==, user_said(nearer, "Camera"));
+    x_display_key(u.x, "r");
+    g_autoptr(GHashTable) reset = user_look(&u);
+    g_assert_cmpfloat_with_epsilon(camera(reset, TRUE), camera(before, TRUE), 1e-6);
+    g_assert_cmpstr(user_said(reset, "Light"), ==, user_said(before, "Light"));
+    x_display_key(u.x, "Escape");
+    g_free(user_stand_up(&u, 0));
+}
+
+static void test_keys(void) {
+    struct user u;
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, "--shape", "cylinder", NULL}))
+        return;
+    static const char *const shapes[][2] = {
+        {"1", "plane"},    {"2", "torus"},      {"3", "sphere"},
+        {"4", "cylinder"}, {"5", "torus-knot"}, {"0", "cylinder"},
+    };
+    user_wait_for_title(&u, "eigenmaps.exr");
+    for (gsize k = 0; k < G_N_ELEMENTS(shapes); k++) {
+        x_display_key(u.x, shapes[k][0]);
+        g_autoptr(GHashTable) texts = user_look(&u);
+        g_assert_cmpstr(user_said(texts, "Shape"), ==, shapes[k][1]);
+    }
+    g_autoptr(GHashTable) before = user_look(&u);
+    g_assert_cmpstr(user_said(before, "Exposure"), ==, "0.7 EV, ambient 0.05");
+    g_assert_cmpstr(user_said(before, "Tiles"), ==, "5 x 2");
+    g_assert_cmpstr(user_said(before, "Relief"), ==, "none");
+    x_display_key(u.x, "plus");
+    x_display_key(u.x, "bracketright");
+    x_display_key(u.x, "h");
+    g_autoptr(GHashTable) after = user_look(&u);
+    g_assert_cmpstr(user_said(after, "Exposure"), ==, "0.95 EV, ambient 0.05");
+    g_assert_cmpstr(user_said(after, "Tiles"), ==, "6.25 x 2.5");
+    g_assert_cmpstr(user_said(after, "Relief"), ==, "shadows");
+    /* There is no MDF: said, and nothing else changes. */
+    x_display_key(u.x, "o");
+    x_display_key(u.x, "minus");
+    g_autoptr(GHashTable) last = user_look(&u);
+    g_assert_cmpstr(user_said(last, "Relief"), ==, "shadows");
+    g_assert_cmpstr(user_said(last, "Exposure"), ==, "0.7 EV, ambient 0.05");
+    g_usleep(500000);
+    x_display_key(u.x, "q");
+    g_autofree char *err = user_stand_up(&u, 0);
+    g_assert_nonnull(strstr(err, "products/mdf.exr"));
+}
+
+static int count_different(const guint8 *a, const guint8 *b, int n) {
+    int different = 0;
+    for (int k = 0; k < n; k++)
+        different += memcmp(a + (gsize)3 * k, b + (gsize)3 * k, 3) != 0;
+    return different;
+}
+
+/* A picture of the window once it no longer changes and, unless before is NULL, differs from that
+ * in as many pixels. */
+static guint8 *settled(struct user *u, const guint8 *before, int at_least, int *ret_n) {
+    int width, height;
+    guint8 *now = x_display_picture(u->x, &width, &height);
+    for (int k = 0; k < 100; k++) {
+        g_usleep(200000);
+        guint8 *next = x_display_picture(u->x, &width, &height);
+        const int changing = count_different(now, next, width * height);
+        g_free(now);
+        now = next;
+        if (changing == 0 &&
+            (before == NULL || count_different(before, now, width * height) >= at_least))
+            break;
+    }
+    *ret_n = width * height;
+    return now;
+}
+
+/* F1 shows the keys, Tab hides the panel, and both put back what was there. The mouse is moved
+ * aside, for what it lies on may be lit. */
+static void test_help(void) {
+    struct user u;
+    int n;
+    const int help_pixels = 100 * 200, panel_pixels = 200 * 300;
+    if (!user_sit_down(&u, NULL, (const char *[]){"--size", "700x480", NULL}))
+        return;
+    user_wait_for_title(&u, "eigenmaps.exr");
+    x_display_move(u.x, 690, 470);
+    g_autofree guint8 *before = settled(&u, NULL, 0, &n);
+    x_display_key(u.x, "F1");
+    g_autofree guint8 *help = settled(&u, before, help_pixels, &n);
+    g_assert_cmpint(count_different(before, help, n), >=, help_pixels);
+    x_display_key(u.x, "F1");
+    g_autofree guint8 *without = settled(&u, help, help_pixels, &n);
+    x_display_key(u.x, "Tab");
+    g_autofree guint8 *bare = settled(&u, without, panel_pixels, &n);
+    g_assert_cmpint(count_different(before, bare, n), >=, panel_pixels);
+    x_display_key(u.x, "Tab");
+    g_autofree guint8 *again = settled(&u, bare, panel_pixels, &n);
+    /* The time that a picture took is written in the panel. */
+    g_assert_cmpint(count_different(before, again, n), <, 300 * 60);
+    x_display_key(u.x, "Escape");
+    g_free(user_stand_up(&u, 0));
+}
+
+/* Asked by the desktop, and the display gone: an end without a crash. */
+static void test_closed(void) {
+    struct user u;
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
+        return;
+    user_wait_for_title(&u, "eigenmaps.exr");
+    x_display_ask_to_close(u.x);
+    g_free(user_stand_up(&u, 0));
+    if (!user_sit_down(&u, NULL, (const char *[]){SMALL, NULL}))
+        return;
+    user_wait_for_title(&u, "eigenmaps.exr");
+    x_display_kill(u.x);
+    g_free(user_stand_up(&u, 1));
+}
+
+/* Eigen-maps that take seconds to open. */
+static char *write_large_session(void) {
+    g_autoptr(GError) error = NULL;
+    char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(dir, "products", "eigenmaps.exr", NULL);
+    g_autofree char *products = g_path_get_dirname(path);
+    g_mkdir(products, 0755);
+    struct eigenmaps *m = make_material(LIGHT, 5, 12);
+    m->width = m->height = 160;
+    g_free(m->maps);
+    m->maps = g_new0(float, (gsize)m->n_terms * m->n_lights * m->width * m->height * 3);
+    GRand *rand = g_rand_new_with_seed(1);
+    for (gsize k = 0; k < (gsize)m->n_terms * m->n_lights * m->width * m->height * 3; k++)
+        m->maps[k] = (float)(g_rand_int(rand) & 1023) / 4096.0f;
+    g_rand_free(rand);
+    eigenmaps_write(path, m, &error);
+    g_assert_no_error(error);
+    eigenmaps_free(m);
+    return dir;
+}
+
+/* While a large file is opened, keys are answered with what there is, and the window closes: by
+ * key, asked by the desktop, and with the display gone. */
+static void test_opening(void) {
+    struct user u;
+    g_autofree char *session = write_large_session();
+    if (!user_sit_down(&u, session, (const char *[]){SMALL, NULL}))
+        return;
+    x_display_key(u.x, "3");
+    g_autoptr(GHashTable) early = user_look(&u);
+    g_assert_cmpstr(user_said(early, "Shape"), ==, "sphere");
+    g_assert_cmpstr(user_said(early, "Material"), ==, "fabric-ashikhmin");
+    user_wait_for_title(&u, "eigenmaps.exr");
+    g_autoptr(GHashTable) late = user_look(&u);
+    g_assert_cmpstr(user_said(late, "Shape"), ==, "sphere");
+    x_display_key(u.x, "Escape");
+    g_free(user_stand_up(&u, 0));
+
+    g_autofree char *again = write_large_session();
+    if (!user_sit_down(&u, again, (const char *[]){SMALL, NULL}))
+        return;
+    x_display_key(u.x, "Escape");
+    g_free(user_stand_up(&u, 0));
+
+    g_autofree char *third = write_large_session();
+    if (!user_sit_down(&u, third, (const char *[]){SMALL, NULL}))
+        return;
+    x_display_ask_to_close(u.x);
+    g_free(user_stand_up(&u, 0));
+
+    g_autofree char *fourth = write_large_session();
+    if (!user_sit_down(&u, fourth, (const char *[]){SMALL, NULL}))
+        return;
+    x_display_kill(u.x);
+    g_free(user_stand_up(&u, 1));
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/window/mouse", test_mouse);
+    g_test_add_func("/window/keys", test_keys);
+    g_test_add_func("/window/help", test_help);
+    g_test_add_func("/window/closed", test_closed);
+    g_test_add_func("/window/opening", test_opening);
+    return g_test_run();
+}
