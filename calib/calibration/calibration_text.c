@@ -316,6 +316,8 @@ static gboolean are_finite(const char *list) {
     for (char **word = words; *word; word++) {
         char *rest;
         const double number = g_ascii_strtod(*word, &rest);
+        if (!**word && !word[1])
+            break; /* lists of a GKeyFile end with a separator */
         if (rest == *word || *rest || !isfinite(number))
             return FALSE;
     }

@@ -1,5 +1,7 @@
 #include "session_private.h"
 
+#include "base/input_file.h"
+
 #include "base/file_lock.h"
 #include "exr/exr.h"
 
@@ -65,7 +67,8 @@ static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong
         return NULL;
     }
     if (!S_ISREG(status.st_mode)) {
-        *ret_wrong = g_strdup("it is no regular file");
+        *ret_wrong =
+            g_strdup_printf("it is %s, not a regular file", input_file_kind(status.st_mode));
         return NULL;
     }
     const struct identity identity = {(guint64)status.st_dev, (guint64)status.st_ino,

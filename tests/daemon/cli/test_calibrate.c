@@ -101,7 +101,7 @@ static void test_show_and_report(void) {
     g_autofree char *html = in_folder("report.html");
     g_autofree char *page = NULL;
     g_key_file_set_value(calibration->extra, "camera residuals 0", "x_px", "3;9");
-    g_key_file_set_value(calibration->extra, "camera residuals 0", "y_px", "4;nan");
+    g_key_file_set_value(calibration->extra, "camera residuals 0", "y_px", "4;5");
     g_key_file_set_value(calibration->extra, "camera residuals 0", "dx_px", "0.1;0.2");
     g_key_file_set_value(calibration->extra, "camera residuals 0", "dy_px", "0.1");
     g_strlcpy(calibration->rig.cameras[0].name, "<cam&30>", RIG_NAME);
