@@ -52,6 +52,8 @@ const char *input_file_kind(mode_t mode) {
         return "a directory";
     case S_IFSOCK:
         return "a socket";
+    case S_IFLNK:
+        return "a symbolic link";
     case S_IFREG:
         return "a regular file";
     default:

@@ -66,6 +66,13 @@ static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong
             *ret_missing ? g_strdup("it is gone") : g_strdup_printf("%s", g_strerror(errno));
         return NULL;
     }
+    if (S_ISLNK(status.st_mode)) {
+        struct stat target;
+        *ret_wrong = g_strdup_printf(
+            "it is a symbolic link to what is %s, not a regular file of the session",
+            stat(path, &target) == 0 ? input_file_kind(target.st_mode) : "not there");
+        return NULL;
+    }
     if (!S_ISREG(status.st_mode)) {
         *ret_wrong =
             g_strdup_printf("it is %s, not a regular file", input_file_kind(status.st_mode));

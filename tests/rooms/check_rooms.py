@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""Holds the code's includes against the table of rooms in ARCHITECTURE.md.
+
+usage: check_rooms.py SOURCE_DIR [--table | --draw]
+
+A room is a folder with sources. Fails on: a room that is not in the table or is no longer there, an
+include that the table does not allow, a pair of rooms that include each other, a circle in the table,
+a room of more than 40 sources and headers, and one of more than 4500 lines that is not said to be
+larger. --table prints the table as the code has it; --draw prints it for Graphviz.
+"""
+import os
+import re
+import sys
+
+HOUSES = ("base", "calib", "daemon", "drivers", "processing", "renderer", "sim")
+MOST_FILES = 40
+MOST_LINES = 4500
+SOURCE = re.compile(r".*\.(c|cpp|h)$")
+ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/`[^|]* \| [^|]* \| ([^|]*) \|$")
+
+
+def read_table(path):
+    """{room: (folder, set of rooms that it may use)} in the order of the table."""
+    table = {}
+    with open(path, encoding="utf-8") as page:
+        for line in page:
+            row = ROW.match(line.rstrip("\n"))
+            if row:
+                uses = set() if row[3].strip() == "–" else set(row[3].split())
+                table[row[1]] = (row[2], uses)
+    return table
+
+
+def find_rooms(root):
+    """{folder: [files]} of every folder with sources."""
+    rooms = {}
+    for house in HOUSES:
+        for folder, _, names in os.walk(os.path.join(root, house)):
+            files = sorted(name for name in names if SOURCE.match(name))
+            if files:
+                rooms[os.path.relpath(folder, root)] = files
+    return rooms
+
+
+def includes(path):
+    with open(path, encoding="utf-8") as source:
+        for number, line in enumerate(source, 1):
+            found = re.match(r'\s*#\s*include\s+"([^"]+)"', line)
+            if found:
+                yield number, found[1]
+
+
+def find_arrows(root, rooms):
+    """(from room, to room) -> ["file:line: header"]; and what cannot be resolved."""
+    folders = {os.path.basename(folder): folder for folder in rooms}
+    arrows, wrong = {}, []
+    for folder, files in rooms.items():
+        for name in files:
+            for line, header in includes(os.path.join(root, folder, name)):
+                where = f"{folder}/{name}:{line}: {header}"
+                room, _, rest = header.partition("/")
+                if not rest:
+                    if header not in files and header != "rig1-bus.h":
+                        wrong.append(f"{where}: is not in this room; say \"room/{header}\"")
+                elif room not in folders or rest not in rooms[folders[room]]:
+                    wrong.append(f"{where}: there is no such room or header")
+                elif folders[room] == folder:
+                    wrong.append(f"{where}: is in this room; say \"{rest}\"")
+                else:
+                    arrows.setdefault((os.path.basename(folder), room), []).append(where)
+    return arrows, wrong
+
+
+def check_circles(table):
+    """Rooms of the table in which no order exists."""
+    left = {room: set(uses) for room, (_, uses) in table.items()}
+    while True:
+        free = [room for room, uses in left.items() if not uses & left.keys()]
+        if not free:
+            return sorted(left)
+        for room in free:
+            del left[room]
+
+
+def check(root, table, rooms):
+    arrows, wrong = find_arrows(root, rooms)
+    listed = {folder: room for room, (folder, _) in table.items()}
+    for folder in rooms:
+        if listed.get(folder) != os.path.basename(folder):
+            wrong.append(f"{folder}/: ARCHITECTURE.md has no row `{os.path.basename(folder)}` for it")
+    for folder, room in listed.items():
+        if folder not in rooms:
+            wrong.append(f"ARCHITECTURE.md: `{room}`: there are no sources in {folder}/")
+    for (user, used), where in sorted(arrows.items()):
+        if user in table and used not in table[user][1]:
+            wrong += [f"{place}: `{user}` may not use `{used}`" for place in where]
+        if user < used and (used, user) in arrows:
+            wrong.append(f"`{user}` and `{used}` include each other: {where[0]} and "
+                         f"{arrows[used, user][0]}")
+    for room, (_, uses) in table.items():
+        wrong += [f"ARCHITECTURE.md: `{room}` may use `{used}`, but does not"
+                  for used in sorted(uses) if (room, used) not in arrows]
+    circle = check_circles(table)
+    if circle:
+        wrong.append("ARCHITECTURE.md: no order of floors fits " + " ".join(circle))
+    for folder, files in rooms.items():
+        lines = 0
+        for name in files:
+            with open(os.path.join(root, folder, name), encoding="utf-8") as source:
+                lines += sum(1 for _ in source)
+        if len(files) > MOST_FILES:
+            wrong.append(f"{folder}/: {len(files)} sources and headers, more than {MOST_FILES}")
+        if lines > MOST_LINES:
+            wrong.append(f"{folder}/: {lines} lines, more than {MOST_LINES}")
+    return wrong
+
+
+def main():
+    root = sys.argv[1]
+    table = read_table(os.path.join(root, "ARCHITECTURE.md"))
+    rooms = find_rooms(root)
+    if "--table" in sys.argv or "--draw" in sys.argv:
+        arrows, _ = find_arrows(root, rooms)
+        for folder in rooms:
+            room = os.path.basename(folder)
+            uses = sorted(used for user, used in arrows if user == room)
+            if "--draw" in sys.argv:
+                print("\n".join(f"{room} -> {used};" for used in uses))
+            else:
+                print(f"| `{room}` | `{folder}/` | | {' '.join(uses) or '–'} |")
+        return 0
+    wrong = check(root, table, rooms)
+    for what in wrong:
+        print(what)
+    print(f"{len(table)} rooms, {len(wrong)} wrong")
+    return 1 if wrong or not table else 0
+
+
+sys.exit(main())
