@@ -23,7 +23,7 @@
 #include "virtual/testbed.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
-#include "virtual/v4l2.h"
+#include "virtual_cameras/v4l2.h"
 
 #include <locale.h>
 #include <poll.h>

@@ -4,7 +4,7 @@
  * noise. */
 #include "lib/twin_sessions.h"
 
-#include "virtual/rig.h"
+#include "virtual_rig/rig.h"
 #include "virtual/testbed.h"
 
 #include <gio/gio.h>

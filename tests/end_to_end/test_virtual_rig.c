@@ -4,7 +4,7 @@
 #include "lib/find_guardian.h"
 #include "lib/twin_sessions.h"
 
-#include "virtual/rig.h"
+#include "virtual_rig/rig.h"
 
 #include <gio/gio.h>
 #include <glib/gstdio.h>

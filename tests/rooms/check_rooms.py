@@ -16,7 +16,7 @@ HOUSES = ("base", "calib", "daemon", "drivers", "processing", "renderer", "sim")
 MOST_FILES = 40
 MOST_LINES = 4500
 SOURCE = re.compile(r".*\.(c|cpp|h)$")
-ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/`[^|]* \| [^|]* \| ([^|]*) \|$")
+ROW = re.compile(r"^\| `([a-z0-9_]+)` \| `([a-z0-9_/]+)/` \| [^|]* \| ([^|]*) \|$")
 
 
 def read_table(path):
@@ -82,6 +82,20 @@ def check_circles(table):
             del left[room]
 
 
+def find_libraries(root):
+    """{folder: set of rooms} of each mesorig_room() in the houses' CMakeLists.txt."""
+    libraries = {}
+    for house in HOUSES:
+        with open(os.path.join(root, house, "CMakeLists.txt"), encoding="utf-8") as page:
+            for call in re.findall(r"mesorig_room\(([^)]*)\)", page.read()):
+                words = call.split()
+                uses = words[words.index("USES") + 1:] if "USES" in words else []
+                ends = [i for i, word in enumerate(uses) if word in ("LIBRARIES", "WITHOUT")]
+                libraries[os.path.normpath(os.path.join(house, words[0]))] = set(
+                    uses[:ends[0]] if ends else uses)
+    return libraries
+
+
 def check(root, table, rooms):
     arrows, wrong = find_arrows(root, rooms)
     listed = {folder: room for room, (folder, _) in table.items()}
@@ -100,6 +114,11 @@ def check(root, table, rooms):
     for room, (_, uses) in table.items():
         wrong += [f"ARCHITECTURE.md: `{room}` may use `{used}`, but does not"
                   for used in sorted(uses) if (room, used) not in arrows]
+    for folder, uses in find_libraries(root).items():
+        row = table.get(os.path.basename(folder), ("", set()))[1]
+        if uses != row:
+            wrong.append(f"{folder}: mesorig_room() and ARCHITECTURE.md differ in "
+                         + " ".join(sorted(uses ^ row)))
     circle = check_circles(table)
     if circle:
         wrong.append("ARCHITECTURE.md: no order of floors fits " + " ".join(circle))

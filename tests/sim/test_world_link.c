@@ -8,7 +8,7 @@
 #include "virtual/testbed.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
-#include "virtual/v4l2.h"
+#include "virtual_cameras/v4l2.h"
 
 #define WORLD SOURCE_DIR "/tests/small/world.conf"
 

@@ -3,7 +3,7 @@
 #include "lib/painted.h"
 
 #include "virtual/testbed.h"
-#include "virtual/u3v.h"
+#include "virtual_cameras/u3v.h"
 
 #include <string.h>
 

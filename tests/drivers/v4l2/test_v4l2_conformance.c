@@ -2,7 +2,7 @@
 
 #include "v4l2/v4l2.h"
 #include "virtual/testbed.h"
-#include "virtual/v4l2.h"
+#include "virtual_cameras/v4l2.h"
 
 #include <string.h>
 

@@ -1,6 +1,6 @@
 /* mesorig-rig: a rig of virtual devices on this machine, to try the real drivers with. */
 #include "rig.h"
-#include "testbed.h"
+#include "virtual/testbed.h"
 
 #include <glib-unix.h>
 #include <glib/gstdio.h>

@@ -1,6 +1,6 @@
 #include "v4l2_private.h"
 
-#include "testbed.h"
+#include "virtual/testbed.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -10,7 +10,7 @@
 #pragma once
 
 #include "imager.h"
-#include "usb_device.h"
+#include "virtual/usb_device.h"
 
 typedef struct VirtualU3v VirtualU3v;
 

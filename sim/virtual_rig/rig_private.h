@@ -3,12 +3,12 @@
 #pragma once
 
 #include "rig.h"
-#include "u3v.h"
-#include "usb_relays.h"
-#include "usb_tic.h"
-#include "v4l2.h"
+#include "virtual_cameras/u3v.h"
+#include "virtual/usb_relays.h"
+#include "virtual/usb_tic.h"
+#include "virtual_cameras/v4l2.h"
 #include "world/world_private.h"
-#include "world_link.h"
+#include "virtual/world_link.h"
 
 #include "drivers/device.h"
 

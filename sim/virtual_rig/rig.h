@@ -11,8 +11,8 @@
  */
 #pragma once
 
-#include "gige.h"
-#include "modbus.h"
+#include "virtual_cameras/gige.h"
+#include "virtual/modbus.h"
 
 #include "base/config.h"
 

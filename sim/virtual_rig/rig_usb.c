@@ -1,7 +1,7 @@
 #include "rig_private.h"
 
 #include "devices/devices.h"
-#include "testbed.h"
+#include "virtual/testbed.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
