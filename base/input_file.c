@@ -6,6 +6,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#define LEASE_US      (60 * G_USEC_PER_SEC)
+#define LEASE_POLL_US 10000
+
 #define AT_ONCE ((gsize)1 << 20) /* bytes by which a buffer grows first */
 
 G_DEFINE_QUARK(input_file_error, input_file_error)
@@ -77,6 +80,18 @@ static gboolean check_status(const char *path, const struct stat *status, guint6
     return FALSE;
 }
 
+/* Another program may hold a lease on the file, as file servers do: a blocking open() waits until
+ * it is given back, at most /proc/sys/fs/lease-break-time, 45 s. One that does not block asks
+ * again. */
+static int input_file_open_leased(const char *path) {
+    const gint64 until_us = g_get_monotonic_time() + LEASE_US;
+    int fd;
+    while ((fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC)) < 0 &&
+           errno == EWOULDBLOCK && g_get_monotonic_time() < until_us)
+        g_usleep(LEASE_POLL_US);
+    return fd;
+}
+
 /* Looked at before it is opened, since opening some devices has effects, and again afterwards,
  * since the name may mean another file by then. */
 int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GError **error) {
@@ -87,7 +102,7 @@ int input_file_open(const char *path, guint64 max_bytes, guint64 *ret_bytes, GEr
     }
     if (!check_status(path, &status, max_bytes, error))
         return -1;
-    const int fd = open(path, O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+    const int fd = input_file_open_leased(path);
     if (fd < 0 || fstat(fd, &status) != 0) {
         input_file_fail_errno(path, errno, error);
     } else if (check_status(path, &status, max_bytes, error)) {
