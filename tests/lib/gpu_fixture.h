@@ -2,6 +2,7 @@
 #pragma once
 
 #include "gl/gpu.h"
+#include "skip.h"
 
 struct fixture {
     Gpu *gpu;
@@ -11,7 +12,7 @@ static inline void set_up(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     f->gpu = gpu_new_headless(&error);
     if (f->gpu == NULL)
-        g_test_skip(error->message);
+        test_skip_or_fail(error->message);
 }
 
 static inline void tear_down(struct fixture *f, gconstpointer data) {

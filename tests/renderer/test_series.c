@@ -1,6 +1,7 @@
 /* Pictures of a session while its views come, and where they say that one is missing. */
 #include "lib/capturing_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/skip.h"
 #include "window/live.h"
 #include "window/series.h"
 
@@ -93,7 +94,7 @@ static int count_stripes(const char *path) {
 static gboolean have_program(struct fixture *f) {
     if (f->gpu != NULL && g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE))
         return TRUE;
-    g_test_skip("no OpenGL, or mesorig-view is not built");
+    test_skip_or_fail("no OpenGL, or mesorig-view is not built");
     return FALSE;
 }
 

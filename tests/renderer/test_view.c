@@ -1,4 +1,5 @@
 /* Pictures against what the formula gives; view_fixture.h says how. */
+#include "lib/skip.h"
 #include "lib/view_fixture.h"
 #include "scene/picture.h"
 
@@ -362,7 +363,7 @@ static int run_program(const char *const *arguments, char **ret_out, char **ret_
 static gboolean have_program(struct fixture *f) {
     if (f->gpu != NULL && g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE))
         return TRUE;
-    g_test_skip("no OpenGL, or mesorig-view is not built");
+    test_skip_or_fail("no OpenGL, or mesorig-view is not built");
     return FALSE;
 }
 
@@ -497,7 +498,7 @@ static void test_program_window(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
     if (xvfb == NULL) {
-        g_test_skip("no xvfb-run");
+        test_skip_or_fail("no xvfb-run");
         return;
     }
     g_autofree char *dir = write_session(), *out = NULL, *err = NULL;

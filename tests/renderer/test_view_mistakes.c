@@ -3,6 +3,7 @@
  * black picture. */
 #include "lib/fields_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/skip.h"
 #include "lib/view_fixture.h"
 #include "lib/x_display.h"
 #include "lpca/lpca_levels.h"
@@ -67,7 +68,7 @@ static gboolean have_programs(void) {
     if (g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE) &&
         g_file_test(MESORIG, G_FILE_TEST_IS_EXECUTABLE))
         return TRUE;
-    g_test_skip("mesorig or mesorig-view is not built");
+    test_skip_or_fail("mesorig or mesorig-view is not built");
     return FALSE;
 }
 
@@ -430,7 +431,7 @@ static void check_missing(const struct missing *m, const char *const *environmen
         free(paths[k]);
     g_test_message("without %s: %d: %s", m->libraries[0], code, err);
     if (code == NO_HIDE) {
-        g_test_skip("files cannot be hidden: no name spaces of mounts");
+        test_skip_or_fail("files cannot be hidden: no name spaces of mounts");
         return;
     }
     g_assert_cmpint(code, ==, m->said != NULL ? 1 : 0);

@@ -3,6 +3,7 @@
 #include "lib/capturing_fixture.h"
 #include "lib/fields_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/skip.h"
 #include "lib/window_user.h"
 
 #include <fcntl.h>
@@ -308,7 +309,7 @@ static void test_while_opening(void) {
         check(&u, "Shape", "own.obj");
         user_wait_for_title(&u, "flat.png on own.obj");
     } else {
-        g_test_skip("the file system knows no leases");
+        test_skip_or_fail("the file system knows no leases");
     }
     x_display_key(u.x, "Escape");
     g_free(user_stand_up(&u, 0));
