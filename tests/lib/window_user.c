@@ -37,7 +37,7 @@ gboolean user_sit_down(struct user *u, const char *session, const char *const *o
         return FALSE;
     }
     u->folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    u->session = session != NULL ? g_strdup(session) : write_session();
+    u->session = session != NULL ? g_strdup(session) : view_fixture_write_session();
     g_assert_true(start(u, options));
     return TRUE;
 }
