@@ -29,13 +29,13 @@ static double cpu_s(void) {
 }
 
 static void show_cameras(const struct fixture *f, const struct calibration *calibration) {
-    const double azimuth = fixture_azimuth_rad(f, &calibration->rig);
+    const double azimuth = boards_azimuth_rad(f, &calibration->rig);
     for (int c = 0; c < f->nominal.n_cameras; c++) {
         const struct calibration_camera *camera = &calibration->cameras[c];
         printf("  cam%d rms %.4f px, %d corners, distance ± %.4f %%, chi2 %.2f\n", c,
                camera->residual_rms_px, camera->points,
                100 * sqrt(camera->covariance[14][14]) / f->options.distance_mm,
-               fixture_chi2(f, calibration, c, azimuth));
+               boards_chi2(f, calibration, c, azimuth));
     }
 }
 
@@ -62,7 +62,7 @@ static void tell(int seed, const struct fixture_errors *e, double rms_px, double
 }
 
 static void calibrate(struct fixture *f, int seed, struct total *total) {
-    const struct cameras_task task = {f->board, f->pictures, f->n_pictures, fixture_read, NULL, f};
+    const struct cameras_task task = {f->board, f->pictures, f->n_pictures, boards_read, NULL, f};
     g_autoptr(Calibration) calibration = calibration_new(&f->nominal);
     g_autoptr(GError) error = NULL;
     const double begun = cpu_s();
@@ -76,7 +76,7 @@ static void calibrate(struct fixture *f, int seed, struct total *total) {
         fprintf(stderr, "seed %d: refused: %s\n", seed, error->message);
         return;
     }
-    const struct fixture_errors e = fixture_compare(f, calibration);
+    const struct fixture_errors e = boards_compare(f, calibration);
     keep(total, &e, result->rms_px);
     tell(seed, &e, result->rms_px, cpu);
     if (show)
@@ -104,10 +104,10 @@ static void run(int seed, struct total *total) {
                                         .blur_px = 0.4,
                                         .board = "8x8,square=9,marker=6.75,thickness=3"};
     struct fixture f;
-    fixture_open(&f, &options, lays, G_N_ELEMENTS(lays));
-    fixture_capture(&f, n_stops);
+    boards_open(&f, &options, lays, G_N_ELEMENTS(lays));
+    boards_capture(&f, n_stops);
     calibrate(&f, seed, total);
-    fixture_close(&f);
+    boards_close(&f);
 }
 
 static char *cameras_json(const struct total *total) {

@@ -101,13 +101,13 @@ static void time_start(VirtualModbus *device, Axis *axis, Clock *clock, struct r
 
 static struct result measure(gboolean rtu) {
     struct result result = {0};
-    g_autoptr(VirtualModbus) device = rig_device(rtu);
+    g_autoptr(VirtualModbus) device = modbus_rig_device(rtu);
     /* A device of its own, since it serves one connection. */
-    g_autoptr(VirtualModbus) other = rig_device(rtu);
+    g_autoptr(VirtualModbus) other = modbus_rig_device(rtu);
     modbus_t *raw = connect_raw(other, rtu);
     g_autoptr(Clock) clock = clock_new_real();
     GError *error = NULL;
-    g_autofree char *text = rig_section(virtual_modbus_bus(device), "axis arc", RIG_AXIS);
+    g_autofree char *text = modbus_rig_section(virtual_modbus_bus(device), "axis arc", RIG_AXIS);
     g_autoptr(Config) config = config_parse(text, "./bench.conf", &error);
     check(error);
     const struct config_section *section = config_find(config, "axis", "arc");

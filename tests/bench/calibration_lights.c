@@ -127,6 +127,6 @@ char *bench_lights(int n_seeds, gboolean tell) {
     for (int kind = 0; kind < KINDS; kind++)
         run_kind(kind, n_seeds, tell, json);
     g_string_append_c(json, '}');
-    fixture_clean();
+    world_fixture_clean();
     return g_string_free(json, FALSE);
 }

@@ -37,7 +37,7 @@ static void measure_tile(int seed, struct figures *to) {
     grey_compare(found, &to->chi2);
     to->quality = MAX(to->quality, result.quality);
     to->calibrate_s += calibrate_seconds(folder);
-    rig_remove(folder);
+    radiometry_rig_remove(folder);
 }
 
 static gboolean notices(int seed, const char *camera, const char *turntable, const char *says) {

@@ -141,7 +141,7 @@ char *bench_whole(double cameras_s, int cameras_pictures, gboolean tell) {
     int pictures, sweeps;
     const double lamps_s = time_lamps(&pictures), laser_s = time_laser(&sweeps);
     const double all_s = cameras_s + lamps_s + laser_s;
-    fixture_clean();
+    world_fixture_clean();
     if (tell)
         printf("whole: %.1f s of processor: cameras %.1f s (%d pictures), lamps %.1f s (%d "
                "pictures), laser %.1f s (%d sweeps)\n",

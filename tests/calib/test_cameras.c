@@ -26,12 +26,12 @@ static void open_fixture(void) {
                                         .turntable_error_deg = 0.01,
                                         .blur_px = 0.4,
                                         .board = "7x7,square=10.5,marker=7.875,thickness=3"};
-    fixture_open(&f, &options, lays, G_N_ELEMENTS(lays));
-    fixture_capture(&f, N_STOPS);
+    boards_open(&f, &options, lays, G_N_ELEMENTS(lays));
+    boards_capture(&f, N_STOPS);
 }
 
 static struct cameras_task whole_task(void) {
-    return (struct cameras_task){f.board, f.pictures, f.n_pictures, fixture_read, NULL, &f};
+    return (struct cameras_task){f.board, f.pictures, f.n_pictures, boards_read, NULL, &f};
 }
 
 static void test_truth(void) {
@@ -41,7 +41,7 @@ static void test_truth(void) {
     g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
 
     g_assert_no_error(error);
-    const struct fixture_errors e = fixture_compare(&f, calibration);
+    const struct fixture_errors e = boards_compare(&f, calibration);
     g_test_message(
         "points %.4f px, direction %.4f°, distance %.3f %%, axis %.4f mm %.4f°, chi2 %.2f",
         e.point_px, e.direction_deg, e.distance_pct, e.axis_mm, e.axis_deg, e.chi2);
@@ -69,7 +69,7 @@ static void test_truth(void) {
                     sizeof calibration->cameras);
     for (guint i = 0; i < result->stops->len; i++) {
         const struct cameras_stop *s = &g_array_index(result->stops, struct cameras_stop, i);
-        const double truth = fixture_true_deg(&f, s->commanded_deg) - s->commanded_deg;
+        const double truth = boards_true_deg(&f, s->commanded_deg) - s->commanded_deg;
         g_assert_cmpfloat_with_epsilon(s->error_deg, truth, 0.03);
     }
 }
@@ -102,8 +102,7 @@ static void test_never_flat(void) {
     half.taken += f.n_pictures / 2;
     for (int i = 0; i < f.n_pictures / 2; i++)
         leaning[i].lay = 0;
-    const struct cameras_task task = {f.board,      leaning, f.n_pictures / 2,
-                                      fixture_read, NULL,    &half};
+    const struct cameras_task task = {f.board, leaning, f.n_pictures / 2, boards_read, NULL, &half};
     assert_refused(&task, "never lies flat");
 }
 
@@ -151,7 +150,7 @@ static void test_no_board(void) {
 
 static void test_mirrored(void) {
     g_autoptr(GError) error = NULL;
-    g_autoptr(Picture) picture = fixture_copy(f.taken[0]);
+    g_autoptr(Picture) picture = boards_copy(f.taken[0]);
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++)
             picture->values[y * picture->width + x] =
@@ -163,7 +162,7 @@ static void test_mirrored(void) {
 
 static struct picture *read_broken(int i, gpointer data, GError **error) {
     if (i != 5)
-        return fixture_copy(f.taken[i]);
+        return boards_copy(f.taken[i]);
     g_set_error_literal(error, G_IO_ERROR, G_IO_ERROR_FAILED, "the disk has gone");
     return NULL;
 }
@@ -176,7 +175,7 @@ static void test_read_error(void) {
 
 /* One picture with the turntable elsewhere, one with half of it black, one of not-a-numbers. */
 static struct picture *read_spoilt(int i, gpointer data, GError **error) {
-    struct picture *picture = fixture_copy(f.taken[i == 0 ? 3 : i]);
+    struct picture *picture = boards_copy(f.taken[i == 0 ? 3 : i]);
     const int n = picture->width * picture->height;
     for (int k = 0; i == 4 && k < n / 2; k++)
         picture->values[k] = 0;
@@ -193,7 +192,7 @@ static void test_spoilt_pictures(void) {
     g_autoptr(CamerasResult) result = cameras_calibrate(calibration, &task, &error);
 
     g_assert_no_error(error);
-    const struct fixture_errors e = fixture_compare(&f, calibration);
+    const struct fixture_errors e = boards_compare(&f, calibration);
     const GPtrArray *rejected = calibration->parts[CALIBRATION_CAMERAS].rejected;
     g_assert_cmpfloat(e.point_px, <, 0.05);
     int told = 0;
@@ -221,11 +220,11 @@ static void test_lens(void) {
     }
     one.taken = taken;
     g_autoptr(Calibration) calibration = calibration_new(&rig);
-    struct cameras_task task = {f.board, pictures, 2 * N_STOPS, fixture_read, NULL, &one};
+    struct cameras_task task = {f.board, pictures, 2 * N_STOPS, boards_read, NULL, &one};
     g_autoptr(CamerasResult) result = cameras_calibrate_lens(calibration, &task, &error);
     g_assert_no_error(error);
     struct rig_camera truth;
-    fixture_true_camera(&f, 1, &truth);
+    boards_true_camera(&f, 1, &truth);
     const double sigma = sqrt(calibration->cameras[0].covariance[CALIBRATION_FX][CALIBRATION_FX]);
     g_test_message("focal length %.2f ± %.2f px, truly %.2f", calibration->rig.cameras[0].fx_px,
                    sigma, truth.fx_px);
@@ -254,6 +253,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/cameras/spoilt pictures", test_spoilt_pictures);
     g_test_add_func("/cameras/lens", test_lens);
     const int code = g_test_run();
-    fixture_close(&f);
+    boards_close(&f);
     return code;
 }

@@ -123,9 +123,10 @@ static void session(void) {
         g_string_append_printf(text, "%g, %g, 2, %.6f, %.6f, %.6f\n", x, y, xyz[0], xyz[1], xyz[2]);
     }
     grey_calibrate(folder, 1, &result);
-    rig_write_world(folder, "seed=9\nturntable_albedo=0.02\ndrift_pct=3\ndrift_period_s=150",
-                    objects->str);
-    g_assert_cmpint(rig_capture(folder, GREY_CONF, "grey", NULL, NULL, &error), ==, CAPTURE_DONE);
+    radiometry_rig_write_world(
+        folder, "seed=9\nturntable_albedo=0.02\ndrift_pct=3\ndrift_period_s=150", objects->str);
+    g_assert_cmpint(radiometry_rig_capture(folder, GREY_CONF, "grey", NULL, NULL, &error), ==,
+                    CAPTURE_DONE);
     g_assert_true(pipeline_run(path, &options, &made, &error));
     g_autoptr(Session) opened = session_open(path, SESSION_READ, &error);
     g_autoptr(GArray) fields = chart_parse(text->str, "chart.csv", &error);
@@ -142,7 +143,7 @@ static void session(void) {
     g_assert_false(chart_session(opened, fields, patches, &error));
     g_assert_error(error, COLOUR_ERROR, COLOUR_ERROR_FILE);
     g_clear_pointer(&opened, session_close);
-    rig_remove(folder);
+    radiometry_rig_remove(folder);
 }
 
 int main(int argc, char **argv) {
@@ -152,6 +153,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/colour/bad-charts", bad_charts);
     g_test_add_func("/colour/session", session);
     int status = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return status;
 }

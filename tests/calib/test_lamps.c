@@ -262,13 +262,17 @@ static void test_backdrop_refused(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add("/lamps/sum", struct fixture, NULL, set_up, test_sum, tear_down);
+    g_test_add("/lamps/sum", struct fixture, NULL, gpu_fixture_set_up, test_sum,
+               gpu_fixture_tear_down);
     g_test_add_func("/lamps/even", test_even);
     g_test_add_func("/lamps/point", test_point);
     g_test_add_func("/lamps/files", test_files);
     g_test_add_func("/lamps/full", test_full);
-    g_test_add("/lamps/backdrop", struct fixture, NULL, set_up, test_backdrop, tear_down);
-    g_test_add("/lamps/source", struct fixture, NULL, set_up, test_source, tear_down);
-    g_test_add("/lamps/refused", struct fixture, NULL, set_up, test_backdrop_refused, tear_down);
+    g_test_add("/lamps/backdrop", struct fixture, NULL, gpu_fixture_set_up, test_backdrop,
+               gpu_fixture_tear_down);
+    g_test_add("/lamps/source", struct fixture, NULL, gpu_fixture_set_up, test_source,
+               gpu_fixture_tear_down);
+    g_test_add("/lamps/refused", struct fixture, NULL, gpu_fixture_set_up, test_backdrop_refused,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

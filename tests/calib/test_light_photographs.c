@@ -1,10 +1,10 @@
 /* mesorig calibrate lights --images on pictures of mirror balls as a camera far away gives them: by
  * formula, sRGB of 8 bits, clipped, with dust, second lamps and circles that somebody misread. */
+#include "lib/process.h"
 #include "lib/world_fixture.h"
 
 #include <png.h>
 #include <string.h>
-#include <sys/wait.h>
 
 #define MESORIG  BUILD_DIR "/bin/mesorig"
 #define SIZE     400
@@ -107,7 +107,7 @@ static void clean_folder(const char *path) {
 
 /* With some noise; the scene is freed. */
 static void save(struct scene *scene, const char *name) {
-    g_autofree char *path = g_build_filename(fixture_folder(), "photos", name, NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "photos", name, NULL);
     g_autofree guint8 *pixels = g_new(guint8, SIZE * SIZE);
     GRand *rand = g_rand_new_with_seed(7);
     png_image image = {
@@ -125,7 +125,7 @@ static void save(struct scene *scene, const char *name) {
 }
 
 static void begin(void) {
-    g_autofree char *photos = g_build_filename(fixture_folder(), "photos", NULL);
+    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
     g_mkdir(photos, 0700);
     clean_folder(photos);
 }
@@ -137,7 +137,6 @@ static char *calibrate(int code, const struct ball *balls, int n, gboolean json)
     g_autofree char *errors = NULL, *out = NULL;
     static const char *const start[] = {MESORIG, "calibrate", "lights", "--images", "photos",
                                         "-o",    "lights.lp", "-r",     "30",       NULL};
-    int status = 0;
     g_strv_builder_addv(builder, (const char **)(gpointer)start);
     for (int i = 0; i < n; i++) {
         g_autofree char *ball =
@@ -147,13 +146,10 @@ static char *calibrate(int code, const struct ball *balls, int n, gboolean json)
     if (json)
         g_strv_builder_add(builder, "--json");
     g_auto(GStrv) argv = g_strv_builder_end(builder);
-    g_assert_true(g_spawn_sync(fixture_folder(), argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out,
-                               &errors, &status, &error));
-    g_assert_no_error(error);
+    const int is = process_run_in(world_fixture_folder(), (const char *const *)argv, &out, &errors);
     char *all = g_strconcat(out, errors, NULL);
     g_test_message("%s", all);
-    g_assert_true(WIFEXITED(status));
-    g_assert_cmpint(WEXITSTATUS(status), ==, code);
+    g_assert_cmpint(is, ==, code);
     return all;
 }
 
@@ -366,9 +362,9 @@ int main(int argc, char **argv) {
     g_test_add_func("/light-photographs/contradictions", contradictions);
     g_test_add_func("/light-photographs/near-lamp", near_lamp);
     int result = g_test_run();
-    g_autofree char *photos = g_build_filename(fixture_folder(), "photos", NULL);
+    g_autofree char *photos = g_build_filename(world_fixture_folder(), "photos", NULL);
     clean_folder(photos);
     g_rmdir(photos);
-    fixture_clean();
+    world_fixture_clean();
     return result;
 }

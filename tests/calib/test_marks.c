@@ -20,25 +20,25 @@ static World *marked_world(int seed, const char *cam1_keys, double drift_pct) {
                                places_mm[i][0], places_mm[i][1]);
     g_autofree char *keys = g_strdup_printf(
         "seed=%d\nturntable_albedo=0.02\ndrift_pct=%g\ndrift_period_s=100", seed, drift_pct);
-    g_autofree char *text = fixture_rig_world(keys, objects->str);
+    g_autofree char *text = radiometry_fixture_world(keys, objects->str);
     if (!cam1_keys)
-        return fixture_world(text);
+        return world_fixture_new(text);
     g_auto(GStrv) parts = g_strsplit(text, "[camera cam1]\n", 2);
     g_autofree char *nudged =
         g_strconcat(parts[0], "[camera cam1]\n", cam1_keys, "\n", parts[1], NULL);
-    return fixture_world(nudged);
+    return world_fixture_new(nudged);
 }
 
 /* As radiometry would have it: the fixture's truth. */
 static void marked_rig(struct rig *rig, struct radiometry_camera *cameras,
                        struct radiometry_lamp *lamps) {
-    fixture_rig(rig);
+    radiometry_fixture_rig(rig);
     for (int i = 0; i < 3; i++) {
         rig->cameras[i].response = fixture_cameras[i].response;
         rig->cameras[i].vignetting = fixture_cameras[i].vignetting;
         rig->lamps[i].intensity = fixture_lamps[i].intensity;
         rig->lamps[i].exponent = fixture_lamps[i].exponent;
-        rig->lamps[i].aim = fixture_aim(i);
+        rig->lamps[i].aim = radiometry_fixture_aim(i);
         cameras[i] = (struct radiometry_camera){.known = TRUE};
         lamps[i] = (struct radiometry_lamp){.known = TRUE, .colour = {1, 1, 1}};
         for (int k = 0; k < 3; k++)
@@ -67,7 +67,8 @@ static GArray *look(World *world, int seed, double slip_deg) {
         double turn_deg = 17 + 30 * lamp;
         struct fixture_pose pose = {lamp, turn_deg + slip_deg, 100 + 40.0 * lamp, 10.0 * lamp};
         for (int c = 0; c < 3; c++) {
-            fixture_mosaic(world, c, &pose, 1, (guint64)seed * 100 + (guint64)lamp, mosaic);
+            radiometry_fixture_mosaic(world, c, &pose, 1, (guint64)seed * 100 + (guint64)lamp,
+                                      mosaic);
             struct mark_scene scene = {
                 &rig,        c,           lamp, turn_deg * G_PI / 180, pose.arc_deg * G_PI / 180,
                 &cameras[c], &lamps[lamp]};
@@ -224,6 +225,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/marks/turntable-slipped", turntable_slipped);
     g_test_add_func("/marks/nothing-seen", nothing_seen);
     int status = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return status;
 }

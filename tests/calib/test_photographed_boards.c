@@ -4,12 +4,12 @@
  * is made of them.
  */
 #include "cameras/cameras.h"
+#include "lib/process.h"
 #include "pictures/vision.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #define PHOTOGRAPHS "/usr/share/doc/opencv-doc/examples/data"
@@ -206,26 +206,14 @@ static char *run(const char *const *names, int *ret_code, gboolean *ret_written)
     g_autoptr(GError) error = NULL;
     char *out = NULL;
     g_autofree char *err = NULL;
-    int status;
     for (int i = 0; names[i]; i++) {
         g_autofree char *from = g_build_filename(PHOTOGRAPHS, names[i], NULL);
         g_autofree char *to = g_build_filename(folder, names[i], NULL);
         g_assert_cmpint(symlink(from, to), ==, 0);
     }
-    char *arguments[] = {(char *)MESORIG,
-                         (char *)"calibrate",
-                         (char *)"cameras",
-                         (char *)"--images",
-                         folder,
-                         (char *)"--board",
-                         (char *)BOARD,
-                         (char *)"-o",
-                         output,
-                         NULL};
-    g_spawn_sync(NULL, arguments, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status, &error);
-    g_assert_no_error(error);
-    g_assert_true(WIFEXITED(status));
-    *ret_code = WEXITSTATUS(status);
+    const char *const arguments[] = {MESORIG,   "calibrate", "cameras", "--images", folder,
+                                     "--board", BOARD,       "-o",      output,     NULL};
+    *ret_code = process_run(arguments, &out, &err);
     *ret_written = g_unlink(output) == 0;
     for (int i = 0; names[i]; i++) {
         g_autofree char *to = g_build_filename(folder, names[i], NULL);

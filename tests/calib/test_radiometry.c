@@ -12,9 +12,9 @@ static const struct tile white = {80, 80, 4, {0.98, 0.97, 0.96}};
 static World *tile_world(int seed) {
     g_autofree char *keys =
         g_strdup_printf("seed=%d\ndrift_pct=3\ndrift_period_s=977\nturntable_albedo=0.02", seed);
-    g_autofree char *text = fixture_rig_world(
+    g_autofree char *text = radiometry_fixture_world(
         keys, "[sample]\nkind=flat\nwidth_mm=80\nheight_mm=80\nbase_mm=4\nalbedo=0.98;0.97;0.96\n");
-    return fixture_world(text);
+    return world_fixture_new(text);
 }
 
 static const double arcs_deg[] = {0, 70, 150, 230, 290};
@@ -30,7 +30,7 @@ static GArray *tile_cells(World *world, const struct rig *rig, struct tile_shot 
         shots[s] = (struct tile_shot){pose.lamp, pose.arc_deg * G_PI / 180,
                                       pose.turntable_deg * G_PI / 180};
         for (int c = 0; c < rig->n_cameras; c++) {
-            fixture_mosaic(world, c, &pose, 2, (guint64)s, mosaic);
+            radiometry_fixture_mosaic(world, c, &pose, 2, (guint64)s, mosaic);
             int n = tile_measure(rig, c, "rggb", mosaic, &white, shots, s, cells);
             g_assert_cmpint(n, >, 20);
         }
@@ -123,7 +123,7 @@ static void tile(void) {
         struct rig rig;
         struct tile_shot shots[N_SHOTS];
         struct tile_fit fit;
-        fixture_rig(&rig);
+        radiometry_fixture_rig(&rig);
         g_autoptr(GArray) cells = tile_cells(world, &rig, shots);
         gboolean ok = tile_fit(&rig, shots, N_SHOTS, (struct tile_cell *)(void *)cells->data,
                                (int)cells->len, &fit, &error);
@@ -165,9 +165,9 @@ static void take_pairs(World *world, int camera, guint64 key, struct pairs *pair
         double us = exposures_us[i < 4 ? i : i - 4];
         struct transfer_pair *pair = i < 4 ? &pairs->dark[i] : &pairs->lit[i - 4];
         *pair = (struct transfer_pair){us, at, at + PIXELS};
-        fixture_expose(world, camera, &pose, (gint64)us, key * 100 + 2 * (guint64)i, at);
-        fixture_expose(world, camera, &pose, (gint64)us, key * 100 + 2 * (guint64)i + 1,
-                       at + PIXELS);
+        radiometry_fixture_expose(world, camera, &pose, (gint64)us, key * 100 + 2 * (guint64)i, at);
+        radiometry_fixture_expose(world, camera, &pose, (gint64)us, key * 100 + 2 * (guint64)i + 1,
+                                  at + PIXELS);
         at += 2 * PIXELS;
     }
 }
@@ -264,7 +264,7 @@ static void tile_refused(const struct tile_shot *shots, int n_shots, const GArra
     g_autoptr(GError) error = NULL;
     struct tile_fit fit;
     struct rig rig, before;
-    fixture_rig(&rig);
+    radiometry_fixture_rig(&rig);
     before = rig;
     g_assert_false(tile_fit(&rig, shots, n_shots, (struct tile_cell *)(void *)cells->data,
                             (int)cells->len, &fit, &error));
@@ -278,7 +278,7 @@ static void bad_tiles(void) {
     g_autoptr(World) world = tile_world(1);
     struct rig rig;
     struct tile_shot shots[N_SHOTS], same[N_SHOTS];
-    fixture_rig(&rig);
+    radiometry_fixture_rig(&rig);
     g_autoptr(GArray) cells = tile_cells(world, &rig, shots);
     g_autoptr(GArray) none = g_array_new(FALSE, FALSE, sizeof(struct tile_cell));
     tile_refused(shots, N_SHOTS, none, RADIOMETRY_ERROR_TOO_FEW, "no picture shows the tile");
@@ -307,6 +307,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/radiometry/bad-pairs", bad_pairs);
     g_test_add_func("/radiometry/bad-tiles", bad_tiles);
     int status = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return status;
 }

@@ -5,7 +5,7 @@
 #include <string.h>
 
 static void on_axis(Axis *axis, enum axis_event event, const GError *error, gpointer data) {
-    hear(data, (int)event, error);
+    heard_event(data, (int)event, error);
 }
 
 static Axis *open_axis(const struct axis_driver *driver, const char *section, struct heard *heard) {
@@ -21,14 +21,14 @@ static Axis *open_axis(const struct axis_driver *driver, const char *section, st
 
 static void home(Axis *axis, struct heard *heard) {
     g_assert_true(axis_home(axis, NULL));
-    next(heard, AXIS_HOMED);
+    heard_next(heard, AXIS_HOMED);
 }
 
 static void go(Axis *axis, struct heard *heard, double to_deg) {
     GError *error = NULL;
     axis_move(axis, to_deg, &error);
     g_assert_no_error(error);
-    next(heard, AXIS_ARRIVED);
+    heard_next(heard, AXIS_ARRIVED);
 }
 
 /* Worked out by hand: v = 10, a = 10, so that the ramps together take 10° and 2 s. */
@@ -125,11 +125,11 @@ static void test_backlash(void) {
     struct silent_axis *silent = axis->device.priv;
     g_assert_true(axis_home(axis, NULL));
     axis_report(axis, AXIS_HOMED, NULL);
-    next(&heard, AXIS_HOMED);
+    heard_next(&heard, AXIS_HOMED);
 
     g_assert_true(axis_move(axis, 20, NULL)); /* upwards: straight */
     arrive(axis);
-    next(&heard, AXIS_ARRIVED);
+    heard_next(&heard, AXIS_ARRIVED);
     g_assert_cmpint(silent->n_targets, ==, 1);
     g_assert_true(axis_move(axis, 10, NULL)); /* downwards: past it and back */
     g_assert_cmpfloat(silent->targets[1], ==, 8);
@@ -138,12 +138,12 @@ static void test_backlash(void) {
     g_assert_cmpfloat(silent->targets[2], ==, 10);
     gint64 arrived = clock_now_us(clock);
     arrive(axis);
-    next(&heard, AXIS_ARRIVED);
+    heard_next(&heard, AXIS_ARRIVED);
     g_assert_cmpint(heard.at_us - arrived, ==, 500000); /* settled */
     g_assert_true(axis_move(axis, -50, NULL));          /* no room below */
     g_assert_cmpfloat(silent->targets[3], ==, -50);
     arrive(axis);
-    next(&heard, AXIS_ARRIVED);
+    heard_next(&heard, AXIS_ARRIVED);
     g_assert_cmpint(silent->n_targets, ==, 4);
     heard_clear(&heard);
 }
@@ -155,10 +155,10 @@ static void test_axis_deadline(void) {
     struct silent_axis *silent = axis->device.priv;
     g_assert_true(axis_home(axis, NULL));
     axis_report(axis, AXIS_HOMED, NULL);
-    next(&heard, AXIS_HOMED);
+    heard_next(&heard, AXIS_HOMED);
     gint64 start = clock_now_us(clock);
     g_assert_true(axis_move(axis, 20, NULL));
-    next(&heard, AXIS_FAULT);
+    heard_next(&heard, AXIS_FAULT);
     g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
     g_assert_cmpint(heard.at_us - start, ==, (gint64)(3.5 * 1.5e6) + 4000000);
     g_assert_cmpint(silent->n_stops, ==, 1);
@@ -169,7 +169,7 @@ static void test_axis_deadline(void) {
     axis_report(axis, AXIS_ARRIVED, NULL); /* still too late: no answer to home */
     conformance_pass(clock, 1);
     g_assert_cmpint(heard.n, ==, 0);
-    next(&heard, AXIS_FAULT); /* homing has its deadline too */
+    heard_next(&heard, AXIS_FAULT); /* homing has its deadline too */
     g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
     heard_clear(&heard);
 }
@@ -208,7 +208,7 @@ static void test_true_position(void) {
     g_assert_cmpfloat(lag, >, 0.35);
     g_assert_cmpfloat(lag, <, 2.0);
     g_assert_cmpfloat(true_turntable(clock), <, 40);
-    next(&heard, AXIS_ARRIVED);
+    heard_next(&heard, AXIS_ARRIVED);
 }
 
 /* Straight after arrival the load still swings, until the settling time is over. */
@@ -223,7 +223,7 @@ static void test_settling(void) {
     conformance_pass(clock, predicted - 0.01);
     g_assert_cmpint(heard.n, ==, 0);
     g_assert_cmpfloat(true_turntable(clock), !=, 40);
-    next(&heard, AXIS_ARRIVED);
+    heard_next(&heard, AXIS_ARRIVED);
     g_assert_cmpfloat(true_turntable(clock), ==, 40);
 }
 
@@ -238,7 +238,7 @@ static void test_stall(void) {
         home(axis, &heard);
         go(axis, &heard, 10);
         g_assert_true(axis_move(axis, 100, NULL));
-        next(&heard, AXIS_FAULT);
+        heard_next(&heard, AXIS_FAULT);
         int code = kind ? DEVICE_ERROR_TIMEOUT : DEVICE_ERROR_STALLED;
         g_assert_error(heard.error, DEVICE_ERROR, code);
         g_assert_false(axis_is_homed(axis));

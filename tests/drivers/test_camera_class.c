@@ -9,7 +9,7 @@ static void on_camera(Camera *from, enum camera_event event, Frame *frame, const
     struct heard *heard = data;
     if (event == CAMERA_EXPOSED)
         return;
-    hear(heard, (int)event, error);
+    heard_event(heard, (int)event, error);
     g_clear_pointer(&heard->frame, frame_unref);
     heard->frame = frame ? frame_ref(frame) : NULL;
 }
@@ -33,7 +33,7 @@ static void shoot(Camera *from, struct heard *heard, guint64 shot, int event) {
     GError *error = NULL;
     camera_trigger(from, shot, &error);
     g_assert_no_error(error);
-    next(heard, event);
+    heard_next(heard, event);
 }
 
 static gboolean same_pixels(const Frame *a, const Frame *b) {
@@ -240,7 +240,7 @@ static void test_flaws(void) {
             conformance_pass(clock, 0.03);
             camera_report_frame(null,
                                 flawed_frame(clock, 700 + i, 10 + i, i ? (enum flaw)flaw : NONE));
-            next(&heard, i && flaw ? CAMERA_REFUSED : CAMERA_FRAME);
+            heard_next(&heard, i && flaw ? CAMERA_REFUSED : CAMERA_FRAME);
         }
         if (flaw)
             g_assert_cmpint(heard.error->code, ==,
@@ -251,7 +251,7 @@ static void test_flaws(void) {
         g_assert_true(camera_trigger(null, 701, NULL)); /* may be given again at once */
         conformance_pass(clock, 0.03);
         camera_report_frame(null, good_frame(clock, 701, 12));
-        next(&heard, CAMERA_FRAME);
+        heard_next(&heard, CAMERA_FRAME);
         heard_clear(&heard);
     }
 }
@@ -283,7 +283,7 @@ static void report_odd(struct heard *heard, Camera *from, guint64 shot, int chan
     g_assert_true(camera_trigger(from, shot, NULL));
     conformance_pass(heard->clock, 0.03);
     camera_report_frame(from, odd_frame(heard->clock, shot, changed, bit));
-    next(heard, event);
+    heard_next(heard, event);
 }
 
 /* One bit of one pixel makes another picture, whichever it is. */
@@ -314,7 +314,7 @@ static void test_unasked(void) {
     g_assert_true(camera_trigger(null, 2, NULL));
     conformance_pass(clock, 0.03);
     camera_report_frame(null, good_frame(clock, 2, 10));
-    next(&heard, CAMERA_REFUSED);
+    heard_next(&heard, CAMERA_REFUSED);
     g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_STALE);
     heard_clear(&heard);
 }

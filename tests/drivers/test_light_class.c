@@ -6,11 +6,11 @@
 
 static void on_lamp(LampBank *from, int index, gboolean on, gint64 at_us, const GError *error,
                     gpointer data) {
-    hear(data, index, error);
+    heard_event(data, index, error);
 }
 
 static void on_laser(Laser *from, gboolean on, const GError *error, gpointer data) {
-    hear(data, on, error);
+    heard_event(data, on, error);
 }
 
 static LampBank *open_lamps(const struct lamps_driver *driver, const char *keys,
@@ -34,7 +34,7 @@ static double lamp_output(Clock *clock, int lamp) {
 
 static void switch_lamp(LampBank *to, struct heard *heard, int index, gboolean on) {
     g_assert_true(lamps_set(to, index, on, NULL));
-    next(heard, index);
+    heard_next(heard, index);
     if (on)
         conformance_pass(heard->clock, to->warm_up_s);
 }
@@ -88,7 +88,7 @@ static void test_lamp_deadline(void) {
     g_autoptr(LampBank) silent = open_lamps(&silent_lamps_driver, "", &heard);
     gint64 start = clock_now_us(clock);
     g_assert_true(lamps_set(silent, 1, TRUE, NULL));
-    next(&heard, 1);
+    heard_next(&heard, 1);
     g_assert_error(heard.error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT);
     g_assert_cmpint(heard.at_us - start, ==, 2000000);
     g_assert_false(lamps_is_on(silent, 1));
@@ -109,7 +109,7 @@ static void test_laser_stays_on(void) {
     laser_listen(stuck, on_laser, &heard);
     for (int on = 1; on >= 0; on--) {
         g_assert_true(laser_set(stuck, on, NULL));
-        next(&heard, on);
+        heard_next(&heard, on);
         g_assert_cmpint(laser_is_on(stuck), ==, on);
         world_snapshot(world, clock_now_us(clock), 1, &state);
         g_assert_true(state.laser_on[index]);

@@ -20,7 +20,7 @@ static double apart_deg(struct vec3 a, struct vec3 b) {
 }
 
 static void compare_cameras(const struct comparing *c, struct demo_errors *ret) {
-    const struct fixture_errors errors = fixture_compare(&c->fixture, c->found);
+    const struct fixture_errors errors = boards_compare(&c->fixture, c->found);
     ret->camera_px = errors.point_px;
     ret->camera_deg = errors.direction_deg;
     ret->camera_pct = errors.distance_pct;
@@ -121,7 +121,7 @@ static struct comparing comparing(World *world, const struct calibration *found)
     struct comparing c = {.world = world, .found = found};
     c.fixture.worlds[0] = world;
     c.fixture.nominal = found->rig;
-    c.azimuth_rad = fixture_azimuth_rad(&c.fixture, &found->rig);
+    c.azimuth_rad = boards_azimuth_rad(&c.fixture, &found->rig);
     return c;
 }
 
@@ -139,5 +139,5 @@ double demo_azimuth_rad(World *world, const struct rig *rig) {
     struct comparing c = {.world = world};
     c.fixture.worlds[0] = world;
     c.fixture.nominal = *rig;
-    return fixture_azimuth_rad(&c.fixture, rig);
+    return boards_azimuth_rad(&c.fixture, rig);
 }

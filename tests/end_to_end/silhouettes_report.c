@@ -51,7 +51,7 @@ static gboolean compare(const struct options *o, View *view, const struct view_s
         view_render_geometry(view, s, VIEW_GEOMETRY_LIT, o->width, o->height, error);
     if (seen == NULL)
         return FALSE;
-    *ret = score(seen, truth, s, o->width, o->height, !o->no_floor);
+    *ret = silhouettes_score(seen, truth, s, o->width, o->height, !o->no_floor);
     return TRUE;
 }
 
@@ -59,7 +59,7 @@ enum { BTF, STRAIGHT, MDF, N_WAYS };
 
 static gboolean measure(const struct options *o, Displaced *displaced, View *view,
                         const struct view_settings *s, struct scores ret[N_WAYS], GError **error) {
-    g_autofree struct displaced_pixel *truth = trace(displaced, s, o->width, o->height);
+    g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, s, o->width, o->height);
     for (int way = 0; way < N_WAYS; way++) {
         struct view_settings one = *s;
         one.shadows = TRUE;
@@ -88,7 +88,7 @@ static void report(const struct options *o, int u, int v, const struct scores *s
 static gboolean make_picture(const struct options *o, Displaced *displaced, View *view,
                              const struct view_settings *s, GError **error) {
     int w = o->width * s->samples, h = o->height * s->samples;
-    g_autofree struct displaced_pixel *pixels = trace(displaced, s, w, h);
+    g_autofree struct displaced_pixel *pixels = silhouettes_trace(displaced, s, w, h);
     g_autofree float *linear = g_new0(float, 4 * (gsize)w * h);
     for (int k = 0; k < w * h; k++) {
         const struct displaced_pixel *p = &pixels[k];

@@ -3,13 +3,14 @@
  * processed with and without it; all of it compared with the simulated truth. */
 #include "demo_calibration.h"
 #include "exr/exr.h"
+#include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "rig/devices.h"
 #include "session/session.h"
 
 #include <glib/gstdio.h>
 #include <math.h>
 #include <string.h>
-#include <sys/wait.h>
 
 #define DEMO    SOURCE_DIR "/etc/demo/"
 #define MESORIG BUILD_DIR "/bin/mesorig"
@@ -94,14 +95,7 @@ static void write_files(void) {
 }
 
 static void run(const char *const *argv) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *out = NULL, *err = NULL;
-    int status;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status,
-                 &error);
-    g_assert_no_error(error);
-    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
-        g_error("%s %s: ended with %d:\n%s%s", argv[0], argv[1], status, out, err);
+    g_free(process_text(0, argv));
 }
 
 #define RUN(...) run((const char *const[]){__VA_ARGS__, NULL})
@@ -231,11 +225,7 @@ static void test_process_refuses(void) {
     g_assert_true(calibration_write(calibration, other, &error));
     const char *const argv[] = {MESORIG, "process", directory, "-c", other, NULL};
     g_autofree char *err = NULL;
-    int status;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_STDOUT_TO_DEV_NULL, NULL, NULL, NULL, &err,
-                 &status, &error);
-    g_assert_no_error(error);
-    g_assert_cmpint(WEXITSTATUS(status), ==, 1);
+    g_assert_cmpint(process_run(argv, NULL, &err), ==, 1);
     g_assert_nonnull(strstr(err, "is of rig other, but this is rig demo"));
 }
 
@@ -247,7 +237,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/chain/process", test_process);
     g_test_add_func("/chain/process refuses", test_process_refuses);
     const int code = g_test_run();
-    RUN("/bin/rm", "-rf", folder);
+    remove_tree(folder);
     g_free(folder);
     return code;
 }

@@ -2,40 +2,21 @@
  * relay boards, its cameras are V4L2's and one USB3 Vision's, all over one world, and the programs
  * capture it in real time. Its frames and products are those of the simulated drivers, but for the
  * noise. */
+#include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "lib/twin_sessions.h"
 
-#include "virtual_rig/rig.h"
 #include "virtual/testbed.h"
+#include "virtual_rig/rig.h"
 
 #include <gio/gio.h>
 #include <signal.h>
-#include <sys/prctl.h>
 
 #define SMALL  SOURCE_DIR "/tests/small/"
 #define BIN(x) BUILD_DIR "/bin/" x
 
-/* Nothing is left behind by a test that fails. */
-static void die_with_us(gpointer unused) {
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-}
-
-static GSubprocess *starts(GSubprocessFlags flags, const char *const *argv) {
-    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(flags);
-    g_autoptr(GError) error = NULL;
-    g_subprocess_launcher_set_child_setup(launcher, die_with_us, NULL, NULL);
-    GSubprocess *process = g_subprocess_launcher_spawnv(launcher, argv, &error);
-    g_assert_no_error(error);
-    return process;
-}
-
 static void runs(const char *const *argv) {
-    g_autoptr(GSubprocess) process =
-        starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE, argv);
-    g_autoptr(GBytes) said = NULL;
-    g_assert_true(g_subprocess_communicate(process, NULL, NULL, &said, NULL, NULL));
-    if (!g_subprocess_get_successful(process))
-        g_error("%s %s failed:\n%.*s", argv[0], argv[1], (int)g_bytes_get_size(said),
-                (const char *)g_bytes_get_data(said, NULL));
+    g_free(process_text(0, argv));
 }
 
 /* All is left dark and still. */
@@ -47,7 +28,8 @@ static void assert_safe(VirtualRig *rig) {
 }
 
 static void capture_usb(const char *name) {
-    g_autofree char *path = in_top("usb.conf"), *socket = in_top("bus"), *session = in_top(name);
+    g_autofree char *path = twin_path("usb.conf"), *socket = twin_path("bus"),
+                    *session = twin_path(name);
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     GError *error = NULL;
     g_autoptr(VirtualRig) rig = virtual_rig_new(SMALL "rig.conf", (const char *[]){"all", NULL},
@@ -55,8 +37,8 @@ static void capture_usb(const char *name) {
     g_assert_no_error(error);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(rig), -1, NULL));
     g_autoptr(GSubprocess) daemon =
-        starts(G_SUBPROCESS_FLAGS_STDERR_SILENCE,
-               (const char *[]){BIN("mesorigd"), "--listen", address, "--rig", path, NULL});
+        process_start(G_SUBPROCESS_FLAGS_STDERR_SILENCE, NULL,
+                      (const char *[]){BIN("mesorigd"), "--listen", address, "--rig", path, NULL});
     for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     runs((const char *[]){BIN("mesorig"), "capture", "--address", address, path,
@@ -70,12 +52,13 @@ static void capture_usb(const char *name) {
 
 /* What the daemon says from its start with this rig to its end; g_free(). */
 static char *daemon_says(VirtualRig *rig) {
-    g_autofree char *path = in_top("warned.conf"), *socket = in_top("warned-bus"), *said = NULL;
+    g_autofree char *path = twin_path("warned.conf"), *socket = twin_path("warned-bus"),
+                    *said = NULL;
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     g_assert_true(g_file_set_contents(path, virtual_rig_text(rig), -1, NULL));
     g_autoptr(GSubprocess) daemon =
-        starts(G_SUBPROCESS_FLAGS_STDERR_PIPE,
-               (const char *[]){BIN("mesorigd"), "--listen", address, "--rig", path, NULL});
+        process_start(G_SUBPROCESS_FLAGS_STDERR_PIPE, NULL,
+                      (const char *[]){BIN("mesorigd"), "--listen", address, "--rig", path, NULL});
     for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     g_subprocess_send_signal(daemon, SIGTERM);
@@ -111,8 +94,8 @@ static void test_warning(void) {
 
 /* The same rig, with other noise. */
 static void capture_simulated(const char *name, const char *seed) {
-    g_autofree char *rig = in_top("rig.conf"), *world = in_top("world.conf");
-    g_autofree char *session = in_top(name), *rig_text = NULL, *text = NULL;
+    g_autofree char *rig = twin_path("rig.conf"), *world = twin_path("world.conf");
+    g_autofree char *session = twin_path(name), *rig_text = NULL, *text = NULL;
     g_assert_true(g_file_get_contents(SMALL "rig.conf", &rig_text, NULL, NULL));
     g_assert_true(g_file_get_contents(SMALL "world.conf", &text, NULL, NULL));
     g_auto(GStrv) parts = g_strsplit(text, "seed = 7", 2);
@@ -133,13 +116,14 @@ static void test_session(void) {
     capture_usb("usb.session");
     capture_simulated("simulated.session", "7");
     capture_simulated("other.session", "8");
-    g_assert_cmpfloat(value("usb.session", "frames"), ==, value("simulated.session", "frames"));
-    g_assert_cmpfloat(value("usb.session", "retakes"), ==, 0);
+    g_assert_cmpfloat(twin_value("usb.session", "frames"), ==,
+                      twin_value("simulated.session", "frames"));
+    g_assert_cmpfloat(twin_value("usb.session", "retakes"), ==, 0);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
         struct difference noise =
-            compare("simulated.session", "other.session", kinds[i].folder, kinds[i].holes);
+            twin_compare("simulated.session", "other.session", kinds[i].folder, kinds[i].holes);
         struct difference real =
-            compare("simulated.session", "usb.session", kinds[i].folder, kinds[i].holes);
+            twin_compare("simulated.session", "usb.session", kinds[i].folder, kinds[i].holes);
         g_assert_cmpfloat(real.rms, >, 0); /* other noise */
         g_assert_cmpfloat(real.rms, <, 1.4 * noise.rms);
         g_assert_cmpfloat(fabs(real.systematic), <, noise.rms);
@@ -150,12 +134,11 @@ static void test_session(void) {
 int main(int argc, char **argv) {
     testbed_enter(argv);
     g_test_init(&argc, &argv, NULL);
-    top = g_dir_make_tmp("mesorig-usb-XXXXXX", NULL);
+    twin_folder = g_dir_make_tmp("mesorig-usb-XXXXXX", NULL);
     g_test_add_func("/usb-rig/warning", test_warning);
     g_test_add_func("/usb-rig/session", test_session);
     int failed = g_test_run();
-    const char *const remove[] = {"/bin/rm", "-rf", top, NULL};
-    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
-    g_free(top);
+    remove_tree(twin_folder);
+    g_free(twin_folder);
     return failed;
 }

@@ -2,6 +2,8 @@
  * packets lost, and the programs capture it in real time. Its frames and products are those of the
  * simulated drivers, but for the noise. */
 #include "lib/find_guardian.h"
+#include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "lib/twin_sessions.h"
 
 #include "virtual_rig/rig.h"
@@ -9,8 +11,6 @@
 #include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <signal.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
 
 #define SMALL  SOURCE_DIR "/tests/small/"
 #define BIN(x) BUILD_DIR "/bin/" x
@@ -25,37 +25,20 @@ static char *text_of(const char *path) {
 
 static void runs(const char *program, ...) G_GNUC_NULL_TERMINATED;
 static void runs(const char *program, ...) {
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_autofree char *out = NULL, *err = NULL;
-    g_autoptr(GError) error = NULL;
-    int status = -1;
     va_list arguments;
-    g_ptr_array_add(argv, (char *)program);
     va_start(arguments, program);
-    for (char *argument; (argument = va_arg(arguments, char *));)
-        g_ptr_array_add(argv, argument);
+    g_autofree const char **argv = process_argv_valist(program, arguments);
     va_end(arguments);
-    g_ptr_array_add(argv, NULL);
-    g_spawn_sync(NULL, (char **)argv->pdata, NULL, 0, NULL, NULL, &out, &err, &status, &error);
-    g_assert_no_error(error);
-    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
-        g_error("%s %s: status %x\n%s%s", program, (char *)argv->pdata[1], status, out, err);
+    g_free(process_text(0, argv));
 }
 
 static GSubprocess *starts(GSubprocessFlags flags, const char *program, ...) G_GNUC_NULL_TERMINATED;
 static GSubprocess *starts(GSubprocessFlags flags, const char *program, ...) {
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_autoptr(GError) error = NULL;
     va_list arguments;
-    g_ptr_array_add(argv, (char *)program);
     va_start(arguments, program);
-    for (char *argument; (argument = va_arg(arguments, char *));)
-        g_ptr_array_add(argv, argument);
+    g_autofree const char **argv = process_argv_valist(program, arguments);
     va_end(arguments);
-    g_ptr_array_add(argv, NULL);
-    GSubprocess *process = g_subprocess_newv((const char *const *)argv->pdata, flags, &error);
-    g_assert_no_error(error);
-    return process;
+    return process_start(flags, NULL, argv);
 }
 
 static void ends(GSubprocess *process) {
@@ -72,8 +55,8 @@ static char *first_line(GSubprocess *process) {
 
 /* The same rig, with other noise. */
 static void capture_simulated(const char *name, const char *seed) {
-    g_autofree char *rig = in_top("rig.conf"), *world = in_top("world.conf");
-    g_autofree char *session = in_top(name);
+    g_autofree char *rig = twin_path("rig.conf"), *world = twin_path("world.conf");
+    g_autofree char *session = twin_path(name);
     g_autofree char *rig_text = text_of(SMALL "rig.conf"), *text = text_of(SMALL "world.conf");
     g_auto(GStrv) parts = g_strsplit(text, "seed = 7", 2);
     g_assert_nonnull(parts[1]);
@@ -84,21 +67,12 @@ static void capture_simulated(const char *name, const char *seed) {
     runs(BIN("mesorig"), "process", session, NULL);
 }
 
-/* Were it left behind by a test that failed, it would open the lines of the next. */
-static void die_with_us(gpointer unused) {
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-}
-
 /* Its socket is there when it has opened the rig. What it says is told if that fails. */
 static GSubprocess *starts_daemon(const char *rig, const char *address, const char *socket) {
-    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_NONE);
-    g_autofree char *says = in_top("daemon.log");
-    g_autoptr(GError) error = NULL;
-    g_subprocess_launcher_set_stderr_file_path(launcher, says);
-    g_subprocess_launcher_set_child_setup(launcher, die_with_us, NULL, NULL);
-    GSubprocess *daemon = g_subprocess_launcher_spawn(launcher, &error, BIN("mesorigd"), "--listen",
-                                                      address, "--rig", rig, NULL);
-    g_assert_no_error(error);
+    g_autofree char *says = twin_path("daemon.log");
+    GSubprocess *daemon =
+        process_start(G_SUBPROCESS_FLAGS_NONE, says,
+                      (const char *[]){BIN("mesorigd"), "--listen", address, "--rig", rig, NULL});
     for (int i = 0; i < 3000 && !g_file_test(socket, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     g_autofree char *said = text_of(says);
@@ -108,8 +82,8 @@ static GSubprocess *starts_daemon(const char *rig, const char *address, const ch
 }
 
 static void capture_virtual(const char *name) {
-    g_autofree char *rig = in_top("virtual.conf"), *socket = in_top("bus");
-    g_autofree char *session = in_top(name);
+    g_autofree char *rig = twin_path("virtual.conf"), *socket = twin_path("bus");
+    g_autofree char *session = twin_path(name);
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     GSubprocess *devices = starts(G_SUBPROCESS_FLAGS_STDOUT_PIPE, BIN("mesorig-rig"), "--virtual",
                                   SMALL "rig.conf", "-o", rig, "--loss", "0.01", "--json", NULL);
@@ -129,17 +103,17 @@ static void through_real_protocols(void) {
     capture_virtual("virtual.session");
     capture_simulated("simulated.session", "7");
     capture_simulated("other.session", "8");
-    g_assert_cmpfloat(value("virtual.session", "frames"), ==, 144);
-    g_assert_cmpfloat(value("virtual.session", "retakes"), ==, 0);
+    g_assert_cmpfloat(twin_value("virtual.session", "frames"), ==, 144);
+    g_assert_cmpfloat(twin_value("virtual.session", "retakes"), ==, 0);
     static const struct {
         const char *folder;
         gboolean holes;
     } kinds[] = {{"frames", FALSE}, {"products/btf", FALSE}, {"products", TRUE}};
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++) {
         struct difference noise =
-            compare("simulated.session", "other.session", kinds[i].folder, kinds[i].holes);
+            twin_compare("simulated.session", "other.session", kinds[i].folder, kinds[i].holes);
         struct difference real =
-            compare("simulated.session", "virtual.session", kinds[i].folder, kinds[i].holes);
+            twin_compare("simulated.session", "virtual.session", kinds[i].folder, kinds[i].holes);
         g_assert_cmpfloat(noise.rms, >, 0);
         g_assert_cmpfloat(real.rms, >, 0); /* other noise */
         g_assert_cmpfloat(real.rms, <, 1.4 * noise.rms);
@@ -181,11 +155,6 @@ static void on_over(GObject *source, GAsyncResult *result, gpointer data) {
     mishap->over = TRUE;
 }
 
-static void assert_has(const char *text, const char *words) {
-    if (!strstr(text, words))
-        g_error("no \"%s\" in: %s", words, text);
-}
-
 static void write_short_session(const char *conf) {
     g_assert_true(g_file_set_contents(conf,
                                       "[session]\nname = short\n[sample]\nwidth_mm = 50\n"
@@ -212,11 +181,11 @@ static double wait_lit(VirtualRig *rig, gboolean lit, double limit_s) {
  * within their 5 s. A daemon that goes on afterwards pauses the session. */
 static void abandoned(void) {
     const int signals[] = {SIGKILL, SIGSTOP};
-    g_autofree char *path = in_top("abandoned.conf"), *conf = in_top("short.conf");
+    g_autofree char *path = twin_path("abandoned.conf"), *conf = twin_path("short.conf");
     write_short_session(conf);
     for (gsize i = 0; i < G_N_ELEMENTS(signals); i++) {
         g_autofree char *folder = g_strdup_printf("abandoned%d.session", signals[i]);
-        g_autofree char *session = in_top(folder), *socket = in_top(folder + 9);
+        g_autofree char *session = twin_path(folder), *socket = twin_path(folder + 9);
         g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
         struct mishap mishap = {0};
         GError *error = NULL;
@@ -251,8 +220,8 @@ static void abandoned(void) {
 /* Two pictures of each camera come incomplete, all lines answer late again and again, and one
  * camera is without power for a while: the session goes on by itself and says what happened. */
 static void mishaps(void) {
-    g_autofree char *path = in_top("virtual.conf"), *conf = in_top("short.conf");
-    g_autofree char *session = in_top("mishap.session"), *socket = in_top("mishap-bus");
+    g_autofree char *path = twin_path("virtual.conf"), *conf = twin_path("short.conf");
+    g_autofree char *session = twin_path("mishap.session"), *socket = twin_path("mishap-bus");
     g_autofree char *address = g_strdup_printf("unix:path=%s", socket);
     struct virtual_camera_faults faults = {.cut = 2};
     struct mishap mishap = {0};
@@ -279,7 +248,7 @@ static void mishaps(void) {
                "cam60: picture taken again: picture refused: some of its data was lost");
     assert_has(mishap.out, "cam30: picture taken again: ");
     runs(BIN("mesorig"), "process", session, NULL);
-    g_assert_cmpfloat(value("mishap.session", "retakes"), >=, 5);
+    g_assert_cmpfloat(twin_value("mishap.session", "retakes"), >=, 5);
     g_assert_cmpint(mishap.n_late, ==, MAX_LATE);
     ends(daemon);
     virtual_rig_free(mishap.rig);
@@ -300,7 +269,7 @@ static void refused(void) {
         {"[axis a]\ndriver = sim-axis\n", "it has no device \"b\"", "b"},
         {"[axis a]\ndriver = sim-axis\n", "libumockdev-preload0", "a"},
     };
-    g_autofree char *path = in_top("bad.conf");
+    g_autofree char *path = twin_path("bad.conf");
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         const char *const usb[] = {cases[i].usb, NULL};
         g_autoptr(GError) error = NULL;
@@ -313,14 +282,13 @@ static void refused(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    top = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
+    twin_folder = g_dir_make_tmp("mesorig-virtual-XXXXXX", NULL);
     g_test_add_func("/virtual-rig/refused", refused);
     g_test_add_func("/virtual-rig/mishaps", mishaps);
     g_test_add_func("/virtual-rig/abandoned", abandoned);
     g_test_add_func("/virtual-rig/through-real-protocols", through_real_protocols);
     int failed = g_test_run();
-    const char *const remove[] = {"/bin/rm", "-rf", top, NULL};
-    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
-    g_free(top);
+    remove_tree(twin_folder);
+    g_free(twin_folder);
     return failed;
 }

@@ -13,44 +13,6 @@
  * them; FALSE where rounding may pick other texels or directions. */
 typedef gboolean (*Expected)(gconstpointer data, const float *at, const float *v, const float *l,
                              double ret[3]);
-
-static inline void compare_picture(Expected func, gconstpointer data, View *view,
-                                   const struct view_settings *settings) {
-    g_autoptr(GError) error = NULL;
-    g_autofree float *shown = view_render_linear(view, settings, SIZE, SIZE, &error);
-    g_assert_no_error(error);
-    float *given[3];
-    for (int k = 0; k < 3; k++) {
-        given[k] = view_render_geometry(view, settings, (enum view_geometry)k, SIZE, SIZE, &error);
-        g_assert_no_error(error);
-    }
-    int n = 0, wrong = 0;
-    double worst = 0;
-    for (gsize k = 0; k < 4 * SIZE * SIZE; k += 4) {
-        double want[3], off = 0;
-        if (shown[k + 3] <= 0 || given[0][k + 2] <= 0 ||
-            !func(data, given[0] + k, given[1] + k, given[2] + k, want))
-            continue;
-        for (int c = 0; c < 3; c++)
-            off = fmax(off, fabs(shown[k + c] - want[c]) / fmax(want[c], 1));
-        n++;
-        wrong += off > 1.0 / 255;
-        worst = fmax(worst, off);
-    }
-    g_test_message("%d pixels, worst error %.4f, beyond a step of 8 bits: %d", n, worst, wrong);
-    g_assert_cmpint(n, >, 1000);
-    g_assert_cmpint(wrong, ==, 0);
-    for (int k = 0; k < 3; k++)
-        g_free(given[k]);
-}
-
-static void start_view(View *view, struct view_settings *settings, const struct mesh *mesh) {
-    g_autoptr(GError) error = NULL;
-    view_set_mesh(view, mesh, &error);
-    g_assert_no_error(error);
-    *settings = view_settings_default;
-    settings->camera_distance = 3;
-    settings->tiles_u = 3;
-    settings->tiles_v = 2;
-    settings->light_theta_deg = 30;
-}
+void formula_compare(Expected func, gconstpointer data, View *view,
+                     const struct view_settings *settings);
+void formula_start_view(View *view, struct view_settings *settings, const struct mesh *mesh);

@@ -15,100 +15,23 @@ struct eye {
     Frame *frame;
     GError *error;
 };
-
-static inline VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa) {
-    struct virtual_camera_options options = {.serial = serial,
-                                             .width = width,
-                                             .height = height,
-                                             .bits = 12,
-                                             .cfa = cfa,
-                                             .black_level = 64};
-    GError *error = NULL;
-    VirtualGige *device = virtual_gige_new(&options, NULL, &error);
-    g_assert_no_error(error);
-    return device;
-}
-
-static inline void eye_on_event(Camera *camera, enum camera_event event, Frame *frame,
-                                const GError *error, gpointer data) {
-    struct eye *eye = data;
-    if (event == CAMERA_EXPOSED) {
-        eye->n_exposed++;
-        return;
-    }
-    eye->last = event;
-    eye->n_ended++;
-    eye->n_frames += event == CAMERA_FRAME;
-    g_clear_error(&eye->error);
-    eye->error = error ? g_error_copy(error) : NULL;
-    g_clear_pointer(&eye->frame, frame_unref);
-    eye->frame = frame ? frame_ref(frame) : NULL;
-}
+VirtualGige *eye_device(const char *serial, int width, int height, enum cfa cfa);
+void eye_on_event(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
+                  gpointer data);
 
 /* keys: further lines of its section. FALSE: error says why. */
-static inline gboolean eye_open(struct eye *eye, const char *keys, GError **error) {
-    g_autofree char *text =
-        g_strdup_printf("[camera eye]\ndriver = aravis\ndevice = %s\nreadout_ms = 10\n%s\n",
-                        eye->where ? eye->where : virtual_gige_address(eye->device), keys);
-    g_autoptr(Config) config = config_parse(text, "./rig.conf", NULL);
-    eye->clock = clock_new_real();
-    eye->camera = camera_open(&aravis_camera_driver, config_find(config, "camera", "eye"), NULL,
-                              eye->clock, error);
-    if (eye->camera)
-        camera_listen(eye->camera, eye_on_event, eye);
-    return eye->camera != NULL;
-}
-
-static inline gboolean eye_ready(struct eye *eye, gint64 exposure_us, GError **error) {
-    struct camera_settings settings = {.exposure_us = exposure_us};
-    return camera_configure(eye->camera, &settings, error) && camera_arm(eye->camera, error);
-}
-
-static inline void eye_begin(struct eye *eye, const char *keys) {
-    GError *error = NULL;
-    *eye = (struct eye){.device = eye_device("EYE", 320, 240, CFA_RGGB)};
-    eye_open(eye, keys, &error);
-    g_assert_no_error(error);
-    eye_ready(eye, 1000, &error);
-    g_assert_no_error(error);
-}
-
-static inline void eye_close(struct eye *eye) {
-    g_clear_pointer(&eye->camera, camera_close);
-    g_clear_pointer(&eye->clock, clock_unref);
-    g_clear_pointer(&eye->frame, frame_unref);
-    g_clear_error(&eye->error);
-}
-
-static inline void eye_end(struct eye *eye) {
-    eye_close(eye);
-    virtual_gige_free(eye->device);
-}
-
-static inline void eye_trigger(struct eye *eye, guint64 shot) {
-    GError *error = NULL;
-    camera_trigger(eye->camera, shot, &error);
-    g_assert_no_error(error);
-}
+gboolean eye_open(struct eye *eye, const char *keys, GError **error);
+gboolean eye_ready(struct eye *eye, gint64 exposure_us, GError **error);
+void eye_begin(struct eye *eye, const char *keys);
+void eye_close(struct eye *eye);
+void eye_end(struct eye *eye);
+void eye_trigger(struct eye *eye, guint64 shot);
 
 /* Triggers once and waits for what comes of it. */
-static inline enum camera_event eye_shoot(struct eye *eye, guint64 shot) {
-    int n = eye->n_ended;
-    eye_trigger(eye, shot);
-    conformance_wait(eye->clock, &eye->n_ended, n + 1, 10);
-    return eye->last;
-}
+enum camera_event eye_shoot(struct eye *eye, guint64 shot);
 
 /* Arms and shoots again until a picture comes, as the sequencer does; fails after limit_s. */
-static inline void eye_recover(struct eye *eye, guint64 shot, double limit_s) {
-    gint64 until = g_get_monotonic_time() + (gint64)(limit_s * 1e6);
-    while (g_get_monotonic_time() < until) {
-        if (camera_arm(eye->camera, NULL) && eye_shoot(eye, shot) == CAMERA_FRAME)
-            return;
-        conformance_pass(eye->clock, 0.1);
-    }
-    g_error("the camera did not come back in %g s", limit_s);
-}
+void eye_recover(struct eye *eye, guint64 shot, double limit_s);
 
 #define eye_assert_said(eye, what, text)                                                           \
     do {                                                                                           \

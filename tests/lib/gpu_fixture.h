@@ -2,18 +2,11 @@
 #pragma once
 
 #include "gl/gpu.h"
+#include "skip.h"
 
 struct fixture {
     Gpu *gpu;
 };
 
-static inline void set_up(struct fixture *f, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
-    f->gpu = gpu_new_headless(&error);
-    if (f->gpu == NULL)
-        g_test_skip(error->message);
-}
-
-static inline void tear_down(struct fixture *f, gconstpointer data) {
-    gpu_free(f->gpu);
-}
+void gpu_fixture_set_up(struct fixture *f, gconstpointer data);
+void gpu_fixture_tear_down(struct fixture *f, gconstpointer data);

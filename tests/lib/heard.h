@@ -15,23 +15,8 @@ struct heard {
     Clock *clock;
 };
 
-static inline void heard_clear(struct heard *heard) {
-    g_clear_error(&heard->error);
-    g_clear_pointer(&heard->frame, frame_unref);
-}
-
-static inline void hear(struct heard *heard, int event, const GError *error) {
-    heard->n++;
-    heard->event = event;
-    heard->at_us = clock_now_us(heard->clock);
-    g_clear_error(&heard->error);
-    heard->error = error ? g_error_copy(error) : NULL;
-}
+void heard_clear(struct heard *heard);
+void heard_event(struct heard *heard, int event, const GError *error);
 
 /* Waits for the next event. */
-static inline void next(struct heard *heard, int event) {
-    conformance_wait(heard->clock, &heard->n, 1, 1000);
-    g_assert_cmpint(heard->n, ==, 1);
-    g_assert_cmpint(heard->event, ==, event);
-    heard->n = 0;
-}
+void heard_next(struct heard *heard, int event);

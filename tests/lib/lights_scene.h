@@ -138,7 +138,7 @@ static inline struct scene *scene_new(const struct scene_options *options) {
     scene_devices(scene, text);
     scene_places(scene, places);
     g_string_append_printf(text, options->sample, places->str);
-    scene->world = fixture_world(text->str);
+    scene->world = world_fixture_new(text->str);
     scene_rig(scene);
     return scene;
 }

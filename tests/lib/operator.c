@@ -2,7 +2,6 @@
 
 #include <glib/gstdio.h>
 #include <string.h>
-#include <sys/wait.h>
 
 #include "remove_tree.h"
 #include "session/session.h"
@@ -42,33 +41,19 @@ void operator_free(struct operation *run) {
 
 /* Runs mesorig with arguments up to NULL, and asks for its exit code. */
 void operator_does(struct operation *run, int code, ...) {
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_autoptr(GError) error = NULL;
-    int status = -1;
     va_list arguments;
-    g_ptr_array_add(argv, (char *)MESORIG);
     va_start(arguments, code);
-    for (char *argument; (argument = va_arg(arguments, char *));)
-        g_ptr_array_add(argv, argument);
+    g_autofree const char **argv = process_argv_valist(MESORIG, arguments);
     va_end(arguments);
-    g_ptr_array_add(argv, NULL);
     g_clear_pointer(&run->out, g_free);
     g_clear_pointer(&run->err, g_free);
-    g_spawn_sync(NULL, (char **)argv->pdata, NULL, 0, NULL, NULL, &run->out, &run->err, &status,
-                 &error);
-    g_assert_no_error(error);
-    if (!WIFEXITED(status) || WEXITSTATUS(status) != code)
-        g_error("mesorig %s: exit status %x, not %d\n%s%s", (char *)argv->pdata[1], status, code,
-                run->out, run->err);
+    const int is = process_run(argv, &run->out, &run->err);
+    if (is != code)
+        g_error("mesorig %s: exit code %d, not %d\n%s%s", argv[1], is, code, run->out, run->err);
 }
 
 void operator_captures(struct operation *run, int code) {
     operator_does(run, code, "capture", run->rig, run->conf, "-o", run->session, NULL);
-}
-
-void assert_has(const char *text, const char *words) {
-    if (!text || !strstr(text, words))
-        g_error("no “%s” in: %s", words, text);
 }
 
 static int by_text(gconstpointer a, gconstpointer b) {

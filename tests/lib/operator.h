@@ -5,6 +5,7 @@
  */
 #pragma once
 
+#include "process.h"
 #include "small_rig.h"
 
 struct operation {
@@ -23,7 +24,6 @@ void operator_free(struct operation *run);
 /* Runs mesorig with arguments up to NULL, and asks for its exit code. */
 void operator_does(struct operation *run, int code, ...) G_GNUC_NULL_TERMINATED;
 void operator_captures(struct operation *run, int code);
-void assert_has(const char *text, const char *words);
 
 /* Every product's name and checksum, a line each; the caller's. */
 char *operator_products(const char *session);

@@ -22,105 +22,22 @@ struct v3 {
     double x, y, z;
 };
 
-static struct v3 v3(double x, double y, double z) {
-    return (struct v3){x, y, z};
-}
-
-static double dot(struct v3 a, struct v3 b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-
-static struct v3 mix(struct v3 a, double s, struct v3 b, double t) {
-    return v3(s * a.x + t * b.x, s * a.y + t * b.y, s * a.z + t * b.z);
-}
-
-static struct v3 unit(double theta_deg, double phi_deg) {
-    double theta = theta_deg * DEG, phi = phi_deg * DEG;
-    return v3(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
-}
+struct v3 v3_new(double x, double y, double z);
+struct v3 v3_mix(struct v3 a, double s, struct v3 b, double t);
+struct v3 v3_unit(double theta_deg, double phi_deg);
 
 /* Term 0 gives red = 0.5 + 0.4 l_x, green = 0.5 + 0.4 l_y, blue = the texel's number; terms 1 and 2
  * add 0.4 v_x to red and 0.4 v_y to green. Terms 3 and 4 weigh nothing. */
 enum kind { LIGHT, VIEW, TEXEL, GREY, COSINE, WAVE, N_KINDS };
 
-static double texel_code(int i, int j) {
-    return (1.0 + i + W * j) / (2.0 + W * H);
-}
-
-static void fill_texel(enum kind kind, int term, struct v3 l, int i, int j, float *ret) {
-    double code = texel_code(i, j);
-    double values[N_KINDS][3] = {
-        {0.5 + 0.4 * l.x, 0.5 + 0.4 * l.y, code},
-        {0.5, 0.5, code},
-        {(i + 0.5) / W, (j + 0.5) / H, code},
-        {0.5, 0.5, 0.5},
-        {l.z, l.z, l.z},
-        {0.5 + 0.4 * sin(2.0 * G_PI * (i + 0.5) / W), 0.5 + 0.4 * cos(2.0 * G_PI * (j + 0.5) / H),
-         code},
-    };
-    for (int c = 0; c < 3; c++)
-        ret[c] = term == 0 ? values[kind][c] : kind == VIEW && term == c + 1 && c < 2 ? 0.4 : 0.0;
-}
-
-static void fill_directions(int n_rings, int n_phi, double offset, float **ret_theta,
-                            float **ret_phi) {
-    *ret_theta = g_new(float, n_rings *n_phi);
-    *ret_phi = g_new(float, n_rings *n_phi);
-    for (int k = 0; k < n_rings * n_phi; k++) {
-        (*ret_theta)[k] = 85.0 / n_rings * (1 + k / n_phi);
-        (*ret_phi)[k] = offset + 360.0 / n_phi * (k % n_phi);
-    }
-}
-
-static struct eigenmaps *make_material(enum kind kind, int n_rings, int n_phi) {
-    struct eigenmaps *m = g_new0(struct eigenmaps, 1);
-    m->name = g_strdup("test");
-    m->width = W;
-    m->height = H;
-    m->texel_mm = 1.0;
-    m->n_views = m->n_lights = n_rings * n_phi;
-    m->n_terms = 5;
-    fill_directions(n_rings, n_phi, 0.0, &m->view_theta_deg, &m->view_phi_deg);
-    fill_directions(n_rings, n_phi, 5.0, &m->light_theta_deg, &m->light_phi_deg);
-    m->weights = g_new0(float, m->n_terms * m->n_views);
-    for (int k = 0; k < m->n_views; k++) {
-        struct v3 v = unit(m->view_theta_deg[k], m->view_phi_deg[k]);
-        m->weights[k] = 1.0;
-        m->weights[m->n_views + k] = v.x;
-        m->weights[2 * m->n_views + k] = v.y;
-    }
-    m->maps = g_new(float, (gsize)m->n_terms * m->n_lights * W * H * 3);
-    float *out = m->maps;
-    for (int term = 0; term < m->n_terms; term++)
-        for (int light = 0; light < m->n_lights; light++)
-            for (int k = 0; k < W * H; k++, out += 3)
-                fill_texel(kind, term, unit(m->light_theta_deg[light], m->light_phi_deg[light]),
-                           k % W, k / W, out);
-    return m;
-}
-
-static inline struct view_settings bare_settings(void) {
-    struct view_settings s = view_settings_default;
-    s.ambient = 0.0;
-    s.tiles_u = s.tiles_v = 1.0;
-    s.style.nearest = TRUE;
-    s.camera_distance = 3.0;
-    return s;
-}
+double texel_code(int i, int j);
+void fill_texel(enum kind kind, int term, struct v3 l, int i, int j, float *ret);
+struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi);
+struct view_settings view_fixture_settings(void);
 
 /* The ray through the middle of a pixel, from this file's own idea of the camera. */
-static inline struct v3 ray(const struct view_settings *s, double radius, int width, int height,
-                            int i, int j, struct v3 *ret_eye) {
-    struct v3 back = unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
-    struct v3 right = v3(-sin(s->camera_azimuth_deg * DEG), cos(s->camera_azimuth_deg * DEG), 0.0);
-    struct v3 up = v3(back.y * right.z - back.z * right.y, back.z * right.x - back.x * right.z,
-                      back.x * right.y - back.y * right.x);
-    double half = tan(0.5 * s->camera_fov_deg * DEG) / MIN(width, height);
-    double x = (2 * i + 1 - width) * half, y = (height - 2 * j - 1) * half;
-    *ret_eye = mix(back, s->camera_distance * radius, back, 0.0);
-    struct v3 d = mix(mix(right, x, up, y), 1.0, back, -1.0);
-    return mix(d, 1.0 / sqrt(dot(d, d)), d, 0.0);
-}
+struct v3 view_fixture_ray(const struct view_settings *s, double radius, int width, int height,
+                           int i, int j, struct v3 *ret_eye);
 
 struct hit {
     gboolean found;
@@ -129,24 +46,7 @@ struct hit {
 };
 
 /* By steps of the distance from the surface. */
-static inline struct hit hit_torus(struct v3 eye, struct v3 d) {
-    struct hit hit = {.to_eye = mix(d, -1.0, d, 0.0)};
-    double along = 0.0, distance = 1.0;
-    struct v3 p = eye;
-    for (int k = 0; k < 500 && along < 20.0 && distance > 1e-7; k++) {
-        distance = hypot(hypot(p.x, p.y) - 1.0, p.z) - 0.4;
-        along += distance;
-        p = mix(eye, 1.0, d, along);
-    }
-    hit.found = distance <= 1e-6;
-    double a = atan2(p.y, p.x), b = atan2(p.z, hypot(p.x, p.y) - 1.0);
-    hit.u = a / (2.0 * G_PI);
-    hit.v = b / (2.0 * G_PI);
-    hit.t = v3(-sin(a), cos(a), 0.0);
-    hit.b = v3(-sin(b) * cos(a), -sin(b) * sin(a), cos(b));
-    hit.n = v3(cos(b) * cos(a), cos(b) * sin(a), sin(b));
-    return hit;
-}
+struct hit view_fixture_hit_torus(struct v3 eye, struct v3 d);
 
 struct check {
     enum kind kind;
@@ -157,135 +57,16 @@ struct check {
     struct hit (*find)(struct v3 eye, struct v3 d);
 };
 
-/* Returns FALSE where a small error of the mesh would change the answer. */
-static inline gboolean expect(const struct check *c, const struct hit *hit, double ret[3]) {
-    struct v3 l = unit(c->settings->light_theta_deg, c->settings->light_phi_deg);
-    struct v3 local_l = v3(dot(l, hit->t), dot(l, hit->b), dot(l, hit->n));
-    struct v3 local_v = v3(dot(hit->to_eye, hit->t), dot(hit->to_eye, hit->b), 0.0);
-    double cosine = dot(hit->to_eye, hit->n);
-    double x = hit->u * c->settings->tiles_u * W, y = -hit->v * c->settings->tiles_v * H;
-    double fx = x - floor(x), fy = y - floor(y);
-    if (cosine < 0.2 || fx < 0.06 || fx > 0.94 || fy < 0.06 || fy > 0.94)
-        return FALSE;
-    if (local_l.z < cos(84.0 * DEG)) /* beyond the lowest light it fades */
-        return FALSE;
-    int i = ((int)floor(x) % W + W) % W, j = ((int)floor(y) % H + H) % H;
-    float texel[3];
-    fill_texel(c->kind, 0, local_l, i, j, texel);
-    for (int k = 0; k < 3; k++)
-        ret[k] = texel[k];
-    if (c->kind == VIEW) {
-        ret[0] += 0.4 * local_v.x;
-        ret[1] += 0.4 * local_v.y;
-    }
-    return TRUE;
-}
-
 /* Compares every pixel that can be told; the texel must be right in (nearly) all, the rest within
  * the error of linear interpolation between the material's directions. */
-static inline void compare(const struct check *c, double tolerance, int at_least) {
-    int n = 0, wrong_texel = 0, wrong = 0;
-    double worst = 0.0;
-    for (int j = 0; j < c->height; j++)
-        for (int i = 0; i < c->width; i++) {
-            struct v3 eye, d = ray(c->settings, c->radius, c->width, c->height, i, j, &eye);
-            struct hit hit = c->find(eye, d);
-            double expected[3];
-            if (!hit.found || !expect(c, &hit, expected))
-                continue;
-            const float *p = c->pixels + 4 * ((gsize)j * c->width + i);
-            double error = fmax(fabs(p[0] - expected[0]), fabs(p[1] - expected[1]));
-            n++;
-            wrong_texel += fabs(p[2] - expected[2]) > 0.3 / (W * H);
-            wrong += error > tolerance;
-            worst = fmax(worst, error);
-        }
-    g_test_message("%d pixels, worst error %.4f, beyond %.4f: %d, wrong texel: %d", n, worst,
-                   tolerance, wrong, wrong_texel);
-    g_assert_cmpint(n, >=, at_least);
-    g_assert_cmpint(wrong_texel, <=, n / 500);
-    g_assert_cmpint(wrong, <=, n / 500);
-}
-
-static inline View *make_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
-    g_autoptr(GError) error = NULL;
-    struct eigenmaps *material = make_material(kind, n_rings, n_phi);
-    View *view = view_new(material, &error);
-    g_assert_no_error(error);
-    eigenmaps_free(material);
-    view_set_mesh(view, mesh, &error);
-    g_assert_no_error(error);
-    return view;
-}
+void view_fixture_compare(const struct check *c, double tolerance, int at_least);
+View *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh);
 
 /* The BTF whose eigen-maps make_material() gives, one file a view. */
-static void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir) {
-    g_autoptr(GError) error = NULL;
-    static const char *const channels[] = {"B", "G", "R", NULL};
-    struct exr_file *file = exr_file_new();
-    for (int light = 0; light < m->n_lights; light++) {
-        g_autofree char *name = g_strdup_printf("light_%04d", light);
-        struct exr_part *part = exr_part_new(name, W, H, channels, EXR_HALF);
-        exr_set_double(part, "view.theta_deg", m->view_theta_deg[view]);
-        exr_set_double(part, "view.phi_deg", m->view_phi_deg[view]);
-        exr_set_double(part, "light.theta_deg", m->light_theta_deg[light]);
-        exr_set_double(part, "light.phi_deg", m->light_phi_deg[light]);
-        struct v3 l = unit(m->light_theta_deg[light], m->light_phi_deg[light]);
-        struct v3 v = unit(m->view_theta_deg[view], m->view_phi_deg[view]);
-        for (int k = 0; k < W * H; k++) {
-            float rgb[3];
-            fill_texel(kind, 0, l, k % W, k / W, rgb);
-            part->planes[2][k] = rgb[0] + (kind == VIEW ? 0.4 * v.x : 0.0);
-            part->planes[1][k] = rgb[1] + (kind == VIEW ? 0.4 * v.y : 0.0);
-            part->planes[0][k] = rgb[2];
-        }
-        exr_file_add(file, part);
-    }
-    g_autofree char *path = g_strdup_printf("%s/view_%04d.exr", dir, view);
-    g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
-    exr_file_free(file);
-}
-
-static inline char *write_btf(enum kind kind, int n_rings, int n_phi) {
-    char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    struct eigenmaps *m = make_material(kind, n_rings, n_phi);
-    for (int view = 0; view < m->n_views; view++)
-        write_view(kind, m, view, dir);
-    eigenmaps_free(m);
-    return dir;
-}
-
-static inline void remove_folder(const char *path) {
-    g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
-    for (const char *name; (name = g_dir_read_name(dir)) != NULL;) {
-        g_autofree char *file = g_build_filename(path, name, NULL);
-        g_assert_cmpint(g_unlink(file), ==, 0);
-    }
-    g_assert_cmpint(g_rmdir(path), ==, 0);
-}
+void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir);
+char *view_fixture_write_btf(enum kind kind, int n_rings, int n_phi);
+void remove_folder(const char *path);
 
 /* A directory that has nothing of a session but its eigen-maps. */
-static inline char *write_session(void) {
-    g_autoptr(GError) error = NULL;
-    char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    g_autofree char *products = g_build_filename(dir, "products", NULL);
-    g_autofree char *path = g_build_filename(products, "eigenmaps.exr", NULL);
-    g_mkdir(products, 0755);
-    struct eigenmaps *material = make_material(LIGHT, 3, 4);
-    eigenmaps_write(path, material, &error);
-    g_assert_no_error(error);
-    eigenmaps_free(material);
-    return dir;
-}
-
-static inline void remove_session(const char *dir, const char *const *pictures) {
-    g_autofree char *products = g_build_filename(dir, "products", NULL);
-    g_autofree char *path = g_build_filename(products, "eigenmaps.exr", NULL);
-    for (; *pictures != NULL; pictures++) {
-        g_autofree char *picture = g_build_filename(dir, *pictures, NULL);
-        g_assert_cmpint(g_unlink(picture), ==, 0);
-    }
-    g_unlink(path);
-    g_rmdir(products);
-    g_assert_cmpint(g_rmdir(dir), ==, 0);
-}
+char *view_fixture_write_session(void);
+void view_fixture_remove_session(const char *dir, const char *const *pictures);

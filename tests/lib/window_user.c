@@ -1,6 +1,7 @@
 #include "window_user.h"
 
 #include "remove_tree.h"
+#include "skip.h"
 #include "view_fixture.h"
 
 #include <png.h>
@@ -32,11 +33,11 @@ gboolean user_sit_down(struct user *u, const char *session, const char *const *o
         x_display_free(u->x);
         if (session != NULL)
             remove_tree(session);
-        g_test_skip("no Xvfb, or mesorig-view is not built");
+        test_skip_or_fail("no Xvfb, or mesorig-view is not built");
         return FALSE;
     }
     u->folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    u->session = session != NULL ? g_strdup(session) : write_session();
+    u->session = session != NULL ? g_strdup(session) : view_fixture_write_session();
     g_assert_true(start(u, options));
     return TRUE;
 }

@@ -7,46 +7,10 @@
 #include <math.h>
 #include <unistd.h>
 
-static inline char *fixture_folder(void) {
-    static char *folder;
-    if (!folder)
-        folder = g_dir_make_tmp("mesorig-world-XXXXXX", NULL);
-    return folder;
-}
-
-static inline char *fixture_write(const char *name, const char *text) {
-    char *path = g_build_filename(fixture_folder(), name, NULL);
-    g_assert_true(g_file_set_contents(path, text, -1, NULL));
-    return path;
-}
-
-static inline World *fixture_world(const char *text) {
-    g_autofree char *path = fixture_write("world.conf", text);
-    g_autoptr(GError) error = NULL;
-    World *world = world_get(path, &error);
-    g_assert_no_error(error);
-    return world;
-}
-
-static inline void fixture_clean(void) {
-    g_autoptr(GDir) dir = g_dir_open(fixture_folder(), 0, NULL);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir))) {
-        g_autofree char *path = g_build_filename(fixture_folder(), name, NULL);
-        g_unlink(path);
-    }
-    g_rmdir(fixture_folder());
-    g_free(fixture_folder());
-}
+char *world_fixture_folder(void);
+char *world_fixture_write(const char *name, const char *text);
+World *world_fixture_new(const char *text);
+void world_fixture_clean(void);
 
 /* An axis-aligned box without a bottom, as lines of an OBJ file; n: vertices before it. */
-static inline void fixture_box(GString *obj, int n, double x0, double x1, double y0, double y1,
-                               double z) {
-    for (int i = 0; i < 8; i++)
-        g_string_append_printf(obj, "v %.6f %.6f %.6f\n", i & 1 ? x1 : x0, i & 2 ? y1 : y0,
-                               i & 4 ? z : 0.0);
-    const int faces[5][4] = {{5, 6, 8, 7}, {1, 2, 6, 5}, {4, 3, 7, 8}, {2, 4, 8, 6}, {3, 1, 5, 7}};
-    for (int i = 0; i < 5; i++)
-        g_string_append_printf(obj, "f %d %d %d %d\n", n + faces[i][0], n + faces[i][1],
-                               n + faces[i][2], n + faces[i][3]);
-}
+void world_fixture_box(GString *obj, int n, double x0, double x1, double y0, double y1, double z);

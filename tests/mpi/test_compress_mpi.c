@@ -2,6 +2,7 @@
 #include "formats/import.h"
 #include "lpca/lpca.h"
 
+#include "lib/process.h"
 #include "lib/session_fixture.h"
 
 #define SIDE   40 /* 1600 texels: seven blocks of TEAM_ROWS */
@@ -33,11 +34,11 @@ static void write_picture(const char *dir, int view, int light) {
 }
 
 static char *make_session(void) {
-    g_autofree char *dir = g_build_filename(folder, "pictures", NULL);
+    g_autofree char *dir = g_build_filename(session_fixture_folder, "pictures", NULL);
     g_autoptr(GError) error = NULL;
     const struct import_wish wish = {0};
     struct import_result result;
-    char *path = fresh("bumps");
+    char *path = session_fixture_path("bumps");
     g_assert_cmpint(g_mkdir_with_parents(dir, 0700), ==, 0);
     for (int view = 0; view < VIEWS; view++)
         for (int light = 0; light < LIGHTS; light++)
@@ -59,18 +60,12 @@ static int run(int ranks, const char *session, const char *output, char **ret_er
                                 "-q",         "float",
                                 "-o",         output,
                                 NULL};
-    g_autoptr(GError) error = NULL;
-    int status = 0;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_STDOUT_TO_DEV_NULL, NULL, NULL, NULL,
-                 ret_errors, &status, &error);
-    g_assert_no_error(error);
-    g_assert_true(WIFEXITED(status));
-    return WEXITSTATUS(status);
+    return process_run(argv, NULL, ret_errors);
 }
 
 static void test_ranks(void) {
     g_autofree char *session = make_session();
-    g_autofree char *output = g_build_filename(folder, "lpca.exr", NULL);
+    g_autofree char *output = g_build_filename(session_fixture_folder, "lpca.exr", NULL);
     g_autoptr(GError) error = NULL;
     struct btf_matrix *btf = btf_matrix_read(session, NULL, &error);
     g_assert_no_error(error);
@@ -98,7 +93,7 @@ static void test_ranks(void) {
 /* What one process cannot read ends all of them. */
 static void test_damaged(void) {
     g_autofree char *session = make_session();
-    g_autofree char *output = g_build_filename(folder, "none.exr", NULL);
+    g_autofree char *output = g_build_filename(session_fixture_folder, "none.exr", NULL);
     g_autofree char *view = g_build_filename(session, "products", "btf", "view_0001.exr", NULL);
     g_autofree char *errors = NULL, *missing = NULL;
     g_assert_true(g_file_set_contents(view, "cut off", -1, NULL));

@@ -40,11 +40,11 @@ static double share(const struct view_settings *s, int lamp, const float *drawn,
         alone.light_theta_deg = lamps[lamp - 1].theta_deg;
         alone.light_phi_deg = lamps[lamp - 1].phi_deg;
     }
-    const struct displaced_camera camera = camera_of(s, W, H);
-    g_autofree struct displaced_pixel *truth = trace(displaced, &alone, W, H);
+    const struct displaced_camera camera = silhouettes_camera(s, W, H);
+    g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, &alone, W, H);
     struct overlap shadow = {0};
     for (int k = 0; k < W * H; k++) {
-        const double distance = floor_distance(&camera, k % W, k / W);
+        const double distance = silhouettes_floor_distance(&camera, k % W, k / W);
         if (seen[4 * k + 3] > 0.5F && fabs((double)seen[4 * k + 2] - distance) < 2e-3 * distance &&
             truth[k].part == DISPLACED_FLOOR)
             overlap_add(&shadow, !arrives(drawn + 4 * (gsize)k, lamp), truth[k].shadowed);
@@ -58,7 +58,7 @@ static View *set_scene(int u, int v) {
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    View *view = new_view(mesh, NULL);
+    View *view = silhouettes_view(mesh, NULL);
     mesh_free(mesh);
     return view;
 }
@@ -69,9 +69,9 @@ static void test_truth(struct fixture *f, gconstpointer data) {
     const int u = 3, v = 1;
     const double reference_mm = 1.75;
     g_autoptr(GError) error = NULL;
-    g_autoptr(World) world = make_world("weave", 1.2);
+    g_autoptr(World) world = silhouettes_world("weave", 1.2);
     const struct truth_grid grid = {TEXELS, TEXELS, 25.0, 25.0, reference_mm};
-    g_autofree char *mdf = write_truth(world, &grid);
+    g_autofree char *mdf = silhouettes_write_truth(world, &grid);
     g_autoptr(View) view = set_scene(u, v);
     g_assert_true(view_open_mdf(view, mdf, &error));
     struct truth_surface surface;
@@ -180,12 +180,13 @@ static void test_kept(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-#define ADD(path, function) g_test_add(path, struct fixture, NULL, set_up, function, tear_down)
+#define ADD(path, function)                                                                        \
+    g_test_add(path, struct fixture, NULL, gpu_fixture_set_up, function, gpu_fixture_tear_down)
     ADD("/lamp-shadows/truth", test_truth);
     ADD("/lamp-shadows/in-place", test_in_place);
     ADD("/lamp-shadows/most", test_most);
     ADD("/lamp-shadows/kept", test_kept);
     const int status = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return status;
 }

@@ -60,8 +60,8 @@ static struct lobes *make_lobes(enum lobes_model model, int n_lobes) {
                         .n_lobes = model == LOBES_FIELDS || model == LOBES_LAFORTUNE ? n_lobes : 0,
                         .n_slices = sliced ? RINGS * A_RING : 1,
                         .n_values = n_values[model]};
-    fill_directions(0, &p->view_theta_deg, &p->view_phi_deg);
-    fill_directions(5, &p->light_theta_deg, &p->light_phi_deg);
+    rings_fill(0, &p->view_theta_deg, &p->view_phi_deg);
+    rings_fill(5, &p->light_theta_deg, &p->light_phi_deg);
     p->values = g_new0(float, p->n_slices *W *H * p->n_values);
     for (int k = 0; k < p->n_slices * W * H; k++)
         fill_values(random, p, p->values + (gsize)k * p->n_values);
@@ -93,7 +93,7 @@ static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest,
     struct view_settings settings;
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     settings.style.nearest = nearest;
     settings.style.rotation = rotation;
     settings.ambient = ambient;
@@ -102,7 +102,7 @@ static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest,
         directions_new(lobes->view_theta_deg, lobes->view_phi_deg, lobes->n_views, &error);
     const struct scene scene = {lobes, views, ambient, nearest, rotation};
     g_test_message("%s, %d lobes", lobes_model_name(model), lobes->n_lobes);
-    compare_picture(expected, &scene, view, &settings);
+    formula_compare(lobes_scene_expected, &scene, view, &settings);
     lobes_free(lobes);
     mesh_free(mesh);
 }
@@ -157,8 +157,11 @@ static void test_bad(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add("/lobes-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
-    g_test_add("/lobes-view/rotations", struct fixture, NULL, set_up, test_rotations, tear_down);
-    g_test_add("/lobes-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
+    g_test_add("/lobes-view/formula", struct fixture, NULL, gpu_fixture_set_up, test_formula,
+               gpu_fixture_tear_down);
+    g_test_add("/lobes-view/rotations", struct fixture, NULL, gpu_fixture_set_up, test_rotations,
+               gpu_fixture_tear_down);
+    g_test_add("/lobes-view/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

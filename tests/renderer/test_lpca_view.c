@@ -8,12 +8,12 @@
 static void check_case(int n_clusters, int n_components, gboolean nearest, double ambient,
                        int n_grid) {
     g_autoptr(GError) error = NULL;
-    struct lpca *lpca = make_lpca(n_clusters, n_components);
+    struct lpca *lpca = lpca_scene_lpca(n_clusters, n_components);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
     struct view_settings settings;
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     if (n_grid == 0)
         view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     else
@@ -30,7 +30,7 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_autofree float *sky = g_new0(float, lpca->n_lights);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
-    compare_picture(of_scene, &scene, view, &settings);
+    formula_compare(lpca_scene_pixel, &scene, view, &settings);
     mesh_free(mesh);
     lpca_free(lpca);
 }
@@ -58,13 +58,13 @@ static float *sky_of_grid(int n) {
 static void check_revised(int n_clusters, int n_components, gboolean nearest, double ambient, int n,
                           gboolean from_grid) {
     g_autoptr(GError) error = NULL;
-    struct lpca *lpca = make_lpca(n_clusters, n_components);
+    struct lpca *lpca = lpca_scene_lpca(n_clusters, n_components);
     struct lpca *grid = lpca_resample(lpca, n, &error);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     struct view_settings settings;
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     lpca_quantise(grid, LPCA_8BIT);
     view_set_method(view, &method_lpca_revised,
                     lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
@@ -74,7 +74,7 @@ static void check_revised(int n_clusters, int n_components, gboolean nearest, do
     g_autofree float *sky = sky_of_grid(n);
     const struct scene scene = {
         .lpca = grid, .sky = sky, .ambient = ambient, .nearest = nearest, .revised = TRUE};
-    compare_picture(of_scene, &scene, view, &settings);
+    formula_compare(lpca_scene_pixel, &scene, view, &settings);
     mesh_free(mesh);
     lpca_free(lpca);
     lpca_free(grid);
@@ -95,13 +95,13 @@ static void test_levels(struct fixture *f, gconstpointer data) {
     struct lpca *levels[3];
     g_autoptr(View) view = view_new(NULL, &error);
     for (int k = 0; k < 3; k++)
-        levels[k] = make_level(k, 4 - k, k == 1 ? 2 : 3);
+        levels[k] = lpca_scene_level(k, 4 - k, k == 1 ? 2 : 3);
     view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
     g_assert_no_error(error);
-    check_levels(view, levels, 6);
-    check_levels(view, levels, 18);
-    check_levels(view, levels, 33);
-    check_levels(view, levels, 90);
+    lpca_scene_check_levels(view, levels, 6);
+    lpca_scene_check_levels(view, levels, 18);
+    lpca_scene_check_levels(view, levels, 33);
+    lpca_scene_check_levels(view, levels, 90);
     levels[1]->view_phi_deg[3] += 1;
     g_assert_null(lpca_view_new(levels, 3, &error));
     g_assert_nonnull(strstr(error->message, "mip level 1"));
@@ -125,12 +125,13 @@ static struct btf_matrix *make_btf(void) {
     *btf = (struct btf_matrix){
         .name = g_strdup("bumps"), .width = W, .height = H, .texel_mm = 1, .n_views = n};
     btf->n_lights = n;
-    fill_directions(0, &btf->view_theta_deg, &btf->view_phi_deg);
-    fill_directions(5, &btf->light_theta_deg, &btf->light_phi_deg);
+    rings_fill(0, &btf->view_theta_deg, &btf->view_phi_deg);
+    rings_fill(5, &btf->light_theta_deg, &btf->light_phi_deg);
     btf->values = g_new(float, 3 * (gsize)W * H * n * n);
     for (int k = 0; k < W * H * n * n; k++) {
-        const struct vec3 v = direction_at(btf->view_theta_deg, btf->view_phi_deg, k / n % n);
-        const struct vec3 l = direction_at(btf->light_theta_deg, btf->light_phi_deg, k % n);
+        const struct vec3 v =
+            lpca_scene_direction(btf->view_theta_deg, btf->view_phi_deg, k / n % n);
+        const struct vec3 l = lpca_scene_direction(btf->light_theta_deg, btf->light_phi_deg, k % n);
         const int texel = k / n / n;
         const struct vec3 normal = vec3_unit(vec3(0.4 * sin(texel), 0.4 * cos(2.0 * texel), 1));
         const double gloss = pow(fmax(vec3_dot(vec3_unit(vec3_add(v, l)), normal), 0), 8);
@@ -149,9 +150,9 @@ static double apart(View *a, View *b, const struct btf_matrix *btf) {
     double off = 0, all = 0;
     for (int k = 0; k < btf->n_views * btf->n_lights; k++) {
         const struct vec3 v =
-            direction_at(btf->view_theta_deg, btf->view_phi_deg, k / btf->n_lights);
+            lpca_scene_direction(btf->view_theta_deg, btf->view_phi_deg, k / btf->n_lights);
         const struct vec3 l =
-            direction_at(btf->light_theta_deg, btf->light_phi_deg, k % btf->n_lights);
+            lpca_scene_direction(btf->light_theta_deg, btf->light_phi_deg, k % btf->n_lights);
         const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
         const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
         g_autofree float *one = view_render_flat(a, &s, to_view, to_light, W, H, &error);
@@ -205,7 +206,7 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     g_autoptr(GError) error = NULL;
-    struct lpca *levels[2] = {make_level(0, 3, 5), make_level(1, 2, 5)};
+    struct lpca *levels[2] = {lpca_scene_level(0, 3, 5), lpca_scene_level(1, 2, 5)};
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
     const gint64 texels = (gint64)(W * H + W / 2 * (H / 2)) * (8 + 2 * 16),
@@ -236,34 +237,41 @@ static void refuse_lpca(struct lpca *lpca, const char *said) {
 static void test_bad(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct lpca *lpca = make_lpca(3, 2);
+    struct lpca *lpca = lpca_scene_lpca(3, 2);
     lpca->weights[11] = NAN;
     refuse_lpca(lpca, "weight number 11");
-    lpca = make_lpca(3, 2);
+    lpca = lpca_scene_lpca(3, 2);
     lpca->brdfs[77] = INFINITY;
     refuse_lpca(lpca, "eigen-BRDF value number 77");
-    lpca = make_lpca(3, 2);
+    lpca = lpca_scene_lpca(3, 2);
     lpca->clusters[4] = 3;
     refuse_lpca(lpca, "texel 4 is in cluster 3");
-    lpca = make_lpca(3, 2);
+    lpca = lpca_scene_lpca(3, 2);
     lpca->clusters[0] = -1;
     refuse_lpca(lpca, "cluster -1");
-    lpca = make_lpca(3, 2);
+    lpca = lpca_scene_lpca(3, 2);
     lpca->view_theta_deg[1] = NAN;
     refuse_lpca(lpca, "views: ");
-    lpca = make_lpca(3, 2);
+    lpca = lpca_scene_lpca(3, 2);
     lpca->n_lights = 0;
     refuse_lpca(lpca, "no texels or directions");
 }
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add("/lpca-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
-    g_test_add("/lpca-view/revised", struct fixture, NULL, set_up, test_revised, tear_down);
-    g_test_add("/lpca-view/levels", struct fixture, NULL, set_up, test_levels, tear_down);
-    g_test_add("/lpca-view/grid", struct fixture, NULL, set_up, test_grid, tear_down);
-    g_test_add("/lpca-view/agree", struct fixture, NULL, set_up, test_agree, tear_down);
-    g_test_add("/lpca-view/bytes", struct fixture, NULL, set_up, test_bytes, tear_down);
-    g_test_add("/lpca-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
+    g_test_add("/lpca-view/formula", struct fixture, NULL, gpu_fixture_set_up, test_formula,
+               gpu_fixture_tear_down);
+    g_test_add("/lpca-view/revised", struct fixture, NULL, gpu_fixture_set_up, test_revised,
+               gpu_fixture_tear_down);
+    g_test_add("/lpca-view/levels", struct fixture, NULL, gpu_fixture_set_up, test_levels,
+               gpu_fixture_tear_down);
+    g_test_add("/lpca-view/grid", struct fixture, NULL, gpu_fixture_set_up, test_grid,
+               gpu_fixture_tear_down);
+    g_test_add("/lpca-view/agree", struct fixture, NULL, gpu_fixture_set_up, test_agree,
+               gpu_fixture_tear_down);
+    g_test_add("/lpca-view/bytes", struct fixture, NULL, gpu_fixture_set_up, test_bytes,
+               gpu_fixture_tear_down);
+    g_test_add("/lpca-view/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

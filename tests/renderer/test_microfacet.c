@@ -134,7 +134,7 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
     struct view_settings settings;
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     settings.style.nearest = TRUE;
     settings.tiles_u = 0.5;
     settings.tiles_v = 0.25; /* of fabric every yarn is large */
@@ -148,7 +148,7 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         settings.style.rotation = rotation;
         settings.ambient = scene.ambient;
         g_test_message("%s, rotation %d", method->name, rotation);
-        compare_picture(expected, &scene, view, &settings);
+        formula_compare(expected, &scene, view, &settings);
     }
     mesh_free(mesh);
 }
@@ -157,6 +157,7 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/microfacet/rotation", test_rotation);
     g_test_add_func("/microfacet/ward", test_ward);
-    g_test_add("/microfacet/pictures", struct fixture, NULL, set_up, test_pictures, tear_down);
+    g_test_add("/microfacet/pictures", struct fixture, NULL, gpu_fixture_set_up, test_pictures,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

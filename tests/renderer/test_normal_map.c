@@ -1,6 +1,7 @@
 /* Normal maps from files, whole and broken, and metal under them against microfacet_evaluate(). */
 #include "exr/exr.h"
 #include "lib/formula_fixture.h"
+#include "lib/process.h"
 #include "methods/microfacet.h"
 #include "methods/normal_map.h"
 
@@ -172,7 +173,7 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
     struct view_settings settings;
     g_autoptr(View) view = view_new(NULL, &error);
     g_assert_no_error(error);
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     settings.style.nearest = TRUE;
     settings.ambient = 0;
     name_file("map.exr");
@@ -185,7 +186,7 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         g_assert_true(view_open(view, method, path, &error));
         settings.style.rotation = scene.rotation;
         g_test_message("%s, rotation %d", method->name, scene.rotation);
-        compare_picture(expected, &scene, view, &settings);
+        formula_compare(expected, &scene, view, &settings);
     }
     g_unlink(path);
     g_assert_false(view_open(view, &methods_microfacet[0], path, &error));
@@ -197,17 +198,8 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
 
 /* As a command. */
 static int run_viewer(const char *const *arguments, char **ret_said) {
-    g_autoptr(GError) error = NULL;
-    static const char program[] = BUILD_DIR "/bin/mesorig-view";
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    int status;
-    g_ptr_array_add(argv, (gpointer)program);
-    for (; *arguments != NULL; arguments++)
-        g_ptr_array_add(argv, (gpointer)*arguments);
-    g_ptr_array_add(argv, NULL);
-    g_assert_true(g_spawn_sync(NULL, (char **)argv->pdata, NULL, 0, NULL, NULL, NULL, ret_said,
-                               &status, &error));
-    return WEXITSTATUS(status);
+    g_autofree const char **argv = process_argv(BUILD_DIR "/bin/mesorig-view", arguments);
+    return process_run(argv, NULL, ret_said);
 }
 
 static void test_command(struct fixture *f, gconstpointer data) {
@@ -239,8 +231,10 @@ int main(int argc, char **argv) {
     g_test_add_func("/normal-map/read", test_read);
     g_test_add_func("/normal-map/bad", test_bad);
     g_test_add_func("/normal-map/cut", test_cut);
-    g_test_add("/normal-map/pictures", struct fixture, NULL, set_up, test_pictures, tear_down);
-    g_test_add("/normal-map/command", struct fixture, NULL, set_up, test_command, tear_down);
+    g_test_add("/normal-map/pictures", struct fixture, NULL, gpu_fixture_set_up, test_pictures,
+               gpu_fixture_tear_down);
+    g_test_add("/normal-map/command", struct fixture, NULL, gpu_fixture_set_up, test_command,
+               gpu_fixture_tear_down);
     const int status = g_test_run();
     g_rmdir(folder);
     g_free(folder);

@@ -7,17 +7,17 @@
 static void check_reference(enum kind kind, struct mesh *mesh, const struct view_settings *s,
                             struct hit (*find)(struct v3, struct v3), double tolerance) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = write_btf(kind, 8, 16);
+    g_autofree char *dir = view_fixture_write_btf(kind, 8, 16);
     g_autoptr(Reference) reference = reference_open(dir, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = make_view(kind, 8, 16, mesh);
+    g_autoptr(View) view = view_fixture_view(kind, 8, 16, mesh);
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
     double relative;
     g_autofree float *pixels =
         reference_render_linear(reference, view, s, c.width, c.height, &relative, &error);
     g_assert_no_error(error);
     c.pixels = pixels;
-    compare(&c, tolerance, 1000);
+    view_fixture_compare(&c, tolerance, 1000);
     /* These materials' eigen-maps are exact. */
     g_assert_cmpfloat(relative, <, 0.01);
     remove_folder(dir);
@@ -26,13 +26,13 @@ static void check_reference(enum kind kind, struct mesh *mesh, const struct view
 static void test_reference(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = bare_settings();
+    struct view_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
     struct mesh *mesh = scene_torus(1.0, 0.4, 512, 256);
-    check_reference(TEXEL, mesh, &s, hit_torus, 1e-3);
-    check_reference(VIEW, mesh, &s, hit_torus, 0.03);
-    check_reference(LIGHT, mesh, &s, hit_torus, 0.03);
+    check_reference(TEXEL, mesh, &s, view_fixture_hit_torus, 1e-3);
+    check_reference(VIEW, mesh, &s, view_fixture_hit_torus, 0.03);
+    check_reference(LIGHT, mesh, &s, view_fixture_hit_torus, 0.03);
     mesh_free(mesh);
 }
 
@@ -42,8 +42,8 @@ static void test_reference_agrees(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_sphere();
-    g_autofree char *dir = write_btf(COSINE, 3, 8);
-    g_autoptr(View) view = make_view(COSINE, 3, 8, mesh);
+    g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
+    g_autoptr(View) view = view_fixture_view(COSINE, 3, 8, mesh);
     mesh_free(mesh);
     g_autoptr(Reference) reference = reference_open(dir, &error);
     struct view_settings s = view_settings_default;
@@ -64,8 +64,8 @@ static void test_reference_shadows(struct fixture *f, gconstpointer data) {
     const struct scene_options scene = {8, 3, SCENE_Z_UP, TRUE};
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_make("torus", &scene, &error);
-    g_autofree char *dir = write_btf(COSINE, 3, 8);
-    g_autoptr(View) view = make_view(COSINE, 3, 8, mesh);
+    g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
+    g_autoptr(View) view = view_fixture_view(COSINE, 3, 8, mesh);
     mesh_free(mesh);
     g_autoptr(Reference) reference = reference_open(dir, &error);
     struct view_settings s = view_settings_default;
@@ -88,10 +88,10 @@ static void test_reference_shadows(struct fixture *f, gconstpointer data) {
 
 static void test_bad_reference(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) none = NULL, odd = NULL, torn = NULL, lost = NULL;
-    g_autofree char *dir = write_btf(GREY, 1, 4);
+    g_autofree char *dir = view_fixture_write_btf(GREY, 1, 4);
     g_assert_null(reference_open("/nowhere", &none));
     g_assert_error(none, REFERENCE_ERROR, REFERENCE_ERROR_NONE);
-    struct eigenmaps *m = make_material(GREY, 1, 4);
+    struct eigenmaps *m = view_fixture_material(GREY, 1, 4);
     m->view_phi_deg[2] = NAN;
     write_view(GREY, m, 2, dir);
     g_assert_null(reference_open(dir, &lost));
@@ -116,10 +116,10 @@ static void test_measured(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
-    g_autofree char *dir = write_btf(VIEW, 3, 8);
+    g_autofree char *dir = view_fixture_write_btf(VIEW, 3, 8);
     g_autoptr(Reference) reference = reference_open(dir, &error);
-    g_autoptr(View) view = make_view(VIEW, 3, 8, mesh);
-    struct view_settings s = bare_settings();
+    g_autoptr(View) view = view_fixture_view(VIEW, 3, 8, mesh);
+    struct view_settings s = view_fixture_settings();
     struct measured m;
     mesh_free(mesh);
     s.camera_elevation_deg = 35; /* the rings are at 28, 57 and 85 degrees from above */
@@ -155,9 +155,10 @@ static void test_compose(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 64, 32);
-    g_autoptr(View) a = make_view(LIGHT, 3, 8, mesh), b = make_view(COSINE, 3, 8, mesh);
+    g_autoptr(View) a = view_fixture_view(LIGHT, 3, 8, mesh),
+                    b = view_fixture_view(COSINE, 3, 8, mesh);
     g_autoptr(Compose) compose = compose_new(&error);
-    const struct view_settings s = bare_settings();
+    const struct view_settings s = view_fixture_settings();
     const struct compose hows[] = {
         {COMPOSE_ONE, 0.5, 4}, {COMPOSE_SPLIT, 0.25, 4}, {COMPOSE_DIFFERENCE, 0.5, 3}};
     guint8 *pictures[3];
@@ -199,7 +200,7 @@ static struct eigenmaps *wait_for(Live *live, int *ret_n_views) {
 
 /* Views that come one after the other are in what is shown. */
 static void test_live(struct fixture *f, gconstpointer data) {
-    g_autofree char *made = write_btf(LIGHT, 2, 4);
+    g_autofree char *made = view_fixture_write_btf(LIGHT, 2, 4);
     g_autofree char *session = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *products = g_build_filename(session, "products", NULL);
     g_autofree char *btf = g_build_filename(products, "btf", NULL);
@@ -243,6 +244,7 @@ int main(int argc, char **argv) {
         {"/reference/live", test_live},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)
-        g_test_add(tests[k].name, struct fixture, NULL, set_up, tests[k].run, tear_down);
+        g_test_add(tests[k].name, struct fixture, NULL, gpu_fixture_set_up, tests[k].run,
+                   gpu_fixture_tear_down);
     return g_test_run();
 }

@@ -1,6 +1,7 @@
 /* Pictures of a session while its views come, and where they say that one is missing. */
 #include "lib/capturing_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/skip.h"
 #include "window/live.h"
 #include "window/series.h"
 
@@ -38,12 +39,12 @@ static void test_stripes(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = make_view(GREY, N_RINGS, N_PHI, mesh);
+    g_autoptr(View) view = view_fixture_view(GREY, N_RINGS, N_PHI, mesh);
     mesh_free(mesh);
     struct planned_view views[N];
     for (int k = 0; k < N; k++)
-        views[k] = (struct planned_view){theta_of(k), phi_of(k), k % 3 != 0};
-    struct view_settings s = bare_settings();
+        views[k] = (struct planned_view){capturing_theta_deg(k), capturing_phi_deg(k), k % 3 != 0};
+    struct view_settings s = view_fixture_settings();
     s.camera_fov_deg = 1.0;
     s.camera_distance = 0.0;
     for (int k = 0; k < N_PHI; k++) { /* of the upper ring */
@@ -93,7 +94,7 @@ static int count_stripes(const char *path) {
 static gboolean have_program(struct fixture *f) {
     if (f->gpu != NULL && g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE))
         return TRUE;
-    g_test_skip("no OpenGL, or mesorig-view is not built");
+    test_skip_or_fail("no OpenGL, or mesorig-view is not built");
     return FALSE;
 }
 
@@ -106,20 +107,20 @@ static void test_series(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "a.session", NULL);
-    g_autofree char *made = write_btf(GREY, N_RINGS, N_PHI), *out = NULL;
+    g_autofree char *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI), *out = NULL;
     g_autofree char *render = g_build_filename(folder, "p.png", NULL);
     /* Before there is a session. */
     g_autoptr(GSubprocess) program = g_subprocess_new(
         G_SUBPROCESS_FLAGS_STDOUT_PIPE, &error, PROGRAM, session, "--live", "--series", "25,60,100",
         "--render", render, "--size", "96x72", "--json", "--wait-s", "60", NULL);
     g_assert_no_error(error);
-    g_free(new_session(folder));
+    g_free(capturing_session_new(folder));
     int before = G_MAXINT;
     for (int k = 0, view = 0; k < 3; k++) {
         g_autofree char *path = g_build_filename(folder, names[k], NULL);
         g_assert_false(g_file_test(path, G_FILE_TEST_EXISTS));
         for (; view < there[k]; view++)
-            move_view(made, session, view);
+            capturing_move_view(made, session, view);
         wait_for_file(path);
     }
     g_subprocess_communicate_utf8(program, NULL, NULL, &out, NULL, &error);
@@ -159,12 +160,12 @@ static void test_refused(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    g_autofree char *made = write_btf(GREY, N_RINGS, N_PHI);
-    g_autofree char *session = new_session(folder);
+    g_autofree char *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI);
+    g_autofree char *session = capturing_session_new(folder);
     refuse("/nowhere.session", 1, "/nowhere.session", "50");
     refuse(session, 2, "--series", "50,20");
     refuse(session, 1, "no new view for 0.5 s, 0 of 8", "50");
-    move_view(made, session, 0);
+    capturing_move_view(made, session, 0);
     refuse(session, 1, "no new view for 0.5 s, 1 of 8", "50");
     refuse(session, 1, "/nowhere/p", "10");
     g_autofree char *last = g_build_filename(session, "products", "eigenmaps.exr", NULL);
@@ -181,8 +182,11 @@ static void test_refused(struct fixture *f, gconstpointer data) {
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/series/parse", test_parse);
-    g_test_add("/series/stripes", struct fixture, NULL, set_up, test_stripes, tear_down);
-    g_test_add("/series/series", struct fixture, NULL, set_up, test_series, tear_down);
-    g_test_add("/series/refused", struct fixture, NULL, set_up, test_refused, tear_down);
+    g_test_add("/series/stripes", struct fixture, NULL, gpu_fixture_set_up, test_stripes,
+               gpu_fixture_tear_down);
+    g_test_add("/series/series", struct fixture, NULL, gpu_fixture_set_up, test_series,
+               gpu_fixture_tear_down);
+    g_test_add("/series/refused", struct fixture, NULL, gpu_fixture_set_up, test_refused,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

@@ -67,7 +67,7 @@ static void check_sphere(double h_mm, enum visibility_way way) {
     struct mdf_table *mdf = flat_mdf(4, h_mm);
     mesh->tiles_u = 12;
     mesh->tiles_v = 6;
-    g_autoptr(View) view = new_view(mesh, mdf);
+    g_autoptr(View) view = silhouettes_view(mesh, mdf);
     struct view_settings s = view_settings_default;
     s.camera_distance = 6.0;
     s.camera_fov_deg = 22.0;
@@ -140,7 +140,7 @@ static void test_ways_agree(struct fixture *f, gconstpointer data) {
         return;
     struct mesh *mesh = pile(5);
     struct mdf_table *mdf = bumpy_mdf();
-    g_autoptr(View) view = new_view(mesh, mdf);
+    g_autoptr(View) view = silhouettes_view(mesh, mdf);
     struct view_settings s = view_settings_default;
     s.camera_elevation_deg = 12.0;
     s.silhouettes = s.shadows = TRUE;
@@ -170,7 +170,7 @@ static void test_lists_grow(struct fixture *f, gconstpointer data) {
         return;
     struct mesh *mesh = pile(8);
     struct mdf_table *mdf = bumpy_mdf();
-    g_autoptr(View) view = new_view(mesh, mdf);
+    g_autoptr(View) view = silhouettes_view(mesh, mdf);
     struct view_settings s = view_settings_default;
     s.camera_elevation_deg = 1.0;
     s.camera_azimuth_deg = -90.0;
@@ -197,7 +197,7 @@ static void test_smooth(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 96, 48);
     struct mdf_table *mdf = flat_mdf(2, 0.0);
-    g_autoptr(View) view = new_view(mesh, mdf);
+    g_autoptr(View) view = silhouettes_view(mesh, mdf);
     struct view_settings s = view_settings_default;
     g_autofree float *without = view_render_linear(view, &s, W, H, &error);
     g_assert_no_error(error);
@@ -220,21 +220,21 @@ static void test_shadow_ring(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = new_view(mesh, NULL);
+    g_autoptr(View) view = silhouettes_view(mesh, NULL);
     struct view_settings s = view_settings_default;
     s.light_theta_deg = 0.0;
     s.camera_elevation_deg = 35.0;
     s.shadows = TRUE;
     view_fit(view, &s, (double)W / H);
-    struct displaced_camera c = camera_of(&s, W, H);
+    struct displaced_camera c = silhouettes_camera(&s, W, H);
     g_autofree float *seen = see(view, &s, W, H);
     int n = 0, wrong = 0;
     for (int k = 0; k < W * H; k++) {
         int i = k % W, j = k / W;
-        double distance = floor_distance(&c, i, j), p[3];
+        double distance = silhouettes_floor_distance(&c, i, j), p[3];
         if (fabs(seen[4 * k + 2] - distance) > 1e-3 * distance)
             continue;
-        floor_point(&c, i, j, p);
+        silhouettes_floor_point(&c, i, j, p);
         double r = hypot(p[0], p[1]);
         if (fabs(r - 0.6) < 0.02 || fabs(r - 1.4) < 0.02)
             continue;
@@ -260,7 +260,7 @@ static void test_shadow_kept(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = pile(3);
     struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
-    g_autoptr(View) view = new_view(mesh, bumps);
+    g_autoptr(View) view = silhouettes_view(mesh, bumps);
     struct view_settings s = view_settings_default;
     s.silhouettes = s.shadows = TRUE;
     g_autofree float *first = see(view, &s, W, H);
@@ -298,7 +298,7 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = new_view(mesh, NULL);
+    g_autoptr(View) view = silhouettes_view(mesh, NULL);
     mesh_free(mesh);
     view_open_mdf(view, mdf, &error);
     g_assert_no_error(error);
@@ -310,12 +310,12 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     struct view_settings s = view_settings_default;
     s.shadows = TRUE;
     view_fit(view, &s, (double)W / H);
-    g_autofree struct displaced_pixel *truth = trace(displaced, &s, W, H);
+    g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, &s, W, H);
     struct scores scores[2];
     for (int way = 0; way < 2; way++) {
         s.silhouettes = way;
         g_autofree float *seen = see(view, &s, W, H);
-        scores[way] = score(seen, truth, &s, W, H, TRUE);
+        scores[way] = silhouettes_score(seen, truth, &s, W, H, TRUE);
     }
     g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f)", m->kind, u, v,
                    overlap_share(&scores[1].outline), overlap_share(&scores[0].outline),
@@ -333,9 +333,9 @@ static void test_truth(struct fixture *f, gconstpointer data) {
     const struct material *m = data;
     if (f->gpu == NULL)
         return;
-    g_autoptr(World) world = make_world(m->kind, m->relief_mm);
+    g_autoptr(World) world = silhouettes_world(m->kind, m->relief_mm);
     struct truth_grid grid = {TEXELS, TEXELS, 25.0, 25.0, m->reference_mm};
-    g_autofree char *mdf = write_truth(world, &grid);
+    g_autofree char *mdf = silhouettes_write_truth(world, &grid);
     check_tiling(m, world, mdf, 8, 3);
     check_tiling(m, world, mdf, 6, 2);
     check_tiling(m, world, mdf, 3, 1);
@@ -381,7 +381,7 @@ static void test_bad_files(void) {
         {"other size", "another size", .value = 1.0f, .other_size = TRUE},
         {"no distances", "no channel D", .value = 1.0f, .no_channel = TRUE},
     };
-    g_autofree char *path = g_build_filename(fixture_folder(), "bad.exr", NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "bad.exr", NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(bads); k++) {
         g_autoptr(GError) error = NULL;
         write_bad(&bads[k], path);
@@ -412,7 +412,7 @@ static void test_holes(void) {
     exr_set_double(part, "view.phi_deg", 0.0);
     exr_set_double(part, "texel_mm", 1.0);
     exr_file_add(file, part);
-    g_autofree char *path = g_build_filename(fixture_folder(), "holes.exr", NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "holes.exr", NULL);
     g_assert_true(exr_write(path, file, EXR_NONE, FALSE, &error));
     exr_file_free(file);
     struct mdf_table *t = mdf_table_read(path, &error);
@@ -440,7 +440,7 @@ static void test_missing(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
     struct mesh *mesh = scene_sphere();
-    g_autoptr(View) view = new_view(mesh, NULL);
+    g_autoptr(View) view = silhouettes_view(mesh, NULL);
     struct view_settings s = view_settings_default;
     s.silhouettes = TRUE;
     g_assert_null(view_render(view, &s, 40, 30, &none));
@@ -461,7 +461,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/silhouettes/table/holes", test_holes);
     g_test_add_func("/silhouettes/table/grazing", test_grazing);
 #define ADD(path, data, function)                                                                  \
-    g_test_add(path, struct fixture, data, set_up, function, tear_down)
+    g_test_add(path, struct fixture, data, gpu_fixture_set_up, function, gpu_fixture_tear_down)
     ADD("/silhouettes/sphere", NULL, test_sphere);
     ADD("/silhouettes/smooth", NULL, test_smooth);
     ADD("/silhouettes/ways", NULL, test_ways_agree);
@@ -472,6 +472,6 @@ int main(int argc, char **argv) {
     ADD("/silhouettes/truth/weave", &weave, test_truth);
     ADD("/silhouettes/truth/brick", &brick, test_truth);
     int status = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return status;
 }

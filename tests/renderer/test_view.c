@@ -1,32 +1,33 @@
 /* Pictures against what the formula gives; view_fixture.h says how. */
+#include "lib/process.h"
+#include "lib/skip.h"
 #include "lib/view_fixture.h"
 #include "scene/picture.h"
 
 #include <png.h>
-#include <sys/wait.h>
 
 static struct hit hit_plane(struct v3 eye, struct v3 d) {
     double along = -eye.z / d.z;
-    struct v3 p = mix(eye, 1.0, d, along);
+    struct v3 p = v3_mix(eye, 1.0, d, along);
     struct hit hit = {along > 0.0 && fabs(p.x) < 0.99 && fabs(p.y) < 0.99,
                       0.5 * (p.x + 1.0),
                       0.5 * (p.y + 1.0),
-                      v3(1, 0, 0),
-                      v3(0, 1, 0),
-                      v3(0, 0, 1),
-                      mix(d, -1.0, d, 0.0)};
+                      v3_new(1, 0, 0),
+                      v3_new(0, 1, 0),
+                      v3_new(0, 0, 1),
+                      v3_mix(d, -1.0, d, 0.0)};
     return hit;
 }
 
 static void check_kind(enum kind kind, struct mesh *mesh, const struct view_settings *s,
                        struct hit (*find)(struct v3, struct v3), double tolerance) {
     g_autoptr(GError) error = NULL;
-    g_autoptr(View) view = make_view(kind, 12, 24, mesh);
+    g_autoptr(View) view = view_fixture_view(kind, 12, 24, mesh);
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
     g_autofree float *pixels = view_render_linear(view, s, c.width, c.height, &error);
     g_assert_no_error(error);
     c.pixels = pixels;
-    compare(&c, tolerance, 1000);
+    view_fixture_compare(&c, tolerance, 1000);
 }
 
 static void check_mesh(struct mesh *mesh, struct view_settings s,
@@ -40,7 +41,7 @@ static void check_mesh(struct mesh *mesh, struct view_settings s,
 static void test_plane(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = bare_settings();
+    struct view_settings s = view_fixture_settings();
     s.camera_distance = 1.6;
     s.camera_fov_deg = 60.0;
     s.camera_azimuth_deg = -70.0;
@@ -55,7 +56,7 @@ static void test_plane(struct fixture *f, gconstpointer data) {
 static void test_plane_from_above(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = bare_settings();
+    struct view_settings s = view_fixture_settings();
     s.camera_elevation_deg = 90.0;
     s.light_theta_deg = 3.0;
     s.light_phi_deg = 300.0;
@@ -65,11 +66,11 @@ static void test_plane_from_above(struct fixture *f, gconstpointer data) {
 static void test_torus(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = bare_settings();
+    struct view_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
     s.tiles_v = 1.0;
-    check_mesh(scene_torus(1.0, 0.4, 512, 256), s, hit_torus);
+    check_mesh(scene_torus(1.0, 0.4, 512, 256), s, view_fixture_hit_torus);
 }
 
 /* Of all pixels that show the mesh. */
@@ -94,9 +95,9 @@ static void test_diffuser(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = make_view(COSINE, 5, 12, mesh);
+    g_autoptr(View) view = view_fixture_view(COSINE, 5, 12, mesh);
     mesh_free(mesh);
-    struct view_settings s = bare_settings();
+    struct view_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     const double thetas[] = {0.0, 10.0, 17.0, 34.0, 60.0, 80.0, 86.0, 89.0, 91.0, 150.0};
     double mean[3];
@@ -124,7 +125,7 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = make_view(GREY, 5, 12, mesh);
+    g_autoptr(View) view = view_fixture_view(GREY, 5, 12, mesh);
     mesh_free(mesh);
     const struct {
         double ev, linear;
@@ -132,7 +133,7 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++)
         for (int samples = 1; samples <= 4; samples += 3) {
             g_autoptr(GError) error = NULL;
-            struct view_settings s = bare_settings();
+            struct view_settings s = view_fixture_settings();
             s.camera_elevation_deg = 90.0;
             s.camera_distance = 0.5;
             s.light_theta_deg = 20.0;
@@ -155,10 +156,10 @@ static void test_minified(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = make_view(TEXEL, 5, 12, mesh);
+    g_autoptr(View) view = view_fixture_view(TEXEL, 5, 12, mesh);
     mesh_free(mesh);
     g_autoptr(GError) error = NULL;
-    struct view_settings s = bare_settings();
+    struct view_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     s.tiles_u = s.tiles_v = 200.0;
     s.camera_elevation_deg = 90.0;
@@ -178,8 +179,8 @@ static void test_magnified(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = make_view(WAVE, 5, 12, mesh);
-    struct view_settings s = bare_settings();
+    g_autoptr(View) view = view_fixture_view(WAVE, 5, 12, mesh);
+    struct view_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     s.camera_elevation_deg = 90.0;
     s.camera_azimuth_deg = -90.0;
@@ -189,7 +190,7 @@ static void test_magnified(struct fixture *f, gconstpointer data) {
     g_assert_no_error(error);
     double worst[2] = {0.0, 0.0};
     for (int k = 0; k < 200 * 200; k++) {
-        struct v3 eye, d = ray(&s, mesh->radius, 200, 200, k % 200, k / 200, &eye);
+        struct v3 eye, d = view_fixture_ray(&s, mesh->radius, 200, 200, k % 200, k / 200, &eye);
         struct hit hit = hit_plane(eye, d);
         if (!hit.found)
             continue;
@@ -216,7 +217,7 @@ static void check_fit(const char *shape, double azimuth_deg, double elevation_de
     enum { SIZE = 200 };
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, &error);
-    g_autoptr(View) view = make_view(GREY, 3, 8, mesh);
+    g_autoptr(View) view = view_fixture_view(GREY, 3, 8, mesh);
     mesh_free(mesh);
     struct view_settings s = view_settings_default;
     s.camera_azimuth_deg = azimuth_deg;
@@ -261,25 +262,25 @@ static void refuse(struct eigenmaps *material, const char *said) {
 static void test_bad_material(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct eigenmaps *m = make_material(GREY, 3, 4);
+    struct eigenmaps *m = view_fixture_material(GREY, 3, 4);
     m->maps[(2 * 12 + 5) * W * H * 3 + 8 * 3] = NAN;
     refuse(m, "term 2, light 5, texel (1, 1)");
-    m = make_material(GREY, 3, 4);
+    m = view_fixture_material(GREY, 3, 4);
     m->weights[13] = INFINITY;
     refuse(m, "term 1 for view 1");
-    m = make_material(GREY, 3, 4);
+    m = view_fixture_material(GREY, 3, 4);
     m->light_theta_deg[2] = 100.0f;
     refuse(m, "lights: direction 2");
-    m = make_material(GREY, 3, 4);
+    m = view_fixture_material(GREY, 3, 4);
     m->view_phi_deg[2] = NAN;
     refuse(m, "views: direction 2");
-    m = make_material(GREY, 3, 4);
+    m = view_fixture_material(GREY, 3, 4);
     m->n_terms = 100000; /* refused before anything of it is read */
     refuse(m, "layers");
-    m = make_material(GREY, 3, 4);
+    m = view_fixture_material(GREY, 3, 4);
     m->width = 1 << 20;
     refuse(m, "texels");
-    m = make_material(GREY, 3, 4);
+    m = view_fixture_material(GREY, 3, 4);
     m->n_lights = 0;
     refuse(m, "no texels or directions");
 }
@@ -298,7 +299,7 @@ static void test_bad_settings(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = make_view(GREY, 3, 4, mesh);
+    g_autoptr(View) view = view_fixture_view(GREY, 3, 4, mesh);
     mesh_free(mesh);
     s = view_settings_default;
     g_assert_null(view_render(view, &s, 1000000, 2, &size));
@@ -343,32 +344,18 @@ static void test_png(struct fixture *f, gconstpointer data) {
     g_assert_error(folder, PICTURE_ERROR, PICTURE_ERROR_IO);
 }
 
-static int run_program(const char *const *arguments, char **ret_out, char **ret_err) {
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    for (; *arguments != NULL; arguments++)
-        g_ptr_array_add(argv, (gpointer)*arguments);
-    g_ptr_array_add(argv, NULL);
-    int status;
-    g_autoptr(GError) error = NULL;
-    g_spawn_sync(NULL, (char **)argv->pdata, NULL, G_SPAWN_SEARCH_PATH, NULL, NULL, ret_out,
-                 ret_err, &status, &error);
-    g_assert_no_error(error);
-    g_assert_true(WIFEXITED(status));
-    return WEXITSTATUS(status);
-}
-
 #define PROGRAM BUILD_DIR "/bin/mesorig-view"
 
 static gboolean have_program(struct fixture *f) {
     if (f->gpu != NULL && g_file_test(PROGRAM, G_FILE_TEST_IS_EXECUTABLE))
         return TRUE;
-    g_test_skip("no OpenGL, or mesorig-view is not built");
+    test_skip_or_fail("no OpenGL, or mesorig-view is not built");
     return FALSE;
 }
 
 static void check_usage(int status, const char *const *arguments, const char *said) {
     g_autofree char *out = NULL, *err = NULL;
-    g_assert_cmpint(run_program(arguments, &out, &err), ==, status);
+    g_assert_cmpint(process_run(arguments, &out, &err), ==, status);
     g_test_message("%s", err);
     g_assert_nonnull(strstr(err, said));
 }
@@ -404,12 +391,12 @@ static void test_program_usage(struct fixture *f, gconstpointer data) {
 static void test_program_renders(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
-    g_autofree char *dir = write_session(), *out = NULL, *err = NULL;
+    g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
     g_autofree char *path = g_build_filename(dir, "turn.png", NULL);
     const char *arguments[] = {PROGRAM,        dir,       "--render", path,       "--size",
                                "48x32",        "--shape", "sphere",   "--frames", "4",
                                "--light-turn", "--json",  NULL};
-    g_assert_cmpint(run_program(arguments, &out, &err), ==, 0);
+    g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
     g_assert_nonnull(strstr(out, "\"width\": 48, \"height\": 32, \"frames\": 4"));
     g_assert_nonnull(strstr(out, "turn_0003.png\"]"));
     guint8 *rgb[2];
@@ -422,38 +409,39 @@ static void test_program_renders(struct fixture *f, gconstpointer data) {
     g_assert_cmpint(memcmp(rgb[0], rgb[1], 48 * 32 * 3), !=, 0);
     g_free(rgb[0]);
     g_free(rgb[1]);
-    remove_session(dir, (const char *[]){"turn_0000.png", "turn_0001.png", "turn_0002.png",
-                                         "turn_0003.png", NULL});
+    view_fixture_remove_session(dir, (const char *[]){"turn_0000.png", "turn_0001.png",
+                                                      "turn_0002.png", "turn_0003.png", NULL});
 }
 
 /* A session without an MDF has shadows, but no silhouettes. */
 static void test_program_relief(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
-    g_autofree char *dir = write_session(), *out = NULL, *err = NULL;
+    g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
     g_autofree char *path = g_build_filename(dir, "floor.png", NULL);
     check_usage(1, (const char *[]){PROGRAM, dir, "-o", path, "--silhouettes", NULL},
                 "products/mdf.exr");
     const char *arguments[] = {PROGRAM,   dir,         "-o",      path,         "--size", "24x16",
                                "--floor", "--shadows", "--shape", "torus-knot", NULL};
-    g_assert_cmpint(run_program(arguments, &out, &err), ==, 0);
-    remove_session(dir, (const char *[]){"floor.png", NULL});
+    g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
+    view_fixture_remove_session(dir, (const char *[]){"floor.png", NULL});
 }
 
 /* A sheet holds the frames that would be files of their own, row by row. */
 static void test_program_sheet(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
-    g_autofree char *dir = write_session(), *out = NULL, *err = NULL, *out2 = NULL, *err2 = NULL;
+    g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL, *out2 = NULL,
+                    *err2 = NULL;
     g_autofree char *sheet = g_build_filename(dir, "sheet.png", NULL);
     g_autofree char *turn = g_build_filename(dir, "turn.png", NULL);
     const char *one[] = {PROGRAM, dir,       "-o", sheet,          "--size", "24x16", "--frames",
                          "3",     "--sheet", "2",  "--light-turn", "--json", NULL};
     const char *many[] = {PROGRAM, dir,        "-o", turn,           "--size",
                           "24x16", "--frames", "3",  "--light-turn", NULL};
-    g_assert_cmpint(run_program(one, &out, &err), ==, 0);
+    g_assert_cmpint(process_run(one, &out, &err), ==, 0);
     g_assert_nonnull(strstr(out, "sheet.png\"]"));
-    g_assert_cmpint(run_program(many, &out2, &err2), ==, 0);
+    g_assert_cmpint(process_run(many, &out2, &err2), ==, 0);
     int width, height;
     g_autofree guint8 *whole = NULL;
     read_png(sheet, &width, &height, &whole);
@@ -468,28 +456,28 @@ static void test_program_sheet(struct fixture *f, gconstpointer data) {
             g_assert_cmpmem(whole + 3 * ((k / 2 * 16 + j) * 48 + k % 2 * 24), 3 * 24,
                             frame + 3 * 24 * j, 3 * 24);
     }
-    remove_session(dir, (const char *[]){"sheet.png", "turn_0000.png", "turn_0001.png",
-                                         "turn_0002.png", NULL});
+    view_fixture_remove_session(dir, (const char *[]){"sheet.png", "turn_0000.png", "turn_0001.png",
+                                                      "turn_0002.png", NULL});
 }
 
 /* The program finds a session's BTF, and says how far the eigen-maps are from it. */
 static void test_program_reference(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
-    g_autofree char *dir = write_session(), *out = NULL, *err = NULL;
-    g_autofree char *made = write_btf(LIGHT, 3, 4);
+    g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
+    g_autofree char *made = view_fixture_write_btf(LIGHT, 3, 4);
     g_autofree char *btf = g_build_filename(dir, "products", "btf", NULL);
     g_autofree char *path = g_build_filename(dir, "whole.png", NULL);
     g_assert_cmpint(g_rename(made, btf), ==, 0);
     const char *arguments[] = {PROGRAM, dir,           "-o",     path, "--size",
                                "48x32", "--reference", "--json", NULL};
-    g_assert_cmpint(run_program(arguments, &out, &err), ==, 0);
+    g_assert_cmpint(process_run(arguments, &out, &err), ==, 0);
     g_test_message("%s", out);
     /* Only the steps between texels differ: bicubic here, linear there. */
     g_assert_nonnull(strstr(out, "\"relative_error\": 0.0"));
     remove_folder(btf);
     check_usage(1, arguments, "products/btf");
-    remove_session(dir, (const char *[]){"whole.png", NULL});
+    view_fixture_remove_session(dir, (const char *[]){"whole.png", NULL});
 }
 
 static void test_program_window(struct fixture *f, gconstpointer data) {
@@ -497,15 +485,15 @@ static void test_program_window(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
     if (xvfb == NULL) {
-        g_test_skip("no xvfb-run");
+        test_skip_or_fail("no xvfb-run");
         return;
     }
-    g_autofree char *dir = write_session(), *out = NULL, *err = NULL;
+    g_autofree char *dir = view_fixture_write_session(), *out = NULL, *err = NULL;
     g_autofree char *path = g_build_filename(dir, "window.png", NULL);
     const char *arguments[] = {xvfb,     "-a",           PROGRAM,  dir,
                                "--size", "160x120",      "--json", "--close-after",
                                "3",      "--screenshot", path,     NULL};
-    int status = run_program(arguments, &out, &err);
+    int status = process_run(arguments, &out, &err);
     g_test_message("%s%s", out, err);
     g_assert_cmpint(status, ==, 0);
     g_assert_nonnull(strstr(out, "\"frames\": 3"));
@@ -514,17 +502,17 @@ static void test_program_window(struct fixture *f, gconstpointer data) {
     read_png(path, &width, &height, &rgb);
     g_assert_cmpint(width, ==, 160);
     g_assert_cmpint(rgb[3 * (60 * 160 + 40)], >, 60); /* on the torus, left of its hole */
-    remove_session(dir, (const char *[]){"window.png", NULL});
+    view_fixture_remove_session(dir, (const char *[]){"window.png", NULL});
 }
 
 static void test_program_no_display(struct fixture *f, gconstpointer data) {
     if (!have_program(f))
         return;
-    g_autofree char *dir = write_session();
+    g_autofree char *dir = view_fixture_write_session();
     check_usage(
         1, (const char *[]){"env", "-u", "DISPLAY", "-u", "WAYLAND_DISPLAY", PROGRAM, dir, NULL},
         "--render");
-    remove_session(dir, (const char *[]){NULL});
+    view_fixture_remove_session(dir, (const char *[]){NULL});
 }
 
 int main(int argc, char **argv) {
@@ -553,6 +541,7 @@ int main(int argc, char **argv) {
         {"/view/program/no-display", test_program_no_display},
     };
     for (gsize k = 0; k < G_N_ELEMENTS(tests); k++)
-        g_test_add(tests[k].name, struct fixture, NULL, set_up, tests[k].run, tear_down);
+        g_test_add(tests[k].name, struct fixture, NULL, gpu_fixture_set_up, tests[k].run,
+                   gpu_fixture_tear_down);
     return g_test_run();
 }

@@ -2,7 +2,9 @@
  * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
  * black picture. */
 #include "lib/fields_fixture.h"
+#include "lib/process.h"
 #include "lib/remove_tree.h"
+#include "lib/skip.h"
 #include "lib/view_fixture.h"
 #include "lib/x_display.h"
 #include "lpca/lpca_levels.h"
@@ -67,27 +69,21 @@ static gboolean have_programs(void) {
     if (g_file_test(VIEWER, G_FILE_TEST_IS_EXECUTABLE) &&
         g_file_test(MESORIG, G_FILE_TEST_IS_EXECUTABLE))
         return TRUE;
-    g_test_skip("mesorig or mesorig-view is not built");
+    test_skip_or_fail("mesorig or mesorig-view is not built");
     return FALSE;
 }
 
 static void compress(const char *path, const char *const *options) {
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_autofree char *err = NULL;
-    g_ptr_array_add(argv, MESORIG);
-    g_ptr_array_add(argv, "compress");
-    g_ptr_array_add(argv, (gpointer)path);
-    for (; *options != NULL; options++)
-        g_ptr_array_add(argv, (gpointer)*options);
-    g_ptr_array_add(argv, NULL);
-    const int code = run_in(NULL, (const char *const *)argv->pdata, &err);
-    if (code != 0)
-        g_error("mesorig compress: %s", err);
+    const char *words[12] = {"compress", path};
+    for (int k = 0; options[k] != NULL; k++)
+        words[k + 2] = options[k];
+    g_autofree const char **argv = process_argv(MESORIG, words);
+    g_free(process_text(0, argv));
 }
 
 /* What make_material() is the eigen-maps of. */
 static struct btf_matrix *make_btf(void) {
-    struct eigenmaps *m = make_material(LIGHT, 3, 4);
+    struct eigenmaps *m = view_fixture_material(LIGHT, 3, 4);
     struct btf_matrix *btf = g_new0(struct btf_matrix, 1);
     const int n = m->n_views;
     *btf = (struct btf_matrix){.name = g_strdup("test"),
@@ -103,7 +99,7 @@ static struct btf_matrix *make_btf(void) {
     btf->values = g_new(float, (gsize)W *H *n *n * 3);
     for (int texel = 0; texel < W * H; texel++)
         for (int k = 0; k < n * n; k++)
-            fill_texel(LIGHT, 0, unit(btf->light_theta_deg[k % n], btf->light_phi_deg[k % n]),
+            fill_texel(LIGHT, 0, v3_unit(btf->light_theta_deg[k % n], btf->light_phi_deg[k % n]),
                        texel % W, texel / W, btf->values + 3 * ((gsize)texel * n * n + k));
     eigenmaps_free(m);
     return btf;
@@ -137,7 +133,7 @@ static void write_lobes(const char *path, const struct btf_matrix *btf, enum lob
 
 /* A session with every product that a method draws. */
 static char *write_products(void) {
-    char *session = write_session();
+    char *session = view_fixture_write_session();
     struct btf_matrix *btf = make_btf();
     g_autofree char *lpca = method_path(method_find("lpca"), session);
     write_lpca(lpca, btf);
@@ -305,7 +301,7 @@ static char *write_mdf(const char *session, int width, int height) {
 static void test_distances(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL || !have_programs())
         return;
-    g_autofree char *session = write_session();
+    g_autofree char *session = view_fixture_write_session();
     g_autofree char *plain = write_mdf(session, 8, 8);
     g_autofree char *maps = g_build_filename(session, "products", "maps.exr", NULL);
     g_autofree char *views = g_build_filename(session, "products", "views.exr", NULL);
@@ -321,7 +317,7 @@ static void test_distances(struct fixture *f, gconstpointer data) {
 
 static void write_wide_maps(const char *path) {
     g_autoptr(GError) error = NULL;
-    struct eigenmaps *m = make_material(LIGHT, 1, 3);
+    struct eigenmaps *m = view_fixture_material(LIGHT, 1, 3);
     m->width = WIDE;
     m->height = m->n_terms = 1;
     g_free(m->maps);
@@ -360,14 +356,14 @@ static void test_too_wide(struct fixture *f, gconstpointer data) {
                                         "lpca-grid", "lpca-revised", NULL};
     if (f->gpu == NULL)
         return;
-    g_autofree char *session = write_session(), *mdf = write_mdf(session, WIDE, 1);
+    g_autofree char *session = view_fixture_write_session(), *mdf = write_mdf(session, WIDE, 1);
     for (int k = 0; names[k] != NULL; k++) {
         g_autoptr(GError) error = NULL;
         g_autofree char *path = method_path(method_find(names[k]), session);
         if (g_str_equal(names[k], "eigenmaps"))
             write_wide_maps(path);
         else if (g_str_equal(names[k], "fields"))
-            write_fields(path, WIDE, 1);
+            fields_fixture_write(path, WIDE, 1);
         else if (g_str_equal(names[k], "lpca")) {
             struct btf_matrix *btf = make_btf();
             write_wide_lpca(path, btf);
@@ -389,7 +385,7 @@ static void test_too_wide(struct fixture *f, gconstpointer data) {
 static void test_no_gl(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL || !have_programs())
         return;
-    g_autofree char *dir = write_session();
+    g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
     const char *const render[] = {VIEWER, dir, "-o", path, "--size", "48x32", NULL};
     refuses((const char *[]){"MESA_GL_VERSION_OVERRIDE", "3.0", NULL}, render,
@@ -430,7 +426,7 @@ static void check_missing(const struct missing *m, const char *const *environmen
         free(paths[k]);
     g_test_message("without %s: %d: %s", m->libraries[0], code, err);
     if (code == NO_HIDE) {
-        g_test_skip("files cannot be hidden: no name spaces of mounts");
+        test_skip_or_fail("files cannot be hidden: no name spaces of mounts");
         return;
     }
     g_assert_cmpint(code, ==, m->said != NULL ? 1 : 0);
@@ -457,7 +453,7 @@ static void test_no_library(struct fixture *f, gconstpointer data) {
     };
     if (f->gpu == NULL || !have_programs())
         return;
-    g_autofree char *dir = write_session();
+    g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
     const char *const render[] = {VIEWER, dir, "-o", path, "--size", "48x32", NULL};
     const char *const show[] = {VIEWER, dir, "--size", "48x32", "--close-after", "1", NULL};
@@ -490,7 +486,7 @@ static void test_shapes(struct fixture *f, gconstpointer data) {
     };
     if (f->gpu == NULL || !have_programs())
         return;
-    g_autofree char *dir = write_session();
+    g_autofree char *dir = view_fixture_write_session();
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
     for (gsize k = 0; k < G_N_ELEMENTS(shapes); k++) {
         g_autofree char *shape = g_build_filename(dir, shapes[k].name, NULL);
@@ -529,7 +525,7 @@ static int count_different(const guint8 *a, const guint8 *b, int n) {
 static void test_least_gl(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL || !have_programs())
         return;
-    g_autofree char *dir = write_session();
+    g_autofree char *dir = view_fixture_write_session();
     g_autofree char *mdf = write_mdf(dir, 8, 8);
     g_autofree char *path = g_build_filename(dir, "out.png", NULL);
     static const char *const least[] = {"MESA_GL_VERSION_OVERRIDE", "3.3", NULL};
@@ -557,7 +553,8 @@ static void test_least_gl(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-#define ADD(path, function) g_test_add(path, struct fixture, NULL, set_up, function, tear_down)
+#define ADD(path, function)                                                                        \
+    g_test_add(path, struct fixture, NULL, gpu_fixture_set_up, function, gpu_fixture_tear_down)
     ADD("/view-mistakes/products", test_products);
     ADD("/view-mistakes/distances", test_distances);
     ADD("/view-mistakes/too-wide", test_too_wide);

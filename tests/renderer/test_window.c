@@ -172,7 +172,7 @@ static char *write_large_session(void) {
     g_autofree char *path = g_build_filename(dir, "products", "eigenmaps.exr", NULL);
     g_autofree char *products = g_path_get_dirname(path);
     g_mkdir(products, 0755);
-    struct eigenmaps *m = make_material(LIGHT, 5, 12);
+    struct eigenmaps *m = view_fixture_material(LIGHT, 5, 12);
     m->width = m->height = 160;
     g_free(m->maps);
     m->maps = g_new0(float, (gsize)m->n_terms * m->n_lights * m->width * m->height * 3);

@@ -3,6 +3,7 @@
 #include "lib/capturing_fixture.h"
 #include "lib/fields_fixture.h"
 #include "lib/remove_tree.h"
+#include "lib/skip.h"
 #include "lib/window_user.h"
 
 #include <fcntl.h>
@@ -176,9 +177,9 @@ static void wait_for_source(struct user *u, const char *source) {
 }
 
 static gboolean start(struct user *u, const char *const *options) {
-    g_autofree char *session = write_session();
+    g_autofree char *session = view_fixture_write_session();
     g_autofree char *fields = g_build_filename(session, "products", "fields.exr", NULL);
-    write_fields(fields, W, H);
+    fields_fixture_write(fields, W, H);
     if (!user_sit_down(u, session, options))
         return FALSE;
     user_wait_for_title(u, "eigenmaps.exr");
@@ -281,7 +282,7 @@ static void wait_for_a_look(struct user *u) {
  * was chosen comes. */
 static void test_while_opening(void) {
     struct user u;
-    g_autofree char *session = write_session(), *map = NULL, *shape = NULL;
+    g_autofree char *session = view_fixture_write_session(), *map = NULL, *shape = NULL;
     write_own(session, &map, &shape);
     if (!user_sit_down(&u, session,
                        (const char *[]){WINDOW, "--size", "400x520", "--split", "metal-ashikhmin",
@@ -308,7 +309,7 @@ static void test_while_opening(void) {
         check(&u, "Shape", "own.obj");
         user_wait_for_title(&u, "flat.png on own.obj");
     } else {
-        g_test_skip("the file system knows no leases");
+        test_skip_or_fail("the file system knows no leases");
     }
     x_display_key(u.x, "Escape");
     g_free(user_stand_up(&u, 0));
@@ -384,17 +385,18 @@ static void wait_for_views(struct user *u, int n) {
 /* What is chosen while views come stays; eigen-maps of those that are there can be had back. */
 static void test_while_capturing(void) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-XXXXXX", NULL);
-    g_autofree char *session = new_session(folder), *made = write_btf(GREY, N_RINGS, N_PHI);
+    g_autofree char *session = capturing_session_new(folder),
+                    *made = view_fixture_write_btf(GREY, N_RINGS, N_PHI);
     g_autofree char *fields = g_build_filename(session, "products", "fields.exr", NULL);
     struct user u;
-    write_fields(fields, W, H);
-    move_view(made, session, 0);
+    fields_fixture_write(fields, W, H);
+    capturing_move_view(made, session, 0);
     if (user_sit_down(&u, session, (const char *[]){WINDOW, "--size", "400x600", NULL})) {
         user_wait_for_title(&u, "eigenmaps.exr");
         choose(&u, 3, 0, 4);
         wait_for_source(&u, "reflectance fields");
         for (int view = 1; view < 5; view++) {
-            move_view(made, session, view);
+            capturing_move_view(made, session, view);
             wait_for_views(&u, view + 1); /* looked for once a second, as new eigen-maps are */
         }
         check(&u, "Source", "reflectance fields");

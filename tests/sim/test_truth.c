@@ -29,7 +29,7 @@ static void ray(const double eye[3], const double p[3], double ret[3]) {
 }
 
 static void view_centre(void) {
-    g_autoptr(World) world = fixture_world(QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\n");
+    g_autoptr(World) world = world_fixture_new(QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\n");
     double eye[3];
     truth_view_centre_mm(world, 1, 100, eye);
     double theta = RAD(75), phi = RAD(40 - 100);
@@ -40,8 +40,8 @@ static void view_centre(void) {
 
 static void plane(void) {
     g_autoptr(World) world =
-        fixture_world(QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\nbase_mm=1.5\nwidth_mm=100\n"
-                                    "height_mm=100\n");
+        world_fixture_new(QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\nbase_mm=1.5\nwidth_mm=100\n"
+                                        "height_mm=100\n");
     for (int camera = 0; camera < 2; camera++) {
         float distance[N];
         guint8 edge[N];
@@ -86,9 +86,9 @@ static double sphere_distance(const double p[3], const double d[3], double z, do
 
 static void ball(void) {
     g_autofree char *obj = sphere(2.4, 2.3);
-    g_autofree char *path = fixture_write("ball.obj", obj);
+    g_autofree char *path = world_fixture_write("ball.obj", obj);
     g_autoptr(World) world =
-        fixture_world(QUIET CAMERAS "[sample]\nkind=obj\npath=ball.obj\nsmooth=yes\n");
+        world_fixture_new(QUIET CAMERAS "[sample]\nkind=obj\npath=ball.obj\nsmooth=yes\n");
     const struct truth_grid near = {64, 64, 10, 10, 5};
     g_autofree float *distance = g_new(float, 64 * 64);
     g_autofree guint8 *edge = g_new(guint8, 64 * 64);
@@ -121,11 +121,11 @@ static void ramp(void) {
         grey[i] = (guint16)((i + 0.5) / 256 * 65535);
     png_image image = {.version = PNG_IMAGE_VERSION, .width = 256, .height = 1};
     image.format = PNG_FORMAT_LINEAR_Y;
-    g_autofree char *path = g_build_filename(fixture_folder(), "ramp.png", NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "ramp.png", NULL);
     g_assert_true(png_image_write_to_file(&image, path, 0, grey, 0, NULL));
-    g_autoptr(World) world =
-        fixture_world(QUIET CAMERAS "[sample]\nkind=picture\npath=ramp.png\ngrid=64\nwidth_mm=40\n"
-                                    "height_mm=40\nbase_mm=1\nrelief_mm=3\n");
+    g_autoptr(World) world = world_fixture_new(
+        QUIET CAMERAS "[sample]\nkind=picture\npath=ramp.png\ngrid=64\nwidth_mm=40\n"
+                      "height_mm=40\nbase_mm=1\nrelief_mm=3\n");
     float distance[N];
     double eye[3], p[3], d[3];
     truth_view_centre_mm(world, 0, 0, eye);
@@ -142,11 +142,11 @@ static void ramp(void) {
 
 static void laser_seen(void) {
     g_autoptr(GString) obj = g_string_new(NULL);
-    fixture_box(obj, 0, -5, 5, -25, 25, 4);
-    g_autofree char *path = fixture_write("box.obj", obj->str);
+    world_fixture_box(obj, 0, -5, 5, -25, 25, 4);
+    g_autofree char *path = world_fixture_write("box.obj", obj->str);
     g_autoptr(World) world =
-        fixture_world(QUIET "[camera a]\ntheta_deg=0\n[laser s]\ntheta_deg=60\n"
-                            "[laser t]\ntheta_deg=0\n[sample]\nkind=obj\npath=box.obj\n");
+        world_fixture_new(QUIET "[camera a]\ntheta_deg=0\n[laser s]\ntheta_deg=60\n"
+                                "[laser t]\ntheta_deg=0\n[sample]\nkind=obj\npath=box.obj\n");
     const double arcs[] = {0, 180, 0};
     const int lasers[] = {0, 0, 1};
     guint8 seen[N];
@@ -164,9 +164,9 @@ static void laser_seen(void) {
 }
 
 static void reflectance(void) {
-    g_autoptr(World) world =
-        fixture_world(QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\nbase_mm=1\nalbedo=0.6;0.4;0.2\n"
-                                    "width_mm=100\nheight_mm=100\n");
+    g_autoptr(World) world = world_fixture_new(
+        QUIET CAMERAS "[sample]\nkind=flat\ngrid=2\nbase_mm=1\nalbedo=0.6;0.4;0.2\n"
+                      "width_mm=100\nheight_mm=100\n");
     g_autofree float *rgb = g_new(float, 3 * N);
     truth_btf(world, 0, 0, 20, 90, &grid, 3, rgb);
     double phi = RAD(90 - 20), eye[3], p[3], d[3];
@@ -202,7 +202,7 @@ static void all_kinds(void) {
                             "[sample]\nkind=%s\nrelief_mm=3.2\nbase_mm=0.8\nwidth_mm=25\n"
                             "height_mm=25\ngrid=60\nperiod_mm=6.25\n",
                             kinds[k]);
-        g_autoptr(World) world = fixture_world(text);
+        g_autoptr(World) world = world_fixture_new(text);
         const struct truth_grid small = {24, 24, 24, 24, 5};
         float distance[24 * 24], rgb[3 * 24 * 24];
         truth_mdf(world, 0, 0, &small, distance, NULL);
@@ -224,7 +224,7 @@ static void all_kinds(void) {
 
 /* A lamp on a crooked arc goes round the arc's own axis, from where its zero is. */
 static void crooked_arc(void) {
-    g_autoptr(World) world = fixture_world(
+    g_autoptr(World) world = world_fixture_new(
         "[world]\nnoise=no\ngather_rays=0\nseed=5\narc_zero_error_deg=0.5\n"
         "arc_tilt_error_deg=1\narc_error_mm=2\n" CAMERAS "[sample]\nkind=flat\ngrid=2\n");
     struct truth_arc arc;
@@ -255,7 +255,7 @@ static void crooked_arc(void) {
 /* The shadow of a post's top ends where the ray from the lamp over it comes down, also where the
  * arc is crooked; a picture shows it there. */
 static void shadow_of_a_post(void) {
-    g_autoptr(World) world = fixture_world(
+    g_autoptr(World) world = world_fixture_new(
         "[world]\nnoise=no\ngather_rays=0\nseed=5\narc_tilt_error_deg=1\narc_error_mm=2\n"
         "[camera a]\ntheta_deg=0\nwidth=401\nheight=401\nfocal_px=3250\ncfa=mono\n"
         "[lamp l]\ntheta_deg=45\n"
@@ -295,6 +295,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/truth/crooked-arc", crooked_arc);
     g_test_add_func("/truth/shadow-of-a-post", shadow_of_a_post);
     int result = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return result;
 }

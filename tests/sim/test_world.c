@@ -28,8 +28,8 @@ static struct world_state lamp_state(int lamp, double arc_deg) {
 }
 
 static void white_diffuser(void) {
-    g_autoptr(World) world = fixture_world(QUIET ABOVE LAMP "[sample]\nkind=flat\nbase_mm=2\n"
-                                                            "albedo=1\ngrid=4\n");
+    g_autoptr(World) world = world_fixture_new(QUIET ABOVE LAMP "[sample]\nkind=flat\nbase_mm=2\n"
+                                                                "albedo=1\ngrid=4\n");
     struct world_state state = lamp_state(0, 90);
     guint16 pixels[101 * 101];
     world_expose(world, 0, &state, 100000, 0, 1, pixels);
@@ -48,7 +48,7 @@ static void white_diffuser(void) {
 }
 
 static void lens_and_filters(void) {
-    g_autoptr(World) world = fixture_world(
+    g_autoptr(World) world = world_fixture_new(
         QUIET "[camera above]\ntheta_deg=0\nwidth=101\nheight=101\nfocal_px=10000\nbits=16\n"
               "black_level=0\nvignetting=0.4\nfalloff=4\ncolour=1;0.5;0.25\n"
               "[lamp far]\ntheta_deg=0\ndistance_mm=10000\nexponent=0\nintensity=4000\n"
@@ -65,7 +65,7 @@ static void lens_and_filters(void) {
 }
 
 static void black_and_full(void) {
-    g_autoptr(World) world = fixture_world(QUIET ABOVE LAMP "[sample]\nkind=flat\ngrid=4\n");
+    g_autoptr(World) world = world_fixture_new(QUIET ABOVE LAMP "[sample]\nkind=flat\ngrid=4\n");
     struct world_state state = {0};
     guint16 pixels[101 * 101];
     world_expose(world, 0, &state, 1000000, 12, 1, pixels);
@@ -105,9 +105,10 @@ static void check_place(const World *world, int index, double theta, double phi,
 }
 
 static void same_place_as_rig(void) {
-    g_autofree char *obj = fixture_write("square.obj", "v 8 5 2\nv 10 5 2\nv 10 7 2\nv 8 7 2\n"
-                                                       "f 1 2 3 4\n");
-    g_autoptr(World) world = fixture_world(
+    g_autofree char *obj =
+        world_fixture_write("square.obj", "v 8 5 2\nv 10 5 2\nv 10 7 2\nv 8 7 2\n"
+                                          "f 1 2 3 4\n");
+    g_autoptr(World) world = world_fixture_new(
         "[world]\nnoise=no\ngather_rays=0\nturntable_albedo=0\nsupersample=6\n"
         "[camera a]\ntheta_deg=15\ncfa=mono\n[camera b]\ntheta_deg=45\nphi_deg=120\ncfa=mono\n"
         "[camera c]\ntheta_deg=75\nphi_deg=-40\ncfa=mono\n" LAMP
@@ -124,11 +125,11 @@ static void same_place_as_rig(void) {
 
 static void shadow_of_a_step(void) {
     g_autoptr(GString) obj = g_string_new(NULL);
-    fixture_box(obj, 0, -5, 5, -20, 20, 4);
-    g_autofree char *path = fixture_write("box.obj", obj->str);
+    world_fixture_box(obj, 0, -5, 5, -20, 20, 4);
+    g_autofree char *path = world_fixture_write("box.obj", obj->str);
     g_autoptr(World) world =
-        fixture_world("[world]\nnoise=no\ngather_rays=0\nturntable_albedo=0.5\n" ABOVE
-                      "[lamp l]\ntheta_deg=60\n[sample]\nkind=obj\npath=box.obj\n");
+        world_fixture_new("[world]\nnoise=no\ngather_rays=0\nturntable_albedo=0.5\n" ABOVE
+                          "[lamp l]\ntheta_deg=60\n[sample]\nkind=obj\npath=box.obj\n");
     struct world_state state = lamp_state(0, 180);
     guint16 pixels[101 * 101];
     world_expose(world, 0, &state, 50000, 0, 1, pixels);
@@ -160,7 +161,7 @@ static void line_moments(const guint16 *pixels, double z, double *ret_sum, doubl
 }
 
 static void laser_line(void) {
-    g_autoptr(World) world = fixture_world(
+    g_autoptr(World) world = world_fixture_new(
         QUIET ABOVE "[laser l]\ntheta_deg=45\nwidth_mm=2\nfan_deg=20\npower_w=0.02\n"
                     "[sample]\nkind=flat\nbase_mm=1.5\nalbedo=0.6\ngrid=4\nwidth_mm=90\n"
                     "height_mm=90\n");
@@ -188,11 +189,11 @@ static void laser_line(void) {
 
 static void laser_in_shadow(void) {
     g_autoptr(GString) obj = g_string_new(NULL);
-    fixture_box(obj, 0, -5, 5, -20, 20, 4);
-    g_autofree char *path = fixture_write("box.obj", obj->str);
+    world_fixture_box(obj, 0, -5, 5, -20, 20, 4);
+    g_autofree char *path = world_fixture_write("box.obj", obj->str);
     g_autoptr(World) world =
-        fixture_world("[world]\nnoise=no\ngather_rays=0\nturntable_albedo=0.5\n" ABOVE
-                      "[laser l]\ntheta_deg=60\n[sample]\nkind=obj\npath=box.obj\n");
+        world_fixture_new("[world]\nnoise=no\ngather_rays=0\nturntable_albedo=0.5\n" ABOVE
+                          "[laser l]\ntheta_deg=60\n[sample]\nkind=obj\npath=box.obj\n");
     struct world_state state = {.laser_on[0] = TRUE, .arc_deg = 180};
     int seen_beside = 0;
     for (double sweep = -3; sweep < 3; sweep += 0.1) {
@@ -216,8 +217,8 @@ static float output_at(World *world, double start_s, double exposure_s) {
 }
 
 static void warm_up(void) {
-    g_autoptr(World) world = fixture_world("[world]\nwarm_up_s=4\nwarm_up_start=0.5\n" LAMP
-                                           "[sample]\nkind=flat\ngrid=2\n");
+    g_autoptr(World) world = world_fixture_new("[world]\nwarm_up_s=4\nwarm_up_start=0.5\n" LAMP
+                                               "[sample]\nkind=flat\ngrid=2\n");
     g_assert_cmpfloat(world_lamp_warm_up_s(world), ==, 4);
     g_assert_true(output_at(world, 9, 0.1) == 0);
     world_set_lamp(world, 0, TRUE, 10000000);
@@ -247,8 +248,8 @@ static void warm_up(void) {
 }
 
 static void drift(void) {
-    g_autoptr(World) world = fixture_world("[world]\ndrift_pct=2\ndrift_period_s=100\n" LAMP
-                                           "[sample]\nkind=flat\ngrid=2\n");
+    g_autoptr(World) world = world_fixture_new("[world]\ndrift_pct=2\ndrift_period_s=100\n" LAMP
+                                               "[sample]\nkind=flat\ngrid=2\n");
     world_set_lamp(world, 0, TRUE, 0);
     g_assert_cmpfloat_with_epsilon(output_at(world, 125, 0.001), 1.02, 1e-5);
     g_assert_cmpfloat_with_epsilon(output_at(world, 175, 0.001), 0.98, 1e-5);
@@ -259,8 +260,8 @@ static void drift(void) {
     "s]\ntheta_deg=0\nwidth=16\nheight=16\nfocal_px=20000\nresponse=100\nfull_well_e=10000\n"
 
 static void noise_statistics(void) {
-    g_autoptr(World) world = fixture_world("[world]\ngather_rays=0\nsupersample=1\n" SMALL LAMP
-                                           "[sample]\nkind=flat\ngrid=2\nalbedo=1\n");
+    g_autoptr(World) world = world_fixture_new("[world]\ngather_rays=0\nsupersample=1\n" SMALL LAMP
+                                               "[sample]\nkind=flat\ngrid=2\nalbedo=1\n");
     const double exposures_s[] = {0, 0.05, 0.3};
     for (int k = 0; k < 3; k++) {
         for (double gain_db = 0; gain_db <= 6.1; gain_db += 6.0206) {
@@ -327,7 +328,7 @@ static void same_snapshot_same_picture(void) {
     for (int round = 0; round < 2; round++) {
         g_autofree char *text =
             g_strdup_printf("[world]\ncache_mb=%d\ngather_rays=6\n%s", round ? 1 : 64, woven);
-        g_autoptr(World) world = fixture_world(text);
+        g_autoptr(World) world = world_fixture_new(text);
         struct job jobs[2] = {{world, pixels + (2 * round) * N_STATES * N_PIXELS, FALSE},
                               {world, pixels + (2 * round + 1) * N_STATES * N_PIXELS, TRUE}};
         GThread *thread = g_thread_new("expose", expose_all, &jobs[1]);
@@ -371,7 +372,7 @@ static void mean_rows(int gather, double rows[101]) {
         "[lamp far]\ntheta_deg=0\ndistance_mm=10000\nexponent=0\nintensity=4000\n"
         "[sample]\nkind=obj\npath=groove.obj\nalbedo=0.8\nsmooth=no\n",
         gather);
-    g_autoptr(World) world = fixture_world(text);
+    g_autoptr(World) world = world_fixture_new(text);
     struct world_state state = lamp_state(0, 0);
     guint16 pixels[31 * 101];
     world_expose(world, 0, &state, 2000000, 0, 1, pixels);
@@ -386,7 +387,7 @@ static void mean_rows(int gather, double rows[101]) {
  * from the corner; both are lit alike from far above, so one bounce adds albedo·F. */
 static void light_in_a_groove(void) {
     g_autofree char *obj = groove();
-    g_autofree char *path = fixture_write("groove.obj", obj);
+    g_autofree char *path = world_fixture_write("groove.obj", obj);
     double direct[101], all[101];
     mean_rows(0, direct);
     mean_rows(48, all);
@@ -408,7 +409,7 @@ static void deviations(void) {
                              "lamp_error_pct=3\n")};
     for (int i = 0; i < 3; i++) {
         g_autofree char *text = g_strconcat(heads[i], ABOVE LAMP, line, NULL);
-        g_autoptr(World) world = fixture_world(text);
+        g_autoptr(World) world = world_fixture_new(text);
         struct world_state state = lamp_state(0, 0);
         world_expose(world, 0, &state, 100000, 0, 1, pictures[i]);
     }
@@ -419,8 +420,8 @@ static void deviations(void) {
 }
 
 static void shared_by_path(void) {
-    g_autoptr(World) a = fixture_world(QUIET ABOVE LAMP "[sample]\nkind=flat\ngrid=2\n");
-    g_autofree char *other = g_build_filename(fixture_folder(), ".", "world.conf", NULL);
+    g_autoptr(World) a = world_fixture_new(QUIET ABOVE LAMP "[sample]\nkind=flat\ngrid=2\n");
+    g_autofree char *other = g_build_filename(world_fixture_folder(), ".", "world.conf", NULL);
     g_autoptr(World) b = world_get(other, NULL);
     g_assert_true(a == b);
     g_assert_cmpint(world_find_camera(a, "above"), ==, 0);
@@ -455,7 +456,7 @@ static void demo_world(void) {
 }
 
 static void refuse(const char *text, const char *words) {
-    g_autofree char *path = fixture_write("bad.conf", text);
+    g_autofree char *path = world_fixture_write("bad.conf", text);
     g_autoptr(GError) error = NULL;
     g_autoptr(World) world = world_get(path, &error);
     g_assert_null(world);
@@ -484,14 +485,14 @@ static void refused(void) {
     refuse("[sample]\nkind=picture\n", "path");
     refuse("[sample]\nkind=picture\npath=missing.png\n", "missing.png");
     refuse("[sample]\nkind=obj\npath=missing.obj\n", "missing.obj");
-    g_autofree char *folder_path = g_build_filename(fixture_folder(), "gone.conf", NULL);
+    g_autofree char *folder_path = g_build_filename(world_fixture_folder(), "gone.conf", NULL);
     g_autoptr(GError) error = NULL;
     g_assert_null(world_get(folder_path, &error));
     g_assert_nonnull(error);
 }
 
 static void refuse_file(const char *kind, const char *content, gsize size, const char *words) {
-    g_autofree char *path = g_build_filename(fixture_folder(), "bad.file", NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "bad.file", NULL);
     g_assert_true(g_file_set_contents(path, content, (gssize)size, NULL));
     g_autofree char *text = g_strdup_printf("[sample]\nkind=%s\npath=bad.file\n", kind);
     refuse(text, words);
@@ -542,6 +543,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/world/refused", refused);
     g_test_add_func("/world/refused-files", refused_files);
     int result = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return result;
 }

@@ -12,6 +12,8 @@
 #include <unistd.h>
 
 #include "lib/long_session.h"
+#include "lib/remove_tree.h"
+#include "lib/skip.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
@@ -80,7 +82,7 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->socket = g_build_filename(fixture->folder, "bus", NULL);
     fixture->address = g_strconcat("unix:path=", fixture->socket, NULL);
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
-    fixture->session = write_long_session(fixture->folder);
+    fixture->session = long_session_write(fixture->folder);
     fixture->bus = bus_new(fixture->address);
     fixture->server = bus_serve(fixture->bus, fixture->address, &error);
     bus_listen_client(fixture->bus, on_closed, fixture);
@@ -91,13 +93,12 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
 }
 
 static void tear_down(struct fixture *fixture, gconstpointer data) {
-    const char *const remove[] = {"/bin/rm", "-rf", fixture->folder, NULL};
     g_clear_object(&fixture->client);
     bus_unserve(fixture->bus, fixture->server);
     bus_free(fixture->bus);
     while (g_main_context_iteration(NULL, FALSE))
         ;
-    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
+    remove_tree(fixture->folder);
     g_free(fixture->folder);
     g_free(fixture->socket);
     g_free(fixture->address);
@@ -489,7 +490,7 @@ static gboolean child_is_let_in(struct fixture *fixture, uid_t uid, const char *
 /* Not even one whom the file's mode lets in. */
 static void test_other_user(struct fixture *fixture, gconstpointer data) {
     if (geteuid() != 0) {
-        g_test_skip("needs root, to be somebody else");
+        test_skip_or_fail("needs root, to be somebody else");
         return;
     }
     g_chmod(fixture->folder, 0755);

@@ -1,13 +1,14 @@
 /* SafeState is answered at once, whatever else clients ask of mesorigd: a program of its own, as
  * its clients see it. */
 #include "bus/bus.h"
+#include "lib/process.h"
+#include "lib/remove_tree.h"
 
 #include <gio/gio.h>
 #include <glib/gstdio.h>
 #include <poll.h>
 #include <signal.h>
 #include <string.h>
-#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -41,27 +42,17 @@ static GDBusConnection *join(const char *address) {
     return connection;
 }
 
-/* One that is blocked, and so fails a test, would outlive it. */
-static void end_with_test(gpointer data) {
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
-}
-
 static void set_up(struct fixture *fixture, gconstpointer data) {
-    g_autoptr(GError) error = NULL;
     fixture->folder = g_dir_make_tmp("mesorig-load-XXXXXX", NULL);
     fixture->address = g_strdup_printf("unix:path=%s/bus", fixture->folder);
-    g_autoptr(GSubprocessLauncher) launcher =
-        g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE);
-    g_subprocess_launcher_set_child_setup(launcher, end_with_test, NULL, NULL);
-    fixture->daemon = g_subprocess_launcher_spawn(launcher, &error, MESORIGD, "--listen",
-                                                  fixture->address, "--rig", RIG, NULL);
-    g_assert_no_error(error);
+    fixture->daemon =
+        process_start(G_SUBPROCESS_FLAGS_STDOUT_SILENCE, NULL,
+                      (const char *[]){MESORIGD, "--listen", fixture->address, "--rig", RIG, NULL});
     fixture->operator= join(fixture->address);
     fixture->client = join(fixture->address);
 }
 
 static void tear_down(struct fixture *fixture, gconstpointer data) {
-    const char *const remove[] = {"/bin/rm", "-rf", fixture->folder, NULL};
     g_subprocess_force_exit(fixture->daemon);
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     g_clear_object(&fixture->client);
@@ -70,7 +61,7 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
         ;
     g_clear_object(&fixture->answer);
     g_object_unref(fixture->daemon);
-    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
+    remove_tree(fixture->folder);
     g_free(fixture->folder);
     g_free(fixture->address);
 }

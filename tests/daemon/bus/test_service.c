@@ -11,6 +11,8 @@
 #include <unistd.h>
 
 #include "lib/long_session.h"
+#include "lib/process.h"
+#include "lib/remove_tree.h"
 
 #define RIG      SOURCE_DIR "/tests/small/rig.conf"
 #define MESORIGD BUILD_DIR "/bin/mesorigd"
@@ -30,7 +32,7 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
     fixture->folder = g_dir_make_tmp("mesorig-service-XXXXXX", NULL);
     fixture->address = g_strdup_printf("unix:path=%s/bus", fixture->folder);
     fixture->directory = g_build_filename(fixture->folder, "small.session", NULL);
-    fixture->session = write_long_session(fixture->folder);
+    fixture->session = long_session_write(fixture->folder);
     fixture->told = g_string_new("\n");
     g_snprintf(at.sun_path, sizeof(at.sun_path), "%s/notify", fixture->folder);
     fixture->notify_fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
@@ -38,14 +40,13 @@ static void set_up(struct fixture *fixture, gconstpointer data) {
 }
 
 static void tear_down(struct fixture *fixture, gconstpointer data) {
-    const char *const remove[] = {"/bin/rm", "-rf", fixture->folder, NULL};
     if (fixture->daemon) {
         g_subprocess_force_exit(fixture->daemon);
         g_subprocess_wait(fixture->daemon, NULL, NULL);
         g_object_unref(fixture->daemon);
     }
     close(fixture->notify_fd);
-    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
+    remove_tree(fixture->folder);
     g_free(fixture->folder);
     g_free(fixture->address);
     g_free(fixture->directory);
@@ -218,15 +219,6 @@ static void test_follower(struct fixture *fixture, gconstpointer data) {
     wait_for_followers(fixture, 0);
 }
 
-static int run(const char *const *argv, char **ret_stderr) {
-    int status = -1;
-    g_autoptr(GError) error = NULL;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_STDOUT_TO_DEV_NULL, NULL, NULL, NULL,
-                 ret_stderr, &status, &error);
-    g_assert_no_error(error);
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
 static void test_kill(struct fixture *fixture, gconstpointer data) {
     const char *const safe[] = {MESORIGD, "--safe-state", RIG, NULL};
     start(fixture, NULL);
@@ -236,7 +228,7 @@ static void test_kill(struct fixture *fixture, gconstpointer data) {
     wait_for(fixture, "\nSTATUS=running, ", 1);
     g_subprocess_send_signal(fixture->daemon, SIGKILL);
     g_assert_cmpint(wait_for_end(fixture), ==, -1);
-    g_assert_cmpint(run(safe, NULL), ==, 0);
+    g_assert_cmpint(process_run(safe, NULL, NULL), ==, 0);
 
     /* The socket and the control file that it has left do not matter. */
     g_clear_object(&fixture->daemon);
@@ -266,7 +258,7 @@ static void test_usage(void) {
     };
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autofree char *text = NULL;
-        g_assert_cmpint(run(cases[i].argv, &text), ==, cases[i].code);
+        g_assert_cmpint(process_run(cases[i].argv, NULL, &text), ==, cases[i].code);
         if (cases[i].words && !strstr(text, cases[i].words))
             g_error("%s does not say “%s”: %s", cases[i].argv[1], cases[i].words, text);
     }

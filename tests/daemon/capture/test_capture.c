@@ -4,11 +4,11 @@
 #include <signal.h>
 #include <string.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 
 #include "calibration/calibration.h"
 #include "exr/exr.h"
 #include "lib/capture_run.h"
+#include "lib/process.h"
 
 /* All is taken, in the time that the plan says. */
 static void run_as_planned(struct run *run) {
@@ -185,15 +185,11 @@ static void test_locked(void) {
 /* The same from another process. */
 static void test_locked_elsewhere(void) {
     struct run *run = run_new(NULL);
-    g_autoptr(GError) error = NULL;
     run_start(run);
     run_until(run, 10);
-    char *argv[] = {"/proc/self/exe", "--resume", run->directory, NULL};
-    int status = -1;
+    const char *const argv[] = {"/proc/self/exe", "--resume", run->directory, NULL};
     g_autofree char *out = NULL;
-    g_assert_true(g_spawn_sync(NULL, argv, NULL, 0, NULL, NULL, &out, NULL, &status, &error));
-    g_assert_no_error(error);
-    g_assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+    g_assert_cmpint(process_run(argv, &out, NULL), ==, 1);
     g_assert_nonnull(strstr(out, "locked"));
     run_free(run);
 }

@@ -3,6 +3,7 @@
  * at each place. */
 #include "capture/capture.h"
 #include "exr/exr.h"
+#include "lib/process.h"
 #include "lib/remove_tree.h"
 
 #include <glib/gstdio.h>
@@ -525,14 +526,8 @@ static void test_lost(void) {
 
 /* Runs mesorig, NULL-terminated; what it prints is to have the words. */
 static void tells(const char *const *argv, const char *words) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *out = NULL, *err = NULL;
-    int status = -1;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status,
-                 &error);
-    g_assert_no_error(error);
-    if (status != 0 || !strstr(out, words))
-        g_error("%s %s: status %x, no “%s” in: %s%s", argv[0], argv[1], status, words, out, err);
+    g_autofree char *text = process_text(0, argv);
+    assert_has(text, words);
 }
 
 static void test_cli(void) {
@@ -549,11 +544,9 @@ static void test_cli(void) {
 }
 
 static gboolean has_status(const char *session, const char *words) {
-    const char *const argv[] = {MESORIG, "status", "--json", session, NULL};
-    g_autofree char *out = NULL;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_STDERR_TO_DEV_NULL, NULL, NULL, &out, NULL,
-                 NULL, NULL);
-    return out && strstr(out, words);
+    g_autofree char *out = NULL, *err = NULL;
+    process_run((const char *[]){MESORIG, "status", "--json", session, NULL}, &out, &err);
+    return strstr(out, words) != NULL;
 }
 
 static void wait_for_status(const char *session, const char *words) {

@@ -1,11 +1,11 @@
 /* mesorig board and mesorig calibrate as a shell sees them, and captures that use a calibration. */
 #include "calibration/calibration.h"
+#include "lib/process.h"
 #include "rig/devices.h"
 #include "session/session.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
-#include <sys/wait.h>
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
 #define SESSION SOURCE_DIR "/tests/small/session.conf"
@@ -19,27 +19,11 @@ static char *in_folder(const char *name) {
 
 /* What was printed, on stdout or else stderr; g_free(). */
 static char *run(int code, const char *const *arguments) {
-    g_autoptr(GStrvBuilder) builder = g_strv_builder_new();
-    g_autoptr(GError) error = NULL;
-    g_autofree char *out = NULL, *err = NULL;
-    int status;
-    g_strv_builder_add(builder, MESORIG);
-    for (; *arguments; arguments++)
-        g_strv_builder_add(builder, *arguments);
-    g_auto(GStrv) all = g_strv_builder_end(builder);
-    g_spawn_sync(NULL, all, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status, &error);
-    g_assert_no_error(error);
-    if (!WIFEXITED(status) || WEXITSTATUS(status) != code)
-        g_error("%s %s: ended with %d: %s%s", all[1], all[2], WEXITSTATUS(status), out, err);
-    return g_strconcat(out, err, NULL);
+    g_autofree const char **argv = process_argv(MESORIG, arguments);
+    return process_text(code, argv);
 }
 
 #define RUN(code, ...) run(code, (const char *const[]){__VA_ARGS__, NULL})
-
-static void assert_says(const char *text, const char *what) {
-    if (!strstr(text, what))
-        g_error("“%s” does not say “%s”", text, what);
-}
 
 /* A calibration of the small rig whose first camera stands a millimetre off. */
 static struct calibration *example(void) {
@@ -84,13 +68,13 @@ static void test_capture_refuses(void) {
     g_strlcpy(calibration->rig.id, "other", sizeof calibration->rig.id);
     g_assert_true(calibration_write(calibration, path, &error));
     g_autofree char *other = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
-    assert_says(other, "is of rig other, but this is rig small");
+    assert_has(other, "is of rig other, but this is rig small");
     g_assert_true(g_file_set_contents(path, "[rig]\nformat=mesorig-cal", -1, NULL));
     g_autofree char *cut = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
-    assert_says(cut, "not a calibration of this version");
+    assert_has(cut, "not a calibration of this version");
     g_unlink(path);
     g_autofree char *gone = RUN(1, "capture", RIG, SESSION, "-o", directory, "-c", path);
-    assert_says(gone, "no such calibration");
+    assert_has(gone, "no such calibration");
     g_assert_false(g_file_test(directory, G_FILE_TEST_EXISTS));
 }
 
@@ -107,14 +91,14 @@ static void test_show_and_report(void) {
     g_strlcpy(calibration->rig.cameras[0].name, "<cam&30>", RIG_NAME);
     g_assert_true(calibration_write(calibration, path, &error));
     g_autofree char *shown = RUN(0, "calibrate", "show", path);
-    assert_says(shown, "7 pictures");
-    assert_says(shown, "lamps and arc: not calibrated");
+    assert_has(shown, "7 pictures");
+    assert_has(shown, "lamps and arc: not calibrated");
     g_autofree char *json = RUN(0, "calibrate", "show", path, "--json");
-    assert_says(json, "\"pictures\": 7");
+    assert_has(json, "\"pictures\": 7");
     g_free(RUN(0, "calibrate", "report", path, "-o", html));
     g_assert_true(g_file_get_contents(html, &page, NULL, NULL));
-    assert_says(page, "<svg");
-    assert_says(page, "&lt;cam&amp;30&gt;");
+    assert_has(page, "<svg");
+    assert_has(page, "&lt;cam&amp;30&gt;");
     g_assert_null(strstr(page, "<cam"));
     g_unlink(html);
     g_free(RUN(2, "calibrate", "report", path));
@@ -127,27 +111,27 @@ static void test_cameras_usage(void) {
     g_autofree char *calibration = in_folder("none.calibration");
     g_autofree char *session = in_folder("calibrated.session");
     g_autofree char *no_board = RUN(2, "calibrate", "cameras", session, "-o", calibration);
-    assert_says(no_board, "--board");
+    assert_has(no_board, "--board");
     g_autofree char *bad =
         RUN(2, "calibrate", "cameras", session, "-o", calibration, "--board", "8x8,square=9");
-    assert_says(bad, "chessboard looks the same upside down");
+    assert_has(bad, "chessboard looks the same upside down");
     /* A session of something else, with too few angles. */
     g_autofree char *none = RUN(1, "calibrate", "cameras", session, "-o", calibration, "--board",
                                 "8x8,square=9,marker=6.75");
-    assert_says(none, "cannot be found from 2 angle(s)");
+    assert_has(none, "cannot be found from 2 angle(s)");
     g_autofree char *empty = RUN(1, "calibrate", "cameras", "--images", folder, "-o", calibration,
                                  "--board", "8x8,square=9,marker=6.75");
-    assert_says(empty, "there is no .jpg, .png or .tif picture");
+    assert_has(empty, "there is no .jpg, .png or .tif picture");
     g_assert_false(g_file_test(calibration, G_FILE_TEST_EXISTS));
 }
 
 static void test_board(void) {
     g_autofree char *png = in_folder("board.png");
     g_autofree char *told = RUN(0, "board", png, "--board", "8x8,square=9,marker=6.75", "--json");
-    assert_says(told, "\"corners\": 49");
+    assert_has(told, "\"corners\": 49");
     g_autofree char *images = RUN(1, "calibrate", "cameras", "--images", folder, "-o", png,
                                   "--board", "8x8,square=9,marker=6.75");
-    assert_says(images, "found in 1 of 1 pictures; at least 3 are needed");
+    assert_has(images, "found in 1 of 1 pictures; at least 3 are needed");
     g_unlink(png);
     g_free(RUN(2, "board", png));
     g_free(RUN(1, "board", "/nowhere/board.svg", "--board", "8x8,square=9,marker=6.75"));

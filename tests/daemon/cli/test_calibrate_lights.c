@@ -2,6 +2,7 @@
  * calibration file; and light directions in photographs. */
 #include "calibration/calibration.h"
 #include "lamps/ball_light.h"
+#include "lib/process.h"
 #include "lib/world_fixture.h"
 #include "world/truth.h"
 
@@ -15,19 +16,11 @@
 static const int camera_deg[] = {20, 55}, lamp_deg[] = {20, 40, 65};
 
 static int run(char **ret_out, const char *const *arguments) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(GStrvBuilder) builder = g_strv_builder_new();
+    g_autofree const char **argv = process_argv(MESORIG, arguments);
     g_autofree char *errors = NULL, *out = NULL;
-    int status = 0;
-    g_strv_builder_add(builder, MESORIG);
-    g_strv_builder_addv(builder, (const char **)(gpointer)arguments);
-    g_auto(GStrv) argv = g_strv_builder_end(builder);
-    g_assert_true(g_spawn_sync(fixture_folder(), argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out,
-                               &errors, &status, &error));
-    g_assert_no_error(error);
-    g_assert_true(WIFEXITED(status));
-    *ret_out = WEXITSTATUS(status) == 0 ? g_steal_pointer(&out) : g_strconcat(out, errors, NULL);
-    return WEXITSTATUS(status);
+    const int code = process_run_in(world_fixture_folder(), argv, &out, &errors);
+    *ret_out = code == 0 ? g_steal_pointer(&out) : g_strconcat(out, errors, NULL);
+    return code;
 }
 
 #define RUN(out, ...) run(out, (const char *const[]){__VA_ARGS__, NULL})
@@ -38,7 +31,7 @@ static void write_text(const char *name, const char *format, ...) {
     va_start(list, format);
     g_autofree char *text = g_strdup_vprintf(format, list);
     va_end(list);
-    g_autofree char *path = fixture_write(name, text);
+    g_autofree char *path = world_fixture_write(name, text);
 }
 
 /* The same true world with another sample. */
@@ -110,7 +103,7 @@ static void capture(const char *what, const char *sample, double reference_mm, c
 }
 
 static char *in_folder(const char *name) {
-    return g_build_filename(fixture_folder(), name, NULL);
+    return g_build_filename(world_fixture_folder(), name, NULL);
 }
 
 static void compare_lamps(const struct rig *rig, World *world) {
@@ -307,6 +300,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/calibrate-lights/refused", refused);
     g_test_add_func("/calibrate-lights/photographs", photographs);
     int result = g_test_run();
-    clean(fixture_folder());
+    clean(world_fixture_folder());
     return result;
 }

@@ -10,10 +10,10 @@
 #include <signal.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "lib/long_session.h"
+#include "lib/process.h"
 #include "lib/remove_tree.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
@@ -114,11 +114,6 @@ static void assert_json_lines(const char *text) {
             g_error("not JSON: %s", lines[i]);
 }
 
-static void assert_has(const char *text, const char *words) {
-    if (!strstr(text, words))
-        g_error("no “%s” in: %s", words, text);
-}
-
 struct output {
     char *out, *err;
 };
@@ -132,24 +127,15 @@ static void runs(int code, struct output *output, ...) G_GNUC_NULL_TERMINATED;
 
 /* Runs mesorig with arguments up to NULL. */
 static void runs(int code, struct output *output, ...) {
-    g_autoptr(GPtrArray) argv = g_ptr_array_new();
-    g_autoptr(GError) error = NULL;
-    int status = -1;
     va_list arguments;
-    g_ptr_array_add(argv, (char *)MESORIG);
     va_start(arguments, output);
-    for (char *argument; (argument = va_arg(arguments, char *));)
-        g_ptr_array_add(argv, argument);
+    g_autofree const char **argv = process_argv_valist(MESORIG, arguments);
     va_end(arguments);
-    g_ptr_array_add(argv, NULL);
     clear(output);
-    g_spawn_sync(NULL, (char **)argv->pdata, NULL, G_SPAWN_DEFAULT, NULL, NULL, &output->out,
-                 &output->err, &status, &error);
-    g_assert_no_error(error);
-    if (!WIFEXITED(status) || WEXITSTATUS(status) != code)
-        g_error("mesorig %s %s: exit status %x, not %d\n%s%s", (char *)argv->pdata[1],
-                argv->len > 3 ? (char *)argv->pdata[2] : "", status, code, output->out,
-                output->err);
+    const int is = process_run(argv, &output->out, &output->err);
+    if (is != code)
+        g_error("mesorig %s %s: exit code %d, not %d\n%s%s", argv[1],
+                argv[1] && argv[2] ? argv[2] : "", is, code, output->out, output->err);
 }
 
 static char *write_file(const char *folder, const char *name, const char *text) {
@@ -607,14 +593,11 @@ static void test_output_full(void) {
                                         "drivers --help"};
     for (gsize i = 0; i < G_N_ELEMENTS(lines); i++) {
         g_autofree char *script = g_strdup_printf(MESORIG " %s >/dev/full", lines[i]);
-        char *argv[] = {(char *)"/bin/sh", (char *)"-c", script, NULL};
+        const char *const argv[] = {"/bin/sh", "-c", script, NULL};
         g_autofree char *told = NULL;
-        int status = -1;
-        g_assert_true(g_spawn_sync(NULL, argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, NULL, &told,
-                                   &status, NULL));
+        const int code = process_run(argv, NULL, &told);
         g_test_message("%s: %s", lines[i], told);
-        g_assert_true(WIFEXITED(status));
-        g_assert_cmpint(WEXITSTATUS(status), ==, 1);
+        g_assert_cmpint(code, ==, 1);
         assert_has(told, "standard output could not be written");
     }
 }
@@ -646,7 +629,7 @@ static gboolean is_there(const char *session) {
 static void interrupt(gboolean (*begun)(const char *session)) {
     g_autofree char *folder = g_dir_make_tmp("mesorig-cli-XXXXXX", NULL);
     g_autofree char *session = g_build_filename(folder, "small.session", NULL);
-    g_autofree char *conf = write_long_session(folder);
+    g_autofree char *conf = long_session_write(folder);
     g_autoptr(GError) error = NULL;
     g_autoptr(GSubprocess) process =
         g_subprocess_new(G_SUBPROCESS_FLAGS_STDOUT_SILENCE | G_SUBPROCESS_FLAGS_STDERR_PIPE, &error,

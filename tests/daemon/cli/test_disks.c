@@ -9,6 +9,7 @@
 
 #include "lib/long_session.h"
 #include "lib/operator.h"
+#include "lib/skip.h"
 
 /* A disk of our own; NULL where that is not allowed. */
 static char *mount_disk(const char *size) {
@@ -18,7 +19,7 @@ static char *mount_disk(const char *size) {
     g_assert_cmpint(g_mkdir(path, 0777), ==, 0);
     if (mount("mesorig-test", path, "tmpfs", 0, options) == 0)
         return path;
-    g_test_skip("a disk cannot be mounted here");
+    test_skip_or_fail("a disk cannot be mounted here");
     g_free(path);
     return NULL;
 }
@@ -70,7 +71,7 @@ static gpointer fill_disk(gpointer data) {
 static char *write_small_sample(const struct operation *run) {
     static const struct change changes[] = {{"[sample]", "width_mm = 40"},
                                             {"[sample]", "height_mm = 40"}};
-    char *path = write_long_session(run->directory);
+    char *path = long_session_write(run->directory);
     for (gsize i = 0; i < G_N_ELEMENTS(changes); i++) {
         g_autofree char *text = NULL;
         g_assert_true(g_file_get_contents(path, &text, NULL, NULL));

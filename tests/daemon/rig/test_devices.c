@@ -2,6 +2,7 @@
 #include "conformance/conformance.h"
 
 #include "aravis/camera.h"
+#include "lib/process.h"
 #include "modbus/devices.h"
 #include "rig/finder.h"
 #include "usb/relays.h"
@@ -9,13 +10,12 @@
 #include "v4l2/v4l2.h"
 #include "virtual/modbus.h"
 #include "virtual/testbed.h"
-#include "virtual_cameras/u3v.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
+#include "virtual_cameras/u3v.h"
 #include "virtual_cameras/v4l2.h"
 
 #include <string.h>
-#include <sys/wait.h>
 
 #define MESORIG BUILD_DIR "/bin/mesorig"
 
@@ -178,13 +178,7 @@ static void test_modbus_not_there(void) {
 
 /* The main loop must not stop: the devices answer from other threads of this process. */
 static int run(char **ret_out, const char *const *argv) {
-    GError *error = NULL;
-    int status;
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, ret_out, NULL, &status,
-                 &error);
-    g_assert_no_error(error);
-    g_assert_true(WIFEXITED(status));
-    return WEXITSTATUS(status);
+    return process_run(argv, ret_out, NULL);
 }
 
 static void test_command(void) {

@@ -2,6 +2,8 @@
  * gone, its section broken or its line held; and the guardian, after any end of the daemon. The
  * laser and each other device is a virtual one with a line of its own, which tells what it does. */
 #include "lib/find_guardian.h"
+#include "lib/process.h"
+#include "lib/remove_tree.h"
 #include "virtual/modbus.h"
 
 #include <fcntl.h>
@@ -92,7 +94,6 @@ static void set_up_serial_laser(struct fixture *fixture, gconstpointer data) {
 }
 
 static void tear_down(struct fixture *fixture, gconstpointer data) {
-    const char *const remove[] = {"/bin/rm", "-rf", fixture->folder, NULL};
     if (fixture->daemon) {
         g_subprocess_force_exit(fixture->daemon);
         g_subprocess_wait(fixture->daemon, NULL, NULL);
@@ -100,7 +101,7 @@ static void tear_down(struct fixture *fixture, gconstpointer data) {
     }
     for (int i = 0; i < N_DEVICES; i++)
         virtual_modbus_free(fixture->devices[i]);
-    g_spawn_sync(NULL, (char **)remove, NULL, 0, NULL, NULL, NULL, NULL, NULL, NULL);
+    remove_tree(fixture->folder);
     g_string_free(fixture->text, TRUE);
     g_free(fixture->folder);
     g_free(fixture->rig);
@@ -148,11 +149,6 @@ static int safe_state(struct fixture *fixture) {
     return g_subprocess_get_if_exited(process) ? g_subprocess_get_exit_status(process) : -1;
 }
 
-static void assert_says(struct fixture *fixture, const char *words) {
-    if (!strstr(fixture->said, words))
-        g_error("“%s” is not said, but: %s", words, fixture->said);
-}
-
 static void assert_says_not(struct fixture *fixture, const char *words) {
     if (strstr(fixture->said, words))
         g_error("“%s” is said: %s", words, fixture->said);
@@ -163,12 +159,12 @@ static void test_well(struct fixture *fixture, gconstpointer data) {
     write_rig(fixture);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     g_assert_true(is_dark(fixture));
-    assert_says(fixture, "laser top: off, read back\n");
-    assert_says(fixture, "lamps bank: off, read back\n");
-    assert_says(fixture, "axis turntable: stands, read back\n");
-    assert_says(fixture, "axis arc: stands, read back\n");
-    assert_says(fixture, "axis sweep: stands, read back\n");
-    assert_says(fixture, "lamps and lasers are off, axes stand\n");
+    assert_has(fixture->said, "laser top: off, read back\n");
+    assert_has(fixture->said, "lamps bank: off, read back\n");
+    assert_has(fixture->said, "axis turntable: stands, read back\n");
+    assert_has(fixture->said, "axis arc: stands, read back\n");
+    assert_has(fixture->said, "axis sweep: stands, read back\n");
+    assert_has(fixture->said, "lamps and lasers are off, axes stand\n");
 }
 
 /* What a device's end says of it, and that nothing else is kept from being safe. */
@@ -190,11 +186,11 @@ static void test_gone(struct fixture *fixture, gconstpointer data) {
         g_autofree char *good =
             g_strdup_printf("%s: %s, read back\n", names[i], is_serial[i] ? "stands" : "off");
         if (i != (int)gone && i != DOOR)
-            assert_says(fixture, good);
+            assert_has(fixture->said, good);
     }
     if (gone != DOOR) {
-        assert_says(fixture, unsafe);
-        assert_says(fixture, "the rig is NOT safe");
+        assert_has(fixture->said, unsafe);
+        assert_has(fixture->said, "the rig is NOT safe");
         assert_says_not(fixture, "lamps and lasers are off, axes stand");
     }
 }
@@ -229,7 +225,7 @@ static void test_mistakes(struct fixture *fixture, gconstpointer data) {
         const int code = safe_state(fixture);
         if (code != 0 || !is_dark(fixture))
             g_error("“%s”: %d, %s", mistakes[i][1], code, fixture->said);
-        assert_says(fixture, mistakes[i][2]);
+        assert_has(fixture->said, mistakes[i][2]);
     }
 }
 
@@ -255,8 +251,8 @@ static void test_doubts(struct fixture *fixture, gconstpointer data) {
         g_assert_cmpint(safe_state(fixture), ==, 1);
         g_assert_true(has_light(fixture->devices[LASER]) != cases[i].dark);
         g_assert_false(has_light(fixture->devices[BANK]));
-        assert_says(fixture, *cases[i].with ? "laser top: NOT safe: " : ": NOT safe: ");
-        assert_says(fixture, cases[i].words);
+        assert_has(fixture->said, *cases[i].with ? "laser top: NOT safe: " : ": NOT safe: ");
+        assert_has(fixture->said, cases[i].words);
         assert_says_not(fixture, "lamps and lasers are off, axes stand");
     }
 }
@@ -268,7 +264,7 @@ static void test_unknown_key(struct fixture *fixture, gconstpointer data) {
     light_up(fixture);
     g_assert_cmpint(safe_state(fixture), ==, 0);
     g_assert_true(is_dark(fixture));
-    assert_says(fixture, "[laser top] colour: there is no such key");
+    assert_has(fixture->said, "[laser top] colour: there is no such key");
 }
 
 static void test_deaf(struct fixture *fixture, gconstpointer data) {
@@ -278,8 +274,8 @@ static void test_deaf(struct fixture *fixture, gconstpointer data) {
     virtual_modbus_fail(fixture->devices[LASER], &deaf);
     g_assert_cmpint(safe_state(fixture), ==, 1);
     g_assert_false(has_light(fixture->devices[BANK]));
-    assert_says(fixture, "laser top: NOT safe: ");
-    assert_says(fixture, "lamps bank: off, read back\n");
+    assert_has(fixture->said, "laser top: NOT safe: ");
+    assert_has(fixture->said, "lamps bank: off, read back\n");
 }
 
 /* As by another program that takes the line for itself, for a time. */
@@ -317,9 +313,9 @@ static void test_held(struct fixture *fixture, gconstpointer data) {
     waitpid(pid, NULL, 0);
     g_assert_false(has_light(fixture->devices[BANK]));
     g_assert_true(has_light(fixture->devices[LASER]) == (which == LASER));
-    assert_says(fixture, which == LASER ? "laser top: NOT safe: " : "axis arc: NOT safe: ");
-    assert_says(fixture, "another program uses it");
-    assert_says(fixture, "lamps bank: off, read back\n");
+    assert_has(fixture->said, which == LASER ? "laser top: NOT safe: " : "axis arc: NOT safe: ");
+    assert_has(fixture->said, "another program uses it");
+    assert_has(fixture->said, "lamps bank: off, read back\n");
 }
 
 static void test_held_for_a_while(struct fixture *fixture, gconstpointer data) {
@@ -355,32 +351,24 @@ static void test_moving(struct fixture *fixture, gconstpointer data) {
     virtual_modbus_state(fixture->devices[ARC], &state);
     g_assert_false(state.moving);
     g_assert_cmpfloat(state.position_steps, <, 8000);
-    assert_says(fixture, "axis arc: stands, read back\n");
+    assert_has(fixture->said, "axis arc: stands, read back\n");
 }
 
 static void test_no_file(struct fixture *fixture, gconstpointer data) {
     g_assert_cmpint(safe_state(fixture), ==, 1);
-    assert_says(fixture, "NOT safe: ");
+    assert_has(fixture->said, "NOT safe: ");
     g_assert_true(g_file_set_contents(fixture->rig, "[camera c]\ndriver = v4l2\n", -1, NULL));
     g_assert_cmpint(safe_state(fixture), ==, 1);
-    assert_says(fixture, "names no laser, no lamps and no axis");
-}
-
-static void die_with_us(gpointer unused) {
-    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    assert_has(fixture->said, "names no laser, no lamps and no axis");
 }
 
 static void start_daemon(struct fixture *fixture) {
-    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(G_SUBPROCESS_FLAGS_NONE);
     g_autofree char *address = g_strdup_printf("unix:path=%s", fixture->socket);
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
-    g_autoptr(GError) error = NULL;
     write_rig(fixture);
-    g_subprocess_launcher_set_stderr_file_path(launcher, log);
-    g_subprocess_launcher_set_child_setup(launcher, die_with_us, NULL, NULL);
-    fixture->daemon = g_subprocess_launcher_spawn(launcher, &error, MESORIGD, "--listen", address,
-                                                  "--rig", fixture->rig, NULL);
-    g_assert_no_error(error);
+    fixture->daemon =
+        process_start(G_SUBPROCESS_FLAGS_NONE, log,
+                      (const char *[]){MESORIGD, "--listen", address, "--rig", fixture->rig, NULL});
     for (int i = 0; i < 3000 && !g_file_test(fixture->socket, G_FILE_TEST_EXISTS); i++)
         g_usleep(10000);
     g_assert_true(g_file_test(fixture->socket, G_FILE_TEST_EXISTS));
@@ -416,7 +404,7 @@ static void test_death(struct fixture *fixture, gconstpointer data) {
     g_assert_true(g_subprocess_get_if_signaled(fixture->daemon));
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
     g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
-    assert_says(fixture, "the daemon has left without a goodbye");
+    assert_has(fixture->said, "the daemon has left without a goodbye");
     assert_says_not(fixture, "NOT safe");
 }
 
@@ -444,7 +432,7 @@ static void test_normal_end(struct fixture *fixture, gconstpointer data) {
     wait_for_guardian_end(fixture);
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
     g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
-    assert_says(fixture, "the rig is safe");
+    assert_has(fixture->said, "the rig is safe");
     assert_says_not(fixture, "guardian");
 }
 
@@ -458,7 +446,7 @@ static void test_end_not_safe(struct fixture *fixture, gconstpointer data) {
     g_subprocess_wait(fixture->daemon, NULL, NULL);
     g_autofree char *log = g_build_filename(fixture->folder, "log", NULL);
     g_assert_true(g_file_get_contents(log, &fixture->said, NULL, NULL));
-    assert_says(fixture, "the rig is NOT safe: ");
+    assert_has(fixture->said, "the rig is NOT safe: ");
     assert_says_not(fixture, "the rig is safe");
     virtual_modbus_fail(fixture->devices[LASER], &none);
     wait_for_dark(fixture); /* by the guardian, which was not told to go */

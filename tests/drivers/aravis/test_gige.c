@@ -14,7 +14,7 @@ static VirtualGige *painter(enum cfa cfa) {
                                              .bits = 12,
                                              .cfa = cfa,
                                              .black_level = 64,
-                                             .picture = paint};
+                                             .picture = painted_paint};
     GError *error = NULL;
     VirtualGige *device = virtual_gige_new(&options, NULL, &error);
     g_assert_no_error(error);
@@ -41,7 +41,7 @@ static void formats(gconstpointer data) {
         g_assert_cmpint(eye.camera->format.bits, ==, depths[i].bits);
         g_assert_true(eye_ready(&eye, 100, NULL));
         g_assert_cmpint(eye_shoot(&eye, i), ==, CAMERA_FRAME);
-        assert_painted(eye.frame, 0, 0, 0);
+        painted_assert(eye.frame, 0, 0, 0);
         eye_close(&eye);
     }
     eye_end(&eye);
@@ -70,7 +70,7 @@ static void settings(void) {
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     g_assert_cmpint(eye.frame->width, ==, 32);
     g_assert_cmpint(eye.frame->height, ==, 16);
-    assert_painted(eye.frame, 4, 6, 8); /* black raised by 8 */
+    painted_assert(eye.frame, 4, 6, 8); /* black raised by 8 */
     virtual_gige_state(eye.device, &state);
     g_assert_cmpint(state.exposure_us, ==, 1234);
     g_assert_cmpfloat_with_epsilon(state.gain_db, 6.25, 0.01);

@@ -14,7 +14,8 @@ static VirtualU3v *plug_in(const char *serial, int port, int width, int height, 
                                              .bits = 12,
                                              .cfa = cfa,
                                              .black_level = 64,
-                                             .picture = width == PAINTED_WIDTH ? paint : NULL};
+                                             .picture =
+                                                 width == PAINTED_WIDTH ? painted_paint : NULL};
     return virtual_u3v_new(&options, port);
 }
 
@@ -50,7 +51,7 @@ static void formats(void) {
             g_assert_cmpint(eye.camera->format.bits, ==, depths[i].bits);
             g_assert_true(eye_ready(&eye, 100, NULL));
             g_assert_cmpint(eye_shoot(&eye, i), ==, CAMERA_FRAME);
-            assert_painted(eye.frame, 0, 0, 0);
+            painted_assert(eye.frame, 0, 0, 0);
             eye_close(&eye);
         }
     }
@@ -74,7 +75,7 @@ static void settings(void) {
     g_assert_cmpint(eye_shoot(&eye, 1), ==, CAMERA_FRAME);
     g_assert_cmpint(eye.frame->width, ==, 32);
     g_assert_cmpint(eye.frame->height, ==, 16);
-    assert_painted(eye.frame, 4, 6, 8); /* black raised by 8 */
+    painted_assert(eye.frame, 4, 6, 8); /* black raised by 8 */
     virtual_u3v_state(device, &state);
     g_assert_cmpint(state.exposure_us, ==, 1234);
     g_assert_cmpfloat_with_epsilon(state.gain_db, 6.25, 0.01);

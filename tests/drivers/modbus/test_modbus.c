@@ -47,7 +47,7 @@ static void on_door(Interlock *door, gboolean closed, gpointer data) {
 
 static const struct config_section *read_section(const VirtualModbus *device, const char *header,
                                                  const char *keys, Config **ret_config) {
-    g_autofree char *section = rig_section(virtual_modbus_bus(device), header, keys);
+    g_autofree char *section = modbus_rig_section(virtual_modbus_bus(device), header, keys);
     const struct conformance with = {.section = section, .path = "/rig/rig.conf"};
     const struct config_section *found;
     *ret_config = conformance_config(&with, "", &found);
@@ -55,7 +55,7 @@ static const struct config_section *read_section(const VirtualModbus *device, co
 }
 
 static void begin(struct bench *bench, gboolean rtu) {
-    *bench = (struct bench){.device = rig_device(rtu), .clock = clock_new_real()};
+    *bench = (struct bench){.device = modbus_rig_device(rtu), .clock = clock_new_real()};
 }
 
 static void end(struct bench *bench) {
@@ -502,7 +502,7 @@ static void killed_child(void) {
     if (!bus)
         return;
     struct bench bench = {.clock = clock_new_real()};
-    g_autofree char *text = rig_section(bus, "laser l", keys);
+    g_autofree char *text = modbus_rig_section(bus, "laser l", keys);
     const struct conformance with = {.section = text, .path = "/rig/rig.conf"};
     const struct config_section *section;
     g_autoptr(Config) config = conformance_config(&with, "", &section);
@@ -720,8 +720,8 @@ static void bad_configuration(void) {
         {"unit = 7", "unit = 0", CONFIG_ERROR_VALUE, "/rig/rig.conf:3: [axis arc] unit"},
         {"poll_ms = 5", "poll_s = 5", CONFIG_ERROR_UNKNOWN, "write poll_ms"},
     };
-    g_autoptr(VirtualModbus) device = rig_device(FALSE);
-    g_autofree char *good = rig_section(virtual_modbus_bus(device), "axis arc", RIG_AXIS);
+    g_autoptr(VirtualModbus) device = modbus_rig_device(FALSE);
+    g_autofree char *good = modbus_rig_section(virtual_modbus_bus(device), "axis arc", RIG_AXIS);
     for (gsize i = 0; i < G_N_ELEMENTS(rows); i++) {
         g_autoptr(GString) text = g_string_new(good);
         g_assert_cmpuint(g_string_replace(text, rows[i].replace, rows[i].with, 1), ==, 1);
@@ -739,8 +739,8 @@ static void refuse_bus(const char *bus, int code, const char *words) {
 }
 
 static void no_such_bus(void) {
-    g_autoptr(VirtualModbus) tcp = rig_device(FALSE);
-    g_autoptr(VirtualModbus) rtu = rig_device(TRUE);
+    g_autoptr(VirtualModbus) tcp = modbus_rig_device(FALSE);
+    g_autoptr(VirtualModbus) rtu = modbus_rig_device(TRUE);
     refuse_bus("/dev/no-such-port", DEVICE_ERROR_DISCONNECTED,
                "/rig/rig.conf:4: [axis arc] bus: cannot open /dev/no-such-port: No such file");
     refuse_bus("tcp:127.0.0.1:1", DEVICE_ERROR_DISCONNECTED,
@@ -756,7 +756,7 @@ static void other_settings(void) {
     begin(&bench, FALSE);
     open_bank(&bench, "n = 2\n");
     g_autofree char *text =
-        rig_section(virtual_modbus_bus(bench.device), "axis arc", RIG_AXIS "baud = 9600\n");
+        modbus_rig_section(virtual_modbus_bus(bench.device), "axis arc", RIG_AXIS "baud = 9600\n");
     refuse(&modbus_axis_driver, text, CONFIG_ERROR, CONFIG_ERROR_VALUE,
            "/rig/rig.conf:2: [axis arc] bus: another section opens", FALSE);
     end(&bench);

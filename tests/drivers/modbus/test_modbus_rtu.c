@@ -44,7 +44,7 @@ static void begin_with(struct opened *opened, VirtualModbus *served, int retries
 }
 
 static void begin(struct opened *opened, int retries) {
-    begin_with(opened, rig_device(TRUE), retries);
+    begin_with(opened, modbus_rig_device(TRUE), retries);
 }
 
 static void end(struct opened *opened) {
@@ -72,7 +72,7 @@ static void expect_plain(struct opened *opened, int index, guint16 value) {
 
 /* The hazard is real: libmodbus alone takes the late answer for that to the next request. */
 static void raw_is_fooled(void) {
-    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    g_autoptr(VirtualModbus) device = modbus_rig_device(TRUE);
     struct virtual_modbus_faults late = {.late = 1, .late_ms = 60};
     guint16 value = 0;
     virtual_modbus_set_plain(device, 0, 111);
@@ -244,7 +244,7 @@ static void waiting_does_not_count(void) {
 /* A program that was killed leaves its settings behind; a pseudo-terminal has no parity to set. */
 static void left_behind(void) {
     struct opened opened;
-    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    g_autoptr(VirtualModbus) device = modbus_rig_device(TRUE);
     struct termios settings;
     int fd = open(virtual_modbus_bus(device), O_RDWR | O_NOCTTY | O_CLOEXEC);
     g_assert_cmpint(fd, >=, 0);
@@ -261,7 +261,7 @@ static void left_behind(void) {
 
 /* Two masters on one line would move axes by each other's answers. */
 static void in_use(void) {
-    g_autoptr(VirtualModbus) device = rig_device(TRUE);
+    g_autoptr(VirtualModbus) device = modbus_rig_device(TRUE);
     struct modbus_link link = {.bus = (char *)virtual_modbus_bus(device),
                                .baud = 115200,
                                .parity = 1,
@@ -284,10 +284,10 @@ static void in_use(void) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    VirtualModbus *served = rig_device(TRUE);
-    rig_conformance(virtual_modbus_bus(served), "modbus-rtu");
-    rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-register", FALSE);
-    rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-pulses", TRUE);
+    VirtualModbus *served = modbus_rig_device(TRUE);
+    modbus_rig_conformance(virtual_modbus_bus(served), "modbus-rtu");
+    modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-register", FALSE);
+    modbus_rig_conformance_watchdog(virtual_modbus_bus(served), "modbus-rtu-pulses", TRUE);
     g_test_add_func("/modbus/rtu/raw-is-fooled", raw_is_fooled);
     g_test_add_func("/modbus/rtu/late-is-asked-again", late_is_asked_again);
     g_test_add_func("/modbus/rtu/late-is-not-the-next", late_is_not_the_next);

@@ -14,7 +14,7 @@ static char *serve(int *ret_input) {
     pid_t child = fork();
     g_assert_cmpint(child, >=, 0);
     if (child == 0) {
-        VirtualModbus *device = rig_device(FALSE);
+        VirtualModbus *device = modbus_rig_device(FALSE);
         const char *name = virtual_modbus_bus(device);
         close(input[1]);
         _exit(write(output[1], name, strlen(name)) < 0 || read(input[0], bus, 1) < 0);
@@ -31,9 +31,9 @@ int main(int argc, char **argv) {
     int input;
     g_autofree char *bus = serve(&input);
     g_test_init(&argc, &argv, NULL);
-    rig_conformance(bus, "modbus-tcp");
-    rig_conformance_watchdog(bus, "modbus-tcp-register", FALSE);
-    rig_conformance_watchdog(bus, "modbus-tcp-pulses", TRUE);
+    modbus_rig_conformance(bus, "modbus-tcp");
+    modbus_rig_conformance_watchdog(bus, "modbus-tcp-register", FALSE);
+    modbus_rig_conformance_watchdog(bus, "modbus-tcp-pulses", TRUE);
     int result = g_test_run();
     close(input);
     wait(NULL);

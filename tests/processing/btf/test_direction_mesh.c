@@ -10,7 +10,7 @@ static double quadric(const double x[2]) {
 
 static struct vec3 unit_vec(double theta_deg, double phi_deg) {
     double d[3];
-    direction(theta_deg, phi_deg, d);
+    near_field_direction(theta_deg, phi_deg, d);
     return vec3(d[0], d[1], d[2]);
 }
 
@@ -32,8 +32,8 @@ static double evaluate(const DirectionMesh *mesh, const double *points, int n, s
 
 /* Any quadric comes back exactly, within and a little beside what was measured. */
 static void test_quadrics(void) {
-    struct rings rings = twelve(7);
-    add_ring(&rings, 0, 1, 0);
+    struct rings rings = near_field_twelve(7);
+    near_field_add_ring(&rings, 0, 1, 0);
     const int n = rings.n;
     g_autofree struct vec3 *directions = g_new(struct vec3, n);
     g_autofree double *points = g_new(double, 2 * n);

@@ -3,18 +3,17 @@
  * what the formula says of the nominal directions.
  */
 #include "lib/near_field_fixture.h"
+#include "lib/process.h"
 
 #include "btf/btf.h"
 #include "btf/near_field.h"
-
-#include <sys/wait.h>
 
 /* ‖BTF − formula at its parts' directions‖ / ‖formula‖, of every elevation of twelve() and of all
  * (the last). */
 static void wrong_by(const char *session, int n_views, double width, double ret[6]) {
     double error[6] = {0}, norm[6] = {0};
     for (int view = 0; view < n_views; view++) {
-        struct exr_file *file = read_view(session, view);
+        struct exr_file *file = near_field_read_view(session, view);
         for (guint i = 0; i < file->parts->len; i++) {
             const struct exr_part *part = g_ptr_array_index(file->parts, i);
             double angles[4], v[3], l[3];
@@ -22,11 +21,11 @@ static void wrong_by(const char *session, int n_views, double width, double ret[
             exr_get_double(part, "view.phi_deg", &angles[1], NULL);
             exr_get_double(part, "light.theta_deg", &angles[2], NULL);
             exr_get_double(part, "light.phi_deg", &angles[3], NULL);
-            direction(angles[0], angles[1], v);
-            direction(angles[2], angles[3], l);
+            near_field_direction(angles[0], angles[1], v);
+            near_field_direction(angles[2], angles[3], l);
             for (int k = 0; k < 3 * ALL; k++) {
                 const int ring = (int)lround(MAX(angles[0], 15) / 15) - 1;
-                const double truth = formula(v, l, width, 2 - k / ALL);
+                const double truth = near_field_formula(v, l, width, 2 - k / ALL);
                 const double off = (double)part->planes[k / ALL][k % ALL] - truth;
                 error[ring] += off * off;
                 norm[ring] += truth * truth;
@@ -44,20 +43,20 @@ static void wrong_by(const char *session, int n_views, double width, double ret[
 static void test_near_field(void) {
     struct rings views = {0}, lights = {0};
     const struct wish wish = {0};
-    add_ring(&views, 75, 3, 10);
-    add_ring(&lights, 30, 4, 0);
-    g_autofree char *path = make_session("near", &views, &lights, &wish);
+    near_field_add_ring(&views, 75, 3, 10);
+    near_field_add_ring(&lights, 30, 4, 0);
+    g_autofree char *path = near_field_make_session("near", &views, &lights, &wish);
     g_autoptr(GError) error = NULL;
     struct near_field *near = near_field_read(path, &error);
     g_assert_no_error(error);
     for (int i = 0; i < 3 * 4 * ALL; i++) {
         const int view = i / 4 / ALL, light = i / ALL % 4, texel = i % ALL;
         double camera[3], lamp[3], at[3], v[3], l[3];
-        texel_centre(texel, at);
-        camera_at(&views, view, camera);
-        lamp_at(&lights, view, light, lamp);
-        towards(camera, at, v);
-        towards(lamp, at, l);
+        near_field_texel_centre(texel, at);
+        near_field_camera_at(&views, view, camera);
+        near_field_lamp_at(&lights, view, light, lamp);
+        near_field_towards(camera, at, v);
+        near_field_towards(lamp, at, l);
         const struct vec3 got[] = {near_field_view(near, view, texel),
                                    near_field_light(near, view, light, texel)};
         g_assert_cmpfloat(fabs(got[0].x - v[0]) + fabs(got[0].y - v[1]) + fabs(got[0].z - v[2]), <,
@@ -69,7 +68,7 @@ static void test_near_field(void) {
 }
 
 static void test_own(void) {
-    const struct rings views = twelve(0), lights = twelve(15);
+    const struct rings views = near_field_twelve(0), lights = near_field_twelve(15);
     static const double widths[] = {0, 0.5};
     /* Diffuse and silk: what nominal reading is off by at least, resampling at most. */
     static const double nominal[] = {0.014, 0.04}, resampled[] = {0.0015, 0.01};
@@ -79,8 +78,8 @@ static void test_own(void) {
         g_autofree char *to_name = g_strdup_printf("to%d", k);
         struct near_field_correction_result result;
         double before[6], after[6];
-        g_autofree char *from = make_session(from_name, &views, &lights, &wish);
-        g_autofree char *to = resample(from, to_name, NULL, &result);
+        g_autofree char *from = near_field_make_session(from_name, &views, &lights, &wish);
+        g_autofree char *to = near_field_resample(from, to_name, NULL, &result);
         wrong_by(from, views.n, widths[k], before);
         wrong_by(to, views.n, widths[k], after);
         for (int ring = 0; ring < 6; ring++)
@@ -107,15 +106,15 @@ static void write_mdf(const char *session) {
     struct exr_file *file = exr_file_new();
     g_autofree char *path = g_build_filename(session, "products/mdf.exr", NULL);
     g_autoptr(GError) error = NULL;
-    add_ring(&views, 35, 3, 17);
+    near_field_add_ring(&views, 35, 3, 17);
     for (int view = 0; view < views.n; view++) {
         g_autofree char *name = g_strdup_printf("view_%04d", view);
         struct exr_part *part = exr_part_new(name, SIDE, SIDE, channels, EXR_FLOAT);
         double camera[3], at[3], v[3];
-        camera_at(&views, view, camera);
+        near_field_camera_at(&views, view, camera);
         for (int texel = 0; texel < ALL; texel++) {
-            texel_centre(texel, at);
-            towards(camera, at, v);
+            near_field_texel_centre(texel, at);
+            near_field_towards(camera, at, v);
             part->planes[0][texel] = (float)(2 / v[2]);
         }
         exr_set_double(part, "view.theta_deg", (double)views.theta[view]);
@@ -142,13 +141,13 @@ static void check_same_mdf(const char *from, const char *to) {
 
 /* Not known where anything was, as after an import: the papers' directions from other ones. */
 static void test_81(void) {
-    const struct rings views = twelve(0), lights = twelve(15);
+    const struct rings views = near_field_twelve(0), lights = near_field_twelve(15);
     const struct wish wish = {.width = 0.5, .nowhere = TRUE};
     struct near_field_correction_result result;
     struct btf_directions *to = btf_directions_81();
-    g_autofree char *from = make_session("elsewhere", &views, &lights, &wish);
+    g_autofree char *from = near_field_make_session("elsewhere", &views, &lights, &wish);
     write_mdf(from);
-    g_autofree char *made = resample(from, "the81", to, &result);
+    g_autofree char *made = near_field_resample(from, "the81", to, &result);
     g_autoptr(GError) error = NULL;
     struct near_field *near = near_field_read(made, &error);
     g_assert_no_error(error);
@@ -202,13 +201,13 @@ static int count_marks(const struct exr_part *part, int mark, int *ret_first) {
 }
 
 static void test_marks(void) {
-    const struct rings views = twelve(0), lights = twelve(15);
+    const struct rings views = near_field_twelve(0), lights = near_field_twelve(15);
     const struct wish wish = {.width = 0.5, .spoil = spoil_marks};
     struct near_field_correction_result result;
     int hole = -1, bound = -1, said = 0;
-    g_autofree char *from = make_session("marked", &views, &lights, &wish);
-    g_autofree char *made = resample(from, "marked-to", NULL, &result);
-    struct exr_file *file = read_view(made, 14);
+    g_autofree char *from = near_field_make_session("marked", &views, &lights, &wish);
+    g_autofree char *made = near_field_resample(from, "marked-to", NULL, &result);
+    struct exr_file *file = near_field_read_view(made, 14);
     const struct exr_part *part = exr_file_part(file, "light_0020");
     const char *directions = NULL;
     double back = -1;
@@ -228,7 +227,7 @@ static void test_marks(void) {
     g_assert_cmpint(result.holes, ==, 1);
     g_assert_cmpint(result.bounds, ==, 1);
     exr_file_free(file);
-    file = read_view(made, 40);
+    file = near_field_read_view(made, 40);
     part = exr_file_part(file, "light_0003");
     g_assert_cmpint(count_marks(part, BTF_MARK_PREDICTED, &bound), ==, ALL);
     g_assert_true(exr_get_int(part, "mesorig.predicted", &said, NULL));
@@ -277,14 +276,14 @@ static void test_refused(void) {
                  {"below", spoil_below, "is not above the sample"},
                  {"angle", spoil_angle, "its lights are not those of the first view"}};
     struct rings few = {0};
-    add_ring(&few, 40, 3, 0);
+    near_field_add_ring(&few, 40, 3, 0);
     for (gsize i = 0; i < G_N_ELEMENTS(cases); i++) {
         const struct wish wish = {.width = 0.5, .spoil = cases[i].spoil};
-        g_autofree char *from = make_session(cases[i].name, &few, &few, &wish);
+        g_autofree char *from = near_field_make_session(cases[i].name, &few, &few, &wish);
         refuse(from, "nothing", cases[i].what);
     }
     const struct wish wish = {.width = 0.5};
-    g_autofree char *whole = make_session("whole", &few, &few, &wish);
+    g_autofree char *whole = near_field_make_session("whole", &few, &few, &wish);
     g_autofree char *there = g_build_filename(near_folder, "there", NULL);
     g_assert_true(g_file_set_contents(there, "", 0, NULL));
     refuse(whole, "there", "exists already");
@@ -303,9 +302,9 @@ static void on_progress(const struct work_progress *progress, gpointer cancellab
 }
 
 static void test_cancelled(void) {
-    const struct rings rings = twelve(0);
+    const struct rings rings = near_field_twelve(0);
     const struct wish wish = {.width = 0.5, .nowhere = TRUE};
-    g_autofree char *from = make_session("long", &rings, &rings, &wish);
+    g_autofree char *from = near_field_make_session("long", &rings, &rings, &wish);
     g_autofree char *path = g_build_filename(near_folder, "cancelled", NULL);
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
     g_autoptr(GError) error = NULL;
@@ -319,28 +318,18 @@ static void test_cancelled(void) {
 
 /* Ends so, and says what somewhere. */
 static void run_program(const char *const *arguments, int expected, const char *what) {
-    g_autofree char *program = g_build_filename(BUILD_DIR, "bin", "mesorig", NULL);
-    const char *argv[12] = {program};
-    int status;
-    g_autofree char *out = NULL, *err = NULL;
-    g_autoptr(GError) error = NULL;
-    for (int i = 0; i < 10 && arguments[i]; i++)
-        argv[i + 1] = arguments[i];
-    g_spawn_sync(NULL, (char **)argv, NULL, G_SPAWN_DEFAULT, NULL, NULL, &out, &err, &status,
-                 &error);
-    g_assert_no_error(error);
-    if (!WIFEXITED(status) || WEXITSTATUS(status) != expected ||
-        (!g_strstr_len(out, -1, what) && !g_strstr_len(err, -1, what)))
-        g_error("%s: “%s”? %s%s", arguments[0], what, out, err);
+    g_autofree const char **argv = process_argv(BUILD_DIR "/bin/mesorig", arguments);
+    g_autofree char *text = process_text(expected, argv);
+    assert_has(text, what);
 }
 
 /* The command, and what takes a BTF takes what it makes. */
 static void test_command(void) {
     struct rings rings = {0};
-    add_ring(&rings, 20, 5, 0);
-    add_ring(&rings, 50, 7, 0);
+    near_field_add_ring(&rings, 20, 5, 0);
+    near_field_add_ring(&rings, 50, 7, 0);
     const struct wish wish = {.width = 0.5};
-    g_autofree char *from = make_session("command", &rings, &rings, &wish);
+    g_autofree char *from = near_field_make_session("command", &rings, &rings, &wish);
     g_autofree char *to = g_build_filename(near_folder, "command-to.session", NULL);
     g_autofree char *packed = g_build_filename(near_folder, "command.exr", NULL);
     const char *const none[] = {"resample", from, NULL};

@@ -15,7 +15,7 @@ static World *traced_world(const char *name, const char *sample, double camera_m
                                "[lamp l%d]\ntheta_deg=%d\ndistance_mm=%g\n",
                                i, 15 * i, camera_mm, i, 15 * i, lamp_mm);
     g_string_append_printf(text, "[sample]\nwidth_mm=60\nheight_mm=60\n%s\n", sample);
-    g_autofree char *path = fixture_write(name, text->str);
+    g_autofree char *path = world_fixture_write(name, text->str);
     g_autoptr(GError) error = NULL;
     World *world = world_get(path, &error);
     g_assert_no_error(error);
@@ -53,7 +53,7 @@ static gboolean trace_part(struct exr_part *part, int view, int light) {
 static void add_traced(const char *session, World *far_away, const struct rings *views,
                        const struct rings *lights, double ret_error[6], double ret_norm[6]) {
     for (int view = 0; view < views->n; view++) {
-        struct exr_file *file = read_view(session, view);
+        struct exr_file *file = near_field_read_view(session, view);
         for (int light = 0; light < lights->n; light++) {
             const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
             float rgb[3 * ALL];
@@ -73,7 +73,7 @@ static void add_traced(const char *session, World *far_away, const struct rings 
 /* Against the simulated world's own truth of far away cameras and lamps. better: by how much the
  * error must shrink. */
 static void trace_sample(const char *name, const char *sample, double better) {
-    const struct rings views = twelve(0), lights = twelve(15);
+    const struct rings views = near_field_twelve(0), lights = near_field_twelve(15);
     const struct wish wish = {.nowhere = TRUE, .spoil = trace_part};
     g_autofree char *to_name = g_strconcat(name, "-to", NULL);
     double before[6] = {0}, after[6] = {0}, norm[6] = {0};
@@ -82,8 +82,8 @@ static void trace_sample(const char *name, const char *sample, double better) {
     near_world.world = near;
     near_world.views = &views;
     near_world.lights = &lights;
-    g_autofree char *from = make_session(name, &views, &lights, &wish);
-    g_autofree char *to = resample(from, to_name, NULL, &result);
+    g_autofree char *from = near_field_make_session(name, &views, &lights, &wish);
+    g_autofree char *to = near_field_resample(from, to_name, NULL, &result);
     g_autoptr(World) far_away = traced_world("far.conf", sample, 10000, 10000);
     add_traced(from, far_away, &views, &lights, before, norm);
     memset(norm, 0, sizeof norm);
@@ -118,7 +118,7 @@ int main(int argc, char **argv) {
     g_test_add_func("/btf-resample/traced/diffuse", test_traced_diffuse);
     g_test_add_func("/btf-resample/traced/silk", test_traced_silk);
     const int code = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     remove_tree(near_folder);
     g_free(near_folder);
     return code;

@@ -26,7 +26,7 @@ static double error_of(const struct btf_matrix *btf, int k, int c) {
 
 /* Written out: the formula of the header, texel by texel. */
 static double residual(const struct lpca *lpca, const struct btf_matrix *btf) {
-    const int d = row_length(btf), c = lpca->n_components;
+    const int d = lpca_fixture_row_length(btf), c = lpca->n_components;
     double rest = 0, all = 0;
     for (int x = 0; x < btf->width * btf->height; x++)
         for (int j = 0; j < d; j++) {
@@ -59,7 +59,7 @@ static void assert_orthonormal(const struct lpca *lpca) {
 
 /* A mixture of planes of low rank is told apart, and nothing is left. */
 static void test_mixture(void) {
-    struct btf_matrix *btf = mixture(16, 15, 4, 5, 4, 2, 0);
+    struct btf_matrix *btf = lpca_fixture_mixture(16, 15, 4, 5, 4, 2, 0);
     struct lpca *lpca = compute(btf, 4, 2);
     g_assert_cmpint(lpca->n_clusters, ==, 4);
     g_assert_cmpfloat(lpca->error, <, 2e-5);
@@ -76,7 +76,7 @@ static void test_mixture(void) {
 
 /* Of the matrix less its mean row, beyond the first c, relative to the whole. */
 static double dense_error(const struct btf_matrix *btf, int c) {
-    const int d = row_length(btf), n = btf->width * btf->height, rank = MIN(n, d);
+    const int d = lpca_fixture_row_length(btf), n = btf->width * btf->height, rank = MIN(n, d);
     g_autofree double *a = g_new(double, n *d), *s = g_new(double, rank);
     g_autofree double *superb = g_new(double, rank);
     double rest = 0, all = 0;
@@ -97,14 +97,14 @@ static double dense_error(const struct btf_matrix *btf, int c) {
 }
 
 static void test_dense(void) {
-    struct btf_matrix *btf = mixture(10, 9, 4, 5, 1, 8, 0.05);
+    struct btf_matrix *btf = lpca_fixture_mixture(10, 9, 4, 5, 1, 8, 0.05);
     for (int c = 1; c <= 8; c++) {
         const double truth = dense_error(btf, c), error = error_of(btf, 1, c);
         g_assert_cmpfloat_with_epsilon(error, truth, 1e-4 * truth);
     }
     btf_matrix_free(btf);
     /* More texels than are drawn, more values than dimensions that are kept. */
-    btf = mixture(31, 30, 5, 10, 1, 12, 0.1);
+    btf = lpca_fixture_mixture(31, 30, 5, 10, 1, 12, 0.1);
     for (int c = 1; c <= 16; c *= 4) {
         const double truth = dense_error(btf, c), error = error_of(btf, 1, c);
         g_assert_cmpfloat(error, >=, truth * (1 - 1e-5));
@@ -114,7 +114,7 @@ static void test_dense(void) {
 }
 
 static void test_monotone(void) {
-    struct btf_matrix *btf = mixture(24, 24, 4, 6, 11, 6, 0.05);
+    struct btf_matrix *btf = lpca_fixture_mixture(24, 24, 4, 6, 11, 6, 0.05);
     double row[3] = {G_MAXDOUBLE, G_MAXDOUBLE, G_MAXDOUBLE};
     for (int k = 1; k <= 16; k *= 2) {
         double before = G_MAXDOUBLE;
@@ -129,14 +129,14 @@ static void test_monotone(void) {
 }
 
 static void test_threads(void) {
-    struct btf_matrix *btf = mixture(30, 27, 5, 9, 6, 5, 0.05);
+    struct btf_matrix *btf = lpca_fixture_mixture(30, 27, 5, 9, 6, 5, 0.05);
     struct lpca *first = NULL;
     for (int threads = 1; threads <= 4; threads++) {
         const struct lpca_options options = {6, 4, .work.n_threads = threads};
         struct lpca *lpca = lpca_compute(btf, &options, NULL);
         g_assert_nonnull(lpca);
         if (first) {
-            assert_same(lpca, first);
+            lpca_fixture_assert_same(lpca, first);
             g_assert_true(lpca->error == first->error);
             lpca_free(lpca);
         } else {
@@ -149,7 +149,7 @@ static void test_threads(void) {
 
 static void test_target(void) {
     g_autoptr(GError) error = NULL;
-    struct btf_matrix *btf = mixture(20, 20, 4, 5, 2, 12, 0.02);
+    struct btf_matrix *btf = lpca_fixture_mixture(20, 20, 4, 5, 2, 12, 0.02);
     struct lpca_options options = {.n_clusters = 2, .n_components = 16, .target = 0.1};
     struct lpca *lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
@@ -181,14 +181,14 @@ static void test_edges(void) {
     lpca_free(lpca);
     btf_matrix_free(btf);
 
-    btf = mixture(4, 3, 1, 2, 3, 2, 0.1); /* one view; as many clusters as texels */
+    btf = lpca_fixture_mixture(4, 3, 1, 2, 3, 2, 0.1); /* one view; as many clusters as texels */
     lpca = compute(btf, 12, 6);
     g_assert_cmpfloat(residual(lpca, btf), <, 1e-5);
     assert_orthonormal(lpca);
     lpca_free(lpca);
     btf_matrix_free(btf);
 
-    btf = mixture(1, 1, 1, 1, 1, 1, 0); /* one value of each colour */
+    btf = lpca_fixture_mixture(1, 1, 1, 1, 1, 1, 0); /* one value of each colour */
     g_assert_cmpfloat(error_of(btf, 1, 3), <, 1e-6);
     btf_matrix_free(btf);
 }
@@ -200,7 +200,7 @@ static void test_refused(void) {
     };
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancelled = g_cancellable_new();
-    struct btf_matrix *btf = mixture(5, 4, 2, 3, 2, 2, 0.1);
+    struct btf_matrix *btf = lpca_fixture_mixture(5, 4, 2, 3, 2, 2, 0.1);
     for (guint i = 0; i < G_N_ELEMENTS(bad); i++) {
         g_assert_null(lpca_compute(btf, &bad[i], &error));
         g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
@@ -253,7 +253,7 @@ static void assert_within_bound(const struct lpca *exact, const struct lpca *rou
 static void test_quantised(void) {
     g_autofree char *folder = g_dir_make_tmp("lpca-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(folder, "lpca.exr", NULL);
-    struct btf_matrix *btf = mixture(17, 16, 4, 5, 3, 4, 0.05);
+    struct btf_matrix *btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
     struct lpca *exact = compute(btf, 3, 4);
     gint64 bytes = G_MAXINT64;
     for (int kind = LPCA_FLOAT; kind < LPCA_QUANTISE_KINDS; kind++) {
@@ -269,7 +269,7 @@ static void test_quantised(void) {
         g_assert_true(lpca_write(path, rounded, &error));
         struct lpca *back = lpca_read(path, &error);
         g_assert_no_error(error);
-        assert_same(back, rounded);
+        lpca_fixture_assert_same(back, rounded);
         g_assert_cmpint(back->quantise, ==, kind);
         g_assert_true(back->error == rounded->error);
         g_assert_cmpstr(back->name, ==, "weave");
@@ -305,7 +305,7 @@ static double rounding_under(const struct lpca *exact, const struct lpca *rounde
 /* What a light at grazing angles leaves is as well rounded, for its size, as what others do. */
 static void test_dark_light(void) {
     enum { DARK = 2 };
-    struct btf_matrix *btf = mixture(17, 16, 4, 5, 3, 4, 0.05);
+    struct btf_matrix *btf = lpca_fixture_mixture(17, 16, 4, 5, 3, 4, 0.05);
     for (int i = 0; i < 17 * 16 * 4 * 5 * 3; i++)
         if (i / 3 % 5 == DARK)
             btf->values[i] *= 0.03F;
@@ -323,7 +323,7 @@ static void test_dark_light(void) {
 }
 
 static void write_small(const char *path, enum lpca_quantise quantise) {
-    struct btf_matrix *btf = mixture(6, 5, 2, 3, 2, 2, 0.05);
+    struct btf_matrix *btf = lpca_fixture_mixture(6, 5, 2, 3, 2, 2, 0.05);
     struct lpca *lpca = compute(btf, 2, 2);
     g_autoptr(GError) error = NULL;
     lpca_quantise(lpca, quantise);

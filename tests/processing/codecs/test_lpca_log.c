@@ -20,12 +20,12 @@ static void make_log(struct lpca *lpca) {
 
 static void check_log(int n_components, gboolean nearest, double ambient) {
     g_autoptr(GError) error = NULL;
-    struct lpca *lpca = make_lpca(4, n_components);
+    struct lpca *lpca = lpca_scene_lpca(4, n_components);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
     g_autoptr(View) view = view_new(NULL, &error);
     struct view_settings settings;
     make_log(lpca);
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
@@ -37,7 +37,7 @@ static void check_log(int n_components, gboolean nearest, double ambient) {
     g_autofree float *sky = g_new0(float, lpca->n_lights);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest};
-    compare_picture(of_scene, &scene, view, &settings);
+    formula_compare(lpca_scene_pixel, &scene, view, &settings);
     g_assert_null(lpca_grid_new(&lpca, 1, 4, &error));
     g_assert_nonnull(strstr(error->message, "--method lpca"));
     g_clear_error(&error);
@@ -63,13 +63,13 @@ static void test_levels(struct fixture *f, gconstpointer data) {
     struct lpca *levels[3];
     g_autoptr(View) view = view_new(NULL, &error);
     for (int k = 0; k < 3; k++) {
-        levels[k] = make_level(k, 4 - k, k == 1 ? 2 : 3);
+        levels[k] = lpca_scene_level(k, 4 - k, k == 1 ? 2 : 3);
         make_log(levels[k]);
     }
     view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
     g_assert_no_error(error);
-    check_levels(view, levels, 18);
-    check_levels(view, levels, 33);
+    lpca_scene_check_levels(view, levels, 18);
+    lpca_scene_check_levels(view, levels, 33);
     levels[1]->colours = LPCA_RGB;
     g_assert_null(lpca_view_new(levels, 3, &error));
     g_assert_nonnull(strstr(error->message, "mip level 1"));
@@ -79,7 +79,9 @@ static void test_levels(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add("/lpca-log/formula", struct fixture, NULL, set_up, test_log, tear_down);
-    g_test_add("/lpca-log/levels", struct fixture, NULL, set_up, test_levels, tear_down);
+    g_test_add("/lpca-log/formula", struct fixture, NULL, gpu_fixture_set_up, test_log,
+               gpu_fixture_tear_down);
+    g_test_add("/lpca-log/levels", struct fixture, NULL, gpu_fixture_set_up, test_levels,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

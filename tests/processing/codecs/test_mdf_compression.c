@@ -2,6 +2,7 @@
 #include "base/data_error.h"
 #include "exr/exr.h"
 #include "lib/gpu_fixture.h"
+#include "lib/process.h"
 #include "lib/silhouettes.h"
 #include "lib/world_fixture.h"
 #include "mdf_codecs/mdf_blocks.h"
@@ -228,7 +229,7 @@ static void test_factors_file(void) {
         {"maps", .attribute = "deepest_mm", .number = NAN, .says = "deepest_mm"},
     };
     g_autoptr(GError) error = NULL;
-    g_autofree char *path = g_build_filename(fixture_folder(), "factors.exr", NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "factors.exr", NULL);
     struct mdf_table *t = new_table();
     struct mdf_factors *f = factors(t, 5);
     g_assert_true(mdf_factors_write(path, f, &error));
@@ -259,7 +260,7 @@ static void test_blocks_file(void) {
         {"view_0005", .attribute = "view.theta_deg", .number = NAN, .says = "direction"},
     };
     g_autoptr(GError) error = NULL;
-    g_autofree char *path = g_build_filename(fixture_folder(), "blocks.exr", NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "blocks.exr", NULL);
     struct mdf_table *t = new_table();
     struct mdf_blocks *b = mdf_blocks_new(t);
     g_assert_true(mdf_blocks_write(path, b, &error));
@@ -348,8 +349,8 @@ static void write_views(const char *path, gboolean no_distances) {
 
 static void test_packed(void) {
     g_autoptr(GError) error = NULL, twice = NULL, none = NULL;
-    g_autofree char *from = g_build_filename(fixture_folder(), "views.exr", NULL);
-    g_autofree char *to = g_build_filename(fixture_folder(), "packed.exr", NULL);
+    g_autofree char *from = g_build_filename(world_fixture_folder(), "views.exr", NULL);
+    g_autofree char *to = g_build_filename(world_fixture_folder(), "packed.exr", NULL);
     const double most[] = {8.0 / 2048, 8.0 / 255 / 2 + 1e-6}; /* half a step of each */
     gint64 bytes;
     write_views(from, FALSE);
@@ -438,7 +439,7 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
     struct mdf_table *t = waves();
     struct mdf_blocks *blocks = mdf_blocks_new(t);
     g_autofree gboolean *smooth = outline(view, FALSE);
-    g_autofree char *path = g_build_filename(fixture_folder(), "drawn.exr", NULL);
+    g_autofree char *path = g_build_filename(world_fixture_folder(), "drawn.exr", NULL);
 
     struct mdf_table *flat = mdf_blocks_table(blocks);
     mdf_table_add_grazing(flat);
@@ -473,24 +474,14 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
 }
 
 static int command(const char *const *arguments, char **ret_output) {
-    g_autoptr(GError) error = NULL;
-    g_autofree char *program = g_build_filename(BUILD_DIR, "bin", "mesorig", NULL);
-    g_autoptr(GPtrArray) all = g_ptr_array_new();
+    g_autofree const char **argv = process_argv(BUILD_DIR "/bin/mesorig", arguments);
     g_autofree char *errors = NULL;
-    int status;
-    g_ptr_array_add(all, program);
-    for (; *arguments; arguments++)
-        g_ptr_array_add(all, (gpointer)*arguments);
-    g_ptr_array_add(all, NULL);
-    g_spawn_sync(NULL, (char **)all->pdata, NULL, G_SPAWN_DEFAULT, NULL, NULL, ret_output, &errors,
-                 &status, &error);
-    g_assert_no_error(error);
-    return WEXITSTATUS(status);
+    return process_run(argv, ret_output, &errors);
 }
 
 static void test_commands(void) {
-    g_autofree char *from = g_build_filename(fixture_folder(), "views.exr", NULL);
-    g_autofree char *to = g_build_filename(fixture_folder(), "to.exr", NULL);
+    g_autofree char *from = g_build_filename(world_fixture_folder(), "views.exr", NULL);
+    g_autofree char *to = g_build_filename(world_fixture_folder(), "to.exr", NULL);
     const char *const maps[] = {"compress", from, "--method=mdf", "-c", "3", "-o", to, NULL};
     const char *const views[] = {"compress", from, "--method=mdf-views", "-o", to, NULL};
     const char *const bytes[] = {"compress", from, "--method=mdf-views", "-q", "8bit", "-o",
@@ -535,10 +526,11 @@ int main(int argc, char **argv) {
     g_test_add_func("/mdf-compression/blocks/file", test_blocks_file);
     g_test_add_func("/mdf-compression/packed", test_packed);
     g_test_add_func("/mdf-compression/commands", test_commands);
-    g_test_add("/mdf-compression/blocks/card", struct fixture, NULL, set_up, test_blocks_card,
-               tear_down);
-    g_test_add("/mdf-compression/drawn", struct fixture, NULL, set_up, test_drawn, tear_down);
+    g_test_add("/mdf-compression/blocks/card", struct fixture, NULL, gpu_fixture_set_up,
+               test_blocks_card, gpu_fixture_tear_down);
+    g_test_add("/mdf-compression/drawn", struct fixture, NULL, gpu_fixture_set_up, test_drawn,
+               gpu_fixture_tear_down);
     int status = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return status;
 }

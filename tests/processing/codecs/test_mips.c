@@ -26,8 +26,8 @@ static struct btf_matrix *new_btf(void) {
     *btf = (struct btf_matrix){
         .name = g_strdup("chips"), .width = W, .height = H, .texel_mm = 1, .n_views = n};
     btf->n_lights = n;
-    fill_directions(0, &btf->view_theta_deg, &btf->view_phi_deg);
-    fill_directions(5, &btf->light_theta_deg, &btf->light_phi_deg);
+    rings_fill(0, &btf->view_theta_deg, &btf->view_phi_deg);
+    rings_fill(5, &btf->light_theta_deg, &btf->light_phi_deg);
     btf->values = g_new(float, 3 * (gsize)W * H * n * n);
     for (int texel = 0; texel < W * H; texel++) {
         const double grey = texel % 2 ? 0.05 : g_rand_double_range(random, 0.3, 0.9);
@@ -61,7 +61,7 @@ static float *reference(const struct scene *scene, View *view, const struct view
         float *to = mean + 4 * (k / size / FINE * PIXELS + k % size / FINE);
         double rgb[3];
         if (given[0][4 * k + 3] <= 0 ||
-            !expected(scene, given[0] + 4 * k, given[1] + 4 * k, given[2] + 4 * k, rgb))
+            !lobes_scene_expected(scene, given[0] + 4 * k, given[1] + 4 * k, given[2] + 4 * k, rgb))
             continue;
         for (int c = 0; c < 3; c++)
             to[c] += (float)(rgb[c] / (FINE * FINE));
@@ -134,7 +134,7 @@ static void check_far(enum lobes_model model, double tiles, double most) {
         directions_new(btf->view_theta_deg, btf->view_phi_deg, btf->n_views, &error);
     const struct scene scene = {.lobes = levels[0], .views = views};
     float *truth[SHIFTS], *plain[SHIFTS], *levelled[SHIFTS];
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     settings.camera_elevation_deg = 35;
     settings.ambient = 0;
     settings.tiles_u = settings.tiles_v = tiles;
@@ -296,7 +296,9 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/mips/file", test_file);
     g_test_add_func("/mips/lacking", test_lacking);
-    g_test_add("/mips/far", struct fixture, NULL, set_up, test_far, tear_down);
-    g_test_add("/mips/bad", struct fixture, NULL, set_up, test_bad, tear_down);
+    g_test_add("/mips/far", struct fixture, NULL, gpu_fixture_set_up, test_far,
+               gpu_fixture_tear_down);
+    g_test_add("/mips/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

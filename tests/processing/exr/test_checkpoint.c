@@ -20,7 +20,7 @@ struct fixture {
 static void set_up(struct fixture *fixture, gconstpointer unused) {
     fixture->dir = g_dir_make_tmp("mesorig-checkpoint-XXXXXX", NULL);
     fixture->path = g_build_filename(fixture->dir, "lpca.exr.checkpoint", NULL);
-    fixture->btf = mixture(36, 31, 5, 7, 6, 7, 0.05);
+    fixture->btf = lpca_fixture_mixture(36, 31, 5, 7, 6, 7, 0.05);
 }
 
 static void tear_down(struct fixture *fixture, gconstpointer unused) {
@@ -209,7 +209,7 @@ static void check(const struct fixture *fixture, Work work, const char *stage, i
     const int runs = run_to_end(fixture, work, stage, at, &pieces);
     g_test_message("%s, %d: %d runs", stage, at, runs);
     g_assert_cmpint(runs, >, 1);
-    assert_same(pieces, whole);
+    lpca_fixture_assert_same(pieces, whole);
     g_assert_true(pieces->error == whole->error);
     lpca_free(pieces);
     lpca_free(whole);
@@ -240,7 +240,7 @@ static void check_once(const struct fixture *fixture, Work work, const char *sta
         g_test_message("%s, %d: %d words", stage, at, cut.heard);
         g_assert_cmpint(lpca != NULL, ==, last);
         if (lpca) {
-            assert_same(lpca, whole);
+            lpca_fixture_assert_same(lpca, whole);
             g_assert_true(lpca->error == whole->error);
         }
         lpca_free(lpca);
@@ -339,7 +339,7 @@ static void check_middle(const struct fixture *fixture, Work work, const char *s
     g_autoptr(Checkpoint) checkpoint = checkpoint_new(fixture->path);
     options.checkpoint = checkpoint;
     struct lpca *rest = work(fixture->btf, &options, NULL);
-    assert_same(rest, whole);
+    lpca_fixture_assert_same(rest, whole);
     g_assert_true(rest->error == whole->error);
     lpca_free(rest);
     lpca_free(whole);
@@ -386,7 +386,7 @@ static void test_killed(struct fixture *fixture, gconstpointer unused) {
         options.checkpoint = checkpoint;
         struct lpca *rest = weighed(fixture->btf, &options, NULL);
         g_assert_nonnull(strstr(checkpoint_note(checkpoint), "going on"));
-        assert_same(rest, whole);
+        lpca_fixture_assert_same(rest, whole);
         g_assert_true(rest->error == whole->error);
         lpca_free(rest);
         checkpoint_remove(checkpoint);

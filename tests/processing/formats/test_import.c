@@ -9,6 +9,7 @@
 
 #include <glib/gstdio.h>
 
+#include "lib/process.h"
 #include "lib/session_fixture.h"
 
 #define WIDTH  6
@@ -19,11 +20,11 @@ static const struct work quietly = {0};
 static const struct work silent = {0};
 
 static char *in_folder(const char *name) {
-    return g_build_filename(folder, name, NULL);
+    return g_build_filename(session_fixture_folder, name, NULL);
 }
 
 static char *new_folder(void) {
-    g_autofree char *template = g_build_filename(folder, "pictures-XXXXXX", NULL);
+    g_autofree char *template = g_build_filename(session_fixture_folder, "pictures-XXXXXX", NULL);
     g_assert_nonnull(g_mkdtemp(template));
     return g_steal_pointer(&template);
 }
@@ -84,7 +85,7 @@ static void assert_set(const struct btf_matrix *btf) {
 
 static void test_pictures(void) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = fresh("pictures");
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("pictures");
     struct import_result result;
     const struct import_wish wish = {.texel_mm = 0.25};
     write_set(dir);
@@ -115,7 +116,7 @@ static void assert_not_imported(const char *path, GError *error, const char *wha
 
 static void assert_folder_refused(const char *dir, const char *what) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *path = fresh("refused");
+    g_autofree char *path = session_fixture_path("refused");
     struct import_result result;
     const struct import_wish wish = {0};
     g_assert_false(import_pictures(path, dir, &wish, &quietly, &result, &error));
@@ -151,7 +152,7 @@ static void test_bad_pictures(void) {
 
 static void test_holes(void) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = fresh("holes");
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("holes");
     g_autofree char *one = g_build_filename(dir, "tv060.0_pv180.0_tl030.0_pl090.0.exr", NULL);
     struct import_result result;
     const struct import_wish wish = {0};
@@ -186,7 +187,7 @@ static void write_list(const char *path, const char *text) {
 
 static void test_rti(void) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = fresh("rti");
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("rti");
     g_autofree char *list = g_build_filename(dir, "lights.lp", NULL);
     g_autofree char *a = g_build_filename(dir, "a one.png", NULL);
     g_autofree char *b = g_build_filename(dir, "b.png", NULL);
@@ -212,7 +213,7 @@ static void test_rti(void) {
 
 static void assert_list_refused(const char *list, const char *text, const char *what) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *path = fresh("refused");
+    g_autofree char *path = session_fixture_path("refused");
     struct import_result result;
     const struct import_wish wish = {0};
     write_list(list, text);
@@ -246,7 +247,7 @@ static void test_mutated_list(void) {
     write_png(a, 100);
     for (int i = 0; i < 150; i++) {
         g_autoptr(GError) error = NULL;
-        g_autofree char *text = g_strdup(good), *path = fresh("mutated");
+        g_autofree char *text = g_strdup(good), *path = session_fixture_path("mutated");
         struct import_result result;
         const struct import_wish wish = {0};
         for (int k = g_rand_int_range(rand, 1, 6); k > 0; k--)
@@ -290,7 +291,7 @@ static void test_bonn(void) {
     g_autofree char *file = in_folder("a.btf");
     for (int cosine = 0; cosine < 2; cosine++) {
         g_autoptr(GError) error = NULL;
-        g_autofree char *path = fresh("bonn");
+        g_autofree char *path = session_fixture_path("bonn");
         struct import_result result;
         const struct import_wish wish = {0};
         write_bonn(file, cosine);
@@ -308,7 +309,7 @@ static void test_bonn(void) {
 /* A session's BTF written and read again; and in factors, with all there are. */
 static void test_export_bonn(void) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *dir = new_folder(), *path = fresh("exported");
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("exported");
     struct import_result result;
     struct export_bonn_result exported;
     const struct import_wish wish = {.texel_mm = 0.5};
@@ -334,8 +335,8 @@ static void test_export_bonn(void) {
                                            (double)value(1, i / 3 / TEXELS, i / 3 % TEXELS, i % 3),
                                            kind == BONN_BDI ? 1e-9 : 4e-3);
     }
-    g_assert_false(
-        export_bonn(folder, "/nonexistent/a.btf", BONN_BDI, 0, &silent, &exported, &error));
+    g_assert_false(export_bonn(session_fixture_folder, "/nonexistent/a.btf", BONN_BDI, 0, &silent,
+                               &exported, &error));
     g_assert_nonnull(error);
 }
 
@@ -348,7 +349,7 @@ static void test_exists(void) {
     g_assert_false(import_pictures(dir, dir, &wish, &quietly, &result, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_EXISTS);
     g_clear_error(&error);
-    g_autofree char *path = fresh("outside");
+    g_autofree char *path = session_fixture_path("outside");
     g_assert_false(import_pictures(path, dir, &outside, &quietly, &result, &error));
     assert_not_imported(path, error, "do not lie within its 6 × 4");
 }
@@ -356,7 +357,7 @@ static void test_exists(void) {
 static void test_cancelled(void) {
     g_autoptr(GError) error = NULL;
     g_autoptr(GCancellable) cancellable = g_cancellable_new();
-    g_autofree char *dir = new_folder(), *path = fresh("cancelled");
+    g_autofree char *dir = new_folder(), *path = session_fixture_path("cancelled");
     struct import_result result;
     const struct import_wish wish = {0};
     const struct work progress = {.cancellable = cancellable};
@@ -368,19 +369,14 @@ static void test_cancelled(void) {
 }
 
 static char *run_mesorig(const char *line, int wanted) {
-    g_autofree char *command = g_strconcat(BUILD_DIR "/bin/mesorig ", line, NULL);
-    g_autoptr(GError) error = NULL;
-    g_autofree char *err = NULL;
-    char *out = NULL;
-    int status = 0;
-    g_assert_true(g_spawn_command_line_sync(command, &out, &err, &status, &error));
-    if (WEXITSTATUS(status) != wanted)
-        g_error("%s: %d\n%s%s", command, WEXITSTATUS(status), out, err);
-    return out;
+    g_auto(GStrv) words = g_strsplit(line, " ", -1);
+    g_autofree const char **argv =
+        process_argv(BUILD_DIR "/bin/mesorig", (const char *const *)words);
+    return process_text(wanted, argv);
 }
 
 static void test_command(void) {
-    g_autofree char *file = in_folder("command.btf"), *path = fresh("command");
+    g_autofree char *file = in_folder("command.btf"), *path = session_fixture_path("command");
     g_autofree char *back = in_folder("back.btf");
     write_bonn(file, TRUE);
     g_autofree char *import = g_strdup_printf("import btf %s -o %s --json", file, path);

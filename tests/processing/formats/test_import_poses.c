@@ -9,6 +9,7 @@
 #include "pipeline/catalogue.h"
 #include "rig/devices.h"
 
+#include "lib/process.h"
 #include "lib/session_fixture.h"
 
 #define RIG     SOURCE_DIR "/tests/small/rig.conf"
@@ -22,7 +23,7 @@ static const struct session_grid grid = {8, 8, 50, 50, 5, 5};
 static char *calibration;
 
 static char *new_folder(void) {
-    char *template = g_build_filename(folder, "pictures-XXXXXX", NULL);
+    char *template = g_build_filename(session_fixture_folder, "pictures-XXXXXX", NULL);
     g_assert_nonnull(g_mkdtemp(template));
     return template;
 }
@@ -45,17 +46,16 @@ static void write_grey(const char *dir, const char *name, const float *values) {
 }
 
 static void mesorig(const char *line) {
-    g_autofree char *command = g_strconcat(BUILD_DIR "/bin/mesorig ", line, NULL);
-    g_autofree char *out = NULL, *err = NULL;
-    int status = 0;
-    g_assert_true(g_spawn_command_line_sync(command, &out, &err, &status, NULL));
-    if (WEXITSTATUS(status) != 0)
-        g_error("%s: %d\n%s%s", command, WEXITSTATUS(status), out, err);
+    g_auto(GStrv) words = g_strsplit(line, " ", -1);
+    g_autofree const char **argv =
+        process_argv(BUILD_DIR "/bin/mesorig", (const char *const *)words);
+    g_free(process_text(0, argv));
 }
 
 static char *captured(void) {
-    g_autofree char *text = NULL, *conf = g_build_filename(folder, "session.conf", NULL);
-    char *path = g_build_filename(folder, "captured.session", NULL);
+    g_autofree char *text = NULL,
+                    *conf = g_build_filename(session_fixture_folder, "session.conf", NULL);
+    char *path = g_build_filename(session_fixture_folder, "captured.session", NULL);
     g_assert_true(g_file_get_contents(SESSION, &text, NULL, NULL));
     g_autofree char *with = g_strconcat(text, "\nkeep_laser_frames = yes\n", NULL);
     g_assert_true(g_file_set_contents(conf, with, -1, NULL));
@@ -170,7 +170,7 @@ static void compare_mdf(const char *a_path, const char *b_path, const int *other
 
 static void test_session(void) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *path = captured(), *dir = new_folder(), *again = fresh("again");
+    g_autofree char *path = captured(), *dir = new_folder(), *again = session_fixture_path("again");
     g_autofree char *table = as_pictures(path, dir);
     const struct import_poses poses = {.table = table,
                                        .calibration = calibration,
@@ -222,7 +222,7 @@ static gboolean import_rows(const char *dir, const char *path, const char *rows,
 
 static void assert_refused(const char *dir, const char *rows, const char *what) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *path = fresh("refused");
+    g_autofree char *path = session_fixture_path("refused");
     struct import_poses_result result;
     g_assert_false(import_rows(dir, path, rows, IMPORT_LINE, &result, &error));
     g_assert_nonnull(error);
@@ -345,7 +345,7 @@ static void test_sweep(gconstpointer data) {
     for (int without = -1; without < 12; without += 12) {
         g_autoptr(GError) error = NULL;
         g_autoptr(GString) table = g_string_new(NULL);
-        g_autofree char *dir = new_folder(), *path = fresh("sweep");
+        g_autofree char *dir = new_folder(), *path = session_fixture_path("sweep");
         struct import_poses_result result;
         write_sweep(dir, edge, table, without);
         g_assert_true(import_rows(dir, path, table->str, edge, &result, &error));
@@ -390,7 +390,7 @@ static double mean_of(const char *path, const char *channel) {
 static void test_colour(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = new_folder(), *colour = g_build_filename(dir, "rgb.exr", NULL);
-    g_autofree char *path = fresh("colour");
+    g_autofree char *path = session_fixture_path("colour");
     struct import_poses_result result;
     float planes[3][PIXELS];
     const float *all[3] = {planes[0], planes[1], planes[2]};
@@ -405,7 +405,7 @@ static void test_colour(void) {
     g_autofree char *line = g_strdup_printf("process %s --json", path);
     mesorig(line);
     for (int c = 0; c < 3; c++) {
-        g_autofree char *grey = fresh("grey");
+        g_autofree char *grey = session_fixture_path("grey");
         write_grey(dir, "grey.exr", planes[c]);
         g_assert_true(import_rows(dir, grey, HEAD "grey.exr,cam30,lamp30,,0,45,\n", IMPORT_LINE,
                                   &result, &error));
@@ -429,7 +429,7 @@ static void test_mutated(void) {
     write_grey(dir, "a.exr", values);
     for (int i = 0; i < 300; i++) {
         g_autoptr(GError) error = NULL;
-        g_autofree char *text = g_strdup(good), *path = fresh("mutated");
+        g_autofree char *text = g_strdup(good), *path = session_fixture_path("mutated");
         struct import_poses_result result;
         for (int k = g_rand_int_range(rand, 1, 5); k > 0; k--)
             text[g_rand_int_range(rand, 0, (int)strlen(good))] =
@@ -444,7 +444,7 @@ static void write_calibration(void) {
     struct rig *rig = g_new0(struct rig, 1);
     g_assert_true(devices_read_geometry(RIG, rig, NULL));
     g_autofree char *text = rig_to_text(rig);
-    calibration = g_build_filename(folder, "calibration.conf", NULL);
+    calibration = g_build_filename(session_fixture_folder, "calibration.conf", NULL);
     g_assert_true(g_file_set_contents(calibration, text, -1, NULL));
     g_free(rig);
 }
@@ -453,7 +453,7 @@ static void write_calibration(void) {
 static void test_command(gconstpointer data) {
     const gboolean relative = data != NULL;
     g_autofree char *dir = new_folder();
-    g_autofree char *path = fresh(relative ? "relative" : "command");
+    g_autofree char *path = session_fixture_path(relative ? "relative" : "command");
     g_autofree char *before = g_get_current_dir();
     g_autofree char *table = g_build_filename(dir, "poses.csv", NULL);
     float values[PIXELS] = {0};
@@ -475,7 +475,7 @@ static void test_command(gconstpointer data) {
 /* The folder is made here, since the calibration lies in it for all tests. */
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    folder = g_dir_make_tmp("mesorig-poses-XXXXXX", NULL);
+    session_fixture_folder = g_dir_make_tmp("mesorig-poses-XXXXXX", NULL);
     write_calibration();
     g_test_add_func("/poses/session", test_session);
     g_test_add_func("/poses/bad", test_bad);
@@ -487,8 +487,8 @@ int main(int argc, char **argv) {
     g_test_add_data_func("/poses/command", NULL, test_command);
     g_test_add_data_func("/poses/command/relative", GINT_TO_POINTER(TRUE), test_command);
     const int status = g_test_run();
-    remove_tree(folder);
+    remove_tree(session_fixture_folder);
     g_free(calibration);
-    g_free(folder);
+    g_free(session_fixture_folder);
     return status;
 }

@@ -74,7 +74,7 @@ static struct exr_part *view_part(int view, Inside inside) {
 }
 
 static char *make_session(Inside inside) {
-    char *path = fresh("surface");
+    char *path = session_fixture_path("surface");
     const struct session_plan plan = {.grid = {SIDE, SIDE, SIZE_MM, SIZE_MM, REFERENCE, 5}};
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = session_create(path, "surface", &texts, &plan, &error);
@@ -107,7 +107,7 @@ static void test_points(void) {
     struct export_surface_result result;
     gsize length = 0;
     int n = 0;
-    file = g_build_filename(folder, "points.ply", NULL);
+    file = g_build_filename(session_fixture_folder, "points.ply", NULL);
     g_assert_true(export_as(path, file, EXPORT_POINTS, FALSE, &result, &error));
     g_assert_no_error(error);
     g_assert_true(g_file_get_contents(file, &bytes, &length, NULL));
@@ -135,7 +135,7 @@ static void test_points(void) {
 static void test_height(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(hills);
-    g_autofree char *file = g_build_filename(folder, "height.exr", NULL);
+    g_autofree char *file = g_build_filename(session_fixture_folder, "height.exr", NULL);
     struct export_surface_result result;
     g_assert_true(export_as(path, file, EXPORT_HEIGHT, FALSE, &result, &error));
     g_assert_no_error(error);
@@ -170,7 +170,7 @@ static void test_height(void) {
 static void test_no_height_field(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(bridge);
-    g_autofree char *file = g_build_filename(folder, "bridge.exr", NULL);
+    g_autofree char *file = g_build_filename(session_fixture_folder, "bridge.exr", NULL);
     struct export_surface_result result;
     g_assert_false(export_as(path, file, EXPORT_HEIGHT, FALSE, &result, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
@@ -197,7 +197,7 @@ static void test_bad(void) {
     g_autoptr(GError) error = NULL;
     g_autofree char *path = make_session(hills);
     g_autofree char *mdf = g_build_filename(path, "products/mdf.exr", NULL);
-    g_autofree char *file = g_build_filename(folder, "bad.exr", NULL);
+    g_autofree char *file = g_build_filename(session_fixture_folder, "bad.exr", NULL);
     struct export_surface_result result;
     struct exr_file *exr = exr_read(mdf, NULL);
     struct exr_part *first = exr->parts->pdata[0];
@@ -214,7 +214,7 @@ static void test_bad(void) {
     g_assert_false(export_as(path, file, EXPORT_HEIGHT, FALSE, &result, &error));
     g_assert_nonnull(error);
     g_clear_error(&error);
-    g_assert_false(export_as(folder, file, EXPORT_HEIGHT, FALSE, &result, &error));
+    g_assert_false(export_as(session_fixture_folder, file, EXPORT_HEIGHT, FALSE, &result, &error));
     g_assert_nonnull(error);
 }
 

@@ -45,10 +45,12 @@ static struct sweep *new_sweep(void) {
 /* The angle at which a sheet meets a point that is rolled about its own beam. */
 static double meets(const struct sweep *sweep, const double *point) {
     double source[3], axis[3] = {-sin(sweep->arc), cos(sweep->arc), 0};
-    laser_position(&sweep->laser, sweep->arc, source);
+    line_laser_position(&sweep->laser, sweep->arc, source);
     const double way[3] = {point[0] - source[0], point[1] - source[1], point[2] - source[2]};
-    const double aside = dot3(way, axis), range = sqrt(dot3(way, way) - aside * aside);
-    return laser_sweep(&sweep->laser, sweep->arc, point) - asin(aside * tan(sweep->roll) / range);
+    const double aside = analytic_dot(way, axis),
+                 range = sqrt(analytic_dot(way, way) - aside * aside);
+    return line_laser_sweep(&sweep->laser, sweep->arc, point) -
+           asin(aside * tan(sweep->roll) / range);
 }
 
 /* Where a ray meets the sample or what lies around, in the rig frame. */
@@ -58,7 +60,7 @@ static void hit(const struct sweep *sweep, const double *eye, const double *ray,
         const double t = ((k ? flat.plane_mm : sample_mm) - eye[2]) / ray[2];
         for (int i = 0; i < 3; i++)
             ret[i] = eye[i] + t * ray[i];
-        turn3(ret, -sweep->turntable, at);
+        analytic_turn(ret, -sweep->turntable, at);
         if (fabs(at[0]) < 14.5 && fabs(at[1]) < 14.5)
             return;
     }
@@ -116,7 +118,7 @@ static void shoot(struct sweep *sweep) {
 static struct rig rig_of(const struct sweep *sweep) {
     struct rig rig = {.n_cameras = 1, .n_lasers = 1};
     rig.cameras[0] = pinhole_to_rig(&sweep->pinhole, "cam");
-    rig.lasers[0] = laser_to_rig(&sweep->laser, "laser");
+    rig.lasers[0] = line_laser_to_rig(&sweep->laser, "laser");
     return rig;
 }
 
@@ -201,12 +203,12 @@ static struct merged measure(const struct sweep *sweep, const struct laser_lines
         const int row = i / TEXELS, column = i % TEXELS;
         double p[3] = {-14 + (column + 0.5) * 1.75, 14 - (row + 0.5) * 1.75, 5};
         double eye[3], point[3];
-        turn3(p, sweep->turntable, p);
+        analytic_turn(p, sweep->turntable, p);
         pinhole_eye(&sweep->pinhole, eye);
         const double way[3] = {p[0] - eye[0], p[1] - eye[1], p[2] - eye[2]};
         hit(sweep, eye, way, point);
-        const double expected = sqrt(dot3(way, way)) * (p[2] - point[2]) / (eye[2] - p[2]);
-        turn3(point, -sweep->turntable, p);
+        const double expected = sqrt(analytic_dot(way, way)) * (p[2] - point[2]) / (eye[2] - p[2]);
+        analytic_turn(point, -sweep->turntable, p);
         if (MAX(fabs(p[0]), fabs(p[1])) > 12)
             continue; /* its pixels see the sample's edge */
         if (mm[i] < 0)

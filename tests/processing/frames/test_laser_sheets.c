@@ -130,6 +130,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/laser-sheets/two-heights", two_heights);
     g_test_add_func("/laser-sheets/one-height", one_height);
     int result = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return result;
 }

@@ -156,6 +156,6 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/laser-short/glossy", test_glossy);
     const int code = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return code;
 }

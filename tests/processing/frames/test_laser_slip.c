@@ -120,6 +120,6 @@ int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
     g_test_add_func("/laser-slip/slipped", test_slipped);
     const int code = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return code;
 }

@@ -40,7 +40,7 @@ static void texel_in_picture(const struct pinhole *pinhole, double turntable, in
                              double *ret_x, double *ret_y) {
     double x = -18 + (texel % 24 + 0.5) * 1.5, y = 15 - ((double)(texel / 24) + 0.5) * 1.5;
     double p[3] = {x, y, 5};
-    turn3(p, turntable, p);
+    analytic_turn(p, turntable, p);
     pinhole_project(pinhole, p, ret_x, ret_y);
 }
 

@@ -24,7 +24,7 @@ static double meet(const struct surface *surface, const double *eye, const doubl
     for (int raised = 1; raised >= 0; raised--) {
         double height = surface->height + (raised ? surface->step_mm : 0);
         double n[3] = {-surface->slope_x, -surface->slope_y, 1};
-        double t = (height - dot3(n, eye)) / dot3(n, ray), x = eye[0] + t * ray[0];
+        double t = (height - analytic_dot(n, eye)) / analytic_dot(n, ray), x = eye[0] + t * ray[0];
         if (!raised || (surface->step_mm > 0 && x > surface->edge_mm))
             return t;
     }
@@ -41,8 +41,8 @@ struct world {
 static double meet_turned(const struct world *world, const double *ray) {
     double eye[3], sample_eye[3], sample_ray[3];
     pinhole_eye(&world->pinhole, eye);
-    turn3(eye, -world->turntable, sample_eye);
-    turn3(ray, -world->turntable, sample_ray);
+    analytic_turn(eye, -world->turntable, sample_eye);
+    analytic_turn(ray, -world->turntable, sample_ray);
     return meet(&world->surface, sample_eye, sample_ray);
 }
 
@@ -55,7 +55,7 @@ static void sweep(struct world *world, const struct line_laser *laser, double ar
         pinhole_ray(&world->pinhole, i % SIDE, (double)(i / SIDE), ray);
         double t = meet_turned(world, ray);
         double point[3] = {eye[0] + t * ray[0], eye[1] + t * ray[1], eye[2] + t * ray[2]};
-        double peak = (laser_sweep(laser, arc, point) / DEGREE - FROM_DEG) / STEP_DEG;
+        double peak = (line_laser_sweep(laser, arc, point) / DEGREE - FROM_DEG) / STEP_DEG;
         if (noise > 0)
             peak += noise * (g_rand_double(random) + g_rand_double(random) - 1) * 2.45;
         world->peak[i] = peak > 0 && peak < N_STEPS - 1 ? (float)peak : -1;
@@ -66,7 +66,7 @@ static void sweep(struct world *world, const struct line_laser *laser, double ar
 
 static void add(MdfView *view, const struct world *world, const struct line_laser *laser,
                 double arc) {
-    struct rig_laser rig = laser_to_rig(laser, "laser");
+    struct rig_laser rig = line_laser_to_rig(laser, "laser");
     struct laser_sweep seen = {&rig,        arc,          FROM_DEG * DEGREE, STEP_DEG * DEGREE,
                                world->peak, world->width, world->intensity,  NULL};
     mdf_view_add(view, &seen);
@@ -76,7 +76,7 @@ static void add(MdfView *view, const struct world *world, const struct line_lase
 static double expected_mm(const struct world *world, int texel) {
     double p[3] = {-15 + (texel % 20 + 0.5) * 1.5, 15 - ((double)(texel / 20) + 0.5) * 1.5, 5};
     double eye[3], ray[3];
-    turn3(p, world->turntable, p);
+    analytic_turn(p, world->turntable, p);
     pinhole_eye(&world->pinhole, eye);
     double length = sqrt(pow(p[0] - eye[0], 2) + pow(p[1] - eye[1], 2) + pow(p[2] - eye[2], 2));
     for (int i = 0; i < 3; i++)
@@ -260,7 +260,7 @@ static void test_ghosts(void) {
     g_autoptr(MdfView) view = mdf_view_new(&camera, world->turntable, &grid);
     for (int i = 0; i < 9; i++) {
         struct line_laser laser = {(30 + 5 * (i % 3)) * DEGREE, 480};
-        struct rig_laser rig = laser_to_rig(&laser, "laser");
+        struct rig_laser rig = line_laser_to_rig(&laser, "laser");
         double arc = (70 + 30 * i) * DEGREE;
         ghost->surface.height = 0.2 + 0.45 * i;
         sweep(world, &laser, arc, 0, NULL);
@@ -394,7 +394,7 @@ static void test_impossible_heights(void) {
  * volume is a third of the triangle's area times the line's length of 2. */
 static void test_weight(void) {
     struct line_laser laser = {40 * DEGREE, 480};
-    struct rig_laser rig = laser_to_rig(&laser, "laser");
+    struct rig_laser rig = line_laser_to_rig(&laser, "laser");
     double c[2] = {-650 * sin(1), 650 * cos(1)};
     double l[2] = {480 * sin(40 * DEGREE), 480 * cos(40 * DEGREE)};
     double area = 0.5 * fabs(c[0] * l[1] - c[1] * l[0]);

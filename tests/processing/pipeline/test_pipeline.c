@@ -12,10 +12,10 @@ static double lamp_cosine(const struct session_shot *shot, int turn, int texel) 
            start[3] = {500 * sin(lamp.theta), 0, 500 * cos(lamp.theta)};
     double p[3] = {-12 + (texel % TEXELS + 0.5) * side,
                    12 - ((double)(texel / TEXELS) + 0.5) * side, 5};
-    turn3(p, turn_deg(turn) * DEGREE, p);
-    turn3(start, shot->arc_deg * DEGREE, at);
+    analytic_turn(p, fixture_turn_deg(turn) * DEGREE, p);
+    analytic_turn(start, shot->arc_deg * DEGREE, at);
     double way[3] = {at[0] - p[0], at[1] - p[1], at[2] - p[2]};
-    return way[2] / sqrt(dot3(way, way));
+    return way[2] / sqrt(analytic_dot(way, way));
 }
 
 static void check_place(const struct exr_part *part, const char *name, double mm, double theta_deg,
@@ -33,7 +33,7 @@ static void check_btf(const struct fixture *fixture) {
         for (int light = 0; light < N_LIGHTS; light++) {
             g_autoptr(GError) error = NULL;
             g_autofree char *file = g_strdup_printf("btf/view_%04d.exr", view);
-            g_autofree char *path = product(fixture, file);
+            g_autofree char *path = fixture_product(fixture, file);
             g_autofree char *name = g_strdup_printf("light_%04d", light);
             struct exr_part *part = exr_read_part(path, name, &error);
             g_assert_no_error(error);
@@ -52,7 +52,7 @@ static void check_btf(const struct fixture *fixture) {
             g_assert_cmpfloat(theta_deg, ==, view % N_CAMERAS ? 50 : 20);
             g_assert_cmpfloat(phi_deg, ==, 40 + 70 * light);
             g_assert_cmpint(holes, ==, 0);
-            check_place(part, "view.centre_mm", 650, theta_deg, -turn_deg(turn));
+            check_place(part, "view.centre_mm", 650, theta_deg, -fixture_turn_deg(turn));
             check_place(part, "light.position_mm", lamp.distance_mm, 35, phi_deg);
             exr_part_free(part);
         }
@@ -60,7 +60,7 @@ static void check_btf(const struct fixture *fixture) {
 
 static void check_eigenmaps(const struct fixture *fixture, double error_said) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *path = product(fixture, "eigenmaps.exr");
+    g_autofree char *path = fixture_product(fixture, "eigenmaps.exr");
     struct eigenmaps *maps = eigenmaps_read(path, &error);
     g_assert_no_error(error);
     g_assert_cmpint(maps->n_views, ==, N_VIEWS);
@@ -86,7 +86,7 @@ static char *hash_products(const struct fixture *fixture) {
                                         "eigenmaps.exr"};
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
     for (guint i = 0; i < G_N_ELEMENTS(names); i++) {
-        g_autofree char *path = product(fixture, names[i]), *bytes = NULL;
+        g_autofree char *path = fixture_product(fixture, names[i]), *bytes = NULL;
         gsize length;
         g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
         g_checksum_update(sum, (guchar *)bytes, (gssize)length);
@@ -95,15 +95,15 @@ static char *hash_products(const struct fixture *fixture) {
 }
 
 static void test_whole(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, NULL);
-    set_state(fixture, "done");
-    struct pipeline_result result = process(fixture, 1, FALSE);
+    fixture_capture(fixture, 0, fixture->n_shots, NULL);
+    fixture_set_state(fixture, "done");
+    struct pipeline_result result = fixture_process(fixture, 1, FALSE);
     g_assert_cmpint(result.n_views, ==, N_VIEWS);
     g_assert_cmpint(result.n_lights, ==, N_LIGHTS);
     g_assert_cmpint(result.n_mdf_views, ==, N_VIEWS);
     g_assert_cmpfloat(result.mdf_coverage, ==, 1);
     check_btf(fixture);
-    check_mdf(fixture);
+    fixture_check_mdf(fixture);
     check_eigenmaps(fixture, result.eigenmaps_error);
     g_autoptr(Session) session = session_open(fixture->path, SESSION_READ, NULL);
     g_autofree char *said = session_value(session, "eigenmaps_error");
@@ -113,17 +113,17 @@ static void test_whole(struct fixture *fixture, gconstpointer unused) {
 }
 
 static void test_threads(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, NULL);
-    process(fixture, 1, FALSE);
-    g_autofree char *one = hash_products(fixture), *products = product(fixture, NULL);
+    fixture_capture(fixture, 0, fixture->n_shots, NULL);
+    fixture_process(fixture, 1, FALSE);
+    g_autofree char *one = hash_products(fixture), *products = fixture_product(fixture, NULL);
     remove_tree(products);
-    process(fixture, 4, FALSE);
+    fixture_process(fixture, 4, FALSE);
     g_autofree char *four = hash_products(fixture);
     g_assert_cmpstr(one, ==, four);
 }
 
 static gint64 inode_of(const struct fixture *fixture, const char *name) {
-    g_autofree char *path = product(fixture, name);
+    g_autofree char *path = fixture_product(fixture, name);
     GStatBuf status;
     g_assert_cmpint(g_stat(path, &status), ==, 0);
     return (gint64)status.st_ino;
@@ -134,27 +134,28 @@ static void test_again(struct fixture *fixture, gconstpointer unused) {
     static const char *const names[] = {"btf/view_0000.exr", "btf/view_0001.exr",
                                         "btf/view_0002.exr", "mdf.exr", "eigenmaps.exr"};
     gint64 before[G_N_ELEMENTS(names)];
-    capture(fixture, 0, fixture->n_shots, NULL);
-    struct pipeline_result first = process(fixture, 2, FALSE);
+    fixture_capture(fixture, 0, fixture->n_shots, NULL);
+    struct pipeline_result first = fixture_process(fixture, 2, FALSE);
     for (guint i = 0; i < G_N_ELEMENTS(names); i++)
         before[i] = inode_of(fixture, names[i]);
-    struct pipeline_result second = process(fixture, 2, FALSE);
+    struct pipeline_result second = fixture_process(fixture, 2, FALSE);
     g_assert_cmpmem(&first, sizeof first, &second, sizeof second);
     for (guint i = 0; i < G_N_ELEMENTS(names); i++)
         g_assert_cmpint(inode_of(fixture, names[i]), ==, before[i]);
 
-    g_autofree char *hash = hash_products(fixture), *gone = product(fixture, names[1]);
-    g_autofree char *cut = product(fixture, names[0]), *mdf = product(fixture, names[3]);
+    g_autofree char *hash = hash_products(fixture), *gone = fixture_product(fixture, names[1]);
+    g_autofree char *cut = fixture_product(fixture, names[0]),
+                    *mdf = fixture_product(fixture, names[3]);
     g_unlink(gone);
     g_assert_true(g_file_set_contents(cut, "v/1\1", 4, NULL));
     g_assert_true(g_file_set_contents(mdf, "", 0, NULL));
-    process(fixture, 2, FALSE);
+    fixture_process(fixture, 2, FALSE);
     g_autofree char *again = hash_products(fixture);
     g_assert_cmpstr(hash, ==, again);
     g_assert_cmpint(inode_of(fixture, names[2]), ==, before[2]);
 
-    capture(fixture, 0, 1, NULL); /* the same picture once more */
-    process(fixture, 2, FALSE);
+    fixture_capture(fixture, 0, 1, NULL); /* the same picture once more */
+    fixture_process(fixture, 2, FALSE);
     g_assert_cmpint(inode_of(fixture, names[2]), ==, before[2]);
 }
 
@@ -164,46 +165,46 @@ static void brighter(struct exr_part *part, const struct session_shot *shot) {
 }
 
 static void test_retaken(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, brighter);
-    process(fixture, 2, FALSE);
+    fixture_capture(fixture, 0, fixture->n_shots, brighter);
+    fixture_process(fixture, 2, FALSE);
     gint64 other = inode_of(fixture, "btf/view_0002.exr");
-    capture(fixture, 0, N_LIGHTS, NULL); /* the lights of turn 0 */
-    process(fixture, 2, FALSE);
+    fixture_capture(fixture, 0, N_LIGHTS, NULL); /* the lights of turn 0 */
+    fixture_process(fixture, 2, FALSE);
     g_assert_cmpint(inode_of(fixture, "btf/view_0002.exr"), ==, other);
-    capture(fixture, N_LIGHTS + N_LASERS, fixture->n_shots, NULL);
-    process(fixture, 2, FALSE);
+    fixture_capture(fixture, N_LIGHTS + N_LASERS, fixture->n_shots, NULL);
+    fixture_process(fixture, 2, FALSE);
     check_btf(fixture);
 }
 
 static void test_missing(struct fixture *fixture, gconstpointer unused) {
-    process_fails(fixture, DATA_ERROR_INCOMPLETE, "4 of 4 views");
-    capture(fixture, 0, N_LIGHTS + N_LASERS, NULL);
-    process_fails(fixture, DATA_ERROR_INCOMPLETE, "2 of 4 views");
-    set_state(fixture, "aborted");
-    struct pipeline_result result = process(fixture, 2, TRUE);
+    fixture_process_fails(fixture, DATA_ERROR_INCOMPLETE, "4 of 4 views");
+    fixture_capture(fixture, 0, N_LIGHTS + N_LASERS, NULL);
+    fixture_process_fails(fixture, DATA_ERROR_INCOMPLETE, "2 of 4 views");
+    fixture_set_state(fixture, "aborted");
+    struct pipeline_result result = fixture_process(fixture, 2, TRUE);
     g_assert_cmpint(result.n_views, ==, 2);
     g_assert_cmpint(result.n_mdf_views, ==, 2);
     /* The rest comes later; what there was stays. */
     gint64 before = inode_of(fixture, "btf/view_0001.exr");
-    capture(fixture, N_LIGHTS + N_LASERS, fixture->n_shots, NULL);
-    result = process(fixture, 2, TRUE);
+    fixture_capture(fixture, N_LIGHTS + N_LASERS, fixture->n_shots, NULL);
+    result = fixture_process(fixture, 2, TRUE);
     g_assert_cmpint(result.n_views, ==, 4);
     g_assert_cmpint(inode_of(fixture, "btf/view_0001.exr"), ==, before);
     check_btf(fixture);
-    check_mdf(fixture);
+    fixture_check_mdf(fixture);
 }
 
 static void test_skipped(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 1, fixture->n_shots - 1, NULL);
+    fixture_capture(fixture, 1, fixture->n_shots - 1, NULL);
     g_autoptr(Session) session = session_open(fixture->path, SESSION_CAPTURE, NULL);
     for (int i = 0; i < 2; i++)
         g_assert_true(session_commit_shot(session, i ? fixture->n_shots : 1, SHOT_SKIPPED, NULL, 0,
                                           "the arc stands in the way", NULL));
     g_clear_pointer(&session, session_close);
-    struct pipeline_result result = process(fixture, 2, FALSE);
+    struct pipeline_result result = fixture_process(fixture, 2, FALSE);
     g_assert_cmpint(result.n_views, ==, 2); /* a light is missing in two */
     g_assert_cmpint(result.n_mdf_views, ==, 4);
-    check_mdf(fixture);
+    fixture_check_mdf(fixture);
 }
 
 struct follower {
@@ -215,7 +216,7 @@ static gpointer capture_slowly(gpointer data) {
     struct fixture *fixture = data;
     for (int i = 0; i < fixture->n_shots; i += 4) {
         g_usleep(100000);
-        capture(fixture, i, MIN(i + 4, fixture->n_shots), NULL);
+        fixture_capture(fixture, i, MIN(i + 4, fixture->n_shots), NULL);
     }
     return NULL;
 }
@@ -233,7 +234,7 @@ static void test_follow(struct fixture *fixture, gconstpointer unused) {
     struct pipeline_options options = {
         .n_eigenmaps = 2, .follow = TRUE, .work.progress = count_reports, .work.data = &follower};
     struct pipeline_result result;
-    set_state(fixture, "running");
+    fixture_set_state(fixture, "running");
     GThread *thread = g_thread_new("capture", capture_slowly, fixture);
     pipeline_run(fixture->path, &options, &result, &error);
     g_assert_no_error(error);
@@ -241,7 +242,7 @@ static void test_follow(struct fixture *fixture, gconstpointer unused) {
     g_assert_cmpint(result.n_views, ==, N_VIEWS);
     g_assert_cmpint(follower.reports, >=, 3 * N_VIEWS);
     check_btf(fixture);
-    check_mdf(fixture);
+    fixture_check_mdf(fixture);
 }
 
 static gpointer cancel_soon(gpointer data) {
@@ -261,13 +262,13 @@ static void test_cancel(struct fixture *fixture, gconstpointer unused) {
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
     g_thread_join(thread);
     g_clear_error(&error);
-    capture(fixture, 0, fixture->n_shots, NULL);
+    fixture_capture(fixture, 0, fixture->n_shots, NULL);
     g_assert_false(pipeline_run(fixture->path, &options, &result, &error));
     g_assert_error(error, G_IO_ERROR, G_IO_ERROR_CANCELLED);
 }
 
 static void test_damaged(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, NULL);
+    fixture_capture(fixture, 0, fixture->n_shots, NULL);
     for (int kind = 0; kind < 2; kind++) {
         const struct session_shot *shot = &fixture->shots[kind ? N_LIGHTS : 1];
         g_autofree char *relative = session_frame_path(shot, "cam50"), *bytes = NULL;
@@ -275,18 +276,18 @@ static void test_damaged(struct fixture *fixture, gconstpointer unused) {
         gsize length;
         g_assert_true(g_file_get_contents(path, &bytes, &length, NULL));
         g_assert_true(g_file_set_contents(path, bytes, (gssize)length / 2, NULL));
-        process_fails(fixture, DATA_ERROR_INVALID, relative);
+        fixture_process_fails(fixture, DATA_ERROR_INVALID, relative);
         bytes[length / 2] ^= 1;
         g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
-        process_fails(fixture, DATA_ERROR_INVALID, "SHA-256");
+        fixture_process_fails(fixture, DATA_ERROR_INVALID, "SHA-256");
         g_unlink(path);
-        process_fails(fixture, DATA_ERROR_INVALID, relative);
+        fixture_process_fails(fixture, DATA_ERROR_INVALID, relative);
         bytes[length / 2] ^= 1;
         g_assert_true(g_file_set_contents(path, bytes, (gssize)length, NULL));
     }
-    process(fixture, 2, FALSE);
+    fixture_process(fixture, 2, FALSE);
     check_btf(fixture);
-    check_mdf(fixture);
+    fixture_check_mdf(fixture);
 }
 
 static void other_sweep(struct exr_part *part, const struct session_shot *shot) {
@@ -300,21 +301,21 @@ static void other_shot(struct exr_part *part, const struct session_shot *shot) {
 }
 
 static void test_mixed_up(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, other_shot);
-    process_fails(fixture, DATA_ERROR_INVALID, "77");
-    capture(fixture, 0, fixture->n_shots, other_sweep);
-    process_fails(fixture, DATA_ERROR_INVALID, "000004");
+    fixture_capture(fixture, 0, fixture->n_shots, other_shot);
+    fixture_process_fails(fixture, DATA_ERROR_INVALID, "77");
+    fixture_capture(fixture, 0, fixture->n_shots, other_sweep);
+    fixture_process_fails(fixture, DATA_ERROR_INVALID, "000004");
     /* A picture of another camera. */
-    capture(fixture, 0, fixture->n_shots, NULL);
+    fixture_capture(fixture, 0, fixture->n_shots, NULL);
     struct exr_part *part =
         exr_part_new("radiance", 8, 8, (const char *const[]){"Y", NULL}, EXR_HALF);
-    struct session_frame frames[2] = {write_frame(fixture, part, &fixture->shots[0], 0)};
+    struct session_frame frames[2] = {fixture_write_frame(fixture, part, &fixture->shots[0], 0)};
     g_autoptr(Session) session = session_open(fixture->path, SESSION_CAPTURE, NULL);
     part = lamp_frame(&fixture->shots[0], 1);
-    frames[1] = write_frame(fixture, part, &fixture->shots[0], 1);
+    frames[1] = fixture_write_frame(fixture, part, &fixture->shots[0], 1);
     session_commit_shot(session, 1, SHOT_DONE, frames, 2, NULL, NULL);
     g_clear_pointer(&session, session_close);
-    process_fails(fixture, DATA_ERROR_INVALID, "8 × 8");
+    fixture_process_fails(fixture, DATA_ERROR_INVALID, "8 × 8");
     for (int i = 0; i < 2; i++) {
         g_free(frames[i].path);
         g_free(frames[i].sha256);
@@ -338,5 +339,5 @@ int main(int argc, char **argv) {
         {"/pipeline/damaged", test_damaged},       {"/pipeline/mixed-up", test_mixed_up},
         {"/pipeline/no-session", test_no_session},
     };
-    return run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
+    return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
 }

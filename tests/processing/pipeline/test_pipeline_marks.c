@@ -17,9 +17,9 @@ static void all_nan(struct exr_part *part, const struct session_shot *shot) {
 
 /* A pixel that is no number makes holes that are counted; a picture of them is refused. */
 static void test_nan(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, one_nan);
-    process(fixture, 2, FALSE);
-    g_autofree char *path = product(fixture, "btf/view_0000.exr");
+    fixture_capture(fixture, 0, fixture->n_shots, one_nan);
+    fixture_process(fixture, 2, FALSE);
+    g_autofree char *path = fixture_product(fixture, "btf/view_0000.exr");
     struct exr_part *part = exr_read_part(path, "light_0001", NULL);
     int holes, zeros = 0;
     g_assert_true(exr_get_int(part, "mesorig.holes", &holes, NULL));
@@ -30,8 +30,8 @@ static void test_nan(struct fixture *fixture, gconstpointer unused) {
     g_assert_cmpint(holes, >, 0);
     g_assert_cmpint(zeros, ==, holes);
     exr_part_free(part);
-    capture(fixture, 1, 2, all_nan);
-    process_fails(fixture, DATA_ERROR_INVALID, "000002");
+    fixture_capture(fixture, 1, 2, all_nan);
+    fixture_process_fails(fixture, DATA_ERROR_INVALID, "000002");
 }
 
 static void add_channel(struct exr_part *part, const char *name) {
@@ -63,7 +63,7 @@ static void all_sorts(struct exr_part *part, const struct session_shot *shot) {
 static int texel_at(int pixel) {
     double p[3];
     hit(&pinholes[0], pixel, 5, p);
-    turn3(p, -turn_deg(0) * DEGREE, p);
+    analytic_turn(p, -fixture_turn_deg(0) * DEGREE, p);
     return (int)floor((12 - p[1]) / 24 * TEXELS) * TEXELS + (int)floor((p[0] + 12) / 24 * TEXELS);
 }
 
@@ -87,9 +87,9 @@ static void check_mark(const struct exr_part *part, int mark, const char *name, 
 /* What was wrong with a pixel is said of the texels that show it, and of no others. */
 static void test_marks(struct fixture *fixture, gconstpointer unused) {
     g_autoptr(GError) error = NULL;
-    capture(fixture, 0, fixture->n_shots, all_sorts);
-    process(fixture, 2, FALSE);
-    g_autofree char *path = product(fixture, "btf/view_0000.exr");
+    fixture_capture(fixture, 0, fixture->n_shots, all_sorts);
+    fixture_process(fixture, 2, FALSE);
+    g_autofree char *path = fixture_product(fixture, "btf/view_0000.exr");
     struct exr_part *part = exr_read_part(path, "light_0001", &error);
     g_assert_no_error(error);
     check_mark(part, BTF_MARK_BOUND, "mesorig.bounds", SATURATED);
@@ -114,5 +114,5 @@ int main(int argc, char **argv) {
         {"/pipeline/nan", test_nan},
         {"/pipeline/marks", test_marks},
     };
-    return run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
+    return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
 }

@@ -15,7 +15,7 @@ static void slip(struct exr_part *part, const struct session_shot *shot) {
 /* It is told where a laser is said to be known. */
 static void check_against_calibration(const struct fixture *fixture) {
     g_autoptr(GError) error = NULL;
-    const struct rig rig = make_rig();
+    const struct rig rig = fixture_make_rig();
     g_autoptr(Calibration) calibration = calibration_new(&rig);
     calibration->lasers[0].known = TRUE;
     calibration->lasers[0].normal_rad = calibration->lasers[0].axis_rad = 1e-4;
@@ -26,30 +26,30 @@ static void check_against_calibration(const struct fixture *fixture) {
     g_assert_no_error(error);
     g_assert_cmpint(result.lines_disagree, ==, N_VIEWS);
     g_assert_cmpint(result.line_worst_position, ==, 0);
-    check_mdf(fixture);
+    fixture_check_mdf(fixture);
 }
 
 /* What lies around the sample is as high as its surface: the lines there tell of the slip, again
  * when nothing is made again, and the surface is where it is. Without it nobody can tell. */
 static void test_slipped(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, slip);
-    struct pipeline_result result = process(fixture, 1, FALSE);
+    fixture_capture(fixture, 0, fixture->n_shots, slip);
+    struct pipeline_result result = fixture_process(fixture, 1, FALSE);
     g_assert_cmpint(result.line_sweeps, ==, N_VIEWS * N_LASERS);
     g_assert_cmpint(result.lines_found, ==, 0);
     g_assert_cmpint(result.line_worst_position, ==, -1);
-    set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28;30");
+    fixture_set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28;30");
     for (int i = 0; i < 2; i++) {
-        result = process(fixture, 1, FALSE);
+        result = fixture_process(fixture, 1, FALSE);
         g_assert_cmpint(result.lines_found, ==, N_VIEWS * N_LASERS);
         g_assert_cmpint(result.line_worst_position, ==, 0);
         g_assert_cmpfloat_with_epsilon(result.lines_worst_deg, 0.2, 0.002);
         g_assert_cmpfloat_with_epsilon(result.lines_rms_deg, 0.2 / sqrt(N_LASERS), 0.002);
     }
     g_assert_cmpint(result.lines_disagree, ==, 0); /* with a calibration that knows nothing */
-    check_mdf(fixture);
+    fixture_check_mdf(fixture);
     check_against_calibration(fixture);
-    set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28");
-    process_fails(fixture, DATA_ERROR_INVALID, "2.2;0.01;28;28");
+    fixture_set_value(fixture, LASER_REFERENCE_KEY, "2.2;0.01;28;28");
+    fixture_process_fails(fixture, DATA_ERROR_INVALID, "2.2;0.01;28;28");
 }
 
 /* No camera saw a line in the middle of its pictures, with the turntable as it was first. */
@@ -63,10 +63,10 @@ static void blind(struct exr_part *part, const struct session_shot *shot) {
 
 /* Others fill in what they see, it is said where, and it does not count as measured. */
 static void test_predicted(struct fixture *fixture, gconstpointer unused) {
-    capture(fixture, 0, fixture->n_shots, blind);
-    const struct pipeline_result result = process(fixture, 1, FALSE),
-                                 again = process(fixture, 1, FALSE);
-    g_autofree char *path = product(fixture, "mdf.exr");
+    fixture_capture(fixture, 0, fixture->n_shots, blind);
+    const struct pipeline_result result = fixture_process(fixture, 1, FALSE),
+                                 again = fixture_process(fixture, 1, FALSE);
+    g_autofree char *path = fixture_product(fixture, "mdf.exr");
     g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_read(path, &error);
     g_assert_no_error(error);
@@ -88,7 +88,7 @@ static void test_predicted(struct fixture *fixture, gconstpointer unused) {
     g_assert_cmpfloat(result.mdf_coverage, ==, measured / (double)(N_VIEWS * TEXELS * TEXELS));
     g_assert_cmpfloat(result.mdf_predicted, ==, predicted / (double)(N_VIEWS * TEXELS * TEXELS));
     g_assert_cmpfloat(again.mdf_predicted, ==, result.mdf_predicted);
-    check_mdf_where_known(fixture, FALSE);
+    fixture_check_mdf_where_known(fixture, FALSE);
 }
 
 int main(int argc, char **argv) {
@@ -96,5 +96,5 @@ int main(int argc, char **argv) {
         {"/pipeline/slipped", test_slipped},
         {"/pipeline/predicted", test_predicted},
     };
-    return run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
+    return fixture_run_tests(argc, argv, tests, G_N_ELEMENTS(tests));
 }

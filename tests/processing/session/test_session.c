@@ -8,25 +8,25 @@
 
 static void test_plan(void) {
     for (guint32 seed = 1; seed <= 12; seed++) {
-        g_autofree char *path = fresh("plan");
-        g_autofree struct random_plan *p = random_plan(seed, (int)seed * 25);
-        Session *session = create(path, seed, (int)seed * 25);
+        g_autofree char *path = session_fixture_path("plan");
+        g_autofree struct random_plan *p = session_fixture_random_plan(seed, (int)seed * 25);
+        Session *session = session_fixture_create(path, seed, (int)seed * 25);
 
-        assert_plan(session, p);
+        session_fixture_assert_plan(session, p);
         session_close(session);
         for (int mode = SESSION_READ; mode <= SESSION_CAPTURE; mode++) {
             g_autoptr(GError) error = NULL;
             g_autoptr(Session) again = session_open(path, (enum session_mode)mode, &error);
 
             g_assert_no_error(error);
-            assert_plan(again, p);
+            session_fixture_assert_plan(again, p);
             g_assert_cmpstr(session_path(again), ==, path);
         }
     }
 }
 
 static void assert_refused(const struct session_plan *plan) {
-    g_autofree char *path = fresh("refused");
+    g_autofree char *path = session_fixture_path("refused");
     g_autoptr(GError) error = NULL;
 
     g_assert_null(session_create(path, "x", &texts, plan, &error));
@@ -40,14 +40,14 @@ static void test_permissions(void) {
         const char *name;
         mode_t mode;
     } made[] = {{"", 02770}, {"frames", 02770}, {"products", 02770}, {"session.db", 0660}};
-    g_autofree char *path = fresh("permissions");
+    g_autofree char *path = session_fixture_path("permissions");
     g_autofree char *parent = g_path_get_dirname(path);
     struct stat before, now;
 
     g_assert_cmpint(stat(parent, &before), ==, 0);
     g_assert_cmpint(chmod(parent, 02700), ==, 0);
     const mode_t mask = umask(0007);
-    session_close(create(path, 1, 10));
+    session_close(session_fixture_create(path, 1, 10));
     umask(mask);
     for (gsize i = 0; i < G_N_ELEMENTS(made); i++) {
         g_autofree char *file = g_build_filename(path, made[i].name, NULL);
@@ -62,12 +62,12 @@ static void test_bad_plan(void) {
     static const double bad[] = {NAN, INFINITY, -INFINITY};
     static const struct session_texts latin = {
         .rig_conf = "\xfc", .session_conf = "", .calibration = ""};
-    g_autofree struct random_plan *p = random_plan(3, 50);
-    g_autofree char *path = fresh("refused");
+    g_autofree struct random_plan *p = session_fixture_random_plan(3, 50);
+    g_autofree char *path = session_fixture_path("refused");
     g_autoptr(GError) error = NULL;
 
     for (gsize i = 0; i < G_N_ELEMENTS(bad); i++) {
-        g_autofree struct random_plan *q = random_plan(3, 50);
+        g_autofree struct random_plan *q = session_fixture_random_plan(3, 50);
 
         q->shots[49].arc_deg = bad[i];
         assert_refused(&q->plan);
@@ -94,8 +94,9 @@ static void test_bad_plan(void) {
 }
 
 static void test_exists(void) {
-    g_autofree char *path = fresh("exists"), *nowhere = g_build_filename(path, "a/b", NULL);
-    g_autofree struct random_plan *p = random_plan(1, 1);
+    g_autofree char *path = session_fixture_path("exists"),
+                    *nowhere = g_build_filename(path, "a/b", NULL);
+    g_autofree struct random_plan *p = session_fixture_random_plan(1, 1);
     g_autoptr(GError) error = NULL;
     g_autoptr(GDir) dir = NULL;
     const char *name;
@@ -106,21 +107,21 @@ static void test_exists(void) {
     g_clear_error(&error);
     g_assert_null(session_create(nowhere, "x", &texts, &p->plan, &error));
     g_assert_error(error, SESSION_ERROR, SESSION_ERROR_IO);
-    dir = g_dir_open(folder, 0, NULL);
+    dir = g_dir_open(session_fixture_folder, 0, NULL);
     while ((name = g_dir_read_name(dir)))
         g_assert_true(*name != '.'); /* nothing half made is left */
 }
 
 static void test_commit(void) {
-    g_autofree char *path = fresh("commit");
-    g_autoptr(Session) session = create(path, 1, 10);
+    g_autofree char *path = session_fixture_path("commit");
+    g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autoptr(GError) error = NULL;
     g_autoptr(GPtrArray) frames = NULL;
     const struct session_frame *frame;
 
-    g_assert_true(commit(session, 3, 2, &error));
-    g_assert_true(commit(session, 2, 3, &error));
-    g_assert_true(commit(session, 3, 1, &error)); /* retaken: replaces */
+    g_assert_true(session_fixture_commit(session, 3, 2, &error));
+    g_assert_true(session_fixture_commit(session, 2, 3, &error));
+    g_assert_true(session_fixture_commit(session, 3, 1, &error)); /* retaken: replaces */
     g_assert_no_error(error);
     frames = session_frames(session, &error);
     g_assert_cmpuint(frames->len, ==, 4);
@@ -130,9 +131,9 @@ static void test_commit(void) {
     g_assert_cmpint(frame->retakes, ==, 2);
     g_assert_cmpstr(frame->path, ==, "frames/000002_cam_2.exr");
     g_assert_cmpfloat(frame->captured_s, ==, 2 + 2 / 3.0);
-    g_assert_cmpint(state_of(session, 3), ==, SHOT_DONE);
+    g_assert_cmpint(session_fixture_state(session, 3), ==, SHOT_DONE);
     g_assert_true(session_commit_shot(session, 5, SHOT_SKIPPED, NULL, 0, "lamp is broken", &error));
-    g_assert_cmpint(state_of(session, 5), ==, SHOT_SKIPPED);
+    g_assert_cmpint(session_fixture_state(session, 5), ==, SHOT_SKIPPED);
 }
 
 static void assert_commit_fails(Session *session, gint64 shot, const struct session_frame *frames,
@@ -148,14 +149,14 @@ static void assert_commit_fails(Session *session, gint64 shot, const struct sess
 
 /* Refused as a whole: neither state nor frames have changed. */
 static void test_commit_refused(void) {
-    g_autofree char *path = fresh("refuse");
-    g_autoptr(Session) session = create(path, 1, 10);
+    g_autofree char *path = session_fixture_path("refuse");
+    g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autoptr(GError) error = NULL;
     struct session_frame frames[2], changed;
 
-    g_assert_true(commit(session, 2, 2, NULL));
-    frames[0] = make_frame(session, 4, 0);
-    frames[1] = make_frame(session, 4, 1);
+    g_assert_true(session_fixture_commit(session, 2, 2, NULL));
+    frames[0] = session_fixture_frame(session, 4, 0);
+    frames[1] = session_fixture_frame(session, 4, 1);
     changed = frames[1];
     changed.camera = 0; /* twice the same camera */
     assert_commit_fails(session, 4, (struct session_frame[]){frames[0], changed}, 2,
@@ -171,19 +172,19 @@ static void test_commit_refused(void) {
     assert_commit_fails(session, 4, &changed, 1, SESSION_ERROR_IO);
     assert_commit_fails(session, 5, frames, 2, SESSION_ERROR_IO);    /* of another shot */
     assert_commit_fails(session, 99, NULL, 0, SESSION_ERROR_FORMAT); /* not in the plan */
-    g_assert_cmpint(state_of(session, 4), ==, SHOT_PLANNED);
+    g_assert_cmpint(session_fixture_state(session, 4), ==, SHOT_PLANNED);
     g_assert_true(session_commit_shot(session, 4, SHOT_DONE, frames, 2, NULL, &error));
-    clear_frame(&frames[0]);
-    clear_frame(&frames[1]);
+    session_fixture_clear_frame(&frames[0]);
+    session_fixture_clear_frame(&frames[1]);
 }
 
 static void test_modes(void) {
-    g_autofree char *path = fresh("modes");
+    g_autofree char *path = session_fixture_path("modes");
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) reader = NULL, maker = NULL;
     int lost;
 
-    session_close(create(path, 1, 3));
+    session_close(session_fixture_create(path, 1, 3));
     reader = session_open(path, SESSION_READ, &error);
     maker = session_open(path, SESSION_PRODUCTS, &error);
     g_assert_no_error(error);
@@ -201,8 +202,9 @@ static void test_modes(void) {
 }
 
 static void test_facts(void) {
-    g_autofree char *path = fresh("facts"), *file = NULL, *value = NULL, *gone = NULL, *rig = NULL;
-    g_autoptr(Session) session = create(path, 1, 3);
+    g_autofree char *path = session_fixture_path("facts"), *file = NULL, *value = NULL,
+                    *gone = NULL, *rig = NULL;
+    g_autoptr(Session) session = session_fixture_create(path, 1, 3);
     g_autoptr(GError) error = NULL;
     g_autoptr(GPtrArray) events = NULL;
     const struct session_event *event;
@@ -240,15 +242,15 @@ static void test_facts(void) {
 }
 
 static void test_verify(void) {
-    g_autofree char *path = fresh("verify");
+    g_autofree char *path = session_fixture_path("verify");
     g_autofree char *gone = NULL, *shorter = NULL, *changed = NULL;
-    g_autoptr(Session) session = create(path, 1, 10);
+    g_autoptr(Session) session = session_fixture_create(path, 1, 10);
     g_autoptr(GError) error = NULL;
     g_autoptr(GPtrArray) frames = NULL, events = NULL;
     int lost = -1;
 
     for (gint64 shot = 1; shot <= 5; shot++)
-        g_assert_true(commit(session, shot, 2, NULL));
+        g_assert_true(session_fixture_commit(session, shot, 2, NULL));
     g_assert_true(session_verify(session, TRUE, &lost, &error) && lost == 0);
     gone = session_file(session, "frames/000001_cam_0.exr");
     shorter = session_file(session, "frames/000002_cam_1.exr");
@@ -258,12 +260,12 @@ static void test_verify(void) {
     g_assert_true(g_file_set_contents(changed, "pixels 9 0", -1, NULL)); /* as long as before */
     g_assert_true(session_verify(session, FALSE, &lost, &error));
     g_assert_cmpint(lost, ==, 2);
-    g_assert_cmpint(state_of(session, 1), ==, SHOT_PLANNED);
-    g_assert_cmpint(state_of(session, 2), ==, SHOT_PLANNED);
-    g_assert_cmpint(state_of(session, 3), ==, SHOT_DONE);
+    g_assert_cmpint(session_fixture_state(session, 1), ==, SHOT_PLANNED);
+    g_assert_cmpint(session_fixture_state(session, 2), ==, SHOT_PLANNED);
+    g_assert_cmpint(session_fixture_state(session, 3), ==, SHOT_DONE);
     g_assert_true(session_verify(session, TRUE, &lost, &error));
     g_assert_cmpint(lost, ==, 1);
-    g_assert_cmpint(state_of(session, 3), ==, SHOT_PLANNED);
+    g_assert_cmpint(session_fixture_state(session, 3), ==, SHOT_PLANNED);
     frames = session_frames(session, &error);
     g_assert_cmpuint(frames->len, ==, 4);
     events = session_events(session, &error);
@@ -273,14 +275,14 @@ static void test_verify(void) {
 }
 
 static void test_lock(void) {
-    g_autofree char *path = fresh("lock");
+    g_autofree char *path = session_fixture_path("lock");
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) reader = NULL, again = NULL;
     int ready[2];
     char byte;
     pid_t child;
 
-    session_close(create(path, 1, 3));
+    session_close(session_fixture_create(path, 1, 3));
     g_assert_cmpint(pipe(ready), ==, 0);
     if ((child = fork()) == 0) {
         if (session_open(path, SESSION_CAPTURE, NULL))
@@ -295,7 +297,7 @@ static void test_lock(void) {
     reader = session_open(path, SESSION_READ, &error);
     g_assert_no_error(error);
     kill(child, SIGKILL);
-    wait_for(child, SIGKILL);
+    session_fixture_wait(child, SIGKILL);
     again = session_open(path, SESSION_CAPTURE, &error);
     g_assert_no_error(error);
     g_assert_nonnull(again);
@@ -305,20 +307,20 @@ static void test_lock(void) {
 
 /* One process commits two frames a shot, another counts: it never sees half a shot, nor fewer. */
 static void test_concurrent(void) {
-    g_autofree char *path = fresh("two");
+    g_autofree char *path = session_fixture_path("two");
     g_autoptr(Session) reader = NULL;
     g_autoptr(GError) error = NULL;
     guint seen = 0, reads = 0;
     pid_t child;
     int status;
 
-    session_close(create(path, 1, 200));
+    session_close(session_fixture_create(path, 1, 200));
     if ((child = fork()) == 0) {
         Session *session = session_open(path, SESSION_CAPTURE, NULL);
         gboolean ok = session != NULL;
 
         for (gint64 shot = 1; ok && shot <= 200; shot++)
-            ok = commit(session, shot, 2, NULL);
+            ok = session_fixture_commit(session, shot, 2, NULL);
         session_close(session);
         _exit(ok ? 0 : 1);
     }

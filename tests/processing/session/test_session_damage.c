@@ -2,13 +2,14 @@
  * What can happen to a session: kills, full disks, strangers' and damaged databases.
  */
 #include "lib/session_fixture.h"
+#include "lib/skip.h"
 
 /* Killed at any time while committing: what is there is whole. */
 static void test_killed_commit(void) {
-    g_autofree char *path = fresh("kill");
+    g_autofree char *path = session_fixture_path("kill");
     GRand *rand = g_rand_new_with_seed(4);
 
-    session_close(create(path, 1, 250));
+    session_close(session_fixture_create(path, 1, 250));
     for (int round = 0; round < 8; round++) {
         g_autoptr(GError) error = NULL;
         g_autoptr(GPtrArray) frames = NULL, shots = NULL;
@@ -21,12 +22,12 @@ static void test_killed_commit(void) {
             Session *own = session_open(path, SESSION_CAPTURE, NULL);
 
             for (gint64 shot = 1 + round * 30; own && shot <= 250; shot++)
-                commit(own, shot, 3, NULL);
+                session_fixture_commit(own, shot, 3, NULL);
             _exit(own ? 0 : 1);
         }
         g_usleep((gulong)g_rand_int_range(rand, 3000, 60000));
         kill(child, SIGKILL);
-        wait_for(child, SIGKILL);
+        session_fixture_wait(child, SIGKILL);
         session = session_open(path, SESSION_CAPTURE, &error);
         g_assert_no_error(error);
         g_assert_true(session_verify(session, TRUE, &lost, &error));
@@ -45,21 +46,21 @@ static void test_killed_create(void) {
     GRand *rand = g_rand_new_with_seed(5);
 
     for (int round = 0; round < 12; round++) {
-        g_autofree char *path = fresh("born");
-        g_autofree struct random_plan *p = random_plan(2, 300);
+        g_autofree char *path = session_fixture_path("born");
+        g_autofree struct random_plan *p = session_fixture_random_plan(2, 300);
         pid_t child = fork();
 
         if (child == 0)
             _exit(session_create(path, "Loden, grün", &texts, &p->plan, NULL) ? 0 : 1);
         g_usleep((gulong)g_rand_int_range(rand, 0, 30000));
         kill(child, SIGKILL);
-        wait_for(child, SIGKILL);
+        session_fixture_wait(child, SIGKILL);
         if (g_file_test(path, G_FILE_TEST_EXISTS)) {
             g_autoptr(GError) error = NULL;
             g_autoptr(Session) session = session_open(path, SESSION_CAPTURE, &error);
 
             g_assert_no_error(error);
-            assert_plan(session, p);
+            session_fixture_assert_plan(session, p);
         }
     }
     g_rand_free(rand);
@@ -86,8 +87,10 @@ static void assert_not_opened(const char *path, const char *says) {
 }
 
 static void test_not_a_session(void) {
-    g_autofree char *none = fresh("none"), *empty = fresh("empty"), *text = fresh("text");
-    g_autofree char *foreign = fresh("foreign"), *fifo = fresh("fifo");
+    g_autofree char *none = session_fixture_path("none"), *empty = session_fixture_path("empty"),
+                    *text = session_fixture_path("text");
+    g_autofree char *foreign = session_fixture_path("foreign"),
+                    *fifo = session_fixture_path("fifo");
     g_autofree char *text_db = g_build_filename(text, "session.db", NULL);
     g_autofree char *fifo_db = g_build_filename(fifo, "session.db", NULL);
     g_autofree char *lock = g_build_filename(empty, "capture.lock", NULL);
@@ -110,9 +113,9 @@ static void test_not_a_session(void) {
 }
 
 static void assert_changed(const char *statement, const char *says) {
-    g_autofree char *path = fresh("changed");
+    g_autofree char *path = session_fixture_path("changed");
 
-    session_close(create(path, 6, 9));
+    session_close(session_fixture_create(path, 6, 9));
     sql(path, statement);
     assert_not_opened(path, says);
 }
@@ -140,11 +143,11 @@ static void test_changed_rows(void) {
     };
 
     for (gsize i = 0; i < G_N_ELEMENTS(changes); i++) {
-        g_autofree char *path = fresh("rows");
+        g_autofree char *path = session_fixture_path("rows");
         g_autoptr(GError) error = NULL;
         g_autoptr(Session) session = NULL;
 
-        session_close(create(path, 6, 9));
+        session_close(session_fixture_create(path, 6, 9));
         sql(path, changes[i]);
         session = session_open(path, SESSION_READ, &error);
         if (session)
@@ -154,11 +157,11 @@ static void test_changed_rows(void) {
 }
 
 static void test_trigger(void) {
-    g_autofree char *path = fresh("trigger"), *value = NULL;
+    g_autofree char *path = session_fixture_path("trigger"), *value = NULL;
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = NULL;
 
-    session_close(create(path, 6, 9));
+    session_close(session_fixture_create(path, 6, 9));
     sql(path, "CREATE TRIGGER t AFTER INSERT ON event BEGIN"
               " INSERT INTO value VALUES ('evil', 'yes'); END;"
               "INSERT INTO frame VALUES (1, 0, '../../etc/passwd', 'x', 1, 0, 0)");
@@ -198,14 +201,15 @@ static void read_everything(const char *path, enum session_mode mode) {
 }
 
 static void test_mutated(void) {
-    g_autofree char *path = fresh("mutated"), *file = NULL, *bytes = NULL, *wal = NULL, *shm = NULL;
+    g_autofree char *path = session_fixture_path("mutated"), *file = NULL, *bytes = NULL,
+                    *wal = NULL, *shm = NULL;
     const char *wanted = g_getenv("MESORIG_FUZZ");
     GRand *rand = g_rand_new_with_seed(wanted ? g_random_int() : 7);
-    Session *session = create(path, 6, 40);
+    Session *session = session_fixture_create(path, 6, 40);
     gsize length;
 
     for (gint64 shot = 1; shot <= 20; shot++)
-        g_assert_true(commit(session, shot, 2, NULL));
+        g_assert_true(session_fixture_commit(session, shot, 2, NULL));
     session_close(session);
     file = g_build_filename(path, "session.db", NULL);
     wal = g_strconcat(file, "-wal", NULL);
@@ -254,8 +258,8 @@ static int capture_until_full(const char *where) {
 
     if (!mount_small(where, "size=1400k"))
         return 77;
-    session = create(path, 1, 250);
-    frame = make_frame(session, 1, 0);
+    session = session_fixture_create(path, 1, 250);
+    frame = session_fixture_frame(session, 1, 0);
     if (!session_commit_shot(session, 1, SHOT_DONE, &frame, 1, NULL, NULL))
         return 1;
     fd = open(ballast, O_WRONLY | O_CREAT, 0600);
@@ -273,7 +277,8 @@ static int capture_until_full(const char *where) {
         !g_error_matches(error, SESSION_ERROR, SESSION_ERROR_FULL))
         return 3;
     g_clear_error(&error);
-    if (state_of(session, shot) != SHOT_PLANNED || state_of(session, shot - 1) == SHOT_PLANNED)
+    if (session_fixture_state(session, shot) != SHOT_PLANNED ||
+        session_fixture_state(session, shot - 1) == SHOT_PLANNED)
         return 4;
     g_unlink(ballast);
     if (!session_commit_shot(session, shot, SHOT_SKIPPED, NULL, 0, NULL, &error) ||
@@ -285,7 +290,7 @@ static int capture_until_full(const char *where) {
 
 static int create_when_full(const char *where) {
     g_autofree char *path = g_build_filename(where, "full.session", NULL);
-    g_autofree struct random_plan *p = random_plan(1, 300);
+    g_autofree struct random_plan *p = session_fixture_random_plan(1, 300);
     g_autoptr(GError) error = NULL;
     g_autoptr(GDir) dir = NULL;
 
@@ -300,24 +305,24 @@ static int create_when_full(const char *where) {
 
 static int read_only_medium(const char *where) {
     g_autofree char *path = g_build_filename(where, "still.session", NULL);
-    g_autofree struct random_plan *p = random_plan(1, 30);
+    g_autofree struct random_plan *p = session_fixture_random_plan(1, 30);
     g_autoptr(GError) error = NULL;
     g_autoptr(Session) session = NULL;
 
     if (!mount_small(where, "size=4m"))
         return 77;
-    session_close(create(path, 1, 30));
+    session_close(session_fixture_create(path, 1, 30));
     if (mount("none", where, NULL, MS_REMOUNT | MS_RDONLY, NULL) != 0)
         return 77;
     session = session_open(path, SESSION_READ, &error);
     if (!session)
         return 1;
-    assert_plan(session, p);
+    session_fixture_assert_plan(session, p);
     return 0;
 }
 
 static void in_name_space(int (*run)(const char *where), const char *name) {
-    g_autofree char *where = g_build_filename(folder, name, NULL);
+    g_autofree char *where = g_build_filename(session_fixture_folder, name, NULL);
     pid_t child;
     int status;
 
@@ -327,7 +332,7 @@ static void in_name_space(int (*run)(const char *where), const char *name) {
     g_assert_cmpint(waitpid(child, &status, 0), ==, child);
     g_assert_true(WIFEXITED(status));
     if (WEXITSTATUS(status) == 77)
-        g_test_skip("may not mount a file system of its own");
+        test_skip_or_fail("may not mount a file system of its own");
     else
         g_assert_cmpint(WEXITSTATUS(status), ==, 0);
 }

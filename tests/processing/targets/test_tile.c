@@ -22,7 +22,7 @@ static void tile(void) {
         g_test_message("seed %d: %d pictures, residual %.4f, quality %.3f, chi-square %.2f of %d",
                        seed, result.pictures, result.residual, result.quality, own.sum / own.n,
                        own.n);
-        rig_remove(folder);
+        radiometry_rig_remove(folder);
     }
     g_assert_cmpfloat(chi2.sum / chi2.n, >, 0.7);
     g_assert_cmpfloat(chi2.sum / chi2.n, <, 1.4);
@@ -82,7 +82,8 @@ static void quick_check_asks_twice(void) {
     g_autofree char *calibration_path = g_build_filename(folder, "calibration.conf", NULL);
     grey_truth(folder, "radiometry", 1);
     grey_write(folder, 1, "");
-    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "few", NULL, NULL, NULL), ==, CAPTURE_DONE);
+    g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "few", NULL, NULL, NULL), ==,
+                    CAPTURE_DONE);
     g_autoptr(Clock) clock = clock_new_virtual();
     struct devices devices = {.clock = clock};
     Capture capture = {.devices = &devices,
@@ -100,7 +101,7 @@ static void quick_check_asks_twice(void) {
     capture_marks_forget(&capture);
     session_close(capture.session);
     calibration_free(capture.calibration);
-    rig_remove(folder);
+    radiometry_rig_remove(folder);
 }
 
 /* Old calibrations are warned of, other rigs' and damaged ones refused. */
@@ -110,18 +111,18 @@ static void policy(void) {
     g_autoptr(GString) told = g_string_new(NULL);
     g_autoptr(GError) error = NULL;
     grey_write(folder, 1, "");
-    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "none", told, NULL, &error), ==,
+    g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "none", told, NULL, &error), ==,
                     CAPTURE_DONE);
     g_assert_nonnull(strstr(told->str, "is not there yet"));
     grey_truth(folder, "radiometry", 40);
     g_string_truncate(told, 0);
-    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "old", told, NULL, &error), ==,
+    g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "old", told, NULL, &error), ==,
                     CAPTURE_DONE);
     g_assert_no_error(error);
     g_assert_nonnull(strstr(told->str, "calibration of cameras"));
     g_assert_nonnull(strstr(told->str, "40 days old"));
     grey_truth(folder, "another", 1);
-    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "other", told, NULL, &error), ==,
+    g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "other", told, NULL, &error), ==,
                     CAPTURE_ABORTED);
     g_assert_error(error, RIG_ERROR, RIG_ERROR_VALUE);
     g_assert_nonnull(strstr(error->message, "another"));
@@ -129,13 +130,13 @@ static void policy(void) {
     grey_truth(folder, "radiometry", 1);
     g_assert_true(g_file_get_contents(path, &text, NULL, NULL));
     text[strlen(text) / 2] = '\0';
-    rig_write(folder, "calibration.conf", text);
-    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "cut", told, NULL, &error), ==,
+    radiometry_rig_write(folder, "calibration.conf", text);
+    g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "cut", told, NULL, &error), ==,
                     CAPTURE_ABORTED);
     g_assert_nonnull(strstr(error->message, "calibration.conf"));
     g_autofree char *session = g_build_filename(folder, "cut.session", NULL);
     g_assert_false(g_file_test(session, G_FILE_TEST_EXISTS));
-    rig_remove(folder);
+    radiometry_rig_remove(folder);
 }
 
 /* Shots in which no mark was seen have what their lamp's neighbours have; nonsense is refused. */
@@ -144,7 +145,7 @@ static void lamp_outputs(void) {
     g_autofree char *path = g_build_filename(folder, "few.session", NULL);
     g_autoptr(GError) error = NULL;
     grey_write(folder, 1, "");
-    g_assert_cmpint(rig_capture(folder, GREY_FEW_CONF, "few", NULL, NULL, &error), ==,
+    g_assert_cmpint(radiometry_rig_capture(folder, GREY_FEW_CONF, "few", NULL, NULL, &error), ==,
                     CAPTURE_DONE);
     g_autoptr(Session) session = session_open(path, SESSION_PRODUCTS, &error);
     g_autoptr(GPtrArray) shots = session_shots(session, &error);
@@ -181,7 +182,7 @@ static void lamp_outputs(void) {
         g_assert_true(session_set_value(session, wrong[i][0], NULL, NULL));
     }
     g_clear_pointer(&session, session_close);
-    rig_remove(folder);
+    radiometry_rig_remove(folder);
 }
 
 int main(int argc, char **argv) {
@@ -193,6 +194,6 @@ int main(int argc, char **argv) {
     g_test_add_func("/tile/policy", policy);
     g_test_add_func("/tile/lamp-outputs", lamp_outputs);
     int status = g_test_run();
-    fixture_clean();
+    world_fixture_clean();
     return status;
 }

@@ -1,0 +1,30 @@
+#include "fields_fixture.h"
+
+void fields_fixture_write(const char *path, int width, int height) {
+    g_autoptr(GError) error = NULL;
+    const float texel[7] = {0.4F, 0.3F, 0.2F, 0, 0, 1, 1};
+    struct eigenmaps *like = view_fixture_material(LIGHT, 1, 3);
+    const int n = like->n_views;
+    const gsize texels = (gsize)n * (gsize)width * (gsize)height;
+    struct lobes fields = {.name = (char[]){"test"},
+                           .model = LOBES_FIELDS,
+                           .width = width,
+                           .height = height,
+                           .texel_mm = 1,
+                           .n_views = n,
+                           .n_lights = n,
+                           .n_lobes = 1,
+                           .n_slices = n,
+                           .n_values = G_N_ELEMENTS(texel),
+                           .view_theta_deg = like->view_theta_deg,
+                           .view_phi_deg = like->view_phi_deg,
+                           .light_theta_deg = like->light_theta_deg,
+                           .light_phi_deg = like->light_phi_deg};
+    fields.values = g_new(float, texels *G_N_ELEMENTS(texel));
+    for (gsize k = 0; k < texels; k++)
+        memcpy(fields.values + G_N_ELEMENTS(texel) * k, texel, sizeof texel);
+    g_assert_true(lobes_write(path, &fields, &error));
+    g_assert_no_error(error);
+    g_free(fields.values);
+    eigenmaps_free(like);
+}

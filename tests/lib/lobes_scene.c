@@ -1,0 +1,91 @@
+#include "lobes_scene.h"
+
+/* The same by microfacet.h, in the surface's frame whose x is the tangent's azimuth. */
+static void rotated_value(const struct scene *s, int texel, const float *v, const float *l,
+                          float ret[3]) {
+    const struct lobes *p = s->lobes;
+    const float *x = p->values + (gsize)texel * p->n_values;
+    const double size = hypot(x[9], x[10]), c = x[9] / size, t = x[10] / size;
+    const struct microfacet facets = {p->model == LOBES_WARD ? MICROFACET_WARD
+                                                             : MICROFACET_ASHIKHMIN,
+                                      {x[0], x[1], x[2]},
+                                      {x[3], x[4], x[5]},
+                                      {x[12], x[13]}};
+    const float *const all[3] = {x + 6, v, l};
+    struct vec3 turned[3];
+    double rgb[3];
+    for (int k = 0; k < 3; k++)
+        turned[k] = vec3(c * all[k][0] + t * all[k][1], c * all[k][1] - t * all[k][0], all[k][2]);
+    microfacet_evaluate(&facets, turned[0], turned[1], turned[2], s->rotation, rgb);
+    for (int k = 0; k < 3; k++)
+        ret[k] = (float)rgb[k];
+}
+
+/* A texel of a slice under the light and the sky. */
+static void slice_value(const struct scene *s, int slice, int texel, const float *v, const float *l,
+                        double share, double ret[3]) {
+    float rgb[3];
+    if (s->rotation == METHOD_ROTATION_EXACT)
+        lobes_evaluate(s->lobes, slice, texel, v, l, rgb);
+    else
+        rotated_value(s, texel, v, l, rgb);
+    for (int c = 0; c < 3; c++)
+        ret[c] += share * fmax(rgb[c], 0);
+}
+
+/* The sky as a measured view sees it, by 16 lights. */
+static void sky_value(const struct scene *s, int view, int texel, double share, double ret[3]) {
+    const struct lobes *p = s->lobes;
+    const double theta = p->view_theta_deg[view] * G_PI / 180;
+    const double phi = p->view_phi_deg[view] * G_PI / 180;
+    const float v[3] = {(float)(sin(theta) * cos(phi)), (float)(sin(theta) * sin(phi)),
+                        (float)cos(theta)};
+    for (int k = 0; k < 16; k++) {
+        const int row = k / 4;
+        float l[3];
+        direction_grid_direction((0.5 + k % 4) / 4, (0.5 + row) / 4, l);
+        slice_value(s, p->n_slices > 1 ? view : 0, texel, v, l, share * s->ambient / 8, ret);
+    }
+}
+
+static void add_view(const struct scene *s, int view, int texel, const float *v, const float *l,
+                     double share, double ret[3]) {
+    int n = 1;
+    const int *members = &view;
+    if (view == s->lobes->n_views)
+        members = directions_pole(s->views, &n);
+    for (int k = 0; k < n; k++) {
+        if (s->lobes->n_slices > 1)
+            slice_value(s, members[k], texel, v, l, share / n, ret);
+        if (s->ambient > 0)
+            sky_value(s, members[k], texel, share / n, ret);
+    }
+}
+
+gboolean lobes_scene_expected(gconstpointer data, const float *at, const float *v, const float *l,
+                              double ret[3]) {
+    const struct scene *s = data;
+    struct direction_weights g;
+    const double x = at[0] * (double)W - 0.5, y = at[1] * (double)H - 0.5;
+    const double part[2] = {x - floor(x), y - floor(y)};
+    if (v[2] < 0.1 || l[2] < 0.1 ||
+        (s->nearest && (fabs(part[0] - 0.5) < 0.03 || fabs(part[1] - 0.5) < 0.03)))
+        return FALSE;
+    directions_weights(s->views, (struct vec3){v[0], v[1], v[2]}, &g);
+    ret[0] = ret[1] = ret[2] = 0;
+    for (int k = 0; k < 4; k++) {
+        const int i = (int)floor(x) + k % 2, j = (int)floor(y) + k / 2;
+        const int texel = (i % W + W) % W + W * ((j % H + H) % H);
+        const double near_x = s->nearest ? part[0] > 0.5 : part[0];
+        const double near_y = s->nearest ? part[1] > 0.5 : part[1];
+        const double share = (k % 2 ? near_x : 1 - near_x) * (k / 2 ? near_y : 1 - near_y);
+        if (share <= 0)
+            continue;
+        if (s->lobes->n_slices == 1)
+            slice_value(s, 0, texel, v, l, share, ret);
+        for (int a = 0; a < 4; a++)
+            if (g.weight[a] > 0)
+                add_view(s, g.index[a], texel, v, l, share * g.weight[a], ret);
+    }
+    return TRUE;
+}

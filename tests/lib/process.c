@@ -1,0 +1,69 @@
+#include "process.h"
+
+#include <signal.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+
+int process_run_in(const char *folder, const char *const *argv, char **ret_out, char **ret_err) {
+    const GSpawnFlags flags =
+        G_SPAWN_SEARCH_PATH | (ret_out ? G_SPAWN_DEFAULT : G_SPAWN_STDOUT_TO_DEV_NULL);
+    g_autoptr(GError) error = NULL;
+    int status = -1;
+    g_spawn_sync(folder, (char **)argv, NULL, flags, NULL, NULL, ret_out, ret_err, &status, &error);
+    g_assert_no_error(error);
+    if (!WIFEXITED(status))
+        g_error("%s %s: ended with wait status 0x%x: %s", argv[0], argv[1] ? argv[1] : "",
+                (unsigned)status, ret_err ? *ret_err : "");
+    return WEXITSTATUS(status);
+}
+
+int process_run(const char *const *argv, char **ret_out, char **ret_err) {
+    return process_run_in(NULL, argv, ret_out, ret_err);
+}
+
+char *process_text(int code, const char *const *argv) {
+    g_autofree char *out = NULL, *err = NULL, *line = g_strjoinv(" ", (char **)argv);
+    const int is = process_run(argv, &out, &err);
+    if (is != code)
+        g_error("%s: exit code %d, not %d\n%s%s", line, is, code, out, err);
+    return g_strconcat(out, err, NULL);
+}
+
+const char **process_argv(const char *program, const char *const *arguments) {
+    GPtrArray *argv = g_ptr_array_new();
+    g_ptr_array_add(argv, (gpointer)program);
+    for (; *arguments; arguments++)
+        g_ptr_array_add(argv, (gpointer)*arguments);
+    g_ptr_array_add(argv, NULL);
+    return (const char **)g_ptr_array_free(argv, FALSE);
+}
+
+const char **process_argv_valist(const char *program, va_list arguments) {
+    GPtrArray *argv = g_ptr_array_new();
+    g_ptr_array_add(argv, (gpointer)program);
+    for (char *argument; (argument = va_arg(arguments, char *));)
+        g_ptr_array_add(argv, argument);
+    g_ptr_array_add(argv, NULL);
+    return (const char **)g_ptr_array_free(argv, FALSE);
+}
+
+static void die_with_parent(gpointer unused) {
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+}
+
+GSubprocess *process_start(GSubprocessFlags flags, const char *log, const char *const *argv) {
+    g_autoptr(GSubprocessLauncher) launcher = g_subprocess_launcher_new(flags);
+    g_autoptr(GError) error = NULL;
+    if (log)
+        g_subprocess_launcher_set_stderr_file_path(launcher, log);
+    g_subprocess_launcher_set_child_setup(launcher, die_with_parent, NULL, NULL);
+    GSubprocess *process = g_subprocess_launcher_spawnv(launcher, argv, &error);
+    g_assert_no_error(error);
+    return process;
+}
+
+void assert_has(const char *text, const char *words) {
+    if (!text || !strstr(text, words))
+        g_error("no “%s” in: %s", words, text);
+}

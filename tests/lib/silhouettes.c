@@ -1,0 +1,77 @@
+#include "silhouettes.h"
+
+double overlap_share(const struct overlap *o) {
+    return o->either > 0 ? (double)o->both / (double)o->either : 1.0;
+}
+
+void overlap_add(struct overlap *o, gboolean a, gboolean b) {
+    o->both += a && b;
+    o->either += a || b;
+}
+
+struct displaced_camera silhouettes_camera(const struct view_settings *s, int width, int height) {
+    return (struct displaced_camera){
+        .azimuth_deg = s->camera_azimuth_deg,
+        .elevation_deg = s->camera_elevation_deg,
+        .distance = s->camera_distance * TORUS_MESH_RADIUS,
+        .fov_deg = s->camera_fov_deg,
+        .right = s->camera_pan[0] * TORUS_MESH_RADIUS,
+        .up = s->camera_pan[1] * TORUS_MESH_RADIUS,
+        .width = width,
+        .height = height,
+    };
+}
+
+static void silhouettes_light(const struct view_settings *s, double ret[3]) {
+    double theta = s->light_theta_deg * G_PI / 180, phi = s->light_phi_deg * G_PI / 180;
+    ret[0] = sin(theta) * cos(phi);
+    ret[1] = sin(theta) * sin(phi);
+    ret[2] = cos(theta);
+}
+
+struct displaced_pixel *silhouettes_trace(Displaced *displaced, const struct view_settings *s,
+                                          int width, int height) {
+    struct displaced_pixel *pixels = g_new(struct displaced_pixel, (gsize)width * height);
+    struct displaced_camera camera = silhouettes_camera(s, width, height);
+    double light[3];
+    silhouettes_light(s, light);
+    displaced_trace(displaced, &camera, light, pixels);
+    return pixels;
+}
+
+double silhouettes_floor_distance(const struct displaced_camera *c, int i, int j) {
+    double half = tan(c->fov_deg * G_PI / 360) / MIN(c->width, c->height);
+    double e = c->elevation_deg * G_PI / 180;
+    double x = (2 * i + 1 - c->width) * half, y = (c->height - 2 * j - 1) * half;
+    double eye_z = c->distance * sin(e) + c->up * cos(e);
+    double down = (sin(e) - y * cos(e)) / sqrt(1 + x * x + y * y);
+    return (eye_z + TORUS_TUBE) / down;
+}
+
+void silhouettes_floor_point(const struct displaced_camera *c, int i, int j, double ret[3]) {
+    double half = tan(c->fov_deg * G_PI / 360) / MIN(c->width, c->height);
+    double e = c->elevation_deg * G_PI / 180, a = c->azimuth_deg * G_PI / 180;
+    double x = (2 * i + 1 - c->width) * half, y = (c->height - 2 * j - 1) * half;
+    double back[3] = {cos(e) * cos(a), cos(e) * sin(a), sin(e)}, right[3] = {-sin(a), cos(a), 0};
+    double up[3] = {-sin(e) * cos(a), -sin(e) * sin(a), cos(e)};
+    double along = silhouettes_floor_distance(c, i, j) / sqrt(1 + x * x + y * y);
+    for (int k = 0; k < 3; k++)
+        ret[k] = (c->distance - along) * back[k] + (c->right + along * x) * right[k] +
+                 (c->up + along * y) * up[k];
+}
+
+struct scores silhouettes_score(const float *seen, const struct displaced_pixel *truth,
+                                const struct view_settings *s, int width, int height,
+                                gboolean floor) {
+    struct scores scores = {0};
+    struct displaced_camera camera = silhouettes_camera(s, width, height);
+    for (int k = 0; k < width * height; k++) {
+        const float *p = seen + 4 * (gsize)k;
+        double distance = silhouettes_floor_distance(&camera, k % width, k / width);
+        gboolean on_floor = floor && p[3] > 0.5 && fabs(p[2] - distance) < 2e-3 * distance;
+        overlap_add(&scores.outline, p[3] > 0.5 && !on_floor, truth[k].part == DISPLACED_TORUS);
+        if (on_floor && truth[k].part == DISPLACED_FLOOR)
+            overlap_add(&scores.shadow, p[0] < 0.5, truth[k].shadowed);
+    }
+    return scores;
+}

@@ -1,0 +1,75 @@
+#include "silhouettes_fixture.h"
+
+/* A diffuser: one term, cos θ at three lights. */
+static struct eigenmaps *silhouettes_grey(void) {
+    struct eigenmaps *m = g_new0(struct eigenmaps, 1);
+    m->name = g_strdup("grey");
+    m->width = m->height = m->n_terms = m->n_views = 1;
+    m->texel_mm = 1.0;
+    m->n_lights = 3;
+    m->view_theta_deg = g_new0(float, 1);
+    m->view_phi_deg = g_new0(float, 1);
+    m->light_theta_deg = g_new(float, 3);
+    m->light_phi_deg = g_new(float, 3);
+    m->weights = g_new(float, 1);
+    m->maps = g_new(float, 9);
+    m->weights[0] = 1.0f;
+    for (int k = 0; k < 3; k++) {
+        m->light_theta_deg[k] = 60.0f;
+        m->light_phi_deg[k] = 120.0f * k;
+        for (int c = 0; c < 3; c++)
+            m->maps[3 * k + c] = 0.5f;
+    }
+    return m;
+}
+
+View *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf) {
+    g_autoptr(GError) error = NULL;
+    struct eigenmaps *material = silhouettes_grey();
+    View *view = view_new(material, &error);
+    g_assert_no_error(error);
+    eigenmaps_free(material);
+    view_set_mesh(view, mesh, &error);
+    g_assert_no_error(error);
+    if (mdf != NULL)
+        view_set_mdf(view, mdf, &error);
+    g_assert_no_error(error);
+    return view;
+}
+
+char *silhouettes_write_truth(World *world, const struct truth_grid *grid) {
+    static const char *const channels[] = {"D", NULL};
+    g_autoptr(GError) error = NULL;
+    struct exr_file *file = exr_file_new();
+    for (int k = 0; k < N_THETA * N_PHI; k++) {
+        g_autofree char *name = g_strdup_printf("view_%04d", k);
+        struct exr_part *part = exr_part_new(name, TEXELS, TEXELS, channels, EXR_FLOAT);
+        double phi = 360.0 / N_PHI * (k % N_PHI), centre[3];
+        truth_mdf(world, k / N_PHI, -phi, grid, part->planes[0], NULL);
+        truth_view_centre_mm(world, k / N_PHI, -phi, centre);
+        int ring = k / N_PHI;
+        exr_set_double(part, "view.theta_deg", 15.0 * (1 + ring));
+        exr_set_double(part, "view.phi_deg", phi);
+        exr_set_v3d(part, "view.centre_mm", centre[0], centre[1], centre[2]);
+        exr_set_double(part, "reference_mm", grid->reference_mm);
+        exr_set_double(part, "texel_mm", grid->width_mm / grid->width);
+        exr_file_add(file, part);
+    }
+    char *path = g_build_filename(world_fixture_folder(), "mdf.exr", NULL);
+    exr_write(path, file, EXR_PIZ, FALSE, &error);
+    g_assert_no_error(error);
+    exr_file_free(file);
+    return path;
+}
+
+World *silhouettes_world(const char *kind, double relief_mm) {
+    g_autoptr(GString) text = g_string_new("[world]\nnoise=no\ngather_rays=0\n");
+    g_string_append_printf(text,
+                           "[sample]\nkind=%s\nseed=3\nwidth_mm=50\nheight_mm=50\nbase_mm=0.4\n"
+                           "relief_mm=%g\ntop_mm=5\nperiod_mm=6.25\ngrid=160\n",
+                           kind, relief_mm);
+    for (int k = 0; k < N_THETA; k++)
+        g_string_append_printf(text, "[camera c%d]\ntheta_deg=%d\ndistance_mm=650\n", k,
+                               15 * (k + 1));
+    return world_fixture_new(text->str);
+}
