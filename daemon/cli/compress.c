@@ -6,7 +6,7 @@
 #include "base/file_lock.h"
 #include "base/new_file.h"
 #include "cli.h"
-#include "eigenmaps/eigenmaps.h"
+#include "eigenmaps/eigenmaps_codec.h"
 #include "exr/exr.h"
 #include "lobes/lobes_levels.h"
 #include "lpca/lpca.h"
@@ -226,7 +226,7 @@ static gboolean cli_compress_make_eigenmaps(struct compress *compress, const str
     if (!eigenmaps_memory(compress, btf, terms, &options.memory, error))
         return FALSE;
     struct eigenmaps *maps =
-        compress_eigenmaps(btf, terms, &options, work, &compress->error, error);
+        eigenmaps_of_matrix(btf, terms, &options, work, &compress->error, error);
     if (!maps)
         return FALSE;
     compress->exact_error = compress->error;

@@ -1,13 +1,7 @@
-/* What compress shares with compare. */
+/* What the sources of compress share. */
 #pragma once
 
-#include "eigenmaps/eigenmaps.h"
-#include "lpca/lpca.h"
-
-/* Eigen-maps of a whole matrix; stage "eigenmaps". progress may not be NULL. */
-struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
-                                     const struct eigenmaps_options *options,
-                                     const struct work *work, double *ret_error, GError **error);
+#include <gio/gio.h>
 
 /* That no other process makes this file, whose left-overs are removed: file_lock_give(lock,
  * *ret_lock). −1: error; ret_lock is the caller's all the same. */

@@ -1,7 +1,7 @@
 /* Pictures of numbers for the command line: PNG, or SVG if the file's name says so. */
 #pragma once
 
-#include "codecs/compare.h"
+#include "codec/compare.h"
 
 #include <cairo.h>
 

@@ -80,7 +80,7 @@ struct codec {
     const struct option *options;
     gsize options_size;
     /* What contradicts what, as a sentence without a full stop; NULL: nothing. May be NULL. */
-    const char *(*check)(gconstpointer options);
+    const char *(*check)(gconstpointer options, gint64 memory);
 
     gboolean bounded;      /* keeps to --memory */
     gboolean resumable;    /* keeps what is done in a checkpoint */
