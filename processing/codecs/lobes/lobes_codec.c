@@ -149,10 +149,10 @@ static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_ma
 
 #define LOBES_CODEC(MODEL, NAME, TITLE, HELP)                                                      \
     [MODEL] = {                                                                                    \
-        .name = NAME,                                                                              \
-        .title = TITLE,                                                                            \
-        .help = HELP,                                                                              \
-        .variant = MODEL,                                                                          \
+        .name = (NAME),                                                                            \
+        .title = (TITLE),                                                                          \
+        .help = (HELP),                                                                            \
+        .variant = (MODEL),                                                                        \
         .options = lobes_codec_table,                                                              \
         .options_size = sizeof(struct lobes_codec_options),                                        \
         .resumable = TRUE,                                                                         \

@@ -44,8 +44,8 @@ static const struct option lpca_codec_table[] = {
      .min = 1,
      .max = LPCA_MAX_PACKED,
      .offset = offsetof(struct lpca_codec_options, components),
-     .help = "eigen-BRDFs of a cluster: 1 to 64, of packed ones 512; 8 if not given; with --error "
-             "or --size at most"},
+     .help = "eigen-BRDFs of a cluster, 8 if not given, more than 64 of packed ones alone; with "
+             "--error or --size at most"},
     {.name = "error",
      .type = OPTION_SHARE,
      .offset = offsetof(struct lpca_codec_options, error),
