@@ -1,6 +1,7 @@
 #include "codecs.h"
 
 #include "eigenmaps/eigenmaps_codec.h"
+#include "hsh/hsh_codec.h"
 #include "lobes/lobes_codec.h"
 #include "lpca/lpca_codec.h"
 #include "session/session.h"
@@ -12,6 +13,7 @@ const struct codec *const codecs[] = {
     &eigenmaps_codec,
     &lobes_codecs[LOBES_FIELDS],
     &lobes_codecs[LOBES_PTM],
+    &hsh_codec,
     &lobes_codecs[LOBES_LAFORTUNE],
     &lobes_codecs[LOBES_WARD],
     &lobes_codecs[LOBES_ASHIKHMIN],
