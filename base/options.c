@@ -69,6 +69,34 @@ static gboolean parse_int(const struct option *option, const char *text, int *re
     return options_check_range(option, (double)value, text, error);
 }
 
+static gboolean parse_share(const char *text, double *ret, GError **error) {
+    char *end;
+    double value = g_ascii_strtod(text, &end);
+    if (end != text && *end == '%') {
+        value /= 100;
+        end++;
+    }
+    if (end == text || *end || !(value > 0 && value < 1))
+        return value_error(error, "\"%s\" is not a share like 2%% or 0.02", text);
+    *ret = value;
+    return TRUE;
+}
+
+static gboolean parse_bytes(const char *text, gint64 *ret, GError **error) {
+    static const char *const suffixes[] = {"", "B", "kB", "KB", "MB", "GB"};
+    static const double factors[] = {1, 1, 1e3, 1e3, 1e6, 1e9};
+    char *end;
+    const double value = g_ascii_strtod(text, &end);
+    while (*end == ' ')
+        end++;
+    for (gsize i = 0; end != text && i < G_N_ELEMENTS(suffixes); i++)
+        if (g_str_equal(end, suffixes[i]) && value * factors[i] >= 1 && value * factors[i] < 1e15) {
+            *ret = (gint64)(value * factors[i]);
+            return TRUE;
+        }
+    return value_error(error, "\"%s\" is not a size like 20MB or 500kB", text);
+}
+
 static gboolean parse_bool(const char *text, gboolean *ret, GError **error) {
     gboolean yes = g_ascii_strcasecmp(text, "yes") == 0 || g_ascii_strcasecmp(text, "true") == 0;
     if (!yes && g_ascii_strcasecmp(text, "no") != 0 && g_ascii_strcasecmp(text, "false") != 0)
@@ -148,8 +176,17 @@ static gboolean parse_value(const struct option *option, const char *text, const
         return parse_doubles(option, text, field, error);
     case OPTION_STRINGS:
         return (*(char ***)field = split_list(text, error)) != NULL;
+    case OPTION_SHARE:
+        return parse_share(text, field, error);
+    case OPTION_BYTES:
+        return parse_bytes(text, field, error);
     }
     g_return_val_if_reached(FALSE);
+}
+
+gboolean options_set(const struct option *option, const char *text, gpointer target,
+                     GError **error) {
+    return parse_value(option, text, NULL, target, error);
 }
 
 static gsize stem_length(const char *name) {
@@ -308,7 +345,8 @@ static const char *type_name(enum option_type type) {
     static const char *const names[] = {
         [OPTION_BOOL] = "yes or no",  [OPTION_INT] = "whole number", [OPTION_DOUBLE] = "number",
         [OPTION_STRING] = "text",     [OPTION_PATH] = "path",        [OPTION_CHOICE] = "choice",
-        [OPTION_DOUBLES] = "numbers", [OPTION_STRINGS] = "texts",
+        [OPTION_DOUBLES] = "numbers", [OPTION_STRINGS] = "texts",    [OPTION_SHARE] = "share",
+        [OPTION_BYTES] = "size",
     };
     return names[type];
 }
@@ -316,6 +354,10 @@ static const char *type_name(enum option_type type) {
 static gboolean has_range(const struct option *option) {
     return is_limited(option) && (option->type == OPTION_INT || option->type == OPTION_DOUBLE ||
                                   option->type == OPTION_DOUBLES);
+}
+
+char *options_range(const struct option *option) {
+    return has_range(option) ? range_text(option) : NULL;
 }
 
 void options_describe(const struct option *table, GString *to) {

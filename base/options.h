@@ -16,6 +16,8 @@ enum option_type {
     OPTION_CHOICE,  /* int: index into choices */
     OPTION_DOUBLES, /* struct option_doubles: numbers separated by ';', each within the range */
     OPTION_STRINGS, /* char **, NULL-terminated, separated by ';' */
+    OPTION_SHARE,   /* double above 0 and below 1, written as 2% or 0.02 */
+    OPTION_BYTES, /* gint64, written as 20MB or 500kB: thousands, as g_format_size() prints them */
 };
 
 struct option_doubles {
@@ -40,6 +42,14 @@ struct option {
  * settle_ms) is told so. The table ends with an entry whose name is NULL. */
 gboolean options_parse(const struct option *table, const struct config_section *section,
                        const char *const *also, gpointer target, GError **error);
+
+/* Sets one field of target from a text, as on a command line: the error does not name the option.
+ */
+gboolean options_set(const struct option *option, const char *text, gpointer target,
+                     GError **error);
+
+/* The range as text, as in "1 to 32"; NULL where any value will do. g_free() */
+char *options_range(const struct option *option);
 
 /* Checks one key of a section: whether the table or also has it, and its value. */
 gboolean options_check_key(const struct option *table, const struct config_section *section,

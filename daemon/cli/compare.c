@@ -1,6 +1,7 @@
-/* compare: how far two forms of a material are from each other, or all models of one. */
+/* compare: the difference between two forms of a material, or the errors of every codec. */
 #include "base/data_error.h"
 #include "cli.h"
+#include "codecs/codecs.h"
 #include "curve.h"
 #include "formats/compare_pictures.h"
 #include "plan/report.h"

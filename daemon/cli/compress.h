@@ -1,31 +1,37 @@
-/* What compress shares with compare. */
+/* What the sources of compress share: its methods are the entries of codecs[] and mdf_codecs[]. */
 #pragma once
 
-#include "eigenmaps/eigenmaps.h"
-#include "lpca/lpca.h"
+#include "cli.h"
+#include "codecs/codecs.h"
+#include "mdf_codecs/mdf_codec.h"
 
-/* Eigen-maps of a whole matrix; stage "eigenmaps". progress may not be NULL. */
-struct eigenmaps *compress_eigenmaps(const struct btf_matrix *btf, int n_terms,
-                                     const struct eigenmaps_options *options,
-                                     const struct work *work, double *ret_error, GError **error);
+/* One of codecs[] or of mdf_codecs[], as the command line sees it. */
+struct compress_method {
+    const char *name, *help;
+    const struct option *options;
+    gsize options_size;
+    const struct codec *codec;   /* or */
+    const struct mdf_codec *mdf; /* the other is NULL */
+};
 
-/* That no other process makes this file, whose left-overs are removed: file_lock_give(lock,
- * *ret_lock). −1: error; ret_lock is the caller's all the same. */
+struct compress_asked {
+    struct compress_method method;
+    const char *path, *output; /* output: NULL if not given */
+    gint64 memory;             /* 0: any */
+    gpointer options;          /* of method.options_size bytes */
+    char *made_by; /* the command with its options, for the session's list of products */
+};
+
+/* What argv asks for. FALSE: usage was told. compress_clear() frees it in either case. */
+gboolean compress_parse(const struct command *command, int *argc, char ***argv,
+                        struct compress_asked *ret);
+void compress_clear(struct compress_asked *asked);
+
+/* All that the result depends on besides the BTF; the same however it was written. g_free() */
+char *compress_inputs(const struct compress_asked *asked);
+
+/* Takes the lock of a file, so that no other process makes it, and removes what killed processes
+ * left of it: file_lock_give(lock, *ret_lock). −1: error; ret_lock is the caller's all the same. */
 int compress_lock(const char *path, char **ret_lock, GError **error);
 
-/* --method=mdf or mdf-views. */
-enum compress_mdf_kind {
-    COMPRESS_MDF_MAPS,
-    COMPRESS_MDF_HALF,
-    COMPRESS_MDF_8BIT,
-    COMPRESS_MDF_4BIT
-};
-struct compress_mdf {
-    const char *path;            /* a session, or an mdf.exr */
-    enum compress_mdf_kind kind; /* few maps; or each view on its own */
-    int terms;                   /* maps; 0: not asked for */
-    double target;               /* of maps: RMS in texels, 0: none */
-    const char *output;
-    const char *made_by; /* what session_add_product_file() is told */
-};
-int compress_mdf(const struct compress_mdf *asked);
+int compress_mdf(const struct compress_asked *asked);

@@ -1,4 +1,4 @@
-/* Every model of a material at several sizes: what “mesorig compare DIR --curve” draws. */
+/* Every codec at several sizes of its models: what “mesorig compare DIR --curve” draws. */
 #pragma once
 
 #include "plot.h"

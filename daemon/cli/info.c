@@ -3,9 +3,10 @@
 
 #include "btf/btf.h"
 #include "cli.h"
+#include "codecs/codecs.h"
 #include "exr/exr.h"
 #include "history.h"
-#include "lobes/lobes.h"
+#include "mdf_codecs/mdf_codec.h"
 #include "plan/report.h"
 #include "session/session.h"
 
@@ -341,95 +342,16 @@ static void print_part(const struct exr_part *part) {
     }
 }
 
-static void print_eigenmaps(const struct exr_file *file) {
-    const struct exr_part *weights = exr_file_part(file, "weights");
-    const struct exr_part *lights = exr_file_part(file, "lights");
-    const struct exr_part *map = exr_file_part(file, "E000_light_0000");
-    if (strcmp(cli_info_kind_of(file), "eigenmaps") != 0 || !lights || !map)
-        return;
-    g_print("eigen-maps: %d terms of %d views × %d lights, %d × %d texels\n\n", weights->height,
-            weights->width, lights->width, map->width, map->height);
-}
-
-static void print_lpca(const struct exr_file *file) {
-    const struct exr_part *clusters = exr_file_part(file, "clusters");
-    const struct exr_part *scales = exr_file_part(file, "scales");
-    const struct exr_part *views = exr_file_part(file, "views");
-    const struct exr_part *lights = exr_file_part(file, "lights");
-    const char *quantise = "", *colours = "rgb";
-    double error = 0;
-    int grid = 0, levels = 1;
-    if (strcmp(cli_info_kind_of(file), "lpca") != 0 || !clusters || !scales || !views || !lights)
-        return;
-    exr_get_string(clusters, "mesorig.quantise", &quantise, NULL);
-    exr_get_string(clusters, "mesorig.colours", &colours, NULL);
-    exr_get_double(clusters, "mesorig.error", &error, NULL);
-    exr_get_int(clusters, "mesorig.grid", &grid, NULL);
-    for (;; levels++) {
-        g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
-        if (!exr_file_part(file, name))
-            break;
-    }
-    g_print("local PCA: %d × %d texels, clusters × components %d × %d in %s, ", clusters->width,
-            clusters->height, scales->width, scales->height - 1, quantise);
-    if (grid > 0)
-        g_print("on a grid of %d", grid);
-    else
-        g_print("of %d views × %d lights", views->width, lights->width);
-    g_print("%s, mip levels: %d; error %.2f %%\n\n",
-            strcmp(colours, "log") == 0 ? ", in log-luminance" : "", levels, 100 * error);
-}
-
-static void print_lobes(const struct exr_file *file) {
-    const struct exr_part *views = exr_file_part(file, "views");
-    const struct exr_part *lights = exr_file_part(file, "lights");
-    const struct exr_part *first = file->parts->pdata[0];
-    enum lobes_model model;
-    int lobes = 0, width = 0, height = 0;
-    double error = 0, luminance = 0;
-    if (!lobes_model_parse(cli_info_kind_of(file), &model) || !views || !lights)
-        return;
-    exr_get_int(first, "mesorig.lobes", &lobes, NULL);
-    exr_get_int(first, "mesorig.width", &width, NULL);
-    exr_get_int(first, "mesorig.height", &height, NULL);
-    exr_get_double(first, "mesorig.error", &error, NULL);
-    exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
-    g_print("%s", cli_info_kind_of(file));
-    if (lobes > 0)
-        g_print(" of %d %s", lobes, lobes == 1 ? "lobe" : "lobes");
-    g_print(": %d × %d texels, of %d views × %d lights; error %.2f %%, luminance off by %.4f\n\n",
-            width, height, views->width, lights->width, 100 * error, luminance);
-}
-
-static void print_factors(const struct exr_file *file) {
-    const struct exr_part *maps = exr_file_part(file, "maps");
-    const struct exr_part *views = exr_file_part(file, "views");
-    double error_mm = 0, texel_mm = 0;
-    int measured = 0;
-    if (strcmp(cli_info_kind_of(file), "mdf-factors") != 0 || !maps || !views)
-        return;
-    exr_get_int(maps, "mesorig.measured", &measured, NULL);
-    exr_get_double(maps, "mesorig.error_mm", &error_mm, NULL);
-    exr_get_double(maps, "texel_mm", &texel_mm, NULL);
-    g_print("distances (MDF): %d maps of %d × %d texels of %.3g mm, for %d views measured and %d "
-            "traced; off by %.3f mm RMS\n\n",
-            maps->n_channels, maps->width, maps->height, texel_mm, measured,
-            views->width - measured, error_mm);
-}
-
-static void print_blocks(const struct exr_file *file) {
-    const struct exr_part *first = file->parts->pdata[0];
-    double error_mm = 0, texel_mm = 0;
-    int width = 0, height = 0;
-    if (strcmp(cli_info_kind_of(file), "mdf-blocks") != 0)
-        return;
-    exr_get_int(first, "mesorig.width", &width, NULL);
-    exr_get_int(first, "mesorig.height", &height, NULL);
-    exr_get_double(first, "mesorig.error_mm", &error_mm, NULL);
-    exr_get_double(first, "texel_mm", &texel_mm, NULL);
-    g_print("distances (MDF): %u views of %d × %d texels of %.3g mm in 4 bit; off by %.3f mm "
-            "RMS\n\n",
-            file->parts->len, width, height, texel_mm, error_mm);
+/* What a codec says of a file of its own. */
+static void print_encoded(const struct exr_file *file) {
+    const char *kind = cli_info_kind_of(file);
+    const struct codec *codec = codecs_find(kind);
+    g_autofree char *text = codec ? codec->describe_file(file) : NULL;
+    for (gsize i = 0; !codec && !text && mdf_codecs[i]; i++)
+        if (g_str_equal(mdf_codecs[i]->kind, kind))
+            text = mdf_codecs[i]->describe_file(file);
+    if (text)
+        g_print("%s\n\n", text);
 }
 
 /* Parts lie one behind the other: a file that ends too soon lacks some of the last. */
@@ -452,11 +374,7 @@ static int info_exr(const char *path) {
     if (cli_json) {
         print_exr_json(path, file);
     } else {
-        print_eigenmaps(file);
-        print_lpca(file);
-        print_lobes(file);
-        print_factors(file);
-        print_blocks(file);
+        print_encoded(file);
         for (guint i = 0; i < MIN(file->parts->len, SHOWN_PARTS); i++)
             print_part(file->parts->pdata[i]);
         if (file->parts->len > SHOWN_PARTS)

@@ -1,7 +1,7 @@
 /* Pictures of numbers for the command line: PNG, or SVG if the file's name says so. */
 #pragma once
 
-#include "codecs/compare.h"
+#include "codec/compare.h"
 
 #include <cairo.h>
 
@@ -14,7 +14,7 @@ cairo_t *plot_new(const char *path, GError **error);
 gboolean plot_finish(cairo_t *cr, const char *path, GError **error);
 
 void plot_ink(cairo_t *cr);
-#define PLOT_COLOURS 10
+#define PLOT_COLOURS 12
 void plot_colour(cairo_t *cr, int i); /* told apart by the colour-blind too; i from 0, cyclic */
 /* align: 0 left, 0.5 centred, 1 right of (x, y). */
 void plot_text(cairo_t *cr, double x, double y, double align, const char *text);

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "base/data_error.h"
-#include "codecs/compare.h"
+#include "codec/compare.h"
 #include "exr/exr.h"
 #include "import_private.h"
 

@@ -2,6 +2,7 @@
 
 #include "eigenmaps_view.h"
 #include "gl/gpu.h"
+#include "hsh_view.h"
 #include "lobes_view.h"
 #include "lpca_grid.h"
 #include "lpca_revised.h"
@@ -18,6 +19,7 @@ const struct method *const methods[] = {
     &method_lpca,
     &methods_lobes[LOBES_FIELDS],
     &methods_lobes[LOBES_PTM],
+    &method_hsh,
     &methods_lobes[LOBES_LAFORTUNE],
     &methods_lobes[LOBES_WARD],
     &methods_lobes[LOBES_ASHIKHMIN],

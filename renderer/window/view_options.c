@@ -84,7 +84,7 @@ GOptionEntry *view_options_entries(struct view_options *o) {
          "plane, torus (default), sphere, cylinder, torus-knot, an OBJ or a glTF file", "SHAPE"},
         {"method", 0, 0, G_OPTION_ARG_STRING, &o->method_name,
          "How it is drawn: eigenmaps (default), lpca-grid, lpca-revised, lpca, fields, ptm, "
-         "lafortune, "
+         "hsh, lafortune, "
          "ward, ashikhmin; without MATERIAL fabric-… (default), metal-ward or metal-ashikhmin",
          "METHOD"},
         {"normal-map", 0, 0, G_OPTION_ARG_FILENAME, &o->normal_map,

@@ -1,7 +1,7 @@
 #include "compression_eigenmaps.h"
 
-#include "cli/compress.h"
 #include "compression_disk.h"
+#include "eigenmaps/eigenmaps_codec.h"
 
 #include <stdio.h>
 #include <time.h>
@@ -13,7 +13,7 @@ static gboolean measure(const struct btf_matrix *btf, enum eigenmaps_method meth
     const gsize column = (gsize)btf_matrix_bytes(btf->width, btf->height, 1, btf->n_lights);
     const struct eigenmaps_options options = {.memory = (gsize)columns * column, .method = method};
     const double begun = (double)clock();
-    struct eigenmaps *maps = compress_eigenmaps(btf, TERMS, &options, NULL, ret_error, error);
+    struct eigenmaps *maps = eigenmaps_of_matrix(btf, TERMS, &options, NULL, ret_error, error);
     *ret_cpu_s = ((double)clock() - begun) / CLOCKS_PER_SEC;
     const gboolean ok = maps != NULL;
     eigenmaps_free(maps);

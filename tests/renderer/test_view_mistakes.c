@@ -1,6 +1,7 @@
 /* What mesorig-view says of materials that are torn, incomplete or full of what are no numbers, of
  * shapes without what it takes, and of computers without OpenGL: a sentence, and never a crash or a
  * black picture. */
+#include "codecs/codecs.h"
 #include "lib/fields_fixture.h"
 #include "lib/process.h"
 #include "lib/remove_tree.h"
@@ -122,13 +123,21 @@ static void write_lpca(const char *path, const struct btf_matrix *btf) {
     btf_matrix_free(half);
 }
 
-static void write_lobes(const char *path, const struct btf_matrix *btf, enum lobes_model model) {
+/* As compress writes it, of one lobe if it has lobes. */
+static void write_model(const char *path, const struct btf_matrix *btf, const struct codec *codec) {
     g_autoptr(GError) error = NULL;
-    const struct lobes_options options = {.model = model, .n_lobes = 1, .work.n_threads = 1};
-    struct lobes *lobes = lobes_compute(btf, &options, &error);
+    const struct work work = {.n_threads = 1};
+    g_autofree gpointer options = g_malloc0(codec->options_size);
+    const struct codec_job job = {.btf = btf, .options = options, .work = &work};
+    struct codec_result result = {0};
+    options_defaults(codec->options, options);
+    for (const struct option *option = codec->options; option->name != NULL; option++)
+        if (g_str_equal(option->name, "components"))
+            g_assert_true(options_set(option, "1", options, &error));
+    g_assert_true(codec->encode(codec, &job, &result, &error));
     g_assert_no_error(error);
-    g_assert_true(lobes_write(path, lobes, &error));
-    lobes_free(lobes);
+    g_assert_true(codec->write(path, result.levels->pdata, (int)result.levels->len, &error));
+    g_ptr_array_unref(result.levels);
 }
 
 /* A session with every product that a method draws. */
@@ -137,10 +146,11 @@ static char *write_products(void) {
     struct btf_matrix *btf = make_btf();
     g_autofree char *lpca = method_path(method_find("lpca"), session);
     write_lpca(lpca, btf);
-    for (int k = 0; k < LOBES_MODELS; k++) {
-        const enum lobes_model model = (enum lobes_model)k;
-        g_autofree char *path = method_path(method_find(lobes_model_name(model)), session);
-        write_lobes(path, btf, model);
+    for (int k = 0; codecs[k] != NULL; k++) {
+        const struct method *method = method_find(codecs[k]->name);
+        g_autofree char *path = method_path(method, session);
+        if (!g_file_test(path, G_FILE_TEST_EXISTS))
+            write_model(path, btf, codecs[k]);
     }
     btf_matrix_free(btf);
     return session;

@@ -1,6 +1,9 @@
 #include "base/data_error.h"
-#include "codecs/compare.h"
+#include "codec/compare.h"
+#include "codecs/codecs.h"
+#include "eigenmaps/eigenmaps.h"
 #include "formats/compare_pictures.h"
+#include "lobes/lobes_codec.h"
 
 #include "exr/exr.h"
 #include "scene/picture.h"
@@ -87,7 +90,8 @@ static void test_sums(void) {
             b->values[i] -= 0.05F;
     }
     g_autoptr(GError) error = NULL;
-    g_autoptr(Material) of_a = material_of_btf("a", a), of_b = material_of_btf("b", b);
+    g_autoptr(Material) of_a = material_new("a", &material_btf_codec, a),
+                        of_b = material_new("b", &material_btf_codec, b);
     struct comparison *c = compare_materials(of_a, of_b, NULL, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat_with_epsilon(c->views[1].error, 0.1, 1e-5);
@@ -147,7 +151,7 @@ static void test_kinds(void) {
     const struct lobes_options ptm = {.model = LOBES_PTM};
     struct lobes *lobes = lobes_compute(btf, &ptm, &error);
     const double lobes_error = lobes->error;
-    g_autoptr(Material) of_btf = material_of_btf("btf", btf);
+    g_autoptr(Material) of_btf = material_new("btf", &material_btf_codec, btf);
     struct eigenmaps *maps = exact_maps(btf);
     g_assert_true(lpca_write(path, lpca, &error));
     lpca_free(lpca);
@@ -182,8 +186,8 @@ static void assert_refused(int width, int n_views, float turn_deg, const char *w
     g_autoptr(GError) error = NULL;
     struct btf_matrix *other = new_btf(width, 3, n_views, 4);
     other->light_phi_deg[2] += turn_deg;
-    g_autoptr(Material) a = material_of_btf("a", new_btf(4, 3, 3, 4));
-    g_autoptr(Material) b = material_of_btf("b", other);
+    g_autoptr(Material) a = material_new("a", &material_btf_codec, new_btf(4, 3, 3, 4));
+    g_autoptr(Material) b = material_new("b", &material_btf_codec, other);
     g_assert_null(compare_materials(a, b, NULL, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, what));
@@ -197,7 +201,8 @@ static void test_not_finite(void) {
     struct lobes *lobes = lobes_compute(btf, &options, &error);
     g_assert_no_error(error);
     lobes->values[7 * lobes->n_values + 12] = 0; /* texel (3, 1) */
-    g_autoptr(Material) a = material_of_btf("a", btf), b = material_of_lobes("ward.exr", lobes);
+    g_autoptr(Material) a = material_new("a", &material_btf_codec, btf),
+                        b = material_new("ward.exr", &lobes_codecs[LOBES_WARD], lobes);
     g_assert_null(compare_materials(a, b, NULL, &error));
     g_assert_error(error, DATA_ERROR, DATA_ERROR_INVALID);
     g_assert_nonnull(strstr(error->message, "ward.exr: its values at texel (3, 1) are not finite"));

@@ -15,9 +15,17 @@
 #define PACKED "local PCA, packed"
 #define NAMES  8000 /* bytes, of which those of parts and attributes are half */
 
-static const char *const names[] = {
-    "Ashikhmin–Shirley",        "Lafortune",         "Ward", "eigen-maps",  "local PCA, 8 bits",
-    "local PCA, 8-bit weights", "local PCA, halves", PACKED, "polynomials", "reflectance fields"};
+static const char *const names[] = {"Ashikhmin–Shirley",
+                                    "Lafortune",
+                                    "Ward",
+                                    "eigen-maps",
+                                    "hemispherical harmonics",
+                                    "local PCA, 8 bits",
+                                    "local PCA, 8-bit weights",
+                                    "local PCA, halves",
+                                    PACKED,
+                                    "polynomials",
+                                    "reflectance fields"};
 
 static struct btf_matrix *waves(gboolean constant) {
     return waves_fixture_new(WIDTH, HEIGHT, VIEWS, LIGHTS, constant ? 0 : 0.002, constant);

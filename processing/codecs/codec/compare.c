@@ -245,3 +245,17 @@ struct comparison *compare_materials(const Material *a, const Material *b, const
     g_free(run.damage);
     return ret;
 }
+
+gboolean compare_model(const struct codec *codec, gconstpointer model, const struct btf_matrix *btf,
+                       const struct work *work, double *ret_error, double *ret_luminance_error,
+                       GError **error) {
+    g_autoptr(Material) of_btf = material_borrow("the BTF", &material_btf_codec, btf);
+    g_autoptr(Material) of_model = material_borrow(codec->title, codec, model);
+    struct comparison *comparison = compare_materials(of_btf, of_model, work, error);
+    if (!comparison)
+        return FALSE;
+    *ret_error = comparison->all.error;
+    *ret_luminance_error = comparison->all.luminance_error;
+    comparison_free(comparison);
+    return TRUE;
+}

@@ -1,5 +1,5 @@
 /*
- * How far one form of a material is from another, at the measured directions. Any thread.
+ * The difference between two forms of a material at the measured directions. Any thread.
  */
 #pragma once
 
@@ -22,6 +22,11 @@ struct comparison {
  * Stage "compare"; work may be NULL. */
 struct comparison *compare_materials(const Material *a, const Material *b, const struct work *work,
                                      GError **error);
+/* The same of a BTF, with values in memory, and a codec's model of it: the relative RMS error of R,
+ * G, B, and the mean error in luminance. */
+gboolean compare_model(const struct codec *codec, gconstpointer model, const struct btf_matrix *btf,
+                       const struct work *work, double *ret_error, double *ret_luminance_error,
+                       GError **error);
 void comparison_free(struct comparison *comparison); /* NULL is ignored */
 
 /* From linear sRGB, 1 being white, to CIE L*a*b* under D65; negative values count as 0. */

@@ -1,0 +1,109 @@
+/*
+ * The contract of a codec: one way to store a BTF in less space. Each codec fills one constant
+ * struct codec in its own folder; the array codecs[] (codecs/codecs.h) lists them all. The command
+ * line, material_open() and the comparisons know codecs by that array alone.
+ *
+ * A model is what a codec makes of a BTF, in memory. The functions that take a const model may be
+ * called from several threads at once.
+ */
+#pragma once
+
+#include "base/options.h"
+#include "btf/btf_matrix.h"
+#include "exr/checkpoint.h"
+#include "exr/exr.h"
+
+/* What every material tells about itself. Arrays belong to the material or its model. */
+struct material_info {
+    char *label;      /* to tell it from others: the file's or the session's name, or a method's */
+    const char *kind; /* "btf", or the name of its codec */
+    int width, height, n_views, n_lights;         /* width × height texels */
+    const float *view_theta_deg, *view_phi_deg;   /* n_views */
+    const float *light_theta_deg, *light_phi_deg; /* n_lights */
+    gint64 bytes;                                 /* as a renderer holds it; the BTF in halves */
+};
+
+/* For struct codec's layout: copies the members that models and struct btf_matrix name alike. */
+#define MATERIAL_COPY_LAYOUT(info, from)                                                           \
+    G_STMT_START {                                                                                 \
+        (info)->width = (from)->width;                                                             \
+        (info)->height = (from)->height;                                                           \
+        (info)->n_views = (from)->n_views;                                                         \
+        (info)->n_lights = (from)->n_lights;                                                       \
+        (info)->view_theta_deg = (from)->view_theta_deg;                                           \
+        (info)->view_phi_deg = (from)->view_phi_deg;                                               \
+        (info)->light_theta_deg = (from)->light_theta_deg;                                         \
+        (info)->light_phi_deg = (from)->light_phi_deg;                                             \
+    }                                                                                              \
+    G_STMT_END
+
+/* What encode() is given. */
+struct codec_job {
+    const struct btf_matrix *btf; /* with values in memory unless memory > 0 */
+    gconstpointer options;        /* the struct that the codec's option table describes */
+    gint64 memory;                /* bytes for values and work; 0: any (only of bounded codecs) */
+    const struct work *work;      /* never NULL */
+    Checkpoint *checkpoint;       /* where work is kept; NULL: nowhere. Only resumable codecs */
+};
+
+/* What encode() found. The caller sets all to 0 and frees levels. */
+struct codec_result {
+    GPtrArray *levels; /* models, with a free function: the BTF's own, then its mip levels */
+    int clusters, components, grid; /* those that there are; components: terms, lobes, … a texel */
+    double error;       /* ‖A − Â‖_F / ‖A‖_F of R, G, B, of what the file gives back */
+    double exact_error; /* the same before numbers were rounded for the file */
+    double luminance_error; /* mean |Y − Ŷ|; −1: the codec does not know it */
+    gboolean packed;        /* the file is what counts as its size, not what is drawn */
+};
+
+struct codec;
+
+/* One point of a curve of error against size. */
+struct codec_point {
+    const char *series;  /* of one codec there may be several */
+    char *label;         /* what tells its sizes apart; the callee takes it */
+    gint64 bytes;        /* as a renderer holds it */
+    double error;        /* relative RMS; −1: the callee measures model */
+    gconstpointer model; /* needed for that alone */
+};
+typedef gboolean (*CodecPoint)(const struct codec *codec, const struct codec_point *point,
+                               gpointer data, GError **error);
+
+struct codec {
+    const char *name;  /* of --method, and mesorig.kind of its files */
+    const char *title; /* for people, as in "local PCA" */
+    const char *help;  /* what it is, one sentence without a full stop */
+    int variant;       /* for codecs that share their functions */
+
+    /* What --method=name takes, besides --memory and -o: names are those of the command line's
+     * options, without "--". Those that are not given take their fallback, without one 0. */
+    const struct option *options;
+    gsize options_size;
+    /* What contradicts what, as a sentence without a full stop; NULL: nothing. May be NULL. */
+    const char *(*check)(gconstpointer options, gint64 memory);
+
+    gboolean bounded;      /* keeps to --memory */
+    gboolean resumable;    /* keeps what is done in a checkpoint */
+    gboolean from_process; /* products/NAME.exr is written by process, so compress needs -o */
+
+    gboolean (*encode)(const struct codec *codec, const struct codec_job *job,
+                       struct codec_result *ret, GError **error);
+    /* Of what encode() made, as in "3 clusters of 2 components". g_free() */
+    char *(*describe)(const struct codec *codec, const struct codec_result *result);
+    gboolean (*write)(const char *path, gpointer const *levels, int n_levels, GError **error);
+
+    /* The model of level 0. The caller has seen that mesorig.kind is the name. */
+    gpointer (*read)(const char *path, GError **error);
+    /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
+    char *(*describe_file)(const struct exr_file *file);
+
+    void (*free)(gpointer model); /* NULL is ignored */
+    void (*layout)(gconstpointer model, struct material_info *ret);
+    gint64 (*bytes)(gconstpointer model); /* as a renderer holds it */
+    /* One texel at the measured directions: n_views × n_lights × 3 (R, G, B). */
+    void (*reconstruct)(gconstpointer model, int texel, float *ret);
+
+    /* Encodes the BTF at several sizes and tells each. */
+    gboolean (*curve)(const struct codec *codec, const struct btf_matrix *btf,
+                      const struct work *work, CodecPoint tell, gpointer data, GError **error);
+};

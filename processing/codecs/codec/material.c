@@ -1,0 +1,78 @@
+#include "material.h"
+
+#include <string.h>
+
+#define COLOURS 3
+
+struct Material {
+    struct material_info info;
+    const struct codec *codec;
+    gpointer model;
+    gboolean borrowed; /* the model is the caller's */
+};
+
+static void material_btf_free(gpointer model) {
+    btf_matrix_free(model);
+}
+
+static void material_btf_layout(gconstpointer model, struct material_info *ret) {
+    const struct btf_matrix *btf = model;
+    MATERIAL_COPY_LAYOUT(ret, btf);
+}
+
+static gint64 material_btf_bytes(gconstpointer model) {
+    const struct btf_matrix *btf = model;
+    return btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights) / 2;
+}
+
+static void material_btf_reconstruct(gconstpointer model, int texel, float *ret) {
+    const struct btf_matrix *btf = model;
+    const gsize n = (gsize)btf->n_views * (gsize)btf->n_lights * COLOURS;
+    memcpy(ret, btf->values + (gsize)texel * n, sizeof(float) * n);
+}
+
+const struct codec material_btf_codec = {
+    .name = "btf",
+    .free = material_btf_free,
+    .layout = material_btf_layout,
+    .bytes = material_btf_bytes,
+    .reconstruct = material_btf_reconstruct,
+};
+
+Material *material_new(const char *label, const struct codec *codec, gpointer model) {
+    Material *material = g_new0(Material, 1);
+    codec->layout(model, &material->info);
+    material->info.label = g_strdup(label);
+    material->info.kind = codec->name;
+    material->info.bytes = codec->bytes(model);
+    material->codec = codec;
+    material->model = model;
+    return material;
+}
+
+Material *material_borrow(const char *label, const struct codec *codec, gconstpointer model) {
+    Material *material = material_new(label, codec, (gpointer)model);
+    material->borrowed = TRUE;
+    return material;
+}
+
+void material_free(Material *material) {
+    if (!material)
+        return;
+    g_free(material->info.label);
+    if (!material->borrowed)
+        material->codec->free(material->model);
+    g_free(material);
+}
+
+const struct material_info *material_info(const Material *material) {
+    return &material->info;
+}
+
+const struct btf_matrix *material_btf(const Material *material) {
+    return material->codec == &material_btf_codec ? material->model : NULL;
+}
+
+void material_reconstruct(const Material *material, int texel, float *ret) {
+    material->codec->reconstruct(material->model, texel, ret);
+}

@@ -1,0 +1,62 @@
+#include "codecs.h"
+
+#include "eigenmaps/eigenmaps_codec.h"
+#include "hsh/hsh_codec.h"
+#include "lobes/lobes_codec.h"
+#include "lpca/lpca_codec.h"
+#include "session/session.h"
+
+#include <string.h>
+
+const struct codec *const codecs[] = {
+    &lpca_codec,
+    &eigenmaps_codec,
+    &lobes_codecs[LOBES_FIELDS],
+    &lobes_codecs[LOBES_PTM],
+    &hsh_codec,
+    &lobes_codecs[LOBES_LAFORTUNE],
+    &lobes_codecs[LOBES_WARD],
+    &lobes_codecs[LOBES_ASHIKHMIN],
+    NULL,
+};
+
+const struct codec *codecs_find(const char *name) {
+    for (gsize i = 0; codecs[i]; i++)
+        if (g_strcmp0(codecs[i]->name, name) == 0)
+            return codecs[i];
+    return NULL;
+}
+
+static char *codecs_kind_of(const char *path, GError **error) {
+    struct exr_file *file = exr_read_headers(path, error);
+    const char *kind = NULL;
+    for (guint i = 0; file && !kind && i < file->parts->len; i++)
+        exr_get_string(file->parts->pdata[i], "mesorig.kind", &kind, NULL);
+    char *ret = g_strdup(kind);
+    if (file && !kind)
+        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                    "%s: it does not say what it is: there is no attribute mesorig.kind", path);
+    exr_file_free(file);
+    return ret;
+}
+
+static Material *codecs_open(const char *path, const char *label, GError **error) {
+    g_autofree char *kind = session_check_product(path, error) ? codecs_kind_of(path, error) : NULL;
+    const struct codec *codec = codecs_find(kind);
+    if (codec) {
+        gpointer model = codec->read(path, error);
+        return model ? material_new(label, codec, model) : NULL;
+    }
+    if (kind)
+        g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                    "%s: a file of kind “%s” is no material that can be compared", path, kind);
+    return NULL;
+}
+
+Material *material_open(const char *path, const struct work *work, GError **error) {
+    g_autofree char *label = g_path_get_basename(path);
+    if (!g_file_test(path, G_FILE_TEST_IS_DIR))
+        return codecs_open(path, label, error);
+    struct btf_matrix *btf = btf_matrix_read(path, work, error);
+    return btf ? material_new(label, &material_btf_codec, btf) : NULL;
+}

@@ -1,0 +1,235 @@
+#include "eigenmaps_codec.h"
+
+#include "base/data_error.h"
+
+#include <string.h>
+
+#define TERMS      4           /* unless -c or --error says them */
+#define CURVE_MOST 16          /* terms of a curve */
+#define ROWS       ((gsize)64) /* texels read at a time, so that what is written stays in the cache */
+
+struct columns {
+    const struct btf_matrix *btf;
+    const struct work *work;
+    gint64 begun_us;
+    int asked;
+};
+
+static gboolean eigenmaps_give_column(int view, float *ret_column, gpointer data, GError **error) {
+    struct columns *columns = data;
+    const struct btf_matrix *btf = columns->btf;
+    const gsize texels = (gsize)btf->width * (gsize)btf->height, n = 3 * (gsize)btf->n_lights;
+    columns->asked++;
+    if (!work_tell(columns->work, "eigenmaps", MIN(columns->asked, btf->n_views), btf->n_views,
+                   columns->begun_us, error))
+        return FALSE;
+    g_autofree float *buffer = btf->values ? NULL : g_new(float, ROWS *n);
+    for (gsize first = 0; first < texels; first += ROWS) {
+        const gsize rows = MIN(ROWS, texels - first);
+        gsize stride;
+        const float *values =
+            btf_matrix_rows(btf, view, (int)first, (int)rows, buffer, &stride, error);
+        if (!values)
+            return FALSE;
+        for (gsize row = 0; row < rows; row++)
+            for (gsize i = 0; i < n; i++)
+                ret_column[(i / 3 * texels + first + row) * 3 + i % 3] = values[row * stride + i];
+    }
+    return TRUE;
+}
+
+static struct eigenmaps *eigenmaps_new_of(const struct btf_matrix *btf, int n_terms) {
+    const gsize views = sizeof(float) * (gsize)btf->n_views;
+    const gsize lights = sizeof(float) * (gsize)btf->n_lights;
+    struct eigenmaps *maps = g_new0(struct eigenmaps, 1);
+    *maps = (struct eigenmaps){
+        .name = g_strdup(btf->name),
+        .width = btf->width,
+        .height = btf->height,
+        .texel_mm = btf->texel_mm,
+        .reference_mm = btf->reference_mm,
+        .n_views = btf->n_views,
+        .n_lights = btf->n_lights,
+        .n_terms = n_terms,
+        .view_theta_deg = g_memdup2(btf->view_theta_deg, views),
+        .view_phi_deg = g_memdup2(btf->view_phi_deg, views),
+        .light_theta_deg = g_memdup2(btf->light_theta_deg, lights),
+        .light_phi_deg = g_memdup2(btf->light_phi_deg, lights),
+    };
+    return maps;
+}
+
+struct eigenmaps *eigenmaps_of_matrix(const struct btf_matrix *btf, int n_terms,
+                                      const struct eigenmaps_options *options,
+                                      const struct work *work, double *ret_error, GError **error) {
+    struct columns columns = {.btf = btf, .work = work, .begun_us = g_get_monotonic_time()};
+    struct eigenmaps *maps = eigenmaps_new_of(btf, n_terms);
+    if (!eigenmaps_compute_with(maps, options, eigenmaps_give_column, &columns, ret_error, error))
+        g_clear_pointer(&maps, eigenmaps_free);
+    return maps;
+}
+
+struct eigenmaps_codec_options {
+    int components;
+    double error;
+};
+
+static const struct option eigenmaps_codec_table[] = {
+    {.name = "components",
+     .type = OPTION_INT,
+     .min = 1,
+     .max = G_MAXDOUBLE,
+     .offset = offsetof(struct eigenmaps_codec_options, components),
+     .help = "eigen-maps, 4 if not given; with --error at most"},
+    {.name = "error",
+     .type = OPTION_SHARE,
+     .offset = offsetof(struct eigenmaps_codec_options, error),
+     .help = "as few eigen-maps as reach this error of the whole BTF"},
+    {NULL},
+};
+
+/* Memory for columns is what the maps themselves leave. */
+static gboolean eigenmaps_codec_memory(const struct codec_job *job, gboolean has_target, int terms,
+                                       gsize *ret, GError **error) {
+    const struct btf_matrix *btf = job->btf;
+    const gint64 column = btf_matrix_bytes(btf->width, btf->height, 1, btf->n_lights);
+    const gint64 left = job->memory - column * (has_target ? 1 : terms);
+    *ret = (gsize)MAX(left, 0);
+    if (job->memory == 0 || left >= column)
+        return TRUE;
+    g_autofree char *size = g_format_size((guint64)column);
+    g_autofree char *given = g_format_size((guint64)job->memory);
+    g_set_error(
+        error, DATA_ERROR, DATA_ERROR_INVALID,
+        "%d eigen-maps of %d × %d texels and %d lights take %s of memory each, and one view "
+        "as much, which is more than %s; allow more",
+        terms, btf->width, btf->height, btf->n_lights, size, given);
+    return FALSE;
+}
+
+static void eigenmaps_codec_free(gpointer model) {
+    eigenmaps_free(model);
+}
+
+static gboolean eigenmaps_codec_encode(const struct codec *codec G_GNUC_UNUSED,
+                                       const struct codec_job *job, struct codec_result *ret,
+                                       GError **error) {
+    const struct eigenmaps_codec_options *asked = job->options;
+    const int n_views = job->btf->n_views;
+    const int terms = asked->components  ? asked->components
+                      : asked->error > 0 ? n_views
+                                         : MIN(TERMS, n_views);
+    struct eigenmaps_options options = {.target = asked->error};
+    if (!eigenmaps_codec_memory(job, asked->error > 0, terms, &options.memory, error))
+        return FALSE;
+    struct eigenmaps *maps =
+        eigenmaps_of_matrix(job->btf, terms, &options, job->work, &ret->error, error);
+    if (!maps)
+        return FALSE;
+    ret->levels = g_ptr_array_new_with_free_func(eigenmaps_codec_free);
+    g_ptr_array_add(ret->levels, maps);
+    ret->components = maps->n_terms;
+    ret->exact_error = ret->error;
+    ret->luminance_error = -1;
+    return TRUE;
+}
+
+static char *eigenmaps_codec_describe(const struct codec *codec G_GNUC_UNUSED,
+                                      const struct codec_result *result) {
+    return g_strdup_printf("%d eigen-maps", result->components);
+}
+
+static gboolean eigenmaps_codec_write(const char *path, gpointer const *levels,
+                                      int n_levels G_GNUC_UNUSED, GError **error) {
+    return eigenmaps_write(path, levels[0], error);
+}
+
+static gpointer eigenmaps_codec_read(const char *path, GError **error) {
+    return eigenmaps_read(path, error);
+}
+
+static char *eigenmaps_codec_describe_file(const struct exr_file *file) {
+    const struct exr_part *weights = exr_file_part(file, "weights");
+    const struct exr_part *lights = exr_file_part(file, "lights");
+    const struct exr_part *map = exr_file_part(file, "E000_light_0000");
+    if (!weights || !lights || !map)
+        return NULL;
+    return g_strdup_printf("eigen-maps: %d terms of %d views × %d lights, %d × %d texels",
+                           weights->height, weights->width, lights->width, map->width, map->height);
+}
+
+static void eigenmaps_codec_layout(gconstpointer model, struct material_info *ret) {
+    const struct eigenmaps *maps = model;
+    MATERIAL_COPY_LAYOUT(ret, maps);
+}
+
+/* Maps as halves, weights as floats. */
+static gint64 eigenmaps_codec_bytes(gconstpointer model) {
+    const struct eigenmaps *maps = model;
+    const gint64 values = 3 * (gint64)maps->width * maps->height * maps->n_lights;
+    return maps->n_terms * (2 * values + (gint64)sizeof(float) * maps->n_views);
+}
+
+/* B(v, l) = Σ_i W_i(v) E_i(x, l); maps: term × light × texel × RGB. */
+static void eigenmaps_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+    const struct eigenmaps *maps = model;
+    const gsize texels = (gsize)maps->width * (gsize)maps->height, n_lights = (gsize)maps->n_lights;
+    memset(ret, 0, sizeof(float) * (gsize)maps->n_views * n_lights * 3);
+    for (gsize term = 0; term < (gsize)maps->n_terms; term++)
+        for (gsize view = 0; view < (gsize)maps->n_views; view++) {
+            const float weight = maps->weights[term * (gsize)maps->n_views + view];
+            for (gsize light = 0; light < n_lights; light++) {
+                const float *map =
+                    maps->maps + ((term * n_lights + light) * texels + (gsize)texel) * 3;
+                float *to = ret + (view * n_lights + light) * 3;
+                for (int c = 0; c < 3; c++)
+                    to[c] += weight * map[c];
+            }
+        }
+}
+
+/* Maps are in the order of what they explain, so that the last ones are left out one power of two
+ * after the other. */
+static gboolean eigenmaps_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
+                                      const struct work *work, CodecPoint tell, gpointer data,
+                                      GError **error) {
+    const int most = MIN(CURVE_MOST, btf->n_views);
+    const struct eigenmaps_options options = {0};
+    double ignored;
+    struct eigenmaps *maps = eigenmaps_of_matrix(btf, most, &options, work, &ignored, error);
+    gboolean ok = maps != NULL;
+    for (int n = 1; ok && n <= most; n *= 2) {
+        maps->n_terms = n;
+        ok = tell(codec,
+                  &(struct codec_point){
+                      .series = codec->title,
+                      .label = g_strdup_printf(n > 1 ? "%d terms" : "%d term", n),
+                      .bytes = eigenmaps_codec_bytes(maps),
+                      .error = -1,
+                      .model = maps,
+                  },
+                  data, error);
+    }
+    eigenmaps_free(maps);
+    return ok;
+}
+
+const struct codec eigenmaps_codec = {
+    .name = "eigenmaps",
+    .title = "eigen-maps",
+    .help = "eigen-maps, as few as explain most (Wang et al. 2005)",
+    .options = eigenmaps_codec_table,
+    .options_size = sizeof(struct eigenmaps_codec_options),
+    .bounded = TRUE,
+    .from_process = TRUE,
+    .encode = eigenmaps_codec_encode,
+    .describe = eigenmaps_codec_describe,
+    .write = eigenmaps_codec_write,
+    .read = eigenmaps_codec_read,
+    .describe_file = eigenmaps_codec_describe_file,
+    .free = eigenmaps_codec_free,
+    .layout = eigenmaps_codec_layout,
+    .bytes = eigenmaps_codec_bytes,
+    .reconstruct = eigenmaps_codec_reconstruct,
+    .curve = eigenmaps_codec_curve,
+};

@@ -1,0 +1,12 @@
+/* Eigen-maps as a codec. */
+#pragma once
+
+#include "codec/codec.h"
+#include "eigenmaps.h"
+
+extern const struct codec eigenmaps_codec;
+
+/* Eigen-maps of a whole matrix; stage "eigenmaps". */
+struct eigenmaps *eigenmaps_of_matrix(const struct btf_matrix *btf, int n_terms,
+                                      const struct eigenmaps_options *options,
+                                      const struct work *work, double *ret_error, GError **error);

@@ -1,0 +1,309 @@
+#include "hsh.h"
+
+#include <lapacke.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/data_error.h"
+#include "base/direction.h"
+#include "exr/exr_half.h"
+
+#define COLOURS 3
+#define BLOCK   16   /* texels fitted by a thread at a time */
+#define RCOND   1e-3 /* smallest singular value that counts, of the largest */
+
+void hsh_free(struct hsh *hsh) {
+    if (!hsh)
+        return;
+    g_free(hsh->name);
+    g_free(hsh->view_theta_deg);
+    g_free(hsh->view_phi_deg);
+    g_free(hsh->light_theta_deg);
+    g_free(hsh->light_phi_deg);
+    g_free(hsh->values);
+    g_free(hsh);
+}
+
+/* Of a texel of a view: n_terms × COLOURS. */
+static float *hsh_values_of(const struct hsh *hsh, int view, int texel) {
+    const gsize texels = (gsize)hsh->width * (gsize)hsh->height;
+    return hsh->values +
+           ((gsize)view * texels + (gsize)texel) * (gsize)hsh->n_terms * (gsize)COLOURS;
+}
+
+gint64 hsh_bytes(const struct hsh *hsh) {
+    return 2 * (gint64)hsh->n_views * hsh->width * hsh->height * hsh->n_terms * COLOURS;
+}
+
+/* The table of hsh.h; φ occurs as u and v alone, so that the pole needs no azimuth. */
+void hsh_basis(const float light[3], int n_terms, float *ret) {
+    const double c = MIN(MAX((double)light[2], 0), 1), w = c - c * c, x = 2 * c - 1;
+    const double scale = sqrt(c / (1 + c)), u = scale * light[0], v = scale * light[1];
+    const double cos2 = u * u - v * v, sin2 = 2 * u * v; /* w cos 2φ, w sin 2φ */
+    const double all[HSH_MAX_TERMS] = {
+        sqrt(0.5 / G_PI),
+        sqrt(6 / G_PI) * u,
+        sqrt(1.5 / G_PI) * x,
+        sqrt(6 / G_PI) * v,
+        -sqrt(30 / G_PI) * cos2,
+        sqrt(30 / G_PI) * x * u,
+        sqrt(2.5 / G_PI) * (1 - 6 * w),
+        sqrt(30 / G_PI) * x * v,
+        -sqrt(30 / G_PI) * sin2,
+        2 * sqrt(35 / G_PI) * u * (u * u - 3 * v * v),
+        -sqrt(210 / G_PI) * x * cos2,
+        2 * sqrt(21 / G_PI) * u * (1 - 5 * w),
+        sqrt(3.5 / G_PI) * x * (1 - 10 * w),
+        2 * sqrt(21 / G_PI) * v * (1 - 5 * w),
+        -sqrt(210 / G_PI) * x * sin2,
+        2 * sqrt(35 / G_PI) * v * (3 * u * u - v * v),
+    };
+    for (int i = 0; i < n_terms; i++)
+        ret[i] = (float)all[i];
+}
+
+/* n_lights × n_terms: H_i at each measured light. */
+static float *hsh_design(const struct hsh *hsh) {
+    float *ret = g_new0(float, (gsize)hsh->n_lights *(gsize)hsh->n_terms);
+    for (int i = 0; i < hsh->n_lights; i++) {
+        float light[3];
+        direction_from_deg(hsh->light_theta_deg[i], hsh->light_phi_deg[i], light);
+        hsh_basis(light, hsh->n_terms, ret + (gsize)i * (gsize)hsh->n_terms);
+    }
+    return ret;
+}
+
+static void hsh_sum(const float *values, const float *basis, int n_terms, float ret[COLOURS]) {
+    ret[0] = ret[1] = ret[2] = 0;
+    for (int i = 0; i < n_terms; i++)
+        for (int c = 0; c < COLOURS; c++)
+            ret[c] += values[COLOURS * i + c] * basis[i];
+}
+
+void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[3],
+                  float ret[COLOURS]) {
+    float basis[HSH_MAX_TERMS];
+    hsh_basis(light, hsh->n_terms, basis);
+    hsh_sum(hsh_values_of(hsh, view, texel), basis, hsh->n_terms, ret);
+}
+
+static void hsh_reconstruct_with(const struct hsh *hsh, const float *design, int texel,
+                                 float *ret) {
+    for (int v = 0; v < hsh->n_views; v++) {
+        const float *values = hsh_values_of(hsh, v, texel);
+        for (int l = 0; l < hsh->n_lights; l++, ret += COLOURS)
+            hsh_sum(values, design + (gsize)l * (gsize)hsh->n_terms, hsh->n_terms, ret);
+    }
+}
+
+void hsh_reconstruct(const struct hsh *hsh, int texel, float *ret) {
+    g_autofree float *design = hsh_design(hsh);
+    hsh_reconstruct_with(hsh, design, texel, ret);
+}
+
+struct hsh_comparison {
+    const struct hsh *hsh;
+    const struct btf_matrix *btf;
+    const float *design;
+    double *sums; /* × 4 a block: of squares, of theirs; of |Y − Ŷ|, how many */
+};
+
+static void hsh_compare_block(int block, gpointer data) {
+    const struct hsh_comparison *to = data;
+    const int n = to->btf->n_views * to->btf->n_lights;
+    const int end = MIN((block + 1) * BLOCK, to->btf->width * to->btf->height);
+    double *sums = to->sums + (gsize)(4 * block);
+    g_autofree float *values = g_new0(float, (gsize)n *COLOURS);
+    for (int texel = block * BLOCK; texel < end; texel++) {
+        const float *truth = to->btf->values + (gsize)texel * (gsize)n * COLOURS;
+        hsh_reconstruct_with(to->hsh, to->design, texel, values);
+        for (int i = 0; i < n * COLOURS; i++) {
+            const double residual = (double)truth[i] - values[i];
+            sums[0] += isnan(truth[i]) ? 0 : residual * residual;
+            sums[1] += isnan(truth[i]) ? 0 : (double)truth[i] * truth[i];
+        }
+        for (int i = 0; i < n; i++) {
+            const float y = rgb_luminance(truth + (gsize)i * COLOURS);
+            const float y_hat = rgb_luminance(values + (gsize)i * COLOURS);
+            sums[2] += isnan(y) ? 0 : fabsf(y - y_hat);
+            sums[3] += !isnan(y);
+        }
+    }
+}
+
+double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads) {
+    const int n_blocks = (hsh->width * hsh->height + BLOCK - 1) / BLOCK;
+    g_autofree float *design = hsh_design(hsh);
+    g_autofree double *sums = g_new0(double, 4 * (gsize)n_blocks);
+    struct hsh_comparison to = {hsh, btf, design, sums};
+    double all[4] = {0};
+    work_for_each(n_threads, n_blocks, hsh_compare_block, &to);
+    for (int i = 0; i < 4 * n_blocks; i++)
+        all[i % 4] += sums[i];
+    hsh->error = all[1] > 0 ? sqrt(all[0] / all[1]) : 0;
+    hsh->luminance_error = all[3] > 0 ? all[2] / all[3] : 0;
+    return hsh->error;
+}
+
+/* Everything a fit holds; threads only read it, and write what is their texels'. */
+struct hsh_fit {
+    const struct btf_matrix *btf;
+    struct hsh *hsh;
+    float *design;  /* A: n_lights × n_terms */
+    float *inverse; /* A⁺ᵀ: n_lights × n_terms, as long as no light is left out */
+};
+
+/* X of least norm that minimises ‖A X − B‖², where lights with a 0 in there (may be NULL: none)
+ * have rows of zeros in A. columns: B, n_lights × n_columns, then X, n_terms × n_columns; it has
+ * max(n_lights, n_terms) rows. */
+static void hsh_solve(const struct hsh_fit *fit, const gboolean *there, double *columns,
+                      int n_columns) {
+    const int n = fit->btf->n_lights, k = fit->hsh->n_terms;
+    g_autofree double *a = g_new(double, (gsize)n *(gsize)k);
+    double singular[HSH_MAX_TERMS];
+    int rank;
+    for (int i = 0; i < n * k; i++)
+        a[i] = there && !there[i / k] ? 0 : (double)fit->design[i];
+    LAPACKE_dgelsd(LAPACK_ROW_MAJOR, n, k, n_columns, a, k, columns, n_columns, singular, RCOND,
+                   &rank);
+}
+
+/* A⁺ᵀ by solving for the unit matrix. */
+static float *hsh_pseudo_inverse(const struct hsh_fit *fit) {
+    const int n = fit->btf->n_lights, k = fit->hsh->n_terms;
+    g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * (gsize)n);
+    float *ret = g_new(float, (gsize)n *(gsize)k);
+    for (int i = 0; i < n; i++)
+        columns[i * n + i] = 1;
+    hsh_solve(fit, NULL, columns, n);
+    for (int i = 0; i < n * k; i++)
+        ret[i] = (float)columns[(gsize)(i % k) * (gsize)n + (gsize)(i / k)];
+    return ret;
+}
+
+/* One view of one texel, rgb: n_lights × COLOURS; c_i = Σ_l A⁺_il y_l. */
+static void hsh_fit_whole(const struct hsh_fit *fit, const float *rgb, float *ret) {
+    const int k = fit->hsh->n_terms;
+    float sums[COLOURS][HSH_MAX_TERMS] = {{0}};
+    for (int l = 0; l < fit->btf->n_lights; l++) {
+        const float *row = fit->inverse + (gsize)l * (gsize)k;
+        for (int c = 0; c < COLOURS; c++)
+            for (int i = 0; i < k; i++)
+                sums[c][i] += rgb[COLOURS * l + c] * row[i];
+    }
+    for (int i = 0; i < COLOURS * k; i++)
+        ret[i] = sums[i % COLOURS][i / COLOURS];
+}
+
+/* The same with lights left out: a problem of its own. there: n_lights. */
+static void hsh_fit_partial(const struct hsh_fit *fit, const float *rgb, const gboolean *there,
+                            float *ret) {
+    const int n = fit->btf->n_lights, k = fit->hsh->n_terms;
+    g_autofree double *columns = g_new0(double, (gsize)MAX(n, k) * COLOURS);
+    for (int i = 0; i < n * COLOURS; i++)
+        columns[i] = there[i / COLOURS] ? (double)rgb[i] : 0;
+    hsh_solve(fit, there, columns, COLOURS);
+    for (int i = 0; i < k * COLOURS; i++)
+        ret[i] = (float)columns[i];
+}
+
+static void hsh_fit_block(int block, gpointer data) {
+    const struct hsh_fit *fit = data;
+    const int n = fit->btf->n_lights, views = fit->btf->n_views;
+    const int end = MIN((block + 1) * BLOCK, fit->btf->width * fit->btf->height);
+    const float *rgb =
+        fit->btf->values + (gsize)block * BLOCK * (gsize)views * (gsize)n * (gsize)COLOURS;
+    g_autofree gboolean *there = g_new(gboolean, n);
+    work_use_one_blas_thread();
+    for (int texel = block * BLOCK; texel < end; texel++)
+        for (int view = 0; view < views; view++, rgb += (gsize)n * COLOURS) {
+            float *to = hsh_values_of(fit->hsh, view, texel);
+            gboolean whole = TRUE;
+            for (int l = 0; l < n; l++) {
+                const float *value = rgb + (gsize)l * COLOURS;
+                there[l] = !isnan(value[0]) && !isnan(value[1]) && !isnan(value[2]);
+                whole = whole && there[l];
+            }
+            if (whole)
+                hsh_fit_whole(fit, rgb, to);
+            else
+                hsh_fit_partial(fit, rgb, there, to);
+        }
+}
+
+static void hsh_to_halves(struct hsh *hsh) {
+    const gsize n = (gsize)(hsh_bytes(hsh) / 2);
+    g_autofree guint16 *halves = g_new(guint16, n);
+    exr_half_from_floats(halves, hsh->values, n);
+    exr_half_to_floats(hsh->values, halves, n);
+}
+
+static gboolean hsh_check(const struct btf_matrix *btf, int n_terms, GError **error) {
+    const gint64 texels = (gint64)btf->width * btf->height;
+    const gint64 values = (gint64)btf->n_views * btf->n_lights * COLOURS;
+    if (n_terms != 4 && n_terms != 9 && n_terms != 16) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "hemispherical harmonics have 4, 9 or 16 terms, not %d", n_terms);
+        return FALSE;
+    }
+    if (texels < 1 || values < 1 || texels > G_MAXINT / 64 || values > G_MAXINT / 64) {
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                    "the BTF has %d × %d texels, %d views and %d lights; hemispherical harmonics "
+                    "need at least one of each and at most %d texels and %d values a texel",
+                    btf->width, btf->height, btf->n_views, btf->n_lights, G_MAXINT / 64,
+                    G_MAXINT / 64);
+        return FALSE;
+    }
+    for (gint64 i = 0; i < texels * values; i++)
+        if (isinf(btf->values[i])) {
+            g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                        "view %d, texel (%d, %d) is infinite; make that view's BTF again",
+                        (int)(i % values / COLOURS / btf->n_lights), (int)(i / values % btf->width),
+                        (int)(i / values / btf->width));
+            return FALSE;
+        }
+    return TRUE;
+}
+
+static struct hsh *hsh_new(const struct btf_matrix *btf, int n_terms) {
+    const gsize views = sizeof(float) * (gsize)btf->n_views;
+    const gsize lights = sizeof(float) * (gsize)btf->n_lights;
+    struct hsh *hsh = g_new0(struct hsh, 1);
+    *hsh = (struct hsh){
+        .name = g_strdup(btf->name),
+        .width = btf->width,
+        .height = btf->height,
+        .texel_mm = btf->texel_mm,
+        .reference_mm = btf->reference_mm,
+        .n_views = btf->n_views,
+        .n_lights = btf->n_lights,
+        .view_theta_deg = g_memdup2(btf->view_theta_deg, views),
+        .view_phi_deg = g_memdup2(btf->view_phi_deg, views),
+        .light_theta_deg = g_memdup2(btf->light_theta_deg, lights),
+        .light_phi_deg = g_memdup2(btf->light_phi_deg, lights),
+        .n_terms = n_terms,
+    };
+    hsh->values = g_new0(float, (gsize)(hsh_bytes(hsh) / 2));
+    return hsh;
+}
+
+struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *options,
+                        GError **error) {
+    const int n_terms = options->n_terms ? options->n_terms : HSH_DEFAULT_TERMS;
+    if (!hsh_check(btf, n_terms, error))
+        return NULL;
+    const int n_blocks = (btf->width * btf->height + BLOCK - 1) / BLOCK;
+    struct hsh_fit fit = {.btf = btf, .hsh = hsh_new(btf, n_terms)};
+    fit.design = hsh_design(fit.hsh);
+    fit.inverse = hsh_pseudo_inverse(&fit);
+    if (work_parallel(&options->work, "fit", n_blocks, hsh_fit_block, &fit, error)) {
+        fit.hsh->exact_error = hsh_error(fit.hsh, btf, options->work.n_threads);
+        hsh_to_halves(fit.hsh);
+        hsh_error(fit.hsh, btf, options->work.n_threads);
+    } else {
+        g_clear_pointer(&fit.hsh, hsh_free);
+    }
+    g_free(fit.design);
+    g_free(fit.inverse);
+    return fit.hsh;
+}

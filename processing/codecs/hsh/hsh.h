@@ -1,0 +1,88 @@
+/*
+ * Hemispherical harmonics (HSH) of a BTF, as Relight and RTIViewer use them for RTI sets: for each
+ * measured view, texel and colour, a sum of n = 4, 9 or 16 basis functions of the light,
+ *   f(l) = Σ_{i=0..n−1} c_i H_i(l)                                    (Gautron et al. 2004 eq. 5,
+ * 6) Values hold n·l (pipeline.h): nothing multiplies them by it again. f may be negative between
+ * the measured lights.
+ *
+ * The basis is that of Gautron et al. 2004: associated Legendre polynomials P_l^m without
+ * Condon–Shortley phase, shifted from [−1, 1] to the hemisphere by x = 2 cos θ − 1,
+ *   H_l^m(θ, φ) = √2 K_l^m cos(mφ) P_l^m(x)        m > 0
+ *                 √2 K_l^|m| sin(|m|φ) P_l^|m|(x)  m < 0
+ *                 K_l^0 P_l^0(x)                   m = 0
+ *   K_l^m = √((2l + 1) (l − m)! / (2π (l + m)!))
+ * which is orthonormal over the hemisphere: ∫ H_i H_j dω = δ_ij. Order and signs are those of
+ * RTIViewer: degree l = 0, 1, 2, 3, in each m = l, l − 1, …, −l, and H_l^m with |m| = 2 is negated.
+ * With c = cos θ = l_z, w = c − c², and (u, v) = √w (cos φ, sin φ) = √(c / (1 + c)) (l_x, l_y):
+ *   H0  √(1/2π)          H4  −√(30/π) (u² − v²)      H9   2√(35/π) (u³ − 3uv²)
+ *   H1  √(6/π) u         H5   √(30/π) x u            H10  −√(210/π) x (u² − v²)
+ *   H2  √(3/2π) x        H6   √(5/2π) (1 − 6w)       H11  2√(21/π) u (1 − 5w)
+ *   H3  √(6/π) v         H7   √(30/π) x v            H12  √(7/2π) x (1 − 10w)
+ *                        H8  −√(30/π) 2uv            H13  2√(21/π) v (1 − 5w)
+ *                                                    H14  −√(210/π) x 2uv
+ *                                                    H15  2√(35/π) (3u²v − v³)
+ * All directions of the horizon are one point of the basis (u = v = 0); lights below count as in
+ * it.
+ *
+ * On disk, one EXR "hsh.exr" of half floats. The first n parts are pictures of the texels of all
+ * views one below the other, line v · height + y:
+ *   parts "term0" … "term<n−1>"  channels B G R, c_i of each colour
+ *   parts "views", "lights"      channels "phi_deg", "theta_deg", width n, height 1, float
+ * Attributes of the first part: mesorig.kind ("hsh"), mesorig.name (string); mesorig.terms,
+ * mesorig.views, mesorig.width, mesorig.height (int); mesorig.error, mesorig.exact_error,
+ * mesorig.luminance_error, texel_mm, reference_mm (double).
+ */
+#pragma once
+
+#include "btf/btf_matrix.h"
+
+#define HSH_MAX_TERMS     16
+#define HSH_DEFAULT_TERMS 9
+
+struct hsh {
+    char *name;
+    int width, height; /* texels */
+    double texel_mm, reference_mm;
+    int n_views, n_lights;
+    float *view_theta_deg, *view_phi_deg;   /* n_views */
+    float *light_theta_deg, *light_phi_deg; /* n_lights */
+    int n_terms;                            /* 4, 9 or 16 */
+    float *values;                          /* n_views × height × width × n_terms × 3 (R G B) */
+    /* Of the BTF it was made of, as hsh_error() finds them: relative RMS of R G B, and the mean of
+     * |Y − Ŷ| (Y of rgb_luminance()). exact_error: the first one before values became halves. */
+    double error, luminance_error, exact_error;
+};
+
+struct hsh_options {
+    int n_terms; /* 4, 9 or 16; 0: HSH_DEFAULT_TERMS */
+    struct work work;
+};
+
+void hsh_free(struct hsh *hsh); /* NULL is ignored */
+
+/* H_0 … H_{n_terms − 1} in a direction: a unit vector in the sample frame. */
+void hsh_basis(const float light[3], int n_terms, float *ret);
+
+/* Least squares over all lights of each view, texel and colour; where lights are too few or lie
+ * badly, of all solutions the one of least norm, which is the f of least ∫ f² dω. A value counts
+ * where none of its colours is NaN; infinite ones are refused. What has no value at all becomes
+ * black. The result holds what the file gives back, halves, and does not depend on the number of
+ * threads. Stage "fit". Errors: DATA_ERROR_INVALID, G_IO_ERROR_CANCELLED. */
+struct hsh *hsh_compute(const struct btf_matrix *btf, const struct hsh_options *options,
+                        GError **error);
+
+/* One texel at the measured directions: n_views × n_lights × 3. */
+void hsh_reconstruct(const struct hsh *hsh, int texel, float *ret);
+
+/* R G B of a texel of a view under any light. */
+void hsh_evaluate(const struct hsh *hsh, int view, int texel, const float light[3], float ret[3]);
+
+/* Sets error and luminance_error, over all values that are not NaN; returns error. */
+double hsh_error(struct hsh *hsh, const struct btf_matrix *btf, int n_threads);
+
+/* Bytes of all values as halves, as a renderer holds them. */
+gint64 hsh_bytes(const struct hsh *hsh);
+
+/* Errors: EXR_ERROR. */
+gboolean hsh_write(const char *path, const struct hsh *hsh, GError **error);
+struct hsh *hsh_read(const char *path, GError **error);

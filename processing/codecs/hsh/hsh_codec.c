@@ -1,0 +1,125 @@
+#include "hsh_codec.h"
+
+#include "hsh.h"
+
+struct hsh_codec_options {
+    int terms; /* index into hsh_codec_terms */
+};
+
+static const int hsh_codec_terms[] = {4, 9, 16};
+static const char *const hsh_codec_choices[] = {"4", "9", "16", NULL};
+
+static const struct option hsh_codec_table[] = {
+    {.name = "terms",
+     .type = OPTION_CHOICE,
+     .choices = hsh_codec_choices,
+     .fallback = "9",
+     .offset = offsetof(struct hsh_codec_options, terms),
+     .help = "terms of each view, texel and colour"},
+    {NULL},
+};
+
+static void hsh_codec_free(gpointer model) {
+    hsh_free(model);
+}
+
+static gboolean hsh_codec_encode(const struct codec *codec, const struct codec_job *job,
+                                 struct codec_result *ret, GError **error) {
+    const struct hsh_codec_options *asked = job->options;
+    const struct hsh_options options = {.n_terms = hsh_codec_terms[asked->terms],
+                                        .work = *job->work};
+    struct hsh *hsh = hsh_compute(job->btf, &options, error);
+    if (!hsh)
+        return FALSE;
+    ret->levels = g_ptr_array_new_with_free_func(hsh_codec_free);
+    g_ptr_array_add(ret->levels, hsh);
+    ret->components = hsh->n_terms;
+    ret->error = hsh->error;
+    ret->exact_error = hsh->exact_error;
+    ret->luminance_error = hsh->luminance_error;
+    return TRUE;
+}
+
+static char *hsh_codec_describe(const struct codec *codec, const struct codec_result *result) {
+    return g_strdup_printf("%s of %d terms, luminance off by %.4f on average", codec->name,
+                           result->components, result->luminance_error);
+}
+
+static gboolean hsh_codec_write(const char *path, gpointer const *levels, int n_levels,
+                                GError **error) {
+    return hsh_write(path, levels[0], error);
+}
+
+static gpointer hsh_codec_read(const char *path, GError **error) {
+    return hsh_read(path, error);
+}
+
+static char *hsh_codec_describe_file(const struct exr_file *file) {
+    const struct exr_part *first = exr_file_part(file, "term0");
+    const struct exr_part *views = exr_file_part(file, "views");
+    const struct exr_part *lights = exr_file_part(file, "lights");
+    int terms = 0, width = 0, height = 0;
+    double error = 0, luminance = 0;
+    if (!first || !views || !lights)
+        return NULL;
+    exr_get_int(first, "mesorig.terms", &terms, NULL);
+    exr_get_int(first, "mesorig.width", &width, NULL);
+    exr_get_int(first, "mesorig.height", &height, NULL);
+    exr_get_double(first, "mesorig.error", &error, NULL);
+    exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
+    return g_strdup_printf("hemispherical harmonics of %d terms: %d × %d texels, of %d views × %d "
+                           "lights; error %.2f %%, luminance off by %.4f",
+                           terms, width, height, views->width, lights->width, 100 * error,
+                           luminance);
+}
+
+static void hsh_codec_layout(gconstpointer model, struct material_info *ret) {
+    const struct hsh *hsh = model;
+    MATERIAL_COPY_LAYOUT(ret, hsh);
+}
+
+static gint64 hsh_codec_bytes(gconstpointer model) {
+    return hsh_bytes(model);
+}
+
+static void hsh_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+    hsh_reconstruct(model, texel, ret);
+}
+
+static gboolean hsh_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
+                                const struct work *work, CodecPoint tell, gpointer data,
+                                GError **error) {
+    gboolean ok = TRUE;
+    for (gsize i = 0; ok && i < G_N_ELEMENTS(hsh_codec_terms); i++) {
+        const struct hsh_options options = {.n_terms = hsh_codec_terms[i], .work = *work};
+        struct hsh *hsh = hsh_compute(btf, &options, error);
+        ok = hsh && tell(codec,
+                         &(struct codec_point){
+                             .series = codec->title,
+                             .label = g_strdup_printf("%d terms", options.n_terms),
+                             .bytes = hsh_bytes(hsh),
+                             .error = hsh->error,
+                         },
+                         data, error);
+        hsh_free(hsh);
+    }
+    return ok;
+}
+
+const struct codec hsh_codec = {
+    .name = "hsh",
+    .title = "hemispherical harmonics",
+    .help = "hemispherical harmonics, fitted to each texel and view (Gautron et al. 2004)",
+    .options = hsh_codec_table,
+    .options_size = sizeof(struct hsh_codec_options),
+    .encode = hsh_codec_encode,
+    .describe = hsh_codec_describe,
+    .write = hsh_codec_write,
+    .read = hsh_codec_read,
+    .describe_file = hsh_codec_describe_file,
+    .free = hsh_codec_free,
+    .layout = hsh_codec_layout,
+    .bytes = hsh_codec_bytes,
+    .reconstruct = hsh_codec_reconstruct,
+    .curve = hsh_codec_curve,
+};

@@ -1,0 +1,182 @@
+#include "lobes_codec.h"
+
+#include "base/data_error.h"
+#include "lobes_levels.h"
+
+struct lobes_codec_options {
+    int components;
+    double error;
+    gboolean mips;
+};
+
+static const struct option lobes_codec_table[] = {
+    {.name = "components",
+     .type = OPTION_INT,
+     .min = 1,
+     .max = G_MAXDOUBLE,
+     .offset = offsetof(struct lobes_codec_options, components),
+     .help = "lobes a texel of fields and lafortune: 1 to 3, 2 if not given"},
+    {.name = "error",
+     .type = OPTION_SHARE,
+     .offset = offsetof(struct lobes_codec_options, error),
+     .help = "fail if the error of the whole BTF is larger"},
+    {.name = "mips",
+     .type = OPTION_BOOL,
+     .offset = offsetof(struct lobes_codec_options, mips),
+     .help = "mip levels too, each fitted anew"},
+    {NULL},
+};
+
+static void lobes_codec_free(gpointer model) {
+    lobes_free(model);
+}
+
+static gboolean lobes_codec_check_error(const struct lobes *lobes, double target, GError **error) {
+    if (target <= 0 || lobes->error <= target)
+        return TRUE;
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "an error of %.3g %% is not reached by %s (%.3g %%); use lpca", 100 * target,
+                lobes_model_name(lobes->model), 100 * lobes->error);
+    return FALSE;
+}
+
+static gboolean lobes_codec_encode(const struct codec *codec, const struct codec_job *job,
+                                   struct codec_result *ret, GError **error) {
+    const struct lobes_codec_options *asked = job->options;
+    const struct lobes_options options = {.model = (enum lobes_model)codec->variant,
+                                          .n_lobes = asked->components,
+                                          .checkpoint = job->checkpoint,
+                                          .work = *job->work};
+    struct lobes *levels[LOBES_MAX_LEVELS] = {NULL};
+    int n;
+    if (asked->mips)
+        n = lobes_compute_levels(job->btf, &options, levels, error);
+    else
+        n = (levels[0] = lobes_compute(job->btf, &options, error)) != NULL;
+    if (n == 0)
+        return FALSE;
+    ret->levels = g_ptr_array_new_with_free_func(lobes_codec_free);
+    for (int level = 0; level < n; level++)
+        g_ptr_array_add(ret->levels, levels[level]);
+    ret->components = levels[0]->n_lobes;
+    ret->exact_error = levels[0]->exact_error;
+    ret->error = levels[0]->error;
+    ret->luminance_error = levels[0]->luminance_error;
+    return lobes_codec_check_error(levels[0], asked->error, error);
+}
+
+static char *lobes_codec_describe(const struct codec *codec, const struct codec_result *result) {
+    GString *text = g_string_new(codec->name);
+    const int k = result->components;
+    if (k > 0)
+        g_string_append_printf(text, k == 1 ? " of %d lobe" : " of %d lobes", k);
+    if (result->levels->len > 1)
+        g_string_append_printf(text, ", %u mip levels", result->levels->len);
+    g_string_append_printf(text, ", luminance off by %.4f on average", result->luminance_error);
+    return g_string_free(text, FALSE);
+}
+
+static gboolean lobes_codec_write(const char *path, gpointer const *levels, int n_levels,
+                                  GError **error) {
+    return lobes_write_levels(path, (struct lobes *const *)levels, n_levels, error);
+}
+
+static gpointer lobes_codec_read(const char *path, GError **error) {
+    return lobes_read(path, error);
+}
+
+static char *lobes_codec_describe_file(const struct exr_file *file) {
+    const struct exr_part *views = exr_file_part(file, "views");
+    const struct exr_part *lights = exr_file_part(file, "lights");
+    const struct exr_part *first = file->parts->pdata[0];
+    const char *kind = "";
+    int lobes = 0, width = 0, height = 0;
+    double error = 0, luminance = 0;
+    if (!views || !lights)
+        return NULL;
+    exr_get_string(first, "mesorig.kind", &kind, NULL);
+    exr_get_int(first, "mesorig.lobes", &lobes, NULL);
+    exr_get_int(first, "mesorig.width", &width, NULL);
+    exr_get_int(first, "mesorig.height", &height, NULL);
+    exr_get_double(first, "mesorig.error", &error, NULL);
+    exr_get_double(first, "mesorig.luminance_error", &luminance, NULL);
+    GString *text = g_string_new(kind);
+    if (lobes > 0)
+        g_string_append_printf(text, lobes == 1 ? " of %d lobe" : " of %d lobes", lobes);
+    g_string_append_printf(text,
+                           ": %d × %d texels, of %d views × %d lights; error %.2f %%, luminance "
+                           "off by %.4f",
+                           width, height, views->width, lights->width, 100 * error, luminance);
+    return g_string_free(text, FALSE);
+}
+
+static void lobes_codec_layout(gconstpointer model, struct material_info *ret) {
+    const struct lobes *lobes = model;
+    MATERIAL_COPY_LAYOUT(ret, lobes);
+}
+
+static gint64 lobes_codec_bytes(gconstpointer model) {
+    return lobes_bytes(model);
+}
+
+static void lobes_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+    lobes_reconstruct(model, texel, ret);
+}
+
+static gboolean lobes_codec_curve(const struct codec *codec, const struct btf_matrix *btf,
+                                  const struct work *work, CodecPoint tell, gpointer data,
+                                  GError **error) {
+    const enum lobes_model model = (enum lobes_model)codec->variant;
+    const int most = model == LOBES_FIELDS || model == LOBES_LAFORTUNE ? LOBES_MAX_LOBES : 1;
+    gboolean ok = TRUE;
+    for (int k = 1; ok && k <= most; k++) {
+        const struct lobes_options options = {.model = model, .n_lobes = k, .work = *work};
+        struct lobes *lobes = lobes_compute(btf, &options, error);
+        ok = lobes &&
+             tell(codec,
+                  &(struct codec_point){
+                      .series = codec->title,
+                      .label = most == 1 ? g_strdup("")
+                                         : g_strdup_printf(k > 1 ? "%d lobes" : "%d lobe", k),
+                      .bytes = lobes_bytes(lobes),
+                      .error = lobes->error,
+                  },
+                  data, error);
+        lobes_free(lobes);
+    }
+    return ok;
+}
+
+#define LOBES_CODEC(MODEL, NAME, TITLE, HELP)                                                      \
+    [MODEL] = {                                                                                    \
+        .name = (NAME),                                                                            \
+        .title = (TITLE),                                                                          \
+        .help = (HELP),                                                                            \
+        .variant = (MODEL),                                                                        \
+        .options = lobes_codec_table,                                                              \
+        .options_size = sizeof(struct lobes_codec_options),                                        \
+        .resumable = TRUE,                                                                         \
+        .encode = lobes_codec_encode,                                                              \
+        .describe = lobes_codec_describe,                                                          \
+        .write = lobes_codec_write,                                                                \
+        .read = lobes_codec_read,                                                                  \
+        .describe_file = lobes_codec_describe_file,                                                \
+        .free = lobes_codec_free,                                                                  \
+        .layout = lobes_codec_layout,                                                              \
+        .bytes = lobes_codec_bytes,                                                                \
+        .reconstruct = lobes_codec_reconstruct,                                                    \
+        .curve = lobes_codec_curve,                                                                \
+    }
+
+const struct codec lobes_codecs[LOBES_MODELS] = {
+    LOBES_CODEC(LOBES_FIELDS, "fields", "reflectance fields",
+                "reflectance fields, fitted to each texel and view (Meseth et al. 2003)"),
+    LOBES_CODEC(LOBES_PTM, "ptm", "polynomials",
+                "polynomial texture maps, fitted to each texel and view (Malzbender et al. 2001)"),
+    LOBES_CODEC(LOBES_LAFORTUNE, "lafortune", "Lafortune",
+                "cosine lobes, fitted to each texel (Lafortune et al. 1997)"),
+    LOBES_CODEC(LOBES_WARD, "ward", "Ward",
+                "an anisotropic highlight, fitted to each texel (Ward 1992)"),
+    LOBES_CODEC(LOBES_ASHIKHMIN, "ashikhmin", "Ashikhmin–Shirley",
+                "an anisotropic highlight, fitted to each texel (Ashikhmin and Shirley 2000)"),
+};

@@ -1,0 +1,7 @@
+/* The models of a texel as codecs. */
+#pragma once
+
+#include "codec/codec.h"
+#include "lobes.h"
+
+extern const struct codec lobes_codecs[LOBES_MODELS]; /* in the order of enum lobes_model */

@@ -1,0 +1,436 @@
+#include "lpca_codec.h"
+
+#include "base/data_error.h"
+#include "btf/direction_grid.h"
+#include "lpca_choose.h"
+#include "lpca_levels.h"
+#include "lpca_pack.h"
+#include "lpca_resample.h"
+
+#include <math.h>
+
+#define CLUSTERS         32
+#define COMPONENTS       8
+#define MOST_ROUNDING    4 /* times that rounding may ask for another component */
+#define CURVE_CLUSTERS   64
+#define CURVE_MOST       16         /* components of a curve */
+#define COARSEST         4.0        /* step of packed ones, relative to the mean of the values */
+#define FINEST           (1.0 / 32) /* likewise */
+#define TEXELS_A_CLUSTER 16         /* of a curve, at least */
+
+struct lpca_codec_options {
+    int clusters, components; /* 0: not given */
+    int grid;                 /* 0: measured directions */
+    int quantise;             /* enum lpca_quantise */
+    int colours;              /* enum lpca_colours */
+    double error;             /* 0: none */
+    gint64 size;              /* 0: any */
+    gboolean mips;
+};
+
+static const char *const lpca_codec_quantise[] = {"float",        "half",   "8bit",
+                                                  "8bit-weights", "packed", NULL};
+static const char *const lpca_codec_colours[] = {"rgb", "log", NULL};
+
+static const struct option lpca_codec_table[] = {
+    {.name = "clusters",
+     .type = OPTION_INT,
+     .min = 1,
+     .max = LPCA_MAX_CLUSTERS,
+     .offset = offsetof(struct lpca_codec_options, clusters),
+     .help = "clusters of texels, 32 if not given"},
+    {.name = "components",
+     .type = OPTION_INT,
+     .min = 1,
+     .max = LPCA_MAX_PACKED,
+     .offset = offsetof(struct lpca_codec_options, components),
+     .help = "eigen-BRDFs of a cluster, 8 if not given, more than 64 of packed ones alone; with "
+             "--error or --size at most"},
+    {.name = "error",
+     .type = OPTION_SHARE,
+     .offset = offsetof(struct lpca_codec_options, error),
+     .help = "as small as reaches this error of the whole BTF: components, and clusters unless -k "
+             "says them"},
+    {.name = "size",
+     .type = OPTION_BYTES,
+     .offset = offsetof(struct lpca_codec_options, size),
+     .help = "the best clusters and components that take no more than this"},
+    {.name = "mips",
+     .type = OPTION_BOOL,
+     .offset = offsetof(struct lpca_codec_options, mips),
+     .help = "mip levels too, each compressed anew"},
+    {.name = "grid",
+     .type = OPTION_INT,
+     .min = DIRECTION_GRID_MIN,
+     .max = DIRECTION_GRID_MAX,
+     .offset = offsetof(struct lpca_codec_options, grid),
+     .help = "eigen-BRDFs on a grid of directions with so many samples each way; 12 is good"},
+    {.name = "quantise",
+     .type = OPTION_CHOICE,
+     .fallback = "half",
+     .choices = lpca_codec_quantise,
+     .offset = offsetof(struct lpca_codec_options, quantise),
+     .help = "numbers in the file; 8bit is of eigen-BRDFs alone; packed, with --error or --size, "
+             "is smallest, and unpacked to be drawn"},
+    {.name = "colours",
+     .type = OPTION_CHOICE,
+     .fallback = "rgb",
+     .choices = lpca_codec_colours,
+     .offset = offsetof(struct lpca_codec_options, colours),
+     .help = "what is compressed: R, G, B, or the logarithm of luminance and chroma"},
+    {NULL},
+};
+
+static const char *lpca_codec_check(gconstpointer options, gint64 memory) {
+    const struct lpca_codec_options *asked = options;
+    if (asked->size > 0 && asked->clusters > 0)
+        return "--size chooses the clusters: leave out -k";
+    if (asked->colours == LPCA_LOG && asked->grid > 0)
+        return "--grid needs --colours=rgb";
+    if (memory > 0 && asked->mips)
+        return "--mips takes the whole BTF into memory: leave out --memory";
+    if (asked->quantise != LPCA_PACKED)
+        return NULL;
+    if ((asked->error > 0) == (asked->size > 0))
+        return "--quantise=packed needs either --error or --size";
+    if (asked->clusters > 0 || asked->grid > 0 || asked->mips || asked->colours == LPCA_LOG)
+        return "--quantise=packed has one cluster, no --grid, no --mips, and needs --colours=rgb";
+    return NULL;
+}
+
+/* How often rounding has asked for another error, and for which; the checkpoint keeps it. */
+struct rounding {
+    gint64 times;
+    double target;
+};
+
+static struct lpca *lpca_codec_exact(const struct lpca_codec_options *asked,
+                                     const struct btf_matrix *btf,
+                                     const struct lpca_options *options, GError **error) {
+    const struct lpca_wish wish = {options->target, asked->size, options->n_components,
+                                   (enum lpca_quantise)asked->quantise, asked->grid};
+    if (asked->clusters == 0 && (asked->size > 0 || asked->error > 0))
+        return lpca_choose(btf, options, &wish, error);
+    return lpca_compute(btf, options, error);
+}
+
+/* Put on a grid, if one is asked for, and rounded; its errors before and after. */
+static struct lpca *lpca_codec_rounded(const struct lpca_codec_options *asked,
+                                       const struct btf_matrix *btf,
+                                       const struct lpca_options *options, struct codec_result *ret,
+                                       GError **error) {
+    struct lpca *lpca = lpca_codec_exact(asked, btf, options, error);
+    if (!lpca)
+        return NULL;
+    ret->exact_error = lpca->error;
+    if (asked->grid > 0) {
+        struct lpca *resampled = lpca_resample(lpca, asked->grid, error);
+        lpca_free(lpca);
+        lpca = resampled;
+    }
+    if (!lpca)
+        return NULL;
+    lpca_quantise(lpca, (enum lpca_quantise)asked->quantise);
+    ret->error = asked->grid > 0 ? lpca_resample_error(lpca, btf, 0) : lpca_error(lpca, btf, 0);
+    return lpca;
+}
+
+/* Errors add in squares: what rounding adds is taken off the error that the next one is to reach,
+ * e² = target² − (e_rounded² − e_exact²). */
+static struct lpca *lpca_codec_refine(const struct lpca_codec_options *asked,
+                                      const struct btf_matrix *btf, struct lpca_options *options,
+                                      struct rounding *rounding, struct codec_result *ret,
+                                      GError **error) {
+    for (; rounding->times < MOST_ROUNDING; rounding->times++) {
+        options->target = rounding->target;
+        struct lpca *lpca = lpca_codec_rounded(asked, btf, options, ret, error);
+        if (!lpca || asked->error <= 0 || ret->error <= asked->error)
+            return lpca;
+        lpca_free(lpca);
+        const double added = ret->error * ret->error - ret->exact_error * ret->exact_error;
+        const double left = asked->error * asked->error - added;
+        if (left <= 0)
+            break;
+        rounding->target = MIN(sqrt(left), ret->exact_error) * (1 - 1e-6);
+    }
+    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
+                "an error of %.3g %% is not reached: rounding%s makes %.3g %% of %.3g %%; quantise "
+                "less or use more clusters",
+                100 * asked->error, asked->grid ? " and the grid" : "", 100 * ret->error,
+                100 * ret->exact_error);
+    return NULL;
+}
+
+/* Goes on from the checkpoint, whose arrays are borrowed: rounding is one while this runs. */
+static struct lpca *lpca_codec_compute(const struct lpca_codec_options *asked,
+                                       const struct btf_matrix *btf, struct lpca_options *options,
+                                       struct codec_result *ret, GError **error) {
+    Checkpoint *checkpoint = options->checkpoint;
+    struct rounding rounding = {0, options->target};
+    if (!checkpoint)
+        return lpca_codec_refine(asked, btf, options, &rounding, ret, error);
+    const struct rounding *found = checkpoint_get(checkpoint, "rounding", sizeof rounding);
+    if (found)
+        rounding = *found;
+    checkpoint_keep(checkpoint, "rounding", &rounding, sizeof rounding);
+    struct lpca *lpca = lpca_codec_refine(asked, btf, options, &rounding, ret, error);
+    checkpoint_drop(checkpoint, "rounding");
+    return lpca;
+}
+
+/* Of as many components as it takes, at most those that were asked for. */
+static struct lpca *lpca_codec_pack(const struct lpca_codec_options *asked,
+                                    const struct btf_matrix *btf, struct lpca_options *options,
+                                    struct codec_result *ret, GError **error) {
+    const struct lpca_wish wish = {
+        .error = asked->error, .bytes = asked->size, .n_components = asked->components};
+    struct lpca *lpca = lpca_pack(btf, options, &wish, error);
+    if (lpca)
+        ret->exact_error = ret->error = lpca->error;
+    return lpca;
+}
+
+/* Levels 1 and on, of as many clusters and components as level 0 if there are so many texels. Their
+ * checkpoint would keep no more than a third of the work. */
+static gboolean lpca_codec_add_levels(const struct lpca_codec_options *asked,
+                                      const struct btf_matrix *btf,
+                                      const struct lpca_options *options, struct codec_result *ret,
+                                      GError **error) {
+    struct btf_matrix *half = btf_matrix_halved(btf);
+    while (half && ret->levels->len < LPCA_MAX_LEVELS) {
+        struct lpca_codec_options fixed = *asked;
+        struct lpca_options now = *options;
+        struct codec_result ignored = {0};
+        fixed.clusters = now.n_clusters = MIN(ret->clusters, half->width * half->height);
+        now.n_components = ret->components;
+        fixed.error = now.target = 0;
+        now.checkpoint = NULL;
+        struct lpca *lpca = lpca_codec_rounded(&fixed, half, &now, &ignored, error);
+        struct btf_matrix *next = lpca ? btf_matrix_halved(half) : NULL;
+        btf_matrix_free(half);
+        if (!lpca)
+            return FALSE;
+        g_ptr_array_add(ret->levels, lpca);
+        half = next;
+    }
+    btf_matrix_free(half);
+    return TRUE;
+}
+
+static void lpca_codec_free(gpointer model) {
+    lpca_free(model);
+}
+
+static gboolean lpca_codec_encode(const struct codec *codec G_GNUC_UNUSED,
+                                  const struct codec_job *job, struct codec_result *ret,
+                                  GError **error) {
+    const struct lpca_codec_options *asked = job->options;
+    const struct btf_matrix *btf = job->btf;
+    const int values = 3 * btf->n_views * btf->n_lights;
+    const int most = asked->error > 0 || asked->size > 0 ? LPCA_MAX_COMPONENTS : COMPONENTS;
+    struct lpca_options options = {
+        .n_clusters = asked->clusters ? asked->clusters : MIN(CLUSTERS, btf->width * btf->height),
+        .n_components = asked->components ? asked->components : MIN(most, values),
+        .target = asked->error,
+        .colours = (enum lpca_colours)asked->colours,
+        .work = *job->work,
+        .checkpoint = job->checkpoint,
+    };
+    if (job->memory > 0) {
+        const gint64 held =
+            btf->values ? btf_matrix_bytes(btf->width, btf->height, btf->n_views, btf->n_lights)
+                        : 0;
+        options.memory = MAX(1, job->memory - held);
+    }
+    ret->packed = asked->quantise == LPCA_PACKED;
+    ret->luminance_error = -1;
+    struct lpca *lpca =
+        (ret->packed ? lpca_codec_pack : lpca_codec_compute)(asked, btf, &options, ret, error);
+    if (!lpca)
+        return FALSE;
+    ret->levels = g_ptr_array_new_with_free_func(lpca_codec_free);
+    g_ptr_array_add(ret->levels, lpca);
+    ret->clusters = lpca->n_clusters;
+    ret->components = lpca->n_components;
+    ret->grid = asked->grid;
+    return !asked->mips || lpca_codec_add_levels(asked, btf, &options, ret, error);
+}
+
+static char *lpca_codec_describe(const struct codec *codec G_GNUC_UNUSED,
+                                 const struct codec_result *result) {
+    const int k = result->clusters, c = result->components;
+    GString *text = g_string_new(NULL);
+    g_string_append_printf(text, "%d %s of %d %s", k, k == 1 ? "cluster" : "clusters", c,
+                           c == 1 ? "component" : "components");
+    if (result->grid > 0)
+        g_string_append_printf(text, " on a grid of %d", result->grid);
+    if (result->levels->len > 1)
+        g_string_append_printf(text, ", %u mip levels", result->levels->len);
+    return g_string_free(text, FALSE);
+}
+
+static gboolean lpca_codec_write(const char *path, gpointer const *levels, int n_levels,
+                                 GError **error) {
+    return lpca_write_levels(path, (struct lpca *const *)levels, n_levels, error);
+}
+
+static gpointer lpca_codec_read(const char *path, GError **error) {
+    return lpca_read(path, error);
+}
+
+static int lpca_codec_count_levels(const struct exr_file *file) {
+    for (int levels = 1;; levels++) {
+        g_autofree char *name = g_strdup_printf("mip%d.clusters", levels);
+        if (!exr_file_part(file, name))
+            return levels;
+    }
+}
+
+static char *lpca_codec_describe_file(const struct exr_file *file) {
+    const struct exr_part *clusters = exr_file_part(file, "clusters");
+    const struct exr_part *scales = exr_file_part(file, "scales");
+    const struct exr_part *views = exr_file_part(file, "views");
+    const struct exr_part *lights = exr_file_part(file, "lights");
+    const char *quantise = "", *colours = "rgb";
+    double error = 0;
+    int grid = 0;
+    if (!clusters || !scales || !views || !lights)
+        return NULL;
+    exr_get_string(clusters, "mesorig.quantise", &quantise, NULL);
+    exr_get_string(clusters, "mesorig.colours", &colours, NULL);
+    exr_get_double(clusters, "mesorig.error", &error, NULL);
+    exr_get_int(clusters, "mesorig.grid", &grid, NULL);
+    GString *text = g_string_new(NULL);
+    g_string_append_printf(text, "local PCA: %d × %d texels, clusters × components %d × %d in %s, ",
+                           clusters->width, clusters->height, scales->width, scales->height - 1,
+                           quantise);
+    if (grid > 0)
+        g_string_append_printf(text, "on a grid of %d", grid);
+    else
+        g_string_append_printf(text, "of %d views × %d lights", views->width, lights->width);
+    g_string_append_printf(text, "%s, mip levels: %d; error %.2f %%",
+                           g_str_equal(colours, "log") ? ", in log-luminance" : "",
+                           lpca_codec_count_levels(file), 100 * error);
+    return g_string_free(text, FALSE);
+}
+
+static void lpca_codec_layout(gconstpointer model, struct material_info *ret) {
+    const struct lpca *lpca = model;
+    MATERIAL_COPY_LAYOUT(ret, lpca);
+}
+
+static gint64 lpca_codec_bytes(gconstpointer model) {
+    return lpca_bytes(model);
+}
+
+static void lpca_codec_reconstruct(gconstpointer model, int texel, float *ret) {
+    lpca_reconstruct(model, texel, ret);
+}
+
+static gboolean lpca_codec_tell_quantised(const struct lpca *lpca, int components,
+                                          const struct btf_matrix *btf, CodecPoint tell,
+                                          gpointer data, GError **error) {
+    static const enum lpca_quantise kinds[] = {LPCA_HALF, LPCA_8BIT, LPCA_8BIT_WEIGHTS};
+    static const char *const series[] = {"local PCA, halves", "local PCA, 8 bits",
+                                         "local PCA, 8-bit weights"};
+    gboolean ok = TRUE;
+    for (gsize i = 0; ok && i < G_N_ELEMENTS(kinds); i++) {
+        struct lpca *fewer = lpca_truncated(lpca, components);
+        lpca_quantise(fewer, kinds[i]);
+        ok = tell(&lpca_codec,
+                  &(struct codec_point){
+                      .series = series[i],
+                      .label = g_strdup_printf("%d × %d", fewer->n_clusters, components),
+                      .bytes = lpca_bytes(fewer),
+                      .error = lpca_error(fewer, btf, 0),
+                  },
+                  data, error);
+        lpca_free(fewer);
+    }
+    return ok;
+}
+
+static gboolean lpca_codec_tell_packed(const struct lpca_packer *packer, double step,
+                                       const struct btf_matrix *btf,
+                                       const struct lpca_options *options, CodecPoint tell,
+                                       gpointer data, GError **error) {
+    struct lpca *lpca = lpca_packer_round(packer, step);
+    const gint64 bytes = lpca_packed_bytes(lpca, error);
+    const int n = lpca->n_components;
+    const gboolean ok =
+        bytes > 0 && lpca_error_shared(lpca, btf, options, error) &&
+        tell(&lpca_codec,
+             &(struct codec_point){
+                 .series = "local PCA, packed",
+                 .label = g_strdup_printf(n > 1 ? "%d components" : "%d component", n),
+                 .bytes = bytes,
+                 .error = lpca->error,
+             },
+             data, error);
+    lpca_free(lpca);
+    return ok;
+}
+
+/* One local PCA is rounded to coarser and finer steps. */
+static gboolean lpca_codec_curve_packed(const struct btf_matrix *btf, const struct work *work,
+                                        CodecPoint tell, gpointer data, GError **error) {
+    const gint64 texels = (gint64)btf->width * btf->height;
+    const gint64 values = 3 * (gint64)btf->n_views * btf->n_lights;
+    const struct lpca_options options = {
+        .n_clusters = 1,
+        .n_components = (int)MIN(LPCA_MAX_PACKED, MIN(texels, values)),
+        .to_pack = TRUE,
+        .work = *work,
+    };
+    struct lpca *exact = lpca_compute(btf, &options, error);
+    if (!exact)
+        return FALSE;
+    struct lpca_packer *packer = lpca_packer_new(exact, 0);
+    const double mean = lpca_mean_size(exact);
+    gboolean ok = TRUE;
+    for (double step = COARSEST; ok && step >= FINEST; step /= 2)
+        ok = lpca_codec_tell_packed(packer, mean > 0 ? step * mean : 1, btf, &options, tell, data,
+                                    error);
+    lpca_packer_free(packer);
+    lpca_free(exact);
+    return ok;
+}
+
+static gboolean lpca_codec_curve(const struct codec *codec G_GNUC_UNUSED,
+                                 const struct btf_matrix *btf, const struct work *work,
+                                 CodecPoint tell, gpointer data, GError **error) {
+    const int most = btf->width * btf->height / TEXELS_A_CLUSTER;
+    const int values = 3 * btf->n_views * btf->n_lights;
+    gboolean ok = TRUE;
+    for (int k = 1; ok && k <= CURVE_CLUSTERS && (k == 1 || k <= most); k *= 4) {
+        const struct lpca_options options = {
+            .n_clusters = k, .n_components = MIN(CURVE_MOST, values), .work = *work};
+        struct lpca *lpca = lpca_compute(btf, &options, error);
+        ok = lpca != NULL;
+        for (int c = 1; ok && c <= lpca->n_components; c *= 2)
+            ok = lpca_codec_tell_quantised(lpca, c, btf, tell, data, error);
+        lpca_free(lpca);
+    }
+    return ok && lpca_codec_curve_packed(btf, work, tell, data, error);
+}
+
+const struct codec lpca_codec = {
+    .name = "lpca",
+    .title = "local PCA",
+    .help = "local PCA of the BRDFs of all texels (Schneider 2004)",
+    .options = lpca_codec_table,
+    .options_size = sizeof(struct lpca_codec_options),
+    .check = lpca_codec_check,
+    .bounded = TRUE,
+    .resumable = TRUE,
+    .encode = lpca_codec_encode,
+    .describe = lpca_codec_describe,
+    .write = lpca_codec_write,
+    .read = lpca_codec_read,
+    .describe_file = lpca_codec_describe_file,
+    .free = lpca_codec_free,
+    .layout = lpca_codec_layout,
+    .bytes = lpca_codec_bytes,
+    .reconstruct = lpca_codec_reconstruct,
+    .curve = lpca_codec_curve,
+};

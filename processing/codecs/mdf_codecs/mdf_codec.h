@@ -1,0 +1,43 @@
+/*
+ * The contract of a codec of distances (MDF), and the table of all there are: as codec/codec.h, for
+ * the distances of a session in place of its BTF.
+ */
+#pragma once
+
+#include "base/options.h"
+#include "base/work.h"
+#include "exr/exr.h"
+#include "mdf/mdf_table.h"
+
+struct mdf_codec_job {
+    const char *from;        /* the file that table was read from */
+    const char *to;          /* the file to write */
+    struct mdf_table *table; /* its n_measured views; encode() may add views behind them */
+    int n_measured;
+    gconstpointer options; /* the struct that the codec's option table describes */
+    const struct work *work;
+};
+
+struct mdf_codec_result {
+    int n_terms, n_traced; /* maps, and views that were traced along the surface; or 0 */
+    gint64 bytes;          /* as a renderer holds them */
+    double error_mm;       /* RMS of what was measured and seen */
+    double most_mm;        /* 99 % of that is off by less */
+};
+
+struct mdf_codec {
+    const char *name;             /* of --method */
+    const char *help;             /* what it is, one sentence without a full stop */
+    const char *kind;             /* mesorig.kind of files that describe_file() takes */
+    const struct option *options; /* as in struct codec */
+    gsize options_size;
+    /* Writes the file; the result begins as 0. */
+    gboolean (*encode)(const struct mdf_codec_job *job, struct mdf_codec_result *ret,
+                       GError **error);
+    /* Of what encode() made, as in "81 views in 4 bit". g_free() */
+    char *(*describe)(const struct mdf_codec_job *job, const struct mdf_codec_result *result);
+    /* One line about a file of which only headers were read; NULL: parts are missing. g_free() */
+    char *(*describe_file)(const struct exr_file *file);
+};
+
+extern const struct mdf_codec *const mdf_codecs[]; /* NULL-ended */

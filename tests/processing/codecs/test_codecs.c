@@ -1,0 +1,121 @@
+/* What the contract promises of every codec in the table. */
+#include "codec/compare.h"
+#include "codecs/codecs.h"
+#include "lib/remove_tree.h"
+#include "lib/waves_fixture.h"
+
+#define WIDTH  6
+#define HEIGHT 5
+#define VIEWS  4
+#define LIGHTS 7
+
+static void test_table(void) {
+    for (gsize i = 0; codecs[i]; i++) {
+        const struct codec *codec = codecs[i];
+        g_assert_true(codecs_find(codec->name) == codec);
+        g_assert_true(codec->title && *codec->title && codec->help && *codec->help);
+        g_assert_true(codec->encode && codec->describe && codec->write && codec->read &&
+                      codec->describe_file && codec->free && codec->layout && codec->bytes &&
+                      codec->reconstruct && codec->curve);
+        for (const struct option *option = codec->options; option->name; option++)
+            g_assert_cmpuint(option->offset, <, codec->options_size);
+    }
+    g_assert_null(codecs_find("wavelets"));
+    g_assert_null(codecs_find(NULL));
+}
+
+/* Encodes with every option at its default, and gives the result and the matrix. */
+static void encode(const struct codec *codec, const struct btf_matrix *btf,
+                   struct codec_result *ret) {
+    static const struct work quiet;
+    g_autoptr(GError) error = NULL;
+    g_autofree gpointer options = g_malloc0(codec->options_size);
+    options_defaults(codec->options, options);
+    const struct codec_job job = {.btf = btf, .options = options, .work = &quiet};
+    *ret = (struct codec_result){0};
+    g_assert_true(codec->encode(codec, &job, ret, &error));
+    g_assert_no_error(error);
+    g_assert_nonnull(ret->levels);
+    g_assert_cmpuint(ret->levels->len, ==, 1);
+}
+
+/* The errors that a codec tells are those of what its file gives back. */
+static void assert_errors(const struct codec *codec, gconstpointer model,
+                          const struct btf_matrix *btf, const struct codec_result *result) {
+    g_autoptr(GError) error = NULL;
+    double found, luminance;
+    g_assert_true(compare_model(codec, model, btf, NULL, &found, &luminance, &error));
+    g_assert_no_error(error);
+    g_assert_cmpfloat_with_epsilon(found, result->error, 1e-3);
+    if (result->luminance_error >= 0)
+        g_assert_cmpfloat_with_epsilon(luminance, result->luminance_error, 1e-3);
+}
+
+static void test_round_trip(gconstpointer data) {
+    const struct codec *codec = data;
+    g_autofree char *folder = g_dir_make_tmp("codecs-XXXXXX", NULL);
+    g_autofree char *path = g_build_filename(folder, "x.exr", NULL);
+    g_autoptr(GError) error = NULL;
+    struct btf_matrix *btf = waves_fixture_new(WIDTH, HEIGHT, VIEWS, LIGHTS, 0.002, FALSE);
+    struct codec_result result;
+    encode(codec, btf, &result);
+    g_autofree char *described = codec->describe(codec, &result);
+    g_assert_true(described && *described);
+    g_assert_true(codec->write(path, result.levels->pdata, 1, &error));
+    g_assert_no_error(error);
+    g_autoptr(Material) material = material_open(path, NULL, &error);
+    g_assert_no_error(error);
+    const struct material_info *info = material_info(material);
+    g_assert_cmpstr(info->kind, ==, codec->name);
+    g_assert_cmpint(info->width * info->height, ==, WIDTH * HEIGHT);
+    g_assert_cmpint(info->n_views, ==, VIEWS);
+    g_assert_cmpint(info->n_lights, ==, LIGHTS);
+    g_assert_cmpint(info->bytes, ==, codec->bytes(result.levels->pdata[0]));
+    gpointer model = codec->read(path, &error);
+    g_assert_no_error(error);
+    assert_errors(codec, model, btf, &result);
+    codec->free(model);
+    struct exr_file *file = exr_read_headers(path, &error);
+    g_assert_no_error(error);
+    g_autofree char *of_file = codec->describe_file(file);
+    g_assert_true(of_file && *of_file);
+    exr_file_free(file);
+    g_ptr_array_unref(result.levels);
+    btf_matrix_free(btf);
+    remove_tree(folder);
+}
+
+/* Options as the command line writes them. */
+static void test_options(void) {
+    const struct option share = {.name = "error", .type = OPTION_SHARE};
+    const struct option bytes = {.name = "size", .type = OPTION_BYTES};
+    static const char *const shares[] = {"2%", "0.02", "2.0%"};
+    static const char *const no_shares[] = {"", "%", "0", "100%", "1", "-2%", "2%%", "two", "nan"};
+    static const char *const sizes[] = {"20000000", "20MB", "20 MB", "0.02GB", "20000kB"};
+    static const char *const no_sizes[] = {"", "0", "-1MB", "20mb", "MB", "1e9GB", "nan"};
+    double value;
+    gint64 size;
+    for (gsize i = 0; i < G_N_ELEMENTS(shares); i++) {
+        g_assert_true(options_set(&share, shares[i], &value, NULL));
+        g_assert_cmpfloat_with_epsilon(value, 0.02, 1e-12);
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(sizes); i++) {
+        g_assert_true(options_set(&bytes, sizes[i], &size, NULL));
+        g_assert_cmpint(size, ==, 20000000);
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(no_shares); i++)
+        g_assert_false(options_set(&share, no_shares[i], &value, NULL));
+    for (gsize i = 0; i < G_N_ELEMENTS(no_sizes); i++)
+        g_assert_false(options_set(&bytes, no_sizes[i], &size, NULL));
+}
+
+int main(int argc, char **argv) {
+    g_test_init(&argc, &argv, NULL);
+    g_test_add_func("/codecs/table", test_table);
+    g_test_add_func("/codecs/options", test_options);
+    for (gsize i = 0; codecs[i]; i++) {
+        g_autofree char *path = g_strdup_printf("/codecs/round-trip/%s", codecs[i]->name);
+        g_test_add_data_func(path, codecs[i], test_round_trip);
+    }
+    return g_test_run();
+}
