@@ -53,5 +53,7 @@ static int cli_board_run(const struct command *command, int argc, char **argv) {
     return CLI_DONE;
 }
 
-const struct command cli_board = {"board", "FILE.svg|FILE.pdf|FILE.png",
-                                  "Draw a calibration board to print.", cli_board_run};
+const struct command cli_board = {.name = "board",
+                                  .arguments = "FILE.svg|FILE.pdf|FILE.png",
+                                  .help = "Draw a calibration board to print.",
+                                  .run_arguments = cli_board_run};

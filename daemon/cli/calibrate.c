@@ -113,11 +113,13 @@ static int cli_calibrate_run(const struct command *command, int argc, char **arg
     }
     for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
         if (strcmp(commands[i]->name + strlen("calibrate "), argv[1]) == 0)
-            return commands[i]->run(commands[i], argc - 1, argv + 1);
+            return cli_run(commands[i], argc - 1, argv + 1);
     return cli_usage(
         command, "“%s” cannot be calibrated; “mesorig calibrate --help” lists what can", argv[1]);
 }
 
 const struct command cli_calibrate = {
-    "calibrate", "WHAT …", "Find out where cameras, lamps and lasers are, from pictures.",
-    cli_calibrate_run};
+    .name = "calibrate",
+    .arguments = "WHAT …",
+    .help = "Find out where cameras, lamps and lasers are, from pictures.",
+    .run_arguments = cli_calibrate_run};

@@ -304,8 +304,10 @@ static int cli_calibrate_cameras_run(const struct command *command, int argc, ch
     return code;
 }
 
-const struct command calibrate_cameras = {"calibrate cameras", "SESSION… --board BOARD -o FILE",
-                                          "Find out where cameras and the turntable's axis are, "
-                                          "from sessions of a board: one flat on the "
-                                          "turntable, others leaning.",
-                                          cli_calibrate_cameras_run};
+const struct command calibrate_cameras = {
+    .name = "calibrate cameras",
+    .arguments = "SESSION… --board BOARD -o FILE",
+    .help = "Find out where cameras and the turntable's axis are, "
+            "from sessions of a board: one flat on the "
+            "turntable, others leaning.",
+    .run_arguments = cli_calibrate_cameras_run};

@@ -69,6 +69,7 @@ static int cli_calibrate_colour_run(const struct command *command, int argc, cha
 }
 
 const struct command calibrate_colour = {
-    "calibrate colour", "SESSION --chart FILE -o FILE",
-    "Find the colour matrix of the cameras, from a captured and processed colour chart.",
-    cli_calibrate_colour_run};
+    .name = "calibrate colour",
+    .arguments = "SESSION --chart FILE -o FILE",
+    .help = "Find the colour matrix of the cameras, from a captured and processed colour chart.",
+    .run_arguments = cli_calibrate_colour_run};

@@ -377,7 +377,8 @@ static int cli_calibrate_laser_run(const struct command *command, int argc, char
     return code;
 }
 
-const struct command calibrate_laser = {"calibrate laser", "SESSION SESSION… -o FILE",
-                                        "Find out how the laser sheets lie and sweep, from "
-                                        "sessions of flat plates of different height.",
-                                        cli_calibrate_laser_run};
+const struct command calibrate_laser = {.name = "calibrate laser",
+                                        .arguments = "SESSION SESSION… -o FILE",
+                                        .help = "Find out how the laser sheets lie and sweep, from "
+                                                "sessions of flat plates of different height.",
+                                        .run_arguments = cli_calibrate_laser_run};

@@ -432,6 +432,7 @@ static int cli_calibrate_lights_run(const struct command *command, int argc, cha
 }
 
 const struct command calibrate_lights = {
-    "calibrate lights", "SESSION --target FILE -o FILE",
-    "Find out where lamps and the arc's axis are, from a session of posts or of balls.",
-    cli_calibrate_lights_run};
+    .name = "calibrate lights",
+    .arguments = "SESSION --target FILE -o FILE",
+    .help = "Find out where lamps and the arc's axis are, from a session of posts or of balls.",
+    .run_arguments = cli_calibrate_lights_run};

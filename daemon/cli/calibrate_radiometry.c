@@ -162,6 +162,7 @@ static int cli_calibrate_radiometry_run(const struct command *command, int argc,
 }
 
 const struct command calibrate_radiometry = {
-    "calibrate radiometry", "SESSION --reflectance R -o FILE",
-    "Find out how bright cameras see and lamps shine, from a session of a white tile.",
-    cli_calibrate_radiometry_run};
+    .name = "calibrate radiometry",
+    .arguments = "SESSION --reflectance R -o FILE",
+    .help = "Find out how bright cameras see and lamps shine, from a session of a white tile.",
+    .run_arguments = cli_calibrate_radiometry_run};

@@ -363,6 +363,7 @@ static int cli_calibrate_report_run(const struct command *command, int argc, cha
     return CLI_DONE;
 }
 
-const struct command calibrate_report = {"calibrate report", "FILE -o FILE.html",
-                                         "Draw what a calibration file says, as a page.",
-                                         cli_calibrate_report_run};
+const struct command calibrate_report = {.name = "calibrate report",
+                                         .arguments = "FILE -o FILE.html",
+                                         .help = "Draw what a calibration file says, as a page.",
+                                         .run_arguments = cli_calibrate_report_run};

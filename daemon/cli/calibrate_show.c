@@ -182,5 +182,7 @@ static int cli_calibrate_show_run(const struct command *command, int argc, char 
     return CLI_DONE;
 }
 
-const struct command calibrate_show = {
-    "calibrate show", "FILE", "Print what a calibration file says.", cli_calibrate_show_run};
+const struct command calibrate_show = {.name = "calibrate show",
+                                       .arguments = "FILE",
+                                       .help = "Print what a calibration file says.",
+                                       .run_arguments = cli_calibrate_show_run};

@@ -187,8 +187,12 @@ static int run_resume(const struct command *command, int argc, char **argv) {
     return rig ? cli_capture_run(rig, NULL, directory) : cli_fail(error);
 }
 
-const struct command cli_capture = {"capture", "RIG SESSION -o DIR",
-                                    "Capture a session, or begin to, and show how it goes.",
-                                    run_capture};
-const struct command cli_resume = {
-    "resume", "DIR", "Go on with a session: exactly what is missing is taken.", run_resume};
+const struct command cli_capture = {.name = "capture",
+                                    .arguments = "RIG SESSION -o DIR",
+                                    .help = "Capture a session, or begin to, and show how it goes.",
+                                    .run_arguments = run_capture};
+const struct command cli_resume = {.name = "resume",
+                                   .arguments = "DIR",
+                                   .help =
+                                       "Go on with a session: exactly what is missing is taken.",
+                                   .run_arguments = run_resume};

@@ -169,5 +169,7 @@ static int cli_check_run(const struct command *command, int argc, char **argv) {
 }
 
 const struct command cli_check = {
-    "check", "DIR", "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
-    cli_check_run};
+    .name = "check",
+    .arguments = "DIR",
+    .help = "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
+    .run_arguments = cli_check_run};

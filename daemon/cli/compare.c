@@ -240,6 +240,7 @@ static int cli_compare_run(const struct command *command, int argc, char **argv)
     return ok ? CLI_DONE : cli_fail(error);
 }
 
-const struct command cli_compare = {"compare", "A B | DIR --curve FILE",
-                                    "Compare two materials, or all models of one.",
-                                    cli_compare_run};
+const struct command cli_compare = {.name = "compare",
+                                    .arguments = "A B | DIR --curve FILE",
+                                    .help = "Compare two materials, or all models of one.",
+                                    .run_arguments = cli_compare_run};

@@ -640,5 +640,7 @@ static int cli_compress_run(const struct command *command, int argc, char **argv
     return ok ? CLI_DONE : cli_fail(error);
 }
 
-const struct command cli_compress = {
-    "compress", "DIR", "Compress the BTF of a session, or its MDF.", cli_compress_run};
+const struct command cli_compress = {.name = "compress",
+                                     .arguments = "DIR",
+                                     .help = "Compress the BTF of a session, or its MDF.",
+                                     .run_arguments = cli_compress_run};

@@ -132,12 +132,28 @@ static int run_safe(const struct command *command, int argc, char **argv) {
                     "lamps and lasers were told to be off, axes to stop");
 }
 
-const struct command cli_status = {"status", "[DIR]", "Show what the rig does.", run_status};
-const struct command cli_watch = {"watch", "[DIR]", "Follow a capture until it ends.", run_watch};
-const struct command cli_pause = {"pause", "[DIR]", "Pause after the shot under way.", run_pause};
-const struct command cli_continue = {"continue", "[DIR]", "Go on after a pause or a fault.",
-                                     run_continue};
-const struct command cli_abort = {"abort", "[DIR]", "End a capture now; it can be resumed.",
-                                  run_abort};
-const struct command cli_safe = {
-    "safe", "[DIR]", "End what is under way; lamps and lasers off, axes stopped.", run_safe};
+const struct command cli_status = {.name = "status",
+                                   .arguments = "[DIR]",
+                                   .help = "Show what the rig does.",
+                                   .run_arguments = run_status};
+const struct command cli_watch = {.name = "watch",
+                                  .arguments = "[DIR]",
+                                  .help = "Follow a capture until it ends.",
+                                  .run_arguments = run_watch};
+const struct command cli_pause = {.name = "pause",
+                                  .arguments = "[DIR]",
+                                  .help = "Pause after the shot under way.",
+                                  .run_arguments = run_pause};
+const struct command cli_continue = {.name = "continue",
+                                     .arguments = "[DIR]",
+                                     .help = "Go on after a pause or a fault.",
+                                     .run_arguments = run_continue};
+const struct command cli_abort = {.name = "abort",
+                                  .arguments = "[DIR]",
+                                  .help = "End a capture now; it can be resumed.",
+                                  .run_arguments = run_abort};
+const struct command cli_safe = {.name = "safe",
+                                 .arguments = "[DIR]",
+                                 .help =
+                                     "End what is under way; lamps and lasers off, axes stopped.",
+                                 .run_arguments = run_safe};

@@ -155,4 +155,7 @@ static int run_devices(const struct command *command, int argc, char **argv) {
 }
 
 const struct command cli_devices = {
-    "devices", "", "List what is on the buses, and the sections that would use it.", run_devices};
+    .name = "devices",
+    .arguments = "",
+    .help = "List what is on the buses, and the sections that would use it.",
+    .run_arguments = run_devices};

@@ -137,7 +137,9 @@ static int cli_export_run(const struct command *command, int argc, char **argv) 
 }
 
 const struct command cli_export = {
-    "export", "KIND DIR -o FILE",
-    "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), points (of "
-    "the structure, with normals: PLY), height, normals (maps: EXR).",
-    cli_export_run};
+    .name = "export",
+    .arguments = "KIND DIR -o FILE",
+    .help = "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), "
+            "points (of "
+            "the structure, with normals: PLY), height, normals (maps: EXR).",
+    .run_arguments = cli_export_run};

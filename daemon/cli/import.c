@@ -200,9 +200,11 @@ static int cli_import_run(const struct command *command, int argc, char **argv) 
     return CLI_DONE;
 }
 
-const struct command cli_import = {"import", "KIND SOURCE -o DIR",
-                                   "Make a session of what others have measured. KIND: btf (a file "
-                                   "of Bonn's), pictures (a folder, "
-                                   "names with tl… pl… tv… pv…), rti (an .lp list of lights), "
-                                   "poses (a table of pictures and poses).",
-                                   cli_import_run};
+const struct command cli_import = {
+    .name = "import",
+    .arguments = "KIND SOURCE -o DIR",
+    .help = "Make a session of what others have measured. KIND: btf (a file "
+            "of Bonn's), pictures (a folder, "
+            "names with tl… pl… tv… pv…), rti (an .lp list of lights), "
+            "poses (a table of pictures and poses).",
+    .run_arguments = cli_import_run};

@@ -490,5 +490,7 @@ static int cli_info_run(const struct command *command, int argc, char **argv) {
     return session ? info_session(path) : info_exr(path);
 }
 
-const struct command cli_info = {"info", "FILE|DIR", "Show what a session or an EXR holds.",
-                                 cli_info_run};
+const struct command cli_info = {.name = "info",
+                                 .arguments = "FILE|DIR",
+                                 .help = "Show what a session or an EXR holds.",
+                                 .run_arguments = cli_info_run};

@@ -84,7 +84,11 @@ static int run_drivers(const struct command *command, int argc, char **argv) {
     return CLI_DONE;
 }
 
-const struct command cli_plan = {"plan", "RIG SESSION",
-                                 "Check a session, and predict its order and time.", run_plan};
-const struct command cli_drivers = {"drivers", "[NAME]",
-                                    "List drivers and what they take in a rig file.", run_drivers};
+const struct command cli_plan = {.name = "plan",
+                                 .arguments = "RIG SESSION",
+                                 .help = "Check a session, and predict its order and time.",
+                                 .run_arguments = run_plan};
+const struct command cli_drivers = {.name = "drivers",
+                                    .arguments = "[NAME]",
+                                    .help = "List drivers and what they take in a rig file.",
+                                    .run_arguments = run_drivers};

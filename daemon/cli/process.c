@@ -159,5 +159,7 @@ static int cli_process_run(const struct command *command, int argc, char **argv)
     return code;
 }
 
-const struct command cli_process = {"process", "DIR", "Make BTF, MDF and eigen-maps of a session.",
-                                    cli_process_run};
+const struct command cli_process = {.name = "process",
+                                    .arguments = "DIR",
+                                    .help = "Make BTF, MDF and eigen-maps of a session.",
+                                    .run_arguments = cli_process_run};

@@ -190,8 +190,9 @@ static int cli_resample_run(const struct command *command, int argc, char **argv
     return CLI_DONE;
 }
 
-const struct command cli_resample = {
-    "resample", "DIR -o DIR",
-    "Make a session whose BTF has the same directions for all texels, and say how far to believe "
-    "it.",
-    cli_resample_run};
+const struct command cli_resample = {.name = "resample",
+                                     .arguments = "DIR -o DIR",
+                                     .help = "Make a session whose BTF has the same directions for "
+                                             "all texels, and say how far to believe "
+                                             "it.",
+                                     .run_arguments = cli_resample_run};

@@ -188,5 +188,7 @@ static int cli_verify_run(const struct command *command, int argc, char **argv) 
 }
 
 const struct command cli_verify = {
-    "verify", "DIR", "Compare every file of a session with its checksum; say what repairs it.",
-    cli_verify_run};
+    .name = "verify",
+    .arguments = "DIR",
+    .help = "Compare every file of a session with its checksum; say what repairs it.",
+    .run_arguments = cli_verify_run};
