@@ -31,6 +31,15 @@ void record_variant(Record *to, const char *key, GVariant *value) {
     g_variant_builder_add(&to->values, "{sv}", key, value);
 }
 
+void record_variants(Record *to, GVariant *values) {
+    GVariantIter iter;
+    const char *key;
+    GVariant *value;
+    g_variant_iter_init(&iter, values);
+    while (g_variant_iter_loop(&iter, "{&sv}", &key, &value))
+        record_variant(to, key, value);
+}
+
 void record_string(Record *to, const char *key, const char *value) {
     g_autofree char *valid = g_utf8_make_valid(value ? value : "", -1);
     record_variant(to, key, g_variant_new_string(valid));

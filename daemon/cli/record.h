@@ -19,6 +19,7 @@ void record_double(Record *to, const char *key, double value);
 void record_doubles(Record *to, const char *key, const double *values, int n);
 void record_boolean(Record *to, const char *key, gboolean value);
 void record_variant(Record *to, const char *key, GVariant *value); /* takes a floating reference */
+void record_variants(Record *to, GVariant *values);                /* each of an "a{sv}" */
 
 /* Begins a list of records, or a record within this one; in a list its key is NULL. Values that
  * follow belong to it, until record_end(). */
