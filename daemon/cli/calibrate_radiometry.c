@@ -1,58 +1,26 @@
 /* calibrate radiometry: cameras, lamps and marks from a captured white tile. */
 #include "calibrate.h"
 #include "targets/tile_session.h"
-#include "work.h"
 
 #include <string.h>
 
-static char *reflectance_option, *tile_option, *output_option, *calibration_option;
+static char *reflectance_option, *tile_option;
 static const GOptionEntry entries[] = {
     {"reflectance", 'r', 0, G_OPTION_ARG_STRING, &reflectance_option,
      "Of the tile, as its maker says: one number, or three for red, green and blue", "R[;G;B]"},
     {"tile", 't', 0, G_OPTION_ARG_STRING, &tile_option,
      "Its size in mm, if it is not that of the session's sample", "WxH"},
-    {"output", 'o', 0, G_OPTION_ARG_FILENAME, &output_option, "Write the calibration here", "FILE"},
-    {"calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibration_option,
-     "Start from this calibration: of its geometry the light follows. Default: the file that is "
-     "written, if it is there; else that of the session",
-     "FILE"},
+    CALIBRATE_OUTPUT("Write the calibration here"),
+    CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
+                   "file that is written, if it is there; else that of the session"),
     {NULL},
 };
 
 struct job {
-    Session *session;
-    struct calibration *calibration;
+    struct calibrate_job base;
     struct tile_options options;
     struct tile_result result;
 };
-
-static gboolean cli_calibrate_radiometry_work(const struct work *work, gpointer data,
-                                              GError **error) {
-    struct job *job = data;
-    job->options.work = work;
-    return tile_session(job->session, job->calibration, &job->options, &job->result, error) &&
-           calibration_write(job->calibration, output_option, error);
-}
-
-static void cli_calibrate_radiometry_tell_json(const struct job *job, double seconds) {
-    const struct calibration_part *part = &job->calibration->parts[CALIBRATION_RADIOMETRY];
-    const struct tile_result *r = &job->result;
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output_option));
-    g_variant_builder_add(&builder, "{sv}", "pictures", g_variant_new_int32(r->pictures));
-    g_variant_builder_add(&builder, "{sv}", "rejected",
-                          g_variant_new_strv((const char *const *)part->rejected->pdata,
-                                             (gssize)part->rejected->len));
-    g_variant_builder_add(&builder, "{sv}", "cells", g_variant_new_int32(r->cells));
-    g_variant_builder_add(&builder, "{sv}", "residual", g_variant_new_double(r->residual));
-    g_variant_builder_add(&builder, "{sv}", "quality", g_variant_new_double(r->quality));
-    g_variant_builder_add(&builder, "{sv}", "drift", g_variant_new_double(r->drift));
-    g_variant_builder_add(&builder, "{sv}", "marks", g_variant_new_int32(r->marks));
-    g_variant_builder_add(&builder, "{sv}", "sensors", g_variant_new_int32(r->transfers));
-    g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
-    cli_print_json(g_variant_builder_end(&builder));
-}
 
 /* What the user should know of a sensor that is not as it should be. */
 static void warn_of_sensors(const struct calibration *calibration) {
@@ -65,23 +33,30 @@ static void warn_of_sensors(const struct calibration *calibration) {
     }
 }
 
-static void cli_calibrate_radiometry_tell(const struct job *job, double seconds) {
-    const struct calibration_part *part = &job->calibration->parts[CALIBRATION_RADIOMETRY];
-    const struct tile_result *r = &job->result;
-    if (cli_json) {
-        cli_calibrate_radiometry_tell_json(job, seconds);
-        return;
-    }
-    g_print("%s: %d pictures of the tile, %.2f %% RMS", output_option, r->pictures,
-            100 * r->residual);
+static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job *base) {
+    const struct calibration *calibration = base->calibration;
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_RADIOMETRY];
+    const struct tile_result *r = &((const struct job *)base)->result;
+    record_int(to, "pictures", r->pictures);
+    record_strings(to, "rejected", part->rejected);
+    record_int(to, "cells", r->cells);
+    record_double(to, "residual", r->residual);
+    record_double(to, "quality", r->quality);
+    record_double(to, "drift", r->drift);
+    record_int(to, "marks", r->marks);
+    record_int(to, "sensors", r->transfers);
+    record_double(to, "real_s", base->seconds);
+    record_say(to, "%s: %d pictures of the tile, %.2f %% RMS", calibrate_output, r->pictures,
+               100 * r->residual);
     if (part->rejected->len)
-        g_print("; %u pictures are of no use", part->rejected->len);
-    g_print(
-        "\nlamps drifted by %.2f %% meanwhile; %d of %d marks and the noise of %d of %d cameras "
-        "are calibrated as well\nmesorig calibrate show %s tells more\n",
-        100 * r->drift, r->marks, job->calibration->rig.n_marks, r->transfers,
-        job->calibration->rig.n_cameras, output_option);
-    warn_of_sensors(job->calibration);
+        record_say(to, "; %u pictures are of no use", part->rejected->len);
+    record_say(to,
+               "\nlamps drifted by %.2f %% meanwhile; %d of %d marks and the noise of %d of %d "
+               "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",
+               100 * r->drift, r->marks, calibration->rig.n_marks, r->transfers,
+               calibration->rig.n_cameras, calibrate_output);
+    if (!cli_json)
+        warn_of_sensors(calibration);
 }
 
 static gboolean parse_reflectance(double ret[3]) {
@@ -110,59 +85,52 @@ static gboolean parse_tile(struct tile_options *ret) {
 }
 
 /* Marks that the rig file knows of, where the calibration is older than they are. */
-static gboolean cli_calibrate_radiometry_begin(struct job *job, GError **error) {
-    const char *from = calibration_option ? calibration_option : output_option;
-    g_autofree char *text = session_text(job->session, "calibration.conf", error);
+static Session *cli_calibrate_radiometry_begin(struct calibrate_job *job, GError **error) {
+    const char *from = calibrate_from ? calibrate_from : calibrate_output;
     struct rig own;
-    if (calibration_option && !g_file_test(calibration_option, G_FILE_TEST_EXISTS)) {
-        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: no such file",
-                    calibration_option);
-        return FALSE;
-    }
-    if (!text || !rig_from_text(&own, text, session_path(job->session), error) ||
-        !(job->calibration = calibrate_begin(from, job->session, error)))
-        return FALSE;
+    g_autoptr(Session) session = calibrate_open(job, 0, from, error);
+    g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
+    if (!text || !rig_from_text(&own, text, session_path(session), error))
+        return NULL;
     struct rig *rig = &job->calibration->rig;
     if (rig->n_marks == 0) {
         memcpy(rig->marks, own.marks, sizeof rig->marks);
         rig->n_marks = own.n_marks;
     }
-    return TRUE;
+    return g_steal_pointer(&session);
 }
 
-static int cli_calibrate_radiometry_run_job(const char *path) {
-    g_autoptr(GError) error = NULL;
+static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError **error) {
+    struct job *job = (struct job *)base;
+    if (calibrate_from && !g_file_test(calibrate_from, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: no such file", calibrate_from);
+        return FALSE;
+    }
+    g_autoptr(Session) session = cli_calibrate_radiometry_begin(base, error);
+    job->options.work = base->work;
+    return session && tile_session(session, base->calibration, &job->options, &job->result, error);
+}
+
+static int cli_calibrate_radiometry_run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {cli_calibrate_radiometry_find,
+                                                   cli_calibrate_radiometry_tell};
     struct job job = {0};
-    double seconds = 0;
-    parse_reflectance(job.options.reflectance);
-    parse_tile(&job.options);
-    job.session = session_open(path, SESSION_READ, &error);
-    const gboolean ok = job.session && cli_calibrate_radiometry_begin(&job, &error) &&
-                        cli_work_run(cli_calibrate_radiometry_work, &job, &seconds, &error);
-    if (ok)
-        cli_calibrate_radiometry_tell(&job, seconds);
-    session_close(job.session);
-    calibration_free(job.calibration);
-    return ok ? CLI_DONE : cli_fail(error);
-}
-
-static int cli_calibrate_radiometry_run(const struct command *command, int argc, char **argv) {
-    double reflectance[3];
-    struct tile_options tile = {0};
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
-    if (!reflectance_option || !parse_reflectance(reflectance))
-        return cli_usage(command, "how much does the tile reflect? Give --reflectance, a number "
-                                  "such as 0.98, or three separated by ';'");
-    if (!parse_tile(&tile))
-        return cli_usage(command, "how large is the tile? Give --tile as 50x50, in mm");
-    if (!output_option)
-        return cli_usage(command, "where to? Give -o FILE");
-    return cli_calibrate_radiometry_run_job(argv[1]);
+    if (!reflectance_option || !parse_reflectance(job.options.reflectance))
+        return cli_usage(call->command,
+                         "how much does the tile reflect? Give --reflectance, a number "
+                         "such as 0.98, or three separated by ';'");
+    if (!parse_tile(&job.options))
+        return cli_usage(call->command, "how large is the tile? Give --tile as 50x50, in mm");
+    if (!calibrate_output)
+        return cli_usage(call->command, "where to? Give -o FILE");
+    return calibrate_run(call, &method, &job.base, error);
 }
 
 const struct command calibrate_radiometry = {
     .name = "calibrate radiometry",
     .arguments = "SESSION --reflectance R -o FILE",
     .help = "Find out how bright cameras see and lamps shine, from a session of a white tile.",
-    .run_arguments = cli_calibrate_radiometry_run};
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = cli_calibrate_radiometry_run};
