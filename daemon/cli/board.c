@@ -1,6 +1,6 @@
 /* board: calibration boards to print. */
 #include "cameras/board.h"
-#include "cli.h"
+#include "command/cli.h"
 
 static char *board_option;
 static double margin_mm, pixels_a_mm = 10;

@@ -1,10 +1,10 @@
 /* check: whether what was measured can be: energy, reciprocity, views that agree on the surface. */
 #include "check.h"
 #include "base/data_error.h"
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "mdf/mdf_views.h"
 #include "session/session.h"
-#include "work.h"
 
 struct check {
     const char *path, *plot;

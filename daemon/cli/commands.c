@@ -1,5 +1,7 @@
 /* The table of commands, and how one of them is found. */
-#include "cli.h"
+#include "commands.h"
+
+#include "calibrate/calibrate.h"
 
 #include <string.h>
 

@@ -1,11 +1,11 @@
 /* compare: how far two forms of a material are from each other, or all models of one. */
 #include "base/data_error.h"
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "curve.h"
 #include "formats/compare_pictures.h"
 #include "plan/report.h"
 #include "plot.h"
-#include "work.h"
 
 #include <math.h>
 

@@ -5,7 +5,8 @@
 
 #include "base/file_lock.h"
 #include "base/new_file.h"
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "eigenmaps/eigenmaps.h"
 #include "exr/exr.h"
 #include "lobes/lobes_levels.h"
@@ -16,7 +17,6 @@
 #include "lpca/lpca_resample.h"
 #include "mdf_codecs/mdf_factors.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <glib/gstdio.h>
 #include <math.h>

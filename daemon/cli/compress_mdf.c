@@ -1,12 +1,12 @@
 /* compress --method=mdf: the distances of a session in fewer bytes. */
 #include "base/file_lock.h"
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "compress.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
 #include "mdf_codecs/mdf_packed.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <glib/gstdio.h>
 

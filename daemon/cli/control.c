@@ -1,8 +1,8 @@
 /* status, watch, pause, continue, abort, safe: of what a daemon does. */
-#include "cli.h"
+#include "command/link.h"
+#include "command/monitor.h"
+#include "commands.h"
 #include "info.h"
-#include "link.h"
-#include "monitor.h"
 #include "plan/report.h"
 
 /* NULL: none was given. g_free(). */

@@ -1,5 +1,5 @@
 /* devices: what is on the buses, and which section of a rig file would use it. */
-#include "cli.h"
+#include "command/cli.h"
 #include "rig/finder.h"
 
 #include <string.h>

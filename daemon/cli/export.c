@@ -1,9 +1,9 @@
 /* export: what a session has become, for other programs. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "formats/export_surface.h"
 #include "lpca/lpca.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <string.h>
 

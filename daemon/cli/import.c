@@ -1,8 +1,8 @@
 /* import: other people's measurements, made into a session. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "formats/import_poses.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -2,7 +2,7 @@
 #include "info.h"
 
 #include "btf/btf.h"
-#include "cli.h"
+#include "command/cli.h"
 #include "exr/exr.h"
 #include "history.h"
 #include "lobes/lobes.h"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "record.h"
+#include "command/record.h"
 
 /* Tells what is in a session directory. */
 gboolean info_session(const char *directory, Record *to, GError **error);

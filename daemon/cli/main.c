@@ -1,6 +1,6 @@
 /* mesorig: the command line. */
 #include "bus/bus_errors.h"
-#include "cli.h"
+#include "commands.h"
 
 #include <locale.h>
 

@@ -1,7 +1,7 @@
 /* plan and drivers: what would be done, and with what. */
 #include "capture/capture.h"
-#include "cli.h"
-#include "link.h"
+#include "command/cli.h"
+#include "command/link.h"
 #include "plan/report.h"
 #include "rig/devices.h"
 

@@ -3,11 +3,11 @@
 #include "pipeline/pipeline.h"
 
 #include "calibration/calibration.h"
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "plan/report.h"
 #include "rig/devices.h"
 #include "session/session.h"
-#include "work.h"
 
 static void tell_lines(Record *to, const struct pipeline_result *result) {
     if (result->line_sweeps == 0)

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "record.h"
+#include "command/record.h"
 
 /* Makes the products of a session, with progress. Returns an exit code; error is set if it failed.
  */

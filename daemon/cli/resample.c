@@ -1,8 +1,8 @@
 /* resample: a BTF in directions that are the same for all texels. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "pipeline/near_field_correction.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 /* verify: whether every file of a session still is what was committed, and what mends it. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "session/session.h"
-#include "work.h"
 
 #include <glib/gstdio.h>
 #include <string.h>

@@ -8,9 +8,11 @@
 
 #include "base/work.h"
 #include "calibration/calibration.h"
-#include "cli.h"
+#include "command/cli.h"
 #include "pictures/picture.h"
 #include "session/session.h"
+
+extern const struct command cli_calibrate;
 
 /* Their names are "calibrate NAME", so that cli_parse() and cli_usage() speak of that. */
 extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser,

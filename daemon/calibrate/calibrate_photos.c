@@ -2,10 +2,10 @@
 #include "calibrate_photos.h"
 
 #include "calibrate.h"
+#include "command/work.h"
 #include "lamps/ball_outline.h"
 #include "lamps/highlights.h"
 #include "pictures/vision.h"
-#include "work.h"
 
 #include <math.h>
 #include <string.h>

@@ -31,14 +31,6 @@ struct command {
 /* Parses the options, runs the command, and prints its record or its error. An exit code. */
 int cli_run(const struct command *command, int argc, char **argv);
 
-/* All of mesorig: finds the command and runs it. An exit code. */
-int cli_main(int argc, char **argv);
-
-extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_watch, cli_pause,
-    cli_continue, cli_abort, cli_safe, cli_process, cli_compress, cli_compare, cli_check,
-    cli_calibrate, cli_board, cli_info, cli_drivers, cli_devices, cli_import, cli_export,
-    cli_resample, cli_verify;
-
 extern gboolean cli_json; /* --json was given */
 
 /* --address and --bus, for commands that talk to a daemon. */

@@ -1,8 +1,8 @@
 /* calibrate: one subcommand a file, calibrate_*.c. */
 #include "calibrate.h"
 
+#include "command/work.h"
 #include "exr/exr.h"
-#include "work.h"
 
 #include <string.h>
 

@@ -1,7 +1,7 @@
 /* calibrate lights --images: no rig, photographs with balls in them. */
 #pragma once
 
-#include "record.h"
+#include "command/record.h"
 
 extern char *photos_folder, **photos_balls;
 extern double photos_radius_mm;
