@@ -1,9 +1,9 @@
 /* board: calibration boards to print. */
 #include "cameras/board.h"
-#include "cli.h"
+#include "command/cli.h"
 
 static char *board_option;
-static double margin_mm, pixels_a_mm;
+static double margin_mm, pixels_a_mm = 10;
 static const GOptionEntry entries[] = {
     {"board", 'b', 0, G_OPTION_ARG_STRING, &board_option,
      "Squares across and down, their size and their markers', in mm; without marker a chessboard",
@@ -15,43 +15,40 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static void cli_board_tell(const struct board *board, const char *path) {
+static void cli_board_tell(Record *to, const struct board *board, const char *path) {
     g_autofree char *spec = board_spec(board);
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(path));
-        g_variant_builder_add(&builder, "{sv}", "board", g_variant_new_string(spec));
-        g_variant_builder_add(&builder, "{sv}", "corners",
-                              g_variant_new_int32(board_n_corners(board)));
-        cli_print_json(g_variant_builder_end(&builder));
-    } else {
-        g_print("%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
-                "measure some squares, and give what you measured:\n  --board %s\n",
-                path, board->columns * board->square_mm, board->rows * board->square_mm,
-                board_n_corners(board), spec);
-    }
+    const int corners = board_n_corners(board);
+    record_string(to, "file", path);
+    record_string(to, "board", spec);
+    record_int(to, "corners", corners);
+    record_say(to,
+               "%s: %g × %g mm, %d corners\nPrint it at its true size, glue it to something flat, "
+               "measure some squares, and give what you measured:\n  --board %s\n",
+               path, board->columns * board->square_mm, board->rows * board->square_mm, corners,
+               spec);
 }
 
-static int cli_board_run(const struct command *command, int argc, char **argv) {
-    g_autoptr(GError) error = NULL;
+static int cli_board_run(const struct call *call, GError **error) {
+    g_autoptr(GError) bad = NULL;
+    const char *path = call->arguments[0];
     struct board board;
-    margin_mm = 0;
-    pixels_a_mm = 10;
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
     if (!board_option)
-        return cli_usage(command, "which board? Give --board");
+        return cli_usage(call->command, "which board? Give --board");
     if (!(margin_mm >= 0 && margin_mm <= 1000) || !(pixels_a_mm > 0 && pixels_a_mm <= 1000))
-        return cli_usage(command, "--margin is 0 to 1000 mm and --pixels up to 1000 a mm");
-    if (!board_parse(&board, board_option, &error))
-        return cli_usage(command, "%s", error->message);
+        return cli_usage(call->command, "--margin is 0 to 1000 mm and --pixels up to 1000 a mm");
+    if (!board_parse(&board, board_option, &bad))
+        return cli_usage(call->command, "%s", bad->message);
     const struct board_drawing drawing = {margin_mm, pixels_a_mm};
-    if (!board_draw(&board, argv[1], &drawing, &error))
-        return cli_fail(error);
-    cli_board_tell(&board, argv[1]);
+    if (!board_draw(&board, path, &drawing, error))
+        return CLI_FAILED;
+    cli_board_tell(call->record, &board, path);
     return CLI_DONE;
 }
 
-const struct command cli_board = {"board", "FILE.svg|FILE.pdf|FILE.png",
-                                  "Draw a calibration board to print.", cli_board_run};
+const struct command cli_board = {.name = "board",
+                                  .arguments = "FILE.svg|FILE.pdf|FILE.png",
+                                  .help = "Draw a calibration board to print.",
+                                  .options = entries,
+                                  .min = 1,
+                                  .max = 1,
+                                  .run = cli_board_run};

@@ -1,7 +1,7 @@
 #include "bus/bus.h"
-#include "cli.h"
-#include "link.h"
-#include "monitor.h"
+#include "command/cli.h"
+#include "command/link.h"
+#include "command/monitor.h"
 #include "process.h"
 #include "rig/devices.h"
 #include "session/session.h"
@@ -72,90 +72,81 @@ static gboolean open_rig(Link *link, const char *rig, GError **error) {
 }
 
 static GVariant *start_options(void) {
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
+    g_autofree char *path = calibration ? cli_absolute(calibration) : NULL;
+    GVariantDict options;
+    g_variant_dict_init(&options, NULL);
     if (process)
-        g_variant_builder_add(&builder, "{sv}", "process", g_variant_new_boolean(TRUE));
-    if (calibration) {
-        g_autofree char *path = cli_absolute(calibration);
-        g_variant_builder_add(&builder, "{sv}", "calibration", g_variant_new_string(path));
-    }
-    return g_variant_builder_end(&builder);
+        g_variant_dict_insert(&options, "process", "b", TRUE);
+    if (path)
+        g_variant_dict_insert(&options, "calibration", "s", path);
+    return g_variant_dict_end(&options);
 }
 
 /* Errors that say how it came to them, since nobody else will. */
-static int lost(Link *link, const char *directory) {
+static int lost(Link *link, const char *directory, GError **error) {
     g_autofree char *log = link_log(link);
-    g_autoptr(GError) error =
-        g_error_new(G_IO_ERROR, G_IO_ERROR_CLOSED,
-                    "mesorigd has ended unexpectedly; what was committed stays: mesorig resume "
-                    "%s%s%s",
-                    directory, *log ? "\nIts last words:\n" : "", log);
-    return cli_fail(error);
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_CLOSED,
+                "mesorigd has ended unexpectedly; what was committed stays: mesorig resume %s%s%s",
+                directory, *log ? "\nIts last words:\n" : "", log);
+    return CLI_FAILED;
 }
 
+/* JSON has told all of it already, state by state. */
 static int cli_capture_tell_end(Link *link, Monitor *monitor, enum monitor_end end,
                                 const char *directory) {
     g_autofree char *summary = monitor_summary(monitor);
     const char *go_on = link_is_private(link) ? "resume" : "continue";
     const char *reason = monitor_reason(monitor);
-    switch (end) {
-    case MONITOR_LOST:
-        return lost(link, directory);
-    case MONITOR_DONE:
-        if (!cli_json)
-            g_print("done: %s\n", summary);
-        return CLI_DONE;
-    case MONITOR_DETACHED:
-        if (!cli_json)
-            g_print("the capture goes on in mesorigd: mesorig watch, pause, abort\n");
-        return CLI_DONE;
-    case MONITOR_FAULT:
-        if (!cli_json)
-            g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s\n",
-                       strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
-                       directory);
-        return CLI_FAILED;
-    default:
-        if (!cli_json)
-            g_printerr("mesorig: %s, the rig is safe: %s\nto go on: mesorig resume %s\n",
-                       end == MONITOR_PAUSED ? "paused" : "aborted", summary, directory);
-        return CLI_FAILED;
-    }
+    const gboolean done = end == MONITOR_DONE || end == MONITOR_DETACHED;
+    if (cli_json)
+        return done ? CLI_DONE : CLI_FAILED;
+    if (end == MONITOR_DONE)
+        g_print("done: %s\n", summary);
+    else if (end == MONITOR_DETACHED)
+        g_print("the capture goes on in mesorigd: mesorig watch, pause, abort\n");
+    else if (end == MONITOR_FAULT)
+        g_printerr("mesorig: paused%s: %s\nto go on: mesorig %s %s\n",
+                   strstr(reason, DEVICES_UNSAFE) ? "" : ", the rig is safe", reason, go_on,
+                   directory);
+    else
+        g_printerr("mesorig: %s, the rig is safe: %s\nto go on: mesorig resume %s\n",
+                   end == MONITOR_PAUSED ? "paused" : "aborted", summary, directory);
+    return done ? CLI_DONE : CLI_FAILED;
 }
 
 /* session: NULL to resume. */
-static int cli_capture_run(const char *rig, const char *session, const char *directory) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Link) link = find_daemon(rig, &error);
-    if (!link || !open_rig(link, rig, &error))
-        return cli_fail(error);
+static int cli_capture_run(const struct call *call, const char *rig, const char *session,
+                           const char *directory, GError **error) {
+    g_autoptr(Link) link = find_daemon(rig, error);
+    if (!link || !open_rig(link, rig, error))
+        return CLI_FAILED;
     g_autoptr(Monitor) monitor = monitor_new(link, link_is_private(link));
     const gboolean ok = session ? bus_rig1_call_start_sync(link_rig(link), session, directory,
-                                                           start_options(), NULL, &error)
+                                                           start_options(), NULL, error)
                                 : bus_rig1_call_resume_sync(link_rig(link), directory,
-                                                            start_options(), NULL, &error);
+                                                            start_options(), NULL, error);
     if (!ok)
-        return cli_fail(error);
+        return CLI_FAILED;
     monitor_set_answer(monitor, yes ? ANSWER_AT_ONCE : ANSWER_ENTER);
     const enum monitor_end end = monitor_run(monitor, FALSE);
     const gboolean private = link_is_private(link);
-    const int code = cli_capture_tell_end(link, monitor, end, directory);
+    const int code = end == MONITOR_LOST ? lost(link, directory, error)
+                                         : cli_capture_tell_end(link, monitor, end, directory);
     g_clear_pointer(&monitor, monitor_free);
     g_clear_pointer(&link, link_free);
     /* A private daemon has taken its child along; what is up to date is not made again. */
-    return code == CLI_DONE && process && private ? process_run(directory, FALSE) : code;
+    return code == CLI_DONE && process && private
+               ? process_run(directory, FALSE, call->record, error)
+               : code;
 }
 
-static int run_capture(const struct command *command, int argc, char **argv) {
-    if (!cli_parse(command, capture_entries, TRUE, &argc, &argv, 2, 2))
-        return CLI_USAGE;
+static int run_capture(const struct call *call, GError **error) {
     if (!output)
-        return cli_usage(command, "where to? Give -o DIR");
-    g_autofree char *rig = cli_absolute(argv[1]);
-    g_autofree char *session = cli_absolute(argv[2]);
+        return cli_usage(call->command, "where to? Give -o DIR");
+    g_autofree char *rig = cli_absolute(call->arguments[0]);
+    g_autofree char *session = cli_absolute(call->arguments[1]);
     g_autofree char *directory = cli_absolute(output);
-    return cli_capture_run(rig, session, directory);
+    return cli_capture_run(call, rig, session, directory, error);
 }
 
 static char *rig_of_session(const char *directory, GError **error) {
@@ -178,17 +169,26 @@ static char *rig_of_session(const char *directory, GError **error) {
     return NULL;
 }
 
-static int run_resume(const struct command *command, int argc, char **argv) {
-    g_autoptr(GError) error = NULL;
-    if (!cli_parse(command, resume_entries, TRUE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
-    g_autofree char *directory = cli_absolute(argv[1]);
-    g_autofree char *rig = rig_of_session(directory, &error);
-    return rig ? cli_capture_run(rig, NULL, directory) : cli_fail(error);
+static int run_resume(const struct call *call, GError **error) {
+    g_autofree char *directory = cli_absolute(call->arguments[0]);
+    g_autofree char *rig = rig_of_session(directory, error);
+    return rig ? cli_capture_run(call, rig, NULL, directory, error) : CLI_FAILED;
 }
 
-const struct command cli_capture = {"capture", "RIG SESSION -o DIR",
-                                    "Capture a session, or begin to, and show how it goes.",
-                                    run_capture};
-const struct command cli_resume = {
-    "resume", "DIR", "Go on with a session: exactly what is missing is taken.", run_resume};
+const struct command cli_capture = {.name = "capture",
+                                    .arguments = "RIG SESSION -o DIR",
+                                    .help = "Capture a session, or begin to, and show how it goes.",
+                                    .options = capture_entries,
+                                    .daemon = TRUE,
+                                    .min = 2,
+                                    .max = 2,
+                                    .run = run_capture};
+const struct command cli_resume = {.name = "resume",
+                                   .arguments = "DIR",
+                                   .help =
+                                       "Go on with a session: exactly what is missing is taken.",
+                                   .options = resume_entries,
+                                   .daemon = TRUE,
+                                   .min = 1,
+                                   .max = 1,
+                                   .run = run_resume};

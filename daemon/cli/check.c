@@ -1,10 +1,10 @@
 /* check: whether what was measured can be: energy, reciprocity, views that agree on the surface. */
 #include "check.h"
 #include "base/data_error.h"
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "mdf/mdf_views.h"
 #include "session/session.h"
-#include "work.h"
 
 struct check {
     const char *path, *plot;
@@ -44,104 +44,83 @@ static gboolean cli_check_work(const struct work *work, gpointer data, GError **
            (session_check_product(mdf, error) && mdf_views_check(mdf, &check->mdf, error));
 }
 
-static void cli_check_add_double(GVariantBuilder *to, const char *name, double value) {
-    g_variant_builder_add(to, "{sv}", name, g_variant_new_double(value));
-}
-
-static void cli_check_add_int(GVariantBuilder *to, const char *name, gint64 value) {
-    g_variant_builder_add(to, "{sv}", name, g_variant_new_int64(value));
-}
-
-static void add_series(GVariantBuilder *to, const char *name, const double *values, int n) {
-    g_variant_builder_add(
-        to, "{sv}", name,
-        g_variant_new_fixed_array(G_VARIANT_TYPE_DOUBLE, values, (gsize)n, sizeof *values));
-}
-
-static void cli_check_tell_json(const struct check *check) {
-    const struct energy *e = check->energy;
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    if (e) {
-        cli_check_add_int(&builder, "holes", check->btf->holes);
-        cli_check_add_int(&builder, "lower_bounds", check->btf->bounds);
-        cli_check_add_int(&builder, "shorter_exposures", check->btf->shorter);
-        cli_check_add_int(&builder, "predicted", check->btf->predicted);
-        add_series(&builder, "e_r", e->e_r, e->n_views);
-        add_series(&builder, "e_i", e->e_i, e->n_lights);
-        cli_check_add_int(&builder, "texel", e->texel);
-        add_series(&builder, "texel_e_r", e->texel_e_r, e->n_views);
-        add_series(&builder, "texel_e_i", e->texel_e_i, e->n_lights);
-        add_series(&builder, "albedo", e->albedo, e->n_lights);
-        cli_check_add_double(&builder, "largest_albedo", e->largest_albedo);
-        cli_check_add_int(&builder, "reciprocal_pairs", e->pairs);
-        cli_check_add_double(&builder, "asymmetry", e->asymmetry);
-        cli_check_add_double(&builder, "texel_asymmetry", e->texel_asymmetry);
-    }
-    if (check->has_mdf) {
-        cli_check_add_int(&builder, "mdf_views", check->mdf.n_views);
-        cli_check_add_int(&builder, "mdf_texels", check->mdf.texels);
-        cli_check_add_int(&builder, "mdf_seen", check->mdf.seen);
-        cli_check_add_int(&builder, "mdf_confirmed", check->mdf.confirmed);
-        cli_check_add_int(&builder, "mdf_refuted", check->mdf.refuted);
-        cli_check_add_int(&builder, "mdf_unknown", check->mdf.unknown);
-        cli_check_add_double(&builder, "mdf_denied_share", check->mdf.denied_share);
-        cli_check_add_int(&builder, "line_sweeps", check->mdf.lines.sweeps);
-        cli_check_add_int(&builder, "lines_found", check->mdf.lines.found);
-        cli_check_add_int(&builder, "lines_disagree", check->mdf.lines.disagree);
-    }
-    cli_print_json(g_variant_builder_end(&builder));
-}
-
 static double percent(gint64 n, gint64 of) {
     return of > 0 ? 100 * (double)n / (double)of : 0;
 }
 
-static void tell_energy(const struct check *check) {
+static void tell_energy(Record *to, const struct check *check) {
     const struct energy *e = check->energy;
     double least = G_MAXDOUBLE;
     for (int l = 0; l < e->n_lights; l++)
         least = MIN(least, e->albedo[l]);
-    g_print("energy       %.3f … %.3f of a light's energy come back%s (views to %.0f°)\n", least,
-            e->largest_albedo, e->largest_albedo > 1 ? ": more than there is" : "", e->covered_deg);
+    record_doubles(to, "e_r", e->e_r, e->n_views);
+    record_doubles(to, "e_i", e->e_i, e->n_lights);
+    record_int(to, "texel", e->texel);
+    record_doubles(to, "texel_e_r", e->texel_e_r, e->n_views);
+    record_doubles(to, "texel_e_i", e->texel_e_i, e->n_lights);
+    record_doubles(to, "albedo", e->albedo, e->n_lights);
+    record_double(to, "largest_albedo", e->largest_albedo);
+    record_int(to, "reciprocal_pairs", e->pairs);
+    record_double(to, "asymmetry", e->asymmetry);
+    record_double(to, "texel_asymmetry", e->texel_asymmetry);
+    record_say(to, "energy       %.3f … %.3f of a light's energy come back%s (views to %.0f°)\n",
+               least, e->largest_albedo, e->largest_albedo > 1 ? ": more than there is" : "",
+               e->covered_deg);
     if (e->pairs == 0)
-        g_print("reciprocity  no light stood where a view was, and the other way round\n");
+        record_say(to, "reciprocity  no light stood where a view was, and the other way round\n");
     else
-        g_print("reciprocity  %.2f %% RMS between B(v, l) / cos l and B(l, v) / cos v, of the mean "
-                "over texels, %d pairs; %.2f %% texel by texel\n",
-                100 * e->asymmetry, e->pairs, 100 * e->texel_asymmetry);
+        record_say(to,
+                   "reciprocity  %.2f %% RMS between B(v, l) / cos l and B(l, v) / cos v, of the "
+                   "mean over texels, %d pairs; %.2f %% texel by texel\n",
+                   100 * e->asymmetry, e->pairs, 100 * e->texel_asymmetry);
 }
 
 /* Of the values of all texels, views and lights. */
-static void cli_check_tell_marks(const struct btf_matrix *btf) {
+static void tell_marks(Record *to, const struct btf_matrix *btf) {
     const gint64 all = (gint64)btf->width * btf->height * btf->n_views * btf->n_lights;
-    g_print("marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), %.3g "
-            "%% from shorter exposures alone, %.3g %% not taken, made of other lights'\n",
-            percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
-            percent(btf->predicted, all));
+    record_say(to,
+               "marks        %.3g %% of the values are holes, %.3g %% lower bounds (saturated), "
+               "%.3g %% from shorter exposures alone, %.3g %% not taken, made of other lights'\n",
+               percent(btf->holes, all), percent(btf->bounds, all), percent(btf->shorter, all),
+               percent(btf->predicted, all));
 }
 
-static void cli_check_tell(const struct check *check) {
-    const struct mdf_views_sums *mdf = &check->mdf;
-    if (cli_json) {
-        cli_check_tell_json(check);
-        return;
-    }
+static void tell_surface(Record *to, const struct mdf_views_sums *mdf) {
+    record_int(to, "mdf_views", mdf->n_views);
+    record_int(to, "mdf_texels", mdf->texels);
+    record_int(to, "mdf_seen", mdf->seen);
+    record_int(to, "mdf_confirmed", mdf->confirmed);
+    record_int(to, "mdf_refuted", mdf->refuted);
+    record_int(to, "mdf_unknown", mdf->unknown);
+    record_double(to, "mdf_denied_share", mdf->denied_share);
+    record_int(to, "line_sweeps", mdf->lines.sweeps);
+    record_int(to, "lines_found", mdf->lines.found);
+    record_int(to, "lines_disagree", mdf->lines.disagree);
+    record_say(to,
+               "surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
+               "%.2f %% hidden from all of them; %.2f %% of their answers deny it\n",
+               percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
+               percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
+    if (mdf->lines.found > 0)
+        record_say(to,
+                   "laser lines  seen beside the sample in %d of %d sweeps; %d contradict the "
+                   "calibration, by %+.4f° at most\n",
+                   mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
+}
+
+static void cli_check_tell(Record *to, const struct check *check) {
     if (check->energy) {
-        tell_energy(check);
-        cli_check_tell_marks(check->btf);
+        record_int(to, "holes", check->btf->holes);
+        record_int(to, "lower_bounds", check->btf->bounds);
+        record_int(to, "shorter_exposures", check->btf->shorter);
+        record_int(to, "predicted", check->btf->predicted);
+        tell_energy(to, check);
+        tell_marks(to, check->btf);
     }
     if (check->has_mdf)
-        g_print("surface      %.2f %% of what a view sees is confirmed by others, %.2f %% refuted, "
-                "%.2f %% hidden from all of them; %.2f %% of their answers deny it\n",
-                percent(mdf->confirmed, mdf->seen), percent(mdf->refuted, mdf->seen),
-                percent(mdf->unknown, mdf->seen), 100 * mdf->denied_share);
-    if (check->has_mdf && mdf->lines.found > 0)
-        g_print("laser lines  seen beside the sample in %d of %d sweeps; %d contradict the "
-                "calibration, by %+.4f° at most\n",
-                mdf->lines.found, mdf->lines.sweeps, mdf->lines.disagree, mdf->lines.worst_deg);
+        tell_surface(to, &check->mdf);
     if (check->plot && check->energy)
-        g_print("plot         %s\n", check->plot);
+        record_say(to, "plot         %s\n", check->plot);
 }
 
 static char *plot_option;
@@ -154,20 +133,21 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static int cli_check_run(const struct command *command, int argc, char **argv) {
-    g_autoptr(GError) error = NULL;
-    double seconds = 0;
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
-    struct check check = {.path = argv[1], .plot = plot_option, .texel = texel_option};
-    gboolean ok = cli_work_run(cli_check_work, &check, &seconds, &error);
+static int cli_check_run(const struct call *call, GError **error) {
+    struct check check = {call->arguments[0], plot_option, texel_option};
+    const gboolean ok = cli_work_run(cli_check_work, &check, NULL, error);
     if (ok)
-        cli_check_tell(&check);
+        cli_check_tell(call->record, &check);
     btf_matrix_free(check.btf);
     energy_free(check.energy);
-    return ok ? CLI_DONE : cli_fail(error);
+    return ok ? CLI_DONE : CLI_FAILED;
 }
 
 const struct command cli_check = {
-    "check", "DIR", "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
-    cli_check_run};
+    .name = "check",
+    .arguments = "DIR",
+    .help = "Tell whether a session's BTF and MDF can be: energy, reciprocity, agreement.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = cli_check_run};

@@ -1,12 +1,12 @@
 /* compare: the difference between two forms of a material, or the errors of every codec. */
 #include "base/data_error.h"
-#include "cli.h"
 #include "codecs/codecs.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "curve.h"
 #include "formats/compare_pictures.h"
 #include "plan/report.h"
 #include "plot.h"
-#include "work.h"
 
 #include <math.h>
 
@@ -241,6 +241,7 @@ static int cli_compare_run(const struct command *command, int argc, char **argv)
     return ok ? CLI_DONE : cli_fail(error);
 }
 
-const struct command cli_compare = {"compare", "A B | DIR --curve FILE",
-                                    "Compare two materials, or all models of one.",
-                                    cli_compare_run};
+const struct command cli_compare = {.name = "compare",
+                                    .arguments = "A B | DIR --curve FILE",
+                                    .help = "Compare two materials, or all models of one.",
+                                    .run_arguments = cli_compare_run};

@@ -4,9 +4,10 @@
 #include "base/file_lock.h"
 #include "base/new_file.h"
 #include "btf/btf_checkpoint.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "plan/report.h"
 #include "session/session.h"
-#include "work.h"
 
 #include <glib/gstdio.h>
 #include <unistd.h>
@@ -216,5 +217,7 @@ static int cli_compress_run(const struct command *command, int argc, char **argv
     return code;
 }
 
-const struct command cli_compress = {
-    "compress", "DIR", "Compress the BTF of a session, or its MDF.", cli_compress_run};
+const struct command cli_compress = {.name = "compress",
+                                     .arguments = "DIR",
+                                     .help = "Compress the BTF of a session, or its MDF.",
+                                     .run_arguments = cli_compress_run};

@@ -1,7 +1,7 @@
 /* What the sources of compress share: its methods are the entries of codecs[] and mdf_codecs[]. */
 #pragma once
 
-#include "cli.h"
+#include "command/cli.h"
 #include "codecs/codecs.h"
 #include "mdf_codecs/mdf_codec.h"
 

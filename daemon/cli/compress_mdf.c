@@ -1,9 +1,10 @@
 /* compress --method=mdf: the distances of a session in fewer bytes. */
 #include "base/file_lock.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "compress.h"
 #include "plan/report.h"
 #include "session/session.h"
-#include "work.h"
 
 #include <glib/gstdio.h>
 

@@ -1,5 +1,5 @@
 /* devices: what is on the buses, and which section of a rig file would use it. */
-#include "cli.h"
+#include "command/cli.h"
 #include "rig/finder.h"
 
 #include <string.h>
@@ -29,25 +29,25 @@ static const struct {
     {"modbus", "Modbus"},
 };
 
-static void print_section(const char *section) {
+static void tell_section(Record *to, const char *section) {
     g_auto(GStrv) lines = g_strsplit(section, "\n", -1);
     for (int i = 0; lines[i]; i++)
         if (*lines[i])
-            g_print("      %s\n", lines[i]);
-    g_print("\n");
+            record_say(to, "      %s\n", lines[i]);
+    record_say(to, "\n");
 }
 
-static void print_one(const struct found *found) {
-    g_print("  %s  %s%s%s%s\n", found->address, found->what, *found->serial ? " (serial " : "",
-            found->serial, *found->serial ? ")" : "");
+static void tell_one(Record *to, const struct found *found) {
+    record_say(to, "  %s  %s%s%s%s\n", found->address, found->what,
+               *found->serial ? " (serial " : "", found->serial, *found->serial ? ")" : "");
     if (found->note)
-        g_print("    %s\n", found->note);
+        record_say(to, "    %s\n", found->note);
     if (found->section)
-        print_section(found->section);
+        tell_section(to, found->section);
 }
 
 /* What no driver is for is told at the end, in a line. */
-static void print_others(const GPtrArray *all) {
+static void tell_others(Record *to, const GPtrArray *all) {
     g_autoptr(GString) others = g_string_new(NULL);
     for (guint i = 0; i < all->len; i++) {
         const struct found *found = all->pdata[i];
@@ -56,65 +56,54 @@ static void print_others(const GPtrArray *all) {
                                    found->address);
     }
     if (others->len)
-        g_print("No driver is for: %s\n", others->str);
+        record_say(to, "No driver is for: %s\n", others->str);
 }
 
-static int print_bus(const GPtrArray *all, const char *bus, const char *title) {
+static void add_found(Record *to, const struct found *found) {
+    const struct {
+        const char *key, *text;
+    } texts[] = {{"bus", found->bus},       {"address", found->address}, {"what", found->what},
+                 {"serial", found->serial}, {"section", found->section}, {"note", found->note}};
+    record_begin(to, NULL);
+    for (gsize i = 0; i < G_N_ELEMENTS(texts); i++)
+        if (texts[i].text && *texts[i].text)
+            record_string(to, texts[i].key, texts[i].text);
+    record_end(to);
+}
+
+static int tell_bus(Record *to, const GPtrArray *all, const char *bus, const char *title) {
     int n = 0;
     for (guint i = 0; i < all->len; i++) {
         const struct found *found = all->pdata[i];
         if (strcmp(found->bus, bus) != 0 || (!found->section && !found->note))
             continue;
         if (n++ == 0)
-            g_print("%s\n", title);
-        print_one(found);
+            record_say(to, "%s\n", title);
+        tell_one(to, found);
     }
     return n;
 }
 
-static void print_all(const GPtrArray *all, const GPtrArray *problems) {
+static void tell_all(Record *to, const GPtrArray *all, const GPtrArray *problems) {
     int n = 0;
+    record_begin_list(to, "devices");
+    for (guint i = 0; i < all->len; i++)
+        add_found(to, all->pdata[i]);
+    record_end(to);
+    record_strings(to, "problems", problems);
     for (gsize i = 0; i < G_N_ELEMENTS(buses); i++)
-        n += print_bus(all, buses[i].bus, buses[i].title);
+        n += tell_bus(to, all, buses[i].bus, buses[i].title);
     if (n == 0)
-        g_print(
+        record_say(
+            to,
             "Nothing that a driver is for was found on USB, video, network and serial ports.\n");
     else
-        g_print("Give each a NAME. “mesorig drivers camera”, or laser, tells what a section says "
+        record_say(
+            to, "Give each a NAME. “mesorig drivers camera”, or laser, tells what a section says "
                 "beside, of where it stands.\n");
-    print_others(all);
-    for (guint i = 0; i < problems->len; i++)
+    tell_others(to, all);
+    for (guint i = 0; i < problems->len && !cli_json; i++)
         g_printerr("mesorig: %s\n", (char *)problems->pdata[i]);
-}
-
-static void add_text(GVariantBuilder *to, const char *key, const char *text) {
-    if (text && *text)
-        g_variant_builder_add(to, "{sv}", key, g_variant_new_string(text));
-}
-
-static GVariant *one_json(const struct found *found) {
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    add_text(&builder, "bus", found->bus);
-    add_text(&builder, "address", found->address);
-    add_text(&builder, "what", found->what);
-    add_text(&builder, "serial", found->serial);
-    add_text(&builder, "section", found->section);
-    add_text(&builder, "note", found->note);
-    return g_variant_builder_end(&builder);
-}
-
-static void cli_devices_print_json(const GPtrArray *all, const GPtrArray *problems) {
-    GVariantBuilder builder, list;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
-    for (guint i = 0; i < all->len; i++)
-        g_variant_builder_add_value(&list, one_json(all->pdata[i]));
-    g_variant_builder_add(&builder, "{sv}", "devices", g_variant_builder_end(&list));
-    g_variant_builder_add(
-        &builder, "{sv}", "problems",
-        g_variant_new_strv((const char *const *)problems->pdata, (gssize)problems->len));
-    cli_print_json(g_variant_builder_end(&builder));
 }
 
 /* "5", or "1-16". */
@@ -130,10 +119,9 @@ static gboolean parse_units(const char *text, struct finder_modbus *modbus) {
     return TRUE;
 }
 
-static int run_devices(const struct command *command, int argc, char **argv) {
+static int run_devices(const struct call *call, GError **error) {
+    const struct command *command = call->command;
     struct finder_modbus modbus = {.first = 1, .last = 16};
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 0, 0))
-        return CLI_USAGE;
     if (units_option && !parse_units(units_option, &modbus))
         return cli_usage(command, "“%s” are no units; say one of 1 to 247, or a range as 1-16",
                          units_option);
@@ -142,17 +130,18 @@ static int run_devices(const struct command *command, int argc, char **argv) {
     modbus.bus = modbus_option;
     modbus.baud = baud_option;
     modbus.parity = parity_option;
-    g_autoptr(GError) error = NULL;
+    g_autoptr(GError) bad = NULL;
     g_autoptr(GPtrArray) problems = g_ptr_array_new_with_free_func(g_free);
-    g_autoptr(GPtrArray) all = finder_scan(&modbus, problems, &error);
+    g_autoptr(GPtrArray) all = finder_scan(&modbus, problems, &bad);
     if (!all)
-        return cli_usage(command, "%s", error->message);
-    if (cli_json)
-        cli_devices_print_json(all, problems);
-    else
-        print_all(all, problems);
+        return cli_usage(command, "%s", bad->message);
+    tell_all(call->record, all, problems);
     return problems->len ? CLI_FAILED : CLI_DONE;
 }
 
 const struct command cli_devices = {
-    "devices", "", "List what is on the buses, and the sections that would use it.", run_devices};
+    .name = "devices",
+    .arguments = "",
+    .help = "List what is on the buses, and the sections that would use it.",
+    .options = entries,
+    .run = run_devices};

@@ -1,9 +1,9 @@
 /* export: what a session has become, for other programs. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "formats/export_surface.h"
 #include "lpca/lpca.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <string.h>
 
@@ -39,39 +39,29 @@ static gboolean work_btf(const struct work *work, gpointer data, GError **error)
                        &job->btf, error);
 }
 
-static void tell_btf(const struct job *job, double seconds) {
+static int export_btf(const struct call *call, struct job *job, GError **error) {
     const struct export_bonn_result *result = &job->btf;
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output));
-        g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
-        g_variant_builder_add(&builder, "{sv}", "lights", g_variant_new_int32(result->n_lights));
-        g_variant_builder_add(&builder, "{sv}", "width", g_variant_new_int32(result->width));
-        g_variant_builder_add(&builder, "{sv}", "height", g_variant_new_int32(result->height));
-        g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_double(result->error));
-        g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
-        cli_print_json(g_variant_builder_end(&builder));
-        return;
-    }
-    g_autofree char *time = report_duration(seconds);
-    g_print("%s: %d × %d texels, %d views × %d lights as %s in %s", output, result->width,
-            result->height, result->n_views, result->n_lights, bonn_kind_name(job->kind), time);
-    if (result->error > 0)
-        g_print(", with an error of %.2f %%", 100 * result->error);
-    g_print("\n");
-}
-
-static int export_btf(const struct command *command, struct job *job) {
-    g_autoptr(GError) error = NULL;
+    Record *to = call->record;
     double seconds = 0;
     if (format && (!bonn_kind_parse(format, &job->kind) || job->kind == BONN_BDI_SPARSE))
-        return cli_usage(command, "--format is bdi, fmf or dfmf");
+        return cli_usage(call->command, "--format is bdi, fmf or dfmf");
     if (components < 0 || components > LPCA_MAX_COMPONENTS)
-        return cli_usage(command, "--components is 1 to %d", LPCA_MAX_COMPONENTS);
-    if (!cli_work_run(work_btf, job, &seconds, &error))
-        return cli_fail(error);
-    tell_btf(job, seconds);
+        return cli_usage(call->command, "--components is 1 to %d", LPCA_MAX_COMPONENTS);
+    if (!cli_work_run(work_btf, job, &seconds, error))
+        return CLI_FAILED;
+    g_autofree char *time = report_duration(seconds);
+    record_string(to, "file", output);
+    record_int(to, "views", result->n_views);
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "width", result->width);
+    record_int(to, "height", result->height);
+    record_double(to, "error", result->error);
+    record_double(to, "real_s", seconds);
+    record_say(to, "%s: %d × %d texels, %d views × %d lights as %s in %s", output, result->width,
+               result->height, result->n_views, result->n_lights, bonn_kind_name(job->kind), time);
+    if (result->error > 0)
+        record_say(to, ", with an error of %.2f %%", 100 * result->error);
+    record_say(to, "\n");
     return CLI_DONE;
 }
 
@@ -80,64 +70,60 @@ static gboolean work_surface(const struct work *work, gpointer data, GError **er
     return export_surface(job->session, output, &job->options, work, &job->surface, error);
 }
 
-static void tell_surface(const struct job *job, double seconds) {
+static int export_shape(const struct call *call, struct job *job, enum export_surface what,
+                        GError **error) {
     const struct export_surface_result *result = &job->surface;
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output));
-        g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
-        g_variant_builder_add(&builder, "{sv}", "seen", g_variant_new_int64(result->seen));
-        g_variant_builder_add(&builder, "{sv}", "points", g_variant_new_int64(result->points));
-        g_variant_builder_add(&builder, "{sv}", "holes", g_variant_new_int32(result->holes));
-        g_variant_builder_add(&builder, "{sv}", "stacked", g_variant_new_int32(result->stacked));
-        g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
-        cli_print_json(g_variant_builder_end(&builder));
-        return;
-    }
-    if (job->options.what == EXPORT_POINTS)
-        g_print("%s: %" G_GINT64_FORMAT " points of the %" G_GINT64_FORMAT " that %d views saw\n",
-                output, result->points, result->seen, result->n_views);
-    else
-        g_print("%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with structure "
-                "below structure\n",
-                output, result->points, result->texels, result->n_views, result->holes,
-                result->stacked);
-}
-
-static int export_shape(const struct command *command, struct job *job, enum export_surface what) {
-    g_autoptr(GError) error = NULL;
+    Record *to = call->record;
     double seconds = 0;
     if (least_views < 0 || least_views > 255)
-        return cli_usage(command, "--views is 1 to 255");
+        return cli_usage(call->command, "--views is 1 to 255");
     job->options = (struct export_surface_options){
         .what = what, .least_views = least_views, .layered = layered};
-    if (!cli_work_run(work_surface, job, &seconds, &error))
-        return cli_fail(error);
-    tell_surface(job, seconds);
+    if (!cli_work_run(work_surface, job, &seconds, error))
+        return CLI_FAILED;
+    record_string(to, "file", output);
+    record_int(to, "views", result->n_views);
+    record_int(to, "seen", result->seen);
+    record_int(to, "points", result->points);
+    record_int(to, "holes", result->holes);
+    record_int(to, "stacked", result->stacked);
+    record_double(to, "real_s", seconds);
+    if (what == EXPORT_POINTS)
+        record_say(
+            to, "%s: %" G_GINT64_FORMAT " points of the %" G_GINT64_FORMAT " that %d views saw\n",
+            output, result->points, result->seen, result->n_views);
+    else
+        record_say(to,
+                   "%s: %" G_GINT64_FORMAT " of %d texels from %d views, %d holes, %d with "
+                   "structure below structure\n",
+                   output, result->points, result->texels, result->n_views, result->holes,
+                   result->stacked);
     return CLI_DONE;
 }
 
-static int cli_export_run(const struct command *command, int argc, char **argv) {
-    struct job job = {.kind = BONN_BDI};
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 2, 2))
-        return CLI_USAGE;
+static int cli_export_run(const struct call *call, GError **error) {
+    const char *kind = call->arguments[0];
+    struct job job = {.session = call->arguments[1], .kind = BONN_BDI};
     if (!output)
-        return cli_usage(command, "where to? Give -o FILE");
-    job.session = argv[2];
-    if (strcmp(argv[1], "btf") == 0)
-        return export_btf(command, &job);
-    if (strcmp(argv[1], "points") == 0)
-        return export_shape(command, &job, EXPORT_POINTS);
-    if (strcmp(argv[1], "height") == 0)
-        return export_shape(command, &job, EXPORT_HEIGHT);
-    if (strcmp(argv[1], "normals") == 0)
-        return export_shape(command, &job, EXPORT_NORMALS);
-    return cli_usage(command, "“%s” is none of btf, points, height, normals", argv[1]);
+        return cli_usage(call->command, "where to? Give -o FILE");
+    if (strcmp(kind, "btf") == 0)
+        return export_btf(call, &job, error);
+    if (strcmp(kind, "points") == 0)
+        return export_shape(call, &job, EXPORT_POINTS, error);
+    if (strcmp(kind, "height") == 0)
+        return export_shape(call, &job, EXPORT_HEIGHT, error);
+    if (strcmp(kind, "normals") == 0)
+        return export_shape(call, &job, EXPORT_NORMALS, error);
+    return cli_usage(call->command, "“%s” is none of btf, points, height, normals", kind);
 }
 
 const struct command cli_export = {
-    "export", "KIND DIR -o FILE",
-    "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), points (of "
-    "the structure, with normals: PLY), height, normals (maps: EXR).",
-    cli_export_run};
+    .name = "export",
+    .arguments = "KIND DIR -o FILE",
+    .help = "Write what a session has become for other programs. KIND: btf (a .btf of Bonn's), "
+            "points (of "
+            "the structure, with normals: PLY), height, normals (maps: EXR).",
+    .options = entries,
+    .min = 2,
+    .max = 2,
+    .run = cli_export_run};

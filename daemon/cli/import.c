@@ -1,8 +1,8 @@
 /* import: other people's measurements, made into a session. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "formats/import_poses.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -57,31 +57,26 @@ static gboolean cli_import_work(const struct work *work, gpointer data, GError *
     return job->kind->import(output, job->source, &job->wish, work, &job->result, error);
 }
 
-static void cli_import_tell(const struct job *job, double seconds) {
-    const struct import_result *result = &job->result;
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "session", g_variant_new_string(output));
-        g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
-        g_variant_builder_add(&builder, "{sv}", "lights", g_variant_new_int32(result->n_lights));
-        g_variant_builder_add(&builder, "{sv}", "width", g_variant_new_int32(result->width));
-        g_variant_builder_add(&builder, "{sv}", "height", g_variant_new_int32(result->height));
-        g_variant_builder_add(&builder, "{sv}", "holes", g_variant_new_int64(result->holes));
-        g_variant_builder_add(&builder, "{sv}", "eigenmaps_error",
-                              g_variant_new_double(result->eigenmaps_error));
-        g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
-        cli_print_json(g_variant_builder_end(&builder));
-        return;
-    }
+static void cli_import_tell(Record *to, const struct import_result *result, double seconds) {
     g_autofree char *time = report_duration(seconds);
-    g_print("%s: %d × %d texels, %d views × %d lights in %s; eigen-maps with an error of %.2f %%\n",
-            output, result->width, result->height, result->n_views, result->n_lights, time,
-            100 * result->eigenmaps_error);
+    record_string(to, "session", output);
+    record_int(to, "views", result->n_views);
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "width", result->width);
+    record_int(to, "height", result->height);
+    record_int(to, "holes", result->holes);
+    record_double(to, "eigenmaps_error", result->eigenmaps_error);
+    record_double(to, "real_s", seconds);
+    record_say(to,
+               "%s: %d × %d texels, %d views × %d lights in %s; eigen-maps with an error of %.2f "
+               "%%\n",
+               output, result->width, result->height, result->n_views, result->n_lights, time,
+               100 * result->eigenmaps_error);
     if (result->holes > 0)
-        g_print("%" G_GINT64_FORMAT
-                " texels of its pictures are missing or no numbers, and are 0\n",
-                result->holes);
+        record_say(to,
+                   "%" G_GINT64_FORMAT
+                   " texels of its pictures are missing or no numbers, and are 0\n",
+                   result->holes);
 }
 
 static gboolean parse_region(const char *text, struct import_region *ret) {
@@ -100,31 +95,26 @@ static gboolean work_poses(const struct work *work, gpointer data, GError **erro
     return import_poses(output, &job->poses, work, &job->result, error);
 }
 
-static void tell_poses(const struct import_poses_result *result, double seconds) {
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "session", g_variant_new_string(output));
-        g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
-        g_variant_builder_add(&builder, "{sv}", "lights", g_variant_new_int32(result->n_lights));
-        g_variant_builder_add(&builder, "{sv}", "lasers", g_variant_new_int32(result->n_lasers));
-        g_variant_builder_add(&builder, "{sv}", "frames", g_variant_new_int32(result->n_frames));
-        g_variant_builder_add(&builder, "{sv}", "missing", g_variant_new_int32(result->n_missing));
-        g_variant_builder_add(&builder, "{sv}", "not_numbers",
-                              g_variant_new_int64(result->not_numbers));
-        g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
-        cli_print_json(g_variant_builder_end(&builder));
-        return;
-    }
+static void tell_poses(Record *to, const struct import_poses_result *result, double seconds) {
     g_autofree char *time = report_duration(seconds);
-    g_print("%s: %d views, %d lights, %d laser positions, %d frames in %s; “mesorig process” makes "
-            "BTF and MDF\n",
-            output, result->n_views, result->n_lights, result->n_lasers, result->n_frames, time);
+    record_string(to, "session", output);
+    record_int(to, "views", result->n_views);
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "lasers", result->n_lasers);
+    record_int(to, "frames", result->n_frames);
+    record_int(to, "missing", result->n_missing);
+    record_int(to, "not_numbers", result->not_numbers);
+    record_double(to, "real_s", seconds);
+    record_say(to,
+               "%s: %d views, %d lights, %d laser positions, %d frames in %s; “mesorig process” "
+               "makes BTF and MDF\n",
+               output, result->n_views, result->n_lights, result->n_lasers, result->n_frames, time);
     if (result->n_missing > 0)
-        g_print("%d pictures of sweeps are missing; what they would have shown is not seen\n",
-                result->n_missing);
+        record_say(to,
+                   "%d pictures of sweeps are missing; what they would have shown is not seen\n",
+                   result->n_missing);
     if (result->not_numbers > 0)
-        g_print("%" G_GINT64_FORMAT " pixels are no numbers\n", result->not_numbers);
+        record_say(to, "%" G_GINT64_FORMAT " pixels are no numbers\n", result->not_numbers);
 }
 
 static gboolean parse_edge(const char *text, enum import_edge *ret) {
@@ -150,10 +140,10 @@ static gboolean parse_grid(struct session_grid *ret) {
     return ret->height >= 1 && ret->height <= 8192;
 }
 
-static int run_poses(const struct command *command, const char *table) {
+static int run_poses(const struct call *call, GError **error) {
     static const char *const filters[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
-    g_autoptr(GError) error = NULL;
-    struct poses_job job = {.poses = {.table = table,
+    const struct command *command = call->command;
+    struct poses_job job = {.poses = {.table = call->arguments[1],
                                       .calibration = calibration,
                                       .cfa = cfa ? cfa : "mono",
                                       .threshold_dn = threshold_dn}};
@@ -167,42 +157,44 @@ static int run_poses(const struct command *command, const char *table) {
         return cli_usage(command, "--cfa is mono, rggb, bggr, grbg or gbrg");
     if (edge && !parse_edge(edge, &job.poses.edge))
         return cli_usage(command, "--edge is line, darkens or lightens");
-    if (!cli_work_run(work_poses, &job, &seconds, &error))
-        return cli_fail(error);
-    tell_poses(&job.result, seconds);
+    if (!cli_work_run(work_poses, &job, &seconds, error))
+        return CLI_FAILED;
+    tell_poses(call->record, &job.result, seconds);
     return CLI_DONE;
 }
 
-static int cli_import_run(const struct command *command, int argc, char **argv) {
-    g_autoptr(GError) error = NULL;
-    struct job job = {0};
+static int cli_import_run(const struct call *call, GError **error) {
+    const struct command *command = call->command;
+    const char *kind = call->arguments[0];
+    struct job job = {.source = call->arguments[1], .wish.texel_mm = texel_mm};
     double seconds = 0;
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 2, 2))
-        return CLI_USAGE;
     if (!output)
         return cli_usage(command, "where to? Give -o DIR.session");
-    if (strcmp(argv[1], "poses") == 0)
-        return run_poses(command, argv[2]);
+    if (strcmp(kind, "poses") == 0)
+        return run_poses(call, error);
     for (gsize i = 0; i < G_N_ELEMENTS(kinds); i++)
-        if (strcmp(argv[1], kinds[i].name) == 0)
+        if (strcmp(kind, kinds[i].name) == 0)
             job.kind = &kinds[i];
     if (!job.kind)
-        return cli_usage(command, "“%s” is none of btf, pictures, rti, poses", argv[1]);
+        return cli_usage(command, "“%s” is none of btf, pictures, rti, poses", kind);
     if (texel_mm < 0 || texel_mm > 1000)
         return cli_usage(command, "--texel needs millimetres");
     if (region && !parse_region(region, &job.wish.region))
         return cli_usage(command, "--region needs X,Y,WIDTH,HEIGHT in texels");
-    job.source = argv[2];
-    job.wish.texel_mm = texel_mm;
-    if (!cli_work_run(cli_import_work, &job, &seconds, &error))
-        return cli_fail(error);
-    cli_import_tell(&job, seconds);
+    if (!cli_work_run(cli_import_work, &job, &seconds, error))
+        return CLI_FAILED;
+    cli_import_tell(call->record, &job.result, seconds);
     return CLI_DONE;
 }
 
-const struct command cli_import = {"import", "KIND SOURCE -o DIR",
-                                   "Make a session of what others have measured. KIND: btf (a file "
-                                   "of Bonn's), pictures (a folder, "
-                                   "names with tl… pl… tv… pv…), rti (an .lp list of lights), "
-                                   "poses (a table of pictures and poses).",
-                                   cli_import_run};
+const struct command cli_import = {
+    .name = "import",
+    .arguments = "KIND SOURCE -o DIR",
+    .help = "Make a session of what others have measured. KIND: btf (a file "
+            "of Bonn's), pictures (a folder, "
+            "names with tl… pl… tv… pv…), rti (an .lp list of lights), "
+            "poses (a table of pictures and poses).",
+    .options = entries,
+    .min = 2,
+    .max = 2,
+    .run = cli_import_run};

@@ -2,8 +2,8 @@
 #include "info.h"
 
 #include "btf/btf.h"
-#include "cli.h"
 #include "codecs/codecs.h"
+#include "command/cli.h"
 #include "exr/exr.h"
 #include "history.h"
 #include "mdf_codecs/mdf_codec.h"
@@ -82,45 +82,6 @@ static gint64 cli_info_size_of(const char *directory, const char *relative) {
     return g_stat(path, &info) == 0 ? info.st_size : 0;
 }
 
-static void cli_info_add_int(GVariantBuilder *to, const char *key, gint64 value) {
-    g_variant_builder_add(to, "{sv}", key, g_variant_new_int64(value));
-}
-
-static void cli_info_add_double(GVariantBuilder *to, const char *key, double value) {
-    g_variant_builder_add(to, "{sv}", key, g_variant_new_double(value));
-}
-
-static void add_string(GVariantBuilder *to, const char *key, const char *value) {
-    g_variant_builder_add(to, "{sv}", key, g_variant_new_string(value ? value : ""));
-}
-
-static GVariant *events_variant(const GPtrArray *events) {
-    GVariantBuilder list;
-    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
-    for (guint i = 0; i < events->len; i++) {
-        const struct session_event *event = events->pdata[i];
-        g_variant_builder_open(&list, G_VARIANT_TYPE_VARDICT);
-        cli_info_add_double(&list, "time_s", event->time_s);
-        add_string(&list, "level", event->level);
-        add_string(&list, "source", event->source);
-        add_string(&list, "message", event->message);
-        g_variant_builder_close(&list);
-    }
-    return g_variant_builder_end(&list);
-}
-
-static GVariant *products_variant(const char *directory, const GPtrArray *list) {
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE("aa{sv}"));
-    for (guint i = 0; i < list->len; i++) {
-        g_variant_builder_open(&builder, G_VARIANT_TYPE_VARDICT);
-        add_string(&builder, "path", list->pdata[i]);
-        cli_info_add_int(&builder, "bytes", cli_info_size_of(directory, list->pdata[i]));
-        g_variant_builder_close(&builder);
-    }
-    return g_variant_builder_end(&builder);
-}
-
 /* Of all views that can be read. */
 static struct btf_marks count_marks(const char *directory, const GPtrArray *list) {
     struct btf_marks marks = {0};
@@ -141,110 +102,109 @@ static char *reason_of(Session *session, const char *state) {
     return strcmp(state, "paused") == 0 ? session_value(session, "reason") : NULL;
 }
 
-static void cli_info_print_json(Session *session, const char *state,
-                                const struct session_grid *grid, const struct counts *counts,
-                                const GPtrArray *events) {
-    const char *directory = session_path(session);
-    g_autoptr(GPtrArray) made = products(directory);
-    g_autofree char *reason = reason_of(session, state);
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    add_string(&builder, "kind", "session");
-    add_string(&builder, "name", session_name(session));
-    add_string(&builder, "session", directory);
-    add_string(&builder, "state", state);
-    add_string(&builder, "reason", reason);
-    g_autofree char *imported = session_value(session, "imported");
-    add_string(&builder, "imported", imported);
-    cli_info_add_int(&builder, "width", grid->width);
-    cli_info_add_int(&builder, "height", grid->height);
-    cli_info_add_double(&builder, "width_mm", grid->width_mm);
-    cli_info_add_double(&builder, "height_mm", grid->height_mm);
-    cli_info_add_int(&builder, "views", counts->views);
-    cli_info_add_int(&builder, "lights", counts->lights);
-    cli_info_add_int(&builder, "lasers", counts->lasers);
-    cli_info_add_int(&builder, "shots", counts->planned + counts->done + counts->skipped);
-    cli_info_add_int(&builder, "shots_done", counts->done);
-    cli_info_add_int(&builder, "shots_skipped", counts->skipped);
-    cli_info_add_int(&builder, "frames", counts->frames);
-    cli_info_add_int(&builder, "retakes", counts->retakes);
-    cli_info_add_int(&builder, "bytes", counts->bytes);
-    const struct btf_marks marks = count_marks(directory, made);
-    cli_info_add_int(&builder, "btf_values", marks.texels);
-    cli_info_add_int(&builder, "btf_holes", marks.holes);
-    cli_info_add_int(&builder, "btf_lower_bounds", marks.bounds);
-    cli_info_add_int(&builder, "btf_shorter_exposures", marks.shorter);
-    cli_info_add_int(&builder, "btf_predicted", marks.predicted);
-    g_variant_builder_add(&builder, "{sv}", "products", products_variant(directory, made));
-    g_variant_builder_add(&builder, "{sv}", "events", events_variant(events));
-    cli_print_json(g_variant_builder_end(&builder));
-}
-
-static void print_marks(const char *directory, const GPtrArray *list) {
-    const struct btf_marks marks = count_marks(directory, list);
-    if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
-        g_print("marks      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
-                " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
-                " from shorter exposures alone, %" G_GINT64_FORMAT
-                " of pictures that were not taken, made of other lights'\n",
-                marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
-}
-
-static void print_products(const char *directory) {
+static void tell_products(Record *to, const char *directory) {
     g_autoptr(GPtrArray) list = products(directory);
+    const struct btf_marks marks = count_marks(directory, list);
     int n_views = 0;
     gint64 view_bytes = 0;
+    record_int(to, "btf_values", marks.texels);
+    record_int(to, "btf_holes", marks.holes);
+    record_int(to, "btf_lower_bounds", marks.bounds);
+    record_int(to, "btf_shorter_exposures", marks.shorter);
+    record_int(to, "btf_predicted", marks.predicted);
+    record_begin_list(to, "products");
     for (guint i = 0; i < list->len; i++) {
         const gint64 bytes = cli_info_size_of(directory, list->pdata[i]);
+        record_begin(to, NULL);
+        record_string(to, "path", list->pdata[i]);
+        record_int(to, "bytes", bytes);
+        record_end(to);
         if (g_str_has_prefix(list->pdata[i], "products/btf/")) {
             n_views++;
             view_bytes += bytes;
             continue;
         }
         g_autofree char *size = g_format_size((guint64)bytes);
-        g_print("product    %s, %s\n", (const char *)list->pdata[i], size);
+        record_say(to, "product    %s, %s\n", (const char *)list->pdata[i], size);
     }
+    record_end(to);
     g_autofree char *size = g_format_size((guint64)view_bytes);
     if (n_views)
-        g_print("product    products/btf, %d views, %s\n", n_views, size);
-    print_marks(directory, list);
+        record_say(to, "product    products/btf, %d views, %s\n", n_views, size);
+    if (marks.holes + marks.bounds + marks.shorter + marks.predicted > 0)
+        record_say(to,
+                   "marks      of %" G_GINT64_FORMAT " values: %" G_GINT64_FORMAT
+                   " holes, %" G_GINT64_FORMAT " lower bounds (saturated), %" G_GINT64_FORMAT
+                   " from shorter exposures alone, %" G_GINT64_FORMAT
+                   " of pictures that were not taken, made of other lights'\n",
+                   marks.texels, marks.holes, marks.bounds, marks.shorter, marks.predicted);
 }
 
-static void print_events(const GPtrArray *events) {
+static void tell_events(Record *to, const GPtrArray *events) {
     const guint from = events->len > SHOWN_EVENTS ? events->len - SHOWN_EVENTS : 0;
     if (from > 0)
-        g_print("\n%u earlier events (--json shows all)\n", from);
+        record_say(to, "\n%u earlier events (--json shows all)\n", from);
     else if (events->len > 0)
-        g_print("\n");
-    for (guint i = from; i < events->len; i++) {
+        record_say(to, "\n");
+    record_begin_list(to, "events");
+    for (guint i = 0; i < events->len; i++) {
         const struct session_event *event = events->pdata[i];
-        g_print("%9.0f s  %-8s %s: %s\n", event->time_s, event->level, event->source,
-                event->message);
+        record_begin(to, NULL);
+        record_double(to, "time_s", event->time_s);
+        record_string(to, "level", event->level);
+        record_string(to, "source", event->source);
+        record_string(to, "message", event->message);
+        record_end(to);
+        if (i >= from)
+            record_say(to, "%9.0f s  %-8s %s: %s\n", event->time_s, event->level, event->source,
+                       event->message);
     }
+    record_end(to);
 }
 
-static void print_session(Session *session, const char *state, const struct session_grid *grid,
-                          const struct counts *counts, const GPtrArray *events) {
+static void tell_session(Record *to, Session *session, const char *state,
+                         const struct session_grid *grid, const struct counts *counts,
+                         const GPtrArray *events) {
     const int shots = counts->planned + counts->done + counts->skipped;
+    const char *directory = session_path(session);
     g_autofree char *size = g_format_size((guint64)counts->bytes);
     g_autofree char *reason = reason_of(session, state);
-    g_print("session    %s, %s\n", session_name(session), session_path(session));
-    g_print("state      %s\n", state);
-    if (reason && *reason)
-        g_print("reason     %s\n", reason);
     g_autofree char *imported = session_value(session, "imported");
+    record_string(to, "kind", "session");
+    record_string(to, "name", session_name(session));
+    record_string(to, "session", directory);
+    record_string(to, "state", state);
+    record_string(to, "reason", reason);
+    record_string(to, "imported", imported);
+    record_int(to, "width", grid->width);
+    record_int(to, "height", grid->height);
+    record_double(to, "width_mm", grid->width_mm);
+    record_double(to, "height_mm", grid->height_mm);
+    record_int(to, "views", counts->views);
+    record_int(to, "lights", counts->lights);
+    record_int(to, "lasers", counts->lasers);
+    record_int(to, "shots", shots);
+    record_int(to, "shots_done", counts->done);
+    record_int(to, "shots_skipped", counts->skipped);
+    record_int(to, "frames", counts->frames);
+    record_int(to, "retakes", counts->retakes);
+    record_int(to, "bytes", counts->bytes);
+    record_say(to, "session    %s, %s\n", session_name(session), directory);
+    record_say(to, "state      %s\n", state);
+    if (reason && *reason)
+        record_say(to, "reason     %s\n", reason);
     if (imported)
-        g_print("made of    %s\n", imported);
+        record_say(to, "made of    %s\n", imported);
     if (strcmp(state, "done") != 0)
-        g_print("to go on   mesorig resume %s\n", session_path(session));
-    g_print("sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm, grid->width,
-            grid->height);
-    g_print("directions %d views, %d lights, %d laser positions\n", counts->views, counts->lights,
-            counts->lasers);
-    g_print("shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
-    g_print("frames     %d, %s, %d retakes\n", counts->frames, size, counts->retakes);
-    print_products(session_path(session));
-    print_events(events);
+        record_say(to, "to go on   mesorig resume %s\n", directory);
+    record_say(to, "sample     %g × %g mm, %d × %d texels\n", grid->width_mm, grid->height_mm,
+               grid->width, grid->height);
+    record_say(to, "directions %d views, %d lights, %d laser positions\n", counts->views,
+               counts->lights, counts->lasers);
+    record_say(to, "shots      %d of %d done, %d skipped\n", counts->done, shots, counts->skipped);
+    record_say(to, "frames     %d, %s, %d retakes\n", counts->frames, size, counts->retakes);
+    tell_products(to, directory);
+    tell_events(to, events);
 }
 
 /* What the database says while nobody captures: a session that says it is running was cut off. */
@@ -252,28 +212,23 @@ static const char *state_text(const char *state, const struct counts *counts) {
     if (counts->planned == 0)
         return "done";
     if (!state || strcmp(state, "running") == 0)
-        return "checkpoint";
+        return "unfinished";
     return state;
 }
 
-int info_session(const char *directory) {
-    g_autoptr(GError) error = NULL;
+gboolean info_session(const char *directory, Record *to, GError **error) {
     struct counts counts = {0};
     struct session_grid grid;
-    g_autoptr(Session) session = session_open(directory, SESSION_READ, &error);
-    if (!session || !cli_info_count(session, &counts, &error) ||
-        !session_grid(session, &grid, &error))
-        return cli_fail(error);
-    g_autoptr(GPtrArray) events = session_events(session, &error);
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    if (!session || !cli_info_count(session, &counts, error) ||
+        !session_grid(session, &grid, error))
+        return FALSE;
+    g_autoptr(GPtrArray) events = session_events(session, error);
     if (!events)
-        return cli_fail(error);
+        return FALSE;
     g_autofree char *stored = session_value(session, "state");
-    const char *state = state_text(stored, &counts);
-    if (cli_json)
-        cli_info_print_json(session, state, &grid, &counts, events);
-    else
-        print_session(session, state, &grid, &counts, events);
-    return CLI_DONE;
+    tell_session(to, session, state_text(stored, &counts), &grid, &counts, events);
+    return TRUE;
 }
 
 static GVariant *attribute_variant(const struct exr_attribute *attribute) {
@@ -289,23 +244,21 @@ static GVariant *attribute_variant(const struct exr_attribute *attribute) {
     }
 }
 
-static void cli_info_add_part(GVariantBuilder *to, const struct exr_part *part) {
-    g_variant_builder_open(to, G_VARIANT_TYPE_VARDICT);
-    add_string(to, "name", part->name);
-    cli_info_add_int(to, "width", part->width);
-    cli_info_add_int(to, "height", part->height);
-    add_string(to, "type", part->type == EXR_HALF ? "half" : "float");
-    g_variant_builder_add(
-        to, "{sv}", "channels",
-        g_variant_new_strv((const char *const *)part->channels, part->n_channels));
-    GVariantBuilder attributes;
-    g_variant_builder_init(&attributes, G_VARIANT_TYPE_VARDICT);
+static void add_part_values(Record *to, const struct exr_part *part) {
+    record_begin(to, NULL);
+    record_string(to, "name", part->name);
+    record_int(to, "width", part->width);
+    record_int(to, "height", part->height);
+    record_string(to, "type", part->type == EXR_HALF ? "half" : "float");
+    record_variant(to, "channels",
+                   g_variant_new_strv((const char *const *)part->channels, part->n_channels));
+    record_begin(to, "attributes");
     for (guint i = 0; i < part->attributes->len; i++) {
         const struct exr_attribute *attribute = part->attributes->pdata[i];
-        g_variant_builder_add(&attributes, "{sv}", attribute->name, attribute_variant(attribute));
+        record_variant(to, attribute->name, attribute_variant(attribute));
     }
-    g_variant_builder_add(to, "{sv}", "attributes", g_variant_builder_end(&attributes));
-    g_variant_builder_close(to);
+    record_end(to);
+    record_end(to);
 }
 
 static const char *cli_info_kind_of(const struct exr_file *file) {
@@ -316,34 +269,22 @@ static const char *cli_info_kind_of(const struct exr_file *file) {
     return kind;
 }
 
-static void print_exr_json(const char *path, const struct exr_file *file) {
-    GVariantBuilder builder, parts;
-    g_variant_builder_init(&parts, G_VARIANT_TYPE("aa{sv}"));
-    for (guint i = 0; i < file->parts->len; i++)
-        cli_info_add_part(&parts, file->parts->pdata[i]);
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    add_string(&builder, "kind", cli_info_kind_of(file));
-    add_string(&builder, "path", path);
-    g_variant_builder_add(&builder, "{sv}", "parts", g_variant_builder_end(&parts));
-    cli_print_json(g_variant_builder_end(&builder));
-}
-
-static void print_part(const struct exr_part *part) {
+static void describe_part(Record *to, const struct exr_part *part) {
     g_autoptr(GString) channels = g_string_new(NULL);
     for (int c = 0; c < part->n_channels; c++)
         g_string_append_printf(channels, "%s%s", c ? " " : "", part->channels[c]);
-    g_print("%-24s %d × %d, %s, %s\n", part->name ? part->name : "(no name)", part->width,
-            part->height, part->type == EXR_HALF ? "half" : "float", channels->str);
+    record_say(to, "%-24s %d × %d, %s, %s\n", part->name ? part->name : "(no name)", part->width,
+               part->height, part->type == EXR_HALF ? "half" : "float", channels->str);
     for (guint i = 0; i < part->attributes->len; i++) {
         const struct exr_attribute *attribute = part->attributes->pdata[i];
         g_autoptr(GVariant) value = g_variant_ref_sink(attribute_variant(attribute));
         g_autofree char *text = g_variant_print(value, FALSE);
-        g_print("    %-24s %s\n", attribute->name, text);
+        record_say(to, "    %-24s %s\n", attribute->name, text);
     }
 }
 
 /* What a codec says of a file of its own. */
-static void print_encoded(const struct exr_file *file) {
+static void describe_encoded(Record *to, const struct exr_file *file) {
     const char *kind = cli_info_kind_of(file);
     const struct codec *codec = codecs_find(kind);
     g_autofree char *text = codec ? codec->describe_file(file) : NULL;
@@ -351,7 +292,7 @@ static void print_encoded(const struct exr_file *file) {
         if (g_str_equal(mdf_codecs[i]->kind, kind))
             text = mdf_codecs[i]->describe_file(file);
     if (text)
-        g_print("%s\n\n", text);
+        record_say(to, "%s\n\n", text);
 }
 
 /* Parts lie one behind the other: a file that ends too soon lacks some of the last. */
@@ -362,51 +303,57 @@ static gboolean has_its_end(const char *path, const struct exr_file *file, GErro
     return part != NULL;
 }
 
-static int info_exr(const char *path) {
-    g_autoptr(GError) error = NULL;
-    struct exr_file *file = exr_read_headers(path, &error);
-    if (!file)
-        return cli_fail(error);
-    if (!has_its_end(path, file, &error)) {
-        exr_file_free(file);
-        return cli_fail(error);
+static void tell_exr(Record *to, const char *path, const struct exr_file *file) {
+    record_string(to, "kind", cli_info_kind_of(file));
+    record_string(to, "path", path);
+    describe_encoded(to, file);
+    record_begin_list(to, "parts");
+    for (guint i = 0; i < file->parts->len; i++) {
+        add_part_values(to, file->parts->pdata[i]);
+        if (i < SHOWN_PARTS)
+            describe_part(to, file->parts->pdata[i]);
     }
-    if (cli_json) {
-        print_exr_json(path, file);
-    } else {
-        print_encoded(file);
-        for (guint i = 0; i < MIN(file->parts->len, SHOWN_PARTS); i++)
-            print_part(file->parts->pdata[i]);
-        if (file->parts->len > SHOWN_PARTS)
-            g_print("… and %u parts more (--json shows all)\n", file->parts->len - SHOWN_PARTS);
-    }
+    record_end(to);
+    if (file->parts->len > SHOWN_PARTS)
+        record_say(to, "… and %u parts more (--json shows all)\n", file->parts->len - SHOWN_PARTS);
+}
+
+static gboolean info_exr(const char *path, Record *to, GError **error) {
+    struct exr_file *file = exr_read_headers(path, error);
+    const gboolean ok = file && has_its_end(path, file, error);
+    if (ok)
+        tell_exr(to, path, file);
     exr_file_free(file);
-    return CLI_DONE;
+    return ok;
 }
 
-static int draw_history(const char *directory, const char *to) {
-    g_autoptr(GError) error = NULL;
-    g_autoptr(Session) session = session_open(directory, SESSION_READ, &error);
-    return session && history_write_png(session, to, &error) ? CLI_DONE : cli_fail(error);
+static gboolean draw_history(const char *directory, const char *to, GError **error) {
+    g_autoptr(Session) session = session_open(directory, SESSION_READ, error);
+    return session && history_write_png(session, to, error);
 }
 
-static int cli_info_run(const struct command *command, int argc, char **argv) {
-    g_autofree char *history = NULL;
-    const GOptionEntry entries[] = {
-        {"history", 0, 0, G_OPTION_ARG_FILENAME, &history,
-         "Also draw how the capture of DIR went, over time", "FILE.png"},
-        {0},
-    };
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
-    g_autofree char *path = cli_absolute(argv[1]);
+static char *history_option;
+static const GOptionEntry entries[] = {
+    {"history", 0, 0, G_OPTION_ARG_FILENAME, &history_option,
+     "Also draw how the capture of DIR went, over time", "FILE.png"},
+    {NULL},
+};
+
+static int cli_info_run(const struct call *call, GError **error) {
+    g_autofree char *path = cli_absolute(call->arguments[0]);
     const gboolean session = g_file_test(path, G_FILE_TEST_IS_DIR);
-    if (history && !session)
-        return cli_usage(command, "--history draws a session, and %s is none", argv[1]);
-    if (history && draw_history(path, history) != CLI_DONE)
+    if (history_option && !session)
+        return cli_usage(call->command, "--history draws a session, and %s is none",
+                         call->arguments[0]);
+    if (history_option && !draw_history(path, history_option, error))
         return CLI_FAILED;
-    return session ? info_session(path) : info_exr(path);
+    return (session ? info_session : info_exr)(path, call->record, error) ? CLI_DONE : CLI_FAILED;
 }
 
-const struct command cli_info = {"info", "FILE|DIR", "Show what a session or an EXR holds.",
-                                 cli_info_run};
+const struct command cli_info = {.name = "info",
+                                 .arguments = "FILE|DIR",
+                                 .help = "Show what a session or an EXR holds.",
+                                 .options = entries,
+                                 .min = 1,
+                                 .max = 1,
+                                 .run = cli_info_run};

@@ -1,4 +1,6 @@
 #pragma once
 
-/* What is in a session directory, told to people or as JSON; an exit code. */
-int info_session(const char *directory);
+#include "command/record.h"
+
+/* Tells what is in a session directory. */
+gboolean info_session(const char *directory, Record *to, GError **error);

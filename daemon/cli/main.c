@@ -1,54 +1,13 @@
-/* mesorig: the command line. One command a file group, mesorig_*.c. */
+/* mesorig: the command line. */
 #include "bus/bus_errors.h"
-#include "cli.h"
+#include "commands.h"
 
 #include <locale.h>
-#include <string.h>
-
-static const struct command *const commands[] = {
-    &cli_plan,     &cli_capture,   &cli_resume,   &cli_status,  &cli_watch,    &cli_pause,
-    &cli_continue, &cli_abort,     &cli_safe,     &cli_process, &cli_compress, &cli_compare,
-    &cli_check,    &cli_calibrate, &cli_board,    &cli_info,    &cli_drivers,  &cli_devices,
-    &cli_import,   &cli_export,    &cli_resample, &cli_verify,
-};
-
-static void cli_main_print_help(void) {
-    g_print("Usage: mesorig COMMAND …\n\nCommands:\n");
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
-        g_print("  %-10s %s\n", commands[i]->name, commands[i]->help);
-    g_print("\n“mesorig COMMAND --help” tells more. Every command takes --json.\n"
-            "Exit codes: 0 done, 1 failed, 2 bad usage.\n");
-}
-
-static const struct command *cli_main_find(const char *name) {
-    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
-        if (strcmp(commands[i]->name, name) == 0)
-            return commands[i];
-    return NULL;
-}
 
 int main(int argc, char **argv) {
     setlocale(LC_CTYPE, "");
     cli_print_readably();
     cli_check_output_at_exit();
     bus_errors_register();
-    if (argc < 2) {
-        cli_main_print_help();
-        return CLI_USAGE;
-    }
-    if (strcmp(argv[1], "--version") == 0) {
-        g_print("mesorig %s\n", MESORIG_VERSION);
-        return CLI_DONE;
-    }
-    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
-        strcmp(argv[1], "help") == 0) {
-        cli_main_print_help();
-        return CLI_DONE;
-    }
-    const struct command *command = cli_main_find(argv[1]);
-    if (!command) {
-        g_printerr("mesorig: no command “%s”; “mesorig --help” lists them\n", argv[1]);
-        return CLI_USAGE;
-    }
-    return command->run(command, argc - 1, argv + 1);
+    return cli_main(argc, argv);
 }

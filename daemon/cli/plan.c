@@ -1,7 +1,7 @@
 /* plan and drivers: what would be done, and with what. */
 #include "capture/capture.h"
-#include "cli.h"
-#include "link.h"
+#include "command/cli.h"
+#include "command/link.h"
 #include "plan/report.h"
 #include "rig/devices.h"
 
@@ -44,47 +44,48 @@ static GVariant *plan_here(const char *rig, const char *session, const char *dir
     return report;
 }
 
-static int run_plan(const struct command *command, int argc, char **argv) {
-    GError *error = NULL;
-    if (!cli_parse(command, entries, TRUE, &argc, &argv, 2, 2))
-        return CLI_USAGE;
-    g_autofree char *rig = cli_absolute(argv[1]);
-    g_autofree char *session = cli_absolute(argv[2]);
+static int run_plan(const struct call *call, GError **error) {
+    GError *failed = NULL;
+    g_autofree char *rig = cli_absolute(call->arguments[0]);
+    g_autofree char *session = cli_absolute(call->arguments[1]);
     g_autofree char *directory = output ? cli_absolute(output) : g_strdup("");
-    g_autoptr(Link) link = link_find_rig(rig, &error);
+    g_autoptr(Link) link = link_find_rig(rig, &failed);
     g_autoptr(GVariant) report = NULL;
-    if (!error)
-        report = link ? plan_remotely(link, session, directory, &error)
-                      : plan_here(rig, session, directory, &error);
+    if (!failed)
+        report = link ? plan_remotely(link, session, directory, &failed)
+                      : plan_here(rig, session, directory, &failed);
     if (!report) {
-        const int code = cli_fail(error);
-        g_error_free(error);
-        return code;
+        g_propagate_error(error, failed);
+        return CLI_FAILED;
     }
-    if (cli_json) {
-        cli_print_json(report);
-    } else {
-        g_autofree char *text = report_text(report);
-        g_print("%s", text);
-    }
+    g_autofree char *text = report_text(report);
+    record_variants(call->record, report);
+    record_say(call->record, "%s", text);
     return CLI_DONE;
 }
 
-static int run_drivers(const struct command *command, int argc, char **argv) {
-    if (!cli_parse(command, NULL, FALSE, &argc, &argv, 0, 1))
-        return CLI_USAGE;
-    g_autofree char *text = devices_describe_drivers(argc > 1 ? argv[1] : NULL, cli_json);
-    if (!text || !*text) {
-        g_autoptr(GError) error =
-            g_error_new(G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
-                        "no driver “%s”; “mesorig drivers” lists them", argc > 1 ? argv[1] : "");
-        return cli_fail(error);
+static int run_drivers(const struct call *call, GError **error) {
+    const char *name = call->arguments[0];
+    g_autofree char *text = devices_describe_drivers(name, cli_json);
+    if (text && *text) {
+        g_print("%s%s", text, g_str_has_suffix(text, "\n") ? "" : "\n");
+        return CLI_DONE;
     }
-    g_print("%s%s", text, g_str_has_suffix(text, "\n") ? "" : "\n");
-    return CLI_DONE;
+    g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                "no driver “%s”; “mesorig drivers” lists them", name ? name : "");
+    return CLI_FAILED;
 }
 
-const struct command cli_plan = {"plan", "RIG SESSION",
-                                 "Check a session, and predict its order and time.", run_plan};
-const struct command cli_drivers = {"drivers", "[NAME]",
-                                    "List drivers and what they take in a rig file.", run_drivers};
+const struct command cli_plan = {.name = "plan",
+                                 .arguments = "RIG SESSION",
+                                 .help = "Check a session, and predict its order and time.",
+                                 .options = entries,
+                                 .daemon = TRUE,
+                                 .min = 2,
+                                 .max = 2,
+                                 .run = run_plan};
+const struct command cli_drivers = {.name = "drivers",
+                                    .arguments = "[NAME]",
+                                    .help = "List drivers and what they take in a rig file.",
+                                    .max = 1,
+                                    .run = run_drivers};

@@ -3,77 +3,66 @@
 #include "pipeline/pipeline.h"
 
 #include "calibration/calibration.h"
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "plan/report.h"
 #include "rig/devices.h"
 #include "session/session.h"
-#include "work.h"
 
-static void tell_lines(const struct pipeline_result *result) {
+static void tell_lines(Record *to, const struct pipeline_result *result) {
     if (result->line_sweeps == 0)
         return;
     if (result->lines_found == 0)
-        g_print("laser planes: by the calibration alone; no line was seen beside the sample "
-                "([sample] flat_radius_mm and flat_hole_mm say where one could be)\n");
+        record_say(to, "laser planes: by the calibration alone; no line was seen beside the sample "
+                       "([sample] flat_radius_mm and flat_hole_mm say where one could be)\n");
     else if (result->lines_disagree == 0)
-        g_print("laser planes: lines beside the sample in %d of %d sweeps agree with the "
-                "calibration, %.4f° RMS\n",
-                result->lines_found, result->line_sweeps, result->lines_rms_deg);
+        record_say(to,
+                   "laser planes: lines beside the sample in %d of %d sweeps agree with the "
+                   "calibration, %.4f° RMS\n",
+                   result->lines_found, result->line_sweeps, result->lines_rms_deg);
     else
-        g_print("laser planes: in %d of %d sweeps with a line beside the sample it contradicts the "
-                "calibration, by %+.3f° in laser position %d; where they differ the line was "
-                "believed. Has a sweep slipped, or is the calibration old?\n",
-                result->lines_disagree, result->lines_found, result->lines_worst_deg,
-                result->line_worst_position);
+        record_say(
+            to,
+            "laser planes: in %d of %d sweeps with a line beside the sample it contradicts the "
+            "calibration, by %+.3f° in laser position %d; where they differ the line was "
+            "believed. Has a sweep slipped, or is the calibration old?\n",
+            result->lines_disagree, result->lines_found, result->lines_worst_deg,
+            result->line_worst_position);
 }
 
-static void tell_result(const struct pipeline_result *result, double seconds) {
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->n_views));
-        g_variant_builder_add(&builder, "{sv}", "lights", g_variant_new_int32(result->n_lights));
-        g_variant_builder_add(&builder, "{sv}", "predicted_pictures",
-                              g_variant_new_int32(result->n_predicted));
-        g_variant_builder_add(&builder, "{sv}", "mdf_views",
-                              g_variant_new_int32(result->n_mdf_views));
-        g_variant_builder_add(&builder, "{sv}", "damaged_products",
-                              g_variant_new_int32(result->n_damaged));
-        g_variant_builder_add(&builder, "{sv}", "eigenmaps_error",
-                              g_variant_new_double(result->eigenmaps_error));
-        g_variant_builder_add(&builder, "{sv}", "mdf_coverage",
-                              g_variant_new_double(result->mdf_coverage));
-        g_variant_builder_add(&builder, "{sv}", "mdf_predicted",
-                              g_variant_new_double(result->mdf_predicted));
-        g_variant_builder_add(&builder, "{sv}", "line_sweeps",
-                              g_variant_new_int32(result->line_sweeps));
-        g_variant_builder_add(&builder, "{sv}", "lines_found",
-                              g_variant_new_int32(result->lines_found));
-        g_variant_builder_add(&builder, "{sv}", "lines_disagree",
-                              g_variant_new_int32(result->lines_disagree));
-        g_variant_builder_add(&builder, "{sv}", "lines_rms_deg",
-                              g_variant_new_double(result->lines_rms_deg));
-        g_variant_builder_add(&builder, "{sv}", "lines_worst_deg",
-                              g_variant_new_double(result->lines_worst_deg));
-        g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(seconds));
-        cli_print_json(g_variant_builder_end(&builder));
-        return;
-    }
+static void tell_result(Record *to, const struct pipeline_result *result, double seconds) {
     g_autofree char *time = report_duration(seconds);
-    g_print("done in %s: BTF of %d views × %d lights, MDF of %d views with %.1f %% of the texels "
-            "measured and %.2f %% predicted by other views, eigen-maps with an error of %.2f %%\n",
-            time, result->n_views, result->n_lights, result->n_mdf_views,
-            100 * result->mdf_coverage, 100 * result->mdf_predicted, 100 * result->eigenmaps_error);
+    record_int(to, "views", result->n_views);
+    record_int(to, "lights", result->n_lights);
+    record_int(to, "predicted_pictures", result->n_predicted);
+    record_int(to, "mdf_views", result->n_mdf_views);
+    record_int(to, "damaged_products", result->n_damaged);
+    record_double(to, "eigenmaps_error", result->eigenmaps_error);
+    record_double(to, "mdf_coverage", result->mdf_coverage);
+    record_double(to, "mdf_predicted", result->mdf_predicted);
+    record_int(to, "line_sweeps", result->line_sweeps);
+    record_int(to, "lines_found", result->lines_found);
+    record_int(to, "lines_disagree", result->lines_disagree);
+    record_double(to, "lines_rms_deg", result->lines_rms_deg);
+    record_double(to, "lines_worst_deg", result->lines_worst_deg);
+    record_double(to, "real_s", seconds);
+    record_say(
+        to,
+        "done in %s: BTF of %d views × %d lights, MDF of %d views with %.1f %% of the texels "
+        "measured and %.2f %% predicted by other views, eigen-maps with an error of %.2f "
+        "%%\n",
+        time, result->n_views, result->n_lights, result->n_mdf_views, 100 * result->mdf_coverage,
+        100 * result->mdf_predicted, 100 * result->eigenmaps_error);
     if (result->n_damaged > 0)
-        g_print("%d %s damaged or gone, and %s been made again\n", result->n_damaged,
-                result->n_damaged == 1 ? "product was" : "products were",
-                result->n_damaged == 1 ? "has" : "have");
+        record_say(to, "%d %s damaged or gone, and %s been made again\n", result->n_damaged,
+                   result->n_damaged == 1 ? "product was" : "products were",
+                   result->n_damaged == 1 ? "has" : "have");
     if (result->n_predicted > 0)
-        g_print(
-            "%d of the BTF's %d pictures were left out by the plan: made of those of the lights "
-            "around them, and marked\n",
-            result->n_predicted, result->n_views * result->n_lights);
-    tell_lines(result);
+        record_say(to,
+                   "%d of the BTF's %d pictures were left out by the plan: made of those of the "
+                   "lights around them, and marked\n",
+                   result->n_predicted, result->n_views * result->n_lights);
+    tell_lines(to, result);
 }
 
 struct process {
@@ -103,18 +92,17 @@ static gboolean run_pipeline(const struct work *work, gpointer data, GError **er
     return pipeline_run(process->directory, &options, &process->result, error);
 }
 
-static int run_process(struct process *process) {
-    g_autoptr(GError) error = NULL;
+static int run_process(struct process *process, Record *to, GError **error) {
     double seconds = 0;
-    if (!cli_work_run(run_pipeline, process, &seconds, &error))
-        return cli_fail(error);
-    tell_result(&process->result, seconds);
+    if (!cli_work_run(run_pipeline, process, &seconds, error))
+        return CLI_FAILED;
+    tell_result(to, &process->result, seconds);
     return CLI_DONE;
 }
 
-int process_run(const char *directory, gboolean follow) {
+int process_run(const char *directory, gboolean follow, Record *to, GError **error) {
     struct process process = {.directory = directory, .follow = follow};
-    return run_process(&process);
+    return run_process(&process, to, error);
 }
 
 /* The geometry and light of the rig file that the session was captured with. */
@@ -142,22 +130,25 @@ static const GOptionEntry entries[] = {
     {NULL},
 };
 
-static int cli_process_run(const struct command *command, int argc, char **argv) {
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
-    struct process process = {.directory = argv[1], .follow = follow_option};
+static int cli_process_run(const struct call *call, GError **error) {
+    const char *directory = call->arguments[0];
+    struct process process = {.directory = directory, .follow = follow_option};
     if (calibration_option) {
-        g_autoptr(GError) error = NULL;
         process.calibration = g_str_equal(calibration_option, "nominal")
-                                  ? nominal_text(argv[1], &error)
-                                  : read_text(calibration_option, &error);
+                                  ? nominal_text(directory, error)
+                                  : read_text(calibration_option, error);
         if (!process.calibration)
-            return cli_fail(error);
+            return CLI_FAILED;
     }
-    const int code = run_process(&process);
+    const int code = run_process(&process, call->record, error);
     g_free(process.calibration);
     return code;
 }
 
-const struct command cli_process = {"process", "DIR", "Make BTF, MDF and eigen-maps of a session.",
-                                    cli_process_run};
+const struct command cli_process = {.name = "process",
+                                    .arguments = "DIR",
+                                    .help = "Make BTF, MDF and eigen-maps of a session.",
+                                    .options = entries,
+                                    .min = 1,
+                                    .max = 1,
+                                    .run = cli_process_run};

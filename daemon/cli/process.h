@@ -1,6 +1,7 @@
 #pragma once
 
-#include <glib.h>
+#include "command/record.h"
 
-/* The products of a session, with progress; an exit code. */
-int process_run(const char *directory, gboolean follow);
+/* Makes the products of a session, with progress. Returns an exit code; error is set if it failed.
+ */
+int process_run(const char *directory, gboolean follow, Record *to, GError **error);

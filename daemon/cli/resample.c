@@ -1,8 +1,8 @@
 /* resample: a BTF in directions that are the same for all texels. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "pipeline/near_field_correction.h"
 #include "plan/report.h"
-#include "work.h"
 
 #include <math.h>
 #include <string.h>
@@ -31,69 +31,58 @@ static gboolean cli_resample_work(const struct work *work, gpointer data, GError
     return near_field_correct(job->session, output, job->to, &threaded, &job->result, error);
 }
 
-static void cli_resample_add_double(GVariantBuilder *builder, const char *name, double value) {
-    g_variant_builder_add(builder, "{sv}", name, g_variant_new_double(value));
+static void add_left_out(Record *to, const struct near_field_correction_band *band) {
+    record_double(to, "left_out_view", band->left_out_view);
+    record_double(to, "left_out_light", band->left_out_light);
+    record_double(to, "back", band->back);
 }
 
-static void add_from(GVariantBuilder *builder, const struct near_field_correction_band *band) {
-    cli_resample_add_double(builder, "left_out_view", band->left_out_view);
-    cli_resample_add_double(builder, "left_out_light", band->left_out_light);
-    cli_resample_add_double(builder, "back", band->back);
-}
-
-static void add_to(GVariantBuilder *builder, const struct near_field_correction_band *band) {
-    cli_resample_add_double(builder, "moved_deg", band->moved_deg);
-    cli_resample_add_double(builder, "most_moved_deg", band->most_moved_deg);
-    cli_resample_add_double(builder, "held", band->held);
+static void add_moved(Record *to, const struct near_field_correction_band *band) {
+    record_double(to, "moved_deg", band->moved_deg);
+    record_double(to, "most_moved_deg", band->most_moved_deg);
+    record_double(to, "held", band->held);
     if (band->nominal >= 0)
-        cli_resample_add_double(builder, "nominal", band->nominal);
+        record_double(to, "nominal", band->nominal);
 }
 
-static GVariant *bands_variant(const GArray *bands,
-                               void (*add)(GVariantBuilder *,
-                                           const struct near_field_correction_band *)) {
-    GVariantBuilder list;
-    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
+static void add_bands(Record *to, const char *key, const GArray *bands,
+                      void (*add)(Record *, const struct near_field_correction_band *)) {
+    record_begin_list(to, key);
     for (guint i = 0; i < bands->len; i++) {
         const struct near_field_correction_band *band =
             &g_array_index(bands, struct near_field_correction_band, i);
-        GVariantBuilder one;
-        g_variant_builder_init(&one, G_VARIANT_TYPE_VARDICT);
-        cli_resample_add_double(&one, "theta_deg", band->theta_deg);
-        g_variant_builder_add(&one, "{sv}", "views", g_variant_new_int32(band->n_views));
-        add(&one, band);
-        g_variant_builder_add_value(&list, g_variant_builder_end(&one));
+        record_begin(to, NULL);
+        record_double(to, "theta_deg", band->theta_deg);
+        record_int(to, "views", band->n_views);
+        add(to, band);
+        record_end(to);
     }
-    return g_variant_builder_end(&list);
+    record_end(to);
 }
 
-static void cli_resample_tell_json(const struct job *job, double seconds) {
-    const struct near_field_correction_result *result = &job->result;
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_add(&builder, "{sv}", "session", g_variant_new_string(output));
-    g_variant_builder_add(&builder, "{sv}", "exact", g_variant_new_boolean(result->exact));
-    g_variant_builder_add(&builder, "{sv}", "mdf", g_variant_new_boolean(result->mdf));
-    g_variant_builder_add(&builder, "{sv}", "from_views", g_variant_new_int32(result->n_views));
-    g_variant_builder_add(&builder, "{sv}", "from_lights", g_variant_new_int32(result->n_lights));
-    g_variant_builder_add(&builder, "{sv}", "views", g_variant_new_int32(result->made.n_views));
-    g_variant_builder_add(&builder, "{sv}", "lights", g_variant_new_int32(result->made.n_lights));
-    g_variant_builder_add(&builder, "{sv}", "width", g_variant_new_int32(result->made.width));
-    g_variant_builder_add(&builder, "{sv}", "height", g_variant_new_int32(result->made.height));
-    g_variant_builder_add(&builder, "{sv}", "holes", g_variant_new_int64(result->holes));
-    g_variant_builder_add(&builder, "{sv}", "bounds", g_variant_new_int64(result->bounds));
-    g_variant_builder_add(&builder, "{sv}", "predicted", g_variant_new_int64(result->predicted));
-    g_variant_builder_add(&builder, "{sv}", "left_out_texels",
-                          g_variant_new_int32(result->sampled));
-    cli_resample_add_double(&builder, "light_moved_deg", result->light_moved_deg);
-    cli_resample_add_double(&builder, "light_most_moved_deg", result->light_most_moved_deg);
-    add_from(&builder, &result->all);
-    add_to(&builder, &result->all);
-    g_variant_builder_add(&builder, "{sv}", "by_view", bands_variant(result->from, add_from));
-    g_variant_builder_add(&builder, "{sv}", "by_view_made", bands_variant(result->to, add_to));
-    cli_resample_add_double(&builder, "eigenmaps_error", result->made.eigenmaps_error);
-    cli_resample_add_double(&builder, "real_s", seconds);
-    cli_print_json(g_variant_builder_end(&builder));
+static void add_values(Record *to, const struct near_field_correction_result *result,
+                       double seconds) {
+    record_string(to, "session", output);
+    record_boolean(to, "exact", result->exact);
+    record_boolean(to, "mdf", result->mdf);
+    record_int(to, "from_views", result->n_views);
+    record_int(to, "from_lights", result->n_lights);
+    record_int(to, "views", result->made.n_views);
+    record_int(to, "lights", result->made.n_lights);
+    record_int(to, "width", result->made.width);
+    record_int(to, "height", result->made.height);
+    record_int(to, "holes", result->holes);
+    record_int(to, "bounds", result->bounds);
+    record_int(to, "predicted", result->predicted);
+    record_int(to, "left_out_texels", result->sampled);
+    record_double(to, "light_moved_deg", result->light_moved_deg);
+    record_double(to, "light_most_moved_deg", result->light_most_moved_deg);
+    add_left_out(to, &result->all);
+    add_moved(to, &result->all);
+    add_bands(to, "by_view", result->from, add_left_out);
+    add_bands(to, "by_view_made", result->to, add_moved);
+    record_double(to, "eigenmaps_error", result->made.eigenmaps_error);
+    record_double(to, "real_s", seconds);
 }
 
 /* For names with a sign of two bytes. */
@@ -101,63 +90,63 @@ static int padded(const char *name, int width) {
     return width + (int)strlen(name) - (int)g_utf8_strlen(name, -1);
 }
 
-static void print_from(const char *name, const struct near_field_correction_band *band) {
-    g_print("%-*s %11.2f %% %16.2f %% %14.2f %%\n", padded(name, 13), name,
-            100 * band->left_out_view, 100 * band->left_out_light, 100 * band->back);
+static void tell_from(Record *to, const char *name, const struct near_field_correction_band *band) {
+    record_say(to, "%-*s %11.2f %% %16.2f %% %14.2f %%\n", padded(name, 13), name,
+               100 * band->left_out_view, 100 * band->left_out_light, 100 * band->back);
 }
 
-static void print_to(const char *name, const struct near_field_correction_band *band) {
-    g_print("%-*s %6.2f° %10.2f° %12.1f %%", padded(name, 13), name, band->moved_deg,
-            band->most_moved_deg, 100 * band->held);
+static void tell_to(Record *to, const char *name, const struct near_field_correction_band *band) {
+    record_say(to, "%-*s %6.2f° %10.2f° %12.1f %%", padded(name, 13), name, band->moved_deg,
+               band->most_moved_deg, 100 * band->held);
     if (band->nominal >= 0)
-        g_print(" %14.2f %%", 100 * band->nominal);
-    g_print("\n");
+        record_say(to, " %14.2f %%", 100 * band->nominal);
+    record_say(to, "\n");
 }
 
-static void print_table(const GArray *bands, const struct near_field_correction_band *all,
-                        void (*print)(const char *, const struct near_field_correction_band *)) {
+static void
+tell_table(Record *to, const GArray *bands, const struct near_field_correction_band *all,
+           void (*tell)(Record *, const char *, const struct near_field_correction_band *)) {
     for (guint i = 0; i < bands->len; i++) {
         const struct near_field_correction_band *band =
             &g_array_index(bands, struct near_field_correction_band, i);
         g_autofree char *name = g_strdup_printf("%.3g°", band->theta_deg);
-        print(name, band);
+        tell(to, name, band);
     }
-    print("all", all);
+    tell(to, "all", all);
 }
 
-static void cli_resample_tell_marks(const struct near_field_correction_result *result) {
+static void cli_resample_tell_marks(Record *to, const struct near_field_correction_result *result) {
     if (result->holes > 0)
-        g_print("%" G_GINT64_FORMAT " holes were filled from the texels around them\n",
-                result->holes);
+        record_say(to, "%" G_GINT64_FORMAT " holes were filled from the texels around them\n",
+                   result->holes);
     if (result->bounds > 0)
-        g_print("%" G_GINT64_FORMAT " values were lower bounds\n", result->bounds);
+        record_say(to, "%" G_GINT64_FORMAT " values were lower bounds\n", result->bounds);
     if (result->predicted > 0)
-        g_print("%" G_GINT64_FORMAT " values were made of the pictures of other lights\n",
-                result->predicted);
+        record_say(to, "%" G_GINT64_FORMAT " values were made of the pictures of other lights\n",
+                   result->predicted);
 }
 
-static void cli_resample_tell(const struct job *job, double seconds) {
-    const struct near_field_correction_result *result = &job->result;
+static void cli_resample_tell(Record *to, const struct near_field_correction_result *result,
+                              double seconds) {
     g_autofree char *time = report_duration(seconds);
-    if (cli_json) {
-        cli_resample_tell_json(job, seconds);
-        return;
-    }
-    g_print("%s: %d × %d texels, %d views × %d lights from %d × %d in %s\n", output,
-            result->made.width, result->made.height, result->made.n_views, result->made.n_lights,
-            result->n_views, result->n_lights, time);
+    add_values(to, result, seconds);
+    record_say(to, "%s: %d × %d texels, %d views × %d lights from %d × %d in %s\n", output,
+               result->made.width, result->made.height, result->made.n_views, result->made.n_lights,
+               result->n_views, result->n_lights, time);
     if (!result->exact)
-        g_print("where cameras and lamps were is not known: all texels had the same directions\n");
+        record_say(to, "where cameras and lamps were is not known: all texels had the same "
+                       "directions\n");
     if (result->mdf)
-        g_print("its MDF is the measured one as it was, with the views it was measured from\n");
-    g_print("\nmeasured from  left out: view            light   there and back\n");
-    print_table(result->from, &result->all, print_from);
-    g_print("\nmade for         moved     at most   too far out%s\n",
-            result->all.nominal >= 0 ? "   read as planned" : "");
-    print_table(result->to, &result->all, print_to);
-    g_print("lights        %6.2f° %10.2f°\n", result->light_moved_deg,
-            result->light_most_moved_deg);
-    cli_resample_tell_marks(result);
+        record_say(to,
+                   "its MDF is the measured one as it was, with the views it was measured from\n");
+    record_say(to, "\nmeasured from  left out: view            light   there and back\n");
+    tell_table(to, result->from, &result->all, tell_from);
+    record_say(to, "\nmade for         moved     at most   too far out%s\n",
+               result->all.nominal >= 0 ? "   read as planned" : "");
+    tell_table(to, result->to, &result->all, tell_to);
+    record_say(to, "lights        %6.2f° %10.2f°\n", result->light_moved_deg,
+               result->light_most_moved_deg);
+    cli_resample_tell_marks(to, result);
 }
 
 static gboolean cli_resample_read_directions(struct job *job, GError **error) {
@@ -168,30 +157,30 @@ static gboolean cli_resample_read_directions(struct job *job, GError **error) {
     return job->to != NULL;
 }
 
-static int cli_resample_run(const struct command *command, int argc, char **argv) {
-    g_autoptr(GError) error = NULL;
-    struct job job = {0};
+static int cli_resample_run(const struct call *call, GError **error) {
+    struct job job = {.session = call->arguments[0]};
     double seconds = 0;
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
     if (!output)
-        return cli_usage(command, "where to? Give -o DIR.session");
+        return cli_usage(call->command, "where to? Give -o DIR.session");
     if (threads < 0 || threads > 1024)
-        return cli_usage(command, "--threads is 1 to 1024");
-    job.session = argv[1];
-    if (!cli_resample_read_directions(&job, &error))
-        return cli_fail(error);
-    const gboolean ok = cli_work_run(cli_resample_work, &job, &seconds, &error);
+        return cli_usage(call->command, "--threads is 1 to 1024");
+    if (!cli_resample_read_directions(&job, error))
+        return CLI_FAILED;
+    const gboolean ok = cli_work_run(cli_resample_work, &job, &seconds, error);
     btf_directions_free(job.to);
     if (!ok)
-        return cli_fail(error);
-    cli_resample_tell(&job, seconds);
+        return CLI_FAILED;
+    cli_resample_tell(call->record, &job.result, seconds);
     near_field_correction_result_clear(&job.result);
     return CLI_DONE;
 }
 
-const struct command cli_resample = {
-    "resample", "DIR -o DIR",
-    "Make a session whose BTF has the same directions for all texels, and say how far to believe "
-    "it.",
-    cli_resample_run};
+const struct command cli_resample = {.name = "resample",
+                                     .arguments = "DIR -o DIR",
+                                     .help = "Make a session whose BTF has the same directions for "
+                                             "all texels, and say how far to believe "
+                                             "it.",
+                                     .options = entries,
+                                     .min = 1,
+                                     .max = 1,
+                                     .run = cli_resample_run};

@@ -1,7 +1,7 @@
 /* verify: whether every file of a session still is what was committed, and what mends it. */
-#include "cli.h"
+#include "command/cli.h"
+#include "command/work.h"
 #include "session/session.h"
-#include "work.h"
 
 #include <glib/gstdio.h>
 #include <string.h>
@@ -94,99 +94,79 @@ static gboolean cli_verify_work(const struct work *work, gpointer data, GError *
     return verify->products && list_unknown(verify, session, error);
 }
 
-static void add_damages(GVariantBuilder *list, const GPtrArray *damages, gboolean missing) {
+static void add_damages(Record *to, const GPtrArray *damages, gboolean missing) {
     for (guint i = 0; i < damages->len; i++) {
         const struct session_damage *damage = damages->pdata[i];
         if (damage->missing != missing)
             continue;
-        g_variant_builder_open(list, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(list, "{sv}", "path", g_variant_new_string(damage->path));
-        g_variant_builder_add(list, "{sv}", "what", g_variant_new_string(damage->what));
-        g_variant_builder_add(list, "{sv}", "repair",
-                              g_variant_new_string(damage->remedy ? damage->remedy : ""));
-        g_variant_builder_close(list);
+        record_begin(to, NULL);
+        record_string(to, "path", damage->path);
+        record_string(to, "what", damage->what);
+        record_string(to, "repair", damage->remedy);
+        record_end(to);
     }
 }
 
-static GVariant *damages_variant(const struct verify *verify, gboolean missing) {
-    GVariantBuilder list;
-    g_variant_builder_init(&list, G_VARIANT_TYPE("aa{sv}"));
-    add_damages(&list, verify->frames, missing);
-    add_damages(&list, verify->products, missing);
-    return g_variant_builder_end(&list);
-}
-
-static void cli_verify_tell_json(const struct verify *verify) {
-    GVariantBuilder builder, unknown;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_init(&unknown, G_VARIANT_TYPE_STRING_ARRAY);
-    for (guint i = 0; i < verify->unknown->len; i++) {
-        g_autofree char *valid = g_utf8_make_valid(verify->unknown->pdata[i], -1);
-        g_variant_builder_add(&unknown, "s", valid);
-    }
-    g_variant_builder_add(&builder, "{sv}", "frames", g_variant_new_int32(verify->n_frames));
-    g_variant_builder_add(&builder, "{sv}", "products", g_variant_new_int32(verify->n_products));
-    g_variant_builder_add(&builder, "{sv}", "damaged", damages_variant(verify, FALSE));
-    g_variant_builder_add(&builder, "{sv}", "missing", damages_variant(verify, TRUE));
-    g_variant_builder_add(&builder, "{sv}", "unknown", g_variant_builder_end(&unknown));
-    cli_print_json(g_variant_builder_end(&builder));
-}
-
-static void tell_damages(const GPtrArray *damages, GPtrArray *remedies) {
+static void tell_damages(Record *to, const GPtrArray *damages, GPtrArray *remedies) {
     for (guint i = 0; i < damages->len; i++) {
         const struct session_damage *damage = damages->pdata[i];
         const char *remedy = damage->remedy ? damage->remedy : "import the session again";
-        g_print("%-9s %s: %s\n", damage->missing ? "missing" : "damaged", damage->path,
-                damage->what);
+        record_say(to, "%-9s %s: %s\n", damage->missing ? "missing" : "damaged", damage->path,
+                   damage->what);
         if (!g_ptr_array_find_with_equal_func(remedies, remedy, g_str_equal, NULL))
             g_ptr_array_add(remedies, (gpointer)remedy);
     }
 }
 
-static void cli_verify_tell(const struct verify *verify) {
+static void cli_verify_tell(Record *to, const struct verify *verify) {
     g_autoptr(GPtrArray) remedies = g_ptr_array_new();
-    if (cli_json) {
-        cli_verify_tell_json(verify);
-        return;
+    record_int(to, "frames", verify->n_frames);
+    record_int(to, "products", verify->n_products);
+    for (int missing = 0; missing < 2; missing++) {
+        record_begin_list(to, missing ? "missing" : "damaged");
+        add_damages(to, verify->frames, missing);
+        add_damages(to, verify->products, missing);
+        record_end(to);
     }
-    tell_damages(verify->frames, remedies);
-    tell_damages(verify->products, remedies);
+    record_strings(to, "unknown", verify->unknown);
+    tell_damages(to, verify->frames, remedies);
+    tell_damages(to, verify->products, remedies);
     for (guint i = 0; i < verify->unknown->len; i++) {
         g_autofree char *shown = g_strescape(verify->unknown->pdata[i], NULL);
-        g_print("unknown   %s: the session does not list it; move it away, or leave it\n", shown);
+        record_say(to, "unknown   %s: the session does not list it; move it away, or leave it\n",
+                   shown);
     }
-    g_print("%d frames, %d products: %u are damaged or missing, %u other files are unknown\n",
-            verify->n_frames, verify->n_products, verify->frames->len + verify->products->len,
-            verify->unknown->len);
+    record_say(to,
+               "%d frames, %d products: %u are damaged or missing, %u other files are unknown\n",
+               verify->n_frames, verify->n_products, verify->frames->len + verify->products->len,
+               verify->unknown->len);
     for (guint i = 0; i < remedies->len; i++)
-        g_print("to repair %s\n", (const char *)remedies->pdata[i]);
-    if (verify->not_noted)
+        record_say(to, "to repair %s\n", (const char *)remedies->pdata[i]);
+    if (verify->not_noted && !cli_json)
         g_printerr("resume will not hear of the damaged frames, which could not be noted: %s; "
                    "run verify as who may write the session\n",
                    verify->not_noted);
 }
 
-static int cli_verify_run(const struct command *command, int argc, char **argv) {
-    g_autoptr(GError) error = NULL;
-    double seconds = 0;
-    if (!cli_parse(command, NULL, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
-    struct verify verify = {.path = argv[1]};
-    const gboolean ok = cli_work_run(cli_verify_work, &verify, &seconds, &error);
-    if (ok)
-        cli_verify_tell(&verify);
-    const gboolean whole =
-        ok && verify.frames->len + verify.products->len + verify.unknown->len == 0;
+static int cli_verify_run(const struct call *call, GError **error) {
+    struct verify verify = {.path = call->arguments[0]};
+    gboolean whole = cli_work_run(cli_verify_work, &verify, NULL, error);
+    if (whole) {
+        cli_verify_tell(call->record, &verify);
+        whole = verify.frames->len + verify.products->len + verify.unknown->len == 0;
+    }
     g_clear_pointer(&verify.frames, g_ptr_array_unref);
     g_clear_pointer(&verify.products, g_ptr_array_unref);
     g_clear_pointer(&verify.unknown, g_ptr_array_unref);
     g_free(verify.directory);
     g_free(verify.not_noted);
-    if (!ok)
-        return cli_fail(error);
     return whole ? CLI_DONE : CLI_FAILED;
 }
 
 const struct command cli_verify = {
-    "verify", "DIR", "Compare every file of a session with its checksum; say what repairs it.",
-    cli_verify_run};
+    .name = "verify",
+    .arguments = "DIR",
+    .help = "Compare every file of a session with its checksum; say what repairs it.",
+    .min = 1,
+    .max = 1,
+    .run = cli_verify_run};

@@ -35,7 +35,7 @@ int cli_usage(const struct command *command, const char *format, ...) {
     return CLI_USAGE;
 }
 
-static gboolean cli_cli_check_link(const struct command *command) {
+static gboolean cli_check_link(const struct command *command) {
     if (cli_bus && strcmp(cli_bus, "system") != 0 && strcmp(cli_bus, "session") != 0) {
         cli_usage(command, "--bus is system or session");
         return FALSE;
@@ -71,20 +71,35 @@ gboolean cli_parse(const struct command *command, const GOptionEntry *entries, g
         cli_usage(command, *argc - 1 < min ? "there is something missing" : "too many arguments");
         return FALSE;
     }
-    return cli_cli_check_link(command);
+    return cli_check_link(command);
+}
+
+int cli_run(const struct command *command, int argc, char **argv) {
+    g_autoptr(Record) record = record_new();
+    g_autoptr(GError) error = NULL;
+    if (command->run_arguments)
+        return command->run_arguments(command, argc, argv);
+    if (!cli_parse(command, command->options, command->daemon, &argc, &argv, command->min,
+                   command->max))
+        return CLI_USAGE;
+    const struct call call = {command, argv + 1, argc - 1, record};
+    const int code = command->run(&call, &error);
+    if (error)
+        return cli_fail(error);
+    if (code != CLI_USAGE)
+        record_print(record, cli_json);
+    return code;
 }
 
 int cli_fail(const GError *error) {
     g_autoptr(GError) told = g_error_copy(error);
+    g_autoptr(Record) record = record_new();
     g_dbus_error_strip_remote_error(told);
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "error", g_variant_new_string(told->message));
-        cli_print_json(g_variant_builder_end(&builder));
-    } else {
+    record_string(record, "error", told->message);
+    if (cli_json)
+        record_print(record, TRUE);
+    else
         g_printerr("mesorig: %s\n", told->message);
-    }
     return CLI_FAILED;
 }
 
@@ -104,7 +119,7 @@ static char *without_controls(const char *text) {
     return g_string_free(clean, FALSE);
 }
 
-static void cli_cli_put(FILE *to, const char *text) {
+static void cli_put(FILE *to, const char *text) {
     g_autofree char *clean = without_controls(text);
     g_autofree char *ascii = g_get_charset(NULL) ? NULL : g_str_to_ascii(clean, "C");
     fputs(ascii ? ascii : clean, to);
@@ -112,11 +127,11 @@ static void cli_cli_put(FILE *to, const char *text) {
 }
 
 static void put_out(const char *text) {
-    cli_cli_put(stdout, text);
+    cli_put(stdout, text);
 }
 
 static void put_err(const char *text) {
-    cli_cli_put(stderr, text);
+    cli_put(stderr, text);
 }
 
 void cli_print_readably(void) {
@@ -125,7 +140,7 @@ void cli_print_readably(void) {
 }
 
 /* stdout keeps that a write has failed, but not why. */
-static void cli_cli_check_output(void) {
+static void cli_check_output(void) {
     errno = 0;
     const gboolean failed = fflush(stdout) != 0 || ferror(stdout);
     if (!failed)
@@ -136,7 +151,7 @@ static void cli_cli_check_output(void) {
 }
 
 void cli_check_output_at_exit(void) {
-    atexit(cli_cli_check_output);
+    atexit(cli_check_output);
 }
 
 void cli_print_json(GVariant *value) {

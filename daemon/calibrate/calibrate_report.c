@@ -342,27 +342,22 @@ static char *page(const struct calibration *calibration) {
     return g_string_free(to, FALSE);
 }
 
-static int cli_calibrate_report_run(const struct command *command, int argc, char **argv) {
-    g_autoptr(GError) error = NULL;
-    if (!cli_parse(command, entries, FALSE, &argc, &argv, 1, 1))
-        return CLI_USAGE;
+static int cli_calibrate_report_run(const struct call *call, GError **error) {
     if (!output_option)
-        return cli_usage(command, "where to? Give -o FILE.html");
-    g_autoptr(Calibration) calibration = calibration_read(argv[1], &error);
+        return cli_usage(call->command, "where to? Give -o FILE.html");
+    g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
     g_autofree char *text = calibration ? page(calibration) : NULL;
-    if (!text || !g_file_set_contents(output_option, text, -1, &error))
-        return cli_fail(error);
-    if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(output_option));
-        cli_print_json(g_variant_builder_end(&builder));
-    } else {
-        g_print("%s: look at it in a browser\n", output_option);
-    }
+    if (!text || !g_file_set_contents(output_option, text, -1, error))
+        return CLI_FAILED;
+    record_string(call->record, "file", output_option);
+    record_say(call->record, "%s: look at it in a browser\n", output_option);
     return CLI_DONE;
 }
 
-const struct command calibrate_report = {"calibrate report", "FILE -o FILE.html",
-                                         "Draw what a calibration file says, as a page.",
-                                         cli_calibrate_report_run};
+const struct command calibrate_report = {.name = "calibrate report",
+                                         .arguments = "FILE -o FILE.html",
+                                         .help = "Draw what a calibration file says, as a page.",
+                                         .options = entries,
+                                         .min = 1,
+                                         .max = 1,
+                                         .run = cli_calibrate_report_run};

@@ -1,11 +1,11 @@
 /* calibrate lights --images: the directions of light in photographs, by balls in them. */
 #include "calibrate_photos.h"
 
-#include "cli.h"
+#include "calibrate.h"
+#include "command/work.h"
 #include "lamps/ball_outline.h"
 #include "lamps/highlights.h"
 #include "pictures/vision.h"
-#include "work.h"
 
 #include <math.h>
 #include <string.h>
@@ -55,32 +55,6 @@ static gboolean parse_ball(const char *text, struct ball_outline *ret) {
     }
     *ret = (struct ball_outline){values[0], values[1], values[2]};
     return values[2] >= 5;
-}
-
-static gboolean cli_calibrate_photos_is_photograph(const char *name) {
-    static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff"};
-    g_autofree char *lower = g_ascii_strdown(name, -1);
-    for (gsize i = 0; i < G_N_ELEMENTS(ends); i++)
-        if (g_str_has_suffix(lower, ends[i]))
-            return TRUE;
-    return FALSE;
-}
-
-static int cli_calibrate_photos_by_text(gconstpointer a, gconstpointer b) {
-    return strcmp(*(char *const *)a, *(char *const *)b);
-}
-
-static gboolean cli_calibrate_photos_list(struct job *job, GError **error) {
-    g_autoptr(GDir) dir = g_dir_open(photos_folder, 0, error);
-    const char *name;
-    while (dir && (name = g_dir_read_name(dir)))
-        if (cli_calibrate_photos_is_photograph(name))
-            g_ptr_array_add(job->names, g_build_filename(photos_folder, name, NULL));
-    g_ptr_array_sort(job->names, cli_calibrate_photos_by_text);
-    if (dir && job->names->len == 0)
-        g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
-                    "%s: there is no .jpg, .png or .tif picture in that folder", photos_folder);
-    return job->names->len > 0;
 }
 
 static void cli_calibrate_photos_reject(struct job *job, const char *name, int ball,
@@ -265,7 +239,8 @@ static gboolean write_lights(const struct job *job, GError **error) {
 
 static gboolean cli_calibrate_photos_work(const struct work *work, gpointer data, GError **error) {
     struct job *job = data;
-    if (!cli_calibrate_photos_list(job, error) || !find_outlines(job, work, error))
+    if (!(job->names = calibrate_photographs(photos_folder, G_MAXUINT, error)) ||
+        !find_outlines(job, work, error))
         return FALSE;
     const gint64 begun_us = g_get_monotonic_time();
     for (guint i = 0; i < job->names->len; i++) {
@@ -287,101 +262,59 @@ static double cli_calibrate_photos_unit(void) {
     return photos_radius_mm > 0 ? photos_radius_mm : 1;
 }
 
-static GVariant *vec3_variant(struct vec3 v, double scale) {
-    return g_variant_new("(ddd)", scale * v.x, scale * v.y, scale * v.z);
+static void tell_vec3(Record *to, const char *key, struct vec3 v) {
+    record_doubles(to, key, (double[]){v.x, v.y, v.z}, 3);
 }
 
-static GVariant *light_variant(const struct light *light) {
+static void tell_light(Record *to, const struct light *light) {
     const gboolean mm = photos_radius_mm > 0;
-    const struct ball_light *found = &light->found;
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(light->name));
-    g_variant_builder_add(&builder, "{sv}", "direction", vec3_variant(found->direction, 1));
-    g_variant_builder_add(&builder, "{sv}", "sigma_deg",
-                          g_variant_new_double(found->sigma_rad * DEG));
-    if (found->placed) {
-        g_variant_builder_add(&builder, "{sv}", mm ? "place_mm" : "place_radii",
-                              vec3_variant(found->place, cli_calibrate_photos_unit()));
-        g_variant_builder_add(&builder, "{sv}", mm ? "error_mm" : "error_radii",
-                              vec3_variant(found->place_error, cli_calibrate_photos_unit()));
-        g_variant_builder_add(&builder, "{sv}", "miss",
-                              g_variant_new_double(cli_calibrate_photos_unit() * found->miss));
-    }
-    return g_variant_builder_end(&builder);
-}
-
-static GVariant *ball_variant(const struct job *job, int i) {
-    const struct ball_outline *ball = &job->balls[i];
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_add(&builder, "{sv}", "outline_px",
-                          g_variant_new("(ddd)", ball->x_px, ball->y_px, ball->radius_px));
-    g_variant_builder_add(&builder, "{sv}", "error_px", g_variant_new_double(job->sigma_px[i]));
-    g_variant_builder_add(&builder, "{sv}", "seen", g_variant_new_boolean(job->outlined[i]));
-    return g_variant_builder_end(&builder);
-}
-
-static void cli_calibrate_photos_tell_json(const struct job *job) {
-    GVariantBuilder builder, lights, balls;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_init(&lights, G_VARIANT_TYPE("aa{sv}"));
-    for (guint i = 0; i < job->lights->len; i++)
-        g_variant_builder_add_value(&lights,
-                                    light_variant(&g_array_index(job->lights, struct light, i)));
-    g_variant_builder_add(&builder, "{sv}", "file", g_variant_new_string(job->output));
-    g_variant_builder_init(&balls, G_VARIANT_TYPE("aa{sv}"));
-    for (int i = 0; i < job->n_balls; i++)
-        g_variant_builder_add_value(&balls, ball_variant(job, i));
-    g_variant_builder_add(&builder, "{sv}", "balls", g_variant_builder_end(&balls));
-    g_variant_builder_add(&builder, "{sv}", "lights", g_variant_builder_end(&lights));
-    g_variant_builder_add(
-        &builder, "{sv}", "rejected",
-        g_variant_new_strv((const char *const *)job->rejected->pdata, (gssize)job->rejected->len));
-    cli_print_json(g_variant_builder_end(&builder));
-}
-
-static void tell_light(const struct light *light) {
     const struct ball_light *found = &light->found;
     const struct vec3 d = found->direction,
                       p = vec3_scale(found->place, cli_calibrate_photos_unit());
     const struct vec3 e = vec3_scale(found->place_error, cli_calibrate_photos_unit());
-    g_print("  %-24s %+.4f %+.4f %+.4f ± %.2f°", light->name, d.x, d.y, d.z,
-            found->sigma_rad * DEG);
-    if (found->placed)
-        g_print("   at %.1f %.1f %.1f %s, ± %.1f %.1f %.1f", p.x, p.y, p.z,
-                photos_radius_mm > 0 ? "mm" : "radii", e.x, e.y, e.z);
-    g_print("\n");
-}
-
-static void tell_ball(const struct job *job, int i) {
-    const struct ball_outline *ball = &job->balls[i];
-    g_print("  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f px\n", i + 1,
-            job->outlined[i] ? "its outline is seen at" : "as given, its outline is not seen:",
-            ball->x_px, ball->y_px, ball->radius_px, job->sigma_px[i]);
-}
-
-static void cli_calibrate_photos_tell(const struct job *job) {
-    if (cli_json) {
-        cli_calibrate_photos_tell_json(job);
-        return;
+    record_begin(to, NULL);
+    record_string(to, "file", light->name);
+    tell_vec3(to, "direction", d);
+    record_double(to, "sigma_deg", found->sigma_rad * DEG);
+    record_say(to, "  %-24s %+.4f %+.4f %+.4f ± %.2f°", light->name, d.x, d.y, d.z,
+               found->sigma_rad * DEG);
+    if (found->placed) {
+        tell_vec3(to, mm ? "place_mm" : "place_radii", p);
+        tell_vec3(to, mm ? "error_mm" : "error_radii", e);
+        record_double(to, "miss", cli_calibrate_photos_unit() * found->miss);
+        record_say(to, "   at %.1f %.1f %.1f %s, ± %.1f %.1f %.1f", p.x, p.y, p.z,
+                   mm ? "mm" : "radii", e.x, e.y, e.z);
     }
-    g_print("%s: %u of %u photographs\n", job->output, job->lights->len, job->names->len);
-    for (int i = 0; i < job->n_balls; i++)
-        tell_ball(job, i);
-    for (guint i = 0; i < job->lights->len; i++)
-        tell_light(&g_array_index(job->lights, struct light, i));
-    for (guint i = 0; i < job->rejected->len; i++)
-        g_print("  left out: %s\n", (char *)job->rejected->pdata[i]);
+    record_end(to);
+    record_say(to, "\n");
 }
 
-static int cli_calibrate_photos_run_job(struct job *job) {
-    g_autoptr(GError) error = NULL;
-    double seconds = 0;
-    if (!cli_work_run(cli_calibrate_photos_work, job, &seconds, &error))
-        return cli_fail(error);
-    cli_calibrate_photos_tell(job);
-    return CLI_DONE;
+static void tell_ball(Record *to, const struct job *job, int i) {
+    const struct ball_outline *ball = &job->balls[i];
+    record_begin(to, NULL);
+    record_doubles(to, "outline_px", (double[]){ball->x_px, ball->y_px, ball->radius_px}, 3);
+    record_double(to, "error_px", job->sigma_px[i]);
+    record_boolean(to, "seen", job->outlined[i]);
+    record_end(to);
+    record_say(to, "  ball %d: %s %.2f, %.2f px, radius %.2f px, ± %.2f px\n", i + 1,
+               job->outlined[i] ? "its outline is seen at" : "as given, its outline is not seen:",
+               ball->x_px, ball->y_px, ball->radius_px, job->sigma_px[i]);
+}
+
+static void cli_calibrate_photos_tell(Record *to, const struct job *job) {
+    record_string(to, "file", job->output);
+    record_say(to, "%s: %u of %u photographs\n", job->output, job->lights->len, job->names->len);
+    record_begin_list(to, "balls");
+    for (int i = 0; i < job->n_balls; i++)
+        tell_ball(to, job, i);
+    record_end(to);
+    record_begin_list(to, "lights");
+    for (guint i = 0; i < job->lights->len; i++)
+        tell_light(to, &g_array_index(job->lights, struct light, i));
+    record_end(to);
+    record_strings(to, "rejected", job->rejected);
+    for (guint i = 0; i < job->rejected->len; i++)
+        record_say(to, "  left out: %s\n", (char *)job->rejected->pdata[i]);
 }
 
 static int bad_usage(const char *what) {
@@ -389,20 +322,21 @@ static int bad_usage(const char *what) {
     return CLI_USAGE;
 }
 
-int photos_calibrate(const char *output) {
+int photos_calibrate(const char *output, Record *to, GError **error) {
     struct job job = {.output = output};
     if (!photos_balls)
         return bad_usage("where is the ball in the photographs? Give --ball X,Y,R in pixels");
     for (char **text = photos_balls; *text; text++)
         if (job.n_balls == BALL_LIGHT_MOST || !parse_ball(*text, &job.given[job.n_balls++]))
             return bad_usage("--ball needs X,Y,R in pixels, R at least 5; at most 16 of them");
-    job.names = g_ptr_array_new_with_free_func(g_free);
     job.rejected = g_ptr_array_new_with_free_func(g_free);
     job.lights = g_array_new(FALSE, FALSE, sizeof(struct light));
     g_array_set_clear_func(job.lights, clear_light);
-    const int code = cli_calibrate_photos_run_job(&job);
-    g_ptr_array_unref(job.names);
+    const gboolean ok = cli_work_run(cli_calibrate_photos_work, &job, NULL, error);
+    if (ok)
+        cli_calibrate_photos_tell(to, &job);
+    g_clear_pointer(&job.names, g_ptr_array_unref);
     g_ptr_array_unref(job.rejected);
     g_array_unref(job.lights);
-    return code;
+    return ok ? CLI_DONE : CLI_FAILED;
 }

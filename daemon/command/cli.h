@@ -1,19 +1,35 @@
 /* What all commands of the command line share: options, errors, exit codes, JSON. */
 #pragma once
 
-#include <gio/gio.h>
+#include "record.h"
 
 enum { CLI_DONE = 0, CLI_FAILED = 1, CLI_USAGE = 2 };
 
-struct command {
-    const char *name, *arguments, *help;
-    int (*run)(const struct command *command, int argc, char **argv); /* argv[0]: its name */
+/* One call of a command, after its options were parsed. */
+struct call {
+    const struct command *command;
+    char *const *arguments; /* the positional ones; NULL behind the last */
+    int n_arguments;
+    Record *record; /* is printed when the command has run */
 };
 
-extern const struct command cli_plan, cli_capture, cli_resume, cli_status, cli_watch, cli_pause,
-    cli_continue, cli_abort, cli_safe, cli_process, cli_compress, cli_compare, cli_check,
-    cli_calibrate, cli_board, cli_info, cli_drivers, cli_devices, cli_import, cli_export,
-    cli_resample, cli_verify;
+/* A row of the table of commands; each command has a file of its own. */
+struct command {
+    const char *name, *arguments, *help;
+    const GOptionEntry *options; /* its own, or NULL */
+    gboolean daemon;             /* --address and --bus, too */
+    int min, max;                /* number of positional arguments */
+
+    /* Returns an exit code and fills call->record. With an error set, cli_run() tells it, and the
+     * exit code is CLI_FAILED. */
+    int (*run)(const struct call *call, GError **error);
+
+    /* In place of run: parses its own arguments. argv[0] is the name of the command. */
+    int (*run_arguments)(const struct command *command, int argc, char **argv);
+};
+
+/* Parses the options, runs the command, and prints its record or its error. An exit code. */
+int cli_run(const struct command *command, int argc, char **argv);
 
 extern gboolean cli_json; /* --json was given */
 

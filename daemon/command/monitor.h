@@ -2,6 +2,7 @@
 #pragma once
 
 #include "link.h"
+#include "record.h"
 
 enum monitor_end {
     MONITOR_DONE,
@@ -38,5 +39,5 @@ const char *monitor_reason(const Monitor *monitor);
 /* "3340 shots, 51234 frames, no retakes, 2 h 48 min simulated in 3 min 02 s"; g_free(). */
 char *monitor_summary(const Monitor *monitor);
 
-/* All that the daemon shows, as "a{sv}"; floating. */
-GVariant *monitor_status(BusRig1 *rig);
+/* Adds what the daemon shows, without a text. */
+void monitor_status(Record *to, BusRig1 *rig);

@@ -50,44 +50,30 @@ static double fraction(BusRig1 *rig) {
     return shots > 0 ? (double)bus_rig1_get_shots_done(rig) / shots : 0;
 }
 
-static void add_status(GVariantBuilder *to, BusRig1 *rig) {
-#define ADD(key, make, value) g_variant_builder_add(to, "{sv}", key, make(value))
-    ADD("state", g_variant_new_string, bus_rig1_get_state(rig));
-    ADD("reason", g_variant_new_string, bus_rig1_get_reason(rig));
-    ADD("prompt", g_variant_new_string, bus_rig1_get_prompt(rig));
-    ADD("doing", g_variant_new_string, bus_rig1_get_doing(rig));
-    ADD("rig", g_variant_new_string, bus_rig1_get_rig_path(rig));
-    ADD("simulated", g_variant_new_boolean, bus_rig1_get_simulated(rig));
-    ADD("session", g_variant_new_string, bus_rig1_get_session(rig));
-    ADD("shots", g_variant_new_int32, bus_rig1_get_shots(rig));
-    ADD("shots_done", g_variant_new_int32, bus_rig1_get_shots_done(rig));
-    ADD("percent", g_variant_new_double, 100 * fraction(rig));
-    ADD("frames", g_variant_new_int64, bus_rig1_get_frames(rig));
-    ADD("retakes", g_variant_new_int64, bus_rig1_get_retakes(rig));
-    ADD("elapsed_s", g_variant_new_double, bus_rig1_get_elapsed(rig));
-    ADD("left_s", g_variant_new_double, bus_rig1_get_left(rig));
-    ADD("predicted_end", g_variant_new_uint64, bus_rig1_get_predicted_end(rig));
-#undef ADD
-}
-
-GVariant *monitor_status(BusRig1 *rig) {
-    GVariantBuilder builder;
-    GVariant *devices = bus_rig1_get_devices(rig);
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    add_status(&builder, rig);
-    if (devices)
-        g_variant_builder_add(&builder, "{sv}", "devices", devices);
-    return g_variant_builder_end(&builder);
+void monitor_status(Record *to, BusRig1 *rig) {
+    record_string(to, "state", bus_rig1_get_state(rig));
+    record_string(to, "reason", bus_rig1_get_reason(rig));
+    record_string(to, "prompt", bus_rig1_get_prompt(rig));
+    record_string(to, "doing", bus_rig1_get_doing(rig));
+    record_string(to, "rig", bus_rig1_get_rig_path(rig));
+    record_boolean(to, "simulated", bus_rig1_get_simulated(rig));
+    record_string(to, "session", bus_rig1_get_session(rig));
+    record_int(to, "shots", bus_rig1_get_shots(rig));
+    record_int(to, "shots_done", bus_rig1_get_shots_done(rig));
+    record_double(to, "percent", 100 * fraction(rig));
+    record_int(to, "frames", bus_rig1_get_frames(rig));
+    record_int(to, "retakes", bus_rig1_get_retakes(rig));
+    record_double(to, "elapsed_s", bus_rig1_get_elapsed(rig));
+    record_double(to, "left_s", bus_rig1_get_left(rig));
+    record_int(to, "predicted_end", (gint64)bus_rig1_get_predicted_end(rig));
 }
 
 static void cli_monitor_print_json_progress(Monitor *monitor) {
-    GVariantBuilder builder;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    add_status(&builder, link_rig(monitor->link));
-    g_variant_builder_add(&builder, "{sv}", "real_s", g_variant_new_double(real_s(monitor)));
-    g_variant_builder_add(&builder, "{sv}", "frames_per_s",
-                          g_variant_new_double(frames_per_s(monitor)));
-    cli_print_json(g_variant_builder_end(&builder));
+    g_autoptr(Record) record = record_new();
+    monitor_status(record, link_rig(monitor->link));
+    record_double(record, "real_s", real_s(monitor));
+    record_double(record, "frames_per_s", frames_per_s(monitor));
+    record_print(record, TRUE);
 }
 
 static char *retakes_text(BusRig1 *rig) {
@@ -252,12 +238,11 @@ static void cli_monitor_on_event(BusRig1 *rig, const char *level, const char *so
     if (strcmp(level, "error") == 0)
         monitor->faulty = TRUE;
     if (cli_json) {
-        GVariantBuilder builder;
-        g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-        g_variant_builder_add(&builder, "{sv}", "event", g_variant_new_string(message));
-        g_variant_builder_add(&builder, "{sv}", "level", g_variant_new_string(level));
-        g_variant_builder_add(&builder, "{sv}", "source", g_variant_new_string(source));
-        cli_print_json(g_variant_builder_end(&builder));
+        g_autoptr(Record) record = record_new();
+        record_string(record, "event", message);
+        record_string(record, "level", level);
+        record_string(record, "source", source);
+        record_print(record, TRUE);
     } else if (strcmp(level, "info") == 0) {
         progress_line(monitor->progress, "%s: %s", source, message);
     } else {

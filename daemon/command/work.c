@@ -15,16 +15,15 @@ struct bar {
 
 static void cli_work_print_json_progress(struct bar *bar, const struct work_progress *progress) {
     const gint64 now_us = g_get_monotonic_time();
-    GVariantBuilder builder;
+    g_autoptr(Record) record = record_new();
     if (progress->done < progress->total && now_us < bar->json_us + G_USEC_PER_SEC)
         return;
     bar->json_us = now_us;
-    g_variant_builder_init(&builder, G_VARIANT_TYPE_VARDICT);
-    g_variant_builder_add(&builder, "{sv}", "stage", g_variant_new_string(progress->stage));
-    g_variant_builder_add(&builder, "{sv}", "done", g_variant_new_int32(progress->done));
-    g_variant_builder_add(&builder, "{sv}", "total", g_variant_new_int32(progress->total));
-    g_variant_builder_add(&builder, "{sv}", "left_s", g_variant_new_double(progress->left_s));
-    cli_print_json(g_variant_builder_end(&builder));
+    record_string(record, "stage", progress->stage);
+    record_int(record, "done", progress->done);
+    record_int(record, "total", progress->total);
+    record_double(record, "left_s", progress->left_s);
+    record_print(record, TRUE);
 }
 
 static void on_progress(const struct work_progress *progress, gpointer data) {
@@ -88,6 +87,7 @@ gboolean cli_work_run(CliWork func, gpointer data, double *ret_seconds, GError *
     g_thread_join(thread);
     progress_free(bar.progress);
     g_free(bar.stage);
-    *ret_seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
+    if (ret_seconds)
+        *ret_seconds = (double)(g_get_monotonic_time() - begun_us) / G_USEC_PER_SEC;
     return ok;
 }

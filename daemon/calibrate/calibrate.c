@@ -1,0 +1,222 @@
+/* calibrate: one subcommand a file, calibrate_*.c. */
+#include "calibrate.h"
+
+#include "command/work.h"
+#include "exr/exr.h"
+
+#include <string.h>
+
+static const struct command *const commands[] = {
+    &calibrate_cameras, &calibrate_lights, &calibrate_laser, &calibrate_radiometry,
+    &calibrate_colour,  &calibrate_show,   &calibrate_report};
+
+char *calibrate_output, *calibrate_from;
+
+struct running {
+    const struct calibrate_method *method;
+    struct calibrate_job *job;
+};
+
+static gboolean calibrate_work(const struct work *work, gpointer data, GError **error) {
+    const struct running *running = data;
+    struct calibrate_job *job = running->job;
+    job->work = work;
+    job->begun_us = g_get_monotonic_time();
+    return running->method->find(job, error) &&
+           !g_cancellable_set_error_if_cancelled(work->cancellable, error) &&
+           calibration_write(job->calibration, calibrate_output, error);
+}
+
+int calibrate_run(const struct call *call, const struct calibrate_method *method,
+                  struct calibrate_job *job, GError **error) {
+    struct running running = {method, job};
+    job->sessions = call->arguments;
+    job->n_sessions = call->n_arguments;
+    job->frames = g_ptr_array_new_with_free_func((GDestroyNotify)calibrate_frame_free);
+    job->rejected = g_ptr_array_new_with_free_func(g_free);
+    const gboolean ok = cli_work_run(calibrate_work, &running, &job->seconds, error);
+    if (ok) {
+        record_string(call->record, "file", calibrate_output);
+        method->tell(call->record, job);
+    }
+    calibration_free(job->calibration);
+    g_clear_pointer(&job->frames, g_ptr_array_unref);
+    g_clear_pointer(&job->rejected, g_ptr_array_unref);
+    return ok ? CLI_DONE : CLI_FAILED;
+}
+
+static struct calibration *calibrate_begin(const char *path, Session *session, GError **error) {
+    g_autofree char *where = session_file(session, "session.db (calibration.conf)");
+    g_autofree char *text = session_text(session, "calibration.conf", error);
+    g_autoptr(Calibration) own = text ? calibration_from_text(text, where, error) : NULL;
+
+    if (!own || !path || !g_file_test(path, G_FILE_TEST_EXISTS))
+        return g_steal_pointer(&own);
+    g_autoptr(Calibration) calibration = calibration_read(path, error);
+    return calibration && calibration_check_rig(calibration, path, &own->rig, error)
+               ? g_steal_pointer(&calibration)
+               : NULL;
+}
+
+Session *calibrate_open(struct calibrate_job *job, int i, const char *from, GError **error) {
+    const char *path = job->sessions[i];
+    g_autoptr(Session) session = session_open(path, SESSION_READ, error);
+    g_autoptr(Calibration) own = session ? calibrate_begin(from, session, error) : NULL;
+    if (!own ||
+        (job->calibration && !calibration_check_rig(job->calibration, path, &own->rig, error)))
+        return NULL;
+    if (!job->calibration)
+        job->calibration = g_steal_pointer(&own);
+    return g_steal_pointer(&session);
+}
+
+void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, const char *method,
+                        double residual_rms, const char *residual_unit, int degrees_of_freedom) {
+    g_autoptr(GPtrArray) sums = g_ptr_array_new();
+    for (guint i = 0; i < job->frames->len; i++)
+        g_ptr_array_add(sums, ((struct calibrate_frame *)job->frames->pdata[i])->sha256);
+    g_autofree char *sum = calibration_checksum((const char *const *)sums->pdata, (int)sums->len);
+    struct calibration_part *part =
+        calibration_set_part(job->calibration, kind, method, (int)job->frames->len, sum,
+                             g_steal_pointer(&job->rejected));
+    part->residual_rms = residual_rms;
+    g_free(part->residual_unit);
+    part->residual_unit = g_strdup(residual_unit);
+    part->degrees_of_freedom = degrees_of_freedom;
+}
+
+void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
+                          const struct calibration_part *part, const char *what) {
+    if (part->rejected->len)
+        record_say(to, "  %u %s left out; mesorig calibrate show %s lists them\n",
+                   part->rejected->len, what, calibrate_output);
+    if (!job->calibration->parts[CALIBRATION_CAMERAS].done)
+        record_say(to, "  the cameras are nominal: calibrate them first, and give -c\n");
+}
+
+void calibrate_append(GString *list, double value, const char *format) {
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    g_ascii_formatd(text, sizeof text, format, value);
+    g_string_append_printf(list, "%s%s", list->len ? ";" : "", text);
+}
+
+static int calibrate_by_name(gconstpointer a, gconstpointer b) {
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+GPtrArray *calibrate_photographs(const char *folder, guint most, GError **error) {
+    static const char *const ends[] = {".jpg", ".jpeg", ".png", ".tif", ".tiff"};
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, error);
+    g_autoptr(GPtrArray) paths = g_ptr_array_new_with_free_func(g_free);
+    for (const char *name; dir && paths->len < most && (name = g_dir_read_name(dir));) {
+        g_autofree char *lower = g_ascii_strdown(name, -1);
+        for (gsize i = 0; i < G_N_ELEMENTS(ends); i++)
+            if (g_str_has_suffix(lower, ends[i])) {
+                g_ptr_array_add(paths, g_build_filename(folder, name, NULL));
+                break;
+            }
+    }
+    if (dir && paths->len == 0)
+        g_set_error(error, G_IO_ERROR, G_IO_ERROR_NOT_FOUND,
+                    "%s: there is no .jpg, .png or .tif picture in that folder", folder);
+    g_ptr_array_sort(paths, calibrate_by_name);
+    return paths->len > 0 ? g_steal_pointer(&paths) : NULL;
+}
+
+void calibrate_frame_free(struct calibrate_frame *frame) {
+    if (!frame)
+        return;
+    g_free(frame->path);
+    g_free(frame->sha256);
+    g_free(frame);
+}
+
+static struct calibrate_frame *cli_calibrate_new_frame(Session *session,
+                                                       const struct session_shot *shot,
+                                                       const struct session_frame *from) {
+    struct calibrate_frame *frame = g_new0(struct calibrate_frame, 1);
+
+    frame->path = session_file(session, from->path);
+    frame->sha256 = g_strdup(from->sha256);
+    frame->kind = shot->kind;
+    frame->camera = from->camera;
+    frame->lamp = shot->kind == SHOT_LAMP ? shot->device : -1;
+    frame->laser = shot->kind == SHOT_SWEEP ? shot->device : -1;
+    frame->turntable_deg = shot->turntable_deg;
+    frame->arc_deg = shot->arc_deg;
+    return frame;
+}
+
+GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GError **error) {
+    g_autoptr(GPtrArray) shots = session_shots(session, error);
+    g_autoptr(GPtrArray) rows = shots ? session_frames(session, error) : NULL;
+    if (!rows)
+        return NULL;
+    GPtrArray *frames = g_ptr_array_new_with_free_func((GDestroyNotify)calibrate_frame_free);
+    for (guint i = 0; i < rows->len; i++) {
+        const struct session_frame *row = rows->pdata[i];
+        if (row->shot < 1 || row->shot > (gint64)shots->len)
+            continue;
+        const struct session_shot *shot = shots->pdata[row->shot - 1];
+        if (shot->kind == kind && shot->state == SHOT_DONE)
+            g_ptr_array_add(frames, cli_calibrate_new_frame(session, shot, row));
+    }
+    return frames;
+}
+
+gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error) {
+    g_autofree char *sum = exr_sha256(frame->path, NULL, error);
+
+    if (!sum || strcmp(sum, frame->sha256) == 0)
+        return sum != NULL;
+    g_set_error(error, EXR_ERROR, EXR_ERROR_FORMAT,
+                "%s: is not the file that was captured, its checksum differs; mesorig resume takes "
+                "it again",
+                frame->path);
+    return FALSE;
+}
+
+struct picture *calibrate_read(const struct calibrate_frame *frame, char **ret_cfa,
+                               GError **error) {
+    const char *cfa = NULL;
+    struct exr_part *part =
+        calibrate_check_sum(frame, error) ? exr_read_part(frame->path, "radiance", error) : NULL;
+    const float *plane = part ? exr_part_plane(part, "Y") : NULL;
+    struct picture *picture = NULL;
+
+    if (part && !plane)
+        g_set_error(error, EXR_ERROR, EXR_ERROR_MISSING, "%s: there is no channel Y", frame->path);
+    if (plane && exr_get_string(part, "mesorig.cfa", &cfa, error)) {
+        picture = picture_new(frame->path, frame->sha256, part->width, part->height);
+        memcpy(picture->values, plane, sizeof(float) * (gsize)part->width * (gsize)part->height);
+        if (ret_cfa)
+            *ret_cfa = g_strdup(cfa);
+    }
+    exr_part_free(part);
+    return picture;
+}
+
+static void cli_calibrate_print_help(void) {
+    g_print("Usage: mesorig calibrate WHAT …\n\n");
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        g_print("  %-12s %s\n", commands[i]->name + strlen("calibrate "), commands[i]->help);
+    g_print("\n“mesorig calibrate WHAT --help” tells more.\n");
+}
+
+static int cli_calibrate_run(const struct command *command, int argc, char **argv) {
+    if (argc < 2 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0) {
+        cli_calibrate_print_help();
+        return argc < 2 ? CLI_USAGE : CLI_DONE;
+    }
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        if (strcmp(commands[i]->name + strlen("calibrate "), argv[1]) == 0)
+            return cli_run(commands[i], argc - 1, argv + 1);
+    return cli_usage(
+        command, "“%s” cannot be calibrated; “mesorig calibrate --help” lists what can", argv[1]);
+}
+
+const struct command cli_calibrate = {
+    .name = "calibrate",
+    .arguments = "WHAT …",
+    .help = "Find out where cameras, lamps and lasers are, from pictures.",
+    .run_arguments = cli_calibrate_run};

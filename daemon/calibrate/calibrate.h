@@ -1,0 +1,92 @@
+/*
+ * What the subcommands of `mesorig calibrate` share. Each has a file of its own,
+ * calibrate_NAME.c, and a row in the table in calibrate.c.
+ *
+ * They read captured sessions and hand plain pictures to calib/, which knows no sessions.
+ */
+#pragma once
+
+#include "base/work.h"
+#include "calibration/calibration.h"
+#include "command/cli.h"
+#include "pictures/picture.h"
+#include "session/session.h"
+
+extern const struct command cli_calibrate;
+
+/* Their names are "calibrate NAME", so that cli_parse() and cli_usage() speak of that. */
+extern const struct command calibrate_cameras, calibrate_lights, calibrate_laser,
+    calibrate_radiometry, calibrate_colour, calibrate_show, calibrate_report;
+
+extern char *calibrate_output, *calibrate_from; /* -o and -c */
+#define CALIBRATE_OUTPUT(what)                                                                     \
+    { "output", 'o', 0, G_OPTION_ARG_FILENAME, &calibrate_output, what, "FILE" }
+#define CALIBRATE_FROM(what)                                                                       \
+    { "calibration", 'c', 0, G_OPTION_ARG_FILENAME, &calibrate_from, what, "FILE" }
+
+/* One run of a subcommand, from captured sessions to a calibration file; the first member of the
+ * subcommand's own struct job. */
+struct calibrate_job {
+    char *const *sessions;
+    int n_sessions;
+    struct calibration *calibration; /* is improved, and written at the end */
+    GPtrArray *frames;               /* struct calibrate_frame *, the pictures that are used */
+    GPtrArray *rejected;             /* char *, pictures or parts of them that are not, and why */
+    const struct work *work;
+    gint64 begun_us; /* of the work */
+    double seconds;  /* which it took */
+};
+
+struct calibrate_method {
+    /* Finds calibration, from the sessions. */
+    gboolean (*find)(struct calibrate_job *job, GError **error);
+    /* Tells what was found; the record has "file" already. */
+    void (*tell)(Record *to, const struct calibrate_job *job);
+};
+
+/* Runs a method with progress, writes the calibration to -o, and tells what was found. Fills job
+ * and frees what the members above own. Returns an exit code. */
+int calibrate_run(const struct call *call, const struct calibrate_method *method,
+                  struct calibrate_job *job, GError **error);
+
+/* Opens one of the job's sessions. The first gives the calibration to improve on: that of the file
+ * `from` if there is one (it may be NULL or not exist yet), else its own. The others, and the file,
+ * are refused if they are of another rig. */
+Session *calibrate_open(struct calibrate_job *job, int i, const char *from, GError **error);
+
+/* Notes in the calibration how a part of it was found: from all of the job's frames but those
+ * rejected, which are the calibration's afterwards. */
+void calibrate_set_part(struct calibrate_job *job, enum calibration_kind kind, const char *method,
+                        double residual_rms, const char *residual_unit, int degrees_of_freedom);
+
+/* The last lines for people: how many of what ("sights") were left out, and that cameras should be
+ * calibrated first. */
+void calibrate_say_doubts(Record *to, const struct calibrate_job *job,
+                          const struct calibration_part *part, const char *what);
+
+/* Sorted paths of the photographs in a folder, at most so many; none is an error. */
+GPtrArray *calibrate_photographs(const char *folder, guint most, GError **error);
+
+/* Appends a number to a list of the calibration file. format: of one double. */
+void calibrate_append(GString *list, double value, const char *format);
+
+/* A frame that the session holds; its pixels are read when they are needed. */
+struct calibrate_frame {
+    char *path;   /* of the file */
+    char *sha256; /* as the session has it; NULL: a photograph of no session */
+    enum session_shot_kind kind;
+    int camera, lamp; /* of the calibration; lamp −1: dark, or a sweep */
+    int laser;        /* of the calibration; −1: no sweep */
+    double turntable_deg, arc_deg;
+};
+void calibrate_frame_free(struct calibrate_frame *frame); /* NULL is ignored */
+
+/* Frames of one kind in planned order, with a free function. */
+GPtrArray *calibrate_frames(Session *session, enum session_shot_kind kind, GError **error);
+
+/* Whether its file is the one that was captured. */
+gboolean calibrate_check_sum(const struct calibrate_frame *frame, GError **error);
+
+/* Lamp frames only: the mosaic in DN a millisecond, above dark, its colours as they are. ret_cfa
+ * (may be NULL): "rggb" …; g_free(). The checksum of the file is compared. */
+struct picture *calibrate_read(const struct calibrate_frame *frame, char **ret_cfa, GError **error);

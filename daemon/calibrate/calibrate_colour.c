@@ -1,0 +1,62 @@
+/* calibrate colour: a colour matrix from a captured and processed colour chart. */
+#include "base/input_file.h"
+#include "calibrate.h"
+#include "targets/chart_session.h"
+
+#define MAX_CHART_BYTES (1 << 20)
+
+static char *chart_option;
+static const GOptionEntry entries[] = {
+    {"chart", 0, 0, G_OPTION_ARG_FILENAME, &chart_option,
+     "What is known of its patches: lines x_mm,y_mm,radius_mm,X,Y,Z with Y = 1 for white", "FILE"},
+    CALIBRATE_OUTPUT("Write the calibration here"),
+    CALIBRATE_FROM("Add to this calibration. Default: the file that is written, if it is there; "
+                   "else that of the session"),
+    {NULL},
+};
+
+static gboolean cli_calibrate_colour_find(struct calibrate_job *job, GError **error) {
+    const char *from = calibrate_from ? calibrate_from : calibrate_output;
+    g_autoptr(Session) session = calibrate_open(job, 0, from, error);
+    g_autofree char *text =
+        session ? input_file_read_text(chart_option, MAX_CHART_BYTES, error) : NULL;
+    g_autoptr(GArray) fields = text ? chart_parse(text, chart_option, error) : NULL;
+    if (!fields)
+        return FALSE;
+    g_autofree struct colour_patch *patches = g_new0(struct colour_patch, fields->len + 1);
+    return chart_session(session, fields, patches, error) &&
+           colour_fit(patches, (int)fields->len, &job->calibration->colour, error);
+}
+
+static void cli_calibrate_colour_tell(Record *to, const struct calibrate_job *job) {
+    const struct colour_matrix *colour = &job->calibration->colour;
+    record_int(to, "patches", colour->patches);
+    record_double(to, "delta_e", colour->residual);
+    record_doubles(to, "matrix", colour->matrix, 9);
+    record_say(to, "%s: %d patches, %.2f ΔE*ab RMS\n", calibrate_output, colour->patches,
+               colour->residual);
+    for (int i = 0; i < 9; i += 3)
+        record_say(to, "  %c = %+.4f R %+.4f G %+.4f B   ± %.4f %.4f %.4f\n", "XYZ"[i / 3],
+                   colour -> matrix[i], colour -> matrix[i + 1], colour -> matrix[i + 2],
+                   colour -> error[i], colour -> error[i + 1], colour -> error[i + 2]);
+}
+
+static int cli_calibrate_colour_run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {cli_calibrate_colour_find,
+                                                   cli_calibrate_colour_tell};
+    struct calibrate_job job = {0};
+    if (!chart_option)
+        return cli_usage(call->command, "which chart? Give --chart FILE");
+    if (!calibrate_output)
+        return cli_usage(call->command, "where to? Give -o FILE");
+    return calibrate_run(call, &method, &job, error);
+}
+
+const struct command calibrate_colour = {
+    .name = "calibrate colour",
+    .arguments = "SESSION --chart FILE -o FILE",
+    .help = "Find the colour matrix of the cameras, from a captured and processed colour chart.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = cli_calibrate_colour_run};

@@ -1,0 +1,316 @@
+/* calibrate laser: sheets and sweeps from sessions of flat plates of different height. */
+#include "calibrate.h"
+#include "exr/exr.h"
+#include "laser/laser.h"
+
+#include <math.h>
+#include <string.h>
+
+#define ALL_POINTS   60000 /* of all sweeps; more tell no more */
+#define LEAST_POINTS 40    /* of each */
+#define MOST_POINTS  2000
+#define EDGE_MM      1.0 /* of the plate, that is not looked at */
+#define UNEVEN_MM    0.03
+#define UNEVEN_RAD   (0.02 * G_PI / 180)
+#define RAD(deg)     ((deg) * (G_PI / 180))
+
+static char *planes_option;
+static const GOptionEntry entries[] = {
+    CALIBRATE_OUTPUT("Write the calibration here"),
+    CALIBRATE_FROM("Start from this calibration, which knows cameras and arc"),
+    {"planes", 'p', 0, G_OPTION_ARG_STRING, &planes_option,
+     "Heights of the plates' tops above the turntable, one a session; default: each session's "
+     "reference plane",
+     "MM;MM…"},
+    {NULL},
+};
+
+struct plate {
+    double height_mm, radius_mm;
+};
+
+struct job {
+    struct calibrate_job base;
+    GArray *plates; /* struct plate, one a frame */
+    GArray *points;
+    GPtrArray *names; /* paths, borrowed */
+    struct laser_result result;
+    int uneven;
+    double worst_mm, worst_rad;
+};
+
+static gboolean parse_planes(const char *text, int n, double *ret) {
+    g_auto(GStrv) words = g_strsplit(text, ";", n + 1);
+    if ((int)g_strv_length(words) != n)
+        return FALSE;
+    for (int i = 0; i < n; i++) {
+        char *end;
+        ret[i] = g_ascii_strtod(words[i], &end);
+        if (end == words[i] || *end || !(ret[i] >= 0) || !(ret[i] < 1000))
+            return FALSE;
+    }
+    return TRUE;
+}
+
+static gboolean add_frames(struct job *job, Session *session, const struct plate *plate,
+                           GError **error) {
+    const struct rig *rig = &job->base.calibration->rig;
+    g_autoptr(GPtrArray) frames = calibrate_frames(session, SHOT_SWEEP, error);
+    for (guint i = 0; frames && i < frames->len; i++) {
+        struct calibrate_frame *frame = frames->pdata[i];
+        if (frame->camera >= rig->n_cameras || frame->laser < 0 || frame->laser >= rig->n_lasers)
+            continue;
+        frames->pdata[i] = NULL;
+        g_ptr_array_add(job->base.frames, frame);
+        g_ptr_array_add(job->names, frame->path);
+        g_array_append_val(job->plates, *plate);
+    }
+    return frames != NULL;
+}
+
+static gboolean cli_calibrate_laser_add_session(struct job *job, int i, const double *planes,
+                                                GError **error) {
+    struct session_grid grid;
+    g_autoptr(Session) session = calibrate_open(&job->base, i, calibrate_from, error);
+    if (!session || !session_grid(session, &grid, error))
+        return FALSE;
+    const struct plate plate = {planes ? planes[i] : grid.reference_mm,
+                                MIN(grid.width_mm, grid.height_mm) / 2 - EDGE_MM};
+    return add_frames(job, session, &plate, error);
+}
+
+static gboolean cli_calibrate_laser_gather(struct job *job, GError **error) {
+    g_autofree double *planes = planes_option ? g_new(double, job->base.n_sessions) : NULL;
+    if (planes && !parse_planes(planes_option, job->base.n_sessions, planes)) {
+        g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                    "--planes %s: give one height in mm for each of the %d sessions, with ';' "
+                    "between them",
+                    planes_option, job->base.n_sessions);
+        return FALSE;
+    }
+    for (int i = 0; i < job->base.n_sessions; i++)
+        if (!cli_calibrate_laser_add_session(job, i, planes, error))
+            return FALSE;
+    if (job->base.frames->len > 0)
+        return TRUE;
+    g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                "%s: there are no laser sweeps in it; plan laser positions and capture it",
+                job->base.sessions[0]);
+    return FALSE;
+}
+
+static gboolean read_sweep(struct job *job, int i, struct exr_part *part, GError **error) {
+    const struct calibrate_frame *frame = job->base.frames->pdata[i];
+    const struct plate *plate = &g_array_index(job->plates, struct plate, i);
+    const struct rig_camera *camera = &job->base.calibration->rig.cameras[frame->camera];
+    double from = 0, to = 0;
+    int steps = 0;
+    if (!exr_get_double(part, "sweep.from_deg", &from, error) ||
+        !exr_get_double(part, "sweep.to_deg", &to, error) ||
+        !exr_get_int(part, "sweep.steps", &steps, error))
+        return FALSE;
+    if (steps < 3 || !exr_part_plane(part, "peak") || part->width != camera->width ||
+        part->height != camera->height) {
+        g_set_error(error, LASER_ERROR, LASER_ERROR_PICTURES,
+                    "%s: is no sweep of %d × %d pixels as camera %s has them", frame->path,
+                    camera->width, camera->height, camera->name);
+        return FALSE;
+    }
+    const struct laser_sweep sweep = {
+        .sweep = i,
+        .laser = frame->laser,
+        .camera = frame->camera,
+        .arc_rad = RAD(frame->arc_deg),
+        .from_rad = RAD(from),
+        .step_rad = RAD(to - from) / (steps - 1),
+        .plane_mm = plate->height_mm,
+        .radius_mm = plate->radius_mm,
+        .peak = exr_part_plane(part, "peak"),
+        .most = CLAMP(ALL_POINTS / job->base.frames->len, LEAST_POINTS, MOST_POINTS),
+    };
+    if (laser_points(&job->base.calibration->rig, &sweep, job->points) == 0)
+        g_ptr_array_add(job->base.rejected,
+                        g_strdup_printf("%s: laser %s draws no line on the plate that this camera "
+                                        "sees",
+                                        frame->path,
+                                        job->base.calibration->rig.lasers[frame->laser].name));
+    return TRUE;
+}
+
+static gboolean cli_calibrate_laser_measure(struct job *job, GError **error) {
+    const struct work *work = job->base.work;
+    for (guint i = 0; i < job->base.frames->len; i++) {
+        const struct calibrate_frame *frame = job->base.frames->pdata[i];
+        if (g_cancellable_set_error_if_cancelled(work->cancellable, error) ||
+            !calibrate_check_sum(frame, error))
+            return FALSE;
+        struct exr_part *part = exr_read_part(frame->path, "sweep", error);
+        const gboolean ok = part && read_sweep(job, (int)i, part, error);
+        exr_part_free(part);
+        if (!ok)
+            return FALSE;
+        work_tell(work, "laser", (int)i + 1, (int)job->base.frames->len, job->base.begun_us, NULL);
+    }
+    return TRUE;
+}
+
+/* What single steps differ by, for reports; and the worst of them. */
+static void keep_steps(struct job *job) {
+    static const char *const keys[5] = {"laser", "arc_deg", "sweep_deg", "tilt_deg", "offset_mm"};
+    GString *lists[5];
+    for (int k = 0; k < 5; k++)
+        lists[k] = g_string_new(NULL);
+    for (guint i = 0; i < job->result.steps->len; i++) {
+        const struct laser_step *s = &g_array_index(job->result.steps, struct laser_step, i);
+        calibrate_append(lists[0], s->laser, "%.0f");
+        calibrate_append(lists[1], s->arc_rad * 180 / G_PI, "%.3f");
+        calibrate_append(lists[2], s->sweep_rad * 180 / G_PI, "%.3f");
+        calibrate_append(lists[3], s->tilt_rad * 180 / G_PI, "%.5f");
+        calibrate_append(lists[4], s->offset_mm, "%.4f");
+        job->worst_mm = MAX(job->worst_mm, fabs(s->offset_mm));
+        job->worst_rad = MAX(job->worst_rad, fabs(s->tilt_rad));
+        job->uneven += fabs(s->offset_mm) > UNEVEN_MM;
+    }
+    for (int k = 0; k < 5; k++) {
+        g_key_file_set_value(job->base.calibration->extra, "laser steps", keys[k], lists[k]->str);
+        g_string_free(lists[k], TRUE);
+    }
+}
+
+/* A sweep most of whose points were left out is not one of this laser on this plate. */
+static void reject_sweeps(struct job *job) {
+    g_autofree int *n = g_new0(int, job->base.frames->len),
+                   *out = g_new0(int, job->base.frames->len);
+    for (guint i = 0; i < job->points->len; i++) {
+        const struct laser_point *p = &g_array_index(job->points, struct laser_point, i);
+        n[p->sweep]++;
+        out[p->sweep] += job->result.rejected[i];
+    }
+    for (guint i = 0; i < job->base.frames->len; i++)
+        if (2 * out[i] > n[i])
+            g_ptr_array_add(job->base.rejected,
+                            g_strdup_printf("%s: %d of %d points do not fit the other sweeps",
+                                            (char *)job->names->pdata[i], out[i], n[i]));
+}
+
+static void cli_calibrate_laser_keep(struct job *job) {
+    struct calibration *calibration = job->base.calibration;
+    const struct laser_result *found = &job->result;
+    reject_sweeps(job);
+    calibration->rig = found->rig;
+    for (int i = 0; i < found->rig.n_lasers; i++)
+        if (found->seen[i])
+            calibration->lasers[i] = (struct calibration_laser){
+                .known = TRUE,
+                .position_mm = {found->source_error_mm[i], found->source_error_mm[i],
+                                found->source_error_mm[i]},
+                .axis_rad = found->axis_error_rad[i],
+                .normal_rad = found->zero_error_rad[i],
+                .stretch = found->stretch_error[i],
+                .residual_rms_mm = found->rms_mm[i],
+            };
+    calibration->arc.known = TRUE;
+    for (int k = 0; k < 2; k++) {
+        calibration->arc.tilt_rad[k] = found->tilt_error_rad[k];
+        calibration->arc.centre_mm[k] = found->centre_error_mm[k];
+    }
+    calibrate_set_part(&job->base, CALIBRATION_LASER,
+                       "lines on plates of different height, all together", found->rms_all_mm, "mm",
+                       found->degrees_of_freedom);
+    keep_steps(job);
+}
+
+/* What lamps have told, which is no better than the arc's own steps; or what is usual. */
+static struct laser_arc arc_known(const struct calibration *calibration) {
+    const struct calibration_arc *arc = &calibration->arc;
+    if (!arc->known || !(arc->centre_mm[0] > 0))
+        return (struct laser_arc){RAD(0.5), 1};
+    return (struct laser_arc){MAX(hypot(arc->tilt_rad[0], arc->tilt_rad[1]), RAD(0.005)),
+                              MAX(hypot(arc->centre_mm[0], arc->centre_mm[1]), 0.05)};
+}
+
+static gboolean cli_calibrate_laser_find(struct calibrate_job *base, GError **error) {
+    struct job *job = (struct job *)base;
+    if (!cli_calibrate_laser_gather(job, error) || !cli_calibrate_laser_measure(job, error))
+        return FALSE;
+    const struct laser_arc known = arc_known(base->calibration);
+    if (!laser_fit(&base->calibration->rig, (const struct laser_point *)(gpointer)job->points->data,
+                   (int)job->points->len, &known, (const char *const *)job->names->pdata,
+                   &job->result, error))
+        return FALSE;
+    cli_calibrate_laser_keep(job);
+    return TRUE;
+}
+
+static void tell_laser(Record *to, const struct laser_result *found, int i) {
+    const struct rig_laser *laser = &found->rig.lasers[i];
+    const struct vec3 p = laser->position_mm;
+    record_begin(to, NULL);
+    record_string(to, "name", laser->name);
+    record_doubles(to, "position_mm", (double[]){p.x, p.y, p.z}, 3);
+    record_double(to, "source_error_mm", found->source_error_mm[i]);
+    record_double(to, "stretch", laser->stretch);
+    record_double(to, "rms_mm", found->rms_mm[i]);
+    record_int(to, "points", found->points[i]);
+    record_end(to);
+    record_say(to,
+               "  %-12s at %.2f %.2f %.2f mm ± %.2f mm across its axis, zero ± %.4f°, sweeps "
+               "%+.3f %%, %.3f mm RMS\n",
+               laser->name, p.x, p.y, p.z, found->source_error_mm[i],
+               found->zero_error_rad[i] * 180 / G_PI, 100 * laser->stretch, found->rms_mm[i]);
+}
+
+static void cli_calibrate_laser_tell(Record *to, const struct calibrate_job *base) {
+    const struct job *job = (const struct job *)base;
+    const struct calibration_part *part = &base->calibration->parts[CALIBRATION_LASER];
+    const struct laser_result *found = &job->result;
+    const double worst_deg = job->worst_rad * 180 / G_PI;
+    record_int(to, "sweeps", part->pictures);
+    record_int(to, "points", found->n_used);
+    record_strings(to, "rejected", part->rejected);
+    record_double(to, "rms_mm", found->rms_all_mm);
+    record_say(to, "%s: %d sweeps, %d points, %.3f mm RMS from their sheets\n", calibrate_output,
+               part->pictures, found->n_used, found->rms_all_mm);
+    record_begin_list(to, "lasers");
+    for (int i = 0; i < found->rig.n_lasers; i++)
+        if (found->seen[i])
+            tell_laser(to, found, i);
+    record_end(to);
+    record_int(to, "steps", found->steps->len);
+    record_double(to, "worst_step_mm", job->worst_mm);
+    record_double(to, "worst_step_deg", worst_deg);
+    record_double(to, "real_s", base->seconds);
+    record_say(to, "  %u steps told one by one: at most %.3f mm and %.4f° from the model",
+               found->steps->len, job->worst_mm, worst_deg);
+    if (job->uneven)
+        record_say(to, "; %d by more than %g mm: does the sweep run evenly?", job->uneven,
+                   UNEVEN_MM);
+    record_say(to, "\n");
+    calibrate_say_doubts(to, base, part, "sweeps");
+}
+
+static int cli_calibrate_laser_run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {cli_calibrate_laser_find,
+                                                   cli_calibrate_laser_tell};
+    struct job job = {0};
+    if (!calibrate_output)
+        return cli_usage(call->command, "where to? Give -o FILE");
+    job.names = g_ptr_array_new();
+    job.plates = g_array_new(FALSE, FALSE, sizeof(struct plate));
+    job.points = g_array_new(FALSE, FALSE, sizeof(struct laser_point));
+    const int code = calibrate_run(call, &method, &job.base, error);
+    laser_result_clear(&job.result);
+    g_ptr_array_unref(job.names);
+    g_array_unref(job.plates);
+    g_array_unref(job.points);
+    return code;
+}
+
+const struct command calibrate_laser = {.name = "calibrate laser",
+                                        .arguments = "SESSION SESSION… -o FILE",
+                                        .help = "Find out how the laser sheets lie and sweep, from "
+                                                "sessions of flat plates of different height.",
+                                        .options = entries,
+                                        .min = 1,
+                                        .max = 64,
+                                        .run = cli_calibrate_laser_run};

@@ -1,0 +1,136 @@
+/* calibrate radiometry: cameras, lamps and marks from a captured white tile. */
+#include "calibrate.h"
+#include "targets/tile_session.h"
+
+#include <string.h>
+
+static char *reflectance_option, *tile_option;
+static const GOptionEntry entries[] = {
+    {"reflectance", 'r', 0, G_OPTION_ARG_STRING, &reflectance_option,
+     "Of the tile, as its maker says: one number, or three for red, green and blue", "R[;G;B]"},
+    {"tile", 't', 0, G_OPTION_ARG_STRING, &tile_option,
+     "Its size in mm, if it is not that of the session's sample", "WxH"},
+    CALIBRATE_OUTPUT("Write the calibration here"),
+    CALIBRATE_FROM("Start from this calibration: of its geometry the light follows. Default: the "
+                   "file that is written, if it is there; else that of the session"),
+    {NULL},
+};
+
+struct job {
+    struct calibrate_job base;
+    struct tile_options options;
+    struct tile_result result;
+};
+
+/* What the user should know of a sensor that is not as it should be. */
+static void warn_of_sensors(const struct calibration *calibration) {
+    for (int c = 0; c < calibration->rig.n_cameras; c++) {
+        const struct transfer *t = &calibration->noise[c].transfer;
+        if (calibration->noise[c].known && t->linearity > 0.01)
+            g_printerr("camera %s is not linear: an exposure's signal is up to %.1f %% off. Switch "
+                       "off its gamma and whatever else changes its values\n",
+                       calibration->rig.cameras[c].name, 100 * t->linearity);
+    }
+}
+
+static void cli_calibrate_radiometry_tell(Record *to, const struct calibrate_job *base) {
+    const struct calibration *calibration = base->calibration;
+    const struct calibration_part *part = &calibration->parts[CALIBRATION_RADIOMETRY];
+    const struct tile_result *r = &((const struct job *)base)->result;
+    record_int(to, "pictures", r->pictures);
+    record_strings(to, "rejected", part->rejected);
+    record_int(to, "cells", r->cells);
+    record_double(to, "residual", r->residual);
+    record_double(to, "quality", r->quality);
+    record_double(to, "drift", r->drift);
+    record_int(to, "marks", r->marks);
+    record_int(to, "sensors", r->transfers);
+    record_double(to, "real_s", base->seconds);
+    record_say(to, "%s: %d pictures of the tile, %.2f %% RMS", calibrate_output, r->pictures,
+               100 * r->residual);
+    if (part->rejected->len)
+        record_say(to, "; %u pictures are of no use", part->rejected->len);
+    record_say(to,
+               "\nlamps drifted by %.2f %% meanwhile; %d of %d marks and the noise of %d of %d "
+               "cameras are calibrated as well\nmesorig calibrate show %s tells more\n",
+               100 * r->drift, r->marks, calibration->rig.n_marks, r->transfers,
+               calibration->rig.n_cameras, calibrate_output);
+    if (!cli_json)
+        warn_of_sensors(calibration);
+}
+
+static gboolean parse_reflectance(double ret[3]) {
+    g_auto(GStrv) words = g_strsplit(reflectance_option, ";", 4);
+    guint n = g_strv_length(words);
+    for (guint i = 0; i < 3 && (n == 1 || n == 3); i++) {
+        const char *word = words[n == 3 ? i : 0];
+        char *end = NULL;
+        ret[i] = g_ascii_strtod(word, &end);
+        if (end == word || *end != '\0' || !(ret[i] >= 0.05 && ret[i] <= 1.2))
+            return FALSE;
+    }
+    return n == 1 || n == 3;
+}
+
+static gboolean parse_tile(struct tile_options *ret) {
+    char *end = NULL;
+    if (!tile_option)
+        return TRUE;
+    ret->width_mm = g_ascii_strtod(tile_option, &end);
+    if (*end != 'x')
+        return FALSE;
+    ret->height_mm = g_ascii_strtod(end + 1, &end);
+    return *end == '\0' && ret->width_mm > 5 && ret->height_mm > 5 && ret->width_mm < 1e5 &&
+           ret->height_mm < 1e5;
+}
+
+/* Marks that the rig file knows of, where the calibration is older than they are. */
+static Session *cli_calibrate_radiometry_begin(struct calibrate_job *job, GError **error) {
+    const char *from = calibrate_from ? calibrate_from : calibrate_output;
+    struct rig own;
+    g_autoptr(Session) session = calibrate_open(job, 0, from, error);
+    g_autofree char *text = session ? session_text(session, "calibration.conf", error) : NULL;
+    if (!text || !rig_from_text(&own, text, session_path(session), error))
+        return NULL;
+    struct rig *rig = &job->calibration->rig;
+    if (rig->n_marks == 0) {
+        memcpy(rig->marks, own.marks, sizeof rig->marks);
+        rig->n_marks = own.n_marks;
+    }
+    return g_steal_pointer(&session);
+}
+
+static gboolean cli_calibrate_radiometry_find(struct calibrate_job *base, GError **error) {
+    struct job *job = (struct job *)base;
+    if (calibrate_from && !g_file_test(calibrate_from, G_FILE_TEST_EXISTS)) {
+        g_set_error(error, G_FILE_ERROR, G_FILE_ERROR_NOENT, "%s: no such file", calibrate_from);
+        return FALSE;
+    }
+    g_autoptr(Session) session = cli_calibrate_radiometry_begin(base, error);
+    job->options.work = base->work;
+    return session && tile_session(session, base->calibration, &job->options, &job->result, error);
+}
+
+static int cli_calibrate_radiometry_run(const struct call *call, GError **error) {
+    static const struct calibrate_method method = {cli_calibrate_radiometry_find,
+                                                   cli_calibrate_radiometry_tell};
+    struct job job = {0};
+    if (!reflectance_option || !parse_reflectance(job.options.reflectance))
+        return cli_usage(call->command,
+                         "how much does the tile reflect? Give --reflectance, a number "
+                         "such as 0.98, or three separated by ';'");
+    if (!parse_tile(&job.options))
+        return cli_usage(call->command, "how large is the tile? Give --tile as 50x50, in mm");
+    if (!calibrate_output)
+        return cli_usage(call->command, "where to? Give -o FILE");
+    return calibrate_run(call, &method, &job.base, error);
+}
+
+const struct command calibrate_radiometry = {
+    .name = "calibrate radiometry",
+    .arguments = "SESSION --reflectance R -o FILE",
+    .help = "Find out how bright cameras see and lamps shine, from a session of a white tile.",
+    .options = entries,
+    .min = 1,
+    .max = 1,
+    .run = cli_calibrate_radiometry_run};

@@ -1,0 +1,181 @@
+/* calibrate show: what a calibration file says. */
+#include "calibrate.h"
+
+static const char *const titles[CALIBRATION_PARTS] = {"cameras and turntable", "lamps and arc",
+                                                      "laser sheets", "radiometry"};
+
+static void show_part(Record *to, const struct calibration *calibration,
+                      enum calibration_kind kind) {
+    const struct calibration_part *part = &calibration->parts[kind];
+
+    if (!part->done) {
+        record_say(to, "%s: not calibrated, nominal\n", titles[kind]);
+        return;
+    }
+    record_say(
+        to, "%s: %s, %s\n  %d pictures, %u rejected, residual RMS %.3g %s, %d degrees of freedom\n",
+        titles[kind], part->date, part->method, part->pictures, part->rejected->len,
+        part->residual_rms, part->residual_unit, part->degrees_of_freedom);
+    for (guint i = 0; i < part->rejected->len; i++)
+        record_say(to, "  rejected: %s\n", (const char *)part->rejected->pdata[i]);
+}
+
+static double error_of(const struct calibration_camera *camera, int parameter) {
+    return sqrt(camera->covariance[parameter][parameter]);
+}
+
+static void show_camera(Record *to, const struct rig_camera *camera,
+                        const struct calibration_camera *errors) {
+    const struct vec3 at = rig_camera_centre_mm(camera);
+
+    record_say(to, "  %s: %.3f %.3f %.3f mm, focal length %.2f %.2f px, centre %.2f %.2f px",
+               camera->name, at.x, at.y, at.z, camera->fx_px, camera->fy_px, camera->cx_px,
+               camera->cy_px);
+    if (errors->known)
+        record_say(
+            to, "; ± %.2f px focal, %.4f° turn, RMS %.3f px of %d corners",
+            error_of(errors, CALIBRATION_FX),
+            hypot(error_of(errors, CALIBRATION_TURN_X), error_of(errors, CALIBRATION_TURN_Y)) *
+                180 / G_PI,
+            errors->residual_rms_px, errors->points);
+    record_say(to, "\n");
+}
+
+static void show_lamp(Record *to, const struct rig *rig, int i,
+                      const struct calibration_lamp *errors) {
+    const struct vec3 at = rig_lamp_position_mm(&rig->arc, &rig->lamps[i], 0);
+    const double(*c)[3] = errors->position_covariance_mm2;
+
+    record_say(to, "  %s: %.2f %.2f %.2f mm with the arc at 0", rig->lamps[i].name, at.x, at.y,
+               at.z);
+    if (errors->known)
+        record_say(to, "; ± %.2f %.2f %.2f mm", sqrt(c[0][0]), sqrt(c[1][1]), sqrt(c[2][2]));
+    record_say(to, "\n");
+}
+
+static void show_arc(Record *to, const struct rig_arc *arc, const struct calibration_arc *errors) {
+    const double deg = 180 / G_PI;
+
+    record_say(to, "  arc: zero %+.4f°, axis leans %.4f° and stands at %+.3f %+.3f mm",
+               arc->zero_rad * deg, hypot(arc->tilt_rad[0], arc->tilt_rad[1]) * deg,
+               arc->centre_mm[0], arc->centre_mm[1]);
+    if (errors->known)
+        record_say(to, "; ± %.4f°, %.4f°, %.3f mm", errors->zero_rad * deg,
+                   hypot(errors->tilt_rad[0], errors->tilt_rad[1]) * deg,
+                   hypot(errors->centre_mm[0], errors->centre_mm[1]));
+    record_say(to, "\n");
+}
+
+static void show_laser(Record *to, const struct rig_laser *laser,
+                       const struct calibration_laser *errors) {
+    const struct vec3 at = laser->position_mm;
+
+    record_say(to, "  %s: %.2f %.2f %.2f mm, sweeps %+.3f %%", laser->name, at.x, at.y, at.z,
+               100 * laser->stretch);
+    if (errors->known)
+        record_say(to, "; ± %.2f mm across its axis, zero %.4f°, RMS %.3f mm",
+                   errors->position_mm[0], errors->normal_rad * 180 / G_PI,
+                   errors->residual_rms_mm);
+    record_say(to, "\n");
+}
+
+static void show_lights(Record *to, const struct calibration *calibration) {
+    for (int i = 0; i < calibration->rig.n_lamps; i++)
+        show_lamp(to, &calibration->rig, i, &calibration->lamps[i]);
+    show_arc(to, &calibration->rig.arc, &calibration->arc);
+}
+
+static void show_sensor(Record *to, const char *name, const struct transfer *t) {
+    record_say(
+        to,
+        "  %s: black %.2f ± %.2f DN, dark current %.2f ± %.2f DN/s, %.4f ± %.4f DN an electron, "
+        "read noise %.2f ± %.2f electrons, %.2f %% off linear\n",
+        name, t->black_dn, t->black_error_dn, t->dark_dn_s, t->dark_error_dn_s, t->gain_dn_e,
+        t->gain_error_dn_e, t->read_noise_e, t->read_noise_error_e, 100 * t->linearity);
+}
+
+static void show_radiometry(Record *to, const struct calibration *calibration) {
+    const struct rig *rig = &calibration->rig;
+
+    for (int c = 0; c < rig->n_cameras; c++) {
+        const struct rig_camera *camera = &rig->cameras[c];
+        const struct radiometry_camera *r = &calibration->camera_radiometry[c];
+        if (r->known)
+            record_say(
+                to,
+                "  %s: response %.1f ± %.3f %%, colours %.4f %.4f %.4f, corners %.1f %% darker\n",
+                camera->name, camera->response, 100 * r->response_error, r->colour[0], r->colour[1],
+                r->colour[2], 100 * (1 - radiometry_flat(camera, r, 0, 0)));
+        if (calibration->noise[c].known)
+            show_sensor(to, camera->name, &calibration->noise[c].transfer);
+    }
+    for (int l = 0; l < rig->n_lamps; l++) {
+        const struct radiometry_lamp *r = &calibration->lamp_radiometry[l];
+        if (r->known)
+            record_say(to,
+                       "  %s: %.3f W/sr ± %.3f %%, exponent %.2f ± %.2f, colours %.4f %.4f %.4f\n",
+                       rig->lamps[l].name, rig->lamps[l].intensity, 100 * r->intensity_error,
+                       rig->lamps[l].exponent, r->exponent_error, r->colour[0], r->colour[1],
+                       r->colour[2]);
+    }
+    for (int m = 0; m < rig->n_marks; m++)
+        if (calibration->marks[m].known)
+            record_say(to, "  mark %s: %.3f %.3f %.3f mm, reflectance %.4f ± %.4f\n",
+                       rig->marks[m].name, rig->marks[m].centre_mm.x, rig->marks[m].centre_mm.y,
+                       rig->marks[m].centre_mm.z, rig->marks[m].reflectance[1],
+                       calibration->marks[m].reflectance[1]);
+}
+
+static void show_colour(Record *to, const struct colour_matrix *colour) {
+    for (int i = 0; colour->known && i < 9; i += 3)
+        record_say(to, "  colour: %c = %+.4f R %+.4f G %+.4f B\n", "XYZ"[i / 3],
+                   colour -> matrix[i], colour -> matrix[i + 1], colour -> matrix[i + 2]);
+    if (colour->known)
+        record_say(to, "  colour: %d patches, %.2f ΔE*ab RMS\n", colour->patches, colour->residual);
+}
+
+static void tell_part(Record *to, const struct calibration_part *part, const char *name) {
+    record_begin(to, name);
+    record_string(to, "date", part->date);
+    record_string(to, "method", part->method);
+    record_double(to, "residual_rms", part->residual_rms);
+    record_string(to, "residual_unit", part->residual_unit);
+    record_int(to, "degrees_of_freedom", part->degrees_of_freedom);
+    record_int(to, "pictures", part->pictures);
+    record_string(to, "checksum", part->checksum);
+    record_strings(to, "rejected", part->rejected);
+    record_end(to);
+}
+
+static int cli_calibrate_show_run(const struct call *call, GError **error) {
+    Record *to = call->record;
+    g_autoptr(Calibration) calibration = calibration_read(call->arguments[0], error);
+    if (!calibration)
+        return CLI_FAILED;
+    record_string(to, "rig", calibration->rig.id);
+    record_say(to, "%s: rig %s\n", call->arguments[0], calibration->rig.id);
+    for (int i = 0; i < CALIBRATION_PARTS; i++) {
+        const enum calibration_kind kind = (enum calibration_kind)i;
+        if (calibration->parts[i].done)
+            tell_part(to, &calibration->parts[i], calibration_part_name(kind));
+        show_part(to, calibration, kind);
+        for (int c = 0; i == CALIBRATION_CAMERAS && c < calibration->rig.n_cameras; c++)
+            show_camera(to, &calibration->rig.cameras[c], &calibration->cameras[c]);
+        if (i == CALIBRATION_LIGHTS)
+            show_lights(to, calibration);
+        if (i == CALIBRATION_RADIOMETRY) {
+            show_radiometry(to, calibration);
+            show_colour(to, &calibration->colour);
+        }
+        for (int k = 0; i == CALIBRATION_LASER && k < calibration->rig.n_lasers; k++)
+            show_laser(to, &calibration->rig.lasers[k], &calibration->lasers[k]);
+    }
+    return CLI_DONE;
+}
+
+const struct command calibrate_show = {.name = "calibrate show",
+                                       .arguments = "FILE",
+                                       .help = "Print what a calibration file says.",
+                                       .min = 1,
+                                       .max = 1,
+                                       .run = cli_calibrate_show_run};

@@ -1,0 +1,50 @@
+/* The table of commands, and how one of them is found. */
+#include "commands.h"
+
+#include "calibrate/calibrate.h"
+
+#include <string.h>
+
+static const struct command *const commands[] = {
+    &cli_plan,     &cli_capture,   &cli_resume,   &cli_status,  &cli_watch,    &cli_pause,
+    &cli_continue, &cli_abort,     &cli_safe,     &cli_process, &cli_compress, &cli_compare,
+    &cli_check,    &cli_calibrate, &cli_board,    &cli_info,    &cli_drivers,  &cli_devices,
+    &cli_import,   &cli_export,    &cli_resample, &cli_verify,
+};
+
+static void cli_print_help(void) {
+    g_print("Usage: mesorig COMMAND …\n\nCommands:\n");
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        g_print("  %-10s %s\n", commands[i]->name, commands[i]->help);
+    g_print("\n“mesorig COMMAND --help” tells more. Every command takes --json.\n"
+            "Exit codes: 0 done, 1 failed, 2 bad usage.\n");
+}
+
+static const struct command *cli_find(const char *name) {
+    for (gsize i = 0; i < G_N_ELEMENTS(commands); i++)
+        if (strcmp(commands[i]->name, name) == 0)
+            return commands[i];
+    return NULL;
+}
+
+int cli_main(int argc, char **argv) {
+    if (argc < 2) {
+        cli_print_help();
+        return CLI_USAGE;
+    }
+    if (strcmp(argv[1], "--version") == 0) {
+        g_print("mesorig %s\n", MESORIG_VERSION);
+        return CLI_DONE;
+    }
+    if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 ||
+        strcmp(argv[1], "help") == 0) {
+        cli_print_help();
+        return CLI_DONE;
+    }
+    const struct command *command = cli_find(argv[1]);
+    if (!command) {
+        g_printerr("mesorig: no command “%s”; “mesorig --help” lists them\n", argv[1]);
+        return CLI_USAGE;
+    }
+    return cli_run(command, argc - 1, argv + 1);
+}
