@@ -189,7 +189,7 @@ static void set_to(struct near_field_correction_band *band, const struct resampl
                    double n /* texels of all its views */, gboolean own) {
     band->moved_deg = sums->moved_deg / n;
     band->most_moved_deg = sums->most_moved_deg;
-    band->held = sums->held / n;
+    band->held = sums->clamped / n;
     band->nominal = own ? root(sums->nominal, sums->norm) : -1;
 }
 
