@@ -61,8 +61,7 @@ static gboolean read_field(const struct reader *r, const char *group, const stru
                                 "missing; calibrate again or restore the file");
     g_auto(GStrv) words = g_strsplit(value, ";", f->n + 1);
     if ((int)g_strv_length(words) != f->n)
-        return fields_do_refuse(r, group, f->name, error,
-                                "has not as many numbers as it should have");
+        return fields_do_refuse(r, group, f->name, error, "has not as many numbers as it should have");
     for (int i = 0; i < f->n; i++) {
         double number;
         if (!parse_number(words[i], &number))
