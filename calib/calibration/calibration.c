@@ -1,3 +1,4 @@
+/* The struct of a calibration, its file, and its comparison with the nominal rig. */
 #include "calibration.h"
 
 #include "base/input_file.h"
@@ -70,6 +71,8 @@ char *calibration_checksum(const char *const *checksums, int n) {
     return g_strdup(g_checksum_get_string(sum));
 }
 
+/* The text is parsed again first: a calibration that cannot be read must not replace one that
+ * can. */
 gboolean calibration_write(const struct calibration *calibration, const char *path,
                            GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
@@ -96,6 +99,7 @@ struct calibration *calibration_read(const char *path, GError **error) {
 static gboolean differs(const char *path, GError **error, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
 
+/* Sets the error of a calibration of another rig. */
 static gboolean differs(const char *path, GError **error, const char *format, ...) {
     va_list arguments;
 
@@ -139,6 +143,7 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     return TRUE;
 }
 
+/* Dates are UTC in ISO 8601. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
     g_autoptr(GDateTime) now = g_date_time_new_now_utc();

@@ -1,3 +1,5 @@
+/* Text of a calibration file: tables of fields map structs to sections and keys. The names of
+ * sections and keys are the file format and must not change. */
 #include "calibration.h"
 #include "geometry/fields.h"
 
@@ -108,8 +110,8 @@ static const struct field colour_fields[] = {
     {NULL},
 };
 
-/* Sections "[PREFIX i]": one an element of an array, if its `known`, the first member, is set.
- * count: offset in struct rig of how many there may be; NONE: one, called "[PREFIX]". */
+/* Sections "[PREFIX i]", one for each element of an array whose first member `known` is set.
+ * count: offset in struct rig of the number of elements; NONE: a single section "[PREFIX]". */
 #define NONE G_MAXSIZE
 static const struct group {
     const char *prefix;
@@ -141,11 +143,13 @@ static int calibration_text_count_of(const struct group *group, const struct rig
     return group->count == NONE ? 1 : *(const int *)((const char *)rig + group->count);
 }
 
+/* Name of the i-th section of a group. */
 static char *calibration_text_name_of(const struct group *group, int i) {
     return group->count == NONE ? g_strdup(group->prefix)
                                 : g_strdup_printf("%s %d", group->prefix, i);
 }
 
+/* Writes the sections whose element is known. */
 static void write_group(GString *text, const struct calibration *calibration,
                         const struct group *group) {
     const int n = calibration_text_count_of(group, &calibration->rig);
@@ -196,7 +200,7 @@ char *calibration_to_text(const struct calibration *calibration) {
 struct reader {
     GKeyFile *file;
     const char *path;
-    GHashTable *taken; /* names of sections that were read */
+    GHashTable *taken; /* names of the sections read */
 };
 
 static gboolean calibration_text_has(struct reader *r, const char *group) {
@@ -206,7 +210,7 @@ static gboolean calibration_text_has(struct reader *r, const char *group) {
     return TRUE;
 }
 
-/* Rejected pictures are numbered without gaps; what else there is, is a mistake. */
+/* Keys of a part: its strings and rejected_0, rejected_1 … without gaps; others are errors. */
 static char **rejected_keys(const struct reader *r, const char *group,
                             struct calibration_part *to) {
     g_autoptr(GStrvBuilder) keys = g_strv_builder_new();
@@ -246,6 +250,7 @@ static gboolean read_part(struct reader *r, struct calibration_part *part, const
                        error);
 }
 
+/* Reads the sections of one row of the table and sets `known` where a section exists. */
 static gboolean read_group(struct reader *r, struct calibration *to, const struct group *group,
                            GError **error) {
     static const char *const none[] = {NULL};
@@ -263,6 +268,7 @@ static gboolean read_group(struct reader *r, struct calibration *to, const struc
     return TRUE;
 }
 
+/* Symmetric, with a non-negative diagonal and |c_ij| ≤ √(c_ii c_jj). */
 static gboolean is_covariance(const double *c, int n) {
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) {
@@ -287,6 +293,7 @@ static gboolean check_covariances(const struct reader *r, const struct calibrati
     return TRUE;
 }
 
+/* Whether a section belongs to rig_to_text(). */
 static gboolean is_rigs(const char *group) {
     static const char *const prefixes[] = {"camera ", "lamp ", "laser ", "mark "};
 
@@ -299,8 +306,8 @@ static gboolean is_rigs(const char *group) {
     return FALSE;
 }
 
-/* Lists of numbers for reports: residuals, steps of a sweep, the turntable's errors, lamps over
- * time. */
+/* Sections with lists of numbers for reports: residuals, steps of a sweep, errors of the
+ * turntable, drift of lamps. */
 static gboolean is_numbers(const char *group) {
     static const char *const lists[] = {"laser steps", "turntable", "lamp drift"};
 
@@ -324,6 +331,7 @@ static gboolean are_finite(const char *list) {
     return TRUE;
 }
 
+/* Copies sections that nothing else has read; their numbers must be finite. */
 static gboolean keep_extra(const struct reader *r, GKeyFile *to, GError **error) {
     g_auto(GStrv) names = g_key_file_get_groups(r->file, NULL);
 
