@@ -17,8 +17,9 @@
 #define COMPARABLE                                                                                 \
     0.3 /* share of the chosen spot's energy from which another makes the choice ambiguous */
 #define MOST_SPOTS 256 /* examined, brightest first */
-#define SLANT      0.3 /* least cosine of the normal: below, a highlight is too near to the ball's rim \
-                        */
+#define SLANT                                                                                      \
+    0.3 /* least cosine of the normal: below, a highlight is too near to the ball's rim            \
+         */
 #define SPOT_SHARE 0.2 /* largest area of a spot, in areas of the ball's picture */
 
 #define NOWHERE 0 /* label of pixels without a spot */
