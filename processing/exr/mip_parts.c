@@ -21,7 +21,7 @@ void mip_parts_add(struct exr_file *file, struct exr_file *level, int number) {
     exr_file_free(level);
 }
 
-/* Of which level a part is by its name. */
+/* Level of a part, from its name. */
 static gint64 number_of(const struct exr_part *part) {
     char *end = NULL;
     if (!g_str_has_prefix(part->name, "mip") || !g_ascii_isdigit(part->name[3]))
