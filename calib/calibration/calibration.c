@@ -43,6 +43,7 @@ void calibration_free(struct calibration *calibration) {
     g_free(calibration);
 }
 
+/* The unit of the residual is px unless the caller changes it. */
 struct calibration_part *calibration_set_part(struct calibration *calibration,
                                               enum calibration_kind kind, const char *method,
                                               int pictures, const char *checksum,
@@ -61,6 +62,7 @@ struct calibration_part *calibration_set_part(struct calibration *calibration,
     return part;
 }
 
+/* SHA-256 over the lines of checksums, each ended by a newline. */
 char *calibration_checksum(const char *const *checksums, int n) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
 
@@ -86,6 +88,7 @@ gboolean calibration_write(const struct calibration *calibration, const char *pa
         path, text, -1, G_FILE_SET_CONTENTS_CONSISTENT | G_FILE_SET_CONTENTS_DURABLE, 0666, error);
 }
 
+/* At most MAX_BYTES are read. */
 struct calibration *calibration_read(const char *path, GError **error) {
     GError *why = NULL;
     g_autofree char *text = input_file_read_text(path, MAX_BYTES, &why);
@@ -112,6 +115,7 @@ static gboolean differs(const char *path, GError **error, const char *format, ..
     return FALSE;
 }
 
+/* Names and sizes identify devices: their order is that of the rig file. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error) {
     const struct rig *rig = &calibration->rig;

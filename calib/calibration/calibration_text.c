@@ -139,6 +139,7 @@ static const struct group {
      colour_fields},
 };
 
+/* Number of elements of a group, from the counts of the rig. */
 static int calibration_text_count_of(const struct group *group, const struct rig *rig) {
     return group->count == NONE ? 1 : *(const int *)((const char *)rig + group->count);
 }
@@ -164,6 +165,7 @@ static void write_group(GString *text, const struct calibration *calibration,
     }
 }
 
+/* Strings first, then numbers, then the rejected pictures. */
 static void calibration_text_write_part(GString *text, const struct calibration_part *part,
                                         const char *name) {
     g_string_append_printf(text, "\n[part %s]\n", name);
@@ -178,6 +180,7 @@ static void calibration_text_write_part(GString *text, const struct calibration_
     }
 }
 
+/* The parts and groups go between the rig's sections and its end mark. */
 char *calibration_to_text(const struct calibration *calibration) {
     g_autofree char *rig = rig_to_text(&calibration->rig);
     GString *text = g_string_new(rig);
@@ -203,6 +206,7 @@ struct reader {
     GHashTable *taken; /* names of the sections read */
 };
 
+/* Whether a section exists; it then counts as read. */
 static gboolean calibration_text_has(struct reader *r, const char *group) {
     if (!g_key_file_has_group(r->file, group))
         return FALSE;
@@ -227,6 +231,7 @@ static char **rejected_keys(const struct reader *r, const char *group,
     }
 }
 
+/* A part without a section was not calibrated. */
 static gboolean read_part(struct reader *r, struct calibration_part *part, const char *name,
                           GError **error) {
     g_autofree char *group = g_strdup_printf("part %s", name);
@@ -280,6 +285,7 @@ static gboolean is_covariance(const double *c, int n) {
     return TRUE;
 }
 
+/* Covariances of cameras (15 × 15) and lamps (3 × 3). */
 static gboolean check_covariances(const struct reader *r, const struct calibration *c,
                                   GError **error) {
     for (int i = 0; i < c->rig.n_cameras; i++)
@@ -351,6 +357,7 @@ static gboolean keep_extra(const struct reader *r, GKeyFile *to, GError **error)
     return TRUE;
 }
 
+/* Parts, groups, then all other sections. */
 static gboolean calibration_text_read_all(struct reader *r, struct calibration *to,
                                           GError **error) {
     for (int i = 0; i < CALIBRATION_PARTS; i++)
@@ -362,6 +369,7 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
     return keep_extra(r, to->extra, error) && check_covariances(r, to, error);
 }
 
+/* rig_from_text() checks format, version and end mark first. */
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autoptr(GHashTable) taken = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);

@@ -1,3 +1,5 @@
+/* Camera, arc, lamp and laser models. Vectors are columns; a rotation matrix R maps rig to camera
+ * coordinates, so that Rᵀ maps a viewing ray back. */
 #include "rig.h"
 
 #define INVERSE_STEPS        60
@@ -124,6 +126,7 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
     return vec3_unit(mat3_mul_transposed(&camera->rotation, vec3(x, y, 1)));
 }
 
+/* Rz(angle) · v. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad) {
     double c = cos(angle_rad), s = sin(angle_rad);
 
@@ -143,12 +146,14 @@ static struct vec3 tilt(const double t[2], struct vec3 v, double sign) {
     return vec3_add(vec3_add(vec3_scale(v, cos(angle)), across), along);
 }
 
+/* Tilt · Rz(α + zero) · d. */
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
     if (!arc)
         return rig_turn(direction, arc_rad);
     return tilt(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
 }
 
+/* Tilt · Rz(α + zero) · p + centre. */
 struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
     struct vec3 p = rig_arc_direction(arc, arc_rad, point_mm);
 
@@ -197,6 +202,8 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     return sheet;
 }
 
+/* s = atan2(q·n, q·beam) / (1 + stretch), q being the point relative to the laser in the arc's
+ * frame. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm) {
     struct vec3 way = vec3_sub(rig_arc_point_back(arc, arc_rad, point_mm), laser->position_mm);

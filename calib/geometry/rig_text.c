@@ -1,3 +1,5 @@
+/* The key file of a rig. Tables of fields map struct members to keys with their bounds; names of
+ * sections and keys are the file format and must not change. */
 #include "fields.h"
 #include "rig.h"
 

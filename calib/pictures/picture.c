@@ -1,3 +1,4 @@
+/* Grey pictures and the balance of colour filter mosaics. */
 #include "picture.h"
 
 #include <math.h>

@@ -83,8 +83,8 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
     }
     if (same == n && first > 0) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "the %s pair at %g µs is one picture twice: its noise cannot be measured",
-                    what, pair->exposure_us);
+                    "the %s pair at %g µs is one picture twice: its noise cannot be measured", what,
+                    pair->exposure_us);
         return FALSE;
     }
     if (fabs(first - second) > ALIKE * 0.5 * (first + second)) {
