@@ -1,3 +1,5 @@
+/* The output of a shot is the mean of its cameras weighted by 1/σ², with the error of the
+ * calibration added to each σ². */
 #include "outputs.h"
 
 #include <math.h>

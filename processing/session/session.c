@@ -1,3 +1,4 @@
+/* Opening and locking a session, and its texts, values, events and products. */
 #include "session_private.h"
 
 #include "exr/exr.h"

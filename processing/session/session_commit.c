@@ -1,3 +1,5 @@
+/* Commits shots with their frames, and verifies frames when a capture resumes. A frame's row is
+ * written only after its file is on disk, so that a row always has a file. */
 #include "session_private.h"
 
 #include "base/new_file.h"

@@ -1,3 +1,4 @@
+/* Creates a session: database and folders are made under a hidden name, synced, and renamed. */
 #include "session_private.h"
 #include "session_schema.h"
 

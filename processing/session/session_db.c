@@ -1,3 +1,5 @@
+/* Access to SQLite. A database is opened only if its format, its tables' texts and its structure
+ * are those of this program: it may come from a stranger. */
 #include "session_private.h"
 #include "session_schema.h"
 

@@ -1,3 +1,5 @@
+/* Verifies files against the checksums in the database. Hashes are remembered for the life of the
+ * process, since several commands verify the same products. */
 #include "session_private.h"
 
 #include "base/input_file.h"

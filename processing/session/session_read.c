@@ -1,3 +1,5 @@
+/* Reads the plan and the frames, with the checks that creating a session applies, since the
+ * database may have been edited. */
 #include "session_private.h"
 
 #include <math.h>
