@@ -1,3 +1,6 @@
+/* Looks up the inputs of each view: the frames of all its lights and sweeps. The hash of a view's
+ * inputs (checksums of frames, calibration, method version) decides whether a product is up to
+ * date. */
 #include "catalogue.h"
 
 #include "base/data_error.h"

@@ -1,3 +1,5 @@
+/* From sweep files to products/mdf.exr. The views are made independently and then settled
+ * together. */
 #include "mdf_product.h"
 
 #include <math.h>

@@ -1,3 +1,6 @@
+/* Resamples in three passes: all views go to a scratch file [view][texel][light][lane]; blocks of
+ * texels are gathered from it, resampled and written to a second file; its views become the
+ * result. Memory is thus that of some views and blocks. */
 #include "near_field_correction.h"
 
 #include <math.h>

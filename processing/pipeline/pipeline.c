@@ -1,3 +1,6 @@
+/* Views are tasks of a thread pool; the calling thread owns the session, hands out tasks and
+ * records finished products. A view's file is written by its task, its row by the calling thread.
+ */
 #include "pipeline.h"
 
 #include <errno.h>
