@@ -1,3 +1,5 @@
+/* Arrays are saved bit for bit as EXR parts whose pixels carry four bytes each. A hash of the
+ * inputs decides whether a file belongs to the computation; a hash of each array detects damage. */
 #include "checkpoint.h"
 
 #include <glib/gstdio.h>

@@ -1,3 +1,5 @@
+/* A half has 1 sign bit, 5 exponent bits (bias 15) and 10 fraction bits; a float 1, 8 (bias 127)
+ * and 23. */
 #include "exr_half.h"
 
 #include <string.h>

@@ -1,5 +1,7 @@
 #include "exr.h"
 #include "exr_half.h"
+/* Reads EXR files through OpenEXRCore, which parses headers and decompresses chunks; unpacking to
+ * planes of floats is done here, with its own checks, since headers may be hostile. */
 #include "exr_private.h"
 
 #include "base/input_file.h"
@@ -110,6 +112,7 @@ static void source_close(struct source *source) {
 }
 
 /* The library keeps a pointer to source, which must not move until it is closed. */
+/* Opens a regular file; FIFOs and devices are refused. */
 static gboolean source_open(struct source *source, const char *path, GError **error) {
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
     GError *why = NULL;
@@ -248,6 +251,7 @@ static gsize pixel_bytes(const struct exr_part *part) {
            (part->type == EXR_HALF ? 2 : 4);
 }
 
+/* Checks size, channels, compression and attributes of one part. */
 static struct exr_part *read_header(struct source *source, int index, exr_attr_box2i_t *window,
                                     GError **error) {
     struct exr_part *part = g_new0(struct exr_part, 1);
@@ -376,6 +380,7 @@ static gboolean exr_read_check_memory(struct source *source, int index, const st
         input_file_memory((guint64)source->size) >> 20);
 }
 
+/* Reads a part chunk by chunk. */
 static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
                             const exr_attr_box2i_t *window, GError **error) {
     exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;

@@ -1,5 +1,7 @@
 #include "exr.h"
 #include "exr_half.h"
+/* Writes EXR files through OpenEXRCore, which compresses chunks and writes headers; packing
+ * planes of floats into chunks is done here. */
 #include "exr_private.h"
 
 #include "base/input_file.h"
@@ -111,6 +113,7 @@ static gboolean exr_write_check_part(const char *path, const struct exr_part *pa
     return check_attributes(path, part, error);
 }
 
+/* Checks everything before the file is created. */
 static gboolean exr_write_check(const char *path, const struct exr_file *file, GError **error) {
     g_autoptr(GHashTable) names = g_hash_table_new(g_str_hash, g_str_equal);
 

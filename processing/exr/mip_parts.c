@@ -1,3 +1,4 @@
+/* Prefixes and counts the parts of mip levels. */
 #include "mip_parts.h"
 
 #include <string.h>
