@@ -1,3 +1,5 @@
+/* Factored BTFs (FMF, DFMF): M ≈ U (S V)ᵀ, U: rows × components, S V: columns × components, and
+ * the inverse of the colour transformations and logarithms that were applied before factoring. */
 #include "bonn_private.h"
 
 #include <cblas.h>

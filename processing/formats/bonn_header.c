@@ -1,3 +1,5 @@
+/* Parses and writes signature, metadata and sampling of a ".btf". Angles are radians in the file,
+ * degrees in memory. */
 #include "bonn_private.h"
 
 #include <math.h>

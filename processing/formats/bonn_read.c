@@ -1,3 +1,5 @@
+/* Reads values view by view. In a BDI the ABRDF of a texel is contiguous, halves
+ * [view][light][channel]; a view therefore gathers a slice of each texel's ABRDF. */
 #include "bonn_private.h"
 
 #include <math.h>

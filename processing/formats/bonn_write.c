@@ -1,3 +1,5 @@
+/* Writes a BDI view by view: each view fills its slice of every texel's ABRDF, so that no
+ * transposed copy of the BTF is needed. */
 #include "bonn_private.h"
 
 #include <errno.h>

@@ -1,3 +1,4 @@
+/* BDI is copied view by view; FMF and DFMF are factored by local PCA with one cluster. */
 #include "export.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* Points are fused in cubes of a texel's width: sorted by cube, each run of equal cubes becomes
+ * one point. A height map takes the median height of the upper layer above each texel. */
 #include "export_surface.h"
 
 #include <math.h>

@@ -11,8 +11,9 @@
 #define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
 #define MOST_RTI       65536
 #define MAX_LIST_BYTES (64 << 20)
-#define LEAST_LENGTH   0.5 /* least length of a direction in a list, which should be a unit vector \
-                            */
+#define LEAST_LENGTH                                                                               \
+    0.5 /* least length of a direction in a list, which should be a unit vector                    \
+         */
 
 struct direction {
     gint64 theta, phi; /* in steps */

@@ -1,3 +1,5 @@
+/* Reads the table, sorts its rows into shots, checks them against each other and the calibration,
+ * and creates the session. */
 #include "import_poses_private.h"
 
 #include "base/data_error.h"

@@ -1,3 +1,6 @@
+/* A texel's point is c + (x − c)(1 + d / |x − c|), c: camera, x: texel on the reference plane, d:
+ * MDF value; its normal is the cross product of the tangents to its neighbours on the same
+ * surface. */
 #include "surface_points.h"
 
 #include <math.h>
