@@ -9,6 +9,7 @@
 static const char end[] = "\n[end]\ncomplete=yes\n";
 
 #define PART(member) offsetof(struct calibration_part, member)
+/* Fields of each section: key, offset, number of values, whether they are integers, and bounds. */
 static const struct field part_fields[] = {
     {"residual_rms", PART(residual_rms), 1, FALSE, 0, FIELD_LARGE},
     {"degrees_of_freedom", PART(degrees_of_freedom), 1, TRUE, 0, G_MAXINT},
@@ -215,6 +216,7 @@ static gboolean calibration_text_has(struct reader *r, const char *group) {
 }
 
 /* Keys of a part: its strings and rejected_0, rejected_1 … without gaps; others are errors. */
+/* Reads rejected_0 … into `to` and returns the allowed keys. */
 static char **rejected_keys(const struct reader *r, const char *group,
                             struct calibration_part *to) {
     g_autoptr(GStrvBuilder) keys = g_strv_builder_new();
@@ -323,6 +325,7 @@ static gboolean is_numbers(const char *group) {
     return g_str_has_prefix(group, "camera residuals ");
 }
 
+/* Numbers separated by semicolons; the last one may have a separator, too. */
 static gboolean are_finite(const char *list) {
     g_auto(GStrv) words = g_strsplit(list, ";", -1);
 
