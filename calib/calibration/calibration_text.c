@@ -215,8 +215,8 @@ static gboolean calibration_text_has(struct reader *r, const char *group) {
     return TRUE;
 }
 
-/* Keys of a part: its strings and rejected_0, rejected_1 … without gaps; others are errors. */
-/* Reads rejected_0 … into `to` and returns the allowed keys. */
+/* Keys of a part: its strings and rejected_0, rejected_1 … without gaps; others are errors.
+ * Reads rejected_0 … into `to` and returns the allowed keys. */
 static char **rejected_keys(const struct reader *r, const char *group,
                             struct calibration_part *to) {
     g_autoptr(GStrvBuilder) keys = g_strv_builder_new();

@@ -111,8 +111,8 @@ static void source_close(struct source *source) {
         close(source->fd);
 }
 
-/* The library keeps a pointer to source, which must not move until it is closed. */
-/* Opens a regular file; FIFOs and devices are refused. */
+/* The library keeps a pointer to source, which must not move until it is closed.
+ * Opens a regular file; FIFOs and devices are refused. */
 static gboolean source_open(struct source *source, const char *path, GError **error) {
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
     GError *why = NULL;

@@ -133,8 +133,8 @@ static gboolean pipeline_is_made(struct run *run, const struct task *task) {
     return TRUE;
 }
 
-/* The task of a view that is ready and not made, or NULL. */
-/* Compares the hash of the view's inputs with the product's. */
+/* The task of a view that is ready and not made, or NULL.
+ * Compares the hash of the view's inputs with the product's. */
 static struct task *pipeline_next_task(struct run *run, enum stage stage, int view) {
     if (run->made[stage][view])
         return NULL;
