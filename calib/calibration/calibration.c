@@ -1,3 +1,4 @@
+/* The struct of a calibration, its file, and its comparison with the nominal rig. */
 #include "calibration.h"
 
 #include "base/input_file.h"
@@ -42,6 +43,7 @@ void calibration_free(struct calibration *calibration) {
     g_free(calibration);
 }
 
+/* The unit of the residual is px unless the caller changes it. */
 struct calibration_part *calibration_set_part(struct calibration *calibration,
                                               enum calibration_kind kind, const char *method,
                                               int pictures, const char *checksum,
@@ -60,6 +62,7 @@ struct calibration_part *calibration_set_part(struct calibration *calibration,
     return part;
 }
 
+/* SHA-256 over the lines of checksums, each ended by a newline. */
 char *calibration_checksum(const char *const *checksums, int n) {
     g_autoptr(GChecksum) sum = g_checksum_new(G_CHECKSUM_SHA256);
 
@@ -70,6 +73,8 @@ char *calibration_checksum(const char *const *checksums, int n) {
     return g_strdup(g_checksum_get_string(sum));
 }
 
+/* The text is parsed again first: a calibration that cannot be read must not replace one that
+ * can. */
 gboolean calibration_write(const struct calibration *calibration, const char *path,
                            GError **error) {
     g_autofree char *text = calibration_to_text(calibration);
@@ -83,6 +88,7 @@ gboolean calibration_write(const struct calibration *calibration, const char *pa
         path, text, -1, G_FILE_SET_CONTENTS_CONSISTENT | G_FILE_SET_CONTENTS_DURABLE, 0666, error);
 }
 
+/* At most MAX_BYTES are read. */
 struct calibration *calibration_read(const char *path, GError **error) {
     GError *why = NULL;
     g_autofree char *text = input_file_read_text(path, MAX_BYTES, &why);
@@ -96,6 +102,7 @@ struct calibration *calibration_read(const char *path, GError **error) {
 static gboolean differs(const char *path, GError **error, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
 
+/* Sets the error of a calibration of another rig. */
 static gboolean differs(const char *path, GError **error, const char *format, ...) {
     va_list arguments;
 
@@ -108,6 +115,7 @@ static gboolean differs(const char *path, GError **error, const char *format, ..
     return FALSE;
 }
 
+/* Names and sizes identify devices: their order is that of the rig file. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error) {
     const struct rig *rig = &calibration->rig;
@@ -139,6 +147,7 @@ gboolean calibration_check_rig(const struct calibration *calibration, const char
     return TRUE;
 }
 
+/* Dates are UTC in ISO 8601. */
 double calibration_age_days(const struct calibration *calibration, enum calibration_kind kind) {
     const struct calibration_part *part = &calibration->parts[kind];
     g_autoptr(GDateTime) now = g_date_time_new_now_utc();

@@ -1,10 +1,10 @@
 /*
- * What calibration has found out about a rig, how well, when and from which pictures; and the one
- * readable key file it is kept in.
+ * The result of a calibration: values, standard errors, date and pictures used; and its key file.
  *
- * The file holds all that rig_to_text() writes, so rig_from_text() reads it too: wherever a rig's
- * geometry is asked for, a calibration will do. Then one section [part NAME] for each part that has
- * been calibrated, sections of standard errors, and sections of others that are kept as they are.
+ * The file contains all that rig_to_text() writes, so that rig_from_text() reads it: a
+ * calibration may be given wherever a rig's geometry is expected. Then follow one section [part
+ * NAME] for each calibrated part, sections of standard errors, and sections of others, which are
+ * preserved.
  *
  * A section of numbers is one row of the table in calibration_text.c: a struct that begins with
  * `gboolean known`, an array of them here, and its fields (fields.h). It is written if known.
@@ -34,12 +34,11 @@ struct calibration_part {
     int degrees_of_freedom;
     int pictures;        /* used, without the rejected ones */
     char *checksum;      /* SHA-256 of all pictures' checksums in order; calibration_checksum() */
-    GPtrArray *rejected; /* of char *: "picture: why"; empty where nothing was */
+    GPtrArray *rejected; /* of char *: "picture: reason"; empty if none */
 };
 
-/* The order of a camera's parameters in its covariance. The rotation is a small turn about the
- * rig's axes, in radians, that the true rotation has more than the one found: R_true ≈ R_found (1 +
- * [ω]×). */
+/* Order of a camera's parameters in its covariance. The rotation is a small rotation vector ω in
+ * radians about the rig's axes: R_true ≈ R_found (1 + [ω]×). */
 enum calibration_camera_parameter {
     CALIBRATION_FX,
     CALIBRATION_FY,
@@ -61,7 +60,7 @@ enum calibration_camera_parameter {
 
 struct calibration_camera { /* with rig.cameras */
     gboolean known;
-    /* In the units of the parameters; 0 in rows of parameters that were held fixed. */
+    /* In the units of the parameters; 0 in rows of fixed parameters. */
     double covariance[CALIBRATION_CAMERA_PARAMETERS][CALIBRATION_CAMERA_PARAMETERS];
     double residual_rms_px;
     int points; /* corners it was calibrated from */
@@ -72,14 +71,14 @@ struct calibration_lamp { /* with rig.lamps */
     double position_covariance_mm2[3][3];
 };
 
-struct calibration_arc { /* with rig.arc; standard errors, 0 of what was believed as it is */
+struct calibration_arc { /* with rig.arc; standard errors, 0 for values that were not estimated */
     gboolean known;
     double zero_rad, tilt_rad[2], centre_mm[2];
 };
 
 struct calibration_laser { /* with rig.lasers; standard errors */
     gboolean known;
-    double position_mm[3]; /* across the axis; along it pictures tell nothing */
+    double position_mm[3]; /* across the axis; along it the position is undetermined */
     double axis_rad, normal_rad, stretch;
     double residual_rms_mm;
 };
@@ -106,10 +105,10 @@ struct calibration {
     struct calibration_noise noise[RIG_MAX_CAMERAS];
     struct calibration_mark marks[RIG_MAX_MARKS];
     struct colour_matrix colour;
-    GKeyFile *extra; /* sections that are not ours */
+    GKeyFile *extra; /* sections of other programs */
 };
 
-/* Nothing calibrated yet: the nominal rig. */
+/* A calibration without results: the nominal rig. */
 struct calibration *calibration_new(const struct rig *nominal);
 void calibration_free(struct calibration *calibration); /* NULL is ignored */
 typedef struct calibration Calibration;
@@ -118,26 +117,27 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Calibration, calibration_free)
 /* "cameras", "lights", "laser", "radiometry". */
 const char *calibration_part_name(enum calibration_kind kind);
 
-/* Replaces what is said of a part, with now as its date. rejected (of char *) is taken over; NULL:
- * none. */
+/* Replaces the description of a part, dated now. Takes ownership of rejected (of char *; NULL:
+ * none). */
 struct calibration_part *calibration_set_part(struct calibration *calibration,
                                               enum calibration_kind kind, const char *method,
                                               int pictures, const char *checksum,
                                               GPtrArray *rejected);
 
-/* Of n checksums (or any other words) in order; g_free(). */
+/* Checksum of n checksums (or other strings) in order; g_free(). */
 char *calibration_checksum(const char *const *checksums, int n);
 
 /* g_free() */
 char *calibration_to_text(const struct calibration *calibration);
-/* A rig_to_text() is a calibration too, of nothing. NULL: RIG_ERROR, with path, section and key. */
+/* Also reads the text of rig_to_text(), as a calibration without results. NULL: RIG_ERROR with
+ * path, section and key. */
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error);
 
-/* The file is written beside its name and renamed. */
+/* Writes atomically: a temporary file is renamed. */
 gboolean calibration_write(const struct calibration *calibration, const char *path, GError **error);
 struct calibration *calibration_read(const char *path, GError **error);
 
-/* Whether it is of this rig: id, and the names and sizes of cameras, lamps and lasers. */
+/* Whether it belongs to this rig: id, and names and sizes of cameras, lamps and lasers. */
 gboolean calibration_check_rig(const struct calibration *calibration, const char *path,
                                const struct rig *nominal, GError **error);
 

@@ -1,3 +1,5 @@
+/* Text of a calibration file: tables of fields map structs to sections and keys. The names of
+ * sections and keys are the file format and must not change. */
 #include "calibration.h"
 #include "geometry/fields.h"
 
@@ -7,6 +9,7 @@
 static const char end[] = "\n[end]\ncomplete=yes\n";
 
 #define PART(member) offsetof(struct calibration_part, member)
+/* Fields of each section: key, offset, number of values, whether they are integers, and bounds. */
 static const struct field part_fields[] = {
     {"residual_rms", PART(residual_rms), 1, FALSE, 0, FIELD_LARGE},
     {"degrees_of_freedom", PART(degrees_of_freedom), 1, TRUE, 0, G_MAXINT},
@@ -108,8 +111,8 @@ static const struct field colour_fields[] = {
     {NULL},
 };
 
-/* Sections "[PREFIX i]": one an element of an array, if its `known`, the first member, is set.
- * count: offset in struct rig of how many there may be; NONE: one, called "[PREFIX]". */
+/* Sections "[PREFIX i]", one for each element of an array whose first member `known` is set.
+ * count: offset in struct rig of the number of elements; NONE: a single section "[PREFIX]". */
 #define NONE G_MAXSIZE
 static const struct group {
     const char *prefix;
@@ -137,15 +140,18 @@ static const struct group {
      colour_fields},
 };
 
+/* Number of elements of a group, from the counts of the rig. */
 static int calibration_text_count_of(const struct group *group, const struct rig *rig) {
     return group->count == NONE ? 1 : *(const int *)((const char *)rig + group->count);
 }
 
+/* Name of the i-th section of a group. */
 static char *calibration_text_name_of(const struct group *group, int i) {
     return group->count == NONE ? g_strdup(group->prefix)
                                 : g_strdup_printf("%s %d", group->prefix, i);
 }
 
+/* Writes the sections whose element is known. */
 static void write_group(GString *text, const struct calibration *calibration,
                         const struct group *group) {
     const int n = calibration_text_count_of(group, &calibration->rig);
@@ -160,6 +166,7 @@ static void write_group(GString *text, const struct calibration *calibration,
     }
 }
 
+/* Strings first, then numbers, then the rejected pictures. */
 static void calibration_text_write_part(GString *text, const struct calibration_part *part,
                                         const char *name) {
     g_string_append_printf(text, "\n[part %s]\n", name);
@@ -174,6 +181,7 @@ static void calibration_text_write_part(GString *text, const struct calibration_
     }
 }
 
+/* The parts and groups go between the rig's sections and its end mark. */
 char *calibration_to_text(const struct calibration *calibration) {
     g_autofree char *rig = rig_to_text(&calibration->rig);
     GString *text = g_string_new(rig);
@@ -196,9 +204,10 @@ char *calibration_to_text(const struct calibration *calibration) {
 struct reader {
     GKeyFile *file;
     const char *path;
-    GHashTable *taken; /* names of sections that were read */
+    GHashTable *taken; /* names of the sections read */
 };
 
+/* Whether a section exists; it then counts as read. */
 static gboolean calibration_text_has(struct reader *r, const char *group) {
     if (!g_key_file_has_group(r->file, group))
         return FALSE;
@@ -206,7 +215,8 @@ static gboolean calibration_text_has(struct reader *r, const char *group) {
     return TRUE;
 }
 
-/* Rejected pictures are numbered without gaps; what else there is, is a mistake. */
+/* Keys of a part: its strings and rejected_0, rejected_1 … without gaps; others are errors.
+ * Reads rejected_0 … into `to` and returns the allowed keys. */
 static char **rejected_keys(const struct reader *r, const char *group,
                             struct calibration_part *to) {
     g_autoptr(GStrvBuilder) keys = g_strv_builder_new();
@@ -223,6 +233,7 @@ static char **rejected_keys(const struct reader *r, const char *group,
     }
 }
 
+/* A part without a section was not calibrated. */
 static gboolean read_part(struct reader *r, struct calibration_part *part, const char *name,
                           GError **error) {
     g_autofree char *group = g_strdup_printf("part %s", name);
@@ -246,6 +257,7 @@ static gboolean read_part(struct reader *r, struct calibration_part *part, const
                        error);
 }
 
+/* Reads the sections of one row of the table and sets `known` where a section exists. */
 static gboolean read_group(struct reader *r, struct calibration *to, const struct group *group,
                            GError **error) {
     static const char *const none[] = {NULL};
@@ -263,6 +275,7 @@ static gboolean read_group(struct reader *r, struct calibration *to, const struc
     return TRUE;
 }
 
+/* Symmetric, with a non-negative diagonal and |c_ij| ≤ √(c_ii c_jj). */
 static gboolean is_covariance(const double *c, int n) {
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) {
@@ -274,6 +287,7 @@ static gboolean is_covariance(const double *c, int n) {
     return TRUE;
 }
 
+/* Covariances of cameras (15 × 15) and lamps (3 × 3). */
 static gboolean check_covariances(const struct reader *r, const struct calibration *c,
                                   GError **error) {
     for (int i = 0; i < c->rig.n_cameras; i++)
@@ -287,6 +301,7 @@ static gboolean check_covariances(const struct reader *r, const struct calibrati
     return TRUE;
 }
 
+/* Whether a section belongs to rig_to_text(). */
 static gboolean is_rigs(const char *group) {
     static const char *const prefixes[] = {"camera ", "lamp ", "laser ", "mark "};
 
@@ -299,8 +314,8 @@ static gboolean is_rigs(const char *group) {
     return FALSE;
 }
 
-/* Lists of numbers for reports: residuals, steps of a sweep, the turntable's errors, lamps over
- * time. */
+/* Sections with lists of numbers for reports: residuals, steps of a sweep, errors of the
+ * turntable, drift of lamps. */
 static gboolean is_numbers(const char *group) {
     static const char *const lists[] = {"laser steps", "turntable", "lamp drift"};
 
@@ -310,6 +325,7 @@ static gboolean is_numbers(const char *group) {
     return g_str_has_prefix(group, "camera residuals ");
 }
 
+/* Numbers separated by semicolons; the last one may have a separator, too. */
 static gboolean are_finite(const char *list) {
     g_auto(GStrv) words = g_strsplit(list, ";", -1);
 
@@ -324,6 +340,7 @@ static gboolean are_finite(const char *list) {
     return TRUE;
 }
 
+/* Copies sections that nothing else has read; their numbers must be finite. */
 static gboolean keep_extra(const struct reader *r, GKeyFile *to, GError **error) {
     g_auto(GStrv) names = g_key_file_get_groups(r->file, NULL);
 
@@ -343,6 +360,7 @@ static gboolean keep_extra(const struct reader *r, GKeyFile *to, GError **error)
     return TRUE;
 }
 
+/* Parts, groups, then all other sections. */
 static gboolean calibration_text_read_all(struct reader *r, struct calibration *to,
                                           GError **error) {
     for (int i = 0; i < CALIBRATION_PARTS; i++)
@@ -354,6 +372,7 @@ static gboolean calibration_text_read_all(struct reader *r, struct calibration *
     return keep_extra(r, to->extra, error) && check_covariances(r, to, error);
 }
 
+/* rig_from_text() checks format, version and end mark first. */
 struct calibration *calibration_from_text(const char *text, const char *path, GError **error) {
     g_autoptr(GKeyFile) file = g_key_file_new();
     g_autoptr(GHashTable) taken = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);

@@ -1,3 +1,5 @@
+/* Specification and geometry of calibration boards. Corner positions: x = (column − columns/2) ·
+ * square, y = (rows/2 − row) · square, from the centre of the board. */
 #include "board.h"
 
 #include "pictures/vision.h"
@@ -73,10 +75,10 @@ static gboolean board_check(const struct board *board, const char *spec, GError 
         return refuse(spec, error, "a marker must be 0.3 to 0.95 times as large as a square");
     if (!vision_dictionary(board->dictionary, &markers))
         return refuse(spec, error,
-                      "the dictionary is not known: 4x4_50 … 7x7_1000, aruco_original");
+                      "unknown dictionary; known ones are 4x4_50 … 7x7_1000 and aruco_original");
     if (board->columns * board->rows / 2 > markers)
         return refuse(spec, error,
-                      "the dictionary has not as many markers as there are white "
+                      "the dictionary has fewer markers than the board has white "
                       "squares");
     return TRUE;
 }
@@ -114,6 +116,7 @@ int board_n_corners(const struct board *board) {
     return (board->columns - 1) * (board->rows - 1);
 }
 
+/* The origin is the centre of the board, y points up. */
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]) {
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
 
@@ -121,11 +124,12 @@ void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]) {
     ret_xy_mm[1] = (board->rows / 2.0 - row) * board->square_mm;
 }
 
+/* The top left square, (0, 0), is black. */
 static gboolean is_white(int column, int row) {
     return (column + row) % 2 == 1;
 }
 
-/* White squares above a row. */
+/* Number of white squares above a row. */
 static int whites_before(const struct board *board, int row) {
     return row * (board->columns / 2) + (board->columns % 2 ? row / 2 : 0);
 }
@@ -147,7 +151,7 @@ gboolean board_marker_square(const struct board *board, int marker, int *ret_col
     return FALSE;
 }
 
-/* The markers' bits, n × n each; g_free(). */
+/* Bits of all markers of the board, n × n each; g_free(). */
 static guint8 *all_bits(const struct board *board, int *ret_n) {
     const int n = vision_dictionary(board->dictionary, NULL);
     const int markers = whites_before(board, board->rows);
@@ -159,7 +163,8 @@ static guint8 *all_bits(const struct board *board, int *ret_n) {
     return bits;
 }
 
-/* u and v from the marker's top left, 0 … 1. */
+/* Printed value at (u, v), 0 … 1 from the marker's top left; a border of one black cell surrounds
+ * the n × n bits. */
 static double marker_value(const guint8 *bits, int n, double u, double v) {
     const int i = (int)floor(v * (n + 2)) - 1, j = (int)floor(u * (n + 2)) - 1;
 

@@ -1,13 +1,14 @@
 /*
- * Calibration boards: a chessboard, or a ChArUco board, whose white squares hold markers that say
- * which square they are in.
+ * Calibration boards: a chessboard, or a ChArUco board, whose white squares contain markers that
+ * identify the square.
  *
- * Seen from above, as printed: squares in columns and rows from the top left one, which is black.
- * Markers are numbered along rows, from the top, as OpenCV does since 4.7. Board frame:
- * millimetres, x to the right, y up, z out of the print; the origin is the middle. Inner corner
- * `id` is the (id mod (columns − 1))-th from the left and (id div (columns − 1))-th from the top.
+ * As printed and seen from above: squares in columns and rows from the top left one, which is
+ * black. Markers are numbered along rows, from the top, as in OpenCV since 4.7. Board frame:
+ * millimetres, x to the right, y up, z out of the print; the origin is the centre. Inner corner
+ * `id` is the (id mod (columns − 1))-th from the left and the (id div (columns − 1))-th from the
+ * top.
  *
- * Pure functions but for board_draw(); any thread.
+ * Pure functions except board_draw(); any thread.
  */
 #pragma once
 
@@ -19,7 +20,7 @@ struct board {
     int columns, rows;           /* squares */
     double square_mm, marker_mm; /* marker_mm 0: a chessboard */
     char dictionary[24];         /* as in vision.h */
-    double thickness_mm;         /* how high the print lies above what the board lies on */
+    double thickness_mm;         /* height of the print above the surface that the board lies on */
 };
 
 #define BOARD_ERROR board_error_quark()
@@ -29,27 +30,28 @@ enum board_error {
     BOARD_ERROR_IO,
 };
 
-/* "8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3"; without marker a chessboard. The
- * dictionary is 4x4_50 and the thickness 0 if not given. */
+/* Parses "8x8,square=9,marker=6.75,dictionary=4x4_50,thickness=3"; without marker a chessboard.
+ * Defaults: dictionary 4x4_50, thickness 0. */
 gboolean board_parse(struct board *board, const char *spec, GError **error);
 char *board_spec(const struct board *board); /* g_free() */
 
 int board_n_corners(const struct board *board);
 void board_corner_mm(const struct board *board, int id, double ret_xy_mm[2]);
 
-/* The square of a marker, from the left and top; FALSE: the board has no such marker. */
+/* Column (from the left) and row (from the top) of a marker's square; FALSE: the board has no
+ * such marker. */
 gboolean board_marker_square(const struct board *board, int marker, int *ret_column, int *ret_row);
 
-/* What is printed at a point of the board frame: 0 black … 1 white; −1 outside. */
+/* Printed value at a point of the board frame: 0 black … 1 white; −1 outside. */
 double board_value(const struct board *board, double x_mm, double y_mm);
-/* The same at n points, x and y of each, in a fraction of the time. */
+/* The same at n points (n × 2), much faster than one by one. */
 void board_values(const struct board *board, const double *xy_mm, int n, float *ret);
 
-/* What to draw: millimetres, or for a PNG pixels; margins are white. */
+/* Drawing options; margins are white. */
 struct board_drawing {
     double margin_mm;
-    double pixels_a_mm; /* PNG only */
+    double pixels_a_mm; /* resolution of a PNG */
 };
-/* Writes FILE.svg, FILE.pdf (true millimetres) or FILE.png by its name's end. */
+/* Writes an SVG, PDF (true to scale) or PNG file, by the suffix of the path. */
 gboolean board_draw(const struct board *board, const char *path,
                     const struct board_drawing *drawing, GError **error);

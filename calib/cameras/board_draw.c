@@ -1,3 +1,4 @@
+/* Draws a board with cairo; PDF units are points (1/72 inch), SVG units millimetres. */
 #include "board.h"
 
 #include "pictures/vision.h"
@@ -13,7 +14,8 @@ static void black(cairo_t *to, double x, double y, double size) {
     cairo_rectangle(to, x, y, size, size);
 }
 
-/* Black cells one by one, a row's neighbours in one piece: no seams between them. */
+/* Draws the black cells of a marker with its border. Adjacent cells of a row are one rectangle,
+ * so that no seams appear between them. */
 static void add_marker(cairo_t *to, const struct board *board, int marker, double x, double y) {
     guint8 bits[7 * 7] = {0};
     const int n = vision_dictionary(board->dictionary, NULL);
@@ -33,7 +35,7 @@ static void add_marker(cairo_t *to, const struct board *board, int marker, doubl
         }
 }
 
-/* Millimetres from the top left of the margin. */
+/* Draws the board; units are millimetres from the top left of the margin. */
 static void board_draw_draw(cairo_t *to, const struct board *board, double margin) {
     const double s = board->square_mm, inset = (s - board->marker_mm) / 2;
     int column, row;
@@ -97,7 +99,7 @@ static gboolean board_draw_check(const struct board *board, const char *path,
                     "%s: the name must end in .svg, .pdf or .png", path);
     else if (g_str_has_suffix(path, ".png") && !(longest_mm * drawing->pixels_a_mm <= MAX_PIXELS))
         g_set_error(error, BOARD_ERROR, BOARD_ERROR_SPEC,
-                    "%s: %g pixels a millimetre make a picture larger than %d pixels", path,
+                    "%s: %g pixels per millimetre make a picture larger than %d pixels", path,
                     drawing->pixels_a_mm, MAX_PIXELS);
     else
         return TRUE;

@@ -1,3 +1,6 @@
+/* Finding a board: the detector's markers (or whole chessboard) give a homography from the board
+ * to the picture, which ignores distortion; it predicts every corner, and corner.c fits each of
+ * them. With a known geometry, the predicted print is correlated with the picture first. */
 #include "board_find.h"
 
 #include "pictures/vision.h"
@@ -6,11 +9,12 @@
 #include <string.h>
 
 #define MIN_CORNERS    4
-#define TOLERANCE_PX   3.0  /* of markers from a plane: lenses bend it, */
-#define TOLERANCE      0.15 /* or of a marker's side: the detector's corners lie within them */
-#define STEPS_A_SQUARE 8    /* points that are compared, when it is looked for */
-#define LEAST_FIT      0.45
-#define STEP_MM        0.01 /* for derivatives */
+#define TOLERANCE_PX   3.0  /* of markers from a homography, since lenses distort, */
+#define TOLERANCE      0.15 /* or relative to a marker's side: accuracy of the detector's corners */
+#define STEPS_A_SQUARE 8    /* points per square that are compared when the board is searched */
+/* Least correlation of a board that was found. */
+#define LEAST_FIT 0.45
+#define STEP_MM   0.01 /* step of numerical derivatives */
 
 static GArray *board_find_refuse(GError **error, const char *format, ...) G_GNUC_PRINTF(2, 3);
 
@@ -23,11 +27,12 @@ static GArray *board_find_refuse(GError **error, const char *format, ...) {
     return NULL;
 }
 
-/* Half of what a point and its opposite are from the middle of both, for one direction. */
+/* Even part of the projection about `at` along a step h: ½ (f(at + h) + f(at − h)) − f(at), that
+ * is ½ hᵀ f″ h to second order. */
 static gboolean even_part(BoardProject project, gpointer data, const double at[2],
-                          const double way[2], double ret[2]) {
-    const double there[2] = {at[0] + way[0], at[1] + way[1]};
-    const double opposite[2] = {at[0] - way[0], at[1] - way[1]};
+                          const double step[2], double ret[2]) {
+    const double there[2] = {at[0] + step[0], at[1] + step[1]};
+    const double opposite[2] = {at[0] - step[0], at[1] - step[1]};
     double a[2], b[2], m[2];
     if (!project(there, a, data) || !project(opposite, b, data) || !project(at, m, data))
         return FALSE;
@@ -36,6 +41,7 @@ static gboolean even_part(BoardProject project, gpointer data, const double at[2
     return TRUE;
 }
 
+/* Derivative of the picture's x, y (rows) by the board's x, y (columns), px/mm. */
 static gboolean slopes(BoardProject project, gpointer data, const double at[2], double ret[2][2]) {
     const double right[2] = {at[0] + STEP_MM, at[1]}, up[2] = {at[0], at[1] + STEP_MM};
     double px[2], dx[2], dy[2];
@@ -48,7 +54,7 @@ static gboolean slopes(BoardProject project, gpointer data, const double at[2], 
     return TRUE;
 }
 
-/* By Cramer's rule. */
+/* Solves a·x = b by Cramer's rule; FALSE: a is singular. */
 static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
     const double det = a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) -
                        a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0]) +
@@ -66,12 +72,15 @@ static gboolean solve3(double a[3][3], const double b[3], double ret[3]) {
     return fabs(det) > 1e-9;
 }
 
-/* The second order of the map from the picture to one without distortion, that is the same as it in
- * first order: what perspective alone bends is the same in both, and keeps edges straight. */
+/* Second-order terms s of the map from the distorted picture to an undistorted one with the same
+ * first order: along each of three steps h with picture displacement (x, y) = J h, J S⁻¹ ½ hᵀ g″
+ * h − ½ hᵀ f″ h = s₀ x² + s₁ x y + s₂ y², f and g being the projections with and without
+ * distortion, J and S their first derivatives. Perspective is common to both and keeps edges
+ * straight; only distortion remains. */
 static void board_find_straighten(const struct board *board, BoardProject project,
                                   BoardProject straight, gpointer data, const double at[2],
                                   struct corner_guess *to) {
-    const double h = 0.3 * board->square_mm, ways[3][2] = {{h, 0}, {0, h}, {h, h}};
+    const double h = 0.3 * board->square_mm, steps[3][2] = {{h, 0}, {0, h}, {h, h}};
     double s[2][2], a[3][3], b[2][3];
     const double(*j)[2] = to->px_a_mm;
     if (!slopes(straight, data, at, s))
@@ -79,13 +88,13 @@ static void board_find_straighten(const struct board *board, BoardProject projec
     const double det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
     for (int i = 0; i < 3; i++) {
         double bent[2], even[2];
-        if (!even_part(project, data, at, ways[i], bent) ||
-            !even_part(straight, data, at, ways[i], even))
+        if (!even_part(project, data, at, steps[i], bent) ||
+            !even_part(straight, data, at, steps[i], even))
             return;
         const double u = (s[1][1] * even[0] - s[0][1] * even[1]) / det;
         const double v = (s[0][0] * even[1] - s[1][0] * even[0]) / det;
-        const double x = j[0][0] * ways[i][0] + j[0][1] * ways[i][1];
-        const double y = j[1][0] * ways[i][0] + j[1][1] * ways[i][1];
+        const double x = j[0][0] * steps[i][0] + j[0][1] * steps[i][1];
+        const double y = j[1][0] * steps[i][0] + j[1][1] * steps[i][1];
         for (int k = 0; k < 2; k++)
             b[k][i] = j[k][0] * u + j[k][1] * v - bent[k];
         a[i][0] = x * x;
@@ -97,6 +106,8 @@ static void board_find_straighten(const struct board *board, BoardProject projec
         memcpy(to->straighten, found, sizeof found);
 }
 
+/* Predicts position, scale and curvature for all corners; those that project() refuses are left
+ * 0. */
 static void guess_all(const struct board *board, BoardProject project, BoardProject straight,
                       gpointer data, const double shift_px[2], struct corner_guess *guesses) {
     const int n = board_n_corners(board);
@@ -115,6 +126,7 @@ static void guess_all(const struct board *board, BoardProject project, BoardProj
     }
 }
 
+/* x' = H x in homogeneous coordinates, H row by row in data. */
 static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
     const double *h = data;
     const double w = h[6] * xy_mm[0] + h[7] * xy_mm[1] + h[8];
@@ -125,7 +137,7 @@ static gboolean by_homography(const double xy_mm[2], double ret_xy_px[2], gpoint
     return TRUE;
 }
 
-/* Corners of a marker in the board frame, in the detector's order. */
+/* Corners of a marker in the board frame, in the detector's order: clockwise from the top left. */
 static void marker_corners(const struct board *board, int column, int row, double ret[8]) {
     const double x = (column + 0.5 - board->columns / 2.0) * board->square_mm;
     const double y = (board->rows / 2.0 - row - 0.5) * board->square_mm;
@@ -135,7 +147,7 @@ static void marker_corners(const struct board *board, int column, int row, doubl
     memcpy(ret, corners, sizeof corners);
 }
 
-/* By the first edge of each: half of them at least are as large. */
+/* Tolerance by the mean length of the markers' first edges. */
 static double tolerance_px(const GArray *markers) {
     double sum = 0;
     for (guint i = 0; i < markers->len; i++) {
@@ -146,7 +158,7 @@ static double tolerance_px(const GArray *markers) {
     return MAX(TOLERANCE_PX, markers->len ? TOLERANCE * sum / markers->len : 0);
 }
 
-/* How many different markers of the board agree with one plane. */
+/* Number of markers with at least three corners that agree with one plane. */
 static int board_find_agree(const guint8 *good, guint n) {
     int markers = 0;
     for (guint i = 0; i + 3 < n; i += 4)
@@ -154,6 +166,8 @@ static int board_find_agree(const guint8 *good, guint n) {
     return markers;
 }
 
+/* Robust homography through the corners of all detected markers; at least half of the markers
+ * must agree with it. The reason for a failure says what was seen instead. */
 static gboolean plane_of_markers(const struct picture *picture, const struct board *board,
                                  double ret_h[9], GError **error) {
     g_autoptr(GArray) found = vision_find_markers(picture, board->dictionary, FALSE, error);
@@ -183,11 +197,12 @@ static gboolean plane_of_markers(const struct picture *picture, const struct boa
         board_find_refuse(
             error, "the board is mirrored: the picture is flipped, or the board was printed so");
     else if (n >= 8)
-        board_find_refuse(
-            error, "its markers do not lie as on the board %d × %d: another board, or a bent one",
-            board->columns, board->rows);
+        board_find_refuse(error,
+                          "its markers do not lie as on the board of %d × %d squares: it is "
+                          "another board, or bent",
+                          board->columns, board->rows);
     else if (n == 0)
-        board_find_refuse(error, found->len ? "the markers that are to be seen are not the board's"
+        board_find_refuse(error, found->len ? "the visible markers are not the board's"
                                             : "no board is to be seen");
     else
         board_find_refuse(error, "only one marker of the board is to be seen");
@@ -201,10 +216,10 @@ static double board_find_value_at(const struct picture *picture, double x, doubl
     return (double)picture->values[(gsize)j * (gsize)picture->width + (gsize)i];
 }
 
-/* Whether the order of a chessboard's corners is the wrong one: then its top left square is white.
- */
-static gboolean is_turned(const struct picture *picture, const struct board *board,
-                          const double h[9]) {
+/* Whether a chessboard's corners were found in the reverse order: its top left square would be
+ * white. */
+static gboolean is_reversed(const struct picture *picture, const struct board *board,
+                            const double h[9]) {
     double sum = 0;
     for (int row = 0; row < board->rows; row++)
         for (int column = 0; column < board->columns; column++) {
@@ -220,6 +235,7 @@ static gboolean is_turned(const struct picture *picture, const struct board *boa
     return sum < 0;
 }
 
+/* A chessboard's corners have no ids: both orders are tried. */
 static gboolean plane_of_chessboard(const struct picture *picture, const struct board *board,
                                     double ret_h[9], GError **error) {
     const int n = board_n_corners(board);
@@ -234,18 +250,19 @@ static gboolean plane_of_chessboard(const struct picture *picture, const struct 
                               board->columns, board->rows);
         return FALSE;
     }
-    for (int turned = 0; turned < 2; turned++) {
+    for (int reversed = 0; reversed < 2; reversed++) {
         for (int id = 0; id < n; id++)
-            board_corner_mm(board, turned ? n - 1 - id : id, from + 2 * id);
+            board_corner_mm(board, reversed ? n - 1 - id : id, from + 2 * id);
         if (vision_homography(from, seen, n, TOLERANCE_PX, ret_h, good) &&
-            !is_turned(picture, board, ret_h))
+            !is_reversed(picture, board, ret_h))
             return TRUE;
     }
     board_find_refuse(error, "the chessboard's colours are not those of the board");
     return FALSE;
 }
 
-/* A board whose picture is flipped looks like one seen from below. */
+/* Orientation of the homography at the centre: a flipped picture looks like a board seen from
+ * below. The picture's y points down. */
 static gboolean is_seen_from_below(const double h[9]) {
     const double middle[2] = {0, 0}, right[2] = {1, 0}, up[2] = {0, 1};
     double m[2], r[2], u[2];
@@ -255,7 +272,7 @@ static gboolean is_seen_from_below(const double h[9]) {
     return (r[0] - m[0]) * (u[1] - m[1]) - (r[1] - m[1]) * (u[0] - m[0]) > 0;
 }
 
-/* From all corners that were found, better than from markers. */
+/* Fits the homography to all corners found: more accurate than that of the markers. */
 static void board_find_improve(const struct board *board, const GArray *corners, double h[9]) {
     const guint n = corners->len;
     g_autofree double *from = g_new(double, 2 * n + 2), *to = g_new(double, 2 * n + 2);
@@ -298,11 +315,12 @@ GArray *board_find(const struct picture *picture, const struct board *board, gbo
                              corners->len);
 }
 
-struct points { /* of the board, as they should be seen */
+struct points { /* of the board, as they should appear */
     int n;
     float *x, *y, *value;
 };
 
+/* Projects a grid of points of the board with their printed values. */
 static void gather_points(const struct board *board, BoardProject project, gpointer data,
                           struct points *to) {
     const int nx = board->columns * STEPS_A_SQUARE, ny = board->rows * STEPS_A_SQUARE;
@@ -325,7 +343,8 @@ static void gather_points(const struct board *board, BoardProject project, gpoin
     board_values(board, at, to->n, to->value);
 }
 
-/* Correlation of what should be seen with what is, shifted by whole pixels. */
+/* Pearson correlation of the printed values with the picture, shifted by (dx, dy) pixels: (Σuv −
+ * ΣuΣv/n) / √((Σu² − (Σu)²/n)(Σv² − (Σv)²/n)). */
 static double correlate(const struct picture *picture, const struct points *points, int dx,
                         int dy) {
     double n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
@@ -346,6 +365,7 @@ static double correlate(const struct picture *picture, const struct points *poin
     return n > points->n / 5.0 && n > 100 && spread > 0 ? (ab - a * b / n) / sqrt(spread) : -1;
 }
 
+/* Exhaustive search for the shift with the largest correlation. */
 static double best_shift(const struct picture *picture, const struct points *points, int reach,
                          double ret_shift[2]) {
     double best = -1;

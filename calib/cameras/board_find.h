@@ -1,26 +1,26 @@
 /*
- * A board in a picture: looked for without knowing anything, or where it should be. Any thread.
+ * Finds a board in a picture: without prior knowledge, or near its expected position. Any thread.
  */
 #pragma once
 
 #include "corner.h"
 
-/* Looks for the board's markers (or the whole chessboard), then for each of its corners; fine:
- * again from where these are, which finds some more. GArray of struct corner, by id. NULL:
- * BOARD_ERROR_SPEC with a reason that begins after "picture: ", such as "no board is to be seen".
+/* Finds the board's markers (or the whole chessboard), then each of its corners; fine: once more
+ * from the positions found, which yields some more. GArray of struct corner, by id. NULL:
+ * BOARD_ERROR_SPEC with a reason that is to follow "picture: ", such as "no board is to be seen".
  */
 GArray *board_find(const struct picture *picture, const struct board *board, gboolean fine,
                    GError **error);
 
-/* Where the board should be: FALSE for points that cannot be seen. */
+/* Projects a point of the board to the picture; FALSE: it is not visible. */
 typedef gboolean (*BoardProject)(const double xy_mm[2], double ret_xy_px[2], gpointer data);
 
-/* straight: the same as project for a lens that bends nothing; edges are then fitted as curved as
- * the lens makes them. NULL: not known.
+/* straight: as project, but for a lens without distortion; the edges are then fitted with the
+ * curvature that the lens causes. NULL: unknown.
  *
- * Shifts the whole board in the picture by up to reach_px until what is printed on it fits best to
- * what is seen, then looks for each corner. ret_fit: the correlation reached, −1 … 1. NULL: nothing
- * there looks like the board. */
+ * Shifts the whole board in the picture by up to reach_px to the largest correlation with its
+ * print, then fits each corner. ret_fit: that correlation, −1 … 1. NULL: nothing there looks like
+ * the board. */
 GArray *board_find_near(const struct picture *picture, const struct board *board,
                         BoardProject project, BoardProject straight, gpointer data, double reach_px,
                         double *ret_fit);

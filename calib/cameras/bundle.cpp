@@ -16,7 +16,7 @@ G_DEFINE_QUARK(bundle_error, bundle_error)
 
 namespace {
 
-/* What goes wrong is told by errors, not on stderr. */
+/* Failures are reported as errors, not on stderr. */
 const bool quiet = [] {
     FLAGS_minloglevel = google::GLOG_FATAL;
     if (!google::IsGoogleLoggingInitialized())
@@ -24,23 +24,25 @@ const bool quiet = [] {
     return true;
 }();
 
-constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of what fixes the frame: as good as exact */
+constexpr double GAUGE_SIGMA_RAD = 1e-7; /* of the gauge constraints: practically exact */
 
-/* v = R_0 exp(ω) p; R_0 row by row. */
-template <typename T> void turn(const double r0[9], const T *omega, const T p[3], T v[3]) {
+/* v = R₀ exp([ω]×) p; R₀ row by row. */
+template <typename T> void rotate(const double r0[9], const T *omega, const T p[3], T v[3]) {
     T q[3];
     ceres::AngleAxisRotatePoint(omega, p, q);
     for (int i = 0; i < 3; i++)
         v[i] = r0[3 * i] * q[0] + r0[3 * i + 1] * q[1] + r0[3 * i + 2] * q[2];
 }
 
-/* A board's point in the rig: the third element of place is the height at the axis. */
+/* A board point in the rig frame: p = Rz(τ) (R_l X + t_l) with lay = (ω, t_x, t_y, h). From the
+ * height h of the print's plane on the axis, t_z = h − (n_x t_x + n_y t_y) / n_z, n being the
+ * board's normal. */
 template <typename T>
 void place(const double r0[9], const T *lay, const T &angle, const double board[2], T ret[3]) {
     const T x[3] = {T(board[0]), T(board[1]), T(0)}, up[3] = {T(0), T(0), T(1)};
     T p[3], n[3];
-    turn(r0, lay, x, p);
-    turn(r0, lay, up, n);
+    rotate(r0, lay, x, p);
+    rotate(r0, lay, up, n);
     p[0] += lay[3];
     p[1] += lay[4];
     p[2] += lay[5] - (n[0] * lay[3] + n[1] * lay[4]) / n[2];
@@ -50,7 +52,7 @@ void place(const double r0[9], const T *lay, const T &angle, const double board[
     ret[2] = p[2];
 }
 
-/* Brown's model, as in rig.h. */
+/* Brown's distortion model as in rig.h; lens = (fx, fy, cx, cy, k1, k2, k3, p1, p2). */
 template <typename T> bool project(const T *lens, const T p[3], T ret[2]) {
     if (!(p[2] > T(1e-6)))
         return false;
@@ -72,7 +74,7 @@ struct Reprojection {
         const bundle_camera &camera = b->cameras[o->camera];
         T p[3], q[3], px[2];
         place(b->lays[b->stops[o->stop].lay].rotation, lay, angle[0], o->board_mm, p);
-        turn(camera.rotation, pose, p, q);
+        rotate(camera.rotation, pose, p, q);
         for (int i = 0; i < 3; i++)
             q[i] += pose[3 + i];
         if (!project(lens, q, px))
@@ -109,7 +111,7 @@ struct AnglePrior {
     }
 };
 
-/* Mean of what angles differ by from what was commanded, 0. */
+/* Gauge: the mean deviation of a lay's angles from the commanded ones is 0. */
 struct MeanAngle {
     std::vector<double> commanded;
     template <typename T> bool operator()(T const *const *angles, T *residual) const {
@@ -121,7 +123,8 @@ struct MeanAngle {
     }
 };
 
-/* Mean of the cameras' turns around the axis from where they should be, 0. */
+/* Gauge: the mean azimuth of the cameras' centres, relative to the nominal ones, is 0: Σ (c ×
+ * n)_z / |n|² = 0, c and n being true and nominal centre. */
 struct MeanAzimuth {
     std::vector<const bundle_camera *> cameras;
     template <typename T> bool operator()(T const *const *poses, T *residual) const {
@@ -129,7 +132,7 @@ struct MeanAzimuth {
         for (gsize k = 0; k < cameras.size(); k++) {
             const bundle_camera &c = *cameras[k];
             T v[3], minus[3], centre[3];
-            for (int i = 0; i < 3; i++) /* R_0ᵀ shift */
+            for (int i = 0; i < 3; i++) /* R₀ᵀ shift */
                 v[i] = c.rotation[i] * poses[k][3] + c.rotation[3 + i] * poses[k][4] +
                        c.rotation[6 + i] * poses[k][5];
             for (int i = 0; i < 3; i++)
@@ -143,13 +146,13 @@ struct MeanAzimuth {
     }
 };
 
-/* The parameters as Ceres has them, and the problem of them. */
+/* The parameter blocks and the problem as Ceres wants them. */
 struct Work {
     bundle *b;
     std::vector<std::array<double, BUNDLE_INTRINSICS>> lenses;
     std::vector<std::array<double, 6>> poses, lays;
     std::vector<double> angles;
-    std::vector<int> of_lay, of_stop, of_camera; /* observations of each */
+    std::vector<int> of_lay, of_stop, of_camera; /* number of observations of each */
     ceres::Problem problem;
 
     explicit Work(bundle *from) : b(from) {
@@ -213,7 +216,7 @@ struct Work {
             add_mean_azimuth();
     }
 
-    /* Cameras straight above have no azimuth to speak of. */
+    /* The azimuth of a camera near the zenith is undetermined. */
     void add_mean_azimuth() {
         auto mean = new MeanAzimuth;
         auto cost = new ceres::DynamicAutoDiffCostFunction<MeanAzimuth>(mean);
@@ -274,7 +277,7 @@ struct Work {
             problem.AddResidualBlock(cost, nullptr, blocks);
     }
 
-    /* Back, with the turns that were found taken into the rotations. */
+    /* Copies the parameters back; the rotation vectors ω are multiplied into R₀. */
     void keep() {
         for (int i = 0; i < b->n_cameras; i++) {
             std::memcpy(b->cameras[i].intrinsics, lenses[(gsize)i].data(),
@@ -295,14 +298,14 @@ struct Work {
         ceres::AngleAxisToRotationMatrix(omega, ceres::RowMajorAdapter3x3(r));
         using Matrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
         const Matrix product = Eigen::Map<const Matrix>(rotation) * Eigen::Map<const Matrix>(r);
-        /* Rounding adds up over many solves: back to the nearest rotation. */
+        /* Rounding accumulates over many solves: project to the nearest rotation. */
         const Eigen::JacobiSVD<Eigen::Matrix3d> svd(product,
                                                     Eigen::ComputeFullU | Eigen::ComputeFullV);
         Eigen::Map<Matrix> to(rotation);
         to = svd.matrixU() * svd.matrixV().transpose();
     }
 
-    /* Free blocks, in order, and at which column each begins. */
+    /* All free parameter blocks in order, and the first column of each in J; −1: fixed. */
     std::vector<double *> free_blocks(std::vector<int> *at, int *columns) {
         std::vector<double *> blocks;
         *columns = 0;
@@ -326,7 +329,7 @@ struct Work {
     }
 };
 
-/* JᵀJ, dense: a few hundred parameters at most. */
+/* JᵀJ as a dense matrix: there are a few hundred parameters at most. */
 Eigen::MatrixXd normal_matrix(Work &work, std::vector<int> *at) {
     ceres::Problem::EvaluateOptions options;
     ceres::CRSMatrix j;
@@ -385,13 +388,13 @@ gboolean bundle_covariance(struct bundle *bundle, GError **error) {
         Work work(bundle);
         std::vector<int> at;
         const Eigen::MatrixXd h = normal_matrix(work, &at);
-        /* Scaled to a unit diagonal: metres and radians meet pixels here. */
+        /* Scaled to a unit diagonal, since units differ by orders of magnitude. */
         const Eigen::VectorXd scale = h.diagonal().array().max(1e-300).rsqrt();
         const Eigen::MatrixXd scaled = scale.asDiagonal() * h * scale.asDiagonal();
         const Eigen::LLT<Eigen::MatrixXd> llt(scaled);
         if (llt.info() != Eigen::Success || llt.rcond() < 1e-15)
             return fail(error, BUNDLE_ERROR_SINGULAR,
-                        "what is seen does not determine all that is asked for");
+                        "the observations do not determine all parameters");
         const Eigen::MatrixXd inverse = llt.solve(Eigen::MatrixXd::Identity(h.rows(), h.cols()));
         const Eigen::MatrixXd covariance = scale.asDiagonal() * inverse * scale.asDiagonal();
         for (int i = 0; i < bundle->n_cameras; i++)
@@ -412,7 +415,7 @@ static gboolean project_by(const struct bundle *bundle, const double *lens, int 
     const double lay[6] = {0, 0, 0, l.place[0], l.place[1], l.place[2]};
     double p[3], q[3];
     place(l.rotation, lay, s.angle_rad, board_mm, p);
-    turn(c.rotation, zero, p, q);
+    rotate(c.rotation, zero, p, q);
     for (int i = 0; i < 3; i++)
         q[i] += c.shift[i];
     return project(lens, q, ret_px);

@@ -1,13 +1,13 @@
 /*
- * The joint refinement of cameras, turntable and boards: what geometry makes all corners appear
- * where they were seen. Ceres does the work, behind C.
+ * Bundle adjustment of cameras, turntable angles and boards: minimises the reprojection errors of
+ * all corners (with Ceres, behind a C interface).
  *
- * A board point X (mm, z = 0) of a board laid down as `lay`, with the turntable at angle τ of
- * `stop`, is at p = Rz(τ) (R_l X + t_l) in the rig, where t_l is written as (t_x, t_y, h): h is the
- * height at which the print's plane meets the turntable's axis. A camera sees it at project(R_c p +
- * t_c), rig.h's model. The axis itself is the rig's z: it has no parameters.
+ * A board point X (mm, z = 0) of a board in the position `lay`, with the turntable at angle τ of
+ * `stop`, is at p = Rz(τ) (R_l X + t_l) in the rig frame. t_l is parametrised as (t_x, t_y, h), h
+ * being the height at which the print's plane meets the turntable's axis. A camera sees p at
+ * project(R_c p + t_c), rig.h's model. The axis is the rig's z axis and has no parameters.
  *
- * Rotations are R = R_0 (1 + [ω]×…) = R_0 exp(ω); covariances are those of ω at R = R_0.
+ * Rotations are R = R₀ exp([ω]×); covariances are those of ω at R = R₀.
  */
 #pragma once
 
@@ -19,32 +19,32 @@ G_BEGIN_DECLS
 
 struct bundle_camera {
     double intrinsics[BUNDLE_INTRINSICS];
-    double prior[BUNDLE_INTRINSICS];       /* what is known before, and */
-    double prior_sigma[BUNDLE_INTRINSICS]; /* how well; 0: nothing. */
-    double aspect_sigma;                   /* of fx / fy, around prior's; 0: not known */
-    double rotation[9], shift[3];          /* camera = rotation · rig + shift */
-    double nominal_centre[3];              /* for the azimuth's mean */
+    double prior[BUNDLE_INTRINSICS];       /* prior values, */
+    double prior_sigma[BUNDLE_INTRINSICS]; /* and their standard deviations; 0: no prior */
+    double aspect_sigma;          /* standard deviation of fx / fy about the prior's; 0: no prior */
+    double rotation[9], shift[3]; /* camera = rotation · rig + shift */
+    double nominal_centre[3];     /* for the gauge of the azimuth */
     gboolean fixed_pose, fixed_lens;
-    double noise;              /* all its observations' sigmas are that many times too small */
+    double noise;              /* factor by which the sigmas of its observations are too small */
     double covariance[15][15]; /* out: intrinsics, ω, shift; 0 where fixed */
 };
 
 struct bundle_lay {
     double rotation[9], place[3]; /* t_x, t_y, h */
     gboolean fixed_height;
-    gboolean fixed; /* all of it */
+    gboolean fixed; /* position and rotation */
 };
 
 struct bundle_stop {
     int lay;
     double commanded_rad, angle_rad;
-    double sigma_rad; /* of what they differ by; 0: they do not */
+    double sigma_rad; /* standard deviation of their difference; 0: they are equal */
 };
 
 struct bundle_observation {
-    int camera, stop, point; /* point: of the board; not looked at here */
+    int camera, stop, point; /* point: id on the board, for the caller */
     double board_mm[2], seen_px[2];
-    /* whiten · (projected − seen) has the deviation of the camera's noise times this. */
+    /* whiten · (projected − seen) has the standard deviation camera.noise · noise. */
     double whiten[2][2], noise;
     gboolean rejected;
 };
@@ -55,27 +55,27 @@ struct bundle {
     struct bundle_stop *stops;
     struct bundle_observation *observations;
     int n_cameras, n_lays, n_stops, n_observations;
-    gboolean fix_azimuth; /* gauge: the cameras' mean azimuth, and each lay's mean angle */
-    double robust;        /* residuals beyond that many sigmas count less */
+    gboolean fix_azimuth; /* gauge: fixes the cameras' mean azimuth and each lay's mean angle */
+    double robust;        /* Huber's threshold in standard deviations; 0: plain least squares */
 };
 
-/* Improves everything in place. FALSE with a reason (BUNDLE_ERROR) if it does not converge. */
+/* Minimises in place. FALSE with a BUNDLE_ERROR if it does not converge. */
 #define BUNDLE_ERROR bundle_error_quark()
 GQuark bundle_error_quark(void);
 enum bundle_error {
     BUNDLE_ERROR_FAILED,
-    BUNDLE_ERROR_SINGULAR, /* the observations do not determine what is asked */
+    BUNDLE_ERROR_SINGULAR, /* the observations do not determine all parameters */
 };
 gboolean bundle_solve(struct bundle *bundle, GError **error);
 
-/* Fills in the cameras' covariances, for the noise as it is set. */
+/* Sets the cameras' covariances, for the noise given. */
 gboolean bundle_covariance(struct bundle *bundle, GError **error);
 
-/* Where an observation should be seen; FALSE: behind the camera. */
+/* Projects a board point; FALSE: behind the camera. */
 gboolean bundle_project(const struct bundle *bundle, int camera, int stop, const double board_mm[2],
                         double ret_px[2]);
 
-/* The same, had the lens no distortion. */
+/* The same for a lens without distortion. */
 gboolean bundle_project_straight(const struct bundle *bundle, int camera, int stop,
                                  const double board_mm[2], double ret_px[2]);
 

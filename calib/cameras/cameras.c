@@ -1,14 +1,19 @@
+/* Calibrates cameras from pictures of a board on the turntable, in steps: find the boards,
+ * estimate the poses of the lays from single pictures (cameras_start.c), a first bundle
+ * adjustment, search again for all corners where the geometry predicts them, then adjust in
+ * rounds with outlier rejection (cameras_refine.c). */
 #include "cameras_private.h"
 
 #include <gio/gio.h>
 #include <string.h>
 
 #define RAD(deg)        ((deg) * (G_PI / 180))
-#define ANGLE_SIGMA_DEG 0.1 /* of the turntable from what was commanded */
-#define NEAR_PX         3   /* where corners are looked for once the geometry is known */
-#define FAR             0.2 /* of the width, for a camera known from the rig file alone */
-#define LEAST_CORNERS   6   /* of a picture */
-#define LEAST_PICTURES  3   /* of a camera, to be refined */
+#define ANGLE_SIGMA_DEG 0.1 /* standard deviation of the turntable from its commanded angle */
+#define NEAR_PX         3   /* search radius once the geometry is known */
+#define FAR                                                                                        \
+    0.2 /* search radius over the picture's width, for a camera known from the rig file only */
+#define LEAST_CORNERS  6 /* in a usable picture */
+#define LEAST_PICTURES 3 /* of a camera, to refine it */
 
 G_DEFINE_QUARK(cameras_error, cameras_error)
 
@@ -96,7 +101,7 @@ static void set_why(struct seen *seen, const char *why) {
     seen->why = g_strdup_printf("%s: %s", seen->name, why);
 }
 
-/* Pictures of another size are of another camera, or were scaled: not one to leave out. */
+/* A picture of another size is from another camera, or was scaled: an error, not an outlier. */
 static gboolean cameras_check_size(const struct cameras_work *work, const struct picture *picture,
                                    int camera, GError **error) {
     const struct rig_camera *c = &work->nominal.cameras[camera];
@@ -108,6 +113,7 @@ static gboolean cameras_check_size(const struct cameras_work *work, const struct
                picture->name, picture->width, picture->height, c->name, c->width, c->height);
 }
 
+/* Finds the board in picture i without prior knowledge. */
 static gboolean find_board(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     g_autoptr(GError) why = NULL;
@@ -127,26 +133,28 @@ struct look {
     int camera, stop;
 };
 
-static gboolean cameras_look(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+static gboolean cameras_project(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
     const struct look *at = data;
     return bundle_project(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
 }
 
-static gboolean look_straight(const double xy_mm[2], double ret_xy_px[2], gpointer data) {
+static gboolean cameras_project_straight(const double xy_mm[2], double ret_xy_px[2],
+                                         gpointer data) {
     const struct look *at = data;
     return bundle_project_straight(at->bundle, at->camera, at->stop, xy_mm, ret_xy_px);
 }
 
-/* Corners where the geometry says they are: also those that nobody would find by themselves. */
-static gboolean look_again(struct cameras_work *work, int i, double reach_px, GError **error) {
+/* Searches picture i for the corners where the geometry predicts them, including those that the
+ * detector does not find. */
+static gboolean search_near(struct cameras_work *work, int i, double reach_px, GError **error) {
     struct seen *seen = &work->seen[i];
     struct look at = {&work->bundle, seen->camera, seen->stop};
     g_autoptr(Picture) picture = work->task->read(i, work->task->data, error);
     double fit;
     if (!picture)
         return FALSE;
-    GArray *corners = board_find_near(picture, &work->task->board, cameras_look, look_straight, &at,
-                                      reach_px, &fit);
+    GArray *corners = board_find_near(picture, &work->task->board, cameras_project,
+                                      cameras_project_straight, &at, reach_px, &fit);
     if (corners && corners->len >= LEAST_CORNERS) {
         g_clear_pointer(&seen->corners, g_array_unref);
         seen->corners = corners;
@@ -160,26 +168,27 @@ static gboolean look_again(struct cameras_work *work, int i, double reach_px, GE
     return TRUE;
 }
 
-struct each { /* pictures, dealt out to threads */
+/* One pass over the pictures, distributed over threads. */
+struct each {
     struct cameras_work *work;
-    gboolean (*look)(struct cameras_work *work, int i, double reach_px, GError **error);
-    const double *reach_px; /* of each; negative: not this one. NULL: all */
-    GAsyncQueue *done;      /* of GError *, or the work itself where there is none */
+    gboolean (*run)(struct cameras_work *work, int i, double reach_px, GError **error);
+    const double *reach_px; /* of each picture; negative: skip it; NULL: all */
+    GAsyncQueue *done;      /* queue of GError *, or of the work itself for success */
 };
 
-static void cameras_look_at(gpointer item, gpointer data) {
+static void cameras_run_picture(gpointer item, gpointer data) {
     const struct each *each = data;
     const int i = GPOINTER_TO_INT(item) - 1;
     GError *error = NULL;
-    const gboolean ok = each->look(each->work, i, each->reach_px ? each->reach_px[i] : 0, &error);
+    const gboolean ok = each->run(each->work, i, each->reach_px ? each->reach_px[i] : 0, &error);
     g_async_queue_push(each->done, ok ? (gpointer)each->work : error);
 }
 
-/* The first error is told; pictures that were not begun by then are left. */
+/* Runs a pass; returns the first error. Pictures that have not begun by then are skipped. */
 static gboolean for_each(struct each *each, GError **error) {
     const int n = each->work->task->n_pictures;
     GThreadPool *pool =
-        g_thread_pool_new(cameras_look_at, each, (int)g_get_num_processors(), FALSE, NULL);
+        g_thread_pool_new(cameras_run_picture, each, (int)g_get_num_processors(), FALSE, NULL);
     GError *first = NULL;
     int left = 0;
     each->done = g_async_queue_new();
@@ -217,7 +226,7 @@ int cameras_pictures_of(const struct cameras_work *work, int camera) {
     return n;
 }
 
-/* Cameras that have seen too little so far stay where the rig file has them. */
+/* Fixes cameras with too few pictures so far at their pose in the rig file. */
 static void fix_unknown(struct cameras_work *work) {
     for (int c = 0; c < work->bundle.n_cameras; c++) {
         const gboolean unknown = cameras_pictures_of(work, c) < LEAST_PICTURES;
@@ -227,6 +236,8 @@ static void fix_unknown(struct cameras_work *work) {
     }
 }
 
+/* One bundle adjustment with the corners found so far. robust: Huber's threshold in standard
+ * deviations. */
 static gboolean cameras_solve(struct cameras_work *work, double robust, GError **error) {
     fix_unknown(work);
     cameras_set_observations(work);
@@ -234,15 +245,15 @@ static gboolean cameras_solve(struct cameras_work *work, double robust, GError *
     return bundle_solve(&work->bundle, error);
 }
 
-/* First what the cameras found of themselves; then those that found nothing, where it must be; then
- * every picture once more, by what is known now. */
-static gboolean look_everywhere(struct cameras_work *work, GError **error) {
+/* Two passes: first only pictures without corners (with a large search radius for cameras without
+ * usable pictures), then all pictures with the geometry known by then. */
+static gboolean search_everywhere(struct cameras_work *work, GError **error) {
     gboolean unknown[RIG_MAX_CAMERAS];
     for (int c = 0; c < work->bundle.n_cameras; c++)
         unknown[c] = cameras_pictures_of(work, c) < LEAST_PICTURES;
     g_autofree double *reach_px = g_new(double, work->task->n_pictures);
     for (int pass = 0; pass < 2; pass++) {
-        struct each each = {work, look_again, reach_px, NULL};
+        struct each each = {work, search_near, reach_px, NULL};
         for (int i = 0; i < work->task->n_pictures; i++) {
             const int camera = work->seen[i].camera;
             const gboolean far = pass == 0 && unknown[camera];
@@ -255,7 +266,7 @@ static gboolean look_everywhere(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-static void give_residuals(const struct cameras_work *work, struct cameras_result *to) {
+static void collect_residuals(const struct cameras_work *work, struct cameras_result *to) {
     const struct bundle *b = &work->bundle;
     double sum = 0, d[2] = {0, 0};
     int n = 0;
@@ -277,12 +288,13 @@ static void give_residuals(const struct cameras_work *work, struct cameras_resul
     to->rms_px = n ? sqrt(sum / n) : 0;
 }
 
+/* Residuals, angle errors of the stops, and tilts of the lays. */
 static struct cameras_result *cameras_new_result(const struct cameras_work *work) {
     struct cameras_result *to = g_new0(struct cameras_result, 1);
     to->residuals = g_array_new(FALSE, FALSE, sizeof(struct cameras_residual));
     to->stops = g_array_new(FALSE, FALSE, sizeof(struct cameras_stop));
     to->lays = g_array_new(FALSE, FALSE, sizeof(struct cameras_lay));
-    give_residuals(work, to);
+    collect_residuals(work, to);
     for (int i = 0; i < work->bundle.n_stops; i++) {
         const struct bundle_stop *stop = &work->bundle.stops[i];
         const struct cameras_stop s = {stop->lay, stop->commanded_rad * 180 / G_PI,
@@ -312,9 +324,9 @@ void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from
     to->translation_mm = vec3(from->shift[0], from->shift[1], from->shift[2]);
 }
 
-/* By rig_project(), which processing will use: written apart from the refinement. */
-static void count_camera(const struct cameras_work *work, int camera,
-                         struct calibration_camera *to) {
+/* Counts a camera's points and the RMS of their residuals. */
+static void summarise_camera(const struct cameras_work *work, int camera,
+                             struct calibration_camera *to) {
     const struct bundle *b = &work->bundle;
     double sum = 0;
     to->points = 0;
@@ -339,7 +351,7 @@ static char *checksum(const struct cameras_work *work, int *ret_used) {
     return calibration_checksum((const char *const *)sums->pdata, (int)sums->len);
 }
 
-static struct cameras_result *cameras_give(struct cameras_work *work) {
+static struct cameras_result *cameras_store_result(struct cameras_work *work) {
     struct calibration *calibration = work->calibration;
     struct cameras_result *result = cameras_new_result(work);
     GPtrArray *rejected = g_ptr_array_new_with_free_func(g_free);
@@ -361,7 +373,7 @@ static struct cameras_result *cameras_give(struct cameras_work *work) {
         struct calibration_camera *to = &calibration->cameras[c];
         cameras_take_camera(&calibration->rig.cameras[c], from);
         memcpy(to->covariance, from->covariance, sizeof to->covariance);
-        count_camera(work, c, to);
+        summarise_camera(work, c, to);
         to->known = TRUE;
     }
     return result;
@@ -378,7 +390,7 @@ static gboolean cameras_do_calibrate(struct cameras_work *work, GError **error) 
     cameras_start(work);
     return cameras_check_motion(work, error) && cameras_start_lays(work, error) &&
            cameras_solve(work, 3, error) && cameras_check_start(work, error) &&
-           look_everywhere(work, error) && cameras_check_pictures(work, error) &&
+           search_everywhere(work, error) && cameras_check_pictures(work, error) &&
            cameras_do_refine(work, error) && cameras_check_pictures(work, error) &&
            cameras_check_result(work, error);
 }
@@ -389,11 +401,12 @@ struct cameras_result *cameras_calibrate(struct calibration *calibration,
     struct cameras_result *result = NULL;
     cameras_work_init(&work, calibration, task, FALSE);
     if (cameras_do_calibrate(&work, error))
-        result = cameras_give(&work);
+        result = cameras_store_result(&work);
     cameras_work_clear(&work);
     return result;
 }
 
+/* A lens alone: the camera frame is the rig frame, every photograph is a lay of its own. */
 struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
                                               const struct cameras_task *task, GError **error) {
     struct cameras_work work;
@@ -405,7 +418,7 @@ struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
     if (find_boards(&work, error) && cameras_start_lens(&work, error) &&
         cameras_start_lays(&work, error) && cameras_do_refine(&work, error) &&
         cameras_check_result(&work, error))
-        result = cameras_give(&work);
+        result = cameras_store_result(&work);
     cameras_work_clear(&work);
     return result;
 }

@@ -1,15 +1,15 @@
 /*
- * Calibration of all cameras and the turntable's axis from pictures of a board that was turned with
- * the turntable, flat and at a tilt; or of one camera from photographs of a board held anyhow.
+ * Calibration of all cameras and the turntable's axis from pictures of a board that rotates with
+ * the turntable, flat and tilted; or of one camera from photographs of a hand-held board.
  *
- * Frame: z is the turntable's axis. z = 0 is its top: the print of a board that lies flat is its
- * thickness above. The azimuth's zero is such that the cameras' azimuths differ from the rig file's
- * by 0 in the mean, and the turntable's angles by 0 in the mean from those commanded.
- * Length comes from the board's squares alone.
+ * Frame: z is the turntable's axis, z = 0 its top: the print of a board that lies flat is at the
+ * height of its thickness. The zero of the azimuth is such that the cameras' azimuths agree with
+ * the rig file's, and the turntable's angles with the commanded ones, in the mean. The scale
+ * comes from the board's squares alone.
  *
- * Lens parameters that the pictures do not determine (distortion in a narrow field of view) stay
- * near the rig file's: principal point within 2 % of the width, k1 and k2 0.3, k3 0.1, p1 and p2
- * 0.003, fx / fy 0.002, as standard deviations.
+ * Lens parameters that the pictures do not determine (such as distortion in a narrow field of
+ * view) stay near the rig file's. Standard deviations of this prior: principal point 2 % of the
+ * width, k1 and k2 0.3, k3 0.1, p1 and p2 0.003, fx / fy 0.002.
  *
  * Any thread, one calibration at a time.
  */
@@ -23,18 +23,18 @@
 GQuark cameras_error_quark(void);
 enum cameras_error {
     CAMERAS_ERROR_PICTURES, /* too few, degenerate, or of something else */
-    CAMERAS_ERROR_FIT,      /* they contradict each other or the rig file */
+    CAMERAS_ERROR_FIT,      /* the pictures contradict each other or the rig file */
 };
 
 struct cameras_picture {
     int camera;
-    int lay; /* 0, 1, …: each way the board was put down */
+    int lay; /* 0, 1, …: number of the board's position on the turntable */
     double turntable_deg;
 };
 
-/* Picture i, anew each time; NULL: error. Called from several threads at once. */
+/* Reads picture i, on every call anew; NULL: error. Called from several threads at once. */
 typedef struct picture *(*CamerasRead)(int i, gpointer data, GError **error);
-/* step of n steps; FALSE cancels (G_IO_ERROR_CANCELLED). From the calling thread. */
+/* Progress: step of n. FALSE cancels (G_IO_ERROR_CANCELLED). Called from the calling thread. */
 typedef gboolean (*CamerasProgress)(int step, int n, gpointer data);
 
 struct cameras_task {
@@ -48,17 +48,17 @@ struct cameras_task {
 
 struct cameras_residual {
     int camera, picture;
-    float x_px, y_px;   /* where a corner was seen */
-    float dx_px, dy_px; /* and how far from there it should have been */
+    float x_px, y_px;   /* position of a corner in the picture, */
+    float dx_px, dy_px; /* and predicted minus seen position */
 };
 
 struct cameras_stop {
     int lay;
-    double commanded_deg, error_deg; /* how much further the turntable truly was */
+    double commanded_deg, error_deg; /* true minus commanded angle */
 };
 
 struct cameras_lay {
-    double tilt_deg; /* of the board's normal from the axis */
+    double tilt_deg; /* angle between the board's normal and the axis */
     int pictures;
 };
 
@@ -72,12 +72,12 @@ void cameras_result_free(struct cameras_result *result); /* NULL is ignored */
 typedef struct cameras_result CamerasResult;
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CamerasResult, cameras_result_free)
 
-/* Replaces rig.cameras of the calibration, their covariances and what is said of that part; what it
- * holds before are the nominal values to start from. NULL: refused, and nothing is changed. */
+/* Replaces rig.cameras of the calibration, their covariances, and the description of that part;
+ * its present values are the nominal ones to start from. NULL: refused; nothing is changed. */
 struct cameras_result *cameras_calibrate(struct calibration *calibration,
                                          const struct cameras_task *task, GError **error);
 
-/* The lens of one camera, from photographs: the camera stands at the origin and looks along z. The
- * calibration has one camera, of which only name, width and height need be set. */
+/* Calibrates the lens of one camera from photographs; the camera is at the origin and looks along
+ * z. The calibration has one camera, of which only name, width and height need be set. */
 struct cameras_result *cameras_calibrate_lens(struct calibration *calibration,
                                               const struct cameras_task *task, GError **error);

@@ -1,3 +1,5 @@
+/* Checks between the steps of a calibration, so that a degenerate set of pictures, a wrong board
+ * or a camera that moved is an error with its cause, not a wrong result. */
 #include "cameras_private.h"
 
 #include <string.h>
@@ -8,16 +10,16 @@
 #define FLAT_DEG       2
 #define LEAST_TILT_DEG 5
 #define LEAST_PICTURES 3
-#define MOST_SCALE     0.04 /* by which all distances may differ from the rig file's, alike */
+#define MOST_SCALE     0.04 /* largest common scale error of the distances against the rig file */
 #define MOST_RMS_PX    1.0
-#define MOST_DISTANCE  0.02 /* standard error beyond which a result is none */
+#define MOST_DISTANCE  0.02 /* largest relative standard error of a camera's distance */
 
 double cameras_tilt_rad(const struct bundle_lay *lay) {
     return acos(CLAMP(fabs(lay->rotation[8]), 0, 1));
 }
 
-/* The largest gap between neighbouring angles says how far around the turntable went. */
-static double turned_deg(const struct cameras_work *work, int lay, int *ret_stops) {
+/* Range of a lay's commanded angles; ret_stops: their number. */
+static double range_deg(const struct cameras_work *work, int lay, int *ret_stops) {
     double least = G_MAXDOUBLE, most = -G_MAXDOUBLE;
     *ret_stops = 0;
     for (int i = 0; i < work->bundle.n_stops; i++) {
@@ -36,7 +38,7 @@ gboolean cameras_check_motion(const struct cameras_work *work, GError **error) {
     int stops = 0;
     for (int l = 0; l < work->bundle.n_lays; l++) {
         int n;
-        most = MAX(most, turned_deg(work, l, &n));
+        most = MAX(most, range_deg(work, l, &n));
         stops = MAX(stops, n);
     }
     if (stops >= LEAST_STOPS && most >= LEAST_TURN_DEG)
@@ -62,7 +64,7 @@ static int n_set_aside(const struct cameras_work *work, int camera) {
     return n;
 }
 
-/* The geometry that a minority agrees on may be an accident: the others may be the good ones. */
+/* A geometry on which only a minority agrees may be accidental. */
 static gboolean check_photographs(const struct cameras_work *work, GError **error) {
     const int all = work->task->n_pictures, used = cameras_pictures_of(work, 0);
     const int contradict = n_set_aside(work, 0);
@@ -77,7 +79,7 @@ static gboolean check_photographs(const struct cameras_work *work, GError **erro
                           first_reason(work, 0));
 }
 
-/* On the turntable a leaning board turns away from cameras: only pictures that show it count.
+/* On the turntable a tilted board faces away from some cameras: only pictures that show it count.
  */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error) {
     if (work->free_boards)
@@ -110,6 +112,8 @@ static gboolean check_camera(const struct cameras_work *work, int camera, GError
                first_reason(work, camera));
 }
 
+/* Both a tilted board (it determines distances) and a flat one (it determines the top of the
+ * turntable) are necessary. */
 static gboolean check_lays(const struct cameras_work *work, GError **error) {
     double least = G_MAXDOUBLE, most = 0;
     for (int l = 0; l < work->bundle.n_lays; l++) {
@@ -145,7 +149,9 @@ static double centre_distance(const struct bundle_camera *camera) {
                 camera->shift[2] * camera->shift[2]);
 }
 
-/* Squares that are larger than was said make everything smaller, all alike. */
+/* If the squares are larger than specified all distances come out too small by the same factor.
+ * The mean ratio to the nominal distances shows it, if it exceeds three standard deviations of
+ * the ratios. */
 static gboolean check_scale(const struct cameras_work *work, GError **error) {
     double sum = 0, squares = 0;
     int n = 0;
@@ -174,8 +180,8 @@ gboolean cameras_check_start(const struct cameras_work *work, GError **error) {
     return check_lays(work, error) && check_scale(work, error);
 }
 
-/* What the pictures leave open is no result. */
-static gboolean cameras_check_check_errors(const struct cameras_work *work, int c, GError **error) {
+/* Refuses a camera whose distance the pictures do not determine. */
+static gboolean cameras_check_distance(const struct cameras_work *work, int c, GError **error) {
     const struct bundle_camera *camera = &work->bundle.cameras[c];
     const double distance = sqrt(camera->covariance[14][14]) / centre_distance(camera);
     return distance < MOST_DISTANCE ||
@@ -187,6 +193,8 @@ static gboolean cameras_check_check_errors(const struct cameras_work *work, int 
                work->nominal.cameras[c].name, 100 * distance);
 }
 
+/* The boards must differ in tilt, and the relative standard error of the focal length must be
+ * small. */
 static gboolean check_lens(const struct cameras_work *work, GError **error) {
     const struct bundle_camera *camera = &work->bundle.cameras[0];
     const double focal = sqrt(camera->covariance[0][0]) / camera->intrinsics[0];
@@ -233,7 +241,7 @@ gboolean cameras_check_result(const struct cameras_work *work, GError **error) {
     if (work->free_boards)
         return check_lens(work, error);
     for (int c = 0; c < work->bundle.n_cameras; c++)
-        if (!cameras_check_check_errors(work, c, error))
+        if (!cameras_check_distance(work, c, error))
             return FALSE;
     return check_scale(work, error);
 }

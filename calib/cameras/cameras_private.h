@@ -1,4 +1,4 @@
-/* The inside of cameras_*.c: what is known of pictures, corners and the geometry being found. */
+/* State shared by cameras_*.c: pictures, corners, and the present geometry. */
 #pragma once
 
 #include "board_find.h"
@@ -10,8 +10,8 @@
 struct seen { /* a picture */
     char *name, *checksum;
     int camera, lay, stop;
-    GArray *corners;   /* struct corner; NULL: not found or set aside, and then */
-    GArray *set_aside; /* the corners of a picture that contradicts the others */
+    GArray *corners;   /* struct corner; NULL: not found or set aside, see why */
+    GArray *set_aside; /* corners of a picture that contradicts the others */
     char *why;
 };
 
@@ -22,7 +22,7 @@ struct cameras_work {
     struct seen *seen;
     struct bundle bundle;
     GArray *observations; /* struct bundle_observation, of bundle */
-    GArray *observed_in;  /* int: the picture of each */
+    GArray *observed_in;  /* int: picture of each observation */
     gboolean free_boards;
     int steps, step;
 };
@@ -30,29 +30,29 @@ struct cameras_work {
 gboolean cameras_refuse(GError **error, enum cameras_error code, const char *format, ...)
     G_GNUC_PRINTF(3, 4);
 
-/* One step more of those to be told. */
+/* Reports one more step of progress. */
 gboolean cameras_progress(struct cameras_work *work, GError **error);
 void cameras_take_camera(struct rig_camera *to, const struct bundle_camera *from);
 
-/* cameras_start.c: cameras from the rig file, lays from what is seen. */
+/* cameras_start.c: initial values of cameras from the rig file, of lays from the pictures. */
 void cameras_start(struct cameras_work *work);
 gboolean cameras_start_lens(struct cameras_work *work, GError **error);
 gboolean cameras_start_lays(struct cameras_work *work, GError **error);
 gboolean cameras_start_lay(struct cameras_work *work, int lay);
 void cameras_set_observations(struct cameras_work *work);
-double cameras_median(GArray *values); /* double; sorts them */
+double cameras_median(GArray *values); /* of double; sorts the array */
 
-/* cameras_refine.c: everything at once, and what agrees with it. */
+/* cameras_refine.c: bundle adjustment in rounds with outlier rejection. */
 gboolean cameras_refine(struct cameras_work *work, GError **error);
-/* In units of the corner's deviation as it was measured; ret_d in pixels. */
+/* Length of the whitened residual, in standard deviations of the corner; ret_d: in pixels. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]);
 int cameras_n_parameters(const struct cameras_work *work);
 
-/* cameras_check.c: what makes a result worthless, told in words. */
+/* cameras_check.c: refuses results that cannot be right. */
 gboolean cameras_check_pictures(const struct cameras_work *work, GError **error);
 gboolean cameras_check_motion(const struct cameras_work *work, GError **error);
-/* By the cameras that found the board by themselves. */
+/* By the cameras whose pictures showed the board to the detector. */
 gboolean cameras_check_start(const struct cameras_work *work, GError **error);
 /* Whether most pictures agree. */
 gboolean cameras_check_majority(const struct cameras_work *work, GError **error);

@@ -1,20 +1,21 @@
 /*
- * The joint refinement in rounds: how noisy the corners truly are is estimated first, then corners
- * and pictures that are off by far more are left out; pictures are tried again as the geometry gets
- * better.
+ * Bundle adjustment in rounds. The noise of each camera's corners is estimated first, then
+ * outlying corners and pictures are rejected; rejected pictures are tried again as the geometry
+ * improves.
  */
 #include "cameras_private.h"
 
 #include <math.h>
 
 #define RAD(deg)        ((deg) * (G_PI / 180))
-#define OUTLIER         4.5    /* times the noise: 4e-5 of all, if noise is all there is */
-#define OUTLIER_PX      0.1    /* and so far at least */
-#define ROBUST          3      /* times the noise: beyond, residuals count less */
-#define MEDIAN_OF_NOISE 1.1774 /* the median length of vectors in a plane, of deviation 1 */
-#define TYPICAL         20     /* residuals' worth of a camera's noise in a picture's */
-#define MOST_REJECTED   0.4    /* of a picture's corners, before all of it is */
+#define OUTLIER         4.5    /* times the noise: rejects 4e-5 of all corners with pure noise */
+#define OUTLIER_PX      0.1    /* and at least this residual */
+#define ROBUST          3      /* times the noise: threshold of Huber's loss */
+#define MEDIAN_OF_NOISE 1.1774 /* median length of 2D normal deviates, in σ: √(2 ln 2) */
+#define TYPICAL         20     /* weight of the camera's noise in that of a picture, in residuals */
+#define MOST_REJECTED   0.4    /* share of rejected corners from which the picture is rejected */
 
+/* |W (projected − seen)|, W being the inverse square root of the corner's covariance. */
 double cameras_residual(const struct bundle *bundle, const struct bundle_observation *o,
                         double ret_d[2]) {
     double px[2] = {0, 0};
@@ -35,8 +36,8 @@ static int picture_of(const struct cameras_work *work, int observation) {
     return g_array_index(work->observed_in, int, observation);
 }
 
-/* Corners' covariances know of the pixels' noise alone: compression, a print that is not flat and a
- * lens that the model describes only nearly add to it. Outliers do not move the median. */
+/* Robust noise of each camera: median |residual| / √(2 ln 2). The corners' covariances contain
+ * the pixel noise only; compression, a warped print, and errors of the lens model add to it. */
 static void estimate_noise(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     double d[2];
@@ -60,8 +61,8 @@ static gboolean is_outlier(const struct bundle *b, const struct bundle_observati
            hypot(d[0], d[1]) > OUTLIER_PX;
 }
 
-/* What corners differ by from where they should be says how noisy each camera is; what differs by
- * far more is no noise. */
+/* Rejects outliers and estimates each camera's noise from the others: σ² = Σ r² / (n (1 − p /
+ * N)), p / N being the share of the parameters in all N residuals. */
 static void cameras_refine_weigh(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     double sum[RIG_MAX_CAMERAS] = {0}, n[RIG_MAX_CAMERAS] = {0}, r;
@@ -81,8 +82,8 @@ static void cameras_refine_weigh(struct cameras_work *work) {
             b->cameras[c].noise = sqrt(MAX(sum[c] / n[c] / share, 1e-6));
 }
 
-/* Some pictures are noisier than others of their camera: darker, or more oblique. Few corners tell
- * little about that: then what the camera's others tell counts more. */
+/* Noise of each picture relative to its camera, σ² = (TYPICAL + Σ r²) / (TYPICAL + n): darker and
+ * more oblique pictures are noisier. With few corners the camera's noise dominates. */
 static void weigh_pictures(struct cameras_work *work) {
     struct bundle *b = &work->bundle;
     const int n = work->task->n_pictures;
@@ -110,7 +111,8 @@ static void set_aside(struct cameras_work *work, int picture) {
             work->bundle.observations[i].rejected = TRUE;
 }
 
-/* A picture most of whose corners are off shows something else, or was taken elsewhere. */
+/* Rejects pictures most of whose corners are outliers: they show something else, or something
+ * moved. */
 static void drop_pictures(struct cameras_work *work) {
     const int n = work->task->n_pictures;
     g_autofree int *rejected = g_new0(int, n + 1), *all = g_new0(int, n + 1);
@@ -133,8 +135,8 @@ static void drop_pictures(struct cameras_work *work) {
     }
 }
 
-/* Where the board lies in one picture, by the cameras as they are known now; on the turntable the
- * board lies as other pictures say, and the turntable's angle alone is its own. */
+/* Fits one picture to the present cameras: the pose of a hand-held board, or on the turntable its
+ * angle only. */
 static gboolean solve_picture(struct cameras_work *work, int picture) {
     struct seen *seen = &work->seen[picture];
     struct bundle one = work->bundle;
@@ -162,6 +164,7 @@ static gboolean solve_picture(struct cameras_work *work, int picture) {
     return ok;
 }
 
+/* Flags the outliers of one picture; returns whether few enough of its corners are. */
 static gboolean cameras_refine_is_good(struct cameras_work *work, int picture) {
     struct bundle *b = &work->bundle;
     int rejected = 0, all = 0;
@@ -176,7 +179,7 @@ static gboolean cameras_refine_is_good(struct cameras_work *work, int picture) {
     return rejected <= MOST_REJECTED * all;
 }
 
-/* What contradicted the geometry of an earlier round may agree with that of now. */
+/* Tries rejected pictures again with the present geometry. */
 static void retry_pictures(struct cameras_work *work) {
     for (int i = 0; i < work->task->n_pictures; i++) {
         struct seen *seen = &work->seen[i];
@@ -197,7 +200,7 @@ static void retry_pictures(struct cameras_work *work) {
     }
 }
 
-/* Which lays are flat on the turntable: these say where its top is. */
+/* Fixes the height of lays that are flat: they define z = 0. */
 static void fix_heights(struct cameras_work *work) {
     for (int l = 0; l < work->bundle.n_lays; l++) {
         struct bundle_lay *lay = &work->bundle.lays[l];
@@ -207,7 +210,7 @@ static void fix_heights(struct cameras_work *work) {
     }
 }
 
-/* Twice, since what counts as far from the others hangs on the noise. */
+/* Twice, since Huber's threshold depends on the estimated noise. */
 static gboolean solve_robustly(struct cameras_work *work, GError **error) {
     work->bundle.robust = ROBUST;
     for (int i = 0; i < 2; i++) {
@@ -224,6 +227,8 @@ static gboolean solve_again(struct cameras_work *work, GError **error) {
     return bundle_solve(&work->bundle, error);
 }
 
+/* The first round uses Huber's loss; later rounds use plain least squares with outliers rejected.
+ */
 gboolean cameras_refine(struct cameras_work *work, GError **error) {
     fix_heights(work);
     cameras_set_observations(work);

@@ -1,3 +1,5 @@
+/* Initial values for the bundle adjustment: cameras as in the rig file, each lay of the board
+ * from the picture that explains the others best. */
 #include "cameras_private.h"
 
 #include "pictures/vision.h"
@@ -5,9 +7,9 @@
 #include <string.h>
 
 #define MOST_CANDIDATES 40
-#define LEAST_SIGMA_PX  0.01 /* however clear a corner is */
+#define LEAST_SIGMA_PX  0.01 /* lower bound of a corner's standard deviation */
 
-/* How well lenses are known before, see cameras.h. */
+/* Priors of the lens parameters, see cameras.h. */
 static void set_prior(struct bundle_camera *to, const struct rig_camera *from) {
     const double values[BUNDLE_INTRINSICS] = {from->fx_px, from->fy_px, from->cx_px,
                                               from->cy_px, from->k1,    from->k2,
@@ -38,7 +40,8 @@ void cameras_start(struct cameras_work *work) {
         set_camera(&work->bundle.cameras[i], &work->nominal.cameras[i]);
 }
 
-/* x, y on the board and x', y' of the viewing ray, as vision_pose() wants them. */
+/* For each corner x, y on the board and x', y' of its viewing ray (z = 1), as vision_pose() needs
+ * them. */
 static double *normalised(const struct cameras_work *work, const struct seen *seen) {
     struct rig_camera own = work->nominal.cameras[seen->camera];
     double *points = g_new(double, 4 * seen->corners->len);
@@ -54,7 +57,8 @@ static double *normalised(const struct cameras_work *work, const struct seen *se
     return points;
 }
 
-/* Where the board lies by one picture, if its camera stands where it should. */
+/* Pose of the board from one picture, if its camera is in its nominal pose: R_l = Rz(−τ) R_cᵀ R,
+ * t_l = Rz(−τ) R_cᵀ (t − t_c), with R, t the board's pose in the camera's frame. */
 static gboolean lay_by_picture(const struct cameras_work *work, const struct seen *seen,
                                struct bundle_lay *ret) {
     static const double one[2] = {1, 1}, none[2] = {0, 0};
@@ -94,7 +98,7 @@ double cameras_median(GArray *values) {
     return g_array_index(values, double, values->len / 2);
 }
 
-/* Median distance between where corners of a lay should be and where they are. */
+/* Median reprojection error over a lay's corners, every fifth one. */
 static double median_error(const struct cameras_work *work, int lay) {
     g_autoptr(GArray) errors = g_array_new(FALSE, FALSE, sizeof(double));
     for (int i = 0; i < work->task->n_pictures; i++) {
@@ -111,6 +115,8 @@ static double median_error(const struct cameras_work *work, int lay) {
     return errors->len ? cameras_median(errors) : G_MAXDOUBLE;
 }
 
+/* Tries the pose from each of several pictures and keeps the one with the least median error over
+ * all pictures. */
 gboolean cameras_start_lay(struct cameras_work *work, int lay) {
     struct bundle_lay best = {0}, *to = &work->bundle.lays[lay];
     double least = G_MAXDOUBLE;
@@ -147,7 +153,7 @@ static gboolean refuse_lay(const struct cameras_work *work, int lay, GError **er
         all, why ? "; for one, " : "", why ? why : "");
 }
 
-/* A photograph in which too little is seen to begin with. */
+/* Leaves out a photograph that shows too little of the board. */
 static void drop_lay(struct cameras_work *work, int lay) {
     for (int i = 0; i < work->task->n_pictures; i++) {
         struct seen *seen = &work->seen[i];
@@ -171,6 +177,8 @@ gboolean cameras_start_lays(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
+/* Initial focal length from homographies of at least three pictures; principal point at the
+ * centre. */
 gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     const int n = work->task->n_pictures;
     g_autoptr(GPtrArray) views = g_ptr_array_new_with_free_func(g_free);
@@ -210,7 +218,8 @@ gboolean cameras_start_lens(struct cameras_work *work, GError **error) {
     return TRUE;
 }
 
-/* The inverse of the covariance's square root; corners may be a little worse than their noise. */
+/* W = L⁻¹ of the Cholesky factor of the covariance L Lᵀ, with a lower bound of the standard
+ * deviation on the diagonal. */
 static void whiten(const struct corner *corner, double ret[2][2]) {
     const double a = corner->covariance_px2[0][0] + LEAST_SIGMA_PX * LEAST_SIGMA_PX;
     const double b = corner->covariance_px2[0][1];

@@ -4,30 +4,31 @@
 #include <math.h>
 #include <string.h>
 
-/* Parameters of the model: I = (1 + gx·x + gy·y)·(a + b·erf(l1/√2σ)·erf(l2/√2σ)). The light's
- * gradient is that of black and white alike: were it added to both, contrast that grows across the
- * corner would draw it aside by some thousandths of a pixel. */
+/* Model of the grey values around a corner at (0, 0):
+ *   I = (1 + gx·x + gy·y) · (a + b·erf(l₁ / √2σ)·erf(l₂ / √2σ)),
+ * l₁, l₂: distances from the two edges. The gradient of light multiplies black and white alike;
+ * an additive one would shift the corner by some thousandths of a pixel where contrast varies. */
 enum { AT_X, AT_Y, TURN_1, TURN_2, LEVEL, GRADIENT_X, GRADIENT_Y, CONTRAST, BLUR, N };
 
 #define MAX_PIXELS     1600
 #define MIN_PIXELS     30
-#define REACH_PX       11   /* around the corner, at most */
-#define REACH          0.44 /* of a square */
-#define GUARD_PX       0.9  /* from edges that are not the corner's */
+#define REACH_PX       11   /* window around the corner, at most */
+#define REACH          0.44 /* window relative to a square */
+#define GUARD_PX       0.9  /* distance from edges that do not belong to the corner */
 #define NEAR_PX        0.25
 #define STEPS          30
-#define LEAST_BLUR_PX  0.2 /* a pixel's own width blurs more than that */
+#define LEAST_BLUR_PX  0.2 /* the pixel's own width blurs more than that */
 #define MOST_BLUR_PX   4
 #define MOST_ERROR_PX  0.35
-#define LEAST_CONTRAST 3 /* of the residuals */
+#define LEAST_CONTRAST 3 /* in standard deviations of the residuals */
 
 struct pixels {
     int n;
-    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* x and y from the guess */
+    double x[MAX_PIXELS], y[MAX_PIXELS], value[MAX_PIXELS]; /* position relative to the guess */
     double sign; /* +1: white where both distances have the same sign */
 };
 
-/* +1: the squares to the upper right and lower left are white. */
+/* Sign of the corner: +1 if its upper right and lower left squares are white. */
 static double polarity(const struct board *board, int id) {
     const int column = id % (board->columns - 1) + 1, row = id / (board->columns - 1) + 1;
     return (column + row) % 2 ? -1 : 1;
@@ -44,8 +45,8 @@ static gboolean corner_invert(const double m[2][2], double ret[2][2]) {
     return TRUE;
 }
 
-/* A pixel that shows nothing but the four squares that meet, and is no nearer to another corner:
- * corners that share pixels would share errors. dx, dy: from the corner, mm. */
+/* Whether a pixel shows only the four squares that meet at the corner, and is closer to it than
+ * to others: corners that share pixels would share errors. dx, dy: from the corner, mm. */
 static gboolean is_clear(const struct board *board, double sign, double dx, double dy,
                          const double guard_mm[2]) {
     const double margin = (board->square_mm - board->marker_mm) / 2;
@@ -59,11 +60,12 @@ static gboolean is_clear(const struct board *board, double sign, double dx, doub
     return fabs(dx) < margin - guard_mm[0] || fabs(dy) < margin - guard_mm[1];
 }
 
-static double bend(const double by[3], double x, double y) {
+/* Second-order correction of lens distortion, see struct corner_guess. */
+static double straightened(const double by[3], double x, double y) {
     return by[0] * x * x + by[1] * x * y + by[2] * y * y;
 }
 
-/* FALSE: too much of the corner's surroundings is outside of the picture. */
+/* Collects the clear pixels around the guess. FALSE: too few of them lie in the picture. */
 static gboolean corner_gather(const struct picture *picture, const struct board *board,
                               const struct corner_guess *guess, struct pixels *to) {
     double back[2][2];
@@ -87,21 +89,22 @@ static gboolean corner_gather(const struct picture *picture, const struct board 
             const float value = picture->values[(gsize)y * (gsize)picture->width + (gsize)x];
             if (!isfinite(value) || to->n == MAX_PIXELS)
                 continue;
-            to->x[to->n] = px + bend(guess->straighten[0], px, py);
-            to->y[to->n] = py + bend(guess->straighten[1], px, py);
+            to->x[to->n] = px + straightened(guess->straighten[0], px, py);
+            to->y[to->n] = py + straightened(guess->straighten[1], px, py);
             to->value[to->n++] = (double)value;
         }
     return to->n >= MIN_PIXELS && to->n > 0.7 * wanted;
 }
 
-/* Angle of the normal of a board line whose picture runs along (x, y); towards: a point on its
- * positive side. */
+/* Angle of the normal of an edge whose image runs along (x, y); towards: a point on its positive
+ * side. */
 static double normal_angle(double x, double y, double towards_x, double towards_y) {
     const double nx = -y, ny = x;
     const double sign = nx * towards_x + ny * towards_y < 0 ? -1 : 1;
     return atan2(sign * ny, sign * nx);
 }
 
+/* Initial parameters: edges from the guess, levels from the extremes of the pixels. */
 static void corner_start(const struct corner_guess *guess, const struct pixels *pixels,
                          double p[N]) {
     const double(*m)[2] = guess->px_a_mm;
@@ -118,11 +121,12 @@ static void corner_start(const struct corner_guess *guess, const struct pixels *
     p[BLUR] = 0.7;
 }
 
-struct edges { /* what all pixels share */
+/* Terms common to all pixels: cosine and sine of both normals, 1 / √2σ, signed contrast. */
+struct edges {
     double c1, s1, c2, s2, k, b;
 };
 
-/* Residual of a pixel and its derivatives by the parameters. */
+/* Residual of pixel i and its derivatives d by the parameters. */
 static double model(const struct pixels *pixels, int i, const double p[N], const struct edges *e,
                     double d[N]) {
     const double x = pixels->x[i] - p[AT_X], y = pixels->y[i] - p[AT_Y];
@@ -143,7 +147,7 @@ static double model(const struct pixels *pixels, int i, const double p[N], const
     return light * print - pixels->value[i];
 }
 
-/* Sum of squares, and the normal equations h·step = g. */
+/* Sum of squares, and the normal equations h · step = g: h = Σ d dᵀ, g = −Σ d r. */
 static double corner_sum(const struct pixels *pixels, const double p[N], double h[N * N],
                          double g[N]) {
     const struct edges e = {cos(p[TURN_1]), sin(p[TURN_1]),      cos(p[TURN_2]),
@@ -166,6 +170,7 @@ static double corner_sum(const struct pixels *pixels, const double p[N], double 
     return total;
 }
 
+/* One damped step: (h + damping · diag h) · step = g. */
 static gboolean corner_step(const double *h, const double *g, double damping, const double p[N],
                             double ret[N]) {
     double a[N * N], b[N];
@@ -181,7 +186,7 @@ static gboolean corner_step(const double *h, const double *g, double damping, co
     return ret[BLUR] < 2 * MOST_BLUR_PX && ret[CONTRAST] > 0;
 }
 
-/* Levenberg and Marquardt's method; FALSE if it does not settle. */
+/* Levenberg-Marquardt; FALSE if it does not converge. */
 static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * N],
                          double *ret_total) {
     double g[N], next[N], next_h[N * N], next_g[N], damping = 1e-3;
@@ -208,6 +213,7 @@ static gboolean minimise(const struct pixels *pixels, double p[N], double h[N * 
     return FALSE;
 }
 
+/* Covariance of the position: variance · (h⁻¹) restricted to x and y. */
 static gboolean corner_covariance(const double h[N * N], double variance, double ret[2][2]) {
     double a[N * N], b[2 * N] = {0};
     memcpy(a, h, sizeof a);
@@ -220,7 +226,7 @@ static gboolean corner_covariance(const double h[N * N], double variance, double
     return ret[0][0] > 0 && ret[1][1] > 0 && ret[0][0] * ret[1][1] - ret[0][1] * ret[1][0] > 0;
 }
 
-/* How far it is from where it was guessed, in squares. */
+/* Distance from the guess, in squares of the board. */
 static double squares_moved(const struct board *board, const struct corner_guess *guess,
                             const double p[N]) {
     double back[2][2];
@@ -231,6 +237,7 @@ static double squares_moved(const struct board *board, const struct corner_guess
            board->square_mm;
 }
 
+/* Fits the model and applies the limits of blur, contrast, displacement and standard error. */
 static gboolean corner_do_fit(const struct picture *picture, const struct board *board, int id,
                               const struct corner_guess *guess, struct corner *ret) {
     struct pixels pixels;
@@ -244,8 +251,8 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
     const double variance = MAX(total / (pixels.n - N), 1e-12 * p[CONTRAST] * p[CONTRAST]);
     *ret = (struct corner){
         .id = id,
-        .x_px = guess->x_px + p[AT_X] - bend(guess->straighten[0], p[AT_X], p[AT_Y]),
-        .y_px = guess->y_px + p[AT_Y] - bend(guess->straighten[1], p[AT_X], p[AT_Y]),
+        .x_px = guess->x_px + p[AT_X] - straightened(guess->straighten[0], p[AT_X], p[AT_Y]),
+        .y_px = guess->y_px + p[AT_Y] - straightened(guess->straighten[1], p[AT_X], p[AT_Y]),
         .blur_px = p[BLUR],
         .contrast = p[CONTRAST]};
     return corner_covariance(h, variance, ret->covariance_px2) && p[BLUR] < MOST_BLUR_PX &&
@@ -254,8 +261,8 @@ static gboolean corner_do_fit(const struct picture *picture, const struct board 
            ret->covariance_px2[0][0] + ret->covariance_px2[1][1] < MOST_ERROR_PX * MOST_ERROR_PX;
 }
 
-/* What is left out was chosen around the guess: if that was far off, again around what was found.
- */
+/* The pixels are selected around the guess. If the corner is far from it, the fit is repeated
+ * from there. */
 gboolean corner_fit(const struct picture *picture, const struct board *board, int id,
                     const struct corner_guess *guess, struct corner *ret) {
     struct corner_guess nearer = *guess;

@@ -1,31 +1,38 @@
+/* Fiducials are white discs. A pixel's value is divided by the expected value of white, w =
+ * response · flat · cos θ · E / π; its share of white is s = (value − ground) / (level − ground).
+ * The centroid Σ s x / Σ s over the window, minus that of the projected disc, gives the
+ * displacement, and the mean value of the interior the lamp's output. */
 #include "marks.h"
 
 #include <string.h>
 
-#define WINDOW     1.4  /* radii within which the centroid is taken */
-#define INNER      0.75 /* radii within which it is white enough to tell the edge from */
-#define WHOLE      0.95 /* radii within which a whole pixel must lie to tell the lamp's output */
-#define RING       1.9  /* the surround is between window and ring */
+#define WINDOW     1.4  /* radius of the window of the centroid, in radii of the fiducial */
+#define INNER      0.75 /* radius of its white interior */
+#define WHOLE      0.95 /* radius that contains the pixels used for the lamp's output */
+#define RING       1.9  /* the surround lies between window and ring */
 #define PASSES     12
 #define FEW_PIXELS 6
 #define FEW_WHOLE  12
-#define CONTRAST   1.5 /* of the surround, at least */
-#define UNEVEN     0.1 /* standard deviation within a mark that is half in shadow */
-/* What a pixel at the edge is uncertain by: its share of white is not linear in its value, since
- * real pixels do not collect evenly over their area. */
+#define CONTRAST   1.5 /* least ratio of white to surround */
+#define UNEVEN     0.1 /* relative standard deviation of a fiducial that is half in shadow */
+/* Standard deviation of the share of white of an edge pixel, which is not linear in its value,
+ * since real pixels do not integrate evenly over their area. */
 #define EDGE_SHARE 0.12
-/* The surround's unevenness in the window pulls the centroid by so many radii times its first
- * moment, if it is there as it is in the ring. */
-#define PULL         ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
-#define FARTHEST     1.0 /* radii from where it is expected */
-#define LEAST_OUTPUT 0.2 /* of a lamp; else it is in shadow, or something else */
-#define MOST_OUTPUT  5
+/* Displacement of the centroid, in radii, per unit of the surround's first moment, if the window
+ * is as uneven as the ring: (WINDOW³ − 1) · 2/3. */
+#define PULL     ((WINDOW * WINDOW * WINDOW - 1) * 2 / 3)
+#define FARTHEST 1.0 /* in radii: largest distance from the expected position */
+#define LEAST_OUTPUT                                                                               \
+    0.2 /* bounds of a lamp's relative output; outside, the fiducial is in shadow or it is         \
+           something else */
+#define MOST_OUTPUT 5
 
-/* Where the rays of every few pixels meet the plane of a mark's face, and how bright its white
- * would be there; between them it is interpolated, which is much quicker. */
-#define STEPS 64 /* to a picture's diagonal: where it vignettes by 20 %, that is off by 1e-4 */
+/* Grid of nodes every few pixels: the point where the pixel's ray meets the plane of the
+ * fiducial's face, and the expected value of white there. Values in between are interpolated,
+ * which is much faster. */
+#define STEPS 64 /* nodes along a picture's diagonal: with 20 % vignetting the error is 1e-4 */
 struct node {
-    double x_mm, y_mm, white; /* rig frame; DN a millisecond, all colours alike */
+    double x_mm, y_mm, white; /* rig frame; DN per ms, before colour factors */
 };
 
 struct measuring {
@@ -34,13 +41,13 @@ struct measuring {
     const struct rig_mark *mark;
     const char *cfa;
     const float *mosaic;
-    struct vec3 eye, middle; /* rig frame; middle: where the mark is thought to be */
-    int x0, x1, y0, y1;      /* of the pixels to look at */
+    struct vec3 eye, middle; /* rig frame; middle: present estimate of the centre */
+    int x0, x1, y0, y1;      /* range of pixels */
     struct node *nodes;
     int node_x0, node_y0, node_columns, node_rows, step;
     double colour[3];
     double level[3], ground[3];
-    double lean[2]; /* first moment of the surround: the mean of share of white times direction */
+    double moment[2]; /* first moment of the surround: mean of share of white × direction */
 };
 
 static int marks_colour_at(const char *cfa, int x, int y) {
@@ -53,9 +60,9 @@ static struct node node_at(const struct measuring *m, int x, int y) {
     const struct rig_lamp *lamp = &s->rig->lamps[s->lamp];
     struct vec3 ray = rig_pixel_ray(m->camera, x, y);
     struct vec3 p = vec3_add(m->eye, vec3_scale(ray, (m->middle.z - m->eye.z) / ray.z));
-    struct vec3 way = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
+    struct vec3 path = vec3_sub(rig_lamp_position_mm(&s->rig->arc, lamp, s->arc_rad), p);
     double white = m->camera->response * radiometry_flat(m->camera, s->radiometry, x, y) / G_PI *
-                   MAX(way.z / vec3_length(way), 0) *
+                   MAX(path.z / vec3_length(path), 0) *
                    rig_lamp_irradiance(&s->rig->arc, lamp, s->arc_rad, p) * 1e-3;
     return (struct node){p.x, p.y, white};
 }
@@ -83,13 +90,14 @@ static void set_nodes(struct measuring *m) {
 
 struct pixel {
     int colour;
-    double from;     /* the middle, in radii */
-    double along[2]; /* from there, unit; rig frame */
-    double reach;    /* as far as its corners */
-    double value;    /* of what is expected */
+    double from;     /* distance from the centre, in radii */
+    double along[2]; /* unit direction from the centre; rig frame */
+    double reach;    /* distance of its farthest corner, in radii */
+    double value;    /* relative to expected white */
 };
 
-/* FALSE: expected to be dark, or not looked at. */
+/* Bilinear interpolation between nodes. FALSE: the pixel is expected to be dark, or outside of
+ * the range. */
 static gboolean marks_look_at(const struct measuring *m, int x, int y, struct pixel *ret) {
     int i = (x - m->node_x0) / m->step, j = (y - m->node_y0) / m->step;
     if (x < m->node_x0 || y < m->node_y0 || i + 1 >= m->node_columns || j + 1 >= m->node_rows)
@@ -122,12 +130,13 @@ static gboolean marks_project(const struct measuring *m, double angle, double ra
     return rig_project(m->camera, p, x, y);
 }
 
-/* Centroid of the disc's picture: of a polygon of its projected edge. */
+/* Centroid of the projected disc, as a polygon: A = ½ Σ (xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ), x̄ = Σ (xᵢ +
+ * xᵢ₊₁)(xᵢ yᵢ₊₁ − xᵢ₊₁ yᵢ) / 6A. */
 static gboolean expected_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0, x0, y0, x1, y1;
     if (!marks_project(m, 0, 1, &x0, &y0))
         return FALSE;
-    double ox = x0, oy = y0; /* sums far from zero lose digits */
+    double ox = x0, oy = y0; /* relative to the first point, to avoid cancellation */
     for (int i = 1; i <= 64; i++) {
         if (!marks_project(m, i * 2 * G_PI / 64, 1, &x1, &y1))
             return FALSE;
@@ -143,7 +152,7 @@ static gboolean expected_centroid(const struct measuring *m, double *ret_x, doub
     return area != 0;
 }
 
-/* The pixels of window and ring; FALSE if the window leaves the picture. */
+/* Sets the range of pixels; FALSE if the window exceeds the picture. */
 static gboolean marks_set_bounds(struct measuring *m, double ring) {
     double low_x = HUGE_VAL, low_y = HUGE_VAL, high_x = -HUGE_VAL, high_y = -HUGE_VAL;
     for (int i = 0; i < 32; i++) {
@@ -189,35 +198,35 @@ static double share_of_white(const struct measuring *m, const struct pixel *pixe
     return (pixel->value - ground) / (m->level[pixel->colour] - ground);
 }
 
-/* What is bright on one side of a mark pulls its centroid there. */
-static void measure_lean(struct measuring *m) {
+/* First moment of the surround: brightness on one side displaces the centroid. */
+static void measure_moment(struct measuring *m) {
     struct pixel pixel;
     double n = 0;
-    m->lean[0] = m->lean[1] = 0;
+    m->moment[0] = m->moment[1] = 0;
     for (int y = m->y0; y <= m->y1; y++)
         for (int x = m->x0; x <= m->x1; x++) {
             if (!marks_look_at(m, x, y, &pixel) || pixel.from <= WINDOW || pixel.from >= RING)
                 continue;
             double share = share_of_white(m, &pixel);
-            m->lean[0] += share * pixel.along[0];
-            m->lean[1] += share * pixel.along[1];
+            m->moment[0] += share * pixel.along[0];
+            m->moment[1] += share * pixel.along[1];
             n++;
         }
     for (int i = 0; i < 2 && n > 0; i++)
-        m->lean[i] /= n;
+        m->moment[i] /= n;
 }
 
-/* How far off in the picture, squared. */
+/* Squared displacement of the centroid by the surround, px². */
 static double pull_variance(const struct measuring *m) {
     double r = PULL * m->mark->radius_mm, x0, y0, x1, y1;
-    struct vec3 pulled = vec3_add(m->middle, vec3(r * m->lean[0], r * m->lean[1], 0));
+    struct vec3 pulled = vec3_add(m->middle, vec3(r * m->moment[0], r * m->moment[1], 0));
     if (!rig_project(m->camera, m->middle, &x0, &y0) || !rig_project(m->camera, pulled, &x1, &y1))
         return (double)INFINITY;
     return (x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0);
 }
 
-/* The white and the surround, of each colour, and the noise of both in units of their difference.
- */
+/* Level of white and surround in each colour, and the variance of both relative to the squared
+ * contrast. */
 static gboolean measure_levels(struct measuring *m, struct mean whole[3], double noise[2]) {
     struct mean white[3] = {{0}}, ground[3] = {{0}};
     struct pixel pixel;
@@ -253,7 +262,7 @@ static gboolean measure_levels(struct measuring *m, struct mean whole[3], double
     return n >= FEW_PIXELS;
 }
 
-/* The centroid of what is white. */
+/* Centroid Σ s x / Σ s; returns the area Σ s. */
 static double measure_centroid(const struct measuring *m, double *ret_x, double *ret_y) {
     double area = 0, sx = 0, sy = 0;
     struct pixel pixel;
@@ -271,7 +280,7 @@ static double measure_centroid(const struct measuring *m, double *ret_x, double 
     return area;
 }
 
-/* The variance of each of its coordinates. */
+/* Variance of each coordinate: Σ σ_s² |x − x̄|² / 2 / area². */
 static double centroid_variance(const struct measuring *m, const double noise[2], double area,
                                 double middle_x, double middle_y) {
     double variance = 0;
@@ -290,7 +299,8 @@ static double centroid_variance(const struct measuring *m, const double noise[2]
     return variance / (area * area);
 }
 
-/* Photons' noise is much the same in all pixels: it is told by all colours together. */
+/* The lamp's output: mean over all colours; shot noise is nearly the same in all pixels, so that
+ * all colours share one variance. */
 static void set_output(const struct mean whole[3], struct mark_seen *seen) {
     double n = 0, freedom = 0, variance = 0, sum = 0;
     for (int k = 0; k < 3; k++) {
@@ -306,7 +316,7 @@ static void set_output(const struct mean whole[3], struct mark_seen *seen) {
             : (double)INFINITY;
 }
 
-/* Moves the middle by pixels. */
+/* Moves the estimated centre by a displacement in pixels. */
 static gboolean shift(struct measuring *m, double off_x, double off_y) {
     double x, y, z = m->middle.z;
     if (!rig_project(m->camera, m->middle, &x, &y))
@@ -316,7 +326,7 @@ static gboolean shift(struct measuring *m, double off_x, double off_y) {
     return TRUE;
 }
 
-/* Follows the mark from where it is expected to where it is. */
+/* Iterates from the expected to the measured position. */
 static gboolean marks_follow(struct measuring *m, struct mark_seen *seen) {
     struct vec3 start = m->middle;
     struct mean whole[3];
@@ -334,7 +344,7 @@ static gboolean marks_follow(struct measuring *m, struct mark_seen *seen) {
             vec3_length(vec3_sub(m->middle, start)) > FARTHEST * m->mark->radius_mm)
             return FALSE;
     }
-    measure_lean(m);
+    measure_moment(m);
     seen->error_px =
         sqrt(centroid_variance(m, noise, area, seen->x_px, seen->y_px) + pull_variance(m));
     set_output(whole, seen);
@@ -372,6 +382,7 @@ int marks_measure(const struct mark_scene *scene, const char *cfa, const float *
     return n;
 }
 
+/* Weighted mean Σ o/σ² / Σ 1/σ² with the standard error 1 / √(Σ 1/σ²). */
 gboolean marks_output(const struct mark_seen *seen, int n, double *ret_output, double *ret_error) {
     double sum = 0, weight = 0;
     for (int i = 0; i < n; i++) {

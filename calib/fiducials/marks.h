@@ -1,7 +1,7 @@
 /*
- * White marks on the turntable (rig_mark), found in a picture: what they show of the lamp, and
- * where they are. A mark must stand out: nothing as bright may lie nearer to its edge than its
- * radius.
+ * Fiducials: white discs on the turntable (rig_mark). Their pictures give the output of the lamp
+ * and their position. A fiducial must stand out: nothing equally bright may be nearer to its edge
+ * than its radius.
  *
  * Pure functions over plain data: any thread.
  */
@@ -9,66 +9,67 @@
 
 #include "radiometry/radiometry.h"
 
-struct mark_scene { /* what a picture was taken of, as it was commanded; pointers are borrowed */
+struct mark_scene { /* the commanded state in which a picture was taken; pointers are borrowed */
     const struct rig *rig;
     int camera, lamp;
     double turntable_rad, arc_rad;
     const struct radiometry_camera *radiometry;    /* of the camera, and */
-    const struct radiometry_lamp *lamp_radiometry; /* of the lamp; NULL: not known */
+    const struct radiometry_lamp *lamp_radiometry; /* of the lamp; NULL: unknown */
 };
 
 struct mark_seen {
     int camera, mark;
     double turntable_rad;
-    double x_px, y_px; /* its middle in the picture: centroid of its area */
-    double error_px;   /* standard error of each, by noise, pixels, and an uneven surround */
+    double x_px, y_px; /* centroid of its area in the picture */
+    double error_px;   /* standard error of each: noise, pixel response, uneven surround */
     double expected_x_px, expected_y_px;
-    double output, output_error; /* of the lamp, of what the rig says it gives; the error is
-                                    infinite where the mark is too small in the picture to tell */
+    double output, output_error; /* of the lamp, relative to its calibration; the error is infinite
+                                    if the fiducial has too few pixels */
 };
 
-/* Appends (struct mark_seen) the marks that are wholly in the picture and lit; returns how many.
- * mosaic: DN a millisecond above dark, height rows of width; cfa as in frames/rectify.h. Marks
- * are found up to their radius away from where they are expected. */
+/* Appends (struct mark_seen) the fiducials that are wholly in the picture and lit; returns their
+ * number. mosaic: height × width, DN per ms above dark; cfa as in frames/rectify.h. Fiducials are
+ * found up to their radius away from their expected position. */
 int marks_measure(const struct mark_scene *scene, const char *cfa, const float *mosaic,
                   GArray *seen);
 
-/* The mean of n marks (of one shot, of all cameras), each counted by its standard error. FALSE: of
- * none. */
+/* Mean output of n fiducials (of one shot, all cameras), weighted by their standard errors.
+ * FALSE: there is none. */
 gboolean marks_output(const struct mark_seen *seen, int n, double *ret_output, double *ret_error);
 
-/* What sightings at several turntable angles, by several cameras, say of one mark. */
+/* Estimate of one fiducial from sightings at several turntable angles by several cameras. */
 struct mark_fit {
     struct vec3 centre_mm;
     double centre_error_mm[3];
-    double white, white_error; /* of the reflectance that the rig says it has */
+    double white, white_error; /* relative to the reflectance in the rig file */
     int n_seen;
 };
 
-/* Among n sightings those of the mark. Cameras and turntable are taken to be right; if they are not
- * calibrated, place is FALSE: the mark stays where the rig has it. FALSE: seen too seldom. */
+/* Uses those of n sightings that are of the fiducial. Cameras and turntable are taken as correct;
+ * if they are not calibrated set place to FALSE: the fiducial keeps its position. FALSE: too few
+ * sightings. */
 gboolean marks_fit(const struct rig *rig, const struct mark_seen *seen, int n, int mark,
                    gboolean place, struct mark_fit *ret);
 
-/* Whether marks are where the calibration says; what explains it best if not: the turntable's zero,
- * or one camera after the other. */
+/* Checks the positions of fiducials against the calibration, and finds the best explanation of a
+ * deviation: the zero of the turntable, or one or several cameras. */
 struct marks_check {
     int n_seen;
-    double rms_px; /* of how far off they are, before anything is explained */
+    double rms_px; /* of their displacements, before any explanation */
     gboolean slipped;
     double slip_deg, slip_error_deg; /* of the turntable, counter-clockwise */
     struct {
         int n_seen;
         gboolean moved;
-        double turn_deg, turn_error_deg; /* of the camera about its own centre */
+        double turn_deg, turn_error_deg; /* rotation of the camera about its own centre */
     } cameras[RIG_MAX_CAMERAS];
 };
 
-/* systematic_px: by how much a good calibration may be off; it is added to the marks' errors.
- * least_deg: what is smaller is nothing. Angles are reported from both four standard errors and
- * this on. */
+/* systematic_px: error of a good calibration; it is added to the standard errors. least_deg:
+ * smaller angles are ignored. Angles are reported if they exceed both it and four standard
+ * errors. */
 void marks_check(const struct rig *rig, const struct mark_seen *seen, int n, double systematic_px,
                  double least_deg, struct marks_check *ret);
 
-/* "camera cam30 is turned by 0.10° ± 0.01°"; NULL if nothing has moved; g_free(). */
+/* Text such as "camera cam30 is turned by 0.10° ± 0.01°"; NULL if nothing has moved; g_free(). */
 char *marks_describe(const struct rig *rig, const struct marks_check *check);

@@ -1,3 +1,6 @@
+/* Greedy search: each hypothesis is fitted to the displacements d_i (weights w_i) by least
+ * squares, (Σ w JᵀJ + 1/σ²) a = Σ w Jᵀ d; the one with the largest decrease of χ² = aᵀ Σ w Jᵀ d
+ * is accepted and subtracted, until none is significant. */
 #include "marks.h"
 
 #include <lapacke.h>
@@ -6,23 +9,23 @@
 #define STEP_RAD   1e-5
 #define CERTAIN    4.0 /* standard errors */
 #define MOST_TURNS (RIG_MAX_CAMERAS + 1)
-#define PRIOR_RAD  0.02 /* of any turn: keeps one that hardly shows from growing without bounds */
+#define PRIOR_RAD  0.02 /* prior of any angle: bounds those that are hardly determined */
 
-/* What may have moved: the turntable, or one camera. */
+/* A hypothesis: the turntable slipped, or one camera rotated. */
 struct cause {
     int camera; /* −1: the turntable */
-    int n;      /* unknowns: an angle, or three of a camera's own axes */
+    int n;      /* unknowns: one angle, or three about the camera's axes */
 };
 
 struct checking {
     const struct rig *rig;
     const struct mark_seen *seen;
     int n;
-    double *slope; /* n × 2 rows of 3: pixels a radian of the cause at hand */
+    double *slope; /* n × 2 × 3: derivatives in pixels per radian */
     double *off_x, *off_y, *weight;
 };
 
-static struct vec3 turned(struct vec3 v, int axis, double angle) {
+static struct vec3 rotated(struct vec3 v, int axis, double angle) {
     double c = cos(angle), s = sin(angle);
     if (axis == 0)
         return vec3(v.x, c * v.y - s * v.z, s * v.y + c * v.z);
@@ -31,14 +34,15 @@ static struct vec3 turned(struct vec3 v, int axis, double angle) {
     return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
 }
 
-/* The camera, turned about one of its own axes in its place: what it sees turns the other way. */
-static struct rig_camera turned_camera(const struct rig_camera *camera, int axis, double angle) {
+/* The camera rotated about one of its own axes, with its centre fixed: points rotate the other
+ * way in its frame. */
+static struct rig_camera rotated_camera(const struct rig_camera *camera, int axis, double angle) {
     struct rig_camera to = *camera;
     struct vec3 eye = rig_camera_centre_mm(camera);
     for (int column = 0; column < 3; column++) {
         struct vec3 v = vec3(camera->rotation.m[0][column], camera->rotation.m[1][column],
                              camera->rotation.m[2][column]);
-        v = turned(v, axis, -angle);
+        v = rotated(v, axis, -angle);
         to.rotation.m[0][column] = v.x;
         to.rotation.m[1][column] = v.y;
         to.rotation.m[2][column] = v.z;
@@ -47,7 +51,7 @@ static struct rig_camera turned_camera(const struct rig_camera *camera, int axis
     return to;
 }
 
-/* Derivative of a mark's place in the picture by an unknown of a cause, both ways. */
+/* Derivative of a fiducial's picture x, y by an unknown of a hypothesis (central differences). */
 static void slope_of(const struct checking *check, int i, const struct cause *cause, int unknown,
                      double ret[2]) {
     const struct mark_seen *seen = &check->seen[i];
@@ -60,7 +64,7 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
         double angle = side ? STEP_RAD : -STEP_RAD, turn = seen->turntable_rad;
         struct rig_camera now = *camera;
         if (cause->camera >= 0)
-            now = turned_camera(camera, unknown, angle);
+            now = rotated_camera(camera, unknown, angle);
         else
             turn += angle;
         struct vec3 p = rig_turn(check->rig->marks[seen->mark].centre_mm, turn);
@@ -72,10 +76,10 @@ static void slope_of(const struct checking *check, int i, const struct cause *ca
 }
 
 struct explained {
-    double angle[3], variance[3], gain; /* radians; gain: by how much chi-square falls */
+    double angle[3], variance[3], gain; /* radians; gain: decrease of χ² */
 };
 
-/* Weighted least squares for one cause. */
+/* Weighted least squares for one hypothesis. */
 static gboolean explain(struct checking *check, const struct cause *cause, struct explained *ret) {
     double matrix[9] = {0}, right[3] = {0};
     int n = cause->n;
@@ -109,7 +113,7 @@ static gboolean explain(struct checking *check, const struct cause *cause, struc
     return TRUE;
 }
 
-static void take_out(struct checking *check, const struct cause *cause,
+static void subtract(struct checking *check, const struct cause *cause,
                      const struct explained *by) {
     for (int i = 0; i < check->n; i++)
         for (int u = 0; u < cause->n; u++) {
@@ -120,6 +124,7 @@ static void take_out(struct checking *check, const struct cause *cause,
         }
 }
 
+/* Length |a| of the rotation vector and its standard error √(Σ (a_u / |a|)² σ_u²). */
 static double marks_check_length_of(const struct explained *by, double *ret_error) {
     double squares = 0, variance = 0;
     for (int u = 0; u < 3; u++)
@@ -131,6 +136,7 @@ static double marks_check_length_of(const struct explained *by, double *ret_erro
     return sqrt(squares);
 }
 
+/* Whether a hypothesis is significant. */
 static gboolean counts(const struct explained *by, double least_deg) {
     double error;
     double length = marks_check_length_of(by, &error);
@@ -153,8 +159,8 @@ static void marks_check_note(const struct cause *cause, const struct explained *
     ret->cameras[cause->camera].turn_error_deg = error * 180 / G_PI;
 }
 
-/* One cause after the other, the one that explains most first: if the turntable slipped, all
- * cameras see it, and none of them needs to have moved. */
+/* Accepts one hypothesis after the other, the one with the largest gain first: if the turntable
+ * slipped all cameras show it, and none of them needs to have moved. */
 static void find_causes(struct checking *check, double least_deg, struct marks_check *ret) {
     gboolean taken[MOST_TURNS] = {FALSE};
     for (int round = 0; round < check->rig->n_cameras + 1; round++) {
@@ -172,12 +178,12 @@ static void find_causes(struct checking *check, double least_deg, struct marks_c
         if (by.n == 0)
             return;
         taken[by.camera + 1] = TRUE;
-        take_out(check, &by, &best);
+        subtract(check, &by, &best);
         marks_check_note(&by, &best, ret);
     }
 }
 
-/* How a mark lies on the pixels makes an error that is the same in all pictures of a pose. */
+/* The pixel grid causes an error that is common to all pictures of a pose: they count as one. */
 static int marks_check_same_pose(const struct mark_seen *seen, int n, int i) {
     int same = 0;
     for (int k = 0; k < n; k++)

@@ -5,12 +5,13 @@
 
 #define STEP_MM       0.01
 #define STEPS         4
-#define PRIOR_MM      1.0   /* what the rig says of a mark's place is within */
-#define SYSTEMATIC_PX 0.02  /* of cameras and turntable */
-#define UNEVEN_WHITE  0.003 /* of one sighting to the next, beside noise */
+#define PRIOR_MM      1.0   /* prior standard deviation of a position */
+#define SYSTEMATIC_PX 0.02  /* error of cameras and turntable */
+#define UNEVEN_WHITE  0.003 /* relative variation of white between sightings, besides noise */
 #define FEW_SEEN      4
 
-struct place {
+/* Position of one fiducial: Gauss-Newton on its reprojection error, with the rig file as prior. */
+struct position {
     const struct rig *rig;
     const struct mark_seen **seen;
     int n;
@@ -22,32 +23,33 @@ static struct vec3 marks_fit_moved(struct vec3 p, int axis, double by) {
     return vec3(p.x + (axis == 0) * by, p.y + (axis == 1) * by, p.z + (axis == 2) * by);
 }
 
-/* As marks_measure() expects a mark there; the centroid of its disc lies as far off its middle's
- * picture as it did where it was expected. */
-static gboolean marks_fit_project(const struct place *place, const struct mark_seen *seen,
+/* Predicts as marks_measure() does; the offset between the disc's centroid and its projected
+ * centre is taken as that of the expected position. */
+static gboolean marks_fit_project(const struct position *position, const struct mark_seen *seen,
                                   struct vec3 p, double *x, double *y) {
-    return rig_project(&place->rig->cameras[seen->camera], rig_turn(p, seen->turntable_rad), x, y);
+    return rig_project(&position->rig->cameras[seen->camera], rig_turn(p, seen->turntable_rad), x,
+                       y);
 }
 
-/* How a mark lies on the pixels makes an error that is the same in all pictures of a pose. */
-static int marks_fit_same_pose(const struct place *place, const struct mark_seen *seen) {
+/* The pixel grid causes an error that is common to all pictures of a pose: they count as one. */
+static int marks_fit_same_pose(const struct position *position, const struct mark_seen *seen) {
     int n = 0;
-    for (int i = 0; i < place->n; i++)
-        n += place->seen[i]->camera == seen->camera &&
-             place->seen[i]->turntable_rad == seen->turntable_rad;
+    for (int i = 0; i < position->n; i++)
+        n += position->seen[i]->camera == seen->camera &&
+             position->seen[i]->turntable_rad == seen->turntable_rad;
     return n;
 }
 
-static void marks_fit_add_seen(struct place *place, const struct mark_seen *seen) {
+static void marks_fit_add_seen(struct position *position, const struct mark_seen *seen) {
     double x, y, x0, y0, slope[2][3];
-    if (!marks_fit_project(place, seen, place->now, &x, &y) ||
-        !marks_fit_project(place, seen, place->start, &x0, &y0))
+    if (!marks_fit_project(position, seen, position->now, &x, &y) ||
+        !marks_fit_project(position, seen, position->start, &x0, &y0))
         return;
     for (int a = 0; a < 3; a++) {
         double high_x, high_y, low_x, low_y;
-        if (!marks_fit_project(place, seen, marks_fit_moved(place->now, a, STEP_MM), &high_x,
+        if (!marks_fit_project(position, seen, marks_fit_moved(position->now, a, STEP_MM), &high_x,
                                &high_y) ||
-            !marks_fit_project(place, seen, marks_fit_moved(place->now, a, -STEP_MM), &low_x,
+            !marks_fit_project(position, seen, marks_fit_moved(position->now, a, -STEP_MM), &low_x,
                                &low_y))
             return;
         slope[0][a] = (high_x - low_x) / (2 * STEP_MM);
@@ -56,42 +58,44 @@ static void marks_fit_add_seen(struct place *place, const struct mark_seen *seen
     double off[2] = {seen->x_px - seen->expected_x_px - (x - x0),
                      seen->y_px - seen->expected_y_px - (y - y0)};
     double weight = 1 / (seen->error_px * seen->error_px + SYSTEMATIC_PX * SYSTEMATIC_PX) /
-                    marks_fit_same_pose(place, seen);
+                    marks_fit_same_pose(position, seen);
     for (int k = 0; k < 2; k++) {
         for (int a = 0; a < 3; a++) {
-            place->right[a] += weight * slope[k][a] * off[k];
+            position->right[a] += weight * slope[k][a] * off[k];
             for (int b = 0; b <= a; b++)
-                place->matrix[3 * a + b] += weight * slope[k][a] * slope[k][b];
+                position->matrix[3 * a + b] += weight * slope[k][a] * slope[k][b];
         }
     }
 }
 
-static gboolean fit_step(struct place *place) {
+/* One step: (Σ w JᵀJ + I/σ²) dx = Σ w Jᵀ d + (start − now)/σ². */
+static gboolean fit_step(struct position *position) {
     const double prior = 1 / (PRIOR_MM * PRIOR_MM);
-    struct vec3 off = vec3_sub(place->start, place->now);
-    memset(place->matrix, 0, sizeof place->matrix);
-    memset(place->right, 0, sizeof place->right);
-    for (int i = 0; i < place->n; i++)
-        marks_fit_add_seen(place, place->seen[i]);
+    struct vec3 off = vec3_sub(position->start, position->now);
+    memset(position->matrix, 0, sizeof position->matrix);
+    memset(position->right, 0, sizeof position->right);
+    for (int i = 0; i < position->n; i++)
+        marks_fit_add_seen(position, position->seen[i]);
     for (int a = 0; a < 3; a++) {
-        place->matrix[4 * a] += prior;
-        place->right[a] += prior * (a == 0 ? off.x : a == 1 ? off.y : off.z);
+        position->matrix[4 * a] += prior;
+        position->right[a] += prior * (a == 0 ? off.x : a == 1 ? off.y : off.z);
     }
-    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', 3, place->matrix, 3) != 0)
+    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', 3, position->matrix, 3) != 0)
         return FALSE;
-    LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', 3, 1, place->matrix, 3, place->right, 1);
-    place->now = vec3_add(place->now, vec3(place->right[0], place->right[1], place->right[2]));
+    LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', 3, 1, position->matrix, 3, position->right, 1);
+    position->now =
+        vec3_add(position->now, vec3(position->right[0], position->right[1], position->right[2]));
     return TRUE;
 }
 
-static gboolean fit_place(struct place *place, struct mark_fit *ret) {
+static gboolean fit_place(struct position *position, struct mark_fit *ret) {
     for (int i = 0; i < STEPS; i++)
-        if (!fit_step(place))
+        if (!fit_step(position))
             return FALSE;
-    LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', 3, place->matrix, 3);
-    ret->centre_mm = place->now;
+    LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', 3, position->matrix, 3);
+    ret->centre_mm = position->now;
     for (int a = 0; a < 3; a++)
-        ret->centre_error_mm[a] = sqrt(place->matrix[4 * a]);
+        ret->centre_error_mm[a] = sqrt(position->matrix[4 * a]);
     return TRUE;
 }
 
@@ -103,14 +107,14 @@ static double white_of(const struct white *white) {
     return white->sum / white->weight;
 }
 
-/* Noise is one thing; another is how well each camera's flat field is known where the mark is seen,
- * which the cameras tell by how they differ. */
-static gboolean fit_white(const struct place *place, struct mark_fit *ret) {
+/* White and its standard error: √(noise + spread between the cameras), since each camera's flat
+ * field has an error of its own at the fiducial's position. */
+static gboolean fit_white(const struct position *position, struct mark_fit *ret) {
     struct white all = {0}, of[RIG_MAX_CAMERAS] = {{0}};
     double spread = 0, apart = 0;
     int n = 0, cameras = 0;
-    for (int i = 0; i < place->n; i++) {
-        const struct mark_seen *s = place->seen[i];
+    for (int i = 0; i < position->n; i++) {
+        const struct mark_seen *s = position->seen[i];
         if (!isfinite(s->output_error))
             continue;
         double w = 1 / (s->output_error * s->output_error + UNEVEN_WHITE * UNEVEN_WHITE);
@@ -138,7 +142,7 @@ static gboolean fit_white(const struct place *place, struct mark_fit *ret) {
 
 gboolean marks_fit(const struct rig *rig, const struct mark_seen *seen, int n, int mark,
                    gboolean place, struct mark_fit *ret) {
-    struct place p = {.rig = rig, .seen = g_new(const struct mark_seen *, n + 1)};
+    struct position p = {.rig = rig, .seen = g_new(const struct mark_seen *, n + 1)};
     p.start = p.now = rig->marks[mark].centre_mm;
     memset(ret, 0, sizeof *ret);
     ret->centre_mm = p.start;

@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#define USUAL_RAD (0.01 * G_PI / 180) /* before anything is known */
-#define WORTH     4 /* angles' worth of what is usual: a few angles tell little, and too little */
+#define USUAL_RAD (0.01 * G_PI / 180) /* prior standard deviation */
+#define WORTH     4 /* weight of the prior, in angles: a few angles give a poor estimate */
 
 void drive_init(struct drive *drive, int most) {
     *drive = (struct drive){g_new(double, most + 1), 0, 0, USUAL_RAD};
@@ -21,6 +21,7 @@ int drive_angle(struct drive *drive, double angle_rad) {
     return drive->n++;
 }
 
+/* σ² = (WORTH σ₀² + Σ (x_i² + C_ii)) / (WORTH + n), C being the covariance of the errors x. */
 void drive_learn(struct drive *drive, const double *x, const double *covariance, int n) {
     double sum = WORTH * USUAL_RAD * USUAL_RAD;
     for (int i = drive->at; i < drive->at + drive->n; i++)

@@ -1,6 +1,6 @@
 /*
- * A drive that does not stand quite where it was sent: by how much it was off at each angle is a
- * parameter of an adjustment (fit.h), and from all of them follows how far it is off as a rule.
+ * Angle errors of a drive: the error at each commanded angle is a parameter of an adjustment
+ * (fit.h), and their standard deviation is estimated from all of them.
  *
  * Plain data; any thread.
  */
@@ -9,20 +9,20 @@
 #include <glib.h>
 
 struct drive {
-    double *angles_rad; /* each that it was sent to */
+    double *angles_rad; /* n commanded angles */
     int n;
-    int at;           /* parameter of the first one's error */
-    double sigma_rad; /* how far it is off as a rule */
+    int at;           /* index of the first one's error among the parameters */
+    double sigma_rad; /* standard deviation of the errors */
 };
 
-/* Room for most angles. */
+/* Allocates for at most `most` angles. */
 void drive_init(struct drive *drive, int most);
 void drive_clear(struct drive *drive);
 
-/* Which angle it is; a new one is added. */
+/* Index of an angle; a new one is added. */
 int drive_angle(struct drive *drive, double angle_rad);
 
-/* From the errors that were found, parameters x, and how well each is known, the covariance of all
- * n parameters (one step of Dempster, Laird and Rubin's method, 1977). */
+/* Updates sigma_rad from the fitted errors in the parameters x and the covariance of all n
+ * parameters (one EM step, Dempster, Laird and Rubin 1977). */
 void drive_learn(struct drive *drive, const double *x, const double *covariance, int n);
-#define DRIVE_ROUNDS 4 /* of adjusting and learning */
+#define DRIVE_ROUNDS 4 /* rounds of adjustment and update */

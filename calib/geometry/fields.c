@@ -1,3 +1,5 @@
+/* Writes and reads tables of numbers as key=value lines. g_ascii_dtostr() writes 17 significant
+ * digits, which restore a double exactly whatever the locale. */
 #include "fields.h"
 
 #include "rig.h"
@@ -44,6 +46,7 @@ static gboolean fields_do_refuse(const struct reader *r, const char *group, cons
     return fields_refuse(r->path, group, key, error, why);
 }
 
+/* The whole text must be one finite number. */
 static gboolean parse_number(const char *text, double *ret) {
     char *end;
 
@@ -51,6 +54,7 @@ static gboolean parse_number(const char *text, double *ret) {
     return end != text && *end == '\0' && isfinite(*ret);
 }
 
+/* Reads f->n numbers separated by semicolons and checks each against the bounds. */
 static gboolean read_field(const struct reader *r, const char *group, const struct field *f,
                            gpointer to, GError **error) {
     g_autofree char *value = g_key_file_get_string(r->file, group, f->name, NULL);

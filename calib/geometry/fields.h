@@ -1,7 +1,7 @@
 /*
- * Plain structs as groups of a key file: a table says under which name each consecutive run of
- * doubles or integers is kept, and between which bounds it makes sense. Numbers come back bit for
- * bit. For the files of calib/; any thread.
+ * Plain structs as groups of a key file: a table has the name of each consecutive run of doubles
+ * or integers and the bounds of valid values. Numbers are restored bit for bit. For the files of
+ * calib/; any thread.
  */
 #pragma once
 
@@ -15,17 +15,17 @@ struct field {
     int n;
     gboolean integer;
     double min, max;
-    gboolean optional; /* 0 where a file has none */
+    gboolean optional; /* 0 if a file does not have it */
 };
 
 /* "key=value" lines. */
 void fields_write(GString *text, const struct field *fields, gconstpointer from);
-/* One such line, with the value escaped as GKeyFile reads it. */
+/* Writes one such line with the value escaped for GKeyFile. */
 void fields_write_string(GString *text, const char *key, const char *value);
 
-/* Every field that is not optional must be there, finite and within its bounds, and no key that is
- * neither a field nor one of others (NULL-terminated). Errors are RIG_ERROR_VALUE and name path,
- * group and key. On failure `to` may be half filled. */
+/* Reads a group. Every field that is not optional must exist, be finite and within its bounds;
+ * keys must be fields or one of others (NULL-terminated). Errors are RIG_ERROR_VALUE with path,
+ * group and key. On failure `to` may be partly set. */
 gboolean fields_read(GKeyFile *file, const char *path, const char *group,
                      const struct field *fields, const char *const *others, gpointer to,
                      GError **error);

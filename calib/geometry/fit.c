@@ -1,3 +1,7 @@
+/* Minimises Σ w_i² |r_i(x)|² / σ² + Σ ((x_j − known_j) / known_sigma_j)², r_i being the residuals
+ * of observation i. The weights w are re-estimated in rounds: soft ones 1 / √(1 + (|r| /
+ * SOFT·s)²), then 0 or 1; s is the robust scale. Each round runs Levenberg-Marquardt on the
+ * normal equations (m: residuals, n: parameters). */
 #include "fit.h"
 
 #include <lapacke.h>
@@ -5,28 +9,29 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SOFT_ROUNDS  5 /* with weights that fall gently, then */
-#define HARD_ROUNDS  3 /* with outliers left out */
-#define SOFT         2.5
-#define SINGULAR     1e-12 /* of a pivot of the scaled normal equations */
+#define SOFT_ROUNDS 5 /* rounds with soft (Cauchy-like) weights, then */
+#define HARD_ROUNDS 3 /* rounds with outliers rejected */
+#define SOFT        2.5
+#define SINGULAR                                                                                   \
+    1e-12 /* relative pivot of the scaled normal equations below which they are singular */
 #define CONVERGED    1e-10
 #define STEPS        60
-#define DIFFERENCE   1.5e-8 /* root of what a double leaves out */
+#define DIFFERENCE   1.5e-8 /* √ε of a double: step of forward differences */
 #define MOST_DAMPING 1e8
-/* Residuals are in units of what they should be; so much smaller, they are rounding, and what is
- * only known beforehand would count as nothing beside them. */
+/* Lower bound of the scale of the residuals, relative to their expected size: much smaller ones
+ * are rounding errors, and priors would count as nothing beside them. */
 #define LEAST_SIGMA 1e-3
 
 struct work {
     const struct fit *fit;
-    double *weights; /* an observation */
-    double sigma;    /* how much larger residuals are than they should be */
+    double *weights; /* one per observation */
+    double sigma;    /* scale of the residuals relative to their expected size */
     int m, n;
     int n_depends;
-    int *own_depends; /* where all depend on all */
+    int *own_depends; /* used if every observation depends on all parameters */
     const int *depends;
     double *f, *moved, *at;
-    double *rows; /* derivatives, m × n_depends */
+    double *rows; /* Jacobian, m × n_depends */
 };
 
 static void fit_work_init(struct work *work, const struct fit *fit) {
@@ -56,13 +61,14 @@ static void fit_work_clear(struct work *work) {
     g_free(work->rows);
 }
 
+/* Residual of the prior of parameter i. */
 static double known_residual(const struct fit *fit, const double *x, int i) {
     return fit->known_sigma && fit->known_sigma[i] > 0
                ? (x[i] - fit->known[i]) / fit->known_sigma[i]
                : 0;
 }
 
-/* Residuals into f; returns the sum of all squares by their weights. */
+/* Computes the residuals f; returns the weighted sum of squares. */
 static double fit_evaluate(const struct work *work, const double *x, double *f) {
     const struct fit *fit = work->fit;
     double sum = 0;
@@ -76,20 +82,21 @@ static double fit_evaluate(const struct work *work, const double *x, double *f) 
     return isfinite(sum) ? sum : G_MAXDOUBLE;
 }
 
-/* By forward differences, all parameters of a place at once. */
+/* Jacobian by forward differences; all parameters of one column of `depends` are changed at once.
+ */
 static void differentiate(const struct work *work, const double *x) {
     const struct fit *fit = work->fit;
     const int n = work->n_depends;
-    g_autofree int *place = g_new(int, work->n);
+    g_autofree int *column = g_new(int, work->n);
     for (int j = 0; j < work->n; j++)
-        place[j] = -1;
+        column[j] = -1;
     for (int i = 0; i < fit->n_observations * n; i++)
         if (work->depends[i] >= 0)
-            place[work->depends[i]] = i % n;
+            column[work->depends[i]] = i % n;
     for (int k = 0; k < n; k++) {
         memcpy(work->at, x, sizeof(double) * (gsize)work->n);
         for (int j = 0; j < work->n; j++)
-            if (place[j] == k)
+            if (column[j] == k)
                 work->at[j] += DIFFERENCE * MAX(fabs(x[j]), 1);
         fit->residuals(work->at, work->moved, fit->data);
         for (int i = 0; i < work->m; i++) {
@@ -100,8 +107,7 @@ static void differentiate(const struct work *work, const double *x) {
     }
 }
 
-/* h: observations' part of JᵀWJ by their weights and sigma, then what is known beforehand; g: −Jᵀf
- * of both. Upper triangle and lower. */
+/* h = Jᵀ W J / σ² plus priors, g = −Jᵀ W f / σ² of both; h has both triangles. */
 static void fit_normal_equations(const struct work *work, const double *x, double *h, double *g) {
     const struct fit *fit = work->fit;
     const int n = work->n, k = work->n_depends;
@@ -127,7 +133,7 @@ static void fit_normal_equations(const struct work *work, const double *x, doubl
         }
 }
 
-/* A damped step; FALSE: not to be had. */
+/* One damped step (h + damping · diag h) dx = g; FALSE: h is not positive definite. */
 static gboolean fit_do_step(int n, const double *h, const double *g, double damping,
                             const double *x, double *ret) {
     g_autofree double *a = g_memdup2(h, sizeof(double) * (gsize)n * (gsize)n);
@@ -141,6 +147,7 @@ static gboolean fit_do_step(int n, const double *h, const double *g, double damp
     return TRUE;
 }
 
+/* Levenberg-Marquardt with the present weights, until χ² decreases by less than CONVERGED. */
 static void fit_do_solve(const struct work *work, double *x) {
     const int n = work->n;
     g_autofree double *h = g_new0(double, (gsize)n *(gsize)n), *g = g_new0(double, n),
@@ -181,8 +188,8 @@ static int fit_compare(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-/* What a residual usually is, by the median: half of a normal deviate's sizes lie within 0.6745 σ,
- * in two dimensions within 1.1774 σ. */
+/* Robust scale: median |r| / 0.6745 in one dimension, / 1.1774 in two (medians of normal
+ * deviates). */
 static double usual_size(const struct fit *fit, const double *residuals) {
     g_autofree double *sizes = g_new(double, fit->n_observations);
     for (int i = 0; i < fit->n_observations; i++)
@@ -203,7 +210,7 @@ static void fit_weigh(struct work *work, gboolean hard) {
     }
 }
 
-/* The inverse of h by its rank; rows of parameters that are not determined 0. */
+/* Inverse of h by Cholesky decomposition with pivoting; rows of undetermined parameters are 0. */
 static double *fit_invert(int n, const double *h, int *ret_undetermined) {
     g_autofree double *a = g_new(double, (gsize)n *(gsize)n), *scale = g_new0(double, n);
     g_autofree lapack_int *pivots = g_new(lapack_int, n);
@@ -227,8 +234,9 @@ static double *fit_invert(int n, const double *h, int *ret_undetermined) {
     return inverse;
 }
 
-/* How many parameters' worth the observations themselves have told: trace of H⁻¹ JᵀJ. */
-static double told(const struct work *work, const double *covariance) {
+/* Effective number of parameters determined by the observations rather than the priors: trace of
+ * H⁻¹ JᵀJ. */
+static double effective_parameters(const struct work *work, const double *covariance) {
     double sum = 0;
     for (int j = 0; j < work->n; j++) {
         const double sigma = work->fit->known_sigma ? work->fit->known_sigma[j] : 0;
@@ -238,7 +246,8 @@ static double told(const struct work *work, const double *covariance) {
     return sum;
 }
 
-/* What those used vary by tells what all of them are worth; once more, now that it is known. */
+/* Final covariance. σ² = χ² per degree of freedom of the observations used scales them; the
+ * second round uses that σ for the balance with the priors. */
 static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
     const struct fit *fit = work->fit;
     const int n = work->n;
@@ -256,7 +265,8 @@ static void fit_finish(struct work *work, double *x, struct fit_result *ret) {
         fit_normal_equations(work, x, h, g);
         g_free(ret->covariance);
         ret->covariance = fit_invert(n, h, &ret->undetermined);
-        const double freedom = ret->n_used * fit->dimension - told(work, ret->covariance);
+        const double freedom =
+            ret->n_used * fit->dimension - effective_parameters(work, ret->covariance);
         ret->degrees_of_freedom = (int)floor(freedom);
         ret->sigma = freedom > 0 ? sqrt(squares / freedom) : 0;
         work->sigma = MAX(ret->sigma, LEAST_SIGMA);

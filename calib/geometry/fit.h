@@ -1,11 +1,10 @@
 /*
- * Robust least squares: Levenberg and Marquardt's method with observations that do not fit left
- * out, what is known of parameters beforehand, and what all of it says about how well each is
- * known.
+ * Robust non-linear least squares: Levenberg-Marquardt with outlier rejection, priors of
+ * parameters, and the covariance of the result.
  *
- * An observation depends on a few parameters only (one lamp, one angle), and parameters none of
- * which share an observation are differentiated at once (Curtis, Powell and Reid 1974): hundreds
- * of them cost as much as a dozen.
+ * An observation depends on few parameters only (one lamp, one angle), and parameters that share
+ * no observation are differentiated at once (Curtis, Powell and Reid 1974): hundreds of them cost
+ * as much as a dozen.
  *
  * Pure; any thread.
  */
@@ -21,32 +20,35 @@ typedef void (*FitFunc)(const double *parameters, double *ret_residuals, gconstp
 struct fit {
     int n_parameters;
     int n_observations;
-    int dimension; /* residuals an observation, 1 or 2: in or out together */
+    int dimension; /* residuals per observation, 1 or 2; they are rejected together */
     FitFunc residuals;
     gconstpointer data;
-    double reject; /* observations this many times the usual residual are left out */
-    /* Which parameters each observation depends on: n_depends of them an observation, −1 where
-     * there are fewer. A parameter has the same place with all of its observations. NULL: all
-     * depend on all. */
+    double reject; /* observations whose residual exceeds this many robust standard deviations are
+                      rejected */
+    /* n_observations × n_depends: the parameters that each observation depends on, −1 where there
+     * are fewer. A parameter is in the same column for all of its observations. NULL: every
+     * observation depends on all. */
     const int *depends;
     int n_depends;
-    /* What parameters are known to be beforehand, and how well, standard deviations; 0: nothing.
-     * NULL: nothing of any. Not scaled by what the observations turn out to be worth. */
+    /* Priors of the parameters: mean and standard deviation; 0: none. NULL: no priors at all. Not
+     * scaled by the residuals of the observations. */
     const double *known, *known_sigma;
 };
 
 struct fit_result {
     double *covariance; /* n_parameters²; a row of an undetermined one is 0 */
-    double *residuals;  /* at the end, n_observations × dimension */
+    double *residuals;  /* n_observations × dimension, at the solution */
     guint8 *rejected;   /* n_observations */
     int n_used;         /* observations */
     int degrees_of_freedom;
-    double sigma;     /* root of χ² a degree of freedom, of those used; errors count it in */
-    int undetermined; /* the first parameter that the observations do not tell; −1: none */
+    double sigma; /* √(χ² per degree of freedom) of the observations used; the covariance includes
+                     it */
+    int undetermined; /* first parameter that the observations do not determine; −1: none */
 };
 
-/* Improves the parameters, which must start near enough. FALSE: there is not more to go by than
- * there are parameters, or a residual at the start is not finite; ret is not to be cleared then. */
+/* Minimises from initial parameters, which must be close enough. FALSE: there are not more
+ * observations and priors than parameters, or an initial residual is not finite; do not clear ret
+ * then. */
 gboolean fit_solve(const struct fit *fit, double *parameters, struct fit_result *ret);
 void fit_result_clear(struct fit_result *result);
 

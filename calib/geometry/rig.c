@@ -1,3 +1,5 @@
+/* Camera, arc, lamp and laser models. Vectors are columns; a rotation matrix R maps rig to camera
+ * coordinates, so that Rᵀ maps a viewing ray back. */
 #include "rig.h"
 
 #define INVERSE_STEPS        60
@@ -9,8 +11,8 @@ void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct ve
     struct vec3 forward = vec3_unit(vec3_sub(target_mm, eye_mm));
     struct vec3 right = vec3_cross(forward, up);
 
-    /* Straight down or up there is no horizontal right: take what a camera at azimuth 0 tends to.
-     */
+    /* Looking straight up or down there is no horizontal: take the limit of a camera at azimuth
+     * 0. */
     right = vec3_length(right) > 1e-9 ? vec3_unit(right) : vec3(0, 1, 0);
     struct vec3 down = vec3_cross(forward, right);
     camera->rotation = (struct mat3){
@@ -66,6 +68,9 @@ static gboolean radius_grows(const struct rig_camera *c, double s) {
     return radial_slope(c, s) > 0;
 }
 
+/* p' = R p + t, (x', y') = p'_xy / p'_z, then distortion and the camera matrix. Refused where the
+ * model is not invertible: the radius stops growing, or the Jacobian's determinant is not
+ * positive. */
 gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, double *ret_x_px,
                      double *ret_y_px) {
     struct vec3 p = vec3_add(mat3_mul_vec(&camera->rotation, point_mm), camera->translation_mm);
@@ -81,15 +86,16 @@ gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, doub
     return TRUE;
 }
 
-/* Newton's method from the distorted point, with steps halved while they make matters worse. */
+/* Inverts distort() by Newton's method from the distorted point; a step is halved while it
+ * increases the error. */
 static void rig_undistort(const struct rig_camera *c, double xd, double yd, double *x, double *y) {
     double scale = MAX(c->fx_px, c->fy_px), fx, fy, j[4];
 
     *x = xd;
     *y = yd;
     distort(c, *x, *y, &fx, &fy);
-    double left = hypot(fx - xd, fy - yd);
-    for (int i = 0; i < INVERSE_STEPS && left * scale > INVERSE_TOLERANCE_PX; i++) {
+    double error_left = hypot(fx - xd, fy - yd);
+    for (int i = 0; i < INVERSE_STEPS && error_left * scale > INVERSE_TOLERANCE_PX; i++) {
         distort_jacobian(c, *x, *y, j);
         double det = j[0] * j[3] - j[1] * j[2];
         if (det == 0)
@@ -100,10 +106,10 @@ static void rig_undistort(const struct rig_camera *c, double xd, double yd, doub
             double nx, ny;
             distort(c, *x - step * dx, *y - step * dy, &nx, &ny);
             double error = hypot(nx - xd, ny - yd);
-            if (error < left) {
+            if (error < error_left) {
                 *x -= step * dx;
                 *y -= step * dy;
-                fx = nx, fy = ny, left = error;
+                fx = nx, fy = ny, error_left = error;
                 break;
             }
             if (step < 1e-6)
@@ -120,13 +126,15 @@ struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y
     return vec3_unit(mat3_mul_transposed(&camera->rotation, vec3(x, y, 1)));
 }
 
+/* Rz(angle) · v. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad) {
     double c = cos(angle_rad), s = sin(angle_rad);
 
     return vec3(c * v.x - s * v.y, s * v.x + c * v.y, v.z);
 }
 
-/* Rodrigues' formula for the rotation vector (tx, ty, 0). */
+/* Rodrigues' formula for the rotation vector t = (tx, ty, 0): v cos θ + sign (k × v) sin θ + k
+ * (k·v)(1 − cos θ), θ = |t|, k = t/θ. */
 static struct vec3 tilt(const double t[2], struct vec3 v, double sign) {
     double angle = hypot(t[0], t[1]);
 
@@ -138,12 +146,14 @@ static struct vec3 tilt(const double t[2], struct vec3 v, double sign) {
     return vec3_add(vec3_add(vec3_scale(v, cos(angle)), across), along);
 }
 
+/* Tilt · Rz(α + zero) · d. */
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction) {
     if (!arc)
         return rig_turn(direction, arc_rad);
     return tilt(arc->tilt_rad, rig_turn(direction, arc_rad + arc->zero_rad), 1);
 }
 
+/* Tilt · Rz(α + zero) · p + centre. */
 struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm) {
     struct vec3 p = rig_arc_direction(arc, arc_rad, point_mm);
 
@@ -162,11 +172,12 @@ struct vec3 rig_lamp_position_mm(const struct rig_arc *arc, const struct rig_lam
     return rig_arc_point(arc, arc_rad, lamp->position_mm);
 }
 
+/* E = intensity · cosⁿ(angle from the aim) / r², r in metres. */
 double rig_lamp_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                            struct vec3 point_mm) {
-    struct vec3 way = vec3_sub(point_mm, rig_lamp_position_mm(arc, lamp, arc_rad));
-    double r_mm = vec3_length(way);
-    double cosine = vec3_dot(way, rig_arc_direction(arc, arc_rad, lamp->aim)) / r_mm;
+    struct vec3 path = vec3_sub(point_mm, rig_lamp_position_mm(arc, lamp, arc_rad));
+    double r_mm = vec3_length(path);
+    double cosine = vec3_dot(path, rig_arc_direction(arc, arc_rad, lamp->aim)) / r_mm;
 
     if (cosine <= 0)
         return 0;
@@ -178,6 +189,7 @@ struct vec3 rig_laser_position_mm(const struct rig_arc *arc, const struct rig_la
     return rig_arc_point(arc, arc_rad, laser->position_mm);
 }
 
+/* The sheet's normal at sweep angle s: n cos s' + (axis × n) sin s', s' = s (1 + stretch). */
 struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
                                  double arc_rad, double sweep_rad) {
     double s = sweep_rad * (1 + laser->stretch);
@@ -190,12 +202,14 @@ struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_las
     return sheet;
 }
 
+/* s = atan2(q·n, q·beam) / (1 + stretch), q being the point relative to the laser in the arc's
+ * frame. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm) {
     struct vec3 way = vec3_sub(rig_arc_point_back(arc, arc_rad, point_mm), laser->position_mm);
     struct vec3 beam = vec3_cross(laser->normal, laser->axis);
 
-    /* The half of the sheet that is lit lies on the beam's side of the axis. */
+    /* The lit half of the sheet lies on the beam's side of the axis. */
     return atan2(vec3_dot(way, laser->normal), vec3_dot(way, beam)) / (1 + laser->stretch);
 }
 
@@ -206,6 +220,8 @@ static struct vec3 nearest_on_arc(struct vec3 direction) {
     return rig_direction(CLAMP(theta, 0, G_PI_2), 0);
 }
 
+/* Distance between arc and line of sight at the arc's radius, minus half the arc's width and the
+ * radius of the cone of sight there. */
 double rig_arc_clearance_mm(const struct rig *rig, int camera, double arc_rad, double radius_mm) {
     struct vec3 eye = rig_camera_centre_mm(&rig->cameras[camera]);
     double distance = vec3_length(eye), radius = rig->arc_radius_mm;
@@ -224,7 +240,7 @@ void rig_angles(struct vec3 direction, double *ret_theta_rad, double *ret_phi_ra
 
     if (phi < 0)
         phi += 2 * G_PI;
-    if (phi >= 2 * G_PI) /* a tiny negative angle rounds up to a full turn */
+    if (phi >= 2 * G_PI) /* rounding can give a full turn */
         phi = 0;
     *ret_theta_rad = atan2(hypot(direction.x, direction.y), direction.z);
     *ret_phi_rad = phi;

@@ -1,12 +1,12 @@
 /*
- * The rig's geometry: where cameras, lamps, lasers and axes are, and what follows from it. Nominal
- * values come from the rig file, better ones from calibration; both are this one struct and this
- * one file format.
+ * The rig's geometry: positions of cameras, lamps, lasers and axes, and functions of them.
+ * Nominal values come from the rig file, measured ones from calibration; both have this struct
+ * and this file format.
  *
  * Rig frame: millimetres, right-handed, origin on the turntable's axis in the plane of its top, z
- * up. Sample frame: turns with the turntable; at turntable angle τ (counter-clockwise seen from
- * above) a point p of the sample is at Rz(τ) p in the rig. A fixed camera at azimuth φ_c is seen by
- * the sample at φ_c − τ; a lamp on the arc at arc angle α is seen at φ = α − τ.
+ * up. Sample frame: rotates with the turntable; at turntable angle τ (counter-clockwise seen from
+ * above) a point p of the sample is at Rz(τ) p in the rig. A fixed camera at azimuth φ_c is seen
+ * by the sample at φ_c − τ; a lamp on the arc at arc angle α is seen at φ = α − τ.
  *
  * Pure functions over plain data: any thread.
  */
@@ -39,13 +39,13 @@ struct rig_camera {
     double response; /* DN a second per W·sr⁻¹·m⁻² of radiance, before vignetting, at 0 dB */
 };
 
-/* How the light arc truly turns: by arc angle α + zero about an axis through centre_mm that is the
- * rig's z turned by the rotation vector (tilt_x, tilt_y, 0). All zero: about the turntable's axis,
- * as it is meant to be. */
+/* The true rotation of the light arc: by arc angle α + zero about an axis through centre_mm,
+ * which is the rig's z rotated by the rotation vector (tilt_x, tilt_y, 0). All 0: about the
+ * turntable's axis, as designed. */
 struct rig_arc {
     double zero_rad;
     double tilt_rad[2];
-    double centre_mm[2]; /* where the axis goes through z = 0 */
+    double centre_mm[2]; /* intersection of the axis with z = 0 */
 };
 
 /* A lamp on the light arc. Radiant intensity in direction d: intensity · max(0, cos(d, aim))^n. */
@@ -57,21 +57,21 @@ struct rig_lamp {
     double intensity; /* W·sr⁻¹ along aim */
 };
 
-/* A line laser on the light arc: a sheet of light through position that turns about an axis in that
- * sheet. With sweep angle s the sheet's normal is normal rotated about axis by s·(1 + stretch)
- * (right-handed). All in the arc's frame. */
+/* A line laser on the light arc: a sheet of light through position that rotates about an axis in
+ * that sheet. At sweep angle s the sheet's normal is `normal` rotated about axis by s·(1 +
+ * stretch) (right-handed). All in the arc's frame. */
 struct rig_laser {
     char name[RIG_NAME];
     struct vec3 position_mm;
     struct vec3 axis;   /* unit: tangential, so that the line lies across the sweep */
     struct vec3 normal; /* unit, at s = 0, perpendicular to axis; at s = 0 the sheet goes through
                            the origin (nominally) */
-    double stretch; /* at most RIG_MOST_STRETCH either way; of the sweep: how much further it turns
-                       than it is told, relative */
+    double stretch;     /* relative excess of the true over the commanded sweep angle, within ±
+                           RIG_MOST_STRETCH */
 };
 
-/* A matt white disc that lies level beside the sample, fixed to the turntable: what is seen of it
- * tells a lamp's output, and whether a camera or the turntable's zero has moved (marks.h). */
+/* A fiducial: a matt white disc, level beside the sample and fixed to the turntable. Its picture
+ * measures a lamp's output and whether a camera or the turntable's zero has moved (marks.h). */
 struct rig_mark {
     char name[RIG_NAME];
     struct vec3 centre_mm; /* of its face, sample frame */
@@ -80,7 +80,7 @@ struct rig_mark {
 };
 
 struct rig {
-    char id[64]; /* which rig this is; a calibration of another one is refused */
+    char id[64]; /* identifies the rig; a calibration of another one is refused */
     struct rig_camera cameras[RIG_MAX_CAMERAS];
     int n_cameras;
     struct rig_lamp lamps[RIG_MAX_LAMPS];
@@ -90,23 +90,23 @@ struct rig {
     struct rig_arc arc;
     struct rig_mark marks[RIG_MAX_MARKS];
     int n_marks;
-    double arc_radius_mm; /* of the arc's inner edge, and */
-    double arc_width_mm;  /* its width across: together what it hides from a camera */
+    double arc_radius_mm; /* radius of the arc's inner edge, and */
+    double arc_width_mm;  /* its width: they give the part that it hides from a camera */
 };
 
 #define RIG_ERROR rig_error_quark()
 GQuark rig_error_quark(void);
 enum rig_error {
     RIG_ERROR_FORMAT, /* not a calibration file, or of another version */
-    RIG_ERROR_VALUE,  /* a value is missing, not finite, or makes no sense */
+    RIG_ERROR_VALUE,  /* a value is missing, not finite, or out of range */
 };
 
-/* One readable key file, "calibration.conf". The numbers are written so that they come back bit
- * for bit. */
+/* Text of the key file "calibration.conf". Numbers are restored bit for bit. */
 char *rig_to_text(const struct rig *rig); /* g_free() */
 gboolean rig_from_text(struct rig *rig, const char *text, const char *path, GError **error);
 
-/* Places a camera at a point looking at another, image x to the right when seen from above. */
+/* Places a camera at a point, looking at another; image x points to the right when seen from
+ * above. */
 void rig_camera_look_at(struct rig_camera *camera, struct vec3 eye_mm, struct vec3 target_mm);
 
 struct vec3 rig_camera_centre_mm(const struct rig_camera *camera);
@@ -120,11 +120,11 @@ gboolean rig_project(const struct rig_camera *camera, struct vec3 point_mm, doub
  * inverted to 1e-9 px. */
 struct vec3 rig_pixel_ray(const struct rig_camera *camera, double x_px, double y_px);
 
-/* Turns about z: rig from sample coordinates is by +τ, sample from rig by −τ. */
+/* Rotates about z: from sample to rig frame by +τ, from rig to sample frame by −τ. */
 struct vec3 rig_turn(struct vec3 v, double angle_rad);
 
-/* From the arc's frame to the rig's with the arc at α, and back. arc may be NULL here and below: an
- * ideal one. */
+/* Transforms between the arc's frame at angle α and the rig frame. arc may be NULL here and
+ * below: an ideal arc. */
 struct vec3 rig_arc_point(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
 struct vec3 rig_arc_direction(const struct rig_arc *arc, double arc_rad, struct vec3 direction);
 struct vec3 rig_arc_point_back(const struct rig_arc *arc, double arc_rad, struct vec3 point_mm);
@@ -147,7 +147,7 @@ struct rig_plane {
 struct rig_plane rig_laser_sheet(const struct rig_arc *arc, const struct rig_laser *laser,
                                  double arc_rad, double sweep_rad);
 
-/* The sweep angle at which the sheet goes through a point. */
+/* The sweep angle at which the sheet contains a point. */
 double rig_laser_sweep_rad(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                            struct vec3 point_mm);
 

@@ -1,3 +1,5 @@
+/* The key file of a rig. Tables of fields map struct members to keys with their bounds; names of
+ * sections and keys are the file format and must not change. */
 #include "fields.h"
 #include "rig.h"
 
@@ -116,6 +118,7 @@ static gboolean is_unit(struct vec3 v) {
     return fabs(vec3_length(v) - 1) < UNIT_TOLERANCE;
 }
 
+/* Rows of unit length, perpendicular, and row₀ × row₁ = row₂. */
 static gboolean is_rotation(const struct mat3 *m) {
     struct vec3 row[3];
 
@@ -162,7 +165,8 @@ static gboolean read_counts(const struct reader *r, struct rig *rig, GError **er
            fields_read(r->file, r->path, "rig", counts, others, rig, error);
 }
 
-/* A device beyond the counts: one of the two was edited. Other sections are other people's. */
+/* Refuses sections of devices beyond the counts: one of the two was edited. Other sections are
+ * ignored. */
 static gboolean check_groups(const struct reader *r, const struct rig *rig, GError **error) {
     const struct {
         const char *prefix;
@@ -212,7 +216,7 @@ static gboolean rig_text_read_rig(struct reader *r, struct rig *rig, GError **er
     return check_shapes(r, rig, error);
 }
 
-/* A file cut short has lost its last section; a wrong first one is not ours at all. */
+/* A truncated file lacks its last section; a file with another first one is not ours. */
 static gboolean rig_text_check_frame(const struct reader *r, GError **error) {
     g_autofree char *format = g_key_file_get_string(r->file, "rig", "format", NULL);
     g_autofree char *end = g_key_file_get_string(r->file, "end", "complete", NULL);
@@ -230,9 +234,9 @@ static gboolean rig_text_check_frame(const struct reader *r, GError **error) {
     return FALSE;
 }
 
-/* The first line, from 1, that is neither empty, a comment, a [group] nor key=value; 0: none is.
- * The parser's own message quotes it, but a path may name any file that only this program may read.
- */
+/* Number (from 1) of the first line that is neither empty, a comment, a [group] nor key=value; 0:
+ * none. The parser's own message quotes the line, but the path may be any file that only this
+ * program may read. */
 static int bad_line(const char *text) {
     g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
 

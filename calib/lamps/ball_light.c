@@ -1,14 +1,19 @@
+/* Light directions from mirror balls under orthographic projection: with n the normal at the
+ * highlight and v = (0, 0, 1), the direction is the reflection 2 (n·v) n − v. Several balls give
+ * rays; two rays propose a model (a common direction, or the point where they meet), the one with
+ * most agreeing rays is fitted by least squares. */
 #include "ball_light.h"
 
 #include <math.h>
 #include <string.h>
 
-#define PARALLEL  1e-9 /* of the normal equations' determinant */
-#define AGREE     3.0  /* standard deviations, and */
+#define PARALLEL  1e-9 /* relative determinant below which the rays are parallel */
+#define AGREE     3.0  /* standard deviations within which a ray agrees, but at least */
 #define AGREE_RAD (0.5 * G_PI / 180)
-#define NEAREST   3.0 /* radii: a light is not among the balls */
-#define KNOWN     0.5 /* of the distance, that a place may be off by to be one */
+#define NEAREST   3.0 /* radii: a light is at least this far from the balls */
+#define KNOWN     0.5 /* largest relative error of a known position */
 
+/* n = (x, y, √(1 − x² − y²)), x and y relative to the centre in radii, y up. */
 static gboolean ball_light_normal_at(const struct ball_outline *ball, double x_px, double y_px,
                                      struct vec3 *ret) {
     double x = (x_px - ball->x_px) / ball->radius_px, y = (ball->y_px - y_px) / ball->radius_px;
@@ -28,8 +33,9 @@ gboolean ball_light_direction(const struct ball_outline *ball, double x_px, doub
     return TRUE;
 }
 
-/* A mirror ball maps equal areas to equal solid angles: the mean over the highlight is that over
- * the lamp. Four points have the same second moments. */
+/* A mirror ball maps equal areas of the picture to equal solid angles: the mean over the
+ * highlight is the mean over the lamp. Four points with the same second moments stand for the
+ * highlight. */
 gboolean ball_light_mean_direction(const struct ball_outline *ball, double x_px, double y_px,
                                    double xx_px2, double xy_px2, double yy_px2, struct vec3 *ret) {
     const double x = sqrt(2 * xx_px2), skew = x > 0 ? 2 * xy_px2 / x : 0;
@@ -45,6 +51,7 @@ gboolean ball_light_mean_direction(const struct ball_outline *ball, double x_px,
     return TRUE;
 }
 
+/* The inverse of A with rows r₀, r₁, r₂ has the columns r₁ × r₂, r₂ × r₀, r₀ × r₁ over det A. */
 gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret) {
     struct vec3 r[3];
     for (int i = 0; i < 3; i++)
@@ -59,6 +66,8 @@ gboolean ball_light_solve(const struct mat3 *a, struct vec3 b, struct vec3 *ret)
     return TRUE;
 }
 
+/* The direction turns by twice the normal's angle, whose sine is the distance from the centre:
+ * the error is divided by the cosine radially, and multiplied by it tangentially. */
 double ball_light_sigma_rad(const struct ball_outline *ball, double circle_px, double x_px,
                             double y_px, double highlight_px) {
     const double sine = hypot(x_px - ball->x_px, y_px - ball->y_px) / ball->radius_px;
@@ -72,11 +81,13 @@ static double angle_rad(struct vec3 a, struct vec3 b) {
     return atan2(vec3_length(vec3_cross(a, b)), vec3_dot(a, b));
 }
 
-struct model { /* what rays may agree on */
+/* A hypothesis that rays agree with: a position, or else a direction. */
+struct model {
     gboolean placed;
     struct vec3 direction, place;
 };
 
+/* Angle between a ray and the direction of the model from the ball. */
 static double off_rad(const struct model *model, const struct ball_ray *ray) {
     return angle_rad(ray->direction,
                      model->placed ? vec3_sub(model->place, ray->from) : model->direction);
@@ -90,8 +101,7 @@ static struct vec3 mean_direction(const struct ball_ray *rays, int n, guint32 se
     return vec3_unit(sum);
 }
 
-/* The projections across the rays: their sum, and the sum of how far each leaves a place unknown.
- */
+/* a += weight · (I − d dᵀ), the projection perpendicular to the ray. */
 static void add_across(struct mat3 *a, struct vec3 d, double weight) {
     const double v[3] = {d.x, d.y, d.z};
     for (int j = 0; j < 3; j++)
@@ -99,7 +109,8 @@ static void add_across(struct mat3 *a, struct vec3 d, double weight) {
             a->m[j][k] += weight * ((j == k) - v[j] * v[k]);
 }
 
-/* Where the rays of a set come nearest to each other; FALSE: nowhere before all of them. */
+/* The point p closest to all rays of a set: Σ (I − d dᵀ) p = Σ (I − d dᵀ) q, q being the rays'
+ * origins. FALSE: the rays are parallel, or p is not in front of all of them. */
 static gboolean meet(const struct ball_ray *rays, int n, guint32 set, struct mat3 *ret_normal,
                      struct vec3 *ret) {
     struct vec3 b = vec3(0, 0, 0);
@@ -124,11 +135,12 @@ struct vote {
     struct model model;
     guint32 set;
     int count;
-    double misfit; /* of the set: sum of squares, in standard deviations */
-    gboolean tied; /* another set of as many */
+    double misfit; /* sum of squared deviations of the set, in variances */
+    gboolean tied; /* another set has as many rays */
 };
 
-/* sigma_rad: of the model. */
+/* Counts the rays that agree with a model; sigma_rad: standard deviation of the model. On a tie
+ * the smaller misfit is kept. */
 static void vote(const struct ball_ray *rays, int n, const struct model *model, double sigma_rad,
                  struct vote *best) {
     struct vote mine = {.model = *model};
@@ -149,6 +161,7 @@ static void vote(const struct ball_ray *rays, int n, const struct model *model, 
     best->tied = tied;
 }
 
+/* Tries the mean direction and the intersection of every pair of rays. */
 static struct vote vote_of_pairs(const struct ball_ray *rays, int n) {
     struct vote best = {.count = 0};
     for (int i = 0; i < n; i++)
@@ -165,7 +178,8 @@ static struct vote vote_of_pairs(const struct ball_ray *rays, int n) {
     return best;
 }
 
-/* Of a place, each way: the rays' errors where they pass it, through the least squares. */
+/* Standard error of a position, per axis: √(Nᵢ⁻¹ S Nᵢ⁻ᵀ) with the normal matrix N and S = Σ σ² (I
+ * − d dᵀ) / 2, σ: error of a ray at the position. */
 static struct vec3 place_error(const struct ball_ray *rays, int n, guint32 set,
                                const struct mat3 *normal, struct vec3 place) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};
@@ -201,7 +215,8 @@ static void ball_light_place(const struct ball_ray *rays, int n, guint32 set,
     ret->miss = sqrt(ret->miss / count);
 }
 
-/* Errors of what a set agrees on; larger if its rays differ by more than they should. */
+/* Result and errors of the set that agrees; the errors are scaled up if the rays deviate by more
+ * than their standard deviations (χ² per degree of freedom). */
 static void estimate(const struct ball_ray *rays, int n, guint32 set, struct ball_light *ret) {
     double squares = 0, misfit = 0, count = 0;
     ret->direction = mean_direction(rays, n, set);

@@ -1,23 +1,26 @@
+/* Edges are found along radial rays from the given centre; RANSAC over three edges proposes
+ * circles, and Gauss-Newton fits the one that most rays agree with. */
 #include "ball_outline.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-#define RAYS        180
-#define NEAREST     0.75 /* of the given radius: where edges are looked for */
-#define FARTHEST    1.3
-#define STEP_PX     0.5
-#define REACH       4     /* steps on either side that an edge is the difference of */
-#define ABOVE       6.0   /* the edge, in units of the ray's median difference */
-#define LEAST       0.002 /* the edge at least, square root of light */
-#define TRIALS      400
-#define SEEN        0.4  /* of the rays must agree */
-#define EDGES       3    /* of a ray, strongest first: the ball shows edges too */
-#define NEIGHBOURS  3.0  /* times less sure than by residuals: neighbouring edges err alike */
-#define AGREE       0.01 /* of the radius */
-#define SMALLEST_PX 32   /* radius: around smaller ones any edge is as good as another */
-#define ROUNDS      5    /* of fitting and leaving out */
-#define FLOOR_PX    0.1  /* a fit is hardly better than that */
+#define RAYS     180
+#define NEAREST  0.75 /* range of the search, in radii of the given circle */
+#define FARTHEST 1.3
+#define STEP_PX  0.5
+#define REACH    4     /* steps on both sides that an edge compares */
+#define ABOVE    6.0   /* least edge, in units of the ray's median difference */
+#define LEAST    0.002 /* least edge, in the square root of light */
+#define TRIALS   400
+#define SEEN     0.4 /* share of the rays that must agree */
+#define EDGES    3   /* candidate edges per ray, strongest first: the ball itself has edges, too */
+#define NEIGHBOURS                                                                                 \
+    3.0 /* factor of the standard error, since errors of neighbouring edges are correlated */
+#define AGREE       0.01 /* of the radius: distance within which an edge agrees */
+#define SMALLEST_PX 32   /* radius: smaller circles have too few edges to be reliable */
+#define ROUNDS      5    /* of fitting with outlier rejection */
+#define FLOOR_PX    0.1  /* lower bound of the standard deviation */
 #define MOST_STEPS  4096
 
 struct edges {
@@ -26,6 +29,7 @@ struct edges {
     int n;
 };
 
+/* Bilinear interpolation; NAN outside of the picture. */
 static double ball_outline_value_at(const struct picture *picture, double x, double y) {
     const int i = (int)floor(x), j = (int)floor(y);
     if (i < 0 || j < 0 || i + 1 >= picture->width || j + 1 >= picture->height)
@@ -41,7 +45,7 @@ static int ball_outline_compare(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-/* How much the picture changes at steps of a ray; NULL: it is not in the picture. */
+/* Absolute smoothed derivative of the picture along a ray; 0 outside of the picture. */
 static double *changes_on_ray(const struct picture *picture, const struct ball_outline *given,
                               double angle, int n) {
     g_autofree double *values = g_new(double, n);
@@ -60,7 +64,8 @@ static double *changes_on_ray(const struct picture *picture, const struct ball_o
     return changes;
 }
 
-/* Takes the strongest edge off a ray; 0: there is none left. */
+/* Takes the strongest edge of a ray, to a fraction of a step by a parabola, and clears its
+ * surroundings; 0: there is none left. */
 static double take_edge(double *changes, int n, double least) {
     int best = 1;
     for (int i = 2; i < n - 1; i++)
@@ -95,6 +100,7 @@ static void ball_outline_find_edges(const struct picture *picture, const struct 
     }
 }
 
+/* Circle through three edges; FALSE: they are nearly collinear. */
 static gboolean through_three(const struct edges *e, const int k[3], struct ball_outline *ret) {
     const double ax = e->x[k[1]] - e->x[k[0]], ay = e->y[k[1]] - e->y[k[0]];
     const double bx = e->x[k[2]] - e->x[k[0]], by = e->y[k[2]] - e->y[k[0]];
@@ -110,6 +116,7 @@ static double off_px(const struct edges *e, int i, const struct ball_outline *ci
     return hypot(e->x[i] - circle->x_px, e->y[i] - circle->y_px) - circle->radius_px;
 }
 
+/* Number of rays with an edge that agrees with a circle. */
 static int agreeing(const struct edges *e, const struct ball_outline *circle, double within_px) {
     int count = 0, last = -1;
     for (int i = 0; i < e->n; i++)
@@ -126,6 +133,7 @@ static gboolean is_near(const struct ball_outline *a, const struct ball_outline 
            fabs(a->radius_px - given->radius_px) <= reach_px;
 }
 
+/* RANSAC with a fixed seed; returns the number of agreeing rays of the best circle. */
 static int most_agreed(const struct edges *e, const struct ball_outline *given, double reach_px,
                        double within_px, struct ball_outline *ret) {
     GRand *rand = g_rand_new_with_seed(1);
@@ -146,8 +154,9 @@ static int most_agreed(const struct edges *e, const struct ball_outline *given, 
     return most;
 }
 
-/* One step of Gauss and Newton for the edges that agree; FALSE: they do not tell a circle.
- * ret_sigma_px: of the least known of centre and radius, by the edges' residuals. */
+/* One Gauss-Newton step of min Σ (|e − c| − r)² over the agreeing edges e. FALSE: they do not
+ * determine a circle. ret_sigma_px: the largest standard error of centre and radius, from the
+ * residuals. */
 static gboolean ball_outline_improve(const struct edges *e, double within_px,
                                      struct ball_outline *circle, double *ret_sigma_px) {
     const struct vec3 unit[3] = {vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1)};

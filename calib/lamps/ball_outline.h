@@ -1,5 +1,5 @@
 /*
- * A ball's outline as pictures show it: the circle that most edges around a given one lie on.
+ * Finds the outline of a ball in a picture: the circle that most edges near a given one lie on.
  * Pure; any thread.
  */
 #pragma once
@@ -7,8 +7,8 @@
 #include "ball_light.h"
 #include "pictures/picture.h"
 
-/* The circle with its centre and radius within reach_px of the given one's, reach_px being up to a
- * quarter of the radius. FALSE: too little of such an outline is to be seen.
- * ret_sigma_px: standard deviation of the centre, each way, and of the radius. */
+/* Finds a circle whose centre and radius are within reach_px of the given one's; reach_px is at
+ * most a quarter of the radius. FALSE: too little of such an outline is visible. ret_sigma_px:
+ * standard deviation of the centre, per axis, and of the radius. */
 gboolean ball_outline_find(const struct picture *picture, const struct ball_outline *given,
                            double reach_px, struct ball_outline *ret, double *ret_sigma_px);

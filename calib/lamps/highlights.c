@@ -1,40 +1,46 @@
+/* Highlights are connected regions above a share of their peak. The lamp is the one with the
+ * largest energy Σ (I − background)²; its position is the centroid of the light above EDGE ·
+ * peak. */
 #include "highlights.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-#define EDGE        0.2   /* of the peak: the spot's border, up to where its light is weighed */
-#define ABOVE_NOISE 12.0  /* the peak, in units of what the surroundings vary by */
-#define FLAT        0.998 /* of the brightest: as bright as it */
-#define FLAT_PIXELS 7     /* so many are as bright only where the spot is cut off */
-#define SIGHT_PX    0.03  /* standard deviation of a middle */
-#define CLIPPED_PX  0.1   /* the same where only a saturated spot's border tells it */
-#define SPECK       4     /* spots of fewer pixels are dust or hot pixels */
-#define STREAK      4.0   /* times longer than wide: a hair or a scratch */
-#define COMPARABLE  0.3   /* of the chosen spot's energy: another that may as well be the lamp */
-#define MOST_SPOTS  256   /* looked at, brightest first */
-#define SLANT       0.3   /* cosine at which a highlight is too near to the ball's rim */
-#define SPOT_SHARE  0.2   /* of a ball's picture, that a spot may take up */
+#define EDGE        0.2   /* share of the peak that bounds a spot */
+#define ABOVE_NOISE 12.0  /* least peak, in robust standard deviations of the surroundings */
+#define FLAT        0.998 /* share of the maximum that counts as equal to it */
+#define FLAT_PIXELS 7     /* from this number of equal pixels on the spot is saturated */
+#define SIGHT_PX    0.03  /* standard deviation of a centroid */
+#define CLIPPED_PX  0.1   /* the same for a saturated spot, whose border alone determines it */
+#define SPECK       4     /* smaller spots are dust or hot pixels */
+#define STREAK      4.0   /* aspect from which a spot is a hair or a scratch */
+#define COMPARABLE                                                                                 \
+    0.3 /* share of the chosen spot's energy from which another makes the choice ambiguous */
+#define MOST_SPOTS 256 /* examined, brightest first */
+#define SLANT                                                                                      \
+    0.3 /* least cosine of the normal: below, a highlight is too near to the ball's rim            \
+         */
+#define SPOT_SHARE 0.2 /* largest area of a spot, in areas of the ball's picture */
 
-#define NOWHERE 0 /* label of pixels that belong to no spot */
+#define NOWHERE 0 /* label of pixels without a spot */
 
 struct window {
     const struct picture *picture;
     int left, top, width, height;
-    float *values;   /* −G_MAXFLOAT: not in the circle */
-    guint16 *labels; /* which spot a pixel belongs to */
-    int *members;    /* the spots' pixels, one spot after the other */
+    float *values;   /* −G_MAXFLOAT: outside of the circle */
+    guint16 *labels; /* label of each pixel's spot */
+    int *members;    /* pixels of the spots, spot by spot */
     int n_members;
     float level, floor;
 };
 
 struct spot {
     guint16 label;
-    int first, pixels;      /* in members */
-    float height;           /* of the peak above the level */
-    double energy;          /* sum of squares above the level: brightness and size both count */
-    struct highlight light; /* in the window */
-    double aspect;          /* length to width */
+    int first, pixels; /* range in members */
+    float height;      /* peak above the background */
+    double energy;     /* sum of squares above the background: both brightness and size count */
+    struct highlight light; /* position in the window */
+    double aspect;          /* length over width */
     gboolean halo, cut;
 };
 
@@ -43,6 +49,7 @@ static int highlights_compare(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
+/* Copies the pixels of a circle; FALSE: it is not wholly in the picture. */
 static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     w->left = (int)ceil(x - r);
     w->top = (int)ceil(y - r);
@@ -63,7 +70,8 @@ static gboolean highlights_cut(struct window *w, double x, double y, double r) {
     return TRUE;
 }
 
-/* Median, and how far values usually are from it: 1.4826 times the median of distances is σ. */
+/* Background level (median) and least peak; 1.4826 · median |I − level| is the robust standard
+ * deviation. */
 static void background(struct window *w) {
     int n = 0, all = w->width * w->height;
     g_autofree float *sorted = g_new(float, all);
@@ -78,7 +86,7 @@ static void background(struct window *w) {
     w->floor = MAX((float)ABOVE_NOISE * 1.4826f * sorted[n / 2], 0.05f * fabsf(w->level));
 }
 
-/* The brightest pixel that belongs to no spot yet. */
+/* The brightest pixel without a spot. */
 static int brightest(const struct window *w) {
     int best = -1;
     for (int i = 0; i < w->width * w->height; i++)
@@ -87,7 +95,8 @@ static int brightest(const struct window *w) {
     return best;
 }
 
-/* Labels what hangs together with the peak, and tells what else it touches. */
+/* Flood fill: labels the region connected with the peak. halo: it touches another spot; cut: it
+ * reaches the border of the circle. */
 static void grow(struct window *w, int peak, struct spot *spot) {
     const float least = w->level + (float)EDGE * spot->height;
     spot->first = w->n_members;
@@ -111,7 +120,7 @@ static void grow(struct window *w, int peak, struct spot *spot) {
     }
 }
 
-/* The middle and the extent of the spot's light above a share of its peak; in the window. */
+/* Centroid and second moments of the spot's light above a share of its peak. */
 static void highlights_weigh(const struct window *w, const struct spot *spot, double share,
                              struct highlight *ret) {
     const float least = w->level + (float)share * spot->height;
@@ -136,7 +145,7 @@ static void highlights_weigh(const struct window *w, const struct spot *spot, do
     ret->yy_px2 = MAX(0, yy / sum - ret->y_px * ret->y_px);
 }
 
-/* From second moments of its pixels, each of which is a square. */
+/* √(λ₁ / λ₂) of the second moments of the spot's pixels, each being a square of variance 1/12. */
 static double aspect(const struct window *w, const struct spot *spot) {
     double x = 0, y = 0, xx = 1.0 / 12, yy = 1.0 / 12, xy = 0;
     const int *members = w->members + spot->first, n = spot->pixels;
@@ -161,7 +170,8 @@ static void highlights_describe(const struct window *w, struct spot *spot) {
     highlights_weigh(w, spot, EDGE, &spot->light);
 }
 
-/* Every spot of its own, brightest first; what touches a brighter one is that one's halo. */
+/* Finds the spots, brightest first. A region that touches a brighter spot is that spot's halo and
+ * is dropped. */
 static GArray *find_spots(struct window *w) {
     GArray *spots = g_array_new(FALSE, FALSE, sizeof(struct spot));
     guint16 label = NOWHERE + 1;
@@ -179,8 +189,8 @@ static GArray *find_spots(struct window *w) {
     return spots;
 }
 
-/* Pixels of the spot that are as bright as the brightest of their phase of a colour filter, each of
- * which may be cut off at a value of its own. */
+/* Number of pixels of the spot that equal the maximum of their colour filter phase; each phase
+ * may saturate at its own value. */
 static int flat_pixels(const struct window *w, const struct spot *spot) {
     float most[4] = {0};
     int count = 0;
@@ -196,8 +206,8 @@ static int flat_pixels(const struct window *w, const struct spot *spot) {
     return count;
 }
 
-/* How far the middle moves as less and less of the border counts: glare and a lamp that is not
- * round show so. */
+/* RMS displacement of the centroid for higher thresholds: it shows glare and lamps that are not
+ * round. */
 static double spread_px(const struct window *w, const struct spot *spot) {
     static const double shares[] = {0.35, 0.5, 0.7, 0.9};
     double sum = 0;
@@ -209,15 +219,15 @@ static double spread_px(const struct window *w, const struct spot *spot) {
     return sqrt(sum / G_N_ELEMENTS(shares));
 }
 
-static gboolean may_be_lamp(const struct spot *spot) {
+static gboolean is_lamp_shaped(const struct spot *spot) {
     return spot->pixels >= SPECK && spot->aspect < STREAK;
 }
 
-/* NULL, or why not to believe in the best spot. */
-static char *why_not(const struct window *w, const GArray *spots, const struct spot *best,
-                     const struct spot *other, double most_px) {
+/* NULL, or the reason to refuse the best spot. */
+static char *reason_against(const struct window *w, const GArray *spots, const struct spot *best,
+                            const struct spot *other, double most_px) {
     if (!best)
-        return g_strdup(spots->len > 0 ? "shows no lamp: what is bright in it are specks or streaks"
+        return g_strdup(spots->len > 0 ? "shows no lamp: its bright spots are specks or streaks"
                                        : "shows no lamp: nothing in it is brighter than the rest");
     const double x = w->left + best->light.x_px, y = w->top + best->light.y_px;
     if (best->pixels > most_px)
@@ -239,7 +249,7 @@ static const struct spot *highlights_choose(const struct window *w, const GArray
     const struct spot *best = NULL, *other = NULL;
     for (guint i = 0; i < spots->len; i++) {
         const struct spot *spot = &g_array_index(spots, struct spot, i);
-        if (!may_be_lamp(spot))
+        if (!is_lamp_shaped(spot))
             continue;
         if (!best || spot->energy > best->energy) {
             other = best;
@@ -248,7 +258,7 @@ static const struct spot *highlights_choose(const struct window *w, const GArray
             other = spot;
         }
     }
-    *ret_why = why_not(w, spots, best, other, most_px);
+    *ret_why = reason_against(w, spots, best, other, most_px);
     return *ret_why ? NULL : best;
 }
 
@@ -289,22 +299,23 @@ static gboolean outline_of(const struct rig_camera *camera, struct vec3 centre, 
            ret->y < 2 * camera->height;
 }
 
-/* Another ball before it, or between it and the lamp, may hide what it shows. */
+/* Whether the segment from a ball to a point is free of other balls. */
 static gboolean is_free(const struct lamp_target *target, int mark, double turntable_rad,
                         struct vec3 towards) {
     struct vec3 at = lamp_mark_mm(target, mark, turntable_rad);
-    struct vec3 way = vec3_unit(vec3_sub(towards, at));
+    struct vec3 direction = vec3_unit(vec3_sub(towards, at));
     for (int i = 0; i < target->n; i++) {
         struct vec3 other = vec3_sub(lamp_mark_mm(target, i, turntable_rad), at);
-        double along = vec3_dot(other, way);
+        double along = vec3_dot(other, direction);
         if (i != mark && along > 0 &&
-            vec3_length(vec3_sub(other, vec3_scale(way, along))) <
+            vec3_length(vec3_sub(other, vec3_scale(direction, along))) <
                 target->marks[i].size_mm + target->marks[mark].size_mm)
             return FALSE;
     }
     return TRUE;
 }
 
+/* Measures one ball in one picture, if the geometry says that it shows the lamp. */
 static void highlights_measure_ball(const struct rig *rig, const struct lamp_target *target,
                                     const struct highlight_picture *from, int mark, double reach_mm,
                                     GArray *sights, GPtrArray *rejected) {
@@ -325,7 +336,7 @@ static void highlights_measure_ball(const struct rig *rig, const struct lamp_tar
         return;
     double most_px = MAX(SPOT_SHARE * G_PI * ball.radius_px * ball.radius_px, 9);
     g_autofree char *why = highlight_find(from->picture, x, y, reach.radius_px, most_px, &found);
-    if (!why && found.saturated) /* a rig's exposures are its own: it need not make do */
+    if (!why && found.saturated) /* a rig can expose less; a photograph may have to do */
         why = g_strdup("is saturated where it shows the lamp; expose less");
     if (why) {
         g_ptr_array_add(rejected,

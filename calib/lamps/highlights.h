@@ -1,6 +1,6 @@
 /*
- * Finds a lamp's mirror image in glossy balls: the middle of the bright spot that is in sight of
- * where the ball should be. Pure; any thread.
+ * Finds a lamp's mirror image in glossy balls: the centroid of the bright spot near its expected
+ * position. Pure; any thread.
  */
 #pragma once
 
@@ -8,13 +8,13 @@
 
 struct highlight_picture {
     const struct picture *picture; /* linear grey */
-    int index, lamp, camera;       /* for sights */
+    int index, lamp, camera;       /* copied to the sights */
     double turntable_rad, arc_rad;
 };
 
-/* Appends struct lamp_sight; and, for each ball that should show the lamp but does not tell where,
- * a text that says in which picture and why. The balls are within reach_mm of where the target has
- * them. FALSE: the picture is of another size than the camera. */
+/* Appends struct lamp_sight; and for each ball that should show the lamp but gives no usable
+ * spot, a text with the picture and the reason. The balls are within reach_mm of their position
+ * in the target. FALSE: the picture's size is not the camera's. */
 gboolean highlights_measure(const struct rig *rig, const struct lamp_target *target,
                             const struct highlight_picture *from, double reach_mm, GArray *sights,
                             GPtrArray *rejected, GError **error);
@@ -22,14 +22,14 @@ gboolean highlights_measure(const struct rig *rig, const struct lamp_target *tar
 struct highlight {
     double x_px, y_px;
     double sigma_px;               /* standard deviation of x and of y */
-    double xx_px2, xy_px2, yy_px2; /* how far its light extends: second moments */
+    double xx_px2, xy_px2, yy_px2; /* second moments of its light */
     double energy;                 /* sum of squares above the background */
     gboolean saturated;
 };
 
-/* The middle of the lamp's mirror image within radius_px of a point: of the spot that is largest
- * and brightest, as far as it is not saturated by its light, else by its border. Specks and streaks
- * do not count. NULL, or why there is none to believe in, g_free(). most_px: spots of more pixels
- * are no mirror image. */
+/* Finds the lamp's mirror image within radius_px of a point: the centroid of the spot with the
+ * largest energy, of its border only if it is saturated. Specks and streaks do not count.
+ * most_px: larger spots are no mirror image. Returns NULL, or the reason why there is none,
+ * g_free(). */
 char *highlight_find(const struct picture *picture, double x_px, double y_px, double radius_px,
                      double most_px, struct highlight *ret);

@@ -7,8 +7,8 @@
 
 #define MAX_BYTES (1 << 20)
 
-/* Standard deviations of sizes, if the target does not tell: posts are cut and set by hand, balls
- * are made for bearings. */
+/* Default standard deviations of sizes: posts are cut and set by hand, balls are made for
+ * bearings. */
 #define POST_MM 0.02
 #define BALL_MM 0.005
 
@@ -57,7 +57,8 @@ static gboolean read_marks(const struct reader *r, struct lamp_target *target, G
         for (int j = 0; j < i; j++)
             if (hypot(target->marks[i].x_mm - target->marks[j].x_mm,
                       target->marks[i].y_mm - target->marks[j].y_mm) < 0.1)
-                return lamp_target_refuse(r, error, "places_mm", "two stand in one place");
+                return lamp_target_refuse(r, error, "places_mm",
+                                          "two posts or balls have the same position");
     }
     return TRUE;
 }
@@ -89,7 +90,7 @@ static gboolean lamp_target_known_keys(const struct reader *r, GError **error) {
     g_auto(GStrv) keys = g_key_file_get_keys(r->file, "target", NULL, NULL);
     for (char **key = keys; key && *key; key++)
         if (!g_strv_contains(known, *key))
-            return lamp_target_refuse(r, error, *key, "is not known");
+            return lamp_target_refuse(r, error, *key, "is not a known key");
     return TRUE;
 }
 

@@ -1,3 +1,7 @@
+/* Least squares (geometry/fit.h) over all sights: predicted minus measured position, divided by
+ * its standard deviation. Parameters: tilt and centre of the arc's axis (4), positions of the
+ * lamps (3 each), positions and sizes of the marks (2 + 1 each), offsets of the cameras (2 each,
+ * prior σ = LAMPS_CAMERA_PX), and errors of the drives' angles (1 each, σ estimated by drive.h). */
 #include "lamps.h"
 
 #include "geometry/drive.h"
@@ -9,12 +13,13 @@
 G_DEFINE_QUARK(lamps_error, lamps_error)
 
 #define REJECT          4.5
-#define LEAST_SIGHTS    6                 /* of a lamp */
-#define LEAST_ARC       (60 * G_PI / 180) /* spread of arc angles that tell the axis */
-#define MOST_LAMP_MM    10.0              /* standard error beyond which a lamp is not known */
+#define LEAST_SIGHTS    6                 /* to locate a lamp */
+#define LEAST_ARC       (60 * G_PI / 180) /* least range of arc angles that determines the axis */
+#define MOST_LAMP_MM    10.0              /* largest standard error of a lamp's position */
 #define HIGHLIGHT_STEPS 50
 
-/* What a sight depends on, each at its place: arc, lamp, mark and its size, camera, drives. */
+/* Columns of the parameters that a sight depends on: arc, lamp, mark and its size, camera,
+ * drives. */
 enum { ON_ARC, ON_LAMP = 4, ON_MARK = 7, ON_SIZE = 9, ON_CAMERA, ON_TURN = 12, ON_SWING, ON };
 
 struct problem {
@@ -28,8 +33,9 @@ struct problem {
     int camera_at[RIG_MAX_CAMERAS];
     int size_at[LAMP_MAX_MARKS];
     struct drive turntable, arc;
-    int *turn, *swing; /* of each sight: which angles of the drives; −1: none */
-    double *aside;     /* of each sight: what its x and y change by, a pixel across and down */
+    int *turn, *swing; /* of each sight: index of the drive's angle; −1: none */
+    double *shift; /* n × 4: derivative of its x and y by the camera's offset in pixels, across and
+                      down */
     int n_parameters;
 };
 
@@ -39,6 +45,8 @@ struct vec3 lamp_mark_mm(const struct lamp_target *target, int mark, double turn
     return rig_turn(vec3(m->x_mm, m->y_mm, z), turntable_rad);
 }
 
+/* End of the shadow of a post of height h: e = t + (t − l) h / (l_z − t_z), t: top, l: lamp; its
+ * radius grows by the factor 1 + h / (l_z − t_z). */
 gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 foot_mm,
                         struct vec3 lamp_mm, struct vec3 *ret_end_mm, double *ret_radius_mm) {
     double height = target->marks[mark].size_mm;
@@ -52,8 +60,9 @@ gboolean lamp_shadow_mm(const struct lamp_target *target, int mark, struct vec3 
     return TRUE;
 }
 
-/* The normal halves the angle between the ways to camera and lamp; found by taking the point there,
- * which for a ball far from both converges at once. */
+/* The normal at the highlight bisects the directions to camera and lamp: the fixed-point
+ * iteration p ← c + r · unit(unit(eye − p) + unit(lamp − p)) converges fast for a ball far from
+ * both. */
 gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_mm, double radius_mm,
                            struct vec3 lamp_mm, double *ret_x, double *ret_y) {
     struct vec3 eye = rig_camera_centre_mm(camera), p = centre_mm;
@@ -70,7 +79,7 @@ gboolean lamp_highlight_px(const struct rig_camera *camera, struct vec3 centre_m
     return rig_project(camera, p, ret_x, ret_y);
 }
 
-static struct rig_arc lamps_arc_of(const struct problem *problem, const double *x) {
+static struct rig_arc lamps_arc_at(const struct problem *problem, const double *x) {
     struct rig_arc arc = problem->rig->arc;
     if (problem->fit_arc) {
         arc.tilt_rad[0] = x[0];
@@ -99,13 +108,13 @@ static void target_of(const struct problem *problem, const double *x, struct lam
         }
 }
 
-/* By what the drive was off when a sight was taken. */
+/* Error of the drive's angle at a sight. */
 static double slip(const struct drive *drive, const int *which, int sight, const double *x) {
     return which[sight] >= 0 ? x[drive->at + which[sight]] : 0;
 }
 
-/* turntable_rad: as it truly stood. Where a shadow ends is told in the sample frame of the angle
- * that was commanded. */
+/* Predicted position of a sight. turntable_rad: the true angle. The end of a shadow is given in
+ * the sample frame of the commanded angle. */
 static gboolean lamps_predict(const struct problem *problem, const struct lamp_target *target,
                               const struct lamp_sight *sight, double turntable_rad,
                               struct vec3 lamp_mm, double ret[2]) {
@@ -126,7 +135,7 @@ static gboolean lamps_predict(const struct problem *problem, const struct lamp_t
 static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
     const struct problem *problem = data;
     struct lamp_target target;
-    struct rig_arc arc = lamps_arc_of(problem, x);
+    struct rig_arc arc = lamps_arc_at(problem, x);
     struct rig_lamp lamps[RIG_MAX_LAMPS];
     target_of(problem, x, &target);
     for (int i = 0; i < problem->rig->n_lamps; i++)
@@ -139,27 +148,28 @@ static void lamps_residuals(const double *x, double *ret, gconstpointer data) {
                 ? rig_camera_centre_mm(&problem->rig->cameras[s->camera])
                 : rig_lamp_position_mm(&arc, &lamps[s->lamp],
                                        s->arc_rad + slip(&problem->arc, problem->swing, i, x));
-        const double *d = x + problem->camera_at[s->camera], *aside = problem->aside + 4 * i;
+        const double *d = x + problem->camera_at[s->camera], *shift = problem->shift + 4 * i;
         double at[2] = {0, 0};
         gboolean seen = lamps_predict(
             problem, &target, s, s->turntable_rad + slip(&problem->turntable, problem->turn, i, x),
             lamp, at);
-        at[0] += aside[0] * d[0] + aside[1] * d[1];
-        at[1] += aside[2] * d[0] + aside[3] * d[1];
+        at[0] += shift[0] * d[0] + shift[1] * d[1];
+        at[1] += shift[2] * d[0] + shift[3] * d[1];
         ret[2 * i] = seen ? (at[0] - s->x) / s->sigma : FIT_LOST;
         ret[2 * i + 1] = seen ? (at[1] - s->y) / s->sigma : FIT_LOST;
     }
 }
 
-/* What a sight on the plate moves by where its camera looks aside by a pixel. */
-static void lamps_find_aside(const struct problem *problem, const struct lamp_sight *s,
+/* Derivative of a point on the plate (mm) by the camera's offset (px): the inverse of the
+ * camera's projection Jacobian there. */
+static void lamps_find_shift(const struct problem *problem, const struct lamp_sight *s,
                              double ret[4]) {
     const struct rig_camera *camera = &problem->rig->cameras[s->camera];
     double x[3], y[3];
     for (int k = 0; k < 3; k++) {
         struct vec3 p = vec3(s->x + (k == 1), s->y + (k == 2), problem->target->plane_mm);
         if (!rig_project(camera, rig_turn(p, s->turntable_rad), &x[k], &y[k]))
-            return; /* is not seen then, and FIT_LOST */
+            return; /* not visible: the residual is FIT_LOST then */
     }
     double a = x[1] - x[0], b = x[2] - x[0], c = y[1] - y[0], d = y[2] - y[0];
     double det = a * d - b * c;
@@ -168,16 +178,16 @@ static void lamps_find_aside(const struct problem *problem, const struct lamp_si
     ret[0] = d / det, ret[1] = -b / det, ret[2] = -c / det, ret[3] = a / det;
 }
 
-static double *new_aside(const struct problem *problem) {
-    double *aside = g_new0(double, 4 * (gsize)problem->n);
+static double *new_shift(const struct problem *problem) {
+    double *shift = g_new0(double, 4 * (gsize)problem->n);
     for (int i = 0; i < problem->n; i++) {
-        double *a = aside + 4 * (gsize)i;
+        double *a = shift + 4 * (gsize)i;
         if (problem->target->kind == LAMP_BALLS)
             a[0] = a[3] = 1;
         else
-            lamps_find_aside(problem, &problem->sights[i], a);
+            lamps_find_shift(problem, &problem->sights[i], a);
     }
-    return aside;
+    return shift;
 }
 
 static int lamps_compare(gconstpointer a, gconstpointer b) {
@@ -185,7 +195,7 @@ static int lamps_compare(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-/* How much of a turn the angles cover: all but the largest gap between neighbours. */
+/* Range of the arc angles: 2π minus the largest gap between neighbours. */
 static double spread_rad(const struct lamp_sight *sights, int n) {
     if (n < 1)
         return 0;
@@ -200,15 +210,14 @@ static double spread_rad(const struct lamp_sight *sights, int n) {
 }
 
 static gboolean few(const char *what, const char *name, int n, GError **error) {
-    g_set_error(
-        error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-        "%s %s: seen %d time(s), which is too few to tell where it is (%d are needed); take "
-        "more pictures of it",
-        what, name, n, LEAST_SIGHTS);
+    g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
+                "%s %s: seen %d time(s), which is too few to locate it (%d are needed); take "
+                "more pictures of it",
+                what, name, n, LEAST_SIGHTS);
     return FALSE;
 }
 
-/* Which angles the drives stood at. A post itself tells nothing of the arc. */
+/* Collects the distinct angles of the drives. A post itself is independent of the arc. */
 static void find_angles(struct problem *problem) {
     drive_init(&problem->turntable, problem->n);
     drive_init(&problem->arc, problem->n);
@@ -256,7 +265,7 @@ static double *lamps_new_sigmas(const struct problem *problem) {
     return sigma;
 }
 
-/* Which parameters there are. */
+/* Assigns the columns of the parameters. */
 static gboolean lamps_lay_out(struct problem *problem, GError **error) {
     int lamps[RIG_MAX_LAMPS] = {0}, marks[LAMP_MAX_MARKS] = {0}, seen = 0;
     gboolean cameras[RIG_MAX_CAMERAS] = {FALSE};
@@ -320,7 +329,8 @@ static double covariance_at(const struct problem *problem, const struct fit_resu
     return fit->covariance[i * problem->n_parameters + j];
 }
 
-/* Turns all lamps so that they lie nearest to the nominal ones; the zero takes up the turn. */
+/* Gauge of the arc's angle: rotates all lamps so that they are closest to the nominal ones, tan φ
+ * = Σ (n × p)_z / Σ n·p over xy; the arc's zero compensates for it. */
 static void set_zero(const struct problem *problem, const struct fit_result *fit,
                      struct lamps_result *ret) {
     double cross = 0, dot = 0, variance = 0;
@@ -347,7 +357,8 @@ static void set_zero(const struct problem *problem, const struct fit_result *fit
         }
 }
 
-/* Aimed as far from the origin as the nominal lamp was. */
+/* Rotates the aim with the lamp's position (Rodrigues' formula), so that it keeps its angle to
+ * the origin. */
 static void keep_aim(const struct rig_lamp *nominal, struct rig_lamp *lamp) {
     struct vec3 from = vec3_unit(nominal->position_mm), to = vec3_unit(lamp->position_mm);
     struct vec3 axis = vec3_cross(from, to);
@@ -359,7 +370,8 @@ static void keep_aim(const struct rig_lamp *nominal, struct rig_lamp *lamp) {
                                    vec3_scale(k, vec3_dot(k, v) * (1 - c))));
 }
 
-/* Of a lamp's place with the arc at 0: what is not known of the arc's axis moves it, too. */
+/* Covariance of a lamp's position with the arc at 0, G C Gᵀ: G has the derivatives of the
+ * position by the arc's axis and the lamp's parameters (numerical), C their covariance. */
 static void place_covariance(const struct problem *problem, const double *x,
                              const struct fit_result *fit, int lamp, double ret[3][3]) {
     const int n = problem->n_parameters, at = problem->lamp_at[lamp];
@@ -375,7 +387,7 @@ static void place_covariance(const struct problem *problem, const double *x,
         struct vec3 place[2];
         for (int side = 0; side < 2; side++) {
             moved[of[i]] = x[of[i]] + (side ? step : -step);
-            const struct rig_arc arc = lamps_arc_of(problem, moved);
+            const struct rig_arc arc = lamps_arc_at(problem, moved);
             const struct rig_lamp found = lamps_lamp_of(problem, moved, lamp);
             place[side] = rig_lamp_position_mm(&arc, &found, 0);
         }
@@ -395,10 +407,11 @@ static void place_covariance(const struct problem *problem, const double *x,
 static void lamps_take(const struct problem *problem, const double *x, struct fit_result *fit,
                        struct lamps_result *ret) {
     ret->rig = *problem->rig;
-    ret->rig.arc = lamps_arc_of(problem, x);
+    ret->rig.arc = lamps_arc_at(problem, x);
     ret->arc_known = problem->fit_arc;
     target_of(problem, x, &ret->target);
-    for (int i = 0; i < ret->target.n; i++) /* or another round would believe them twice */
+    for (int i = 0; i < ret->target.n;
+         i++) /* otherwise another round would use the measured sizes as a prior */
         ret->target.marks[i].size_mm = problem->target->marks[i].size_mm;
     for (int k = 0; problem->fit_arc && k < 2; k++) {
         ret->tilt_error_rad[k] = sqrt(covariance_at(problem, fit, k, k));
@@ -448,15 +461,15 @@ static gboolean check_result(const struct problem *problem, const struct fit_res
         if (spread > 0 && spread < MOST_LAMP_MM && fit->undetermined < 0)
             continue;
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
-                    "lamp %s: the pictures leave it open where it is (standard error %.3g mm); "
-                    "posts or balls further apart, more angles of arc and turntable, tell more",
+                    "lamp %s: the pictures do not determine its position (standard error %.3g mm); "
+                    "use posts or balls further apart, or more angles of arc and turntable",
                     name, fit->undetermined < 0 ? spread : HUGE_VAL);
         return FALSE;
     }
     return TRUE;
 }
 
-/* Over and over, with what it has told about the drives. */
+/* Alternates between the fit and the estimate of the drives' standard deviations from it. */
 static gboolean lamps_adjust(struct problem *problem, double *x, struct fit_result *ret) {
     const int n = problem->n_parameters;
     g_autofree int *depends = lamps_new_depends(problem);
@@ -488,7 +501,7 @@ static void lamps_problem_clear(struct problem *problem) {
     drive_clear(&problem->arc);
     g_free(problem->turn);
     g_free(problem->swing);
-    g_free(problem->aside);
+    g_free(problem->shift);
 }
 
 static gboolean lamps_fit_all(struct problem *problem, struct lamps_result *ret, GError **error) {
@@ -497,7 +510,7 @@ static gboolean lamps_fit_all(struct problem *problem, struct lamps_result *ret,
         return FALSE;
     g_autofree double *x = g_new0(double, problem->n_parameters);
     lamps_do_start(problem, x);
-    problem->aside = new_aside(problem);
+    problem->shift = new_shift(problem);
     if (!lamps_adjust(problem, x, &fitted)) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_DEGENERATE,
                     "%d sights are too few for %d unknowns; take more pictures", problem->n,

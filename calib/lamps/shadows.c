@@ -1,17 +1,20 @@
+/* Measures shadows in the plane of the plate: each pixel has a position there (struct plate_map)
+ * and a value relative to the lit plate, value = I / (E cos θ · pattern · level). */
 #include "shadows_private.h"
 
 #include <math.h>
 #include <string.h>
 
-#define LIT          0.8  /* of the brightest: lit as well */
-#define PATTERN      0.5  /* of the plate's level: no pattern of its own is darker */
-#define LEAST_TELL   0.35 /* contrast of a shadow */
-#define MOST_ODD     0.12 /* root mean square of what the shape leaves, of the lit level */
+#define LIT          0.8  /* of the maximum: lit as well */
+#define PATTERN      0.5  /* of the plate's level: its own pattern is brighter */
+#define LEAST_TELL   0.35 /* least contrast of a shadow */
+#define MOST_ODD     0.12 /* largest RMS residual of the shape, over the lit level */
 #define LEAST_PIXELS 30
-#define MOST_HIDDEN  0.35 /* of the pixels around the shadow's end */
-#define BODY_LAMP    0.7  /* cosine of a lamp's angle from the zenith */
-#define FLOOR_PX     0.01 /* what the shape is not good for, added to each sight's error */
+#define MOST_HIDDEN  0.35 /* largest share of hidden pixels around the shadow's end */
+#define BODY_LAMP    0.7  /* least cosine of a lamp's zenith angle to measure post bodies */
+#define FLOOR_PX     0.01 /* model error of the shape, added to each sight's error */
 
+/* Intersects each pixel's ray e + t r with the plate: t = (z_plate − e_z) / r_z. */
 struct plate_map *plate_map_new(const struct rig_camera *camera, const struct lamp_target *target) {
     struct plate_map *map = g_new(struct plate_map, 1);
     struct vec3 eye = rig_camera_centre_mm(camera);
@@ -76,7 +79,7 @@ static int shadows_compare(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-/* Of a sample of the values. */
+/* Median of every seventh value. */
 static double median_of(const float *values, gsize n) {
     g_autofree float *some = g_new(float, n / 7 + 1);
     gsize count = 0;
@@ -89,7 +92,7 @@ static double median_of(const float *values, gsize n) {
     return (double)some[count / 2];
 }
 
-/* What the lamp gives each place of the plate is divided out, as well as that is known. */
+/* Divides by the lamp's approximate irradiance on the plate, E cos θ. */
 static float *shadows_shade(const ShadowView *view, const struct picture *picture, int lamp,
                             double arc_rad) {
     gsize n = (gsize)picture->width * (gsize)picture->height;
@@ -102,9 +105,9 @@ static float *shadows_shade(const ShadowView *view, const struct picture *pictur
             continue;
         const float *xy = view->map->xy_mm + 2 * i;
         struct vec3 p = vec3((double)xy[0], (double)xy[1], view->target.plane_mm);
-        struct vec3 way = vec3_sub(at, p);
-        double light = rig_lamp_irradiance(&rig->arc, &rig->lamps[lamp], arc_rad, p) * way.z /
-                       vec3_length(way);
+        struct vec3 path = vec3_sub(at, p);
+        double light = rig_lamp_irradiance(&rig->arc, &rig->lamps[lamp], arc_rad, p) * path.z /
+                       vec3_length(path);
         if (light > 0)
             values[i] = (float)((double)picture->values[i] / light);
     }
@@ -135,7 +138,8 @@ gboolean shadow_view_add(ShadowView *view, const struct picture *picture, int in
     return TRUE;
 }
 
-/* At each pixel what those pictures show in which it is lit; from three pictures on. */
+/* The plate's own pattern: at each pixel the sum over the pictures in which it is lit. Needs at
+ * least three pictures. */
 void shadow_find_pattern(ShadowView *view) {
     gsize n = (gsize)view->map->width * (gsize)view->map->height;
     if (view->pattern || view->shots->len < 3)
@@ -157,9 +161,9 @@ void shadow_find_pattern(ShadowView *view) {
     }
 }
 
-/* By the other pictures: by its own, too, the rims of its shadows would be part of the pattern, and
- * shadows smaller. Where all but one are dark shadows lie upon each other: nothing is known, and
- * taken to be plain. */
+/* Value divided by the mean of the other pictures in which the pixel is lit. With its own
+ * included, the rims of its shadows would become part of the pattern and the shadows smaller.
+ * Where shadows overlap in all other pictures the pattern is unknown and taken as 1. */
 double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel) {
     const double value = (double)shot->values[pixel];
     if (!view->pattern)
@@ -171,6 +175,8 @@ double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel
                                     : value;
 }
 
+/* Central differences of the plate position by column and row, and from them the size of a pixel.
+ */
 static gboolean set_slope(struct window *w, int column, int row) {
     const struct plate_map *map = w->view->map;
     if (column < 1 || row < 1 || column >= map->width - 1 || row >= map->height - 1)
@@ -188,13 +194,14 @@ static gboolean set_slope(struct window *w, int column, int row) {
     return isfinite(w->pixel_mm);
 }
 
-/* Beyond the middle of a post's top, which is evenly bright as its side is not. */
+/* Whether a pixel lies beyond the centre of a post's top. The top is evenly bright; the side is
+ * not. */
 static gboolean is_beyond(const struct window *w, const struct pixel *p) {
     double ax = w->streak.to.x - w->streak.from.x, ay = w->streak.to.y - w->streak.from.y;
     return (p->x - w->streak.to.x) * ax + (p->y - w->streak.to.y) * ay > 0;
 }
 
-/* Pixels that have a part in something else than plate and shadow are left out. */
+/* Takes a pixel unless it overlaps anything but plate and shadow. */
 static void take_pixel(struct window *w, gsize i, double reach_mm, double margin_mm) {
     const float *xy = w->view->map->xy_mm + 2 * i;
     struct pixel p = {(double)xy[0], (double)xy[1],
@@ -212,7 +219,8 @@ static void take_pixel(struct window *w, gsize i, double reach_mm, double margin
     g_array_append_val(w->pixels, p);
 }
 
-/* FALSE: the shadow's end lies outside of the picture or the plate, which is nobody's fault. */
+/* Collects the pixels around the end of the shadow. FALSE: it lies outside of the picture or the
+ * plate; that is no error. */
 static gboolean fill_window(struct window *w, double reach_mm, double margin_mm) {
     const ShadowView *view = w->view;
     const struct rig_camera *camera = &view->rig->cameras[view->camera];
@@ -238,12 +246,14 @@ static void shadows_reject(const struct window *w, GPtrArray *rejected, const ch
                         g_strdup_printf("%s: post %d %s", w->shot->name, w->mark + 1, why));
 }
 
+/* Fits the shape and appends a sight, or the reason for rejecting it. */
 static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     gboolean near = w->near;
     struct shape_fit f = {.p = {w->streak.to.x, w->streak.to.y, 1, 0.1, 0.05}};
     if (w->hidden > MOST_HIDDEN * w->near_end || w->pixels->len < LEAST_PIXELS) {
-        shadows_reject(w, rejected,
-                       "hides the end of its shadow from the camera, or another one lies over it");
+        shadows_reject(
+            w, rejected,
+            "hides the end of its shadow from the camera, or another shadow overlaps it");
         return;
     }
     if ((!near && !shadow_fit_shape(w, 0.4 * w->streak.to_mm, &f)) || !shadow_fit_shape(w, 0, &f)) {
@@ -275,7 +285,7 @@ static void fit_end(struct window *w, GArray *sights, GPtrArray *rejected) {
     g_array_append_val(sights, sight);
 }
 
-/* All that may lie over a shadow, or over a post. */
+/* Collects everything that may overlap the shadow or the post. */
 static void add_others(struct window *w, gboolean body, struct vec3 lamp_mm, struct vec3 eye_mm) {
     w->n_others = 0;
     for (int i = 0; i < w->target->n; i++) {
@@ -288,7 +298,8 @@ static void add_others(struct window *w, gboolean body, struct vec3 lamp_mm, str
     }
 }
 
-/* A post's shadow, or the post itself: what the eye's light would leave dark. */
+/* Measures a post's shadow, or the post itself (body): the shadow that a light at the camera
+ * would cast. */
 static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 lamp_mm,
                                  struct vec3 eye_mm, GArray *sights, GPtrArray *rejected) {
     g_array_set_size(w->pixels, 0);
@@ -297,7 +308,7 @@ static void shadows_measure_mark(struct window *w, gboolean body, struct vec3 la
     if (!shadow_streak(w->target, w->mark, w->view->turntable_rad, body ? eye_mm : lamp_mm,
                        &w->streak) ||
         vec3_length(vec3_sub(w->streak.to, w->streak.from)) < w->target->radius_mm)
-        return; /* under its own foot */
+        return; /* the shadow is under the post's own foot */
     add_others(w, body, lamp_mm, eye_mm);
     double r = w->streak.to_mm;
     if (fill_window(w, w->near ? 2.5 * r : 3.5 * r, w->near ? 0.15 * r : 0.5 * r))
@@ -324,8 +335,8 @@ static int shadows_by_size(gconstpointer a, gconstpointer b) {
     return x < y ? -1 : x > y;
 }
 
-/* How well a few pixels fit says little about how well the next ones would: half of what a sight is
- * thought to be worth is what the view's others are. */
+/* The residuals of a few pixels estimate a sight's error poorly: half of its variance is replaced
+ * by that of the median of the view's sights. */
 static void share_sigmas(GArray *sights, guint first, gboolean bodies) {
     g_autoptr(GArray) sorted = g_array_new(FALSE, FALSE, sizeof(double));
     for (guint i = first; i < sights->len; i++) {
@@ -351,8 +362,8 @@ void shadow_view_measure(ShadowView *view, const struct rig *rig, const struct l
     const guint first = sights->len;
     for (guint i = 0; i < view->shots->len; i++) {
         const struct shot *shot = &g_array_index(view->shots, struct shot, i);
-        /* From low lamps a post's side is bright and the plate is not. However often it is looked
-         * at, its edge lies in the same way over the same pixels: once is all it tells. */
+        /* Under low lamps a post's side is bright and the plate dark. A body's edge lies on the
+         * same pixels in every picture, so one measurement has all the information. */
         struct vec3 lamp = vec3_unit(rig->lamps[shot->lamp].position_mm);
         gboolean body = lamp.z > BODY_LAMP && !seen;
         seen |= body;

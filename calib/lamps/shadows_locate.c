@@ -1,22 +1,25 @@
+/* Finds the pose of the plate by grid search: the score of a pose is the mean darkness 1 − value
+ * along the centre lines of all predicted shadows. */
 #include "shadows_private.h"
 
 #include <math.h>
 
-#define MOST_SHOTS  40  /* that are looked at for how the plate lies */
-#define LEAST_SCORE 0.5 /* of a shadow's middle line, how dark it must be */
+#define MOST_SHOTS  40  /* pictures that are used */
+#define LEAST_SCORE 0.5 /* least mean darkness along the centre lines of the shadows */
 
-struct lie { /* how the plate lies, away from how it should */
+/* Pose of the plate relative to the nominal one. */
+struct plate_pose {
     double x_mm, y_mm, turn_rad;
 };
 
-static void move_marks(const struct lamp_target *from, const struct lie *lie,
+static void move_marks(const struct lamp_target *from, const struct plate_pose *pose,
                        struct lamp_target *to) {
     struct lamp_target moved = *from;
     *to = moved;
     for (int i = 0; i < to->n; i++) {
-        struct vec3 p = rig_turn(vec3(moved.marks[i].x_mm, moved.marks[i].y_mm, 0), lie->turn_rad);
-        to->marks[i].x_mm = p.x + lie->x_mm;
-        to->marks[i].y_mm = p.y + lie->y_mm;
+        struct vec3 p = rig_turn(vec3(moved.marks[i].x_mm, moved.marks[i].y_mm, 0), pose->turn_rad);
+        to->marks[i].x_mm = p.x + pose->x_mm;
+        to->marks[i].y_mm = p.y + pose->y_mm;
     }
 }
 
@@ -25,7 +28,7 @@ struct score {
     int n;
 };
 
-/* How dark it is along the middle of a shadow. */
+/* Adds the darkness along the centre line of a shadow. */
 static void score_streak(const ShadowView *view, const struct shot *shot, const struct streak *s,
                          struct score *score) {
     const struct rig_camera *camera = &view->rig->cameras[view->camera];
@@ -45,12 +48,13 @@ static void score_streak(const ShadowView *view, const struct shot *shot, const 
     }
 }
 
-static double score_lie(ShadowView *const *views, int n, const struct lamp_target *target,
-                        const struct lie *lie, int every) {
+/* every: uses every so-many-th picture. */
+static double score_pose(ShadowView *const *views, int n, const struct lamp_target *target,
+                         const struct plate_pose *pose, int every) {
     struct lamp_target moved;
     struct score score = {0, 0};
     int count = 0;
-    move_marks(target, lie, &moved);
+    move_marks(target, pose, &moved);
     for (int v = 0; v < n; v++) {
         const struct rig *rig = views[v]->rig;
         for (guint i = 0; i < views[v]->shots->len; i++) {
@@ -69,22 +73,23 @@ static double score_lie(ShadowView *const *views, int n, const struct lamp_targe
     return score.n ? score.sum / score.n : 0;
 }
 
-/* Around the best so far, on finer and finer grids. */
+/* Grid search around the best pose so far, with the step halved in each round. */
 static double shadows_locate_search(ShadowView *const *views, int n,
                                     const struct lamp_target *target, const double reach[3],
-                                    int every, struct lie *best) {
+                                    int every, struct plate_pose *best) {
     double span[3] = {reach[0], reach[0], reach[1]}, step[3] = {reach[2], reach[2], 0}, most = -1;
     step[2] = reach[2] / (0.35 * (target->plate_mm[0] + target->plate_mm[1]) / 2);
     for (int round = 0; round < 4; round++) {
-        struct lie middle = *best;
+        struct plate_pose middle = *best;
         for (double t = -span[2]; t <= span[2] + 1e-12; t += step[2])
             for (double y = -span[1]; y <= span[1] + 1e-12; y += step[1])
                 for (double x = -span[0]; x <= span[0] + 1e-12; x += step[0]) {
-                    struct lie lie = {middle.x_mm + x, middle.y_mm + y, middle.turn_rad + t};
-                    double score = score_lie(views, n, target, &lie, every);
+                    struct plate_pose pose = {middle.x_mm + x, middle.y_mm + y,
+                                              middle.turn_rad + t};
+                    double score = score_pose(views, n, target, &pose, every);
                     if (score > most) {
                         most = score;
-                        *best = lie;
+                        *best = pose;
                     }
                 }
         for (int k = 0; k < 3; k++) {
@@ -102,10 +107,10 @@ gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *tar
         shadow_find_pattern(views[i]);
         shots += (int)views[i]->shots->len;
     }
-    /* Steps of a post's radius: from one of them a shadow is always met. */
+    /* Steps of a post's radius: one of them always hits a shadow. */
     const double reach[3] = {reach_mm, reach_rad, target->radius_mm};
-    struct lie lie = {0, 0, 0};
-    double score = shadows_locate_search(views, n, target, reach, 1 + shots / MOST_SHOTS, &lie);
+    struct plate_pose pose = {0, 0, 0};
+    double score = shadows_locate_search(views, n, target, reach, 1 + shots / MOST_SHOTS, &pose);
     if (score < LEAST_SCORE) {
         g_set_error(error, LAMPS_ERROR, LAMPS_ERROR_PICTURES,
                     "%s and %d other picture(s): the posts' shadows are not where the target's "
@@ -116,6 +121,6 @@ gboolean shadows_locate(ShadowView *const *views, int n, struct lamp_target *tar
                     MAX(shots - 1, 0), reach_mm, reach_rad * 180 / G_PI, 100 * score);
         return FALSE;
     }
-    move_marks(target, &lie, target);
+    move_marks(target, &pose, target);
     return TRUE;
 }

@@ -1,4 +1,4 @@
-/* The inside of measuring shadows, for shadows*.c. */
+/* Shared by shadows*.c. */
 #pragma once
 
 #include "shadows.h"
@@ -11,9 +11,9 @@ struct shot {
 };
 
 struct pattern { /* of a pixel */
-    float sum;   /* of the values in those pictures in which it is lit, */
-    int n;       /* which are so many, and */
-    float least; /* at least so bright */
+    float sum;   /* sum of the values in the pictures in which it is lit */
+    int n;       /* number of those pictures */
+    float least; /* least value that counts as lit */
 };
 
 struct ShadowView {
@@ -23,12 +23,12 @@ struct ShadowView {
     int camera;
     double turntable_rad;
     GArray *shots;           /* struct shot */
-    struct pattern *pattern; /* the plate's own; NULL until it is needed */
+    struct pattern *pattern; /* the plate's own; NULL until needed */
 };
 
-/* The plate's own pattern is found when it is first needed, of all pictures there are by then. */
+/* Estimates the plate's pattern on the first call, from all pictures added so far. */
 void shadow_find_pattern(ShadowView *view);
-/* How bright the plate is at a pixel, of how bright it is where it is lit; NaN: not the plate. */
+/* Value of a pixel relative to the lit plate; NaN: not on the plate. */
 double shadow_value(const ShadowView *view, const struct shot *shot, gsize pixel);
 
 /* The hull of two discs, in the plate's plane; rig frame. */
@@ -37,10 +37,10 @@ struct streak {
     double from_mm, to_mm; /* radii */
 };
 
-/* Distance from the hull's edge, negative inside. The discs differ little. */
+/* Signed distance from the hull's edge, negative inside, for discs of similar radii. */
 double shadow_outside_mm(const struct streak *streak, double x_mm, double y_mm);
 
-/* What a light, or an eye, at a point makes of a post. */
+/* The shadow of a post from a source (a light or a camera centre). */
 gboolean shadow_streak(const struct lamp_target *target, int mark, double turntable_rad,
                        struct vec3 source_mm, struct streak *ret);
 
@@ -54,14 +54,14 @@ struct window { /* around the end of one shadow */
     const struct lamp_target *target;
     int mark;
     struct streak streak;
-    struct streak others[2 * LAMP_MAX_MARKS]; /* that may lie over it: bodies and shadows */
+    struct streak others[2 * LAMP_MAX_MARKS]; /* bodies and shadows that may overlap it */
     int n_others;
     double slope[4]; /* mm on the plate a pixel: ∂x/∂column, ∂x/∂row, ∂y/∂column, ∂y/∂row */
-    double pixel_mm, long_mm; /* a pixel's side on the plate: usual, longest */
+    double pixel_mm, long_mm; /* size of a pixel on the plate: RMS, largest */
     GArray *pixels;           /* struct pixel */
     int hidden, near_end;
     gboolean body; /* the post itself, not its shadow */
-    gboolean near; /* the foot is where it is said to be; else it is off as the end is */
+    gboolean near; /* the foot's position is accurate; else it moves with the end */
 };
 
 #define SHADOW_SHAPE 5
@@ -71,6 +71,6 @@ struct shape_fit {
     double variance[2];
 };
 
-/* Fits the end of the window's streak, the levels and the blur to its pixels; starts at fit->p.
- * blur_mm: on top of the pixels' own, to reach further. FALSE: it does not converge. */
+/* Fits the end of the shadow, the two levels and the blur to the window's pixels, starting at
+ * fit->p. blur_mm: additional blur, to extend the range of convergence. FALSE: no convergence. */
 gboolean shadow_fit_shape(const struct window *window, double blur_mm, struct shape_fit *fit);

@@ -1,19 +1,24 @@
+/* Shape of a shadow's end: value = lit + (dark − lit) · coverage. The coverage of a quarter of a
+ * pixel by an edge at signed distance d is ½ erfc(d / (√2 σ)), σ being the blur across the edge. */
 #include "shadows_private.h"
 
 #include <math.h>
 #include <string.h>
 
-#define PART_PX2   (0.25 / 12) /* variance of a quarter of a pixel; and what the lens adds is */
-#define LENS_PX2   0.05        /* about so much, */
-#define LENS_ERROR 0.1         /* standard deviation */
+#define PART_PX2   (0.25 / 12) /* variance of a quarter of a pixel */
+#define LENS_PX2   0.05        /* prior of the lens's blur */
+#define LENS_ERROR 0.1         /* and its standard deviation */
 #define MOST_PX2   4
 #define STEPS      25
 #define N          SHADOW_SHAPE
 
-struct blur { /* of a part of a pixel: variance in pixels, and what was added on purpose */
+/* Blur of a quarter of a pixel: variance in px², and the additional blur in mm. */
+struct blur {
     double px2, mm;
 };
 
+/* Distance from the axis at the nearest point t (0 … 1), minus the radius interpolated between
+ * the discs. */
 double shadow_outside_mm(const struct streak *s, double x, double y) {
     double ax = s->to.x - s->from.x, ay = s->to.y - s->from.y;
     double px = x - s->from.x, py = y - s->from.y, length2 = ax * ax + ay * ay;
@@ -28,15 +33,15 @@ gboolean shadow_streak(const struct lamp_target *target, int mark, double turnta
     return lamp_shadow_mm(target, mark, ret->from, source_mm, &ret->to, &ret->to_mm);
 }
 
-/* How much curved the edge is near a point, a mm: round about the end, straight along the sides. */
+/* Curvature of the edge in 1/mm: that of the disc around the end, 0 along the sides. */
 static double curvature(const struct streak *s, double x, double y) {
     const double ax = s->to.x - s->from.x, ay = s->to.y - s->from.y;
     const double px = x - s->to.x, py = y - s->to.y;
     return px * ax + py * ay > 0 ? 1 / MAX(hypot(px, py), s->to_mm / 2) : 0;
 }
 
-/* How much of a part of a pixel the streak covers. What blurs a curved edge along itself draws it
- * towards its hollow side. */
+/* Coverage of a quarter of a pixel. Blur along a curved edge shifts it towards its hollow side by
+ * ½ κ σ_along². */
 static double cover_part(const struct window *w, const struct streak *streak, double x, double y,
                          const struct blur *blur) {
     const double h = 0.02, *s = w->slope;
@@ -50,7 +55,8 @@ static double cover_part(const struct window *w, const struct streak *streak, do
     return erfc(d / (sigma * G_SQRT2)) / 2;
 }
 
-/* Of a pixel: in four parts, since seen at a slant it is not small beside a post. */
+/* Coverage of a pixel as the mean of four quarters, since an obliquely seen pixel is not small
+ * compared with a post. */
 static double cover(const struct window *w, const struct streak *streak, const struct pixel *p,
                     const struct blur *blur) {
     double d = shadow_outside_mm(streak, p->x, p->y), sum = 0;
@@ -64,8 +70,8 @@ static double cover(const struct window *w, const struct streak *streak, const s
     return sum / 4;
 }
 
-/* Gauss and Newton's normal equations at p; returns the sum of squares. meat, if asked for: a, each
- * pixel with the square of its own residual. */
+/* Gauss-Newton normal equations at p: a = Σ j jᵀ, b = Σ j r; returns Σ r². meat (may be NULL): Σ
+ * r² j jᵀ, for the sandwich estimator. */
 static double shadows_shape_normal_equations(const struct window *w, const double p[N],
                                              double blur_mm, double a[N][N], double b[N],
                                              double (*meat)[N]) {
@@ -101,7 +107,7 @@ static double shadows_shape_normal_equations(const struct window *w, const doubl
     return sum;
 }
 
-/* The lens's blur is about what is usual; a shadow as small as a pixel tells little of it. */
+/* Adds the prior of the lens's blur: a shadow as small as a pixel hardly determines it. */
 static void add_usual(const struct window *w, double sum, const double p[N], double a[N][N],
                       double b[N]) {
     const double noise = sum / MAX((int)w->pixels->len - N, 1);
@@ -109,7 +115,7 @@ static void add_usual(const struct window *w, double sum, const double p[N], dou
     b[4] += noise * (LENS_PX2 - p[4]) / (LENS_ERROR * LENS_ERROR);
 }
 
-/* Solves a·x = b for each of n right sides, by Cholesky; FALSE: a is not positive definite. */
+/* Solves a·x = b by Cholesky decomposition, in place; FALSE: a is not positive definite. */
 static gboolean shadows_shape_solve(double a[N][N], double x[N]) {
     for (int j = 0; j < N; j++) {
         for (int k = 0; k < j; k++)
@@ -136,8 +142,8 @@ static gboolean shadows_shape_solve(double a[N][N], double x[N]) {
     return TRUE;
 }
 
-/* Noise is larger on edges than beside them, and edges alone tell where a shadow ends (White 1980).
- */
+/* Heteroscedasticity-consistent variance uᵀ meat u (White 1980): residuals are larger on edges,
+ * which alone determine the end. */
 static double sandwich(double meat[N][N], const double unit[N]) {
     double sum = 0;
     for (int i = 0; i < N; i++)

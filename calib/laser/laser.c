@@ -1,3 +1,8 @@
+/* Least squares (geometry/fit.h) over all points: residual = (n·p − d) / σ, with the sheet n·x =
+ * d at the commanded sweep angle and p the point of the plane that the pixel sees. Parameters:
+ * tilt and centre of the arc's axis (4, with a prior), six per laser (below), offsets of the
+ * cameras (2 each, prior σ = LASER_CAMERA_PX), and errors of the arc's angles (1 each, σ
+ * estimated by drive.h). */
 #include "laser.h"
 
 #include "geometry/drive.h"
@@ -8,18 +13,20 @@
 
 G_DEFINE_QUARK(laser_error, laser_error)
 
-#define POINT_MM      0.02 /* standard deviation across the sheet, about */
+#define POINT_MM      0.02 /* standard deviation of a point across the sheet */
 #define REJECT        5.0
-#define LEAST_POINTS  60  /* of a laser, on each of two heights */
-#define LEAST_HEIGHTS 2.0 /* mm between them */
-#define STEP_POINTS   12  /* of a step on each height, to tell its sheet */
+#define LEAST_POINTS  60  /* least points of a laser on each of two heights */
+#define LEAST_HEIGHTS 2.0 /* mm: least difference of the heights */
+#define STEP_POINTS   12  /* least points of a step on each height, to report its sheet */
 
-#define ARC 4 /* parameters of the arc, the first ones */
+#define ARC 4 /* number of parameters of the arc; they come first */
 
-/* What a point depends on, each at its place: the arc, its laser, the camera, where the arc stood.
- */
+/* Columns of the parameters that a point depends on: arc, laser, camera, error of the arc's
+ * angle. */
 enum { ON_ARC, ON_LASER = ARC, ON_CAMERA = ON_LASER + 6, ON_SWING = ON_CAMERA + 2, ON };
 
+/* Corrections of a laser: position across the sheet and along the beam (mm), axis towards beam
+ * and across (rad), zero of the sweep (rad), and relative stretch of the sweep angle. */
 enum { ACROSS, BEAM, AXIS_BEAM, AXIS_ACROSS, ZERO, STRETCH, PER_LASER };
 
 struct problem {
@@ -30,15 +37,17 @@ struct problem {
     int at[RIG_MAX_LASERS]; /* first parameter; −1: not seen */
     int camera_at[RIG_MAX_CAMERAS];
     struct drive swing;
-    int *swing_of; /* of each point: which of the arc's angles */
+    int *swing_of; /* n: index of the arc's angle */
     int n_parameters;
 };
 
-/* Perpendicular to the axis: the way the light goes at s = 0, and across the sheet. */
+/* Direction of the light at sweep angle 0, perpendicular to the axis: normal × axis. */
 static struct vec3 beam_of(const struct rig_laser *laser) {
     return vec3_cross(laser->normal, laser->axis);
 }
 
+/* Applies the corrections: p' = p + a·n + b·beam, axis' = unit(axis + c·beam + d·n), and the
+ * normal, made perpendicular to axis', rotated about it by the zero. */
 static struct rig_laser laser_of(const struct problem *problem, const double *x, int i) {
     const struct rig_laser *from = &problem->rig->lasers[i];
     const double *p = x + problem->at[i];
@@ -57,7 +66,7 @@ static struct rig_laser laser_of(const struct problem *problem, const double *x,
     return laser;
 }
 
-/* The first four parameters. */
+/* Applies the first four parameters: tilt and centre. */
 static struct rig_arc laser_arc_of(const struct problem *problem, const double *x) {
     struct rig_arc arc = problem->rig->arc;
     arc.tilt_rad[0] += x[0];
@@ -67,11 +76,12 @@ static struct rig_arc laser_arc_of(const struct problem *problem, const double *
     return arc;
 }
 
-/* arc_rad: as it truly stood. d: how far the camera looks aside, px. */
+/* Signed distance of a point from its sheet. arc_rad: the true angle; d: the camera's offset in
+ * px. */
 static double distance_mm(const struct rig_arc *arc, double arc_rad, const struct rig_laser *laser,
                           const struct laser_point *point, const double d[2]) {
     struct rig_plane sheet = rig_laser_sheet(arc, laser, arc_rad, point->sweep_rad);
-    const float *a = point->aside;
+    const float *a = point->shift;
     struct vec3 p = point->point_mm;
     p.x -= (double)a[0] * d[0] + (double)a[1] * d[1];
     p.y -= (double)a[2] * d[0] + (double)a[3] * d[1];
@@ -94,12 +104,13 @@ static void laser_residuals(const double *x, double *ret, gconstpointer data) {
     }
 }
 
-struct levels { /* of a laser's points */
+struct levels { /* heights of a laser's points */
     double low_mm, high_mm;
     int n, n_low, n_high;
     int sweep; /* one of its sweeps */
 };
 
+/* Range of heights of a laser's points, and numbers below and above its middle. */
 static struct levels levels_of(const struct problem *problem, int laser) {
     struct levels l = {G_MAXDOUBLE, -G_MAXDOUBLE, 0, 0, 0, -1};
     for (int i = 0; i < problem->n; i++) {
@@ -125,8 +136,8 @@ static gboolean laser_check_levels(const struct problem *problem, int laser, con
     const char *name = problem->rig->lasers[laser].name;
     if (l->high_mm - l->low_mm < LEAST_HEIGHTS) {
         g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
-                    "%s: laser %s is seen on planes of one height only, %.3f mm, which says "
-                    "nothing about the angle of its sheet; sweep a second plane, at least %g mm "
+                    "%s: laser %s is seen on planes of one height only, %.3f mm, which does not "
+                    "determine the angle of its sheet; sweep a second plane, at least %g mm "
                     "higher or lower",
                     sweep_names[l->sweep], name, l->low_mm, LEAST_HEIGHTS);
         return FALSE;
@@ -196,12 +207,14 @@ static double *laser_new_sigmas(const struct problem *problem) {
     return sigma;
 }
 
-/* Two straight lines through a step's points, one on each height, against the model's sheet. */
+/* Residuals of one step's points, summed over each of the two heights. */
 struct tally {
     double sum[2];
     int n[2];
 };
 
+/* For each step: mean residuals m₀, m₁ on both heights, tilt = (m₁ − m₀) / distance of the lines,
+ * offset = (m₀ + m₁) / 2. */
 static void add_steps(const struct problem *problem, const struct fit_result *fit,
                       struct laser_result *ret, int laser, double arc_rad, const struct levels *l) {
     g_autoptr(GHashTable) steps =
@@ -211,7 +224,8 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
         const struct laser_point *p = &problem->points[i];
         if (p->laser != laser || p->arc_rad != arc_rad || fit->rejected[i])
             continue;
-        gint64 key = llround(p->sweep_rad * 180 / G_PI * 10); /* tenths of a degree */
+        gint64 key = llround(p->sweep_rad * 180 / G_PI *
+                             10); /* steps are distinguished by tenths of a degree */
         struct tally *tally = g_hash_table_lookup(steps, &key);
         if (!tally) {
             tally = g_new0(struct tally, 1);
@@ -232,7 +246,7 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
         double sweep = (double)*(gint64 *)key / 10 * G_PI / 180;
         struct rig_plane sheet =
             rig_laser_sheet(&ret->rig.arc, &ret->rig.lasers[laser], arc_rad, sweep);
-        /* Between the two lines, measured in the sheet. */
+        /* Distance of the two lines within the sheet. */
         double apart = (l->high_mm - l->low_mm) / MAX(hypot(sheet.normal.x, sheet.normal.y), 1e-3);
         struct laser_step step = {
             laser, arc_rad, sweep, (high - low) / apart, (low + high) / 2, t->n[0] + t->n[1]};
@@ -240,8 +254,8 @@ static void add_steps(const struct problem *problem, const struct fit_result *fi
     }
 }
 
-static void tell_steps(const struct problem *problem, const struct fit_result *fit,
-                       struct laser_result *ret) {
+static void collect_steps(const struct problem *problem, const struct fit_result *fit,
+                          struct laser_result *ret) {
     ret->steps = g_array_new(FALSE, FALSE, sizeof(struct laser_step));
     for (int laser = 0; laser < problem->rig->n_lasers; laser++) {
         if (problem->at[laser] < 0)
@@ -302,12 +316,12 @@ static void laser_take(const struct problem *problem, const struct fit *fit,
     ret->sigma = fitted->sigma;
     ret->n_used = fitted->n_used;
     ret->degrees_of_freedom = fitted->degrees_of_freedom;
-    tell_steps(problem, fitted, ret);
+    collect_steps(problem, fitted, ret);
     ret->rejected = g_steal_pointer(&fitted->rejected);
 }
 
-static gboolean check_told(const struct problem *problem, const struct fit_result *fitted,
-                           GError **error) {
+static gboolean check_determined(const struct problem *problem, const struct fit_result *fitted,
+                                 GError **error) {
     if (fitted->undetermined < 0)
         return TRUE;
     const char *name = "arc";
@@ -315,12 +329,14 @@ static gboolean check_told(const struct problem *problem, const struct fit_resul
         if (problem->at[i] >= 0 && fitted->undetermined >= problem->at[i])
             name = problem->rig->lasers[i].name;
     g_set_error(error, LASER_ERROR, LASER_ERROR_DEGENERATE,
-                "%s: the sweeps leave open how it lies; sweep a larger part of both planes", name);
+                "%s: the sweeps do not determine its position; sweep a larger part of both planes",
+                name);
     return FALSE;
 }
 
-/* A sweep that turns the other way than it is told, or much further or less, is a mistake in the
- * rig file or table, which a calibration must not hide; nor could the file be read back. */
+/* A sweep whose direction is reversed, or whose range differs much from the commanded one, is an
+ * error in the rig file or the table; calibration must not hide it, nor could the file be read
+ * back. */
 static gboolean check_stretch(const struct problem *problem, const double *x, GError **error) {
     for (int i = 0; i < problem->rig->n_lasers; i++) {
         const struct rig_laser *laser = &problem->rig->lasers[i];
@@ -348,7 +364,7 @@ static gboolean check_stretch(const struct problem *problem, const double *x, GE
     return TRUE;
 }
 
-/* Over and over, with what it has told about the arc's drive. */
+/* Alternates between the fit and the estimate of the arc drive's standard deviation from it. */
 static gboolean laser_adjust(struct problem *problem, struct laser_result *ret, GError **error) {
     const int n = problem->n_parameters;
     struct fit_result fitted;
@@ -372,7 +388,7 @@ static gboolean laser_adjust(struct problem *problem, struct laser_result *ret, 
             return FALSE;
         }
         const gboolean last = round == DRIVE_ROUNDS,
-                       ok = check_told(problem, &fitted, error) &&
+                       ok = check_determined(problem, &fitted, error) &&
                             (!last || check_stretch(problem, x, error));
         drive_learn(&problem->swing, x, fitted.covariance, n);
         if (ok && last)
@@ -404,7 +420,8 @@ void laser_result_clear(struct laser_result *result) {
     g_clear_pointer(&result->steps, g_array_unref);
 }
 
-/* What a pixel sees of the plane; FALSE: nothing of the part that counts. */
+/* The point of the plane that a pixel sees: p = eye + t·ray with t = (z_plane − eye_z) / ray_z.
+ * FALSE: outside of the part that is used. */
 static gboolean laser_plane_point(const struct rig_camera *camera, const struct laser_sweep *sweep,
                                   int x, int y, struct vec3 *ret) {
     struct vec3 eye = rig_camera_centre_mm(camera), ray = rig_pixel_ray(camera, x, y);
@@ -415,17 +432,17 @@ static gboolean laser_plane_point(const struct rig_camera *camera, const struct 
     return hypot(ret->x, ret->y) <= sweep->radius_mm;
 }
 
-/* By neighbouring pixels. */
-static void laser_find_aside(const struct rig_camera *camera, const struct laser_sweep *sweep,
+/* Derivative of the point by the camera's offset: differences to the neighbouring pixels. */
+static void laser_find_shift(const struct rig_camera *camera, const struct laser_sweep *sweep,
                              int x, int y, struct laser_point *point) {
     struct vec3 right, down;
     if (!laser_plane_point(camera, sweep, x + 1, y, &right) ||
         !laser_plane_point(camera, sweep, x, y + 1, &down))
-        return; /* at the rim: as if the camera were perfect */
-    point->aside[0] = (float)(right.x - point->point_mm.x);
-    point->aside[1] = (float)(down.x - point->point_mm.x);
-    point->aside[2] = (float)(right.y - point->point_mm.y);
-    point->aside[3] = (float)(down.y - point->point_mm.y);
+        return; /* at the border of the plane: assume no offset */
+    point->shift[0] = (float)(right.x - point->point_mm.x);
+    point->shift[1] = (float)(down.x - point->point_mm.x);
+    point->shift[2] = (float)(right.y - point->point_mm.y);
+    point->shift[3] = (float)(down.y - point->point_mm.y);
 }
 
 int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray *points) {
@@ -435,7 +452,8 @@ int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray 
         seen += sweep->peak[i] >= 0;
     if (seen == 0)
         return 0;
-    /* A fraction of those seen, evenly by their number, which is oblique to the lines. */
+    /* Takes an even fraction of the pixels with a peak, counted row by row, which is oblique to
+     * the lines. */
     double every = MAX(1, (double)seen / (double)MAX(sweep->most, 1)), next = 0;
     gsize number = 0;
     for (gsize i = 0; i < n; i++) {
@@ -452,7 +470,7 @@ int laser_points(const struct rig *rig, const struct laser_sweep *sweep, GArray 
         int x = (int)(i % (gsize)camera->width), y = (int)(i / (gsize)camera->width);
         if (!laser_plane_point(camera, sweep, x, y, &point.point_mm))
             continue;
-        laser_find_aside(camera, sweep, x, y, &point);
+        laser_find_shift(camera, sweep, x, y, &point);
         g_array_append_val(points, point);
         taken++;
     }

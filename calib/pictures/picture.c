@@ -1,3 +1,4 @@
+/* Grey pictures and the balance of colour filter mosaics. */
 #include "picture.h"
 
 #include <math.h>
@@ -23,7 +24,7 @@ void picture_free(struct picture *picture) {
     g_free(picture);
 }
 
-/* The colours' letters of a 2 × 2 cell, row by row; the sum of each over the picture. */
+/* Sums the values of each colour, identified by its letter in the 2 × 2 filter cell. */
 static void sum_colours(const struct picture *picture, const char *cfa, double sum[256],
                         double n[256]) {
     for (int y = 0; y < picture->height; y++)
@@ -37,6 +38,7 @@ static void sum_colours(const struct picture *picture, const char *cfa, double s
         }
 }
 
+/* Scales each colour by mean(green) / mean(colour). */
 gboolean picture_balance(struct picture *picture, const char *cfa) {
     static const char *const known[] = {"rggb", "bggr", "grbg", "gbrg", NULL};
     double sum[256] = {0}, n[256] = {0};

@@ -1,3 +1,5 @@
+/* Sizes from the headers of PNG (IHDR), JPEG (start of frame) and TIFF (tags of the first
+ * directory). */
 #include "picture_header.h"
 
 #include "base/input_file.h"
@@ -7,9 +9,10 @@
 
 struct size {
     guint64 width, height;
-    guint64 bits; /* of a value of a TIFF; 0: not said */
+    guint64 bits; /* bits per value of a TIFF; 0: unknown */
 };
 
+/* An unsigned integer of n bytes. */
 static guint64 number(const guint8 *at, int n, gboolean big_endian) {
     guint64 value = 0;
     for (int i = 0; i < n; i++)
@@ -31,6 +34,7 @@ static gboolean is_frame(guint8 marker) {
     return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
 }
 
+/* Skips segments up to the first start of frame. */
 static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     if (length < 4 || bytes[0] != 0xff || bytes[1] != 0xd8)
         return FALSE;
@@ -51,7 +55,7 @@ static gboolean jpeg_size(const guint8 *bytes, gsize length, struct size *ret) {
     return FALSE;
 }
 
-/* Of entries of tags: 12 bytes each, or 20 in a BigTIFF. */
+/* A TIFF; entries of tags have 12 bytes, 20 in a BigTIFF. */
 struct tiff {
     const guint8 *bytes;
     gsize length;
@@ -60,7 +64,7 @@ struct tiff {
 
 enum { TIFF_WIDTH = 256, TIFF_HEIGHT, TIFF_BITS, TIFF_TILE_WIDTH = 322, TIFF_TILE_HEIGHT };
 
-/* A tag's first value, which stands in the entry itself or where it says. */
+/* First value of a tag: in the entry itself, or at the offset that the entry gives. */
 static guint64 tiff_value(const struct tiff *tiff, const guint8 *entry) {
     static const int sizes[] = {[1] = 1, [3] = 2, [4] = 4, [16] = 8};
     const int room = tiff->big ? 8 : 4;
@@ -86,7 +90,7 @@ static gboolean tiff_is(const guint8 *bytes, gsize length, struct tiff *ret) {
     return version == 42 || version == 43;
 }
 
-/* Tiles that are larger than the picture are decoded as a whole. */
+/* Tiles that exceed the picture are decoded completely: the larger size counts. */
 static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     const gsize n_bytes = tiff->big ? 8 : 2, each = tiff->big ? 20 : 12;
     const guint64 at =
@@ -115,7 +119,7 @@ static gboolean tiff_size(const struct tiff *tiff, struct size *ret) {
     return ret->width > 0 && ret->height > 0;
 }
 
-/* Values of 32 bits take twice the memory of others while they are decoded. */
+/* Values of 32 bits need twice the memory while they are decoded. */
 static gboolean check_wide(const char *path, const struct size *size, gsize length,
                            GError **error) {
     const guint64 most = MAX((guint64)INPUT_FILE_PIXELS, INPUT_FILE_PIXELS_PER_BYTE * length) / 2;
@@ -129,6 +133,7 @@ static gboolean check_wide(const char *path, const struct size *size, gsize leng
     return FALSE;
 }
 
+/* The size is checked before decoding, so that a small file cannot claim all memory. */
 gboolean picture_header_check(const char *path, const guint8 *bytes, gsize length, GError **error) {
     struct size size = {0};
     struct tiff tiff;

@@ -17,13 +17,13 @@ G_DEFINE_QUARK(vision_error, vision_error)
 
 namespace {
 
-/* OpenCV also prints what it throws; one message is enough. */
+/* OpenCV also prints the errors that it throws; one message is enough. */
 const bool quiet = [] {
     cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
     return true;
 }();
 
-/* Runs what may throw. */
+/* Runs work; exceptions become errors. */
 template <typename Work> bool guarded(GError **error, const char *what, Work work) {
     try {
         return work();
@@ -67,8 +67,8 @@ cv::Ptr<cv::aruco::Dictionary> dictionary_of(const char *name) {
     return {};
 }
 
-/* Eight bits between the first and last per cent, with more of them in the dark: edges are found in
- * shadow, too. */
+/* Converts to 8 bits between the first and last per cent; a square root gives dark values more
+ * levels, so that edges are found in shadow, too. */
 cv::Mat to_bytes(const picture *from) {
     const cv::Mat linear(from->height, from->width, CV_32F, from->values);
     cv::Mat sorted = linear.clone().reshape(1, 1);
@@ -90,7 +90,7 @@ double linear_of_srgb(double v) {
     return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
-/* Of all channels as they lie; 8 bits are made linear. */
+/* Copies all channels in order; 8-bit values are made linear (sRGB). */
 void fill(float *to, const cv::Mat &from) {
     std::array<float, 256> table{};
     for (int i = 0; i < 256; i++)
@@ -110,7 +110,7 @@ bool is_readable(const cv::Mat &picture) {
            (picture.depth() == CV_8U || picture.depth() == CV_16U || picture.depth() == CV_32F);
 }
 
-/* The whole file, once its header has said that there is memory for its pixels. */
+/* Reads the whole file after checking its size in the header. */
 char *read_picture(const char *path, gsize *ret_length, GError **error) {
     g_autofree char *text = input_file_read(path, G_MAXINT, ret_length, error);
     if (!text || !picture_header_check(path, (const guint8 *)text, *ret_length, error))
@@ -118,7 +118,7 @@ char *read_picture(const char *path, gsize *ret_length, GError **error) {
     return (char *)g_steal_pointer(&text);
 }
 
-/* Empty: an error. */
+/* An empty matrix is an error. */
 cv::Mat decode(const char *path, char *text, gsize length, int flags, GError **error) {
     const cv::Mat bytes(1, (int)length, CV_8U, text);
     cv::Mat ret = cv::imdecode(bytes, flags | cv::IMREAD_IGNORE_ORIENTATION);
@@ -129,7 +129,7 @@ cv::Mat decode(const char *path, char *text, gsize length, int flags, GError **e
     return {};
 }
 
-/* n values become n times three of them, in place. */
+/* Triples n values in place. */
 void spread_grey(float *values, gsize n) {
     while (n-- > 0)
         values[3 * n] = values[3 * n + 1] = values[3 * n + 2] = values[n];
@@ -140,7 +140,7 @@ void swap_red_and_blue(float *values, gsize n) {
         std::swap(values[3 * i], values[3 * i + 2]);
 }
 
-/* Markers smaller than a few pixels a cell are found in an enlarged picture. */
+/* Markers with few pixels per cell are searched in an enlarged picture. */
 constexpr int ENLARGED_BELOW = 1200;
 
 int enlargement(const cv::Mat &m) {
@@ -154,7 +154,8 @@ cv::Ptr<cv::aruco::DetectorParameters> detector() {
     p->adaptiveThreshWinSizeMax = 45;
     p->adaptiveThreshWinSizeStep = 10;
     p->minMarkerPerimeterRate = 0.02;
-    /* A marker lies so close within its white square that it would be taken for it. */
+    /* A marker is so close to the edge of its white square that the detector would merge the two.
+     */
     p->minMarkerDistanceRate = 0.005;
     p->perspectiveRemovePixelPerCell = 6;
     p->maxErroneousBitsInBorderRate = 0.25;
@@ -169,7 +170,7 @@ bool has_marker(const GArray *found, int id) {
     return false;
 }
 
-/* Those not found before. */
+/* Adds markers that were not found before. */
 void add_markers(GArray *found, const cv::Mat &bytes, const char *dictionary, int scale,
                  bool mirrored) {
     cv::Mat scaled = bytes;
@@ -208,7 +209,7 @@ bool find_by_sectors(const cv::Mat &bytes, cv::Size inner, double scale, double 
     return true;
 }
 
-/* Finds boards that the other misses, by the outlines of their dark squares. */
+/* Finds boards that the other method misses, by the outlines of their dark squares. */
 bool find_by_squares(const cv::Mat &bytes, cv::Size inner, double *ret_xy_px) {
     std::vector<cv::Point2f> corners;
     if (!cv::findChessboardCorners(bytes, inner, corners))
@@ -346,7 +347,7 @@ gboolean vision_homography(const double *from_xy, const double *to_xy_px, int n,
 gboolean vision_start_camera(const double *const *points, const int *n, int n_views, int width,
                              int height, double ret_focal_px[2], double ret_centre_px[2],
                              GError **error) {
-    return guarded(error, "the camera's first guess", [&] {
+    return guarded(error, "initial camera parameters", [&] {
         std::vector<std::vector<cv::Point3f>> target((gsize)n_views);
         std::vector<std::vector<cv::Point2f>> seen((gsize)n_views);
         for (int v = 0; v < n_views; v++)

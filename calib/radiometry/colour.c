@@ -1,3 +1,5 @@
+/* XYZ = M · RGB by weighted least squares for each row m: m = (Σ w rgb rgbᵀ)⁻¹ Σ w rgb·xyz, w =
+ * Y^(−4/3). */
 #include "colour.h"
 
 #include <lapacke.h>
@@ -6,12 +8,13 @@
 
 #define FEW_PATCHES 6
 #define MOST_OFF    10.0 /* ΔE*ab, RMS */
-#define DARK        0.01 /* Y below which patches count alike */
-#define LEAST_PIVOT 1e-6 /* of the largest: patches that do not span all colours */
+#define DARK        0.01 /* Y below which all patches have the same weight */
+#define LEAST_PIVOT                                                                                \
+    1e-6 /* least pivot over the trace: below, the patches do not span all colours */
 
 G_DEFINE_QUARK(colour_error, colour_error)
 
-/* CIE 15: f(t) of L*a*b*. */
+/* f(t) of CIE L*a*b* (CIE 15). */
 static double lab_curve(double t) {
     return t > 216.0 / 24389 ? cbrt(t) : (24389.0 / 27 * t + 16) / 116;
 }
@@ -39,6 +42,7 @@ static void colour_apply(const double matrix[9], const double rgb[3], double ret
         ret[i] = matrix[3 * i] * rgb[0] + matrix[3 * i + 1] * rgb[1] + matrix[3 * i + 2] * rgb[2];
 }
 
+/* The derivative of CIE L* by Y is proportional to Y^(−2/3); the weight is its square. */
 static double colour_weight_of(const struct colour_patch *patch) {
     return pow(MAX(patch->xyz[1], DARK), -4.0 / 3);
 }
@@ -60,7 +64,7 @@ static gboolean check_patches(const struct colour_patch *patches, int n, GError 
     return FALSE;
 }
 
-/* The inverse of Σ w·rgb·rgbᵀ; FALSE where the colours do not span it. */
+/* Inverse of Σ w·rgb·rgbᵀ; FALSE if the patches do not span all colours. */
 static gboolean colour_invert(const struct colour_patch *patches, int n, double ret[9]) {
     memset(ret, 0, 9 * sizeof *ret);
     double trace = 0;
@@ -83,6 +87,7 @@ static gboolean colour_invert(const struct colour_patch *patches, int n, double 
     return TRUE;
 }
 
+/* One row of M and its standard errors √(Σ w r² / (n − 3) · (inverse)ₐₐ). */
 static void fit_row(const struct colour_patch *patches, int n, const double inverse[9], int row,
                     struct colour_matrix *ret) {
     double right[3] = {0}, squares = 0;
@@ -124,7 +129,8 @@ gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_mat
     found.residual = sqrt(sum);
     if (!(white[0] > 0 && white[1] > 0 && white[2] > 0) || !(found.residual < MOST_OFF)) {
         g_set_error(error, COLOUR_ERROR, COLOUR_ERROR_MISFIT,
-                    "the patches are %.1f ΔE off what their values say: is it this chart, and does "
+                    "the patches differ from their values by %.1f ΔE on average: is it this chart, "
+                    "and does "
                     "it lie as the file says?",
                     found.residual);
         return FALSE;

@@ -1,18 +1,18 @@
 /*
- * From a camera's colours to CIE XYZ, by a chart whose patches are known. Pure functions; any
- * thread.
+ * Colour calibration: from a camera's colours to CIE XYZ, by a chart with known patches. Pure
+ * functions; any thread.
  */
 #pragma once
 
 #include <glib.h>
 
 struct colour_patch {
-    double rgb[3]; /* reflectance as the camera sees it, white balanced: 1 is a perfect white */
+    double rgb[3]; /* white balanced reflectance as seen by the camera: 1 is a perfect white */
     double xyz[3]; /* as measured, Y = 1 for a perfect white */
 };
 
-/* What brings a white balanced R G B (1 1 1: the tile's reflectance of one) to CIE XYZ under the
- * light that the chart's values are given for. */
+/* Maps white balanced R G B (1 1 1: the tile's reflectance of one) to CIE XYZ under the
+ * illuminant of the chart's values. */
 struct colour_matrix {
     gboolean known;
     double matrix[9], error[9]; /* rows X Y Z */
@@ -23,16 +23,16 @@ struct colour_matrix {
 #define COLOUR_ERROR colour_error_quark()
 GQuark colour_error_quark(void);
 enum colour_error {
-    COLOUR_ERROR_TOO_FEW, /* patches, or they are all of one kind */
-    COLOUR_ERROR_MISFIT,  /* not this chart, or not laid so */
-    COLOUR_ERROR_FILE,    /* of the chart's values */
+    COLOUR_ERROR_TOO_FEW, /* too few patches, or all of similar colours */
+    COLOUR_ERROR_MISFIT,  /* another chart, or in another orientation */
+    COLOUR_ERROR_FILE,    /* the file of the chart's values */
 };
 
-/* Least squares for XYZ = matrix · RGB, each patch weighted so that errors count about as they are
- * seen (CIE L*: in proportion to Y^(−2/3)). Refused where the patches lie more than 10 ΔE*ab (CIE
- * 1976; white: that of equal RGB) off on average. */
+/* Least squares for XYZ = matrix · RGB with each patch weighted for a uniform error in L* (dL* ∝
+ * Y^(−2/3) dY). Refused if the patches differ by more than 10 ΔE*ab (CIE 1976; white: that of
+ * equal RGB) on average. */
 gboolean colour_fit(const struct colour_patch *patches, int n, struct colour_matrix *ret,
                     GError **error);
 
-/* CIE 1976. */
+/* ΔE*ab, CIE 1976. */
 double colour_difference(const double xyz_a[3], const double xyz_b[3], const double white[3]);

@@ -1,18 +1,22 @@
+/* Photon transfer (EMVA 1288): with signal S above dark in DN, temporal variance σ² of a pixel
+ * and gain K in DN per electron, σ² = σ_read² + 1/12 + K·S. Tiles of pairs of pictures give
+ * points (S, σ²); S and σ² are the mean of both pictures and half the variance of their
+ * difference. */
 #include "photon_transfer.h"
 
 #include <math.h>
 
-#define TILE         16         /* pixels a side; smaller pictures have smaller tiles */
+#define TILE         16         /* pixels along a side; smaller pictures have smaller tiles */
 #define SATURATED    0.98       /* of full scale */
 #define TRANSFER_TOP 0.7        /* EMVA 1288 §6.6: the slope is fitted up to 70 % of saturation */
-#define LEAST_RANGE  0.15       /* of full scale that the brightest tile must reach */
-#define ALIKE        0.05       /* pairs whose means differ by more of their signal are no pairs */
-#define ROUNDING     (1.0 / 12) /* DN²: variance of rounding to whole numbers */
+#define LEAST_RANGE  0.15       /* of full scale, which the brightest tile must reach */
+#define ALIKE        0.05       /* largest relative difference of the means of a pair */
+#define ROUNDING     (1.0 / 12) /* DN²: variance of quantisation */
 
 G_DEFINE_QUARK(transfer_error, transfer_error)
 
 struct tile {
-    double mean, variance; /* of both pictures; temporal, of one pixel in one of them */
+    double mean, variance; /* mean of both pictures; temporal variance of one pixel */
     double n;              /* pixels; 0: saturated somewhere */
 };
 
@@ -61,6 +65,7 @@ static struct tile photon_transfer_measure_tile(const struct fit *fit,
     return tile;
 }
 
+/* Refuses pairs that are not finite, identical, or of different brightness. */
 static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pair,
                            const char *what, GError **error) {
     gsize n = (gsize)fit->sensor->width * (gsize)fit->sensor->height, same = 0;
@@ -78,7 +83,7 @@ static gboolean check_pair(const struct fit *fit, const struct transfer_pair *pa
     }
     if (same == n && first > 0) {
         g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_DATA,
-                    "the %s pair at %g µs is one picture twice: nothing tells its noise", what,
+                    "the %s pair at %g µs is one picture twice: its noise cannot be measured", what,
                     pair->exposure_us);
         return FALSE;
     }
@@ -114,7 +119,7 @@ static gboolean photon_transfer_measure(struct fit *fit, const struct transfer_p
     return TRUE;
 }
 
-/* A straight line y = a + b·x by weighted least squares; FALSE if all x are alike. */
+/* Weighted least squares of a line y = a + b·x; FALSE if all x are equal. */
 struct line {
     double w, wx, wy, wxx, wxy;
 };
@@ -139,7 +144,7 @@ static gboolean line_fit(const struct line *line, double *ret_a, double *ret_b, 
     return TRUE;
 }
 
-/* Black level and dark current: EMVA 1288 §7.1. */
+/* Black level and dark current: dark mean = black + dark current · exposure (EMVA 1288 §7.1). */
 static gboolean fit_dark(struct fit *fit, GError **error) {
     struct line line = {0};
     for (int i = 0; i < fit->n_dark; i++) {
@@ -152,12 +157,12 @@ static gboolean fit_dark(struct fit *fit, GError **error) {
     if (line_fit(&line, &to->black_dn, &to->dark_dn_s, &to->black_error_dn, &to->dark_error_dn_s))
         return TRUE;
     g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_TOO_FEW,
-                "the dark pairs have one exposure only: the dark current takes two, as different "
+                "the dark pairs have one exposure only: the dark current needs two, as different "
                 "as the session's");
     return FALSE;
 }
 
-/* A tile's dark level: measured at this exposure, or from the line. */
+/* Dark level of a tile: measured at this exposure, or from the line. */
 static double dark_level(const struct fit *fit, int tile, double exposure_s) {
     double sum = 0;
     int n = 0;
@@ -173,7 +178,7 @@ static double dark_level(const struct fit *fit, int tile, double exposure_s) {
 static GArray *transfer_points(const struct fit *fit) {
     GArray *points = g_array_new(FALSE, FALSE, sizeof(struct tile));
     double range = full_scale(fit) - fit->to->black_dn;
-    for (int i = 0; i < fit->n_dark; i++) /* dark pixels add no point each, but one a pair */
+    for (int i = 0; i < fit->n_dark; i++) /* one point per dark pair */
         if (fit->dark[i].n > 0) {
             struct tile point = {fit->to->dark_dn_s * fit->dark[i].exposure_s,
                                  fit->dark[i].variance, fit->dark[i].n};
@@ -183,13 +188,16 @@ static GArray *transfer_points(const struct fit *fit) {
         for (int k = 0; k < fit->n_tiles; k++) {
             struct tile point = fit->lit[i].tile[k];
             point.mean -= dark_level(fit, k, fit->lit[i].exposure_s);
-            point.mean += fit->to->dark_dn_s * fit->lit[i].exposure_s; /* is shot noise too */
+            point.mean += fit->to->dark_dn_s *
+                          fit->lit[i].exposure_s; /* dark current causes shot noise, too */
             if (point.n > 0 && point.mean < TRANSFER_TOP * range)
                 g_array_append_val(points, point);
         }
     return points;
 }
 
+/* χ² per degree of freedom of the transfer curve; the variance of a sample variance is 2σ⁴ / (n −
+ * 1). */
 static double line_quality(const GArray *points, double floor, double slope) {
     double sum = 0;
     for (guint i = 0; i < points->len; i++) {
@@ -200,7 +208,7 @@ static double line_quality(const GArray *points, double floor, double slope) {
     return points->len > 2 ? sum / (points->len - 2) : 0;
 }
 
-/* EMVA 1288 eq. 19: σ² = σ₀² + K·(signal). The weights follow the fitted line, since those of the
+/* EMVA 1288 eq. 19: σ² = σ₀² + K · signal. The weights come from the fitted line: those of the
  * measured variances would favour points that came out too low. */
 static gboolean fit_curve(struct fit *fit, GError **error) {
     g_autoptr(GArray) points = transfer_points(fit);
@@ -224,7 +232,7 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
         if (!line_fit(&line, &floor, &slope, &floor_error, &slope_error) || !(slope > 0)) {
             g_set_error(error, TRANSFER_ERROR, TRANSFER_ERROR_RANGE,
                         "noise does not grow with light: the pictures are processed (denoised, "
-                        "sharpened) or all alike; use raw ones");
+                        "sharpened) or equally bright; use raw ones");
             return FALSE;
         }
     }
@@ -242,7 +250,7 @@ static gboolean fit_curve(struct fit *fit, GError **error) {
     return TRUE;
 }
 
-/* One tile over the exposures, for a·t·(1 − c·a·t/range) with its own a. */
+/* One tile over the exposures, for y = a·t·(1 − c·a·t / range) with its own a. */
 struct ramp {
     double *t, *y, *weight;
     int n;
@@ -255,6 +263,8 @@ struct ramps {
     double range, curvature, error;
 };
 
+/* Signal of a tile over the exposures, weighted by its inverse variance; a starts at the longest
+ * one. */
 static void add_ramp(const struct fit *fit, int tile, struct ramps *ramps) {
     struct ramp ramp = {g_new(double, fit->n_lit), g_new(double, fit->n_lit),
                         g_new(double, fit->n_lit), 0, 0};
@@ -274,8 +284,9 @@ static void add_ramp(const struct fit *fit, int tile, struct ramps *ramps) {
     ramps->ramp[ramps->n++] = ramp;
 }
 
-/* Gauss and Newton's step for all tiles' a and the one curvature, the former eliminated. Returns
- * the chi-square before the step. */
+/* One Gauss-Newton step for the a of all tiles and the common c, with the former eliminated
+ * (Schur complement): dc = (g_c − Σ A_ac g_a / A_aa) / (A_cc − Σ A_ac² / A_aa). Returns χ² before
+ * the step. */
 static double photon_transfer_step(struct ramps *ramps) {
     double schur = 0, right = 0, chi2 = 0, k = 1 / ramps->range;
     g_autofree double *ga = g_new0(double, ramps->n), *aa = g_new0(double, ramps->n);
@@ -308,7 +319,7 @@ static double photon_transfer_step(struct ramps *ramps) {
     return chi2;
 }
 
-/* By how much, at most, the mean signal at an exposure lies off the best line through zero. */
+/* Largest relative deviation of the mean signal at an exposure from the best line through zero. */
 static double largest_deviation(const struct fit *fit, const struct ramps *ramps) {
     double worst = 0;
     for (int i = 0; i < fit->n_lit; i++) {
@@ -317,7 +328,7 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
             const struct ramp *ramp = &ramps->ramp[r];
             double wty = 0, wtt = 0;
             for (int k = 0; k < ramp->n; k++) {
-                wty += ramp->y[k]; /* weights ~ 1/t: each exposure counts by its light */
+                wty += ramp->y[k]; /* weights 1/t: variance grows with the signal */
                 wtt += ramp->t[k];
             }
             for (int k = 0; ramp->n >= 3 && k < ramp->n; k++)
@@ -332,6 +343,7 @@ static double largest_deviation(const struct fit *fit, const struct ramps *ramps
     return worst;
 }
 
+/* Fits the curvature c common to all tiles that have three exposures or more. */
 static gboolean fit_linearity(struct fit *fit, GError **error) {
     struct ramps ramps = {.range = full_scale(fit) - fit->to->black_dn};
     ramps.ramp = g_new(struct ramp, fit->n_tiles);

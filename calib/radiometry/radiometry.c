@@ -1,20 +1,24 @@
+/* Averages a picture of the white tile over cells of a grid and over colours. Each cell has its
+ * mean signal, the prediction of the nominal rig, and the mean of the flat field's basis
+ * functions; radiometry_fit.c fits all cells together. */
 #include "radiometry.h"
 
 #include <string.h>
 
 G_DEFINE_QUARK(radiometry_error, radiometry_error)
 
-#define CELLS      12  /* a side of a picture, at most */
-#define CELL_PX    16  /* a side of a cell, at least */
-#define FEW_PIXELS 16  /* of a colour, in a cell */
-#define BORDER_MM  2   /* of the tile that is left out: its edge may be bevelled or soiled */
-#define MOST_ROWS  256 /* of two pixels that are looked at; larger pictures are sampled */
+#define CELLS      12  /* along a side of a picture, at most */
+#define CELL_PX    16  /* side of a cell, at least */
+#define FEW_PIXELS 16  /* of a colour, in a usable cell */
+#define BORDER_MM  2   /* border of the tile that is left out: it may be bevelled or soiled */
+#define MOST_ROWS  256 /* pairs of rows that are used; larger pictures are sampled */
 
 static double half_diagonal(const struct rig_camera *camera) {
     return 0.5 * hypot(camera->width - 1, camera->height - 1);
 }
 
-/* The functions that radiometry_camera.flat are the factors of. */
+/* Basis functions of radiometry_camera.flat, ln flat = Σ flat_i · basis_i: s, s², s³, x, y, xy,
+ * x² − y², xs, ys with s = x² + y². */
 static void flat_basis(const struct rig_camera *camera, double x_px, double y_px,
                        double ret[RADIOMETRY_FLAT]) {
     double x = (x_px - 0.5 * (camera->width - 1)) / half_diagonal(camera);
@@ -25,7 +29,7 @@ static void flat_basis(const struct rig_camera *camera, double x_px, double y_px
     memcpy(ret, values, sizeof values);
 }
 
-/* As rig.h has it. */
+/* The nominal vignetting of rig.h. */
 static double nominal_flat(const struct rig_camera *camera, double x_px, double y_px) {
     double dx = x_px - camera->cx_px, dy = y_px - camera->cy_px, corner = half_diagonal(camera);
     return MAX(1 - camera->vignetting * (dx * dx + dy * dy) / (corner * corner), 0.05);
@@ -42,11 +46,11 @@ double radiometry_flat(const struct rig_camera *camera, const struct radiometry_
     return nominal_flat(camera, x_px, y_px) * exp(log);
 }
 
-/* What is being summed over the pixels of one colour in a cell. */
+/* Sums over the pixels of one colour in a cell. */
 struct sums {
     double n, basis[RADIOMETRY_FLAT], signal, expected, squares, triples;
     struct vec3 point;
-    float last[2]; /* the two pixels before in this row */
+    float last[2]; /* the two previous pixels of this colour in the row */
     int last_x, last_y, run;
 };
 
@@ -58,7 +62,7 @@ struct measuring {
     const struct tile *tile;
     const struct tile_shot *shot;
     struct vec3 eye;
-    int cells; /* a side */
+    int cells; /* along a side */
     struct sums sums[CELLS * CELLS][3];
 };
 
@@ -73,10 +77,11 @@ static gboolean on_tile(const struct tile *tile, struct vec3 point_mm, double tu
            fabs(p.y) < tile->height_mm / 2 - BORDER_MM;
 }
 
+/* response · flat · ρ/π · cos θ · E, DN per second. */
 static double expected(const struct measuring *m, struct vec3 p, int x, int y, int colour) {
     const struct rig_lamp *lamp = &m->rig->lamps[m->shot->lamp];
-    struct vec3 way = vec3_sub(rig_lamp_position_mm(&m->rig->arc, lamp, m->shot->arc_rad), p);
-    double cosine = MAX(way.z / vec3_length(way), 0);
+    struct vec3 path = vec3_sub(rig_lamp_position_mm(&m->rig->arc, lamp, m->shot->arc_rad), p);
+    double cosine = MAX(path.z / vec3_length(path), 0);
     return m->camera->response * nominal_flat(m->camera, x, y) * m->tile->reflectance[colour] /
            G_PI * cosine * rig_lamp_irradiance(&m->rig->arc, lamp, m->shot->arc_rad, p);
 }
@@ -94,7 +99,8 @@ static void radiometry_add_pixel(struct measuring *m, int x, int y) {
     struct sums *s = &m->sums[cell][colour];
     float value = m->mosaic[(gsize)y * (gsize)m->camera->width + (gsize)x];
     s->run = s->last_y == y && x - s->last_x <= 2 ? s->run + 1 : 1;
-    if (s->run > 2) { /* second differences: a slope is no noise */
+    if (s->run > 2) { /* noise from second differences, which a gradient does not affect: Var(a − 2b
+                         + c) = 6σ² */
         double off = value - 2.0 * s->last[0] + s->last[1];
         s->squares += off * off / 6;
         s->triples++;
@@ -118,8 +124,8 @@ static gboolean radiometry_is_good(const struct sums *s) {
            s->signal > 0 && s->expected > 0;
 }
 
-/* Photons make a pixel's variance grow with its mean: by how much is told by all cells of a picture
- * together, better than by each alone. */
+/* Ratio of variance to mean: shot noise is proportional to the signal; all cells together
+ * determine the factor better than each alone. */
 static double variance_by_mean(const struct measuring *m) {
     double variance = 0, mean = 0;
     for (int i = 0; i < CELLS * CELLS; i++)
@@ -133,6 +139,7 @@ static double variance_by_mean(const struct measuring *m) {
     return mean > 0 ? variance / mean : 0;
 }
 
+/* Means of a cell. Signal in DN/s; its standard error is √(noise · mean / n) by the shot noise. */
 static void make_cell(const struct sums *s, double noise, struct tile_cell *cell) {
     double mean = s->signal / s->n;
     for (int i = 0; i < RADIOMETRY_FLAT; i++)
@@ -155,7 +162,7 @@ int tile_measure(const struct rig *rig, int camera, const char *cfa, const float
     m->shot = &shots[shot];
     m->cells = CLAMP(MIN(c->width, c->height) / CELL_PX, 1, CELLS);
     m->eye = rig_camera_centre_mm(c);
-    /* Whole rows, so that neighbours tell the noise. */
+    /* Whole rows, since neighbouring pixels measure the noise. */
     int stride = 2 * MAX(c->height / (2 * MOST_ROWS), 1);
     for (int y = 0; y + 1 < c->height; y += stride)
         for (int x = 0; x < 2 * c->width; x++)

@@ -1,13 +1,17 @@
+/* Fits cameras, lamps and outputs to the cells of radiometry.c, twice, with outliers dropped in
+ * between. Each step solves the normal equations (Σ w rowᵀ row + priors + gauges) dx = Σ w rowᵀ r
+ * by Cholesky decomposition; only the exponents and aims are non-linear. */
 #include "radiometry.h"
 
 #include <lapacke.h>
 #include <string.h>
 
-#define STEPS           5
-#define GAUGE           1e8 /* weight of what fixes a free sum to zero */
-#define EXPONENT_SD     1.0 /* what is believed of a lamp before it was seen: */
-#define AIM_SD_RAD      0.035
-#define DRIFT_SD        0.05 /* of a lamp from shot to shot; pictures of one shot tell it far better */
+#define STEPS       5
+#define GAUGE       1e8 /* weight of gauge constraints */
+#define EXPONENT_SD 1.0 /* priors of a lamp: */
+#define AIM_SD_RAD  0.035
+#define DRIFT_SD                                                                                   \
+    0.05 /* prior of the drift between shots; pictures of one shot determine it much better */
 #define MOST_GAIN_ERROR 0.01
 #define OUTLIER         5.0 /* standard deviations */
 #define MOST_OUTLIERS   0.05
@@ -16,13 +20,15 @@
 #define MOST_FLAT_ERROR 0.05
 #define FEW_CELLS       30 /* of a camera */
 
-/* Lenses are smooth: what the tile did not reach is not bent at will. As RADIOMETRY_FLAT's. */
+/* Priors of the flat field's coefficients, in the order of RADIOMETRY_FLAT: lenses are smooth
+ * where the tile did not reach. */
 static const double flat_sd[RADIOMETRY_FLAT] = {0.5, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1};
 
 /*
- * Unknowns: of each camera, three logarithms of gain (of nominal) and its flat field; of each lamp
- * three logarithms of intensity (of nominal), its exponent and two tilts of its aim; of each shot
- * the logarithm of its output.
+ * Least squares in logarithms: the residual ln(signal / expected) − Σ of parameters is weighted
+ * by (signal / error)². Parameters: per camera three logarithms of gain (relative to nominal) and
+ * its flat field; per lamp three logarithms of intensity (relative to nominal), its exponent and
+ * two tilts of its aim; per shot the logarithm of its output.
  */
 #define CAMERA_SIZE (3 + RADIOMETRY_FLAT)
 #define LAMP_SIZE   6
@@ -34,8 +40,8 @@ struct problem {
     const struct tile_cell *cells;
     int n_shots, n_cells, n;
     gboolean *bad;
-    double *x;      /* found so far */
-    double *matrix; /* n × n, lower triangle; at last the covariance */
+    double *x;      /* present solution */
+    double *matrix; /* n × n, lower triangle; in the end the covariance */
     double *right;
     double chi2, sum2;
     int n_used;
@@ -53,7 +59,7 @@ static int radiometry_fit_shot_at(const struct problem *p, int shot) {
     return p->rig->n_cameras * CAMERA_SIZE + p->rig->n_lamps * LAMP_SIZE + shot;
 }
 
-/* Two directions across the aim. */
+/* Two directions perpendicular to the aim. */
 static void radiometry_fit_across(const struct rig_lamp *lamp, struct vec3 *ret_a,
                                   struct vec3 *ret_b) {
     struct vec3 side = fabs(lamp->aim.y) < 0.9 ? vec3(0, 1, 0) : vec3(1, 0, 0);
@@ -79,24 +85,27 @@ static void radiometry_fit_put(struct row *row, int at, double value) {
     row->value[row->n++] = value;
 }
 
-/* The lamp's pattern towards a point: its logarithm less the nominal one, and derivatives. */
+/* ln of the lamp's pattern cosⁿ towards a point minus the nominal one; appends the derivatives by
+ * exponent and tilts: ln cos, and n (d·e − cos · aim·e) / cos. */
 static double lamp_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
     const struct tile_shot *shot = &p->shots[cell->shot];
     const struct rig_lamp *lamp = &p->rig->lamps[shot->lamp];
     const double *x = p->x + lamp_at(p, shot->lamp);
-    struct vec3 way = vec3_unit(vec3_sub(
+    struct vec3 direction = vec3_unit(vec3_sub(
         rig_arc_point_back(&p->rig->arc, shot->arc_rad, cell->point_mm), lamp->position_mm));
     struct vec3 aim = tilted_aim(lamp, x[4], x[5]), e1, e2;
-    double exponent = lamp->exponent + x[3], cosine = MAX(vec3_dot(way, aim), 1e-3);
+    double exponent = lamp->exponent + x[3], cosine = MAX(vec3_dot(direction, aim), 1e-3);
     radiometry_fit_across(lamp, &e1, &e2);
     radiometry_fit_put(row, lamp_at(p, shot->lamp) + 3, log(cosine));
     radiometry_fit_put(row, lamp_at(p, shot->lamp) + 4,
-                       exponent * (vec3_dot(way, e1) - cosine * vec3_dot(aim, e1)) / cosine);
+                       exponent * (vec3_dot(direction, e1) - cosine * vec3_dot(aim, e1)) / cosine);
     radiometry_fit_put(row, lamp_at(p, shot->lamp) + 5,
-                       exponent * (vec3_dot(way, e2) - cosine * vec3_dot(aim, e2)) / cosine);
-    return exponent * log(cosine) - lamp->exponent * log(MAX(vec3_dot(way, lamp->aim), 1e-3));
+                       exponent * (vec3_dot(direction, e2) - cosine * vec3_dot(aim, e2)) / cosine);
+    return exponent * log(cosine) - lamp->exponent * log(MAX(vec3_dot(direction, lamp->aim), 1e-3));
 }
 
+/* One row of the Jacobian and its residual r = ln(signal / expected) − model; weight = (signal /
+ * error)². */
 static void cell_row(const struct problem *p, const struct tile_cell *cell, struct row *row) {
     int lamp = p->shots[cell->shot].lamp;
     memset(row, 0, sizeof *row);
@@ -123,7 +132,7 @@ static void add_row(struct problem *p, const struct row *row) {
     }
 }
 
-/* A sum that nothing but convention fixes. */
+/* Gauge constraint: the sum of some parameters is 0. */
 static void add_gauge(struct problem *p, const int *at, int n) {
     double sum = 0;
     for (int i = 0; i < n; i++)
@@ -140,6 +149,8 @@ static double *diagonal(const struct problem *p, int i) {
     return &p->matrix[(gsize)i * (gsize)p->n + (gsize)i];
 }
 
+/* Three gauges for the cameras' gains (one a colour), and one per lamp for the outputs of its
+ * shots. */
 static void add_gauges(struct problem *p) {
     g_autofree int *at = g_new(int, MAX(p->n_shots, p->rig->n_cameras));
     for (int k = 0; k < 3; k++) {
@@ -158,7 +169,7 @@ static void add_gauges(struct problem *p) {
     }
 }
 
-/* A sensor without filters is seen in green alone: its other colours are alike. */
+/* A mono sensor determines green only: its other colours are tied to it. */
 static void tie_colours(struct problem *p, int at) {
     for (int k = 0; k < 3; k++) {
         if (*diagonal(p, at + k) > 0 || *diagonal(p, at + 1) == 0)
@@ -173,6 +184,7 @@ static void tie_colours(struct problem *p, int at) {
     }
 }
 
+/* Prior with mean 0: adds 1/σ² to the diagonal. */
 static void add_prior(struct problem *p, int at, double sd) {
     *diagonal(p, at) += 1 / (sd * sd);
     p->right[at] -= p->x[at] / (sd * sd);
@@ -212,7 +224,7 @@ static void radiometry_fit_build(struct problem *p) {
     for (int l = 0; l < p->rig->n_lamps; l++)
         tie_colours(p, lamp_at(p, l));
     add_priors(p);
-    for (int i = 0; i < p->n; i++) /* what nothing was seen of stays as it is */
+    for (int i = 0; i < p->n; i++) /* undetermined parameters stay as they are */
         if (*diagonal(p, i) == 0)
             *diagonal(p, i) = 1;
 }
@@ -221,7 +233,7 @@ static gboolean radiometry_fit_factor(struct problem *p, GError **error) {
     if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', p->n, p->matrix, p->n) == 0)
         return TRUE;
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,
-                "the tile's pictures do not tell cameras and lamps apart: take it with every "
+                "the tile's pictures do not separate cameras and lamps: capture it with every "
                 "camera under every lamp, at several arc and turntable angles");
     return FALSE;
 }
@@ -239,6 +251,8 @@ static gboolean radiometry_fit_solve(struct problem *p, GError **error) {
     return TRUE;
 }
 
+/* Flags cells whose residual exceeds OUTLIER standard deviations, scaled by √(χ² per degree of
+ * freedom). */
 static int drop_outliers(struct problem *p) {
     double scale = sqrt(MAX(p->chi2 / MAX(p->n_used - p->n, 1), 1));
     struct row row;
@@ -251,8 +265,8 @@ static int drop_outliers(struct problem *p) {
     return n;
 }
 
-/* Every lamp that is used, at arc angles that differ enough for its own fall-off to be told from
- * the cameras'. */
+/* Every lamp must be used at arc angles that differ enough to separate its fall-off from the
+ * cameras' vignetting. */
 static gboolean radiometry_fit_check_shots(const struct problem *p, GError **error) {
     for (int l = 0; l < p->rig->n_lamps; l++) {
         double first = 0, apart = 0;
@@ -297,12 +311,13 @@ static gboolean check_cells(const struct problem *p, GError **error) {
     return FALSE;
 }
 
+/* Refuses a fit with too many outliers or too large residuals. */
 static gboolean check_fit(const struct problem *p, int rejected, GError **error) {
     double rms = sqrt(p->sum2 / MAX(p->n_used, 1));
     if (rejected <= MOST_OUTLIERS * p->n_cells && rms < MOST_RESIDUAL)
         return TRUE;
     g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_MISFIT,
-                "what the pictures show is not a matt white tile under these lamps: %.1f %% off on "
+                "the pictures do not show a matt white tile under these lamps: %.1f %% off on "
                 "average, %d of %d cells quite different; is it clean, matt, level, where the "
                 "session says, and does no other light fall on it?",
                 100 * rms, rejected, p->n_cells);
@@ -313,7 +328,8 @@ static double radiometry_fit_covariance(const struct problem *p, int i, int j) {
     return p->matrix[(gsize)MAX(i, j) * (gsize)p->n + (gsize)MIN(i, j)];
 }
 
-/* The mean of three logarithms from `at`, and how each lies off it. */
+/* Splits three logarithms into their mean and the colour factors exp(x_i − mean), with standard
+ * errors. */
 static void radiometry_fit_split_colours(const struct problem *p, int at, double worse,
                                          double *ret_mean, double *ret_error, double colour[3],
                                          double colour_error[3]) {
@@ -333,6 +349,7 @@ static void radiometry_fit_split_colours(const struct problem *p, int at, double
     *ret_error = sqrt(MAX(variance, 0)) * worse;
 }
 
+/* Writes a camera's response, colours and flat field, with standard errors. */
 static void store_camera(const struct problem *p, int c, double worse, struct tile_fit *ret) {
     struct radiometry_camera *to = &ret->cameras[c];
     int at = camera_at(p, c);
@@ -349,6 +366,7 @@ static void store_camera(const struct problem *p, int c, double worse, struct ti
     }
 }
 
+/* Writes a lamp's intensity, exponent and aim, with standard errors. */
 static void store_lamp(const struct problem *p, int l, double worse, struct tile_fit *ret) {
     struct radiometry_lamp *to = &ret->lamps[l];
     struct rig_lamp *lamp = &p->rig->lamps[l];
@@ -373,7 +391,7 @@ static void store_lamp(const struct problem *p, int l, double worse, struct tile
 static gboolean radiometry_fit_check_errors(const struct rig *rig, const struct tile_fit *fit,
                                             GError **error) {
     for (int c = 0; c < rig->n_cameras; c++) {
-        /* The slopes and the curvature matter at the picture's edge, where x and r² are about 1. */
+        /* Slopes matter most at the picture's edge, where |x| is about 1. */
         double worst = MAX(fit->cameras[c].flat_error[3], fit->cameras[c].flat_error[4]);
         if (fit->cameras[c].known && fit->cameras[c].response_error > MOST_GAIN_ERROR) {
             g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_DEGENERATE,

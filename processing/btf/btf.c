@@ -1,3 +1,7 @@
+/* Makes one view of the BTF. All frames are loaded as half floats first, since the sum over all
+ * lights is the guide of the rectification (rectify.h); then each is rectified (n_texels × 3),
+ * divided by its irradiance and written as one part. Lights that were not captured are predicted
+ * from the parts of the others. */
 #include "btf.h"
 
 #include <math.h>
@@ -7,10 +11,10 @@
 #include "btf_missing.h"
 #include "exr/exr_half.h"
 
-#define MOST_HOLES 0.5 /* of the texels: with more of them something is wrong with the frame */
+#define MOST_HOLES 0.5 /* of the texels: if more are holes, the frame is refused */
 
 static const char *const rgb_channels[] = {"B", "G", "R", NULL};
-static const char *const marked_channels[] = {"B", "G", "R", "mark", NULL};
+static const char *const flagged_channels[] = {"B", "G", "R", "mark", NULL};
 
 void btf_view_free(struct btf_view *view) {
     if (!view)
@@ -22,13 +26,15 @@ void btf_view_free(struct btf_view *view) {
     g_free(view);
 }
 
-/* A point of the rig in the sample frame of this view. */
+/* Sets an attribute to a point of the rig frame, transformed to the sample frame of this view. */
 static void set_point(struct exr_part *part, const struct btf_view *view, const char *name,
                       struct vec3 rig_mm) {
     struct vec3 p = rig_turn(rig_mm, -view->turntable_rad);
     exr_set_v3d(part, name, p.x, p.y, p.z);
 }
 
+/* A new part with the attributes of one light's picture. The channel "mark" is there if any texel
+ * has a flag. */
 static struct exr_part *btf_light_part(const struct btf_view *view, const struct btf_light *light,
                                        const guint8 *marks) {
     static const struct {
@@ -44,7 +50,7 @@ static struct exr_part *btf_light_part(const struct btf_view *view, const struct
         any |= marks[i];
     g_autofree char *name = g_strdup_printf("light_%04d", light->index);
     struct exr_part *part = exr_part_new(name, view->grid.width, view->grid.height,
-                                         any ? marked_channels : rgb_channels, EXR_HALF);
+                                         any ? flagged_channels : rgb_channels, EXR_HALF);
     for (int i = 0; any && i < n; i++)
         part->planes[3][i] = marks[i];
     for (gsize k = 0; k < G_N_ELEMENTS(counts); k++) {
@@ -64,14 +70,15 @@ static struct exr_part *btf_light_part(const struct btf_view *view, const struct
     return part;
 }
 
-/* Of a lamp, in a colour, in this shot: of rig_lamp_irradiance(). */
+/* Output of the lamp in a colour during this shot, relative to rig_lamp_irradiance(). */
 static float output_of(const struct btf_light *light, int colour) {
     double own =
         light->radiometry && light->radiometry->known ? light->radiometry->colour[colour] : 1;
     return (float)(own * light->output);
 }
 
-/* L·π / E: what is seen relative to a white diffuser that faces the lamp. */
+/* Reflectance ρ = π L / E relative to a white Lambertian diffuser: L radiance (rgb: n × 3), E
+ * irradiance of the texel facing the lamp. The cosine n·l stays in ρ. */
 static void to_reflectance(const struct btf_view *view, const struct btf_light *light, float *rgb,
                            struct exr_part *part) {
     int n = view->grid.width * view->grid.height;
@@ -85,13 +92,14 @@ static void to_reflectance(const struct btf_view *view, const struct btf_light *
     }
 }
 
-/* The mosaics of a view, as they are on disk. */
+/* The frames of a view, one a light, n_pixels each. */
 struct mosaics {
-    guint16 **half; /* of each light */
-    guint8 **bound; /* of each light: whether a pixel is saturated; NULL: none is, or not told */
-    float *shorter; /* of each light: from here on shorter exposures tell; 0: there are none */
-    int *saturated; /* pixels of each light's frame; −1: not told */
-    double *sum;    /* of all of them: the guide */
+    guint16 **half; /* of each light, half floats; NULL: missing */
+    guint8 **bound; /* of each light, whether a pixel is saturated; NULL: no channel for it */
+    float *shorter; /* of each light: values from here on come from shorter exposures; 0: there are
+                       none */
+    int *saturated; /* saturated pixels of each light's frame; −1: unknown */
+    double *sum;    /* sum over all lights: the guide */
     gsize n_pixels;
     char *cfa;
 };
@@ -109,6 +117,7 @@ static void clear_mosaics(struct mosaics *mosaics, guint n) {
     g_free(mosaics->cfa);
 }
 
+/* Checks that a frame belongs to the shot, and has the colour filter of the other frames. */
 static gboolean btf_check_frame(const struct input *input, const struct exr_part *frame, char **cfa,
                                 GError **error) {
     const char *found = "mono";
@@ -119,21 +128,23 @@ static gboolean btf_check_frame(const struct input *input, const struct exr_part
     }
     if (exr_get_int(frame, "mesorig.shot", &shot, NULL) && shot != (int)input->shot) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: it says that it is of shot %d, the session says shot %d", input->path,
-                    shot, (int)input->shot);
+                    "%s: the frame is of shot %d, but the session records it as shot %d; check "
+                    "which file was moved or replaced",
+                    input->path, shot, (int)input->shot);
         return FALSE;
     }
     *cfa = *cfa ? *cfa : g_strdup(found);
     if (strcmp(found, *cfa) == 0)
         return TRUE;
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: it was taken through a colour filter %s, others of this camera through %s",
-                input->path, found, *cfa);
+                "%s: its colour filter is %s, other frames of this camera have %s", input->path,
+                found, *cfa);
     return FALSE;
 }
 
-/* What a frame says of its pixels. */
-static void btf_load_marks(const struct exr_part *frame, guint i, struct mosaics *to) {
+/* Reads which of a frame's pixels are saturated, and from which value on shorter exposures were
+ * used. */
+static void btf_load_saturation(const struct exr_part *frame, guint i, struct mosaics *to) {
     const float *saturated = exr_part_plane(frame, "saturated");
     double shorter = 0;
     to->saturated[i] = -1;
@@ -147,7 +158,7 @@ static void btf_load_marks(const struct exr_part *frame, guint i, struct mosaics
         to->bound[i][k] = saturated[k] != 0;
 }
 
-/* One light's frame, of which each pixel that is a number counts for the guide. */
+/* Loads one light's frame and adds its finite pixels to the guide. */
 static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics *to,
                             GError **error) {
     static const char *const channels[] = {"Y", NULL};
@@ -156,7 +167,7 @@ static gboolean load_mosaic(const struct btf_view *view, guint i, struct mosaics
     gboolean ok = frame && btf_check_frame(input, frame, &to->cfa, error);
     if (ok) {
         const float *mosaic = exr_part_plane(frame, "Y");
-        btf_load_marks(frame, i, to);
+        btf_load_saturation(frame, i, to);
         to->half[i] = g_new(guint16, to->n_pixels);
         exr_half_from_floats(to->half[i], mosaic, to->n_pixels);
         for (gsize k = 0; k < to->n_pixels; k++)
@@ -179,7 +190,8 @@ static Rectify *new_rectify(const struct btf_view *view, const struct mosaics *m
     return rectify;
 }
 
-/* Of the texels, into marks, which says of each whether it is a hole. */
+/* Sets the flags of n texels. marks: on input whether each is a hole, on output bits of enum
+ * btf_mark. */
 static void set_marks(const Rectify *rectify, const struct mosaics *mosaics, guint i,
                       const float *mosaic, int n, guint8 *marks) {
     g_autofree guint8 *pixels = g_new(guint8, mosaics->n_pixels), *found = g_new(guint8, n);
@@ -194,6 +206,7 @@ static void set_marks(const Rectify *rectify, const struct mosaics *mosaics, gui
         marks[k] = marks[k] ? BTF_MARK_HOLE : found[k];
 }
 
+/* Rectifies one light's frame. An error if most of its texels are holes. */
 static struct exr_part *make_light(const struct btf_view *view, guint i, const Rectify *rectify,
                                    const struct mosaics *mosaics, GError **error) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
@@ -204,8 +217,8 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
     int holes = rectify_apply(rectify, mosaic, rgb, marks);
     if (holes > MOST_HOLES * n) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: %d of %d texels show pixels that are not numbers", light->input.path,
-                    holes, n);
+                    "%s: pixels of %d of %d texels are not finite numbers; capture this shot again",
+                    light->input.path, holes, n);
         return NULL;
     }
     set_marks(rectify, mosaics, i, mosaic, n, marks);
@@ -216,7 +229,7 @@ static struct exr_part *make_light(const struct btf_view *view, guint i, const R
     return part;
 }
 
-/* Where the lights around it are there. */
+/* Predicts the pictures of missing lights from the lights around them. */
 static void predict_missing(const struct btf_view *view, struct exr_part **parts) {
     const gsize n = (gsize)view->grid.width * (gsize)view->grid.height;
     g_autofree guint8 *marks = g_new(guint8, n);
@@ -276,6 +289,7 @@ gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellab
     return ok;
 }
 
+/* Compares the hash of the inputs in every part: only headers are read. */
 gboolean btf_is_made(const struct btf_view *view, const char *path) {
     if (!g_file_test(path, G_FILE_TEST_IS_REGULAR))
         return FALSE;

@@ -1,34 +1,37 @@
 /*
- * One view of the BTF: the frames of all lights, rectified and divided by what a white diffuser
- * would have shown; see pipeline.h for the file. Any thread.
+ * One view of the BTF: the frames of all lights, rectified and divided by the radiance of a white
+ * diffuser: ρ(x, v, l) = π L(x, v, l) / E(x, l). See pipeline.h for the file. Any thread.
  */
 #pragma once
 
 #include "frames/rectify.h"
 #include "session/inputs.h"
 
-/* Counts up whenever the same frames give other numbers: what older ones made is made again. */
+/* Version of the method: it increases whenever the same frames give other values. Products of an
+ * older version are made again. */
 #define BTF_METHOD 6
 
-/* What a texel's pixels were: bits of a part's channel "mark", which is there if any is not 0. */
+/* Flags of a texel: bits of a part's channel "mark", which exists if any texel has one. */
 enum btf_mark {
-    BTF_MARK_SHORTER = 1, /* too bright for the longest exposure: shorter ones tell, noisier */
-    BTF_MARK_BOUND = 2,   /* too bright for all of them: the value is a lower bound */
-    BTF_MARK_HOLE = 4, /* no numbers, or outside of the picture: the value is 0 and says nothing */
-    BTF_MARK_PREDICTED = 8, /* there is no picture: made of those of the lights around it */
+    BTF_MARK_SHORTER = 1, /* saturated in the longest exposure: the value is from shorter ones and
+                             has more noise */
+    BTF_MARK_BOUND = 2,   /* saturated in all exposures: the value is a lower bound */
+    BTF_MARK_HOLE =
+        4, /* no finite value, or outside of the picture: the value is 0 and means nothing */
+    BTF_MARK_PREDICTED = 8, /* not captured: predicted from the lights around it */
 };
 
-/* A view with more of its lights missing is not made. */
+/* A view is not made if more than this share of its lights is missing. */
 #define BTF_MOST_MISSING 0.1
 
 struct btf_light {
     int index; /* of the light */
     double theta_deg, phi_deg;
-    const struct rig_arc *arc; /* borrowed, as the lamp */
+    const struct rig_arc *arc; /* borrowed, like the lamp */
     const struct rig_lamp *lamp;
     const struct radiometry_lamp *radiometry; /* may be not known */
     double arc_rad;
-    double output;    /* of the lamp in this shot, of what it was calibrated at */
+    double output;    /* of the lamp in this shot, relative to its calibration */
     gboolean missing; /* the plan left it out; input is empty */
     struct input input;
 };
@@ -41,33 +44,34 @@ struct btf_view {
     double turntable_rad;
     struct session_grid grid;
     GArray *lights; /* of struct btf_light, in order of index */
-    int n_missing;  /* of them; at most BTF_MOST_MISSING of all */
+    int n_missing;  /* number of missing lights, at most BTF_MOST_MISSING of all */
     char *inputs;   /* hash of all of the above */
 };
 
 void btf_view_free(struct btf_view *view); /* NULL is ignored */
 
-/* Writes the file. Attributes of its parts beside those of pipeline.h: mesorig.inputs (string);
- * mesorig.holes, mesorig.bounds, mesorig.shorter, mesorig.predicted (int): texels with each mark.
- * A light that is missing has, over cos θ_l, the value of the plane that fits the nearest lights'
- * best over (sin θ cos φ, sin θ sin φ). */
+/* Writes the file. Its parts have, besides the attributes of pipeline.h, mesorig.inputs (string)
+ * and mesorig.holes, mesorig.bounds, mesorig.shorter, mesorig.predicted (int): number of texels
+ * with each flag. A missing light is predicted: the plane over (sin θ cos φ, sin θ sin φ) that
+ * fits ρ / cos θ_l of the nearest lights best, times its own cos θ_l. */
 gboolean btf_make_view(const struct btf_view *view, const char *path, GCancellable *cancellable,
                        GError **error);
 
-/* Of one part or many. */
+/* Numbers of texels, and of those with each flag, summed over parts. */
 struct btf_marks {
     gint64 texels, holes, bounds, shorter, predicted;
 };
-void btf_add_marks(const struct exr_part *part, struct btf_marks *sums); /* headers suffice */
+void btf_add_marks(const struct exr_part *part,
+                   struct btf_marks *sums); /* needs the headers only */
 
-/* Whether the file is there and was made of these inputs. */
+/* Whether the file exists and was made from these inputs. */
 gboolean btf_is_made(const struct btf_view *view, const char *path);
 
-/* Reads a view back: n_lights × height × width × 3, R G B. */
+/* Reads a view back. ret_rgb: n_lights × height × width × 3 (R, G, B). */
 gboolean btf_read_view(const char *path, const int *lights, int n_lights,
                        const struct session_grid *grid, float *ret_rgb, GError **error);
 
-/* The direction that a part of the file says of its "view" or "light"; FALSE if one of its angles
- * is missing or not finite. */
+/* The direction in a part's attributes OF.theta_deg and OF.phi_deg, OF being "view" or "light".
+ * FALSE if an angle is missing or not finite. */
 gboolean btf_direction(const struct exr_part *part, const char *of, float *ret_theta_deg,
                        float *ret_phi_deg);

@@ -1,10 +1,9 @@
 #include "btf_checkpoint.h"
 
-#include "btf_checkpoint.h"
-
 #include <string.h>
 #include <xxhash.h>
 
+/* All values, or the hashes of the views where the values are in a scratch file. */
 static void hash_values(XXH3_state_t *state, const struct btf_matrix *btf) {
     const gsize row = sizeof(float) * (gsize)btf->n_views * (gsize)btf->n_lights * 3;
     if (btf->values) {

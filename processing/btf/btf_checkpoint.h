@@ -4,6 +4,6 @@
 #include "btf_matrix.h"
 #include "exr/checkpoint.h"
 
-/* As checkpoint_begin(); inputs are a hash of the BTF's values, directions and shape, of what
- * (anything in words that the result depends on beside the BTF) and of this program's version. */
+/* Calls checkpoint_begin() with a hash of the BTF's values, directions and shape, of `what` (a
+ * text with everything else that the result depends on), and of the program's version. */
 void btf_checkpoint_begin(Checkpoint *checkpoint, const struct btf_matrix *btf, const char *what);

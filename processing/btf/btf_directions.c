@@ -7,7 +7,7 @@
 #include "base/text_table.h"
 
 #define MOST     4096
-#define LOWEST   89.0 /* degrees: below there is nothing to be measured */
+#define LOWEST   89.0 /* degrees: steeper directions cannot be measured */
 #define SAME_DEG 0.01
 
 void btf_directions_free(struct btf_directions *directions) {
@@ -21,6 +21,7 @@ void btf_directions_free(struct btf_directions *directions) {
     g_free(directions);
 }
 
+/* Rings at θ = 0°, 15° … 75° with equidistant azimuths φ = 360° k / n, the first at 0°. */
 struct btf_directions *btf_directions_81(void) {
     static const int counts[] = {1, 6, 12, 18, 20, 24};
     struct btf_directions *ret = g_new0(struct btf_directions, 1);
@@ -43,7 +44,8 @@ struct list {
     GArray *theta, *phi; /* float */
 };
 
-/* θ and φ may both be a little beside it, all around and at the pole. */
+/* Compares by angle: φ wraps around, and counts less near the pole, where its circle has the
+ * radius sin θ. */
 static gboolean btf_directions_same(double theta_a, double phi_a, double theta_b, double phi_b) {
     const double across = remainder(phi_a - phi_b, 360) * sin(theta_a * G_PI / 180);
     return hypot(theta_a - theta_b, across) < SAME_DEG;
@@ -56,10 +58,10 @@ static gboolean btf_directions_add(const TextTable *table, int row, double theta
     for (guint i = 0; i < to->theta->len; i++)
         if (btf_directions_same(theta, phi, (double)g_array_index(to->theta, float, i),
                                 (double)g_array_index(to->phi, float, i)))
-            return data_error_fail(path, line, error, "the direction θ %g°, φ %g° is there already",
-                                   theta, phi);
+            return data_error_fail(path, line, error,
+                                   "the direction θ %g°, φ %g° repeats an earlier row", theta, phi);
     if (to->theta->len >= MOST)
-        return data_error_fail(path, line, error, "there are more than %d directions", MOST);
+        return data_error_fail(path, line, error, "more than %d directions", MOST);
     const float pair[] = {(float)theta, (float)phi};
     g_array_append_val(to->theta, pair[0]);
     g_array_append_val(to->phi, pair[1]);

@@ -1,10 +1,10 @@
-/* Sets of directions that a BTF is wanted in. Any thread. */
+/* Sets of directions to resample a BTF to. Any thread. */
 #pragma once
 
 #include "base/data_error.h"
 
 struct btf_directions {
-    char *name; /* what is said of it */
+    char *name; /* for messages and reports */
     int n_views, n_lights;
     float *view_theta_deg, *view_phi_deg;   /* n_views */
     float *light_theta_deg, *light_phi_deg; /* n_lights */
@@ -16,7 +16,7 @@ void btf_directions_free(struct btf_directions *directions); /* NULL is ignored 
  * 30°: 12, 45°: 18, 60°: 20, 75°: 24. */
 struct btf_directions *btf_directions_81(void);
 
-/* A table (text_table.h) with columns of, theta_deg and phi_deg; of: "view", "light" or "both".
- * DATA_ERROR_INVALID with file and line: θ not within 0 … 89°, a direction twice, none of a kind,
- * more than 4096. */
+/* Reads a table (text_table.h) with the columns of, theta_deg and phi_deg; of: "view", "light" or
+ * "both". DATA_ERROR_INVALID with file and line: θ is not within 0 … 89°, a direction repeats,
+ * there is no view or no light, or there are more than 4096. */
 struct btf_directions *btf_directions_read(const char *path, GError **error);

@@ -2,6 +2,7 @@
 
 #include "btf_matrix.h"
 
+/* A pixel is a hole if any of its n planes is NaN known. */
 static gboolean is_hole(float *const *planes, int n, gsize at) {
     for (int i = 0; i < n; i++)
         if (isnan(planes[i][at]))
@@ -9,15 +10,15 @@ static gboolean is_hole(float *const *planes, int n, gsize at) {
     return FALSE;
 }
 
-/* The mean of the neighbours that are there; FALSE: none is. */
+/* Sets a pixel to the mean of its known neighbours among eight. FALSE: it has none. */
 static gboolean btf_holes_fill(float *const *planes, int n, int width, int height,
-                               const gint8 *there, int pixel) {
+                               const gint8 *known, int pixel) {
     const int x = pixel % width, y = pixel / width;
     double sums[8] = {0};
     int found = 0;
     for (int j = MAX(y - 1, 0); j <= MIN(y + 1, height - 1); j++)
         for (int i = MAX(x - 1, 0); i <= MIN(x + 1, width - 1); i++) {
-            if (!there[j * width + i])
+            if (!known[j * width + i])
                 continue;
             found++;
             for (int k = 0; k < n; k++)
@@ -28,15 +29,17 @@ static gboolean btf_holes_fill(float *const *planes, int n, int width, int heigh
     return found > 0;
 }
 
+/* Each round fills the holes at the border of the known area, and thus the distance from it grows
+ * by one pixel per round. */
 int btf_fill_holes(float *const *planes, int n, int width, int height) {
     const int pixels = width * height;
     g_autofree int *holes = g_new(int, pixels);
-    g_autofree gint8 *there = g_new(gint8, pixels);
+    g_autofree gint8 *known = g_new(gint8, pixels);
     int all = 0;
     g_return_val_if_fail(n <= 8, -1);
     for (int i = 0; i < pixels; i++) {
-        there[i] = !is_hole(planes, n, (gsize)i);
-        if (!there[i])
+        known[i] = !is_hole(planes, n, (gsize)i);
+        if (!known[i])
             holes[all++] = i;
     }
     if (all == pixels)
@@ -45,13 +48,13 @@ int btf_fill_holes(float *const *planes, int n, int width, int height) {
         int kept = 0, filled = 0;
         g_autofree int *now = g_new(int, left);
         for (int i = 0; i < left; i++)
-            if (btf_holes_fill(planes, n, width, height, there, holes[i]))
+            if (btf_holes_fill(planes, n, width, height, known, holes[i]))
                 now[filled++] = holes[i];
             else
                 holes[kept++] = holes[i];
-        /* What was filled now counts only for those further in. */
+        /* Pixels filled in this round count as known from the next round on. */
         for (int i = 0; i < filled; i++)
-            there[now[i]] = 1;
+            known[now[i]] = 1;
         left = kept;
     }
     return all;

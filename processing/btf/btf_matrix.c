@@ -1,3 +1,6 @@
+/* Reads the views of a session into the matrix values[texel][view][light][colour] or into a
+ * scratch file [view][texel][light][colour]. Every view is checked against the first: its size,
+ * its lights, and finite values; holes are filled while reading (btf_holes.c). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,6 +38,8 @@ gint64 btf_matrix_bytes(int width, int height, int n_views, int n_lights) {
     return (gint64)width * height * n_views * n_lights * COLOURS * (gint64)sizeof(float);
 }
 
+/* values: n_texels × n_views × n_lights × 3, so that consecutive texels of one view lie a whole
+ * BRDF apart; the scratch file holds one view after the other. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error) {
     const gsize row = (gsize)btf->n_lights * COLOURS;
@@ -47,13 +52,13 @@ const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, 
 }
 
 gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
-                               const int *places, float *ret, GError **error) {
+                               const int *indices, float *ret, GError **error) {
     const gsize row = (gsize)btf->n_lights * COLOURS;
     if (!btf->values)
-        return btf_scratch_place_rows(btf->scratch, view, first, n, places, ret, error);
+        return btf_scratch_place_rows(btf->scratch, view, first, n, indices, ret, error);
     const float *from = btf->values + ((gsize)first * (gsize)btf->n_views + (gsize)view) * row;
     for (int i = 0; i < n; i++)
-        memcpy(ret + (gsize)places[i] * row, from + (gsize)i * (gsize)btf->n_views * row,
+        memcpy(ret + (gsize)indices[i] * row, from + (gsize)i * (gsize)btf->n_views * row,
                sizeof(float) * row);
     return TRUE;
 }
@@ -96,7 +101,7 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
                          GError **error) {
     btf->n_lights = (int)first->parts->len;
     if (btf->n_lights < 1)
-        return view_error(path, error, "there are no lights in it");
+        return view_error(path, error, "it has no lights");
     btf->light_theta_deg = g_new0(float, btf->n_lights);
     btf->light_phi_deg = g_new0(float, btf->n_lights);
     for (int i = 0; i < btf->n_lights; i++)
@@ -106,7 +111,8 @@ gboolean btf_take_lights(struct btf_matrix *btf, const struct exr_file *first, c
     return TRUE;
 }
 
-/* Memory or a file for all views, once the first says how many lights there are. */
+/* Allocates memory or a scratch file for all views, once the first view gives the number of
+ * lights. */
 static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
                                  const struct exr_file *first, const char *path, GError **error) {
     if (!btf_take_lights(btf, first, path, error))
@@ -128,6 +134,7 @@ static gboolean btf_matrix_begin(struct btf_matrix *btf, gint64 memory,
     return btf->values != NULL;
 }
 
+/* Compares a part with the size of the session's grid and with the first view's light. */
 static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struct exr_part *part,
                                        int light, const char *path, GError **error) {
     float theta, phi;
@@ -142,8 +149,8 @@ static gboolean btf_matrix_check_light(const struct btf_matrix *btf, const struc
     return TRUE;
 }
 
-/* Those that were set to 0 when the picture was made become what they are. Imported pictures have
- * no marks, but say how many are. */
+/* Sets holes, which are 0 in the file, to NaN. Imported pictures have no channel "mark" but may
+ * have a number of holes: then every black texel is one. */
 static void mark_holes(const struct exr_part *part, float *const planes[COLOURS]) {
     const gsize n = (gsize)part->width * (gsize)part->height;
     const float *mark = exr_part_plane(part, "mark");
@@ -160,7 +167,8 @@ static void mark_holes(const struct exr_part *part, float *const planes[COLOURS]
             planes[0][i] = NAN;
 }
 
-/* A picture of holes alone is black: one of thousands should not cost the others. */
+/* Fills the holes of one picture; returns their number. A picture of holes alone becomes black:
+ * one among thousands should not make the BTF unusable. */
 static int fill_holes(const struct exr_part *part, float *const planes[COLOURS]) {
     const gsize n = (gsize)part->width * (gsize)part->height;
     mark_holes(part, planes);
@@ -185,13 +193,15 @@ static gboolean btf_matrix_check_values(const struct exr_part *part, int light,
     return TRUE;
 }
 
+/* Transposes planes[light · 3 + colour][texel] to rows of texels, first[texel · stride + light ·
+ * 3 + colour]. */
 gboolean btf_take_view(struct btf_matrix *btf, const struct exr_file *file, int view,
                        const char *path, float *first, gsize stride, GError **error) {
     static const char *const channels[] = {"R", "G", "B"};
     const gsize n = (gsize)btf->n_lights * COLOURS, texels = (gsize)btf->width * (gsize)btf->height;
     g_autofree float **planes = g_new0(float *, n);
     if ((int)file->parts->len != btf->n_lights)
-        return view_error(path, error, "its lights are not as many as those of the first view");
+        return view_error(path, error, "its number of lights differs from that of the first view");
     for (int light = 0; light < btf->n_lights; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
         if (!btf_matrix_check_light(btf, part, light, path, error))

@@ -1,9 +1,9 @@
 /*
- * A whole BTF, one BRDF a texel: in memory, or, where that is too small, in a file of halves that
- * goes with it. Of a session, values that no camera saw (NaN, or those that the BTF's maker set to
- * 0 and counted, see btf.h) are filled from the texels around them in the same picture, and
- * counted. Lower bounds are taken as they are, which is nearer than what is around them, and
- * counted too.
+ * A whole BTF as a matrix, one row (apparent BRDF) per texel: in memory, or, where that is too
+ * small, in a scratch file of half floats. Of a session, values that no camera measured (NaN, or
+ * those that btf_make_view() set to 0 and flagged, see btf.h) are filled from the texels around
+ * them in the same picture, and counted. Lower bounds are used as they are, which is more
+ * accurate than the values around them, and counted, too.
  */
 #pragma once
 
@@ -12,7 +12,7 @@
 
 struct btf_scratch;
 
-/* One row a texel, row 0 first, of n_views × n_lights × 3 (R, G, B). */
+/* n_texels rows (texels row by row, row 0 first) of n_views × n_lights × 3 (R, G, B). */
 struct btf_matrix {
     char *name;
     int width, height; /* texels */
@@ -21,56 +21,57 @@ struct btf_matrix {
     float *view_theta_deg, *view_phi_deg;   /* n_views */
     float *light_theta_deg, *light_phi_deg; /* n_lights */
     float *values;                          /* height · width rows; NULL if they are in scratch */
-    gint64 holes;     /* pixels of the rectified pictures that no good frame pixel shows */
-    gint64 bounds;    /* of them that are lower bounds, since saturated pixels show them */
-    gint64 shorter;   /* those that are known from shorter exposures only */
-    gint64 predicted; /* those of pictures that were not taken, made of other lights' */
-    char *directory;  /* of the session */
+    gint64 holes;                           /* values that no valid pixel of a frame measured */
+    gint64 bounds;                          /* lower bounds, from saturated pixels */
+    gint64 shorter;                         /* values from shorter exposures only */
+    gint64 predicted;                       /* values predicted for missing lights */
+    char *directory;                        /* of the session */
     struct btf_scratch *scratch;
 };
 
 void btf_matrix_free(struct btf_matrix *btf); /* NULL is ignored */
 
-/* The session that a path belongs to: itself, or what its products/btf lies in; g_free(). */
+/* The session directory of a path: the path itself, or the directory that contains its
+ * products/btf; g_free() it. */
 char *btf_matrix_session(const char *path);
 
-/* Of a session directory, or of its products/btf. Views that are not there are left out; a view
- * whose lights or texels are other than those of the first is refused, as are infinite values.
- * A picture that is nothing but holes becomes black. Stage "read". */
+/* Reads the BTF of a session directory, or of its products/btf. Views without a file are left
+ * out. DATA_ERROR_INVALID: a view differs from the first in lights or texels, or has infinite
+ * values. A picture of holes alone becomes black. Progress stage "read". */
 struct btf_matrix *btf_matrix_read(const char *path, const struct work *work, GError **error);
 
-/* The same; if values would take more than memory bytes (0: any number), they are kept in a file
- * without a name in products/ of the session, or if that cannot be written, where temporary files
- * are. It takes 2 bytes a value and is gone with the matrix. */
+/* As btf_matrix_read(). If the values would take more than memory bytes (0: no limit), they are
+ * kept in an unnamed file in products/ of the session, or, if that is not writable, in the
+ * directory of temporary files. It takes 2 bytes per value and disappears with the matrix. */
 struct btf_matrix *btf_matrix_read_within(gint64 memory, const char *path, const struct work *work,
                                           GError **error);
 
-/* For a team (lpca_team.h) in which all call this: values hold the rows of a rank's own texels
- * alone. Each view is read by one rank, which deals its texels out. An error of one is an error of
- * all. */
+/* For a team (base/team.h), all of whose ranks call this: values hold the rows of a rank's own
+ * texels only. Each view is read by one rank, which distributes its texels. An error of one rank
+ * is an error of all. */
 struct btf_matrix *btf_matrix_read_shared(const struct team *team, const char *path,
                                           const struct work *work, GError **error);
 
-/* What n texels from first on show to a view: n rows of n_lights × 3 floats, each *ret_stride
- * behind the one before. They lie in memory, or else in buffer (n × n_lights × 3). NULL if the file
- * cannot be read. Any thread. */
+/* The values of texels first … first + n − 1 in a view: n rows of n_lights × 3 floats,
+ * *ret_stride floats apart. They lie in memory, or else are read into buffer (n × n_lights × 3).
+ * NULL if the file cannot be read. Any thread. */
 const float *btf_matrix_rows(const struct btf_matrix *btf, int view, int first, int n,
                              float *buffer, gsize *ret_stride, GError **error);
 
-/* The same in another order: a copy, texel first + i's in the places[i]-th row of ret, which has
- * n × n_lights × 3 floats. */
+/* Copies the same rows in another order: texel first + i becomes row indices[i] of ret (n ×
+ * n_lights × 3). */
 gboolean btf_matrix_place_rows(const struct btf_matrix *btf, int view, int first, int n,
-                               const int *places, float *ret, GError **error);
+                               const int *indices, float *ret, GError **error);
 
 /* Bytes of the values as floats. */
 gint64 btf_matrix_bytes(int width, int height, int n_views, int n_lights);
 
-/* A picture's holes (NaN) become the mean of what is next to them, row by row inwards. planes: n of
- * width × height. Returns how many pixels were holes; −1 if there was nothing else. */
+/* Fills a picture's holes (NaN) with the mean of their neighbours, from the border of each hole
+ * inwards. planes: n of height × width. Returns the number of holes; −1 if there was nothing
+ * else. */
 int btf_fill_holes(float *const *planes, int n, int width, int height);
 
-/* For btf_matrix_read_within(): halves of one view after the other, height × width × n_lights × 3.
- */
+/* The scratch file of btf_matrix_read_within(): half floats, n_views × n_texels × n_lights × 3. */
 struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, int n_texels,
                                     GError **error);
 void btf_scratch_free(struct btf_scratch *scratch); /* NULL is ignored */
@@ -79,6 +80,6 @@ gboolean btf_scratch_write(struct btf_scratch *scratch, int view, const float *v
 gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first, int n, float *ret,
                           GError **error);
 gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
-                                const int *places, float *ret, GError **error);
-/* Of what was written of a view: the same for the same values. */
+                                const int *indices, float *ret, GError **error);
+/* Hash of a view's values. */
 guint64 btf_scratch_hash(const struct btf_scratch *scratch, int view);

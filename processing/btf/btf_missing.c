@@ -2,12 +2,14 @@
 
 #include <math.h>
 
-#define NEAREST   4    /* lights that the reach of the fit is taken from */
-#define REACH     1.5  /* of the distance of the last of them */
-#define FLATNESS  1e-4 /* keeps the plane level across a row of lights, where nothing tilts it */
+#define NEAREST   4    /* the fit's radius is REACH × the distance of this nearest light */
+#define REACH     1.5  /* (see NEAREST) */
+#define FLATNESS  1e-4 /* regularises the slope where the lights lie in a row */
 #define LEAST_COS 0.02
 
-struct place { /* of a light in the unit disc, relative to the missing one */
+/* Position (sin θ cos φ, sin θ sin φ) of a light in the unit disc, relative to the missing light.
+ */
+struct disc_point {
     guint light;
     double x, y, d;
 };
@@ -16,17 +18,17 @@ static double btf_missing_radians(double deg) {
     return deg * (G_PI / 180);
 }
 
-/* Of light: what its values hold beside the reflectance. */
+/* cos θ_l, which the light's values contain as a factor. */
 static double btf_missing_cosine(const struct btf_light *light) {
     return fmax(cos(btf_missing_radians(light->theta_deg)), LEAST_COS);
 }
 
-static struct place btf_missing_place_of(const struct btf_view *view, guint i,
-                                         const struct btf_light *centre) {
+static struct disc_point btf_missing_disc_point(const struct btf_view *view, guint i,
+                                                const struct btf_light *centre) {
     const struct btf_light *light = &g_array_index(view->lights, struct btf_light, i);
     const double a = sin(btf_missing_radians(light->theta_deg)),
                  b = sin(btf_missing_radians(centre->theta_deg));
-    struct place ret = {.light = i};
+    struct disc_point ret = {.light = i};
     ret.x = a * cos(btf_missing_radians(light->phi_deg)) -
             b * cos(btf_missing_radians(centre->phi_deg));
     ret.y = a * sin(btf_missing_radians(light->phi_deg)) -
@@ -36,23 +38,24 @@ static struct place btf_missing_place_of(const struct btf_view *view, guint i,
 }
 
 static int btf_missing_by_distance(gconstpointer a, gconstpointer b) {
-    const struct place *p = a, *q = b;
+    const struct disc_point *p = a, *q = b;
     return p->d < q->d ? -1 : p->d > q->d ? 1 : (p->light > q->light) - (p->light < q->light);
 }
 
-static GArray *places_around(const struct btf_view *view, struct exr_part *const *taken, guint i) {
+/* The captured lights in order of their distance from light i. */
+static GArray *points_around(const struct btf_view *view, struct exr_part *const *taken, guint i) {
     const struct btf_light *centre = &g_array_index(view->lights, struct btf_light, i);
-    GArray *places = g_array_new(FALSE, FALSE, sizeof(struct place));
+    GArray *points = g_array_new(FALSE, FALSE, sizeof(struct disc_point));
     for (guint k = 0; k < view->lights->len; k++) {
-        const struct place place = btf_missing_place_of(view, k, centre);
+        const struct disc_point point = btf_missing_disc_point(view, k, centre);
         if (taken[k])
-            g_array_append_val(places, place);
+            g_array_append_val(points, point);
     }
-    g_array_sort(places, btf_missing_by_distance);
-    return places;
+    g_array_sort(points, btf_missing_by_distance);
+    return points;
 }
 
-/* The first row of the inverse of [a b c; b d e; c e f]. */
+/* The first row of the inverse of the symmetric matrix [a b c; b d e; c e f]. */
 static void first_row(double a, double b, double c, double d, double e, double f, double row[3]) {
     const double p = d * f - e * e, q = c * e - b * f, r = b * e - c * d;
     const double determinant = a * p + b * q + c * r;
@@ -61,14 +64,18 @@ static void first_row(double a, double b, double c, double d, double e, double f
     row[2] = r / determinant;
 }
 
+/* Weighted least squares of the plane p + q x + r y through the values f_k / cos θ_k at (x_k,
+ * y_k), with weights w_k = (1 − d_k / reach)². Its value at the missing light, the origin, is
+ *   p = Σ_k w_k (m₀ + m₁ x_k + m₂ y_k) f_k / cos θ_k,
+ * m being the first row of the inverse normal matrix Σ w (1, x, y)ᵀ(1, x, y). */
 double *btf_missing_weights(const struct btf_view *view, struct exr_part *const *taken, guint i) {
-    g_autoptr(GArray) places = places_around(view, taken, i);
-    if (places->len == 0)
+    g_autoptr(GArray) points = points_around(view, taken, i);
+    if (points->len == 0)
         return NULL;
-    const struct place *p = (const struct place *)(void *)places->data;
-    const double reach = fmax(REACH * p[MIN(places->len, NEAREST) - 1].d, 1e-6);
+    const struct disc_point *p = (const struct disc_point *)(void *)points->data;
+    const double reach = fmax(REACH * p[MIN(points->len, NEAREST) - 1].d, 1e-6);
     double s[6] = {0}, row[3];
-    for (guint k = 0; k < places->len && p[k].d < reach; k++) {
+    for (guint k = 0; k < points->len && p[k].d < reach; k++) {
         const double w = (1 - p[k].d / reach) * (1 - p[k].d / reach);
         s[0] += w;
         s[1] += w * p[k].x;
@@ -81,7 +88,7 @@ double *btf_missing_weights(const struct btf_view *view, struct exr_part *const 
     first_row(s[0], s[1], s[2], s[3] + level, s[4], s[5] + level, row);
     double *weights = g_new0(double, view->lights->len);
     const double own = btf_missing_cosine(&g_array_index(view->lights, struct btf_light, i));
-    for (guint k = 0; k < places->len && p[k].d < reach; k++) {
+    for (guint k = 0; k < points->len && p[k].d < reach; k++) {
         const double w = (1 - p[k].d / reach) * (1 - p[k].d / reach);
         weights[p[k].light] =
             w * (row[0] + row[1] * p[k].x + row[2] * p[k].y) * own /

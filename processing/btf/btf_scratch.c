@@ -1,3 +1,5 @@
+/* The BTF's values as half floats in an unnamed file (O_TMPFILE), [view][texel][light][colour],
+ * for BTFs that exceed the memory. Reading and writing convert PIECE values at a time. */
 #include <errno.h>
 #include <fcntl.h>
 #include <string.h>
@@ -7,19 +9,19 @@
 #include "btf_private.h"
 #include "exr/exr_half.h"
 
-#define PIECE 16384 /* values converted at a time: stays in the cache */
+#define PIECE 16384 /* values converted at a time: they fit into the cache */
 
 struct btf_scratch {
     int fd;
     gsize row; /* values */
     gsize n_texels;
-    guint64 *hashes; /* of what was written of each view */
+    guint64 *hashes; /* n_views: of the values written */
 };
 
 static gboolean io_error(GError **error, const char *what) {
     const int code = errno;
     g_set_error(error, G_FILE_ERROR, g_file_error_from_errno(code),
-                "the BTF's values in a temporary file: %s: %s", what, g_strerror(code));
+                "the temporary file for the values of the BTF: %s: %s", what, g_strerror(code));
     return FALSE;
 }
 
@@ -29,7 +31,8 @@ struct btf_scratch *btf_scratch_new(const char *folder, gsize row, int n_views, 
     int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     if (fd < 0)
         fd = open(g_get_tmp_dir(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-    /* Asked for before the reading begins, not found missing at its end. */
+    /* Reserve the space now, so that a full disk is an error before the reading begins, not at
+     * its end. */
     if (fd < 0 || (errno = posix_fallocate(fd, 0, bytes)) != 0) {
         g_autofree char *size = g_format_size((guint64)bytes);
         g_autofree char *what = g_strdup_printf("%s in %s", size, folder);
@@ -51,11 +54,11 @@ void btf_scratch_free(struct btf_scratch *scratch) {
     g_free(scratch);
 }
 
-static off_t btf_scratch_place(const struct btf_scratch *scratch, int view, gsize first) {
+static off_t btf_scratch_offset(const struct btf_scratch *scratch, int view, gsize first) {
     return (off_t)((((gsize)view * scratch->n_texels) + first) * scratch->row * sizeof(guint16));
 }
 
-/* All of it, whatever the kernel gives at a time. */
+/* Reads or writes n bytes, repeating short transfers. */
 static gboolean btf_scratch_transfer(int fd, gboolean write, guint8 *bytes, gsize n, off_t at) {
     while (n > 0) {
         const gssize done = write ? pwrite(fd, bytes, n, at) : pread(fd, bytes, n, at);
@@ -76,7 +79,7 @@ gboolean btf_scratch_write_rows(const struct btf_scratch *scratch, int view, int
                                 const float *values, GError **error) {
     guint16 halves[PIECE];
     const gsize all = (gsize)n * scratch->row;
-    off_t at = btf_scratch_place(scratch, view, (gsize)first);
+    off_t at = btf_scratch_offset(scratch, view, (gsize)first);
     if (first == 0)
         scratch->hashes[view] = 0;
     for (gsize i = 0; i < all; i += PIECE) {
@@ -100,7 +103,7 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
                           GError **error) {
     guint16 halves[PIECE];
     const gsize all = (gsize)n * scratch->row;
-    off_t at = btf_scratch_place(scratch, view, (gsize)first);
+    off_t at = btf_scratch_offset(scratch, view, (gsize)first);
     for (gsize i = 0; i < all; i += PIECE) {
         const gsize part = MIN(PIECE, all - i);
         if (!btf_scratch_transfer(scratch->fd, FALSE, (guint8 *)halves, part * sizeof *halves, at))
@@ -112,21 +115,21 @@ gboolean btf_scratch_read(const struct btf_scratch *scratch, int view, int first
 }
 
 gboolean btf_scratch_place_rows(const struct btf_scratch *scratch, int view, int first, int n,
-                                const int *places, float *ret, GError **error) {
+                                const int *indices, float *ret, GError **error) {
     guint16 halves[PIECE];
     const gsize row = scratch->row;
     const int at_once = (int)(PIECE / row);
     for (int i = 0; at_once == 0 && i < n; i++)
-        if (!btf_scratch_read(scratch, view, first + i, 1, ret + (gsize)places[i] * row, error))
+        if (!btf_scratch_read(scratch, view, first + i, 1, ret + (gsize)indices[i] * row, error))
             return FALSE;
     for (int i = 0; at_once > 0 && i < n; i += at_once) {
         const int rows = MIN(at_once, n - i);
         if (!btf_scratch_transfer(scratch->fd, FALSE, (guint8 *)halves,
                                   (gsize)rows * row * sizeof *halves,
-                                  btf_scratch_place(scratch, view, (gsize)first + (gsize)i)))
+                                  btf_scratch_offset(scratch, view, (gsize)first + (gsize)i)))
             return io_error(error, "reading");
         for (int j = 0; j < rows; j++)
-            exr_half_to_floats(ret + (gsize)places[i + j] * row, halves + (gsize)j * row, row);
+            exr_half_to_floats(ret + (gsize)indices[i + j] * row, halves + (gsize)j * row, row);
     }
     return TRUE;
 }

@@ -1,3 +1,6 @@
+/* Distributed reading: with R ranks, each round reads R views, one a rank, and then every rank
+ * distributes its view, so that all files are read once and each rank keeps [own
+ * texels][view][light][colour]. */
 #include <string.h>
 
 #include "btf_private.h"
@@ -12,11 +15,11 @@ struct shared {
     struct btf_matrix *btf;
     const GPtrArray *paths;
     int first, end; /* texels of this rank */
-    gsize *starts;  /* of all ranks, in values of a view */
-    float *mine;    /* what this rank got of a view */
+    gsize *starts;  /* n_ranks + 1: first value of each rank within a view */
+    float *mine;    /* this rank's values of one view */
 };
 
-/* FALSE on all ranks if it is on one. */
+/* FALSE on all ranks if ok is FALSE on any. */
 static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
     double failed = !ok;
     team->sum_doubles(team, &failed, 1);
@@ -26,7 +29,7 @@ static gboolean all_ok(const struct team *team, gboolean ok, GError **error) {
     return failed == 0;
 }
 
-/* Views of a round, one a rank: root's texels become everybody's. */
+/* Distributes the view that rank root has read: each rank gets the rows of its own texels. */
 static void deal_view(struct shared *shared, int root, int view, const float *values) {
     const struct btf_matrix *btf = shared->btf;
     const gsize n = (gsize)btf->n_lights * COLOURS, row = n * (gsize)btf->n_views;
@@ -36,6 +39,7 @@ static void deal_view(struct shared *shared, int root, int view, const float *va
                sizeof(float) * n);
 }
 
+/* One round: rank r reads view from + r, then the ranks distribute their views in turn. */
 static gboolean read_round(struct shared *shared, int from, float *buffer, GError **error) {
     struct btf_matrix *btf = shared->btf;
     const int view = from + shared->team->rank;
@@ -62,7 +66,7 @@ static gboolean read_lights(struct shared *shared, GError **error) {
     return ok;
 }
 
-/* Each rank's share, in texels and in values of a view. */
+/* Divides the texels among the ranks and allocates this rank's share. */
 static gboolean take_part(struct shared *shared, GError **error) {
     struct btf_matrix *btf = shared->btf;
     const gsize n = (gsize)btf->n_lights * COLOURS;
@@ -79,11 +83,11 @@ static gboolean take_part(struct shared *shared, GError **error) {
     btf->values = g_try_new0(float, mine *n *(gsize)btf->n_views + 1);
     if (!btf->values)
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%" G_GSIZE_FORMAT " texels do not fit into memory; take more processes", mine);
+                    "%" G_GSIZE_FORMAT " texels do not fit into memory; use more processes", mine);
     return btf->values != NULL;
 }
 
-/* What only those know who read a view. */
+/* Sums what only the rank that read a view has set; it is 0 on all others. */
 static void share_directions(const struct shared *shared) {
     struct btf_matrix *btf = shared->btf;
     double marks[] = {(double)btf->holes, (double)btf->bounds, (double)btf->shorter,

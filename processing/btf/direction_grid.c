@@ -1,3 +1,9 @@
+/* The operator X (samples × n) from measured values to grid samples is found in two steps: a
+ * biharmonic spline S (any direction × n) interpolates the n measured values over the hemisphere;
+ * then least squares finds the samples whose bilinear interpolant B X (B: direction × samples) is
+ * closest to it,
+ *   min ∫ ‖B(ω) X − S(ω)‖² dω + λ ‖X − S(grid)‖² + w · mean_i ‖B(ω_i) X − e_i‖²,
+ * e_i being row i of the identity. All three terms are added to one set of normal equations. */
 #include "direction_grid.h"
 
 #include "base/data_error.h"
@@ -9,17 +15,18 @@
 #include <string.h>
 
 #define LINEAR 4    /* 1, x, y, z */
-#define DENSE  3000 /* directions all over the hemisphere */
-#define NEAR   1e-3 /* what staying near the smooth interpolant counts */
+#define DENSE  3000 /* directions that sample the hemisphere evenly */
+#define NEAR   1e-3 /* weight λ of the smooth interpolant at the samples themselves */
 
-/* What measured directions count beside all of those together. Where many of them lie midway
- * between samples, as the rings of the papers' 81 do on a grid of 12, these would swing to meet
- * them. So they count less, down to LEAST, until no sample is more than MOST_GAIN times the values'
- * size. */
+/* Weight w of the measured directions relative to all others together. Where many of them lie
+ * midway between samples, as the rings of the papers' 81 directions do on a grid of 12, the
+ * samples would oscillate to fit them. Therefore w is halved, down to LEAST, until no sample
+ * exceeds MOST_GAIN times the values (maximum absolute row sum). */
 #define MEASURED  3.0
 #define LEAST     0.05
 #define MOST_GAIN 2.6
 
+/* Ω: (s, t) → direction, Shirley and Chiu (1997) with ρ → ρ √(2 − ρ²) for equal solid angles. */
 void direction_grid_direction(double s, double t, float ret[3]) {
     const double a = 2 * CLAMP(s, 0, 1) - 1, b = 2 * CLAMP(t, 0, 1) - 1;
     const gboolean across = fabs(a) > fabs(b);
@@ -44,6 +51,8 @@ void direction_grid_square(const float direction[3], double *ret_s, double *ret_
     *ret_t = CLAMP((b + 1) / 2, 0, 1);
 }
 
+/* Bilinear weights in cell (i, j) of the grid, with u, v the fractions: (1 − u)(1 − v), u (1 −
+ * v), (1 − u) v, u v. */
 void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
                             float ret_weight[4]) {
     double s, t;
@@ -57,12 +66,13 @@ void direction_grid_weights(int n_grid, const float direction[3], int ret_index[
     }
 }
 
-/* Everything about one set of measured directions. */
+/* Smooth interpolation of values f_i at n measured directions ω_i: f(ω) = Σ_i a_i |ω − ω_i| + b₀
+ * + b·ω with Σ a_i (1, ω_i) = 0 (biharmonic spline and linear part). */
 struct smooth {
     int n;
     float *directions; /* n × 3 */
-    double lowest;     /* z of the lowest one */
-    double *inverse;   /* (n + LINEAR) × n: from values to coefficients */
+    double lowest;     /* z = cos θ of the lowest direction */
+    double *inverse;   /* (n + LINEAR) × n: maps values to the coefficients (a, b₀, b) */
     gboolean lights;
 };
 
@@ -71,6 +81,7 @@ static double kernel(const float *a, const float *b) {
     return sqrt(x * x + y * y + z * z);
 }
 
+/* ret (n + LINEAR): |ω − ω_i| for all i, then 1, x, y, z. */
 static void smooth_row(const struct smooth *smooth, const float *direction, double *ret) {
     for (int i = 0; i < smooth->n; i++)
         ret[i] = kernel(direction, smooth->directions + (gsize)(3 * i));
@@ -79,7 +90,8 @@ static void smooth_row(const struct smooth *smooth, const float *direction, doub
         ret[smooth->n + 1 + k] = direction[k];
 }
 
-/* The shortest solution, so that directions that repeat, lie in a plane or are alone do no harm. */
+/* Solves [K P; Pᵀ 0] · inverse = [I; 0], K_ij = |ω_i − ω_j|, P_i = (1, ω_i), for the solution of
+ * least norm, so that repeated, coplanar or single directions are no problem. */
 static gboolean direction_grid_invert(struct smooth *smooth) {
     const int n = smooth->n, m = n + LINEAR;
     g_autofree double *a = g_new0(double, m *m), *singular = g_new(double, m);
@@ -113,7 +125,8 @@ static void smooth_clear(struct smooth *smooth) {
     g_free(smooth->inverse);
 }
 
-/* Rows of what each measured value counts in the smooth interpolant at these directions. */
+/* ret (count × n): weight of each measured value in the interpolant at the given directions.
+ * Below the lowest measured direction its elevation holds, for lights times z / lowest. */
 static double *smooth_at(const struct smooth *smooth, const float *directions, int count) {
     const int m = smooth->n + LINEAR;
     g_autofree double *rows = g_new(double, (gsize)count *(gsize)m);
@@ -135,7 +148,9 @@ static double *smooth_at(const struct smooth *smooth, const float *directions, i
     return ret;
 }
 
-/* Adds weight × (bilinear at direction − row of target)² to the normal equations. */
+/* Adds weight · ‖bᵀX − target‖² to the normal equations of the samples X (samples × n), b being
+ * the four bilinear weights at a direction, target a row of n: matrix += weight · b bᵀ, right +=
+ * weight · b · target. */
 static void add_equation(int n_grid, const float *direction, double weight, const double *target,
                          int n, double *matrix, double *right) {
     const int samples = n_grid * n_grid;
@@ -150,7 +165,8 @@ static void add_equation(int n_grid, const float *direction, double weight, cons
     }
 }
 
-/* Evenly spread: a Fibonacci spiral. */
+/* DENSE × 3: even directions on a Fibonacci spiral, z_i = 1 − (i + ½)/DENSE, φ_i = π (1 + √5)(i +
+ * ½). */
 static float *dense_directions(void) {
     float *ret = g_new(float, 3 * DENSE);
     for (int i = 0; i < DENSE; i++) {
@@ -173,7 +189,8 @@ static float *grid_directions(int n_grid) {
     return ret;
 }
 
-/* Normal equations of the samples: matrix × samples = right × values. */
+/* Normal equations matrix · X = right; the samples are X · values. matrix: samples × samples,
+ * right and X: samples × n. */
 struct equations {
     gsize samples, n;
     double *matrix, *right;
@@ -190,7 +207,7 @@ static void equations_clear(struct equations *equations) {
     g_free(equations->right);
 }
 
-/* To be what the smooth interpolant is, all over the hemisphere. */
+/* Terms that pull the bilinear grid to the smooth interpolant all over the hemisphere. */
 static struct equations follow_smooth(const struct smooth *smooth, int n_grid) {
     struct equations ret = equations_new(n_grid, smooth->n);
     g_autofree float *dense = dense_directions(), *grid = grid_directions(n_grid);
@@ -207,7 +224,7 @@ static struct equations follow_smooth(const struct smooth *smooth, int n_grid) {
     return ret;
 }
 
-/* To be the measured values where they were measured. */
+/* Terms that pull the bilinear grid to the measured values in their own directions. */
 static struct equations follow_measured(const struct smooth *smooth, int n_grid) {
     struct equations ret = equations_new(n_grid, smooth->n);
     g_autofree double *one = g_new0(double, ret.n);
@@ -220,7 +237,7 @@ static struct equations follow_measured(const struct smooth *smooth, int n_grid)
     return ret;
 }
 
-/* Samples × n, the measured values counting so much beside the others. */
+/* X (samples × n) of (A + w B) X = R_A + w R_B, by Cholesky decomposition. */
 static double *direction_grid_solve(const struct equations *smooth,
                                     const struct equations *measured, double weight) {
     const gsize samples = smooth->samples, n = smooth->n;
@@ -232,7 +249,7 @@ static double *direction_grid_solve(const struct equations *smooth,
     return ret;
 }
 
-/* How much larger than the values a sample can get. */
+/* Largest absolute row sum: bound of |sample| / max |value|. */
 static double gain_of(const double *rows, gsize samples, gsize n) {
     double most = 0;
     for (gsize i = 0; i < samples; i++)
@@ -240,6 +257,7 @@ static double gain_of(const double *rows, gsize samples, gsize n) {
     return most;
 }
 
+/* Solves with w = MEASURED first, then halves w until the samples no longer oscillate. */
 float *direction_grid_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
                                gboolean lights, GError **error) {
     gboolean ok =

@@ -26,12 +26,13 @@
 void direction_grid_direction(double s, double t, float ret[3]);
 void direction_grid_square(const float direction[3], double *ret_s, double *ret_t);
 
-/* The four samples around a direction and what each counts: not negative, sum 1. */
+/* The four samples around a direction and their bilinear weights: not negative, sum 1. */
 void direction_grid_weights(int n_grid, const float direction[3], int ret_index[4],
                             float ret_weight[4]);
 
-/* n_grid² rows of n: samples = this × values at the n directions. lights: see above. g_free(). NULL
- * with an error for a grid out of bounds, no directions, or what are none. */
+/* The matrix (n_grid² × n) that maps values at the n directions to samples. lights: see above.
+ * g_free() it. NULL with an error: the grid size is out of bounds, there are no directions, or
+ * some are invalid. */
 float *direction_grid_operator(const float *theta_deg, const float *phi_deg, int n, int n_grid,
                                gboolean lights, GError **error);
 

@@ -1,3 +1,6 @@
+/* Gradients g_k are linear in the values, so they are stored as weights of differences to the
+ * neighbours: g_k = Σ_i s_ki (f_i − f_k), s_ki ∈ ℝ², and applied to all channels of a row at
+ * once. */
 #include "direction_mesh.h"
 
 #include <lapacke.h>
@@ -6,41 +9,44 @@
 
 #include "triangulation.h"
 
-#define TOGETHER  (0.25 * G_PI / 180 / 2) /* apart in the plane, near its middle */
-#define FLAT      0.02                    /* a triangle's height, of its longest side */
-#define MOST_AWAY 0.5                     /* of a triangle's height, that it is extrapolated by */
-#define AROUND    20                      /* neighbours that slopes are found from, at most */
-#define TERMS     5                       /* of a quadric without a constant */
-#define RANK      0.02                    /* singular values below, of the largest, say nothing */
+#define TOGETHER                                                                                   \
+    (0.25 * G_PI / 180 / 2) /* distance in the plane near its centre: closer directions are one */
+#define FLAT      0.02 /* height of a triangle over its longest side: flatter ones are dropped */
+#define MOST_AWAY 0.5  /* largest extrapolation, in heights of a triangle */
+#define AROUND    20   /* neighbours in the fit of a slope, at most */
+#define TERMS     5    /* of a quadric without its constant */
+#define RANK      0.02 /* smaller singular values, relative to the largest, count as 0 */
 #define ROUNDING  1e-9
 
-/* Four values at once, wherever they lie. */
+/* Four values; need not be aligned. */
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
 
 struct triangle {
     int corner[3]; /* counter-clockwise */
 };
 
-struct slope { /* at one direction */
+struct slope { /* gradient at one direction */
     int n, index[AROUND];
-    float x[AROUND], y[AROUND]; /* of each neighbour's difference to it */
+    float x[AROUND], y[AROUND]; /* weights of (neighbour − own value) */
 };
 
 struct DirectionMesh {
     int n;
     gboolean lights;
-    double *points; /* n × 2, as the middle sees them */
+    double *points; /* n × 2, as seen from the centre of the sample */
     gboolean *used;
     GArray *triangles;
     struct slope *slopes; /* n */
 };
 
+/* Stereographic projection (x, y) / (1 + z). */
 void direction_mesh_point(struct vec3 direction, double ret[2]) {
     const double scale = 1 / (1 + MAX(direction.z, 0));
     ret[0] = direction.x * scale;
     ret[1] = direction.y * scale;
 }
 
+/* z of a projected direction: (1 − r²) / (1 + r²). */
 static double direction_mesh_cosine(const double point[2]) {
     const double r2 = point[0] * point[0] + point[1] * point[1];
     return (1 - r2) / (1 + r2);
@@ -50,6 +56,7 @@ static double apart(const double *a, const double *b) {
     return hypot(a[0] - b[0], a[1] - b[1]);
 }
 
+/* Twice the signed area of a triangle, positive if counter-clockwise. */
 static double direction_mesh_area(const double *a, const double *b, const double *c) {
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
@@ -59,6 +66,7 @@ static gboolean is_flat(const double *a, const double *b, const double *c) {
     return !(direction_mesh_area(a, b, c) > FLAT * longest * longest);
 }
 
+/* Leaves out `skip` and directions that repeat an earlier one. */
 static void choose_used(DirectionMesh *mesh, int skip) {
     for (int i = 0; i < mesh->n; i++) {
         mesh->used[i] = i != skip;
@@ -91,7 +99,7 @@ static void direction_mesh_triangulate(DirectionMesh *mesh) {
     triangulation_free(triangulation);
 }
 
-/* Marks all that share a triangle with one that is marked so far. */
+/* Extends the set of marked directions by all that share a triangle with a marked one. */
 static void spread(const DirectionMesh *mesh, guint8 *marked) {
     g_autofree guint8 *before = g_memdup2(marked, (gsize)mesh->n);
     for (guint t = 0; t < mesh->triangles->len; t++) {
@@ -111,9 +119,10 @@ static int direction_mesh_by_distance(const void *a, const void *b) {
     return x->distance != y->distance ? (x->distance < y->distance ? -1 : 1) : x->index - y->index;
 }
 
-/* The quadric through a corner's own value that fits its neighbours' best, the nearer the better:
- * its slopes are linear in the neighbours' differences. Where they do not tell all five terms, the
- * shortest solution. */
+/* Gradient at direction `at`: the quadric through its own value that fits the differences d_i to
+ * n neighbours best, min Σ w_i² (gx·x + gy·y + hxx·x² + hxy·xy + hyy·y² − d_i)², w_i = 1 /
+ * distance. The solution is linear in d; its first two rows are kept. If the neighbours do not
+ * determine all five terms, the solution of least norm. */
 static void fit_slope(const DirectionMesh *mesh, int at, const struct near *around, int n,
                       struct slope *ret) {
     const double unit = around[n - 1].distance;
@@ -139,6 +148,7 @@ static void fit_slope(const DirectionMesh *mesh, int at, const struct near *arou
     }
 }
 
+/* The neighbours are those within two triangles of a direction, the nearest AROUND of them. */
 static void find_slope(DirectionMesh *mesh, int at) {
     g_autofree guint8 *marked = g_new0(guint8, mesh->n);
     g_autofree struct near *around = g_new(struct near, mesh->n);
@@ -183,8 +193,8 @@ void direction_mesh_free(DirectionMesh *mesh) {
     g_free(mesh);
 }
 
-/* Barycentric; returns the smallest, which is negative outside, −∞ of a triangle that has turned
- * over. */
+/* Barycentric weights of a point. Returns the smallest one: it is negative outside, and −∞ for a
+ * triangle that the moved corners have turned over. */
 static double direction_mesh_weigh(const DirectionMesh *mesh, const double *points, int triangle,
                                    const double at[2], double ret[3]) {
     const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
@@ -198,6 +208,7 @@ static double direction_mesh_weigh(const DirectionMesh *mesh, const double *poin
     return MIN(ret[0], MIN(ret[1], ret[2]));
 }
 
+/* Triangles in order of the smallest barycentric weight of the direction, most likely first. */
 void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
                           struct direction_guess *ret) {
     const int n = (int)mesh->triangles->len;
@@ -212,7 +223,8 @@ void direction_mesh_guess(const DirectionMesh *mesh, struct vec3 direction,
         ret->triangle[k] = list[k].index;
 }
 
-/* The triangle that holds it, or else is least far from doing so. −1: there is none. */
+/* The triangle that contains a point, or else the one whose smallest barycentric weight is
+ * largest. −1: there are no triangles. */
 static int direction_mesh_find(const DirectionMesh *mesh, const double *points, const double at[2],
                                const struct direction_guess *guess, double ret[3]) {
     const int n = (int)mesh->triangles->len;
@@ -230,26 +242,27 @@ static int direction_mesh_find(const DirectionMesh *mesh, const double *points, 
     return found;
 }
 
-/* Of a point too far out: back to where extrapolation ends, the others in proportion. */
-static gboolean hold(double weights[3]) {
+/* Limits extrapolation: weights below −MOST_AWAY are raised to it and the positive ones scaled so
+ * that the sum stays 1. Returns whether it did. */
+static gboolean limit_weights(double weights[3]) {
     double positive = 0, negative = 0;
-    gboolean held = FALSE;
+    gboolean clamped = FALSE;
     for (int k = 0; k < 3; k++) {
-        held |= weights[k] < -MOST_AWAY;
+        clamped |= weights[k] < -MOST_AWAY;
         weights[k] = MAX(weights[k], -MOST_AWAY);
         positive += MAX(weights[k], 0);
         negative += MIN(weights[k], 0);
     }
-    for (int k = 0; held && k < 3; k++)
+    for (int k = 0; clamped && k < 3; k++)
         if (weights[k] > 0)
             weights[k] *= (1 - negative) / positive;
-    return held;
+    return clamped;
 }
 
 static void direction_mesh_nearest(const DirectionMesh *mesh, const double *points,
                                    const double at[2], struct direction_share *ret) {
     double best = G_MAXDOUBLE;
-    *ret = (struct direction_share){.weight = {1}, .held = TRUE};
+    *ret = (struct direction_share){.weight = {1}, .clamped = TRUE};
     for (int i = 0; i < mesh->n; i++) {
         const double distance = apart(points + (gsize)(2 * i), at);
         if (!mesh->used[i] || distance >= best)
@@ -259,7 +272,8 @@ static void direction_mesh_nearest(const DirectionMesh *mesh, const double *poin
     }
 }
 
-/* By how much reflectance, which holds n·l, falls from where it was measured last. */
+/* cos θ at the point asked for over cos θ at the end of the extrapolation: reflectance contains
+ * n·l. */
 static double fade(const double *points, const struct direction_share *share, const double at[2]) {
     double end[2] = {0};
     for (int k = 0; k < 3; k++)
@@ -268,6 +282,7 @@ static double fade(const double *points, const struct direction_share *share, co
     return CLAMP(direction_mesh_cosine(at) / MAX(direction_mesh_cosine(end), 1e-3), 0, 1);
 }
 
+/* f(x) = Σ_k b_k (f_k + ½ g_k · (x − x_k)); along_k = ½ (x − x_k). */
 void direction_mesh_share(const DirectionMesh *mesh, const double *points, const double at[2],
                           const struct direction_guess *guess, struct direction_share *ret) {
     double weights[3], end[2] = {0};
@@ -276,7 +291,7 @@ void direction_mesh_share(const DirectionMesh *mesh, const double *points, const
         direction_mesh_nearest(mesh, points, at, ret);
     else {
         const int *corner = g_array_index(mesh->triangles, struct triangle, triangle).corner;
-        ret->held = hold(weights);
+        ret->clamped = limit_weights(weights);
         for (int k = 0; k < 3; k++)
             for (int axis = 0; axis < 2; axis++)
                 end[axis] += weights[k] * points[2 * corner[k] + axis];
@@ -287,7 +302,7 @@ void direction_mesh_share(const DirectionMesh *mesh, const double *points, const
                 ret->along[k][axis] = (float)(0.5 * (end[axis] - points[2 * corner[k] + axis]));
         }
     }
-    const float factor = ret->held && mesh->lights ? (float)fade(points, ret, at) : 1;
+    const float factor = ret->clamped && mesh->lights ? (float)fade(points, ret, at) : 1;
     for (int k = 0; k < 3; k++)
         ret->weight[k] *= factor;
 }
@@ -309,6 +324,7 @@ void direction_mesh_slopes(const DirectionMesh *mesh, const float *values, int r
     }
 }
 
+/* Expands g_k = Σ_i s_i (f_i − f_k) into weights of the values f. */
 void direction_mesh_weights(const DirectionMesh *mesh, const struct direction_share *share,
                             float *ret_weights) {
     for (int k = 0; k < 3; k++) {

@@ -1,14 +1,17 @@
+/* Energy fields, reciprocity and albedo of a BTF B(x, v, l) that contains n·l (Meseth et al. 2003
+ * §4.1). All values are luminances. Reciprocity means B(v, l) / cos θ_l = B(l, v) / cos θ_v, and
+ * conservation of energy Σ_v w_v B(v, l) / cos θ_l ≤ 1, w_v being the cosine-weighted solid angle
+ * of view v over π. */
 #include "energy.h"
 
 #include "base/data_error.h"
 
 #include <math.h>
 
-#define SAME_DEG 1.0
-#define SAMPLES_ASIDE                                                                              \
-    200 /* of the disc over which the hemisphere's cosine-weighted parts are found */
-#define LEAST_COSINE 0.05 /* lights flatter than that tell nothing by division */
-#define ROWS         256  /* texels read at a time */
+#define SAME_DEG      1.0
+#define SAMPLES_ASIDE 200  /* grid over the unit disc for the cosine-weighted integral */
+#define LEAST_COSINE  0.05 /* lights at a smaller cos θ are not divided by it */
+#define ROWS          256  /* texels read at a time */
 
 struct direction {
     double x, y, z;
@@ -30,7 +33,7 @@ static struct direction *energy_directions(const float *theta_deg, const float *
     return all;
 }
 
-/* Nearest of n; −1 if there is none within SAME_DEG. */
+/* Index of the nearest of n directions; −1 if none is within SAME_DEG. */
 static int energy_same(const struct direction *all, int n, struct direction to) {
     int best = -1;
     double most = cos(SAME_DEG * G_PI / 180);
@@ -42,7 +45,8 @@ static int energy_same(const struct direction *all, int n, struct direction to) 
     return best;
 }
 
-/* A disc of even density is the hemisphere weighted by its cosine, seen from above. */
+/* w_v: the cosine-weighted share of the hemisphere nearest to view v. A disc of uniform density
+ * is the projection of the hemisphere weighted by cos θ; its points count for the nearest view. */
 static double *weigh_views(const struct direction *views, int n) {
     double *weight = g_new0(double, n), total = 0;
     for (int j = 0; j < SAMPLES_ASIDE; j++)
@@ -62,7 +66,8 @@ static double *weigh_views(const struct direction *views, int n) {
     return weight;
 }
 
-/* Of pairs (v, l) whose exchange (l, v) was measured too: index of the latter, or −1. */
+/* n_views × n_lights: index of the pair (l, v) whose directions are those of (v, l) exchanged; −1
+ * if it was not measured. */
 static int *exchanges(const struct btf_matrix *btf, const struct direction *views,
                       const struct direction *lights) {
     g_autofree int *view_as_light = g_new(int, btf->n_views);
@@ -82,13 +87,14 @@ static int *exchanges(const struct btf_matrix *btf, const struct direction *view
     return other;
 }
 
-/* Squares of the differences of pairs, and of the pairs, once each. */
+/* Sums over pairs, each counted once: of (a − b)² and ((a + b)/2)². */
 struct symmetry {
     double differences, squares;
     int pairs;
 };
 
-/* values: B(v, l) in luminance. */
+/* values: luminance B(v, l), n_views × n_lights. a = B(v, l) / cos θ_l, b that of the exchanged
+ * pair. */
 static void add_symmetry(const int *other, const struct direction *lights, int n_views,
                          int n_lights, const double *values, struct symmetry *to) {
     for (int i = 0; i < n_views * n_lights; i++) {
@@ -102,11 +108,12 @@ static void add_symmetry(const int *other, const struct direction *lights, int n
     }
 }
 
+/* √(Σ (a − b)² / Σ ((a + b)/2)²). */
 static double asymmetry_of(const struct symmetry *symmetry) {
     return symmetry->squares > 0 ? sqrt(symmetry->differences / symmetry->squares) : 0;
 }
 
-/* E_r and E_i of B(v, l). */
+/* E_r(v) = mean over l of B(v, l), E_i(l) = mean over v of B(v, l) (Meseth et al. 2003 §4.1). */
 static void sum_fields(const double *values, int n_views, int n_lights, double *ret_r,
                        double *ret_i) {
     for (int v = 0; v < n_views; v++)
@@ -116,7 +123,7 @@ static void sum_fields(const double *values, int n_views, int n_lights, double *
         }
 }
 
-struct texels { /* a block of them, in luminance */
+struct texels { /* a block, in luminance: n × n_views × n_lights */
     double *values;
     int first, n;
 };
@@ -140,7 +147,8 @@ static gboolean energy_read_texels(const struct btf_matrix *btf, struct texels *
     return TRUE;
 }
 
-/* The mean over texels, the wanted texel's sums, and the asymmetry of all texels alone. */
+/* In one pass over all texels: the mean BRDF, E_r and E_i of the requested texel, and the
+ * asymmetry of all texels taken singly. */
 static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
                            const struct direction *lights, struct energy *energy, double *ret_mean,
                            GError **error) {
@@ -165,6 +173,7 @@ static gboolean sum_texels(const struct btf_matrix *btf, const int *other,
     return TRUE;
 }
 
+/* albedo(l) = Σ_v w_v B(v, l) / cos θ_l. */
 static void find_albedos(struct energy *energy, const double *mean, const double *weight,
                          const struct direction *lights) {
     for (int l = 0; l < energy->n_lights; l++) {
@@ -207,7 +216,7 @@ struct energy *energy_compute(const struct btf_matrix *btf, int texel, GError **
     g_return_val_if_fail(btf->n_views > 0 && btf->n_lights > 0, NULL);
     if (texel < -1 || texel >= n_texels) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: there is no texel %d; there are 0 … %d", btf->name, texel, n_texels - 1);
+                    "%s: there is no texel %d; texels are 0 … %d", btf->name, texel, n_texels - 1);
         return NULL;
     }
     if (texel < 0)

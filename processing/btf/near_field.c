@@ -1,3 +1,5 @@
+/* Reads positions of cameras and lamps from the headers of a BTF's files, and computes the
+ * directions from any texel. Files of a far-away setup have only directions. */
 #include "near_field.h"
 
 #include <math.h>
@@ -21,6 +23,7 @@ void near_field_free(struct near_field *near_field) {
     g_free(near_field);
 }
 
+/* Sets the error of a damaged file. */
 static gboolean near_field_damaged(const char *path, GError **error, const char *what) {
     g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: %s; delete the file and process again",
                 path, what);
@@ -32,13 +35,13 @@ static gboolean near_field_has(const struct exr_part *part, const char *name) {
     return exr_get_v3d(part, name, ignored, NULL);
 }
 
-static gboolean near_field_take_place(const struct near_field *near_field,
-                                      const struct exr_part *part, const char *name,
-                                      const char *path, struct vec3 *ret, GError **error) {
+static gboolean near_field_take_position(const struct near_field *near_field,
+                                         const struct exr_part *part, const char *name,
+                                         const char *path, struct vec3 *ret, GError **error) {
     double at[3];
     if (!exr_get_v3d(part, name, at, NULL))
-        return near_field_damaged(path, error,
-                                  "some of its parts say where camera and lamp were, some not");
+        return near_field_damaged(
+            path, error, "some of its parts have the positions of camera and lamp, some do not");
     if (!isfinite(at[0]) || !isfinite(at[1]) || !(at[2] > near_field->grid.reference_mm) ||
         !isfinite(at[2]))
         return near_field_damaged(path, error, "a camera or lamp is not above the sample");
@@ -46,12 +49,12 @@ static gboolean near_field_take_place(const struct near_field *near_field,
     return TRUE;
 }
 
-/* What a view's headers say. */
+/* Takes directions and positions from a view's headers. */
 static gboolean take_view(struct near_field *to, const struct exr_file *file, int view,
                           const char *path, GError **error) {
     if ((int)file->parts->len != to->n_lights)
         return near_field_damaged(path, error,
-                                  "its lights are not as many as those of the first view");
+                                  "its number of lights differs from that of the first view");
     for (int light = 0; light < to->n_lights; light++) {
         const struct exr_part *part = g_ptr_array_index(file->parts, (guint)light);
         struct vec3 *lamp = to->lamp_mm ? to->lamp_mm + (gsize)view * (gsize)to->n_lights : NULL;
@@ -63,18 +66,20 @@ static gboolean take_view(struct near_field *to, const struct exr_file *file, in
             return near_field_damaged(path, error, "its lights are not those of the first view");
         if (!lamp &&
             (near_field_has(part, "view.centre_mm") || near_field_has(part, "light.position_mm")))
-            return near_field_damaged(path, error,
-                                      "some of its parts say where camera and lamp were, some not");
+            return near_field_damaged(
+                path, error,
+                "some of its parts have the positions of camera and lamp, some do not");
         if (lamp &&
-            (!near_field_take_place(to, part, "view.centre_mm", path, &to->camera_mm[view],
-                                    error) ||
-             !near_field_take_place(to, part, "light.position_mm", path, &lamp[light], error)))
+            (!near_field_take_position(to, part, "view.centre_mm", path, &to->camera_mm[view],
+                                       error) ||
+             !near_field_take_position(to, part, "light.position_mm", path, &lamp[light], error)))
             return FALSE;
     }
     return TRUE;
 }
 
-/* Room for all views, once the first says how many lights there are and whether it says where. */
+/* Allocates for all views, once the first gives the number of lights and whether positions are
+ * there. */
 static void near_field_begin(struct near_field *to, const struct btf_matrix *btf,
                              const struct exr_file *first) {
     const gsize n_lights = (gsize)btf->n_lights, n_views = (gsize)btf->n_views;
@@ -119,11 +124,13 @@ struct near_field *near_field_read(const char *path, GError **error) {
     return ret;
 }
 
+/* Centre of a texel on the reference plane, sample frame. */
 static struct vec3 centre_of(const struct near_field *near_field, int texel) {
     const struct session_grid *grid = &near_field->grid;
     return rectify_point_mm(grid, texel % grid->width + 0.5, (int)(texel / grid->width) + 0.5);
 }
 
+/* Unit vector (camera − from) / |camera − from|; the nominal direction if positions are unknown. */
 static struct vec3 view_from(const struct near_field *n, int view, struct vec3 from) {
     return n->camera_mm ? vec3_unit(vec3_sub(n->camera_mm[view], from))
                         : rig_direction((double)n->view_theta_deg[view] * DEGREE,

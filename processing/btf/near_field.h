@@ -1,8 +1,8 @@
 /*
- * In which direction each texel of a BTF was truly seen and lit. Nominal directions are the same
- * for all texels; cameras and lamps half a metre away stand, for a texel at the edge of a sample,
- * degrees beside them. Where they stood is in the BTF's own files (view.centre_mm and
- * light.position_mm of pipeline.h: as calibrated). Plain data, not changed once read: any thread.
+ * The true directions in which each texel of a BTF was seen and lit. Nominal directions are the
+ * same for all texels; for cameras and lamps half a metre away, those of a texel at the edge of a
+ * sample differ by degrees. The positions are in the BTF's own files (view.centre_mm and
+ * light.position_mm of pipeline.h: as calibrated). Plain data, immutable once read: any thread.
  */
 #pragma once
 
@@ -15,21 +15,21 @@ struct near_field {
     int n_views, n_lights;
     float *view_theta_deg, *view_phi_deg;   /* n_views: nominal */
     float *light_theta_deg, *light_phi_deg; /* n_lights: nominal */
-    /* Sample frame; n_views, and n_views × n_lights: a light arc may turn about an axis of its own,
-     * so that for each turntable angle lamps stand a little elsewhere. NULL, both: the files do not
-     * say; all texels have the nominal directions. */
+    /* Positions in the sample frame: n_views, and n_views × n_lights, since a light arc may turn
+     * about an axis of its own and the lamps then move in the sample frame with the turntable's
+     * angle. Both NULL: the files have no positions, and all texels have the nominal directions. */
     struct vec3 *camera_mm, *lamp_mm;
 };
 
-/* Of a session with a BTF, from its files' headers alone. DATA_ERROR_INVALID: they do not fit each
- * other, or a place is not finite or not above the reference plane; some say where, some do not. */
+/* Reads the headers of a session's BTF. DATA_ERROR_INVALID: the files contradict each other, a
+ * position is not finite or not above the reference plane, or only some files have positions. */
 struct near_field *near_field_read(const char *session, GError **error);
 void near_field_free(struct near_field *near_field); /* NULL is ignored */
 
-/* Unit vectors from a texel's centre outwards; texels row by row, row 0 at +y. */
+/* Unit vectors from a texel's centre to camera and lamp; texels row by row, row 0 at +y. */
 struct vec3 near_field_view(const struct near_field *near_field, int view, int texel);
 struct vec3 near_field_light(const struct near_field *near_field, int view, int light, int texel);
 
-/* The same as seen from the middle of the sample. */
+/* The same from the centre of the sample. */
 struct vec3 near_field_view_centre(const struct near_field *near_field, int view);
 struct vec3 near_field_light_centre(const struct near_field *near_field, int view, int light);

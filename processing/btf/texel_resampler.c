@@ -1,3 +1,8 @@
+/* Resampling of one texel's BRDF B[view][light] from its own directions to the common target
+ * directions. Interpolation is separable: B'[view][target light] over lights first, B''[target
+ * view][target light] over views then. Three errors are summed: of the round trip back to the
+ * measured directions, of leaving out each measured direction, and of using nominal directions
+ * without any correction. */
 #include <math.h>
 #include <string.h>
 
@@ -7,8 +12,8 @@
 #define LANES        RESAMPLER_LANES
 #define COLOURS      3
 #define DEGREE       (G_PI / 180)
-#define MOST_LEFT    1024  /* texels that directions are left out of */
-#define COUNTS       0.02f /* of a value, that a corner is whose mark it gets */
+#define MOST_LEFT    1024  /* texels that the leave-one-out test samples, at most */
+#define COUNTS       0.02f /* weight from which a corner passes on its flags */
 #define MOSTLY_HOLES 0.5f
 
 typedef float lanes __attribute__((vector_size(16), aligned(4)));
@@ -28,7 +33,8 @@ static struct resampler_target *targets(const DirectionMesh *mesh, const float *
     return ret;
 }
 
-/* Over the directions asked for, and where to look in it for those that were measured. */
+/* A mesh over the target directions, and guesses in it for the measured ones: for the round trip.
+ */
 static DirectionMesh *back_mesh(const struct resampler_target *to, int n_to,
                                 const struct vec3 *from, int n_from, gboolean lights,
                                 double **ret_points, struct direction_guess **ret_guesses) {
@@ -54,6 +60,7 @@ static struct resampler_left_out *leave_out(const struct vec3 *directions, int n
     return ret;
 }
 
+/* Meshes and guesses are made for directions as seen from the sample's centre. */
 void resampler_init(struct resampler *r, const struct near_field *near,
                     const struct btf_directions *to, gboolean own) {
     const int n_texels = near->grid.width * near->grid.height;
@@ -128,7 +135,7 @@ void resampler_to_add(const struct resampler_to *more, struct resampler_to *to) 
     to->most_moved_deg = MAX(to->most_moved_deg, more->most_moved_deg);
     to->nominal += more->nominal;
     to->norm += more->norm;
-    to->held += more->held;
+    to->clamped += more->clamped;
 }
 
 void resampler_sums_add(const struct resampler *r, const struct resampler_sums *more,
@@ -143,24 +150,26 @@ void resampler_sums_add(const struct resampler *r, const struct resampler_sums *
     to->sampled += more->sampled;
 }
 
-/* One texel's directions, how it was measured in them, and what is on the way. */
+/* Working arrays of one texel. "lanes": RESAMPLER_LANES floats per value. */
 struct texel_work {
     const struct resampler *r;
     int texel;
-    struct vec3 *views;                        /* n_views */
-    double *view_points;                       /* × 2 */
-    double *light_points;                      /* of one view: n_lights × 2 */
-    int lights_of;                             /* whose lights those are; −1: nobody's */
-    struct direction_share *view_shares;       /* of the views asked for */
-    struct direction_share *light_shares;      /* of the lights asked for, for view lights_of */
-    struct direction_share *back_light_shares; /* of its lights in those asked for */
-    guint8 *held;                              /* of the lights asked for, for the first view */
-    float *values;  /* with holes as 1 in the last lane, else 0; views × lights × lanes */
-    guint8 *marks;  /* views × lights; NULL: there are none */
-    float *between; /* views × lights asked for × lanes */
-    float *slopes;  /* twice as many as the largest of these */
+    struct vec3 *views;                  /* n_views */
+    double *view_points;                 /* × 2 */
+    double *light_points;                /* lights of one view: n_lights × 2 */
+    int lights_of;                       /* the view whose lights those are; −1: none */
+    struct direction_share *view_shares; /* target views */
+    struct direction_share
+        *light_shares; /* target lights, in the measured ones of view lights_of */
+    struct direction_share *back_light_shares; /* measured lights, in the target ones */
+    guint8 *clamped; /* target lights beyond extrapolation, for the first view */
+    float *values;   /* n_views × n_lights × lanes; last lane: 1 for a hole, else 0 */
+    guint8 *marks;   /* flags, n_views × n_lights; NULL: all 0 */
+    float *between;  /* n_views × target lights × lanes */
+    float *slopes;   /* gradients, twice the size of the largest array */
 };
 
+/* ret = Σ_k weight_k (f_k + along_k · g_k), see direction_mesh.h. */
 static void texel_resampler_combine(const struct direction_share *share, const float *values,
                                     const float *slopes, int row, float *ret) {
     const float *f[3], *x[3], *y[3];
@@ -179,7 +188,7 @@ static void texel_resampler_combine(const struct direction_share *share, const f
     }
 }
 
-/* The same lamps at the same places as for the view whose shares there are. */
+/* Whether a view has the same lamp positions as the view of the present shares. */
 static gboolean same_lights(const struct texel_work *w, int view) {
     const struct near_field *near = w->r->near;
     const gsize n = (gsize)near->n_lights;
@@ -204,7 +213,8 @@ static void texel_resampler_take_lights(struct texel_work *w, int view) {
                              &r->back_lights[i], &w->back_light_shares[i]);
 }
 
-/* Marks apart; what is asked for is mostly a hole where more than half of it was. */
+/* Separates flags from values; the last lane becomes the hole indicator, which is interpolated
+ * like a value. */
 static void take_values(struct texel_work *w, const float *values) {
     const gsize n = (gsize)w->r->near->n_views * (gsize)w->r->near->n_lights;
     memcpy(w->values, values, sizeof(float) * n * LANES);
@@ -218,7 +228,8 @@ static void take_values(struct texel_work *w, const float *values) {
     }
 }
 
-static guint8 any_of(const struct direction_share *share, const guint8 *marks, gsize step) {
+/* Flags of all corners with a noticeable weight. */
+static guint8 flags_of(const struct direction_share *share, const guint8 *marks, gsize step) {
     guint8 mark = 0;
     for (int k = 0; k < 3; k++)
         if (fabsf(share->weight[k]) >= COUNTS)
@@ -237,7 +248,7 @@ static void texel_resampler_finish(const struct resampler *r, const guint8 *mark
     }
 }
 
-/* Lights of each view, then views. */
+/* Separable interpolation: first over the lights of each measured view, then over the views. */
 static void forward(struct texel_work *w, float *ret) {
     const struct resampler *r = w->r;
     const gsize n_lights = (gsize)r->n_lights, n_from = (gsize)r->near->n_lights;
@@ -254,10 +265,10 @@ static void forward(struct texel_work *w, float *ret) {
         for (gsize i = 0; i < n_lights; i++) {
             texel_resampler_combine(&w->light_shares[i], values, w->slopes, LANES, to + i * LANES);
             if (view == 0)
-                w->held[i] = w->light_shares[i].held;
+                w->clamped[i] = w->light_shares[i].clamped;
             if (half)
                 half[(gsize)view * n_lights + i] =
-                    any_of(&w->light_shares[i], w->marks + (gsize)view * n_from, 1);
+                    flags_of(&w->light_shares[i], w->marks + (gsize)view * n_from, 1);
         }
     }
     const int row = r->n_lights * LANES;
@@ -267,12 +278,12 @@ static void forward(struct texel_work *w, float *ret) {
         texel_resampler_combine(&w->view_shares[view], w->between, w->slopes, row,
                                 ret + first * LANES);
         for (gsize i = 0; marks && i < n_lights; i++)
-            marks[first + i] = any_of(&w->view_shares[view], half + i, n_lights);
+            marks[first + i] = flags_of(&w->view_shares[view], half + i, n_lights);
     }
     texel_resampler_finish(r, marks, ret);
 }
 
-/* Neither a hole nor made of the pictures of other lights, which would flatter. */
+/* Whether a value was measured: not a hole, and not predicted, which would hide errors. */
 static gboolean was_measured(const struct texel_work *w, gsize i) {
     return w->values[i * LANES + COLOURS] == 0 && !(w->marks && w->marks[i] & BTF_MARK_PREDICTED);
 }
@@ -285,8 +296,8 @@ static void add_difference(const float *a, const float *b, double *error, double
     }
 }
 
-/* What the result says of what was measured. */
-static void back(struct texel_work *w, const float *made, struct resampler_sums *sums) {
+/* Round trip: interpolates the result back at the measured directions and sums the differences. */
+static void round_trip(struct texel_work *w, const float *made, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     const int row = r->n_lights * LANES;
     const gsize n_from = (gsize)r->near->n_lights;
@@ -318,6 +329,7 @@ static void add_weighted(const float *weights, int n, const float *values, gsize
             *(lanes *)(ret + c) += weights[i] * *(const lanes *)(values + (gsize)i * step + c);
 }
 
+/* Weights (n) that predict one direction from the others. */
 static float *weights_without(const struct resampler_left_out *left, int n, const double *points,
                               const double *at) {
     struct direction_share share;
@@ -327,7 +339,7 @@ static float *weights_without(const struct resampler_left_out *left, int n, cons
     return weights;
 }
 
-/* Each view predicted by the others. */
+/* Leave-one-out: predicts each view from the others. */
 static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
     const int row = near->n_lights * LANES;
@@ -346,7 +358,7 @@ static void predict_views(struct texel_work *w, struct resampler_sums *sums) {
     }
 }
 
-/* What is seen under each light by what is under the others. */
+/* Leave-one-out: predicts each light from the others. */
 static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     const struct near_field *near = w->r->near;
     const gsize n = (gsize)near->n_lights;
@@ -366,7 +378,7 @@ static void predict_lights(struct texel_work *w, struct resampler_sums *sums) {
     }
 }
 
-/* To the nearest of n directions. */
+/* Angle to the nearest of n directions: 2 asin(|a − b| / 2). */
 static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     double best = G_MAXDOUBLE;
     for (int i = 0; i < n; i++) {
@@ -376,27 +388,29 @@ static double moved_deg(struct vec3 to, const struct vec3 *from, int n) {
     return 2 * asin(MIN(sqrt(best) / 2, 1)) / DEGREE;
 }
 
+/* Angles between target and measured directions, and the share beyond extrapolation. */
 static void add_moved(const struct texel_work *w, struct resampler_sums *sums) {
     const struct resampler *r = w->r;
     g_autofree struct vec3 *lights = g_new0(struct vec3, r->near->n_lights);
-    int held = 0;
+    int clamped = 0;
     for (int i = 0; i < r->near->n_lights; i++)
         lights[i] = near_field_light(r->near, 0, i, w->texel);
     for (int i = 0; i < r->n_lights; i++) {
         const double moved = moved_deg(r->lights[i].direction, lights, r->near->n_lights);
         sums->light_moved_deg += moved / r->n_lights;
         sums->light_most_moved_deg = MAX(sums->light_most_moved_deg, moved);
-        held += w->held[i];
+        clamped += w->clamped[i];
     }
     for (int i = 0; i < r->n_views; i++) {
         struct resampler_to *sum = &sums->to[i];
         const double moved = moved_deg(r->views[i].direction, w->views, r->near->n_views);
         sum->moved_deg += moved;
         sum->most_moved_deg = MAX(sum->most_moved_deg, moved);
-        sum->held += w->view_shares[i].held ? 1 : (double)held / r->n_lights;
+        sum->clamped += w->view_shares[i].clamped ? 1 : (double)clamped / r->n_lights;
     }
 }
 
+/* The error of using the nominal directions without correction: measured minus corrected values. */
 static void add_nominal(const struct texel_work *w, const float *made,
                         struct resampler_sums *sums) {
     const struct resampler *r = w->r;
@@ -421,7 +435,7 @@ static void texel_resampler_begin(struct texel_work *w) {
     w->view_shares = g_new0(struct direction_share, r->n_views);
     w->light_shares = g_new0(struct direction_share, r->n_lights);
     w->back_light_shares = g_new0(struct direction_share, n_lights);
-    w->held = g_new0(guint8, r->n_lights);
+    w->clamped = g_new0(guint8, r->n_lights);
     w->values = g_new0(float, n_views *n_lights *LANES);
     w->between = g_new0(float, most *LANES);
     w->slopes = g_new0(float, 2 * most * LANES);
@@ -441,7 +455,7 @@ static void texel_resampler_end(struct texel_work *w) {
     g_free(w->view_shares);
     g_free(w->light_shares);
     g_free(w->back_light_shares);
-    g_free(w->held);
+    g_free(w->clamped);
     g_free(w->values);
     g_free(w->marks);
     g_free(w->between);
@@ -456,7 +470,7 @@ void resampler_texel(const struct resampler *r, int texel, const float *values, 
     forward(&w, ret);
     add_moved(&w, sums);
     add_nominal(&w, ret, sums);
-    back(&w, ret, sums);
+    round_trip(&w, ret, sums);
     if (texel % r->left_step == 0) {
         predict_views(&w, sums);
         predict_lights(&w, sums);

@@ -1,49 +1,52 @@
-/* The values of each texel in directions common to all, see near_field_correction.h. */
+/* Interpolates the values of each texel in directions common to all texels, see
+ * near_field_correction.h. */
 #pragma once
 
 #include "btf_directions.h"
 #include "direction_mesh.h"
 #include "near_field.h"
 
-#define RESAMPLER_LANES 4 /* R, G, B, and the mark (btf.h) */
+#define RESAMPLER_LANES 4 /* R, G, B, and the flags (enum btf_mark) */
 
-/* A direction asked for. */
+/* A target direction. */
 struct resampler_target {
     struct vec3 direction;
     double point[2];
     struct direction_guess guess;
 };
 
-/* A mesh without one of its directions, which is asked for instead. */
+/* A mesh without one of its directions, for predicting that one. */
 struct resampler_left_out {
     DirectionMesh *mesh;
     struct direction_guess guess;
 };
 
-/* Everything that is the same for all texels; not changed, any number of threads. */
+/* What all texels have in common; immutable, any number of threads. */
 struct resampler {
     const struct near_field *near; /* borrowed */
-    int n_views, n_lights;         /* asked for */
-    gboolean own;                  /* they are the nominal ones, one by one */
+    int n_views, n_lights;         /* targets */
+    gboolean own;                  /* the targets are the nominal directions, one by one */
     DirectionMesh *from_views, *from_lights;
     struct resampler_target *views, *lights; /* in those */
     DirectionMesh *to_views, *to_lights;
     double *to_view_points, *to_light_points;
-    struct direction_guess *back_views, *back_lights; /* in those, of each that was measured */
+    struct direction_guess *back_views,
+        *back_lights; /* measured directions, in the target meshes */
     struct resampler_left_out *left_views, *left_lights;
-    int left_step; /* left out of every so-many-th texel */
+    int left_step; /* the leave-one-out test takes every left_step-th texel */
 };
 
 void resampler_init(struct resampler *resampler, const struct near_field *near,
                     const struct btf_directions *to, gboolean own);
 void resampler_clear(struct resampler *resampler);
 
-/* Of one or many texels. Squares are of R, G, B together. */
-struct resampler_from { /* a view that was measured */
+/* Sums over one or many texels of squared differences and squared values (norm), R, G, B
+ * together. */
+struct resampler_from { /* of a measured view: round trip, and leave-one-out of views and lights */
     double back, back_norm, left_view, left_view_norm, left_light, left_light_norm;
 };
-struct resampler_to { /* a view asked for */
-    double moved_deg, most_moved_deg, nominal, norm, held;
+struct resampler_to { /* of a target view */
+    double moved_deg, most_moved_deg, nominal, norm, clamped;
 };
 struct resampler_sums {
     struct resampler_from *from;
@@ -58,6 +61,7 @@ void resampler_to_add(const struct resampler_to *more, struct resampler_to *to);
 void resampler_sums_add(const struct resampler *resampler, const struct resampler_sums *more,
                         struct resampler_sums *to);
 
-/* values: views × lights × lanes that were measured; ret: those asked for. Adds to sums. */
+/* values: measured, n_views × n_lights × lanes; ret: targets, n_views × n_lights × lanes. Adds to
+ * sums. */
 void resampler_texel(const struct resampler *resampler, int texel, const float *values, float *ret,
                      struct resampler_sums *sums);

@@ -1,7 +1,10 @@
+/* Incremental triangulation in order of x, then edge flips until it is Delaunay. The number of
+ * points is that of measured directions (some hundred), so that linear searches suffice. */
 #include "triangulation.h"
 
 #include <math.h>
 
+/* Random displacement that makes the position of the points general. */
 #define JITTER 1e-7
 
 struct triangle {
@@ -10,10 +13,10 @@ struct triangle {
 
 struct Triangulation {
     int n;
-    double *points; /* n × 2, moved apart */
+    double *points; /* n × 2, displaced */
     GArray *triangles;
     GArray *hull; /* of int, counter-clockwise */
-    guint last;   /* where the last point lay: the next one is near */
+    guint last;   /* triangle of the last query: the next one is likely near */
 };
 
 static const double *point(const Triangulation *t, int index) {
@@ -29,6 +32,8 @@ static double triangulation_turn(const Triangulation *t, int a, int b, int c) {
     return triangulation_area(point(t, a), point(t, b), point(t, c));
 }
 
+/* Whether a point d lies within the circumcircle of a counter-clockwise triangle: the determinant
+ * of the rows (p_k − d, |p_k − d|²), k = 1 … 3, is positive. */
 static gboolean in_circle(const Triangulation *t, const int corner[3], int other) {
     double m[3][3];
     const double *d = point(t, other);
@@ -51,7 +56,7 @@ static int compare_x(gconstpointer a, gconstpointer b, gpointer data) {
     return p[1] < q[1] ? -1 : p[1] > q[1];
 }
 
-/* Joins a point right of all others to the edges of the hull that it sees. */
+/* Connects a point to the right of all others with the hull edges that it sees. */
 static void triangulation_add_point(Triangulation *t, int p) {
     const int *hull = (const int *)t->hull->data;
     guint n = t->hull->len;
@@ -73,11 +78,12 @@ static void triangulation_add_point(Triangulation *t, int p) {
         }
     }
     if (!added)
-        return; /* within rounding of the border: its neighbours stand for it */
+        return; /* within rounding of the border: its neighbours represent it */
     g_array_unref(t->hull);
     t->hull = g_steal_pointer(&next);
 }
 
+/* Any triangulation of the points, by adding them from left to right. */
 static void sweep(Triangulation *t, const int *order) {
     g_array_append_vals(t->hull, order, MIN(t->n, 3));
     if (t->n < 3)
@@ -107,6 +113,8 @@ static gboolean find_edge(const Triangulation *t, int a, int b, guint *ret_trian
     return FALSE;
 }
 
+/* Flips the edge that two triangles share if it is not locally Delaunay and their union is
+ * convex. */
 static gboolean flip(Triangulation *t, guint k, int edge) {
     struct triangle *one = &g_array_index(t->triangles, struct triangle, k);
     int a = one->corner[edge], b = one->corner[(edge + 1) % 3], c = one->corner[(edge + 2) % 3];
@@ -124,7 +132,8 @@ static gboolean flip(Triangulation *t, guint k, int edge) {
     return TRUE;
 }
 
-/* Lawson's flips end by themselves; the bound is against rounding. */
+/* Lawson's algorithm (1977): flips until all edges are locally Delaunay. It terminates; the bound
+ * on passes guards against rounding. */
 static void make_delaunay(Triangulation *t) {
     gboolean flipped = TRUE;
     for (int pass = 0; flipped && pass < 200; pass++) {
@@ -164,6 +173,7 @@ void triangulation_free(Triangulation *t) {
     g_free(t);
 }
 
+/* Barycentric weights b_k = area(opposite edge, point) / area(triangle); inside if all are ≥ 0. */
 static gboolean inside(const Triangulation *t, guint k, const double at[2], double ret[3]) {
     const int *corner = g_array_index(t->triangles, struct triangle, k).corner;
     const double *a = point(t, corner[0]), *b = point(t, corner[1]), *c = point(t, corner[2]);

@@ -1,7 +1,7 @@
 /*
- * Delaunay triangulation of points in the plane, and the weights of the corners at any point.
- * Points that lie on common lines or circles are told apart by moving each by some 10⁻⁷, so any set
- * of one or more points will do; equal points share one place.
+ * Delaunay triangulation of points in the plane, and barycentric weights at any point. Each point
+ * is displaced by about 10⁻⁷ so that collinear and cocircular points are no special case: any set
+ * of one or more points will do, and equal points share one position.
  */
 #pragma once
 
@@ -12,11 +12,11 @@ typedef struct Triangulation Triangulation; /* used by one thread at a time */
 Triangulation *triangulation_new(const double *points /* n × 2 */, int n);
 void triangulation_free(Triangulation *triangulation); /* NULL is ignored */
 
-/* Barycentric within a triangle; outside of all, those of the nearest point of the border, given in
- * ret_nearest, which inside is the point itself. */
+/* Barycentric weights within a triangle. Outside of all triangles those of the nearest point of
+ * the border, which ret_nearest gives; inside, ret_nearest is the point itself. */
 void triangulation_weights(Triangulation *triangulation, const double at[2], int ret_index[3],
                            double ret_weight[3], double ret_nearest[2]);
 
-/* Three corners a triangle, counter-clockwise; ret_n: triangles. Those of points all but on a line
- * may be slivers. Owned by the object. */
+/* ret_n × 3 corners, counter-clockwise; ret_n: triangles. Those of nearly collinear points may be
+ * slivers. Owned by the object. */
 const int *triangulation_corners(const Triangulation *triangulation, int *ret_n);

@@ -1,3 +1,5 @@
+/* Arrays are saved bit for bit as EXR parts whose pixels carry four bytes each. A hash of the
+ * inputs decides whether a file belongs to the computation; a hash of each array detects damage. */
 #include "checkpoint.h"
 
 #include <glib/gstdio.h>
@@ -9,12 +11,12 @@
 #define PERIOD_US (20 * G_USEC_PER_SEC)
 #define HEAD      "checkpoint"
 #define WORD      sizeof(float)
-#define WIDTH     4096 /* pixels of a line */
-#define SHARE     20   /* of the time goes into work for one that goes into keeping it */
+#define WIDTH     4096 /* pixels per line */
+#define SHARE     20   /* least ratio of the time of work to that of saving */
 
 struct array {
     char *name;
-    gconstpointer values; /* borrowed; or NULL: flags */
+    gconstpointer values; /* borrowed; NULL: the array is flags */
     const int *flags;
     gsize size; /* bytes */
 };
@@ -24,7 +26,7 @@ struct Checkpoint {
     GPtrArray *kept;   /* of struct array */
     GHashTable *found; /* name → GBytes */
     gint64 period_us, saved_us, took_us;
-    gboolean own; /* the file that is there is of this work */
+    gboolean own; /* the existing file belongs to this computation */
 };
 
 static void checkpoint_free_array(gpointer data) {
@@ -62,7 +64,7 @@ const char *checkpoint_note(const Checkpoint *checkpoint) {
     return checkpoint->note;
 }
 
-/* Pixels of four bytes, the last ones 0. NULL: more than a file takes. */
+/* Packs bytes into pixels of four, padded with 0. NULL: too large for a file. */
 static struct exr_part *to_part(const char *name, gconstpointer values, gsize size) {
     static const char *const bits[] = {"BITS", NULL};
     const gsize words = MAX((size + WORD - 1) / WORD, 1), width = MIN(words, WIDTH);
@@ -79,7 +81,7 @@ static struct exr_part *to_part(const char *name, gconstpointer values, gsize si
     return part;
 }
 
-/* What flags say is done was so before it is copied. */
+/* Copies flags or values into a part. */
 static struct exr_part *array_part(const struct array *array) {
     if (array->values)
         return to_part(array->name, array->values, array->size);
@@ -90,7 +92,7 @@ static struct exr_part *array_part(const struct array *array) {
     return to_part(array->name, flags, array->size);
 }
 
-/* NULL: it is damaged. */
+/* NULL: the part is damaged. */
 static GBytes *checkpoint_from_part(const struct exr_part *part) {
     const float *plane = exr_part_plane(part, "BITS");
     const char *bytes = NULL, *hash = NULL;
@@ -105,7 +107,7 @@ static GBytes *checkpoint_from_part(const struct exr_part *part) {
     return strcmp(is, hash) == 0 ? g_bytes_new(plane, size) : NULL;
 }
 
-/* What is wrong with the file, or NULL. */
+/* Takes the arrays of a file; returns what is wrong with it, or NULL. */
 static const char *checkpoint_take(Checkpoint *checkpoint, const struct exr_file *file) {
     const struct exr_part *head = exr_file_part(file, HEAD);
     const char *of = NULL, *kind = NULL;
@@ -143,12 +145,12 @@ void checkpoint_begin(Checkpoint *checkpoint, const char *inputs) {
     if (wrong)
         g_hash_table_remove_all(checkpoint->found);
     if (error)
-        checkpoint->note = g_strdup_printf("%s; everything is done anew", error->message);
+        checkpoint->note = g_strdup_printf("%s; starting from the beginning", error->message);
     else if (wrong)
         checkpoint->note =
-            g_strdup_printf("%s %s; everything is done anew", checkpoint->path, wrong);
+            g_strdup_printf("%s %s; starting from the beginning", checkpoint->path, wrong);
     else
-        checkpoint->note = g_strdup_printf("going on with what %s has", checkpoint->path);
+        checkpoint->note = g_strdup_printf("going on from %s", checkpoint->path);
 }
 
 gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsize size) {
@@ -194,7 +196,7 @@ void checkpoint_drop(Checkpoint *checkpoint, const char *name) {
         g_hash_table_remove_all(checkpoint->found);
 }
 
-/* FALSE: one of them is more than a file takes. */
+/* FALSE: an array is too large for a file. */
 static gboolean add_arrays(struct exr_file *file, const GPtrArray *kept, gboolean flags) {
     for (guint i = 0; i < kept->len; i++) {
         const struct array *array = kept->pdata[i];
@@ -207,7 +209,7 @@ static gboolean add_arrays(struct exr_file *file, const GPtrArray *kept, gboolea
     return TRUE;
 }
 
-/* Flags come first: what is written after they were copied does not count as done. */
+/* Flags are copied first: values written after that do not count as done. */
 static struct exr_file *to_file(const Checkpoint *checkpoint) {
     struct exr_file *file = exr_file_new();
     struct exr_part *head = to_part(HEAD, "", 0);
@@ -234,7 +236,7 @@ void checkpoint_save(Checkpoint *checkpoint) {
 
 void checkpoint_save_if_due(Checkpoint *checkpoint) {
     const gint64 since_us = g_get_monotonic_time() - checkpoint->saved_us;
-    /* Where it takes long it is done less often. */
+    /* Saves less often where saving takes long. */
     if (since_us >= checkpoint->period_us &&
         (checkpoint->period_us == 0 || since_us > SHARE * checkpoint->took_us))
         checkpoint_save(checkpoint);

@@ -1,15 +1,14 @@
 /*
- * What a long computation has done so far, kept in a file beside its result, so that the same
- * computation goes on from there after it was cancelled or killed. What it goes on with is what it
- * had, to the last bit.
+ * A checkpoint: the state of a long computation in a file beside its result, so that it continues
+ * after it was cancelled or killed. The state is restored bit for bit.
  *
- * On disk, one EXR: part "checkpoint" (1 × 1, channel "BITS"; mesorig.kind = "checkpoint",
- * mesorig.inputs: a hash of what the result depends on), and a part for each array: channel "BITS",
- * float, four bytes a pixel, not numbers; mesorig.bytes of them are it (string), mesorig.hash
- * is their XXH3 (64 bits, hexadecimal).
+ * The file is one EXR: a part "checkpoint" (1 × 1, channel "BITS"; mesorig.kind = "checkpoint",
+ * mesorig.inputs: a hash of what the result depends on), and one part per array: channel "BITS",
+ * float, four bytes per pixel that are not numbers; mesorig.bytes (string) is their number,
+ * mesorig.hash their XXH3 (64 bits, hexadecimal).
  *
- * Belongs to the thread that computes; what other threads do meanwhile is said at
- * checkpoint_keep().
+ * Belongs to the thread that computes; checkpoint_keep() says what other threads may do
+ * meanwhile.
  */
 #pragma once
 
@@ -17,39 +16,43 @@
 
 typedef struct Checkpoint Checkpoint;
 
-/* Reads nothing yet. */
+/* Does not read the file yet. */
 Checkpoint *checkpoint_new(const char *path);
 void checkpoint_free(Checkpoint *checkpoint); /* NULL is ignored; the file stays */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Checkpoint, checkpoint_free)
 
-/* How long work may last that is not kept: 20 s if this is not called. */
+/* Sets the period between saves; the default is 20 s. */
 void checkpoint_set_period(Checkpoint *checkpoint, double seconds);
 
-/* Reads the file, if there is one of these inputs: a text, such as a hash, of all that the result
- * depends on. Only the first call counts: who calls others says all that they depend on. */
+/* Reads the file if it has the same inputs: a text, such as a hash, of all that the result
+ * depends on. Only the first call counts: a caller that calls others describes the inputs of all.
+ */
 void checkpoint_begin(Checkpoint *checkpoint, const char *inputs);
 gboolean checkpoint_is_begun(const Checkpoint *checkpoint);
 
-/* For people: that work goes on, or why a file that is there is of no use. NULL: there is none. */
+/* A message for the user: the work continues, or why an existing file cannot be used. NULL: there
+ * is none. */
 const char *checkpoint_note(const Checkpoint *checkpoint);
 
-/* An array that was kept when the work was cut off; NULL if there is none of that name and size.
- * It is the caller's to copy, and gone once something is kept under that name. */
+/* An array from the file; NULL if there is none of that name and size. The caller copies it; it
+ * is freed once something is kept under that name. */
 gconstpointer checkpoint_get(const Checkpoint *checkpoint, const char *name, gsize size);
 
-/* From now on values, borrowed, are what is kept under that name, or nothing is. Of an array that
- * threads write meanwhile what counts is what flags say, which are copied before all arrays: each 0
- * or 1, set by g_atomic_int_set() after what it stands for is written. */
+/* Registers an array, borrowed, to be saved under a name; replaces an earlier one. For arrays
+ * that threads are writing, the flags of checkpoint_keep_flags() tell what is valid: they are
+ * copied before all arrays; each is 0 or 1, set by g_atomic_int_set() after its values are
+ * written. */
 void checkpoint_keep(Checkpoint *checkpoint, const char *name, gconstpointer values, gsize size);
 void checkpoint_keep_flags(Checkpoint *checkpoint, const char *name, const int *flags, int n);
 void checkpoint_drop(Checkpoint *checkpoint, const char *name); /* NULL: all */
 
-/* Writes the file: always, or if that is due. Work that cannot be kept is no reason to stop it. */
+/* Writes the file: always, or if the period has passed. Failures are ignored: they are no reason
+ * to stop the computation. */
 void checkpoint_save(Checkpoint *checkpoint);
 void checkpoint_save_if_due(Checkpoint *checkpoint);
 
-/* Once the result is safe. */
+/* Deletes the file, once the result is on disk. */
 void checkpoint_remove(Checkpoint *checkpoint);
 
-/* Once the work has failed for good: a file of other work stays. */
+/* Deletes the file after an error; a file of another computation stays. */
 void checkpoint_discard(Checkpoint *checkpoint);

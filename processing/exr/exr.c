@@ -1,3 +1,4 @@
+/* The structs of an EXR file in memory: parts with planes of floats and typed attributes. */
 #include "exr.h"
 #include "exr_private.h"
 
@@ -89,6 +90,7 @@ static struct exr_attribute *exr_find(const struct exr_part *part, const char *n
     return NULL;
 }
 
+/* Replaces an attribute, or adds it. */
 static struct exr_attribute *exr_set(struct exr_part *part, const char *name, enum exr_kind kind) {
     struct exr_attribute *attribute = exr_find(part, name);
 
@@ -129,6 +131,7 @@ void exr_set_v3d(struct exr_part *part, const char *name, double x, double y, do
     attribute->v[2] = z;
 }
 
+/* Finds an attribute and checks its type. */
 static const struct exr_attribute *get(const struct exr_part *part, const char *name,
                                        enum exr_kind kind, const char *type, GError **error) {
     const struct exr_attribute *attribute = exr_find(part, name);

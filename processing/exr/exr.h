@@ -1,10 +1,10 @@
 /*
  * Pictures and tables on disk: multi-part scan line OpenEXR with custom attributes, through
- * OpenEXRCore. In memory everything is float; on disk each part is half or float. A file is written
- * beside its name, synced and renamed, so that a file that exists is whole.
+ * OpenEXRCore. In memory all values are float; on disk each part is half or float. A file is
+ * written under a temporary name, synced and renamed, so that an existing file is complete.
  *
  * Hostile files are refused with an error: sizes are checked against the file's length and
- * EXR_MAX_PIXELS before anything is allocated. Any thread; one call a file at a time.
+ * EXR_MAX_PIXELS before anything is allocated. Any thread; one call per file at a time.
  */
 #pragma once
 
@@ -17,11 +17,11 @@
 GQuark exr_error_quark(void);
 enum exr_error {
     EXR_ERROR_IO,
-    EXR_ERROR_FORMAT, /* not an EXR, truncated, or a kind that is not read (deep, tiled) */
+    EXR_ERROR_FORMAT, /* not an EXR, truncated, or of an unsupported kind (deep, tiled) */
     EXR_ERROR_TOO_LARGE,
-    EXR_ERROR_MISSING,   /* a part, channel or attribute that was asked for */
-    EXR_ERROR_FULL,      /* the disk is full: nothing under the file's own name has changed */
-    EXR_ERROR_CANCELLED, /* by who watches, see exr_watch() */
+    EXR_ERROR_MISSING,   /* a requested part, channel or attribute does not exist */
+    EXR_ERROR_FULL,      /* the disk is full: an existing file of that name is unchanged */
+    EXR_ERROR_CANCELLED, /* by the callback of exr_watch() */
 };
 
 enum exr_type { EXR_HALF, EXR_FLOAT };
@@ -41,8 +41,8 @@ struct exr_part {
     char *name; /* unique in the file */
     int width, height;
     int n_channels;
-    char **channels; /* names, in alphabetical order as EXR wants them: "B","G","R" */
-    float **planes;  /* one a channel, height rows of width, top row first; NULL if not read */
+    char **channels; /* names in alphabetical order, as EXR requires: "B","G","R" */
+    float **planes;  /* one per channel, height × width, top row first; NULL if not read */
     enum exr_type type;
     GPtrArray *attributes; /* of struct exr_attribute */
 };
@@ -73,25 +73,25 @@ void exr_file_add(struct exr_file *file, struct exr_part *part);               /
 void exr_file_free(struct exr_file *file);                                     /* NULL is ignored */
 struct exr_part *exr_file_part(const struct exr_file *file, const char *name); /* NULL: no such */
 
-/* Halves beyond ±65504 are written as ±65504; NaN is written as it is. sync: on disk when it
- * returns, folder entry included. The bytes depend on nothing but the arguments. */
+/* Writes a file. Halves beyond ±65504 are written as ±65504, NaN as it is. sync: the file and its
+ * directory entry are on disk when it returns. The bytes depend on the arguments only. */
 gboolean exr_write(const char *path, const struct exr_file *file, enum exr_compression compression,
                    gboolean sync, GError **error);
 
-/* The same for a file below directory: the folders that relative names are not followed where they
- * are symbolic links. */
+/* The same for a file below a directory: symbolic links among the folders of the relative name
+ * are not followed. */
 gboolean exr_write_below(const char *directory, const char *relative, const struct exr_file *file,
                          enum exr_compression compression, gboolean sync, GError **error);
 
-/* Who is told, from now on, how much of a file (0 … 1) the calling thread has read of it; what
- * returns FALSE ends the reading. NULL: nobody. */
+/* Sets the calling thread's callback for the share of a file (0 … 1) that has been read; FALSE
+ * cancels. NULL: none. */
 typedef gboolean (*ExrWatch)(double share, gpointer data);
 void exr_watch(ExrWatch watch, gpointer data);
 
-/* Everything; or the headers alone, with planes NULL; or one part with its planes. */
+/* Read a whole file; its headers only, with planes NULL; or one part with its planes. */
 struct exr_file *exr_read(const char *path, GError **error);
 struct exr_file *exr_read_headers(const char *path, GError **error);
 struct exr_part *exr_read_part(const char *path, const char *name, GError **error);
 
-/* Of any file, as 64 hexadecimal digits; g_free(). NULL on error. ret_bytes may be NULL. */
+/* SHA-256 of any file as 64 hexadecimal digits; g_free(). NULL on error. ret_bytes may be NULL. */
 char *exr_sha256(const char *path, gint64 *ret_bytes, GError **error);

@@ -1,3 +1,5 @@
+/* A half has 1 sign bit, 5 exponent bits (bias 15) and 10 fraction bits; a float 1, 8 (bias 127)
+ * and 23. */
 #include "exr_half.h"
 
 #include <string.h>
@@ -30,11 +32,12 @@ static inline guint16 half_of(float value) {
 
     if (magnitude > FLOAT_INF) {
         half = 0x7c00 | (magnitude >> 13 & 0x3ff);
-        half |= half == 0x7c00 ? 0x200 : 0; /* all set bits were cut off: it would be infinity */
+        half |=
+            half == 0x7c00 ? 0x200 : 0; /* all set bits were cut off: it would become infinity */
     } else if (magnitude >= FLOAT_TOO_BIG) {
         half = HALF_MAX;
     } else if (magnitude < FLOAT_NORMAL) {
-        /* The sum has the subnormal half as its last bits, rounded by the processor. */
+        /* The sum has the subnormal half in its last bits, rounded by the processor. */
         half = bits_of(float_of(magnitude) + 0.5f) - bits_of(0.5f);
     } else {
         half = (magnitude - ((127 - 15) << 23) + 0xfff + (magnitude >> 13 & 1)) >> 13;
@@ -42,8 +45,8 @@ static inline guint16 half_of(float value) {
     return (guint16)(sign | half);
 }
 
-/* Without branches, so that many are done at once: the exponent is moved by a multiplication, which
- * is exact and makes subnormal halves normal. */
+/* Without branches, for vectorisation: a multiplication shifts the exponent, exactly, and
+ * normalises subnormal halves. */
 static inline float float_of_half(guint16 half) {
     guint32 sign = (guint32)(half & 0x8000) << 16, rest = (guint32)(half & 0x7fff) << 13;
     guint32 bits = bits_of(float_of(rest) * 0x1p112f);
@@ -56,8 +59,8 @@ void exr_half_from_floats(guint16 *to, const float *from, gsize n) {
         to[i] = GUINT16_TO_LE(half_of(from[i]));
 }
 
-/* Eights of numbers, by processors that can; returns how many were done. NaN keeps its bits in the
- * other way alone. */
+/* Converts groups of eight with F16C; returns the number converted. The scalar code is needed to
+ * preserve the bits of NaN. */
 #ifdef __x86_64__
 __attribute__((target("avx,f16c"))) static gsize convert_eights(float *to, const guint16 *from,
                                                                 gsize n) {
@@ -79,7 +82,7 @@ void exr_half_to_floats(float *to, const guint16 *from, gsize n) {
 
     while (done < n) {
 #ifdef __x86_64__
-        if (__builtin_cpu_supports("avx2")) /* which none has without F16C */
+        if (__builtin_cpu_supports("avx2")) /* implies F16C */
             done += convert_eights(to + done, from + done, n - done);
 #endif
         for (gsize end = MIN(n, done + 64); done < end; done++)

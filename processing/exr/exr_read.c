@@ -1,5 +1,7 @@
 #include "exr.h"
 #include "exr_half.h"
+/* Reads EXR files through OpenEXRCore, which parses headers and decompresses chunks; unpacking to
+ * planes of floats is done here, with its own checks, since headers may be hostile. */
 #include "exr_private.h"
 
 #include "base/input_file.h"
@@ -10,8 +12,8 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Deflate shrinks by 1032 at most, run lengths and PIZ by less: a file that promises more pixels
- * than this many times its length is lying, and is caught before memory is asked for. */
+/* Largest ratio of pixels to bytes: deflate compresses by at most 1032, run lengths and PIZ by
+ * less. A file that claims more is refused before memory is allocated. */
 #define MAX_EXPANSION 1100
 
 static _Thread_local struct {
@@ -23,10 +25,10 @@ struct source {
     const char *path;
     int fd;
     gint64 size;
-    guint64 memory; /* that the pixels of parts not read yet may take */
+    guint64 memory; /* memory left for the pixels of parts not yet read */
     exr_context_t context;
-    char message[256]; /* the library's last complaint */
-    gint64 reached;    /* as far as it is read */
+    char message[256]; /* last error message of the library */
+    gint64 reached;    /* farthest offset read */
     gboolean cancelled;
 };
 
@@ -35,7 +37,7 @@ void exr_watch(ExrWatch watch, gpointer data) {
     watcher.data = data;
 }
 
-/* The library may go back to a header, which is no way back for who waits. */
+/* The library may seek back to a header; progress never decreases. */
 static gboolean exr_read_go_on(struct source *source, gint64 reached) {
     source->reached = MAX(source->reached, MIN(reached, source->size));
     if (watcher.watch != NULL && source->size > 0)
@@ -64,7 +66,7 @@ static gboolean fail_library(const struct source *source, exr_result_t rc, GErro
         *source->message ? source->message : exr_get_default_error_message(rc), -1);
 
     if (source->cancelled)
-        return exr_read_fail(source, EXR_ERROR_CANCELLED, error, "no longer wanted");
+        return exr_read_fail(source, EXR_ERROR_CANCELLED, error, "cancelled");
     return exr_read_fail(source, EXR_ERROR_FORMAT, error, "not a whole EXR file: %s", what);
 }
 
@@ -109,7 +111,8 @@ static void source_close(struct source *source) {
         close(source->fd);
 }
 
-/* source must stay where it is until it is closed: the library keeps a pointer to it. */
+/* The library keeps a pointer to source, which must not move until it is closed.
+ * Opens a regular file; FIFOs and devices are refused. */
 static gboolean source_open(struct source *source, const char *path, GError **error) {
     exr_context_initializer_t how = EXR_DEFAULT_CONTEXT_INITIALIZER;
     GError *why = NULL;
@@ -248,6 +251,7 @@ static gsize pixel_bytes(const struct exr_part *part) {
            (part->type == EXR_HALF ? 2 : 4);
 }
 
+/* Checks size, channels, compression and attributes of one part. */
 static struct exr_part *read_header(struct source *source, int index, exr_attr_box2i_t *window,
                                     GError **error) {
     struct exr_part *part = g_new0(struct exr_part, 1);
@@ -276,8 +280,8 @@ static struct exr_part *read_header(struct source *source, int index, exr_attr_b
     return part;
 }
 
-/* Zeros follow every buffer of the decoder: OpenEXR before 3.1.6 reads beyond the end of damaged
- * PIZ blocks, by the block's own length at most. */
+/* Pads every buffer of the decoder with zeros: OpenEXR before 3.1.6 reads beyond the end of
+ * damaged PIZ blocks, by the length of the block at most. */
 static void *allocate_padded(exr_transcoding_pipeline_buffer_id_t id, size_t size) {
     return size < G_MAXSIZE / 4 ? calloc(1, 2 * size + 4096) : NULL;
 }
@@ -322,7 +326,7 @@ static gsize line_bytes(const exr_decode_pipeline_t *decode, const struct exr_pa
     return bytes;
 }
 
-/* What unpack() relies on, whatever the library made of the header. */
+/* Checks what unpack() relies on, independently of the library. */
 static gboolean chunk_is_sound(const struct source *source, const struct exr_part *part,
                                const exr_decode_pipeline_t *decode, int y, int lines) {
     const exr_chunk_info_t *chunk = &decode->chunk;
@@ -355,7 +359,7 @@ static exr_result_t read_chunk(struct source *source, int index, struct exr_part
     return rc == EXR_ERR_SUCCESS ? exr_decoding_run(source->context, index, decode) : rc;
 }
 
-/* Before anything is allocated. */
+/* Called before anything is allocated. */
 static gboolean exr_read_check_memory(struct source *source, int index, const struct exr_part *part,
                                       GError **error) {
     const guint64 planes = exr_plane_bytes(part);
@@ -376,6 +380,7 @@ static gboolean exr_read_check_memory(struct source *source, int index, const st
         input_file_memory((guint64)source->size) >> 20);
 }
 
+/* Reads a part chunk by chunk. */
 static gboolean read_pixels(struct source *source, int index, struct exr_part *part,
                             const exr_attr_box2i_t *window, GError **error) {
     exr_decode_pipeline_t decode = EXR_DECODE_PIPELINE_INITIALIZER;

@@ -1,5 +1,7 @@
 #include "exr.h"
 #include "exr_half.h"
+/* Writes EXR files through OpenEXRCore, which compresses chunks and writes headers; packing
+ * planes of floats into chunks is done here. */
 #include "exr_private.h"
 
 #include "base/input_file.h"
@@ -12,13 +14,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* What OpenEXRCore writes goes through here: few large writes, and errno kept for the message. */
+/* Output of OpenEXRCore: collects small writes, and keeps errno for the message. */
 struct sink {
     int fd;
-    int error; /* errno of the first write that failed, else 0 */
+    int error; /* errno of the first failed write, else 0 */
     guint64 start;
     GByteArray *pending;
-    char message[256]; /* the library's last complaint */
+    char message[256]; /* last error message of the library */
 };
 
 #define SINK_SIZE (1 << 20)
@@ -74,7 +76,7 @@ static gboolean check_attributes(const char *path, const struct exr_part *part, 
         if (!*attribute->name || strlen(attribute->name) > 255)
             return exr_write_refuse(
                 error, path, part,
-                "the name of an attribute has no or over 255 bytes:", attribute->name);
+                "the name of an attribute must have 1 to 255 bytes:", attribute->name);
         if (exr_is_standard_attribute(attribute->name))
             return exr_write_refuse(error, path, part, "EXR has its own meaning for the attribute",
                                     attribute->name);
@@ -88,7 +90,7 @@ static gboolean check_attributes(const char *path, const struct exr_part *part, 
 static gboolean exr_write_check_part(const char *path, const struct exr_part *part,
                                      GError **error) {
     if (!part->name || !*part->name || strlen(part->name) > 255)
-        return exr_write_refuse(error, path, part, "the name has no or over 255 bytes", NULL);
+        return exr_write_refuse(error, path, part, "its name must have 1 to 255 bytes", NULL);
     if (part->width < 1 || part->height < 1 ||
         (gint64)part->width * part->height > EXR_MAX_PIXELS) {
         g_set_error(error, EXR_ERROR, EXR_ERROR_TOO_LARGE,
@@ -101,7 +103,7 @@ static gboolean exr_write_check_part(const char *path, const struct exr_part *pa
     for (int c = 0; c < part->n_channels; c++) {
         if (!*part->channels[c] || strlen(part->channels[c]) > 255)
             return exr_write_refuse(error, path, part,
-                                    "the name of a channel has no or over 255 bytes", NULL);
+                                    "the name of a channel must have 1 to 255 bytes", NULL);
         if (c && strcmp(part->channels[c - 1], part->channels[c]) >= 0)
             return exr_write_refuse(error, path, part, "not in alphabetical order: channel",
                                     part->channels[c]);
@@ -111,6 +113,7 @@ static gboolean exr_write_check_part(const char *path, const struct exr_part *pa
     return check_attributes(path, part, error);
 }
 
+/* Checks everything before the file is created. */
 static gboolean exr_write_check(const char *path, const struct exr_file *file, GError **error) {
     g_autoptr(GHashTable) names = g_hash_table_new(g_str_hash, g_str_equal);
 
@@ -162,7 +165,7 @@ static exr_result_t declare_attribute(exr_context_t context, int index,
     return EXR_ERR_INVALID_ATTR;
 }
 
-/* display: common to all parts, as the standard wants of multi-part files. */
+/* display: window common to all parts, as the standard requires for multi-part files. */
 static exr_result_t declare_part(exr_context_t context, const struct exr_part *part,
                                  const exr_attr_box2i_t *display, exr_compression_t compression) {
     exr_attr_box2i_t window = {.max = {.x = part->width - 1, .y = part->height - 1}};
@@ -211,8 +214,9 @@ struct encoding {
     exr_result_t (*compress)(exr_encode_pipeline_t *encode); /* the library's */
 };
 
-/* What compresses to exactly as many bytes as it had is not told from what is not compressed when
- * it is read: OpenEXRCore 3.1 writes the former, and reads it as the latter. */
+/* A chunk that compresses to exactly its own size cannot be distinguished from an uncompressed
+ * one: OpenEXRCore 3.1 writes the former and reads it as the latter. Such a chunk is written
+ * uncompressed. */
 static exr_result_t exr_write_compress(exr_encode_pipeline_t *encode) {
     const struct encoding *encoding = encode->encoding_user_data;
     const exr_result_t rc = encoding->compress(encode);
@@ -223,7 +227,7 @@ static exr_result_t exr_write_compress(exr_encode_pipeline_t *encode) {
     return rc;
 }
 
-/* Lines of all channels one after the other, in the file's byte order. */
+/* Packs the lines of all channels one after the other, in the file's byte order. */
 static exr_result_t exr_write_pack(exr_encode_pipeline_t *encode) {
     const struct encoding *encoding = encode->encoding_user_data;
     const struct exr_part *part = encoding->part;
@@ -249,7 +253,7 @@ static exr_result_t exr_write_pack(exr_encode_pipeline_t *encode) {
     return EXR_ERR_SUCCESS;
 }
 
-/* The library wants to know where each channel lies, although pack() knows better. */
+/* The library requires the layout of each channel, although pack() does not use it. */
 static void describe_channels(exr_encode_pipeline_t *encode, const struct exr_part *part) {
     for (int c = 0; c < encode->channel_count; c++) {
         exr_coding_channel_info_t *channel = &encode->channels[c];
@@ -326,7 +330,7 @@ static gboolean exr_write_fail(GError **error, const char *path, int errno_value
     return FALSE;
 }
 
-/* FALSE: the library says why in sink->message, or sink->error does. */
+/* FALSE: the reason is in sink->message or sink->error. */
 static gboolean exr_write_fill(struct sink *sink, const char *path, const struct exr_file *file,
                                enum exr_compression compression) {
     sink->pending = g_byte_array_sized_new(SINK_SIZE);
@@ -349,9 +353,9 @@ static gboolean exr_write_write_to(struct new_file *to, const char *path,
     return FALSE;
 }
 
-#define MOST_LINES 32 /* of a chunk */
+#define MOST_LINES 32 /* per chunk */
 
-/* Pixels that are all alike compress to a file that is too short for what it holds. */
+/* Uniform pixels may compress so well that the reader's limit would refuse the file. */
 static gboolean may_be_read(int fd, const struct exr_file *file) {
     guint64 planes = 0, chunk = 0;
     struct stat status;

@@ -1,3 +1,4 @@
+/* Prefixes and counts the parts of mip levels. */
 #include "mip_parts.h"
 
 #include <string.h>
@@ -21,7 +22,7 @@ void mip_parts_add(struct exr_file *file, struct exr_file *level, int number) {
     exr_file_free(level);
 }
 
-/* Of which level a part is by its name. */
+/* Level of a part, from its name. */
 static gint64 number_of(const struct exr_part *part) {
     char *end = NULL;
     if (!g_str_has_prefix(part->name, "mip") || !g_ascii_isdigit(part->name[3]))

@@ -1,16 +1,16 @@
-/* Mip levels of a material in one EXR: the parts of level n, n > 0, are all named "mip<n>.", and
- * then as those of level 0. */
+/* Mip levels of a material in one EXR: the parts of level n > 0 have the names of those of level
+ * 0 with the prefix "mip<n>.". */
 #pragma once
 
 #include "exr.h"
 
-/* Moves all parts of one level, which is freed, to the end of the file. */
+/* Moves all parts of a level to the end of the file; frees the level. */
 void mip_parts_add(struct exr_file *file, struct exr_file *level, int number);
 
-/* How many levels there are; part: one that each of them has. Headers suffice. 0 with an error that
- * names the path if a level lacks it that has other parts, or that others follow. */
+/* Number of levels; part: one that each level has. Headers suffice. 0 with an error that names
+ * the path, if a level with other parts, or before others, lacks it. */
 int mip_parts_count(const struct exr_file *file, const char *part, const char *path,
                     GError **error);
 
-/* Moves the parts of a level out of the file, under the names they have at level 0. */
+/* Moves the parts of a level out of the file, with their names at level 0. */
 struct exr_file *mip_parts_take(struct exr_file *file, int number);

@@ -1,3 +1,5 @@
+/* Factored BTFs (FMF, DFMF): M ≈ U (S V)ᵀ, U: rows × components, S V: columns × components, and
+ * the inverse of the colour transformations and logarithms that were applied before factoring. */
 #include "bonn_private.h"
 
 #include <cblas.h>
@@ -7,9 +9,9 @@
 #include "exr/exr_half.h"
 
 #define MOST_COMPONENTS 65536
-/* Logarithms are of the value and this. */
+/* Offset of logarithms: ln(value + this). */
 #define EPSILON 1e-5f
-#define BLOCK   ((gsize)1024) /* numbers that are converted at once */
+#define BLOCK   ((gsize)1024) /* numbers converted at a time */
 
 void bonn_matrix_clear(struct bonn_matrix *matrix) {
     g_clear_pointer(&matrix->u, g_free);
@@ -70,11 +72,11 @@ static gboolean take_sizes(struct bonn_bytes *bytes, guint8 *ret_scalar, guint32
         if (!bonn_take_u32(bytes, "matrix", &ret_sizes[i], error))
             return FALSE;
     return (ret_sizes[0] >= 1 && ret_sizes[0] <= MOST_COMPONENTS) ||
-           bonn_fail(bytes, BONN_ERROR_FORMAT, error, "a matrix of %u components makes no sense",
-                     ret_sizes[0]);
+           bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                     "%u is not a valid number of components of a matrix", ret_sizes[0]);
 }
 
-/* Rows and columns have no names: their numbers tell what they are. */
+/* The file does not name rows and columns: their numbers identify them. */
 static gboolean bonn_factors_check_sizes(const struct bonn_bytes *bytes,
                                          const struct bonn_header *header, gsize n_channels,
                                          struct bonn_matrix *ret, GError **error) {
@@ -105,7 +107,8 @@ gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *h
                        error);
 }
 
-/* product: rows texels, or (texel, channel); columns (light, channel), or lights. */
+/* product = U (S V)ᵀ for one view; rows: texels or (texel, channel), columns: (light, channel) or
+ * lights. */
 static void multiply(const struct bonn_matrix *matrix, gsize n_lights, gsize n_channels, gsize view,
                      gsize first, gsize n, float *product) {
     const gsize k = matrix->n_components, rows = matrix->of_images ? n * n_channels : n;

@@ -1,3 +1,5 @@
+/* Parses and writes signature, metadata and sampling of a ".btf". Angles are radians in the file,
+ * degrees in memory. */
 #include "bonn_private.h"
 
 #include <math.h>
@@ -5,10 +7,10 @@
 
 #include "base/input_file.h"
 
-#define MOST_TEXELS     8192 /* each way, as in a session's grid */
+#define MOST_TEXELS     8192 /* along a side, as in a session's grid */
 #define MOST_DIRECTIONS 65536
 #define TEXT            80
-#define SAME_RAD        1e-4f /* lights of two views */
+#define SAME_RAD        1e-4f /* tolerance of the lights of two views */
 
 G_DEFINE_QUARK(bonn_error, bonn_error)
 
@@ -99,7 +101,7 @@ static gboolean take_floats(struct bonn_bytes *bytes, const char *what, float *r
     return TRUE;
 }
 
-/* Up to the first 0. */
+/* Text up to the first 0. */
 static char *bonn_header_text_of(const char *at, gsize n) {
     return g_utf8_make_valid(at, (gssize)strnlen(at, n));
 }
@@ -120,7 +122,7 @@ static gboolean take_text(struct bonn_bytes *bytes, const char *what, char **ret
     return TRUE;
 }
 
-/* By their names; three that are named otherwise are taken to be R, G, B. */
+/* By their names; three channels with other names are taken as R, G, B. */
 static void find_order(char *const names[BONN_CHANNELS], int ret_order[BONN_CHANNELS]) {
     int order[BONN_CHANNELS] = {-1, -1, -1};
     for (int i = 0; i < BONN_CHANNELS; i++) {
@@ -175,7 +177,7 @@ static gboolean take_metadata(struct bonn_bytes *bytes, struct bonn_header *ret,
     ret->cosine = cosine != 0;
     return bytes->at - begin == size ||
            bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                     "its metadata say that they are %u bytes long, but are %zu", size,
+                     "its metadata claim a length of %u bytes, but have %zu", size,
                      bytes->at - begin);
 }
 
@@ -184,8 +186,7 @@ static gboolean take_count(struct bonn_bytes *bytes, const char *what, guint32 m
     if (!bonn_take_u32(bytes, what, ret, error))
         return FALSE;
     if (*ret < 1 || *ret > most)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "%u as the %s makes no sense", *ret,
-                         what);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "%u is not a valid %s", *ret, what);
     return *ret <= (bytes->size - bytes->at) / MAX(each, 1) || each == 0 ||
            bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                      "it is cut off: %u as the %s needs more than its %zu bytes", *ret, what,
@@ -196,7 +197,7 @@ static float bonn_header_degrees(float rad) {
     return (float)((double)rad * 180 / G_PI);
 }
 
-/* θ and φ of each light; the first view's are kept, all others' must be the same. */
+/* θ and φ of each light; all views must have the lights of the first one. */
 static gboolean bonn_header_take_lights(struct bonn_bytes *bytes, struct bonn_header *ret,
                                         float **first, guint32 view, GError **error) {
     guint32 n;
@@ -242,7 +243,7 @@ static gboolean take_sampling(struct bonn_bytes *bytes, struct bonn_header *ret,
     return TRUE;
 }
 
-/* Signatures are of nine or ten bytes; what follows those of nine belongs to the metadata. */
+/* Signatures have nine or ten bytes; the tenth byte of a short one belongs to the metadata. */
 static gboolean take_signature(struct bonn_bytes *bytes, enum bonn_kind *ret, gboolean *ret_extra,
                                GError **error) {
     static const struct {
@@ -340,7 +341,7 @@ void bonn_put_header(GByteArray *to, const struct bonn_header *header) {
     static const char *const signatures[] = {"!BDIF06R2!", "!BDIF06R2!", "!FMF12FCER",
                                              "!DFMF08FCR"};
     g_byte_array_append(to, (const guint8 *)signatures[header->kind], BONN_SIGNATURE);
-    bonn_put_u32(to, 0); /* the block's size, once it is known */
+    bonn_put_u32(to, 0); /* size of the block, set at the end */
     bonn_put_u32(to, 4);
     put_fixed(to, header->setup);
     put_fixed(to, header->sensor);

@@ -1,4 +1,4 @@
-/* What the sources of bonn.h share. */
+/* Shared by the sources of bonn.h. */
 #pragma once
 
 #include "bonn.h"
@@ -7,15 +7,15 @@
 
 #define BONN_SIGNATURE 10 /* bytes */
 
-/* A file's bytes, which are used up from the front. They are read, not mapped: a file that is cut
- * off at work is an error, not a signal. */
+/* A cursor over the bytes of a file. They are read, not mapped: a file truncated while it is read
+ * is an error, not a signal. */
 struct bonn_bytes {
     int fd;
     gsize size, at;
     const char *path;
 };
 
-/* FALSE: there are not that many left; what is named in the error. */
+/* FALSE: not enough bytes are left; the error names `what`. */
 gboolean bonn_take(struct bonn_bytes *bytes, gsize n, const char *what, gpointer ret,
                    GError **error);
 gboolean bonn_skip(struct bonn_bytes *bytes, gsize n, const char *what, GError **error);
@@ -25,25 +25,25 @@ void bonn_report(const struct bonn_bytes *bytes, enum bonn_error code, GError **
                  const char *format, ...) G_GNUC_PRINTF(4, 5);
 #define bonn_fail(...) (bonn_report(__VA_ARGS__), FALSE)
 
-/* From the signature to width and height. ret_order: where R, G, B are among the channels.
- * ret_extra: whether it is an FMF with a version. */
+/* Parses from the signature to width and height. ret_order: positions of R, G, B among the
+ * channels. ret_extra: whether it is an FMF with a version. */
 gboolean bonn_parse_header(struct bonn_bytes *bytes, struct bonn_header *ret,
                            int ret_order[BONN_CHANNELS], gboolean *ret_extra, GError **error);
 
-/* Rotations of local frames, which are skipped. */
+/* Skips the rotations of local frames. */
 gboolean bonn_skip_rotations(struct bonn_bytes *bytes, struct bonn_header *header, GError **error);
 
 /* The same, written. */
 void bonn_put_header(GByteArray *to, const struct bonn_header *header);
 void bonn_put_u32(GByteArray *to, guint32 value);
 
-/* Which texels are stored, and at what place among them; −1: not. Of a full file all are. */
+/* Index of each texel among the stored ones; −1: not stored. A full file stores all. */
 struct bonn_places {
     gint32 *of_texel;
     int n_stored;
 };
 
-/* A matrix in factors, and what it is of. */
+/* A factored matrix and the meaning of its rows. */
 struct bonn_matrix {
     gsize n_components, n_rows, n_columns;
     float *u, *sv;
@@ -51,20 +51,20 @@ struct bonn_matrix {
 };
 void bonn_matrix_clear(struct bonn_matrix *matrix);
 
-/* Of n_channels interleaved (FMF: 3) or one (DFMF: 1). */
+/* n_channels interleaved (FMF: 3) or one (DFMF: 1). */
 gboolean bonn_parse_matrix(struct bonn_bytes *bytes, const struct bonn_header *header,
                            int n_channels, struct bonn_matrix *ret, GError **error);
 
-/* Texels first … first + n of a view: to[(light · n + texel) · 3 + channel[i]]. */
+/* Reconstructs texels first … first + n − 1 of a view: to[(light · n + texel) · 3 + channel[i]]. */
 void bonn_matrix_view(const struct bonn_matrix *matrix, const struct bonn_header *header,
                       int n_channels, int view, gsize first, gsize n, const int *channel,
                       float *to);
 
-/* What was done to a pixel's channels, undone. */
+/* Inverts the transformation of a pixel's channels. */
 struct bonn_colours {
     guint32 model;
     float mean[3], matrix[9];
-    gboolean logarithm; /* of everything */
+    gboolean logarithm; /* of all values */
 };
 gboolean bonn_colours_check(const struct bonn_bytes *bytes, const struct bonn_colours *colours,
                             GError **error);

@@ -1,3 +1,5 @@
+/* Reads values view by view. In a BDI the ABRDF of a texel is contiguous, halves
+ * [view][light][channel]; a view therefore gathers a slice of each texel's ABRDF. */
 #include "bonn_private.h"
 
 #include <math.h>
@@ -14,7 +16,7 @@ struct BonnFile {
     int fd; /* −1: not opened */
     char *path;
     struct bonn_header header;
-    int order[BONN_CHANNELS]; /* where R, G, B are among the channels */
+    int order[BONN_CHANNELS]; /* positions of R, G, B among the channels */
 
     guint32 per_chunk; /* texels; BDI */
     gsize chunks_at;
@@ -57,7 +59,7 @@ static void bonn_read_place_texels(BonnFile *file, const guint8 *mask) {
     file->places.n_stored = stored;
 }
 
-/* Every chunk is there and as long as it must be; then all places can be computed. */
+/* Checks that every chunk exists with the right length; then all positions can be computed. */
 static gboolean check_chunks(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     const gsize each = bonn_read_abrdf_bytes(&file->header);
     file->chunks_at = bytes->at;
@@ -91,7 +93,7 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
                          "it is compressed by bzip2, which is not read");
     if (compression > 2 || lines < 1)
         return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
-                         "compression %d and %u lines a chunk make no sense", compression, lines);
+                         "compression %d with %u lines per chunk is not valid", compression, lines);
     header->kind = compression ? BONN_BDI_SPARSE : BONN_BDI;
     file->per_chunk = MIN(lines, (guint32)header->height) * (guint32)header->width;
     if (!bonn_take(bytes, n_texels, "mask", mask, error) ||
@@ -101,7 +103,7 @@ static gboolean parse_bdi(BonnFile *file, struct bonn_bytes *bytes, GError **err
     return check_chunks(file, bytes, error);
 }
 
-/* A version, and a height map, which is skipped. */
+/* Parses a version, and skips a height map. */
 static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GError **error) {
     guint32 method = 0, width = 0, height = 0;
     guint8 version;
@@ -116,8 +118,8 @@ static gboolean parse_fmf_version(BonnFile *file, struct bonn_bytes *bytes, GErr
                          !bonn_take_u32(bytes, "height map", &height, error)))
         return FALSE;
     if (width > G_MAXUINT16 || height > G_MAXUINT16)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "a height map of %u × %u makes no sense",
-                         width, height);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error,
+                         "%u × %u is not a valid size of a height map", width, height);
     file->colours.logarithm = method != 0;
     return bonn_skip(bytes, 2 * (gsize)width * height, "height map", error);
 }
@@ -150,7 +152,7 @@ static gboolean parse_dfmf(BonnFile *file, struct bonn_bytes *bytes, GError **er
     return TRUE;
 }
 
-/* bonn_read_view() gives all lights of a view at once. */
+/* bonn_read_view() needs the memory of all lights of a view. */
 static gboolean bonn_read_check_memory(const struct bonn_bytes *bytes,
                                        const struct bonn_header *header, GError **error) {
     const guint64 view = (guint64)header->width * (guint64)header->height *
@@ -193,8 +195,8 @@ BonnFile *bonn_open(const char *path, GError **error) {
     return bonn_read_parse(file, bytes, error) ? g_steal_pointer(&file) : NULL;
 }
 
-/* All lights of a view and a texel, as they lie: channel fastest; not finite where it is not
- * there. */
+/* Reads all lights of a view and texel in the file's order, channel fastest; texels that are not
+ * stored become NaN. */
 static gboolean read_abrdf(const BonnFile *file, int view, gsize texel, guint16 *halves, float *ret,
                            GError **error) {
     GError *found = NULL;
@@ -216,7 +218,7 @@ static gboolean read_abrdf(const BonnFile *file, int view, gsize texel, guint16 
     return TRUE;
 }
 
-/* A block of texels: to[(light · n + texel) · 3 + channel]. What is not there is not finite. */
+/* Reads a block of texels: to[(light · n + texel) · 3 + channel]; NaN where nothing is stored. */
 static gboolean read_bdi(const BonnFile *file, int view, gsize first, gsize n, float *to,
                          GError **error) {
     const gsize n_lights = (gsize)file->header.n_lights;
@@ -242,7 +244,7 @@ static void read_factors(const BonnFile *file, int view, gsize first, gsize n, f
     bonn_colours_undo(&file->colours, to, n * (gsize)header->n_lights);
 }
 
-/* Into the place of the block; R, G, B in order. */
+/* Copies a block to its place with R, G, B in order; returns the number of holes. */
 static int bonn_read_store(const BonnFile *file, const float *from, gsize n, float *to) {
     int holes = 0;
     for (gsize i = 0; i < n; i++, from += BONN_CHANNELS, to += BONN_CHANNELS) {

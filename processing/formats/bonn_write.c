@@ -1,3 +1,5 @@
+/* Writes a BDI view by view: each view fills its slice of every texel's ABRDF, so that no
+ * transposed copy of the BTF is needed. */
 #include "bonn_private.h"
 
 #include <errno.h>
@@ -8,9 +10,9 @@
 
 #include "exr/exr_half.h"
 
-#define CHUNK_BYTES ((gsize)64 << 20) /* of a chunk, unless a single line is more */
+#define CHUNK_BYTES ((gsize)64 << 20) /* of a chunk, unless a single line has more */
 
-/* A file beside its name, until it is whole. */
+/* A temporary file until it is complete. */
 struct output {
     char *path, *beside;
     int fd;
@@ -97,7 +99,8 @@ static gboolean put_front(BonnWriter *writer, const struct bonn_header *header, 
     return bonn_write_put(&writer->output, front->data, front->len, 0, error);
 }
 
-/* The lengths of all chunks; and the room for them, so that a full disk is told at once. */
+/* Writes the lengths of all chunks, and reserves their space, so that a full disk is an error at
+ * once. */
 static gboolean put_chunks(BonnWriter *writer, GError **error) {
     const gsize each = bonn_write_abrdf_bytes(writer), stored = (gsize)writer->places.n_stored;
     const gsize n_chunks = (stored + writer->per_chunk - 1) / writer->per_chunk;
@@ -223,13 +226,13 @@ static GByteArray *factors_front(const struct bonn_header *header, int n_compone
         const guint8 version = 2;
         g_byte_array_append(front, &version, 1);
         for (int i = 0; i < 3; i++)
-            bonn_put_u32(front, 0); /* nothing done to the range; no height map */
+            bonn_put_u32(front, 0); /* no transformation of the range; no height map */
         bonn_put_u32(front, (guint32)n_components);
         return front;
     }
     bonn_put_u32(front, (guint32)n_components);
     for (int i = 0; i < 4; i++)
-        bonn_put_u32(front, 0); /* the colours as they are; their mean */
+        bonn_put_u32(front, 0); /* untransformed colours; their mean */
     for (int i = 0; i < 9; i++) {
         guint32 bits;
         memcpy(&bits, &identity[i], sizeof bits);

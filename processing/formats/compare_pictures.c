@@ -1,3 +1,4 @@
+/* Compares pictures pixel by pixel with CIEDE2000 in L*a*b*. */
 #include "compare_pictures.h"
 
 #include <stdlib.h>
@@ -55,7 +56,7 @@ gboolean compare_pictures(const char *a, const char *b, struct picture_compariso
     gboolean ok = second != NULL;
     if (ok && (first->width != second->width || first->height != second->height)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s has %d × %d pixels, %s %d × %d: render them alike", a, first->width,
+                    "%s has %d × %d pixels, but %s has %d × %d: render them alike", a, first->width,
                     first->height, b, second->width, second->height);
         ok = FALSE;
     }

@@ -1,5 +1,5 @@
 /*
- * How far two pictures are apart for the eye: renderings of two forms of a material, from the same
+ * The perceived difference of two pictures: renderings of two forms of a material, from the same
  * camera under the same light (mesorig-view --render). Any thread.
  */
 #pragma once
@@ -9,18 +9,19 @@
 struct picture_comparison {
     int width, height;
     double delta_e;           /* mean CIEDE2000 of all pixels */
-    double delta_e_different; /* of those alone that are not the same; 0 if all are */
+    double delta_e_different; /* mean over differing pixels only; 0 if there are none */
     double p95, largest;      /* of those */
     double different;         /* their share */
 };
 
-/* An attribute that EXR pictures have, and materials have not. */
+/* An attribute of EXR pictures that materials do not have. */
 #define COMPARE_PICTURE_KIND "mesorig.kind"
 
-/* Whether a file's name is that of a PNG, TIFF or JPEG, or it is an EXR that says it is a picture.
- */
+/* Whether a file's name is that of a PNG, TIFF or JPEG, or the file is an EXR with the attribute
+ * above. */
 gboolean compare_is_picture(const char *path);
 
-/* Of the same size; 8 bits are sRGB, EXR is linear. DATA_ERROR_INVALID if one cannot be read. */
+/* Compares two pictures of the same size; 8-bit values are sRGB, EXR is linear.
+ * DATA_ERROR_INVALID if one cannot be read. */
 gboolean compare_pictures(const char *a, const char *b, struct picture_comparison *ret,
                           GError **error);

@@ -1,3 +1,4 @@
+/* BDI is copied view by view; FMF and DFMF are factored by local PCA with one cluster. */
 #include "export.h"
 
 #include <math.h>
@@ -10,7 +11,7 @@
 
 #define COLOURS 3
 
-/* What all views of a session's BTF have alike. */
+/* What all views of a session's BTF have in common. */
 struct source {
     Session *session;
     struct session_grid grid;
@@ -51,7 +52,7 @@ static gboolean find_views(struct source *source, GError **error) {
 static gboolean export_bonn_direction(const struct exr_part *part, const char *of, const char *path,
                                       float *ret_theta_deg, float *ret_phi_deg, GError **error) {
     return btf_direction(part, of, ret_theta_deg, ret_phi_deg) ||
-           export_bonn_fail(path, error, "a direction is no number");
+           export_bonn_fail(path, error, "a direction is not a number");
 }
 
 /* Lights are those of the first view. */
@@ -64,8 +65,7 @@ static gboolean export_bonn_read_directions(struct source *source, GError **erro
     for (int v = 0; ok && v < n; v++) {
         const char *path = source->paths->pdata[v];
         struct exr_file *file = exr_read_headers(path, error);
-        ok = file &&
-             (file->parts->len > 0 || export_bonn_fail(path, error, "there are no lights in it")) &&
+        ok = file && (file->parts->len > 0 || export_bonn_fail(path, error, "it has no lights")) &&
              export_bonn_direction(file->parts->pdata[0], "view", path, &header->view_theta_deg[v],
                                    &header->view_phi_deg[v], error);
         if (ok && v == 0) {
@@ -121,7 +121,7 @@ static gboolean export_bonn_read_view(const struct source *source, const char *p
         return FALSE;
     gboolean ok =
         (int)file->parts->len == source->header.n_lights ||
-        export_bonn_fail(path, error, "its lights are not as many as those of the first view");
+        export_bonn_fail(path, error, "its number of lights differs from that of the first view");
     for (int light = 0; ok && light < source->header.n_lights; light++) {
         const struct exr_part *part = file->parts->pdata[light];
         ok = export_bonn_check_light(source, part, light, path, error);

@@ -1,3 +1,5 @@
+/* Points are fused in cubes of a texel's width: sorted by cube, each run of equal cubes becomes
+ * one point. A height map takes the median height of the upper layer above each texel. */
 #include "export_surface.h"
 
 #include <math.h>
@@ -8,10 +10,10 @@
 #include "exr/exr.h"
 #include "surface_points.h"
 
-#define GAP          1.0  /* texels between two heights, that make them two layers */
-#define MOST_STACKED 0.05 /* of the texels of a height field */
+#define GAP          1.0  /* gap between two heights, in texels, that separates layers */
+#define MOST_STACKED 0.05 /* largest share of texels with two layers in a height field */
 
-/* Points of one cube: indices into the surface's, in order of cube. */
+/* A point and the cube of a texel's width that contains it; sorted by cube. */
 struct cube {
     gint64 key;
     guint index;
@@ -47,7 +49,8 @@ struct fused {
     int n_views;
 };
 
-/* Of one cube, points first … first + n of cubes. */
+/* Fuses the points first … first + n − 1 of one cube: mean weighted by 1/σ² and the cosine to the
+ * camera. */
 static struct fused fuse(const struct surface *surface, const struct cube *cubes, guint n) {
     struct fused ret = {0};
     double weight = 0, squares = 0;
@@ -59,7 +62,7 @@ static struct fused fuse(const struct surface *surface, const struct cube *cubes
         ret.at_mm = vec3_add(ret.at_mm, vec3_scale(p->at_mm, w));
         ret.normal = vec3_add(ret.normal, vec3_scale(p->normal, w));
         weight += w;
-        ret.n_views += p->view != before; /* they are in order of view */
+        ret.n_views += p->view != before; /* points are in order of view */
         before = p->view;
     }
     ret.at_mm = vec3_scale(ret.at_mm, 1 / weight);
@@ -123,9 +126,9 @@ static gboolean write_points(const struct surface *surface, const char *file, in
     return g_file_set_contents(file, (const char *)body->data, (gssize)body->len, error);
 }
 
-/* What lies above one texel. */
+/* The points above one texel. */
 struct column {
-    guint *points; /* indices, by height, the highest first */
+    guint *points; /* indices in order of height, the highest first */
     guint n;
 };
 
@@ -135,7 +138,7 @@ static int export_surface_by_height(gconstpointer a, gconstpointer b, gpointer d
     return (x < y) - (x > y);
 }
 
-/* All points by texel: where each texel's begin in ret_order, n + 1 numbers. */
+/* Sorts all points by texel: n + 1 first indices into ret_order. */
 static guint *sort_columns(const struct surface *surface, guint **ret_order) {
     const struct session_grid *grid = &surface->grid;
     const int n = grid->width * grid->height;
@@ -159,7 +162,7 @@ static guint *sort_columns(const struct surface *surface, guint **ret_order) {
     return begin;
 }
 
-/* How many of a column's points are of its upper layer; one point alone is an outlier. */
+/* Number of points in the upper layer of a column; a single point is an outlier. */
 static guint upper_layer(const struct surface *surface, struct column *column,
                          gboolean *ret_stacked) {
     const struct surface_point *points =
@@ -229,15 +232,17 @@ static gboolean check_map(const struct surface *surface, const struct map *map, 
                           gboolean layered, GError **error) {
     const int texels = surface->grid.width * surface->grid.height;
     if (map->holes == texels) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: its MDF has seen nothing", session);
+        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID, "%s: its MDF has no measured texel",
+                    session);
         return FALSE;
     }
     if (layered || map->stacked <= MOST_STACKED * (texels - map->holes))
         return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: it is no height field: %d of %d texels have structure below structure; export "
-                "points, or the upper layer with --layered",
-                session, map->stacked, texels - map->holes);
+    g_set_error(
+        error, DATA_ERROR, DATA_ERROR_INVALID,
+        "%s: it is not a height field: %d of %d texels have structure below structure; export "
+        "points, or the upper layer with --layered",
+        session, map->stacked, texels - map->holes);
     return FALSE;
 }
 

@@ -1,7 +1,7 @@
 /*
- * The structure that an MDF has measured, for programs that know points and maps: all views' texels
- * as points of the sample frame in mm (z from the turntable's top), with normals towards who saw
- * them, put together. Any thread.
+ * Exports the structure measured by an MDF, for programs that use points and maps: the texels of
+ * all views as points of the sample frame in mm (z from the turntable's top), with normals
+ * towards the camera, fused. Any thread.
  */
 #pragma once
 
@@ -11,12 +11,12 @@ enum export_surface { EXPORT_POINTS, EXPORT_HEIGHT, EXPORT_NORMALS };
 
 struct export_surface_options {
     enum export_surface what;
-    int least_views;  /* a point that fewer saw is left out; 0: 2, or 1 where there is one view */
-    gboolean layered; /* a map even if the structure is no height field */
+    int least_views; /* points that fewer views saw are left out; 0: 2, or 1 if there is one view */
+    gboolean layered; /* write a map even if the structure is not a height field */
 };
 
 struct export_surface_result {
-    gint64 seen, points; /* by all views; written (maps: texels with a value) */
+    gint64 seen, points; /* points of all views; points written (maps: texels with a value) */
     int n_views, texels, holes;
     int stacked; /* texels with structure below structure */
 };

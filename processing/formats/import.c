@@ -40,7 +40,7 @@ gboolean import_place_begin(struct import_place *place, const char *path, GError
     return TRUE;
 }
 
-/* Of what this process has made itself. */
+/* Only of directories that this process has made. */
 static void remove_tree(const char *path) {
     g_autoptr(GDir) dir = g_dir_open(path, 0, NULL);
     const char *name;
@@ -127,7 +127,7 @@ static Session *import_create(const struct import *import, const char *path, con
     return session_create(path, name, &texts, &plan, error);
 }
 
-/* The same with one channel more. */
+/* Adds the channel "mark" to a part. */
 static struct exr_part *with_marks(struct exr_part *part, const guint8 *marks) {
     static const char *const channels[] = {"B", "G", "R", "mark", NULL};
     const gsize n = (gsize)part->width * (gsize)part->height;
@@ -184,7 +184,7 @@ static gboolean write_view(struct import *import, int view, float *rgb, int *hol
         import->holes += holes[light];
         ok = (double)holes[light] <= IMPORT_MOST_HOLES * (double)n ||
              data_error_fail(m->source, 0, error,
-                             "%d of %zu texels of view %d, light %d are missing or no numbers",
+                             "%d of %zu texels of view %d, light %d are missing or not numbers",
                              holes[light], n, view, light);
         exr_file_add(
             file, import_light_part(import, view, light, rgb + 3 * n * (gsize)light, holes[light]));

@@ -1,4 +1,4 @@
-/* From pictures to the frames that a capture would have left. */
+/* Converts pictures to frames as a capture would leave them. */
 #include "import_poses_private.h"
 
 #include <math.h>
@@ -10,16 +10,17 @@
 #include "frames/sweep.h"
 
 #define SATURATION   0.98 /* of white */
-#define UNEVEN       0.05 /* of a step, by which an angle may lie beside it */
-#define MOST_MISSING 0.1  /* of a sweep's pictures */
-#define BESIDE       2.0  /* steps around a missing picture in which no peak is believed, or */
-#define PULSE        4.0  /* standard deviations of the pulse */
+#define UNEVEN       0.05 /* tolerance of an angle, in steps */
+#define MOST_MISSING 0.1  /* largest share of a sweep's pictures */
+#define BESIDE       2.0  /* steps around a missing picture without valid peaks, or */
+#define PULSE        4.0  /* in standard deviations of the pulse */
 
 static struct import_row *row_at(const struct import_set *set, guint i) {
     return &g_array_index(set->rows, struct import_row, i);
 }
 
-/* Two pixels for one each way: centres lie a quarter of a pixel to both sides of the old ones. */
+/* Doubles the resolution: the centres of the new pixels lie a quarter of a pixel to both sides of
+ * the old ones. */
 static void double_camera(struct rig_camera *camera) {
     camera->width *= 2;
     camera->height *= 2;
@@ -78,7 +79,7 @@ gboolean import_frames_prepare(struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* The mosaic in DN: as the picture is, or 2 × 2 pixels (R G, G B) for each in colour. */
+/* The mosaic in DN: the grey picture itself, or 2 × 2 pixels (R G, G B) for each colour pixel. */
 static float *mosaic_of(const struct import_picture *picture) {
     const gsize width = (gsize)picture->width, height = (gsize)picture->height;
     const gsize side = picture->grey ? 1 : 2;
@@ -130,7 +131,7 @@ static gboolean check_numbers(const struct import_set *set, const struct import_
     set->ret->not_numbers += (gint64)bad;
     return (double)bad <= IMPORT_MOST_HOLES * (double)n ||
            data_error_fail(set->table, row->line, error,
-                           "%zu of the %zu pixels of %s are no numbers", bad, n, row->name);
+                           "%zu of the %zu pixels of %s are not numbers", bad, n, row->name);
 }
 
 static gboolean write_lamp(const struct import_set *set, const struct import_row *row,
@@ -160,7 +161,7 @@ static gboolean write_lamp(const struct import_set *set, const struct import_row
     return ok && import_frames_write_part(set, row, part, ret, error);
 }
 
-/* A camera's pictures of a sweep: rows first … first + n, some steps may be missing. */
+/* A camera's pictures of one sweep: rows first … first + n − 1; some steps may be missing. */
 struct run {
     const struct import_row *rows;
     int n;
@@ -174,7 +175,7 @@ static int import_frames_by_value(gconstpointer a, gconstpointer b) {
     return (x > y) - (x < y);
 }
 
-/* The usual distance of two pictures: half of them are nearer, half farther. */
+/* Median distance between consecutive pictures. */
 static double usual_step(const struct import_row *rows, int n) {
     g_autofree double *distances = g_new(double, n);
     for (int i = 0; i + 1 < n; i++)
@@ -187,7 +188,7 @@ static gboolean find_steps(const struct import_set *set, struct run *run, GError
     const struct import_row *rows = run->rows, *first = &rows[0], *last = &rows[run->n - 1];
     if (run->n < 4)
         return data_error_fail(set->table, first->line, error,
-                               "a sweep of %d pictures tells nothing; 4 are the least", run->n);
+                               "a sweep has %d pictures; at least 4 are needed", run->n);
     run->from_deg = first->sweep_deg;
     run->step_deg = usual_step(rows, run->n);
     const double steps = (last->sweep_deg - first->sweep_deg) / run->step_deg + 1;
@@ -226,12 +227,12 @@ static gboolean check_missing(const struct import_set *set, const struct run *ru
     return TRUE;
 }
 
-/* What the accumulator is fed with. */
+/* Input of the accumulator. */
 struct feed {
     Sweep *sweep;
     enum import_edge edge;
     gsize n;
-    float *before; /* the last picture; NULL: none yet */
+    float *before; /* the previous picture; NULL: none yet */
     guint16 *frame;
 };
 
@@ -252,7 +253,7 @@ static void import_frames_feed(struct feed *feed, const float *picture) {
     sweep_add(feed->sweep, feed->frame);
 }
 
-/* The picture in DN; what is no number is 0. */
+/* Reads a picture in DN; values that are not numbers become 0. */
 static gboolean read_step(const struct import_set *set, const struct import_row *row, gsize n,
                           float *to, GError **error) {
     struct import_picture *picture = import_frames_read_picture(set, row, error);
@@ -269,7 +270,7 @@ static gboolean read_step(const struct import_set *set, const struct import_row 
     return check_numbers(set, row, bad, n, error);
 }
 
-/* In the place of a missing picture stands the one before it. */
+/* A missing picture is replaced by the previous one. */
 static gboolean feed_all(const struct import_set *set, const struct run *run, struct feed *to,
                          GError **error) {
     g_autofree float *picture = g_new0(float, to->n);
@@ -281,7 +282,7 @@ static gboolean feed_all(const struct import_set *set, const struct run *run, st
     return TRUE;
 }
 
-/* Peaks of whose pulse the missing picture was a part. */
+/* Discards peaks whose pulse includes a missing picture. */
 static void forget_missing(const struct run *run, double offset, gsize n,
                            const struct sweep_pulses *pulses) {
     float *peak = pulses->peak;
@@ -292,7 +293,7 @@ static void forget_missing(const struct run *run, double offset, gsize n,
                 peak[i] = -1;
 }
 
-/* Differences of pictures are half a step later than the first of the two. */
+/* A difference of two pictures lies half a step after the first one. */
 static struct exr_part *sweep_part(const struct import_set *set, const struct run *run,
                                    const struct feed *fed) {
     static const char *const channels[] = {"intensity",   "peak",  "second_intensity",
@@ -335,7 +336,7 @@ static gboolean write_run(const struct import_set *set, const struct run *run,
     return ok;
 }
 
-/* The plan holds one sweep for all cameras of a shot: it is what the first of them saw. */
+/* The plan has one sweep for all cameras of a shot: that of the first camera. */
 static gboolean import_frames_agree(const struct import_set *set, const struct run *run,
                                     struct session_shot *shot, GError **error) {
     const gboolean line = set->wish->edge == IMPORT_LINE;
@@ -356,7 +357,7 @@ static gboolean import_frames_agree(const struct import_set *set, const struct r
                from, to, steps, shot->sweep_from_deg, shot->sweep_to_deg, shot->sweep_steps);
 }
 
-/* A camera's part of a shot begins at a row; returns how many rows it has. */
+/* Number of rows of a camera's part of a shot that begins at a row. */
 static int run_length(const struct import_set *set, guint first) {
     const struct import_row *row = row_at(set, first);
     int n = 1;
@@ -366,7 +367,7 @@ static int run_length(const struct import_set *set, guint first) {
     return n;
 }
 
-/* Before anything is written, so that the plan is right from the beginning. */
+/* Called before anything is written, since the plan never changes. */
 gboolean import_frames_plan(struct import_set *set, GError **error) {
     for (guint i = 0; i < set->rows->len;) {
         const struct import_row *row = row_at(set, i);

@@ -1,4 +1,4 @@
-/* Pictures that say by themselves, or in a list, from where they were seen and lit. */
+/* Imports pictures whose names, or a list, contain their directions. */
 #include "import_private.h"
 
 #include "base/data_error.h"
@@ -8,10 +8,12 @@
 
 #include "base/input_file.h"
 
-#define STEPS_A_DEG    10000 /* directions that agree to this are one */
+#define STEPS_A_DEG    10000 /* directions within 1/this degree are equal */
 #define MOST_RTI       65536
 #define MAX_LIST_BYTES (64 << 20)
-#define LEAST_LENGTH   0.5 /* of a direction in a list, which should be a unit vector */
+#define LEAST_LENGTH                                                                               \
+    0.5 /* least length of a direction in a list, which should be a unit vector                    \
+         */
 
 struct direction {
     gint64 theta, phi; /* in steps */
@@ -20,7 +22,7 @@ struct direction {
 struct named {
     char *path;
     struct direction view, light;
-    int line; /* of the list; 0: none */
+    int line; /* line of the list; 0: none */
 };
 
 struct pictures {
@@ -52,7 +54,7 @@ static void pictures_init(struct pictures *pictures, const char *source) {
     };
 }
 
-/* The number after a key that is not part of a longer word: "tl045.0". FALSE: none, or two. */
+/* The number after a key that does not end a longer word: "tl045.0". FALSE: none, or two. */
 static gboolean find_key(const char *name, const char *key, double *ret_deg) {
     const gsize n = strlen(key);
     int found = 0;
@@ -124,7 +126,7 @@ static gboolean report_missing(const struct pictures *pictures, GError **error) 
         (double)light->phi / STEPS_A_DEG);
 }
 
-/* Every view under every light, once. */
+/* Arranges the pictures: each view under each light, once. */
 static gboolean arrange(struct pictures *pictures, GError **error) {
     for (guint i = 0; i < pictures->all->len; i++) {
         const struct named *named = pictures->all->pdata[i];
@@ -195,20 +197,20 @@ static gboolean parse_light(const char *list, int line, char **words, struct dir
         char *end;
         d[i] = g_ascii_strtod(words[i], &end);
         if (end == words[i] || *end || !isfinite(d[i]))
-            return data_error_fail(list, line, error, "“%s” is no number", words[i]);
+            return data_error_fail(list, line, error, "“%s” is not a number", words[i]);
         length += d[i] * d[i];
     }
     length = sqrt(length);
     if (length < LEAST_LENGTH || d[2] <= 0)
         return data_error_fail(list, line, error,
-                               "%g %g %g is no direction to a light above the sample", d[0], d[1],
-                               d[2]);
+                               "%g %g %g is not a direction to a light above the sample", d[0],
+                               d[1], d[2]);
     const double deg = 180 / G_PI;
     *ret = import_names_direction(acos(CLAMP(d[2] / length, -1, 1)) * deg, atan2(d[1], d[0]) * deg);
     return TRUE;
 }
 
-/* The name may have blanks, and may be a path on the machine that took the picture. */
+/* The name may contain blanks, and may be a path on another machine. */
 static gboolean import_names_parse_line(struct pictures *pictures, const char *list, int line,
                                         const char *text, GError **error) {
     g_autofree char *folder = g_path_get_dirname(list),
@@ -281,7 +283,7 @@ static gboolean copy_picture(const struct pictures *pictures, const struct named
     import_picture_free(picture);
     *ret_holes = holes;
     return ok && ((double)holes <= IMPORT_MOST_HOLES * (double)n ||
-                  data_error_fail(named->path, 0, error, "%d of its %zu pixels are no numbers",
+                  data_error_fail(named->path, 0, error, "%d of its %zu pixels are not numbers",
                                   holes, n));
 }
 

@@ -51,7 +51,7 @@ static struct import_picture *import_picture_from_part(const struct exr_part *pa
     return picture;
 }
 
-/* Here its pixels are kept once more, three values each. */
+/* The pixels need memory twice here: once as planes, once interleaved. */
 static gboolean import_picture_check_size(const char *path, const struct exr_part *part,
                                           GError **error) {
     GStatBuf status;

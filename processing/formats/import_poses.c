@@ -1,3 +1,5 @@
+/* Reads the table, sorts its rows into shots, checks them against each other and the calibration,
+ * and creates the session. */
 #include "import_poses_private.h"
 
 #include "base/data_error.h"
@@ -5,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-#define STEPS_A_DEG 10000 /* angles that agree to this are one */
+#define STEPS_A_DEG 10000 /* angles within 1/this degree are equal */
 #define MOST_ROWS   1000000
 
 static gint64 import_poses_steps(double deg) {
@@ -54,7 +56,7 @@ static gboolean find_columns(const TextTable *table, struct columns *ret, GError
     return TRUE;
 }
 
-/* Which camera, and which lamp or laser. */
+/* Reads the camera, and the lamp or laser. */
 static gboolean read_devices(const struct import_set *set, const TextTable *table,
                              const struct columns *columns, int index, struct import_row *row,
                              GError **error) {
@@ -95,7 +97,7 @@ static gboolean import_poses_read_row(const struct import_set *set, const TextTa
     if (!*row->name || !g_file_test(row->path, G_FILE_TEST_IS_REGULAR))
         return data_error_fail(set->table, row->line, error, "there is no picture %s", row->path);
     if (!(row->exposure_ms > 0))
-        return data_error_fail(set->table, row->line, error, "an exposure of %g ms makes no sense",
+        return data_error_fail(set->table, row->line, error, "an exposure of %g ms is not valid",
                                row->exposure_ms);
     return !row->sweep || isfinite(row->sweep_deg) ||
            data_error_fail(set->table, row->line, error, "a picture of a sweep needs sweep_deg");
@@ -122,7 +124,7 @@ static gboolean import_poses_read_rows(struct import_set *set, const TextTable *
     return TRUE;
 }
 
-/* By what is one shot, then by camera, then by the sweep's angle. */
+/* Order: shot, camera, sweep angle. */
 static int compare_shots(const struct import_row *a, const struct import_row *b) {
     const gint64 keys[4][2] = {
         {a->sweep, b->sweep},
@@ -149,7 +151,7 @@ static double import_poses_radians(double deg) {
     return deg * G_PI / 180;
 }
 
-/* From the middle of the reference plane, in the sample frame. */
+/* Angles of a position seen from the centre of the reference plane, in the sample frame. */
 static void set_angles(const struct import_set *set, struct vec3 at_mm, double turntable_deg,
                        struct session_direction *ret) {
     double theta, phi;
@@ -174,7 +176,7 @@ static void import_poses_add_view(struct import_set *set, const struct import_ro
     g_array_append_val(set->views, view);
 }
 
-/* A light or laser is where it stands relative to the sample. */
+/* Lights and laser positions are distinguished by their angle relative to the sample. */
 static int import_poses_source_of(struct import_set *set, const struct import_row *row) {
     GArray *list = row->sweep ? set->lasers : set->lights;
     const struct rig *rig = &set->known->rig;
@@ -218,7 +220,7 @@ static void make_shots(struct import_set *set) {
     }
 }
 
-/* Two pictures of one thing. */
+/* Refuses two pictures with the same pose and light. */
 static gboolean check_double(const struct import_set *set, GError **error) {
     for (guint i = 1; i < set->rows->len; i++) {
         const struct import_row *a = &g_array_index(set->rows, struct import_row, i - 1);
@@ -232,7 +234,7 @@ static gboolean check_double(const struct import_set *set, GError **error) {
     return TRUE;
 }
 
-/* Each view that has a picture for the BTF has one under every light. */
+/* Each view with a picture for the BTF needs one under every light. */
 static gboolean check_lights(const struct import_set *set, GError **error) {
     const guint n_views = set->views->len, n_lights = set->lights->len;
     g_autofree gboolean *there = g_new0(gboolean, MAX(n_views * n_lights, 1));

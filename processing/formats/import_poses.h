@@ -25,8 +25,8 @@
 #include "import.h"
 
 enum import_edge {
-    IMPORT_LINE,    /* a bright line passes over the sample */
-    IMPORT_DARKENS, /* a shadow comes: its edge is the sheet that the calibration calls a laser */
+    IMPORT_LINE,    /* a bright line moves over the sample */
+    IMPORT_DARKENS, /* a shadow's edge is the sheet that the calibration describes as a laser */
     IMPORT_LIGHTENS,
 };
 
@@ -35,13 +35,13 @@ struct import_poses {
     const char *cfa;                 /* of grey pictures: "mono", "rggb" … */
     struct session_grid grid;
     enum import_edge edge;
-    double threshold_dn; /* for a peak to count */
+    double threshold_dn; /* least height of a peak */
 };
 
 struct import_poses_result {
     int n_views, n_lights, n_lasers, n_shots, n_frames;
-    int n_missing;      /* pictures of sweeps */
-    gint64 not_numbers; /* pixels */
+    int n_missing;      /* missing pictures of sweeps */
+    gint64 not_numbers; /* number of pixels */
 };
 
 gboolean import_poses(const char *path, const struct import_poses *poses, const struct work *work,

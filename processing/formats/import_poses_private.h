@@ -1,4 +1,4 @@
-/* What the sources of import_poses.h share. */
+/* Shared by the sources of import_poses.h. */
 #pragma once
 
 #include "base/text_table.h"
@@ -9,7 +9,7 @@
 #define IMPORT_WHITE_DN 4095
 
 struct import_row {
-    const char *name; /* as the table has it */
+    const char *name; /* as in the table */
     char *path;
     int line;
     int camera;
@@ -19,9 +19,9 @@ struct import_row {
     int shot; /* index */
 };
 
-/* What a camera's first picture has told. */
+/* Properties of a camera's first picture. */
 struct import_camera {
-    gboolean seen, doubled; /* its pictures are in colour */
+    gboolean seen, doubled; /* doubled: its pictures are in colour */
     int width, height;      /* of pictures */
 };
 
@@ -37,11 +37,11 @@ struct import_set {
     struct import_poses_result *ret;
 };
 
-/* Looks at the first picture of each camera and fits the calibration to what it is. */
+/* Reads the first picture of each camera and adapts the calibration to it. */
 gboolean import_frames_prepare(struct import_set *set, GError **error);
 
-/* How each sweep went, which is part of the plan. */
+/* Determines range and steps of each sweep for the plan. */
 gboolean import_frames_plan(struct import_set *set, GError **error);
 
-/* Files and rows of all shots; stage "import". */
+/* Writes files and rows of all shots; stage "import". */
 gboolean import_frames_write(struct import_set *set, const struct work *work, GError **error);

@@ -1,12 +1,12 @@
-/* What the sources of import.h share. */
+/* Shared by the sources of import.h. */
 #pragma once
 
 #include "import.h"
 
 #define IMPORT_MOST_HOLES 0.5 /* of a picture */
 
-/* A picture in colour. EXR: R, G, B of the first part, or a grey "Y" as all three; else what OpenCV
- * reads. NULL: DATA_ERROR_INVALID. */
+/* Reads a colour picture. EXR: R, G, B of the first part, or a grey "Y" for all three; else what
+ * OpenCV reads. NULL: DATA_ERROR_INVALID. */
 struct import_picture {
     int width, height;
     gboolean grey;
@@ -16,11 +16,11 @@ struct import_picture *import_picture_read(const char *path, GError **error);
 void import_picture_free(struct import_picture *picture); /* NULL is ignored */
 gboolean import_is_picture(const char *name);
 
-/* A new session under a hidden name, for the time of filling it. */
+/* A new session under a hidden name while it is filled. */
 struct import_place {
     char *path, *folder, *session;
 };
 gboolean import_place_begin(struct import_place *place, const char *path, GError **error);
-/* Closes it, and moves it to its name; or removes it. */
+/* Closes the session and renames it, or removes it. */
 gboolean import_place_end(struct import_place *place, Session *session, gboolean good,
                           GError **error);

@@ -1,3 +1,6 @@
+/* A texel's point is c + (x − c)(1 + d / |x − c|), c: camera, x: texel on the reference plane, d:
+ * MDF value; its normal is the cross product of the tangents to its neighbours on the same
+ * surface. */
 #include "surface_points.h"
 
 #include <math.h>
@@ -8,20 +11,20 @@
 #include "frames/rectify.h"
 #include "mdf/mdf_views.h"
 
-#define CONNECTED   3.0  /* texels, that neighbours on one surface are apart at most */
-#define LEAST_ERROR 0.02 /* of a texel: what a standard error from few sweeps is believed to be */
-#define UNKNOWN     0.5  /* of a texel: the error of what one sweep has seen */
-#define LEAST_FACE  0.05 /* cosine of a normal to who sees it, for its weight */
+#define CONNECTED   3.0  /* in texels: largest distance of neighbours on one surface */
+#define LEAST_ERROR 0.02 /* of a texel: lower bound of a standard error from few sweeps */
+#define UNKNOWN     0.5  /* of a texel: error of a point that one sweep measured */
+#define LEAST_FACE  0.05 /* lower bound of the cosine between normal and camera, for the weight */
 
 void surface_clear(struct surface *surface) {
     g_clear_pointer(&surface->points, g_array_unref);
 }
 
-/* One view's texels in space. */
+/* The points of one view. */
 struct view {
     const struct surface *surface;
     struct vec3 eye_mm;
-    struct vec3 *at_mm;                     /* of each texel */
+    struct vec3 *at_mm;                     /* n_texels */
     const float *distance, *error, *source; /* source may be NULL */
     int index;
 };
@@ -37,8 +40,8 @@ static void surface_points_place(const struct view *view) {
         }
 }
 
-/* From one neighbour to the other, or from the texel to the one there is. FALSE: they are not of
- * one surface. */
+/* Tangent from one neighbour to the other, or from the texel to the one that exists. FALSE: they
+ * are on different surfaces. */
 static gboolean surface_points_along(const struct view *view, int i, int before, int after,
                                      struct vec3 *ret) {
     const double most = CONNECTED * view->surface->texel_mm;
@@ -52,6 +55,7 @@ static gboolean surface_points_along(const struct view *view, int i, int before,
     return from != to;
 }
 
+/* Normal: cross product of the tangents along columns and rows, towards the camera. */
 static gboolean surface_points_normal_at(const struct view *view, int column, int row,
                                          struct vec3 *ret) {
     const int width = view->surface->grid.width, height = view->surface->grid.height;
@@ -75,7 +79,7 @@ static void add_points(const struct view *view) {
     const struct surface *surface = view->surface;
     for (int i = 0; i < surface->grid.width * surface->grid.height; i++) {
         struct surface_point point = {.view = view->index};
-        /* What others predicted is in their points. */
+        /* Predicted values are left out: the points of the other views contain them. */
         if (!(view->distance[i] >= 0) || (view->source && view->source[i] >= MDF_PREDICTED) ||
             !surface_points_normal_at(view, i % surface->grid.width, i / surface->grid.width,
                                       &point.normal))
@@ -97,9 +101,10 @@ static gboolean surface_points_add_view(struct surface *surface, const struct ex
     if (!distance || !own || part->width != surface->grid.width ||
         part->height != surface->grid.height || !exr_get_v3d(part, "view.centre_mm", eye, NULL) ||
         !isfinite(eye[0] + eye[1] + eye[2])) {
-        g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: part %s is no view of an MDF of %d × %d texels; process the session again",
-                    path, part->name, surface->grid.width, surface->grid.height);
+        g_set_error(
+            error, DATA_ERROR, DATA_ERROR_INVALID,
+            "%s: part %s is not a view of an MDF of %d × %d texels; process the session again",
+            path, part->name, surface->grid.width, surface->grid.height);
         return FALSE;
     }
     struct view view = {.surface = surface,

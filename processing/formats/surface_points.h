@@ -1,4 +1,4 @@
-/* The points that an MDF's views saw, with normals: what export_surface.h is made of. */
+/* The points that an MDF's views measured, with normals: input of export_surface.h. */
 #pragma once
 
 #include "base/vec.h"

@@ -3,22 +3,24 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define NEAR    3      /* pixels aside whose colour counts */
-#define NEAR_PX 1.2f   /* standard deviation of how much */
-#define ALIKE   0.12f  /* in the logarithm of brightness */
-#define OTHER   1e-3f  /* what pixels of another brightness count at least */
-#define DARK    0.002f /* of the mean: a ratio to less says nothing */
-#define MOST    50.0f  /* of a ratio */
+/* Weights of the colour-ratio filter, see find_colours(). */
+#define RADIUS       3      /* pixels: half width of its window */
+#define SIGMA_PX     1.2f   /* standard deviation of the spatial weight */
+#define LEVEL_SCALE  0.12f  /* of the range weight, in ln(green) */
+#define LEAST_WEIGHT 1e-3f  /* floor of the range weight */
+#define DARK         0.002f /* of the mean signal: added to both sides of a ratio */
+#define MAX_RATIO    50.0f  /* bound of a colour ratio */
 
 struct picture {
     const guint8 *colour;
     int width, height;
-    float *own;   /* the mosaic, colours to one scale */
-    float *green; /* everywhere */
-    float *level; /* its logarithm */
+    float *own;   /* the mosaic, each colour divided by its mean */
+    float *green; /* interpolated at every pixel */
+    float *level; /* ln(green) */
 };
 
-/* Beyond its border a picture is mirrored at the outermost pixels, which keeps colours in place. */
+/* Index of (x, y). Beyond the border the picture is mirrored about its outermost pixels, which
+ * preserves the phase of the colour filter. */
 static gsize demosaic_pixel_at(const struct picture *picture, int x, int y) {
     int w = picture->width, h = picture->height;
     x = abs(x) < w ? abs(x) : MAX(2 * (w - 1) - x, 0);
@@ -30,8 +32,9 @@ static float own_at(const struct picture *picture, int x, int y) {
     return picture->own[demosaic_pixel_at(picture, x, y)];
 }
 
-/* Green between two of its pixels, corrected by the bend of the pixel's own colour; and how much
- * both change that way. */
+/* Green at a red or blue pixel, interpolated in one direction with a Laplacian correction from
+ * the pixel's own colour c (Hamilton and Adams 1997):
+ *   G = ½ (g₋₁ + g₊₁) + ¼ (2 c₀ − c₋₂ − c₊₂),   change = |g₋₁ − g₊₁| + |2 c₀ − c₋₂ − c₊₂|. */
 static float green_along(const struct picture *picture, int x, int y, int dx, int dy,
                          float *ret_change) {
     float a = own_at(picture, x - dx, y - dy), b = own_at(picture, x + dx, y + dy);
@@ -41,6 +44,8 @@ static float green_along(const struct picture *picture, int x, int y, int dx, in
     return 0.5f * (a + b) + 0.25f * bend;
 }
 
+/* Mean of the horizontal and the vertical interpolation, weighted by 1 / (change² + DARK²): the
+ * direction along an edge changes less and dominates. */
 static float green_at(const struct picture *picture, int x, int y) {
     float across, down;
     float h = green_along(picture, x, y, 1, 0, &across);
@@ -59,16 +64,19 @@ static void fill_green(struct picture *picture) {
         }
 }
 
-/* Red and blue, relative to green. */
+/* Colour ratios c/green at (x, y): ret[c] = Σ w·own / Σ w·green over the window's pixels of
+ * colour c, with a bilateral weight
+ *   w = exp(−(u² + v²) / 2σ²) · (1 / (1 + (Δ ln green / LEVEL_SCALE)²) + LEAST_WEIGHT).
+ * The range weight keeps colours from bleeding over edges. */
 static void find_colours(const struct picture *picture, const float *weights, int x, int y,
                          float ret[DEMOSAIC_COLOURS]) {
     float level = picture->level[demosaic_pixel_at(picture, x, y)], sum[DEMOSAIC_COLOURS] = {0};
     float green[DEMOSAIC_COLOURS] = {0};
-    for (int v = -NEAR; v <= NEAR; v++)
-        for (int u = -NEAR; u <= NEAR; u++) {
+    for (int v = -RADIUS; v <= RADIUS; v++)
+        for (int u = -RADIUS; u <= RADIUS; u++) {
             gsize k = demosaic_pixel_at(picture, x + u, y + v);
-            float other = (picture->level[k] - level) / ALIKE;
-            float w = weights[abs(u)] * weights[abs(v)] * (1 / (1 + other * other) + OTHER);
+            float other = (picture->level[k] - level) / LEVEL_SCALE;
+            float w = weights[abs(u)] * weights[abs(v)] * (1 / (1 + other * other) + LEAST_WEIGHT);
             sum[picture->colour[k]] += w * picture->own[k];
             green[picture->colour[k]] += w * picture->green[k];
         }
@@ -76,10 +84,12 @@ static void find_colours(const struct picture *picture, const float *weights, in
         ret[c] = c == DEMOSAIC_GREEN || !(green[c] > 0) ? 1 : sum[c] / green[c];
 }
 
+/* ret[3 i + c] = (green·ratio_c + DARK) / (own + DARK) · scale_c / scale_own: the factor from a
+ * pixel's own value to colour c, in the units of the mosaic. ret: height × width × 3. */
 static void fill_ratios(const struct picture *picture, const float *scale, float *ret) {
-    float weights[NEAR + 1];
-    for (int i = 0; i <= NEAR; i++)
-        weights[i] = expf(-0.5f * (float)(i * i) / (NEAR_PX * NEAR_PX));
+    float weights[RADIUS + 1];
+    for (int i = 0; i <= RADIUS; i++)
+        weights[i] = expf(-0.5f * (float)(i * i) / (SIGMA_PX * SIGMA_PX));
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             float colours[DEMOSAIC_COLOURS];
@@ -90,12 +100,12 @@ static void fill_ratios(const struct picture *picture, const float *scale, float
                 float value = picture->green[i] * colours[c];
                 float ratio = (value + DARK) / (MAX(picture->own[i], DARK) + DARK);
                 ret[3 * i + (gsize)c] =
-                    c == mine ? 1 : CLAMP(ratio, 1 / MOST, MOST) * scale[c] / scale[mine];
+                    c == mine ? 1 : CLAMP(ratio, 1 / MAX_RATIO, MAX_RATIO) * scale[c] / scale[mine];
             }
         }
 }
 
-/* Their means, by which colours are brought to one scale. */
+/* Mean of each colour's finite pixels. Dividing by it brings all colours to one scale. */
 static void demosaic_find_scales(const float *mosaic, const guint8 *colour, gsize n, float *ret) {
     double sum[DEMOSAIC_COLOURS] = {0}, count[DEMOSAIC_COLOURS] = {0};
     for (gsize i = 0; i < n; i++)

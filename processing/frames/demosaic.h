@@ -1,8 +1,9 @@
 /*
- * The two colours that a pixel of a colour filter does not see, from its neighbours. Green, which
- * has half of the pixels, is interpolated along edges rather than across them (Hamilton and Adams
- * 1997); red and blue follow it: their ratio to green is the mean of that of near pixels, those
- * first that are as bright, so that colours do not bleed over edges. Any thread.
+ * Demosaicing: estimates the two colours that a pixel behind a colour filter does not measure.
+ * Green, which half of the pixels measure, is interpolated along edges rather than across them
+ * (Hamilton and Adams 1997). Red and blue follow green: their ratio to green is averaged over
+ * near pixels, with larger weights for pixels of similar brightness, so that colours do not bleed
+ * over edges. Any thread.
  */
 #pragma once
 
@@ -10,8 +11,9 @@
 
 enum { DEMOSAIC_RED, DEMOSAIC_GREEN, DEMOSAIC_BLUE, DEMOSAIC_COLOURS };
 
-/* mosaic: height rows of width; values that are not finite count as black. colour: of each pixel,
- * one of the above, with the period of two of a Bayer filter. ret_ratio: of each pixel three
- * factors by which its value becomes that of red, green and blue; its own is 1. */
+/* mosaic: height × width; values that are not finite count as black. colour: of each pixel one of
+ * the constants above, with the period of two of a Bayer filter. ret_ratio: height × width × 3,
+ * the factors by which a pixel's value becomes red, green and blue; the factor of its own colour
+ * is 1. */
 void demosaic_ratios(const float *mosaic, const guint8 *colour, int width, int height,
                      float *ret_ratio);

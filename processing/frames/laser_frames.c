@@ -5,16 +5,18 @@
 
 #include "base/robust.h"
 
-#define AROUND 21  /* frames with lines: a slip that lasts for more than half of them is seen */
-#define MANY   4.0 /* standard errors: beyond them two differ */
+#define AROUND                                                                                     \
+    21 /* frames with a line in the running median: it follows a slip that lasts longer than half  \
+          of them */
+#define MANY   4.0 /* standard errors: larger differences are significant */
 #define ROUNDS 6
-/* Standard error of a median, and of a median of sizes, times the root of the number: of normal
- * deviates, in their standard deviation. */
+/* Standard errors of a median and of a median absolute deviation of n normal deviates, in σ / √n.
+ */
 #define MEDIAN_ERROR 1.2533
 #define SPREAD_ERROR 1.17
 
-/* What the frames around say, if it differs from what all say: a median keeps edges where they are.
- */
+/* Level of each frame: the running median of the AROUND frames about it if that differs
+ * significantly from the median of all frames, else the median of all. A median preserves steps. */
 static void find_levels(struct laser_frames *frames, const int *lines) {
     g_autofree double *all = g_new(double, frames->lines);
     for (int i = 0; i < frames->lines; i++)
@@ -35,8 +37,9 @@ static void find_levels(struct laser_frames *frames, const int *lines) {
     }
 }
 
-/* By how much frames differ from their levels, standard deviation: what their errors do not
- * explain, if it is more than chance. */
+/* Standard deviation u of the frames' own deviation from their levels, beyond their standard
+ * errors e: u = √(s² − e²), s being the robust spread of middle − level. 0 unless s exceeds e
+ * significantly. */
 static double find_uneven(const struct laser_frames *frames, const int *lines) {
     const int n = frames->lines;
     g_autofree double *off = g_new(double, n), *errors = g_new(double, n);
@@ -53,9 +56,11 @@ static double frame_error(const struct laser_frames *frames, int k, double uneve
     return hypot(frames->error[k], uneven);
 }
 
-/* The mean of what frames say beside their levels, by their errors; those far off do not count. */
+/* Adds to all levels the mean deviation of the frames from them, weighted by w = biweight(r −
+ * mean, e) / e² with e² = error² + uneven². The biweight (Tukey) rejects outlying frames. Sets
+ * the sweep's offset, the mean level, and its standard error 1 / √Σw. */
 static void find_offset(struct laser_frames *frames, const int *lines, double uneven) {
-    double beside = 0, weights = 0, levels = 0;
+    double shift = 0, weights = 0, levels = 0;
     for (int round = 0; round < ROUNDS; round++) {
         double sum = 0;
         weights = 0;
@@ -63,23 +68,23 @@ static void find_offset(struct laser_frames *frames, const int *lines, double un
             const int k = lines[i];
             const double error = frame_error(frames, k, uneven);
             const double off = frames->middle[k] - frames->level[k];
-            const double weight = robust_biweight(off - beside, error) / (error * error);
+            const double weight = robust_biweight(off - shift, error) / (error * error);
             weights += weight;
             sum += weight * off;
         }
         if (!(weights > 0))
             break;
-        beside = sum / weights;
+        shift = sum / weights;
     }
     for (int i = 0; i < frames->lines; i++) {
-        frames->level[lines[i]] += beside;
+        frames->level[lines[i]] += shift;
         levels += frames->level[lines[i]] / frames->lines;
     }
     frames->offset = levels;
     frames->offset_error = weights > 0 ? 1 / sqrt(weights) : INFINITY;
 }
 
-/* Frames without a line are as those are around the nearest that has one. */
+/* Frames without a line get the level of the nearest frame with one. */
 static void laser_frames_fill(struct laser_frames *frames, const int *lines) {
     for (int k = 0, i = 0; k < frames->n; k++) {
         while (i + 1 < frames->lines && abs(lines[i + 1] - k) < abs(lines[i] - k))
@@ -88,6 +93,7 @@ static void laser_frames_fill(struct laser_frames *frames, const int *lines) {
     }
 }
 
+/* own: the deviation of a frame from its level, shrunk by u² / (u² + error²); 0 for outliers. */
 void laser_frames_settle(struct laser_frames *frames) {
     g_autofree int *lines = g_new0(int, frames->n);
     frames->lines = 0;

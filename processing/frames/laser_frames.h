@@ -1,21 +1,21 @@
 /*
- * From the lines of a sweep's frames to how far its sheet had turned in each: private to
- * laser_lines.h. A few frames in a row may show what the sample throws on its surround, and nothing
- * of the sheet: what a frame says is believed as far as its neighbours bear it out, or as frames
- * are known to differ. All spreads are medians of sizes, so that such frames do not count. Any
- * thread.
+ * From the lines seen in a sweep's frames to the angle error of the sheet of light in each frame:
+ * private to laser_lines.h. A few consecutive frames may show light that the sample reflects onto
+ * its surround instead of the sheet. Therefore a frame's measurement counts only as far as its
+ * neighbours confirm it, or as frames are known to deviate singly. All spreads are medians of
+ * absolute deviations, so that such frames do not count. Any thread.
  */
 #pragma once
 
 struct laser_frames {
     int n;
-    double *middle; /* of each frame, rad: how much further it had turned; NAN: no line */
+    double *middle; /* of each frame, rad: measured minus commanded sheet angle; NAN: no line */
     double *error;  /* its standard error */
-    /* What follows from them, each n values: */
-    double *level; /* what a frame says together with those around it */
-    double *own;   /* by how much it differs from that, beyond what its error explains */
-    double offset, offset_error; /* of all */
-    int lines;                   /* frames that have one */
+    /* Results, n values each: */
+    double *level;               /* running median of the frames around */
+    double *own;                 /* the frame's own deviation from its level beyond its error */
+    double offset, offset_error; /* mean over the sweep, and its standard error */
+    int lines;                   /* frames with a line */
 };
 
 /* At least one frame must have a line. */

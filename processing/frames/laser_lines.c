@@ -7,21 +7,22 @@
 #include "base/robust.h"
 #include "laser_frames.h"
 
-#define MARK_MM      0.5 /* kept off marks, beyond their radius */
-#define LEAST_PIXELS 64  /* of a sweep */
-#define LEAST_FRAME  6   /* of a frame */
+#define MARK_MM      0.5 /* margin around fiducials, beyond their radius */
+#define LEAST_PIXELS 64  /* with a peak, that a sweep needs */
+#define LEAST_FRAME  6   /* that a frame needs */
 #define ROUNDS       6
-#define MANY         4.0  /* standard errors: beyond them two disagree */
-#define OFF_SHARE    0.25 /* of frames: with as many the sweep as a whole disagrees */
-/* What even a good calibration is not known better than, as a sheet is only nearly a plane that
- * turns evenly: 15 µm at half a metre; and for single frames, as axes step unevenly. */
+#define MANY         4.0  /* standard errors: larger differences are significant */
+#define OFF_SHARE    0.25 /* of the frames: if more disagree, the sweep as a whole does */
+/* Floors of the calibration's standard errors, since a sheet is only nearly a plane and turns
+ * only nearly evenly: for the whole sweep (15 µm at half a metre), and for single frames, as axes
+ * step unevenly. */
 #define LEAST_KNOWN_RAD 3e-5
 #define LEAST_FRAME_RAD 2e-4
 
 struct pixel {
     guint32 index;
-    struct vec3 at_mm;  /* rig frame */
-    struct vec3 per_mm; /* how that moves with the plane's height */
+    struct vec3 at_mm;  /* where its ray meets the reference plane, rig frame */
+    struct vec3 per_mm; /* derivative of at_mm by the plane's height */
 };
 
 struct LaserRegion {
@@ -60,28 +61,29 @@ gboolean laser_reference_from_text(const char *text, struct laser_reference *ret
     return TRUE;
 }
 
-/* Whether the way from a point of the plane to another point, both in the sample frame, goes
- * through the sample's box. */
+/* Whether the segment from a point of the plane to another point, both in the sample frame,
+ * intersects the sample's bounding box (slab method, segment parameter 0 … 1). */
 static gboolean is_behind(const struct laser_reference *r, struct vec3 point, struct vec3 other) {
     const double from[3] = {point.x, point.y, point.z}, to[3] = {other.x, other.y, other.z};
     const double low[3] = {-r->hole_mm[0] / 2, -r->hole_mm[1] / 2, r->plane_mm};
     const double high[3] = {r->hole_mm[0] / 2, r->hole_mm[1] / 2, MAX(r->top_mm, r->plane_mm)};
     double enter = 0, leave = 1;
     for (int i = 0; i < 3; i++) {
-        const double way = to[i] - from[i];
-        if (fabs(way) < 1e-12) {
+        const double extent = to[i] - from[i];
+        if (fabs(extent) < 1e-12) {
             if (from[i] < low[i] || from[i] > high[i])
                 return FALSE;
             continue;
         }
-        const double a = (low[i] - from[i]) / way, b = (high[i] - from[i]) / way;
+        const double a = (low[i] - from[i]) / extent, b = (high[i] - from[i]) / extent;
         enter = MAX(enter, MIN(a, b));
         leave = MIN(leave, MAX(a, b));
     }
     return enter < leave;
 }
 
-static gboolean is_mark(const struct rig *rig, struct vec3 point) {
+/* Whether a point of the plane lies on a fiducial or within MARK_MM of it. */
+static gboolean is_fiducial(const struct rig *rig, struct vec3 point) {
     for (int i = 0; i < rig->n_marks; i++) {
         const struct rig_mark *mark = &rig->marks[i];
         const double x = point.x - mark->centre_mm.x, y = point.y - mark->centre_mm.y;
@@ -91,14 +93,16 @@ static gboolean is_mark(const struct rig *rig, struct vec3 point) {
     return FALSE;
 }
 
+/* Whether the camera at eye sees the reference face at a point of the plane (sample frame). */
 static gboolean shows_plane(const struct rig *rig, const struct laser_reference *reference,
                             struct vec3 point, struct vec3 eye) {
     const gboolean in_hole =
         fabs(point.x) <= reference->hole_mm[0] / 2 && fabs(point.y) <= reference->hole_mm[1] / 2;
-    return hypot(point.x, point.y) < reference->radius_mm && !in_hole && !is_mark(rig, point) &&
+    return hypot(point.x, point.y) < reference->radius_mm && !in_hole && !is_fiducial(rig, point) &&
            !is_behind(reference, point, eye);
 }
 
+/* Intersects each pixel's ray c + t·d with the plane z = plane_mm: t = (plane_mm − c_z) / d_z. */
 LaserRegion *laser_region_new(const struct rig *rig, const struct rig_camera *camera,
                               double turntable_rad, const struct laser_reference *reference) {
     LaserRegion *region = g_new0(LaserRegion, 1);
@@ -132,22 +136,22 @@ int laser_region_pixels(const LaserRegion *region) {
     return (int)region->pixels->len;
 }
 
-/* A pixel that saw the line. */
+/* A pixel of the region that saw the line. */
 struct candidate {
     int frame;
-    double off;    /* rad: how much further than told the sheet had turned at its peak */
-    double along;  /* where on the line: tangent of the angle from the beam */
-    double weight; /* of the last fit */
+    double off;    /* rad: sweep angle by its position minus commanded sweep angle at its peak */
+    double along;  /* position along the line: tangent of the angle from the beam */
+    double weight; /* biweight in the last fit */
 };
 
-/* The candidates of frame k are those from first[k] on, to first[k + 1]. */
+/* The line fit of one sweep. The candidates of frame k are numbers first[k] … first[k + 1] − 1. */
 struct search {
     struct candidate *candidates;
     int n, n_frames, *first;
-    double *middle; /* of each frame: robust mean of off; NAN: too few */
+    double *middle; /* of each frame: robust mean of off; NAN: too few candidates */
     double *error;  /* its standard error */
-    double scale;   /* usual residual of a pixel */
-    double per_mm;  /* rad: what the plane's height changes all by */
+    double scale;   /* robust standard deviation of a pixel's residual */
+    double per_mm;  /* rad per mm: mean derivative of off by the plane's height */
     double range_mm;
 };
 
@@ -156,6 +160,9 @@ static int by_frame(const void *a, const void *b) {
     return x->frame != y->frame ? x->frame - y->frame : (x->off > y->off) - (x->off < y->off);
 }
 
+/* Candidates: pixels with a peak that light reached past the sample. off = α(x) − (from +
+ * peak·step), where α(x) is the sweep angle at which the calibrated sheet passes through the
+ * pixel's point x. */
 static void laser_lines_collect(const LaserRegion *region, const struct laser_sweep *sweep,
                                 struct search *search) {
     const struct vec3 source = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
@@ -169,9 +176,9 @@ static void laser_lines_collect(const LaserRegion *region, const struct laser_sw
             is_behind(&region->reference, rig_turn(pixel->at_mm, -region->turntable_rad),
                       in_sample))
             continue;
-        const struct vec3 way = vec3_sub(pixel->at_mm, source);
-        const double aside = vec3_dot(way, axis);
-        const double range = sqrt(MAX(vec3_dot(way, way) - aside * aside, 1e-6));
+        const struct vec3 path = vec3_sub(pixel->at_mm, source);
+        const double aside = vec3_dot(path, axis);
+        const double range = sqrt(MAX(vec3_dot(path, path) - aside * aside, 1e-6));
         const double at =
             rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad, pixel->at_mm);
         const double above = rig_laser_sweep_rad(sweep->arc, sweep->laser, sweep->arc_rad,
@@ -191,7 +198,8 @@ static void laser_lines_collect(const LaserRegion *region, const struct laser_sw
     }
 }
 
-/* Of a frame, with a roll taken out: median, then Tukey's mean. */
+/* Robust mean of off − roll·along over the candidates of a frame: starts at the median, then
+ * iterates Tukey's biweight mean. Its standard error is scale / √Σw. */
 static void fit_frame(struct search *search, int frame, double roll) {
     const int from = search->first[frame], n = search->first[frame + 1] - from;
     search->middle[frame] = NAN;
@@ -224,6 +232,7 @@ static void fit_frames(struct search *search, double roll) {
         fit_frame(search, k, roll);
 }
 
+/* scale: robust standard deviation of the residuals off − roll·along − middle[frame]. */
 static void measure_scale(struct search *search, double roll) {
     g_autofree double *off = g_new(double, search->n + 1);
     int n = 0;
@@ -235,7 +244,10 @@ static void measure_scale(struct search *search, double roll) {
     search->scale = n > 0 ? MAX(robust_spread(off, n, 0), 1e-9) : 0;
 }
 
-/* The slope that the frames' lines have in common. FALSE: nothing can be told. */
+/* The roll is the slope common to the lines of all frames, with one intercept for each frame:
+ *   roll = Σ w (a − ā_k)(o − ō_k) / Σ w (a − ā_k)²,
+ * a: along, o: off, bars: weighted means over frame k, w: biweight of the residual. FALSE: the
+ * candidates do not determine it. */
 static gboolean fit_roll(struct search *search, double *roll, double *ret_error) {
     double product = 0, square = 0;
     for (int k = 0; k < search->n_frames; k++) {
@@ -262,17 +274,20 @@ static gboolean fit_roll(struct search *search, double *roll, double *ret_error)
     return TRUE;
 }
 
-static gboolean disagree(double seen, double error, double known) {
-    return fabs(seen) > MANY * hypot(error, known);
+/* Whether a measured deviation exceeds its own and the calibration's standard error. */
+static gboolean disagree(double measured, double error, double known) {
+    return fabs(measured) > MANY * hypot(error, known);
 }
 
-/* The planes: calibration and lines by their errors. */
+/* Combines calibration and lines by their standard errors: the offset m ± e of the lines, for a
+ * calibration known to ± k, is shrunk to m·k² / (k² + e²). If they disagree the lines alone
+ * count. angle_k = offset + (level_k − measured offset) + own_k for each frame k. */
 static void laser_lines_combine(const struct search *search, const struct laser_known *known,
                                 double plane_error_rad, struct laser_lines *lines) {
     const int n = search->n_frames;
     g_autofree double *level = g_new(double, n), *own = g_new(double, n);
     struct laser_frames frames = {n, search->middle, search->error, level, own};
-    const double of_frames = hypot(known->turn_rad, LEAST_FRAME_RAD);
+    const double frame_known = hypot(known->turn_rad, LEAST_FRAME_RAD);
     laser_frames_settle(&frames);
     lines->frames = frames.lines;
     lines->offset_rad = frames.offset;
@@ -281,7 +296,7 @@ static void laser_lines_combine(const struct search *search, const struct laser_
         if (!isfinite(search->middle[k]))
             continue;
         lines->pixels += search->first[k + 1] - search->first[k];
-        lines->frames_off += disagree(level[k], lines->offset_error_rad, of_frames);
+        lines->frames_off += disagree(level[k], lines->offset_error_rad, frame_known);
     }
     const gboolean off = disagree(lines->offset_rad, lines->offset_error_rad, known->turn_rad) ||
                          lines->frames_off > OFF_SHARE * lines->frames;
@@ -294,6 +309,8 @@ static void laser_lines_combine(const struct search *search, const struct laser_
         lines->turn_rad[k] = (float)(whole + level[k] - lines->offset_rad + own[k]);
 }
 
+/* Alternates between intercepts (middle), scale and roll; then fits all frames once more with the
+ * roll combined with the calibration's. FALSE: no frame has a line. */
 static gboolean laser_lines_do_find(struct search *search, const struct laser_known *known,
                                     struct laser_lines *lines) {
     double roll = 0;
@@ -317,11 +334,12 @@ static gboolean laser_lines_do_find(struct search *search, const struct laser_kn
     return FALSE;
 }
 
+/* beam: from the source towards the origin, perpendicular to the sweep's axis. */
 static void set_beam(const struct laser_sweep *sweep, struct laser_lines *lines) {
     const struct vec3 axis = rig_arc_direction(sweep->arc, sweep->arc_rad, sweep->laser->axis);
     lines->source_mm = rig_laser_position_mm(sweep->arc, sweep->laser, sweep->arc_rad);
-    const struct vec3 way = vec3_scale(lines->source_mm, -1);
-    lines->beam = vec3_unit(vec3_sub(way, vec3_scale(axis, vec3_dot(way, axis))));
+    const struct vec3 inward = vec3_scale(lines->source_mm, -1);
+    lines->beam = vec3_unit(vec3_sub(inward, vec3_scale(axis, vec3_dot(inward, axis))));
 }
 
 void laser_lines_find(const LaserRegion *region, const struct laser_sweep *sweep, int n_frames,
@@ -351,6 +369,7 @@ void laser_lines_clear(struct laser_lines *lines) {
     g_clear_pointer(&lines->turn_rad, g_free);
 }
 
+/* Linear interpolation between frames. */
 static double turn_at(const struct laser_lines *lines, double frame) {
     const double at = CLAMP(frame, 0, lines->n_frames - 1);
     const int k = MIN((int)at, MAX(lines->n_frames - 2, 0));
@@ -361,12 +380,13 @@ static double turn_at(const struct laser_lines *lines, double frame) {
 struct rig_plane laser_lines_sheet(const struct laser_lines *lines, const struct laser_sweep *sweep,
                                    double frame) {
     const gboolean has = lines && lines->turn_rad;
-    const double told = sweep->from_rad + frame * sweep->step_rad;
+    const double commanded = sweep->from_rad + frame * sweep->step_rad;
     struct rig_plane sheet = rig_laser_sheet(sweep->arc, sweep->laser, sweep->arc_rad,
-                                             told + (has ? turn_at(lines, frame) : 0));
+                                             commanded + (has ? turn_at(lines, frame) : 0));
     if (!has || lines->roll_rad == 0)
         return sheet;
-    /* A point that lies further along the axis is met by the sheet when it has turned further. */
+    /* A larger coordinate along the axis is met at a larger sweep angle, hence the sign of the
+     * roll. */
     const struct vec3 aside = vec3_cross(sheet.normal, lines->beam);
     sheet.normal = vec3_unit(vec3_add(vec3_scale(sheet.normal, cos(lines->roll_rad)),
                                       vec3_scale(aside, sin(lines->roll_rad))));

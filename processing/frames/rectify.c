@@ -7,37 +7,38 @@
 #include "base/data_error.h"
 #include "demosaic.h"
 
-#define SPACING_PX  0.25  /* of the points by which a texel is gathered */
-#define MOST_EXCESS 10.0f /* of a colour, over what the others would have it */
-#define MARKED      0.02f /* of a texel, that a pixel is whose mark it gets */
+#define SPACING_PX  0.25  /* distance of the points that sample a texel */
+#define MOST_EXCESS 10.0f /* bound of the ratio of measured to predicted colour */
+#define FLAG_WEIGHT 0.02f /* share of a texel from which a pixel passes on its flags */
 
-/* Pixels side by side that are summed up together. */
+/* Adjacent pixels that one vector instruction sums. */
 #define LANES 8
 typedef float wide __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
-/* The part of the picture that a texel has weights for: begins at an even column, so that a lane
- * has the same colours in every texel's. */
+/* The pixels that a texel has weights for. It begins at an even column, so that a lane has the
+ * same colour filter in the window of every texel. */
 struct window {
-    guint32 start; /* of its weights, n_rows × n_wide × LANES */
+    guint32 start; /* index of its first weight; there are n_rows × n_wide × LANES */
     guint16 x, y, n_rows, n_wide;
 };
 
 struct rows {
-    struct window *window; /* of each texel */
-    GArray *weight;        /* float; 0 where there is none */
+    struct window *window; /* n_texels */
+    GArray *weight;        /* float; 0 outside of the footprint */
 };
 
 struct Rectify {
     int n_texels, n_outside;
     int width, height; /* of the mosaic */
-    gsize stride;      /* of rows with room for windows that reach beyond the border */
+    gsize stride;      /* of padded rows: windows may reach beyond the border */
     gsize n_pixels;
     guint8 *colour; /* of each pixel, as in demosaic.h */
-    int phase[4];   /* colours of even and odd columns of even rows, then of odd ones */
+    int phase[4];   /* colours of the 2 × 2 filter cell, row by row */
     gboolean mono;
-    struct rows area;    /* by what each pixel is part of it, times its gain */
-    struct rows around;  /* smoothly, for a texel's colour */
-    float (*balance)[3]; /* of around: weights of other colours to those of this; 0: none */
+    struct rows area;    /* each pixel's share of the texel's area, times its gain */
+    struct rows around;  /* smooth weights, for the colour of a texel */
+    float (*balance)[3]; /* n_texels: weight of the other colours over that of this one, in around;
+                            0: none */
     float colour_gain[3];
     float
         *ratio; /* planes of factors to red, green and blue, 0 for a pixel's own; NULL: no guide */
@@ -59,12 +60,12 @@ void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, 
         }
 }
 
-/* Fills the colour of each pixel; a mono sensor has one, which is called green. */
+/* Sets the colour of each pixel. A mono sensor has one colour, which counts as green. */
 static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError **error) {
     static const char *const names[] = {"mono", "rggb", "bggr", "grbg", "gbrg", NULL};
     if (!g_strv_contains(names, cfa)) {
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "colour filter \"%s\" is not known; there are mono, rggb, bggr, grbg, gbrg",
+                    "unknown colour filter \"%s\"; known ones are mono, rggb, bggr, grbg, gbrg",
                     cfa);
         return FALSE;
     }
@@ -81,7 +82,7 @@ static gboolean parse_cfa(Rectify *rectify, const char *cfa, int width, GError *
     return TRUE;
 }
 
-/* One texel's points in the picture: an even pattern over its area. */
+/* Sample points of a texel, projected into the picture: side × side points over its area. */
 struct footprint {
     double *x, *y;
     int n;
@@ -91,6 +92,7 @@ static gboolean in_picture(const struct rig_camera *camera, double x, double y) 
     return x >= 0 && y >= 0 && x <= camera->width - 1 && y <= camera->height - 1;
 }
 
+/* FALSE if any point lies outside of the picture. */
 static gboolean project_texel(const struct rig_camera *camera, double turntable_rad,
                               const struct session_grid *grid, int column, int row, int side,
                               struct footprint *ret) {
@@ -107,7 +109,7 @@ static gboolean project_texel(const struct rig_camera *camera, double turntable_
     return TRUE;
 }
 
-/* Weights of pixels, gathered: a dense picture and a list of those that were touched. */
+/* Accumulates weights of pixels: a dense array and the list of the pixels that are not 0. */
 struct weights {
     float *sum;
     gboolean *touched;
@@ -141,7 +143,8 @@ static void clear_weights(struct weights *weights) {
     g_array_set_size(weights->pixels, 0);
 }
 
-/* Beyond its border a picture is mirrored at the outermost pixels, which keeps colours in place. */
+/* Beyond the border the picture is mirrored about its outermost pixels, which preserves the phase
+ * of the colour filter. */
 static int mirror(int i, int n) {
     i = abs(i);
     return i < n ? i : MAX(2 * (n - 1) - i, 0);
@@ -151,15 +154,18 @@ static guint32 rectify_pixel_at(const Rectify *rectify, int x, int y) {
     return (guint32)(mirror(y, rectify->height) * rectify->width + mirror(x, rectify->width));
 }
 
-/* A pixel is the mean over its area: of three side by side, the parabola with those means, which is
- * the derivative of Keys' cubic (1981, a = −½) through the sums up to the pixels' borders. What is
- * gathered over whole pixels is therefore theirs exactly. */
+/* A pixel is the mean over its area. Of three adjacent pixels, this is the parabola that has
+ * their means, evaluated at t in the middle one (0 … 1): the derivative of Keys' cubic (1981, a =
+ * −½) through the cumulative sums at the pixel borders. A mean over whole pixels is therefore
+ * exact.
+ *   w₋₁ = (3t − 4)t/2 + ½,   w₀ = (3 − 3t)t + ½,   w₊₁ = (3t − 2)t/2. */
 static void area_weights(double t, float *ret) {
     ret[0] = (float)((1.5 * t - 2) * t + 0.5);
     ret[1] = (float)((3 - 3 * t) * t + 0.5);
     ret[2] = (float)((1.5 * t - 1) * t);
 }
 
+/* Weight of pixel p: the mean over the sample points of w(column) · w(row). */
 static void weigh_pixels(const Rectify *rectify, const struct footprint *footprint,
                          struct weights *weights) {
     float share = 1.0f / (float)footprint->n, columns[3], rows[3];
@@ -174,13 +180,14 @@ static void weigh_pixels(const Rectify *rectify, const struct footprint *footpri
     }
 }
 
-/* Quadratic B-spline over twice the pixels' distance: its sums over one colour's pixels, which are
- * two apart, are the same wherever it stands. */
+/* Quadratic B-spline B₂(t/2). Its sum over the pixels of one colour, which are two apart, does
+ * not depend on the position (partition of unity). */
 static float spline(double t) {
     t = fabs(t) / 2;
     return (float)(t < 0.5 ? 0.75 - t * t : t < 1.5 ? 0.5 * (1.5 - t) * (1.5 - t) : 0);
 }
 
+/* Smooth weights around a texel for the estimate of its colour. */
 static void weigh_around(const Rectify *rectify, const struct footprint *footprint,
                          struct weights *weights) {
     for (int k = 0; k < footprint->n; k++) {
@@ -209,7 +216,7 @@ static const float *weights_of(const struct rows *rows, int texel) {
     return (const float *)(void *)rows->weight->data + rows->window[texel].start;
 }
 
-/* What holds all pixels that have a weight; no rows if none has. */
+/* The smallest window with all pixels of non-zero weight; n_rows is 0 if there is none. */
 static struct window bounds(const Rectify *rectify, const struct weights *weights) {
     int x0 = G_MAXINT, x1 = -1, y0 = G_MAXINT, y1 = -1;
     for (guint i = 0; i < weights->pixels->len; i++) {
@@ -229,7 +236,7 @@ static struct window bounds(const Rectify *rectify, const struct weights *weight
                                     .n_wide = (guint16)((x1 - x0) / LANES + 1)};
 }
 
-/* Moves the weights there. */
+/* Moves the weights to the row of a texel and clears them. */
 static void rectify_append_row(const Rectify *rectify, struct rows *rows, int texel,
                                struct weights *weights, const float *gain) {
     struct window *window = &rows->window[texel];
@@ -248,7 +255,7 @@ static void rectify_append_row(const Rectify *rectify, struct rows *rows, int te
     clear_weights(weights);
 }
 
-/* How much all pixels of other colours weigh around a texel, relative to those of each. */
+/* balance_c = Σ_{k≠c} w / Σ_{k=c} w over the texel's smooth weights. */
 static void balance(Rectify *rectify, int texel) {
     const struct window *window = &rectify->around.window[texel];
     const float *weight = weights_of(&rectify->around, texel);
@@ -262,9 +269,9 @@ static void balance(Rectify *rectify, int texel) {
         rectify->balance[texel][c] = own[c] > 0 && all - own[c] > 0 ? (all - own[c]) / own[c] : 0;
 }
 
-/* What a pixel's value is multiplied with to be a radiance: DN a millisecond → DN a second, then
- * response and flat field. Its colour is taken out of the texels, since every pixel counts for
- * every colour. */
+/* Factor from a pixel's value to radiance: 1000 / (response · flat field), from DN per ms. The
+ * gain of its colour is applied to the texels instead, since every pixel contributes to all
+ * colours. */
 static float *pixel_gains(const struct rig_camera *camera,
                           const struct radiometry_camera *radiometry) {
     float *gain = g_new(float, (gsize)camera->width *(gsize)camera->height);
@@ -282,11 +289,13 @@ static void set_colour_gains(Rectify *rectify, const struct radiometry_camera *r
             known ? (float)(1 / radiometry->colour[rectify->mono ? DEMOSAIC_GREEN : c]) : 1;
 }
 
-/* Points a texel and direction, at most that far apart. */
+/* Sample points per texel and direction so that their distance is at most spacing_px: ⌈longest
+ * side of a corner texel / spacing⌉. */
 static int points_aside(const struct rig_camera *camera, double turntable_rad,
                         const struct session_grid *grid, double spacing_px) {
     double most = 0;
-    for (int k = 0; k < 4; k++) { /* distances grow and shrink smoothly: the corners tell */
+    for (int k = 0; k < 4;
+         k++) { /* the size varies smoothly over the grid: corners have the extremes */
         double column = k & 1 ? grid->width - 1 : 0, row = k >> 1 ? grid->height - 1 : 0;
         double x[3], y[3];
         for (int c = 0; c < 3; c++) {
@@ -374,6 +383,8 @@ int rectify_outside(const Rectify *rectify) {
     return rectify->n_outside;
 }
 
+/* Demosaicing factors of a mosaic as three padded planes (height × stride each), 0 for a pixel's
+ * own colour, so that own and estimated values are summed separately. */
 static float *find_ratios(const Rectify *rectify, const float *mosaic) {
     const gsize plane = rectify->stride * (gsize)rectify->height;
     float *ratio = g_new0(float, 3 * plane);
@@ -396,7 +407,8 @@ void rectify_guide(Rectify *rectify, const float *mosaic) {
     rectify->ratio = find_ratios(rectify, mosaic);
 }
 
-/* Sums over a window for each colour, from its own pixels and from those of the other two. */
+/* Weighted sums over a window: of the pixels of each colour, and of the values that the pixels of
+ * the other two colours predict for it. */
 struct tally {
     float own[3], others[3];
 };
@@ -406,7 +418,8 @@ static inline float sum_of(const wide *value) {
     return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
 
-/* mosaic has the stride of the ratios. */
+/* own_c = Σ w·m over pixels of colour c, others_c = Σ w·m·ratio_c over the other pixels. mosaic
+ * is padded: its rows have the stride of the ratios. */
 static inline __attribute__((always_inline)) void add_up(const Rectify *rectify,
                                                          const struct rows *rows, int texel,
                                                          const float *mosaic, const float *ratio,
@@ -436,9 +449,9 @@ static inline __attribute__((always_inline)) void add_up(const Rectify *rectify,
     }
 }
 
-/* How much more of a colour its own pixels around a texel see than the others would have it: gloss
- * is as white on blue cloth as on red, and what a red wall lights up is redder than under a lamp.
- */
+/* Ratio of the colour that a texel's surround measures to the one that the guide's ratios
+ * predict: own·balance / others. It corrects the guide where the light differs: gloss is white on
+ * blue cloth too, and light reflected by a red wall is redder than the lamp. */
 static inline float excess(const struct tally *around, int colour, float balance) {
     float others = around->others[colour];
     if (!(balance > 0) || !(others > 0))
@@ -446,6 +459,7 @@ static inline float excess(const struct tally *around, int colour, float balance
     return CLAMP(around->own[colour] / others * balance, 1 / MOST_EXCESS, MOST_EXCESS);
 }
 
+/* value_c = gain_c · (own_c + others_c · excess_c). */
 static inline __attribute__((always_inline)) void apply_texel(const Rectify *rectify, int texel,
                                                               const float *mosaic,
                                                               const float *ratio, float *ret_rgb) {
@@ -464,7 +478,7 @@ apply_all(const Rectify *rectify, const float *mosaic, const float *ratio, float
         apply_texel(rectify, texel, mosaic, ratio, ret_rgb + 3 * (gsize)texel);
 }
 
-/* By hand, as in sweep.c. */
+/* The dispatch is by hand, see sweep.c. */
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void apply_avx2(const Rectify *rectify, const float *mosaic,
                                                        const float *ratio, float *ret_rgb) {
@@ -483,7 +497,8 @@ static void rectify_do_apply(const Rectify *rectify, const float *mosaic, const 
     apply_all(rectify, mosaic, ratio, ret_rgb);
 }
 
-/* With room after each row; what is no number is 0, and FALSE. */
+/* Copies the mosaic to padded rows with 0 for values that are not finite. FALSE if there were
+ * any. */
 static gboolean pad(const Rectify *rectify, const float *mosaic, float *ret) {
     const gsize width = (gsize)rectify->width;
     int bad = 0;
@@ -539,21 +554,21 @@ int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, g
     return holes;
 }
 
-static guint8 mark_of(const Rectify *rectify, int texel, const guint8 *pixels) {
+static guint8 flags_of(const Rectify *rectify, int texel, const guint8 *pixels) {
     const struct window *window = &rectify->area.window[texel];
     const float *weight = weights_of(&rectify->area, texel);
     const int columns = window->n_wide * LANES, n = window->n_rows * columns;
     float sum = 0;
-    guint8 mark = 0;
+    guint8 flags = 0;
     for (int i = 0; i < n; i++)
         sum += weight[i];
     for (int i = 0; i < n; i++)
-        if (weight[i] != 0 && fabsf(weight[i]) >= MARKED * sum)
-            mark |= pixels[(window->y + i / columns) * rectify->width + window->x + i % columns];
-    return mark;
+        if (weight[i] != 0 && fabsf(weight[i]) >= FLAG_WEIGHT * sum)
+            flags |= pixels[(window->y + i / columns) * rectify->width + window->x + i % columns];
+    return flags;
 }
 
 void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels) {
     for (int texel = 0; texel < rectify->n_texels; texel++)
-        ret_texels[texel] = mark_of(rectify, texel, pixels);
+        ret_texels[texel] = flags_of(rectify, texel, pixels);
 }

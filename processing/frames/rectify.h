@@ -1,14 +1,14 @@
 /*
- * From a camera's mosaic to the texels of the reference plane. For one camera at one turntable
- * angle each texel has rows of weights over the pixels, so that rectifying a frame is a sparse
- * product.
+ * Rectification: from a camera's mosaic to the texels of the reference plane. For one camera at
+ * one turntable angle each texel has a row of weights over the pixels, so that rectifying a frame
+ * is a sparse matrix–vector product: texel_c = Σ_p w_p · ratio_pc · mosaic_p.
  *
- * A texel's value is the mean over its area as the camera sees it. A pixel is itself the mean over
- * its area, and is taken to vary over it as its neighbours suggest. Every pixel counts for all
- * three colours: the two that it does not see follow from how they are, relative to its own, in a
- * guide. The mean picture under all lights is the best guide: shadows and highlights, which are
- * what changes sharply from light to light, then come out as sharp as if there were no colour
- * filter. Any thread; not changed after it was made and given a guide.
+ * A texel's value is the mean radiance over its area as the camera sees it. A pixel is itself the
+ * mean over its own area, and is taken to vary within it as its neighbours suggest. Every pixel
+ * contributes to all three colours: the two that it does not measure follow from their ratio to
+ * its own colour in a guide picture. The mean picture under all lights is the best guide: shadows
+ * and highlights, which change sharply from light to light, are then as sharp as without a colour
+ * filter. Any thread; immutable once made and given a guide.
  */
 #pragma once
 
@@ -17,33 +17,37 @@
 
 typedef struct Rectify Rectify;
 
-/* cfa: "mono", "rggb", "bggr", "grbg" or "gbrg"; a mono camera gives three colours alike. Texels
- * outside of the picture are holes; more than 1 % of them are DATA_ERROR_INVALID. radiometry: of
- * the camera; NULL or not known: nominal vignetting, colours alike. */
+/* cfa: "mono", "rggb", "bggr", "grbg" or "gbrg"; a mono camera gives three equal colours. Texels
+ * outside of the picture are holes; DATA_ERROR_INVALID if there are more than 1 % of them.
+ * radiometry: of the camera; NULL or unknown: nominal vignetting, equal colour gains. */
 Rectify *rectify_new(const struct rig_camera *camera, const struct radiometry_camera *radiometry,
                      const char *cfa, double turntable_rad, const struct session_grid *grid,
                      GError **error);
 void rectify_free(Rectify *rectify); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Rectify, rectify_free)
 
-int rectify_outside(const Rectify *rectify); /* texels that are holes in every picture */
+int rectify_outside(const Rectify *rectify); /* number of texels outside of the picture */
 
-/* The guide: a mosaic as below, of the same camera at the same turntable angle, in any unit.
- * Without one, each frame is its own. */
+/* Sets the guide: a mosaic as below, of the same camera at the same turntable angle, in any unit.
+ * Without a guide each frame is its own. */
 void rectify_guide(Rectify *rectify, const float *mosaic);
 
-/* mosaic: height rows of width, DN a millisecond at 0 dB. ret_rgb: a texel's R, G, B in
- * W·sr⁻¹·m⁻², flat field and colours of the sensor taken out. Texels that are outside, or whose
- * pixels are not all finite, are 0; returns how many. ret_holes, if not NULL: whether each is. */
+/* mosaic: height × width, DN per millisecond at 0 dB. ret_rgb: n_texels × 3, R, G, B in
+ * W·sr⁻¹·m⁻², corrected for flat field and colour gains of the sensor. Texels that are outside,
+ * or whose pixels are not all finite, are holes: 0. ret_holes (n_texels; may be NULL): whether
+ * each is a hole. Returns the number of holes. */
 int rectify_apply(const Rectify *rectify, const float *mosaic, float *ret_rgb, guint8 *ret_holes);
 
-/* Pixels carry bits; a texel gets (by OR) those of every pixel that is 2 % of it or more. */
+/* Transfers flags from pixels (height × width) to texels: a texel gets (by OR) the bits of every
+ * pixel that has a share of 2 % or more in it. */
 void rectify_marks(const Rectify *rectify, const guint8 *pixels, guint8 *ret_texels);
 
-/* Sample frame, in the reference plane; texel (i, j) covers column i … i+1, row j … j+1. */
+/* Point of the reference plane in the sample frame; texel (i, j) covers columns i … i+1, rows j …
+ * j+1. */
 struct vec3 rectify_point_mm(const struct session_grid *grid, double column, double row);
 
-/* A lamp's irradiance at each texel's centre on a plane that faces it, W·m⁻². */
+/* Irradiance in W·m⁻² that a lamp causes at each texel's centre on a plane facing it.
+ * ret_irradiance: n_texels. */
 void rectify_irradiance(const struct rig_arc *arc, const struct rig_lamp *lamp, double arc_rad,
                         double turntable_rad, const struct session_grid *grid,
                         float *ret_irradiance);

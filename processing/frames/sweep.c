@@ -5,49 +5,48 @@
 
 #include "sweep_pulse.h"
 
-#define LEAST_MARGIN 4     /* DN above background that are not yet a line */
-#define MOST_MARGIN  64    /* of the converter's range, the part that a margin grows to */
-#define FEW_PIXELS   256   /* they tell nothing of noise, and may all be lit at once */
-#define NOISE_PIXELS 1024  /* by which it is measured */
-#define NOISE_MARGIN 6     /* its standard deviations; the darkest of many is two or three below */
-#define MEDIAN       0.954 /* of the difference of two normal deviates, its size */
-#define DARKEST      2.5   /* standard deviations that the darkest of many is below the mean */
-#define NOISE_FRAMES 5     /* the first ones, of which each pair tells of noise */
-#define ODD_RATIO    2     /* a frame is odd that differs from its neighbour by this many times */
-#define ODD_DN       2     /* and this much more than the next two differ */
-#define CROWDED      8     /* records a vector that are no cause to look for noise among them */
+#define LEAST_MARGIN 4    /* DN: lower bound of the margin */
+#define MOST_MARGIN  64   /* the margin grows to saturation / this at most */
+#define FEW_PIXELS   256  /* fewer pixels do not measure noise: a line may light them all */
+#define NOISE_PIXELS 1024 /* pixels sampled to measure noise */
+#define NOISE_MARGIN                                                                               \
+    6 /* margin in standard deviations; the minimum of many samples is 2 … 3 below the mean */
+#define MEDIAN       0.954 /* median |a − b| of two normal deviates, in σ */
+#define DARKEST      2.5 /* expected distance of the minimum of many samples from their mean, in σ */
+#define NOISE_FRAMES 5   /* first frames of a sweep, whose successive pairs measure noise */
+#define ODD_RATIO    2   /* a pair of frames is odd if it differs this many times */
+#define ODD_DN       2   /* and this many DN more than a later pair */
+#define CROWDED      8   /* records per vector that are expected without noise */
 
-/* Pixels side by side, of which all samples are kept if one is lit: a vector. Comparisons
- * of vectors give −1 or 0. */
+/* Pixels of a vector: the samples of all are recorded if any is lit. Comparisons of GCC's vectors
+ * give −1 or 0. */
 #define LANES   16
-#define GROUP   4 /* vectors that are looked at together */
+#define GROUP   4 /* vectors tested together */
 #define NOTHING G_MAXUINT32
 
-#define TOGETHER 4 /* frames for which backgrounds are read and written once */
-#define AHEAD                                                                                      \
-    2048 /* pixels: a page, at whose end processors cease to fetch ahead by themselves             \
-          */
+#define TOGETHER 4    /* frames per pass over the backgrounds */
+#define AHEAD    2048 /* pixels: one page, where hardware prefetching stops */
 typedef guint16 lanes __attribute__((vector_size(2 * LANES), aligned(2), may_alias));
 typedef guint64 wide __attribute__((vector_size(2 * LANES)));
 
 struct record {
     guint16 value[LANES];
-    guint32 previous; /* of the same vector, or NOTHING */
+    guint32 previous; /* previous record of the same vector, or NOTHING */
     guint32 frame;
 };
 
 struct Sweep {
     gsize n_pixels, n_vectors;
     int n_frames, count;
-    int first; /* frame that the backgrounds begin with */
+    int first; /* first frame that the backgrounds include */
     guint16 saturation, margin;
-    guint16 sample[NOISE_PIXELS]; /* of the frame before */
-    int difference;               /* of the pair of frames that the margin comes from */
-    float pedestal; /* what the darkest of a pixel's samples is below their mean, without a line */
-    guint16 *darkest; /* whole vectors */
-    guint16 *opening; /* likewise: the frame `first`, of which nothing can be told until there are
-                         more */
-    guint32 *last;    /* record of each vector, or NOTHING */
+    guint16 sample[NOISE_PIXELS]; /* sampled pixels of the previous frame */
+    int difference;               /* median difference of the pair that set the margin */
+    float pedestal;   /* expected mean − minimum of a pixel's samples without a line */
+    guint16 *darkest; /* minimum of each pixel; n_vectors × LANES */
+    guint16 *opening; /* the frame `first`, same size: it cannot be tested before more frames are
+                         there */
+    guint32 *last;    /* newest record of each vector, or NOTHING */
     struct record *records;
     gsize n_records, room, crowded;
     const Sweep *shorter; /* or NULL */
@@ -91,7 +90,7 @@ gsize sweep_bytes(const Sweep *sweep) {
            sweep->n_records * sizeof(struct record);
 }
 
-/* Of a vector something may be lit: then it is kept. */
+/* Records a vector if any of its pixels is above background + margin. */
 static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsize vector,
                                                               const guint16 *pixels, int frame) {
     struct record *record = &sweep->records[sweep->n_records];
@@ -108,8 +107,8 @@ static inline __attribute__((always_inline)) void keep_if_lit(Sweep *sweep, gsiz
     sweep->last[vector] = (guint32)sweep->n_records++;
 }
 
-/* Some vectors together; n is known to the compiler. Writing all of the background back is cheaper
- * than finding out whether any of it has changed: at first it does everywhere. */
+/* Updates the backgrounds of n vectors (a compile-time constant) and records those that are lit.
+ * Writing the whole background back is cheaper than testing whether it changed. */
 static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, const guint16 *pixels,
                                                               gsize vector, int n, int frame) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
@@ -124,15 +123,15 @@ static inline __attribute__((always_inline)) void absorb_some(Sweep *sweep, cons
         keep_if_lit(sweep, vector + (gsize)k, pixels + k * LANES, frame);
 }
 
-/* A pixel's next sample; gives what it is above the darkest. */
+/* Adds a pixel's next sample to its minimum; returns sample − minimum. */
 static inline guint16 above_dark(guint16 sample, guint16 saturation, guint16 *darkest) {
     guint16 value = MIN(sample, saturation);
     *darkest = MIN(value, *darkest);
     return (guint16)(value - *darkest);
 }
 
-/* The same of a group and all frames together; FALSE if anything may be lit: then nothing is done.
- */
+/* As absorb_some(), for a group of vectors and TOGETHER frames in one pass. FALSE if any pixel
+ * may be lit: the backgrounds are then restored. */
 static inline __attribute__((always_inline)) gboolean
 absorb_dark(Sweep *sweep, const guint16 *const *frames, gsize vector) {
     guint16 *restrict darkest = sweep->darkest + vector * LANES;
@@ -166,7 +165,7 @@ static inline void reserve(Sweep *sweep, gsize n_records) {
     sweep->records = g_renew(struct record, sweep->records, sweep->room);
 }
 
-/* n, of frames, is TOGETHER or 1. */
+/* n: number of frames, TOGETHER or 1, a compile-time constant. */
 static inline __attribute__((always_inline)) void
 sweep_absorb(Sweep *sweep, const guint16 *const *frames, int n) {
     const gsize n_vectors = sweep->n_pixels / LANES;
@@ -203,7 +202,7 @@ static void absorb_whole(Sweep *sweep, const guint16 *const *frames, int n) {
     sweep_absorb(sweep, frames, n);
 }
 
-/* The pixels that are less than a vector. */
+/* The last n_pixels % LANES pixels. */
 static void absorb_rest(Sweep *sweep, const guint16 *const *frames, int n) {
     const gsize whole = sweep->n_pixels / LANES, rest = sweep->n_pixels % LANES;
     reserve(sweep, (gsize)n);
@@ -231,6 +230,7 @@ static int median_difference(Sweep *sweep, const guint16 *pixels, gsize n) {
     return size[n / 2];
 }
 
+/* σ = median |a − b| / MEDIAN; margin = NOISE_MARGIN·σ, pedestal = DARKEST·σ. */
 static void set_margin(Sweep *sweep, int difference) {
     const double noise = difference / MEDIAN;
     sweep->difference = difference;
@@ -238,7 +238,7 @@ static void set_margin(Sweep *sweep, int difference) {
     sweep->pedestal = (float)(DARKEST * noise);
 }
 
-/* Forgets all frames so far: the next one is the first of which backgrounds are made. */
+/* Discards all frames so far: the next one is the first that the backgrounds include. */
 static void begin_again(Sweep *sweep) {
     sweep->first = sweep->count;
     sweep->n_records = 0;
@@ -246,8 +246,8 @@ static void begin_again(Sweep *sweep) {
     memset(sweep->last, 0xff, sizeof(guint32) * sweep->n_vectors);
 }
 
-/* The first pair of frames tells the noise. A later one that differs much less shows that one of
- * the frames before was lit differently as a whole: neither noise nor backgrounds come from it. */
+/* The first pair of frames measures the noise. If a later pair differs much less, one of the
+ * earlier frames was lit differently as a whole: the sweep begins again without those frames. */
 static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     const gsize n = MIN(sweep->n_pixels, NOISE_PIXELS);
     if (n < FEW_PIXELS || sweep->count >= NOISE_FRAMES)
@@ -261,7 +261,7 @@ static void measure_noise(Sweep *sweep, const guint16 *pixels) {
     }
 }
 
-/* Whether any pixel of a record is still above the margin, now that its background is known. */
+/* Whether any pixel of a record is still above the margin over the present background. */
 static gboolean sweep_is_lit(const Sweep *sweep, gsize vector, const struct record *record) {
     for (gsize i = 0; i < LANES; i++)
         if (record->value[i] - (int)sweep->darkest[vector * LANES + i] > (int)sweep->margin)
@@ -269,8 +269,8 @@ static gboolean sweep_is_lit(const Sweep *sweep, gsize vector, const struct reco
     return FALSE;
 }
 
-/* More is above the background than lines can be: noise, or light that flickers. The margin grows
- * until half of the room is free, but not so far that lines are lost. */
+/* There are more records than lines explain: noise, or flickering light. The margin grows by half
+ * until the records take half of the limit, but not so far that lines are lost. */
 static void sweep_make_room(Sweep *sweep) {
     int most = MAX(LEAST_MARGIN, sweep->saturation / MOST_MARGIN);
     while (sweep->n_records > sweep->crowded / 2 && sweep->margin < most) {
@@ -295,8 +295,8 @@ static void sweep_make_room(Sweep *sweep) {
     }
 }
 
-/* How many frames to take at a time: the margin's growth has to come after the same frame however
- * frames are handed over. */
+/* Frames to take in one pass. The margin has to grow after the same frame however the caller
+ * splits the frames into calls. */
 static int at_a_time(const Sweep *sweep, int n) {
     const gsize most = sweep->n_records + TOGETHER * sweep->n_vectors;
     return n >= TOGETHER && sweep->count >= NOISE_FRAMES && most <= sweep->crowded ? TOGETHER : 1;
@@ -327,7 +327,7 @@ void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio) {
     sweep->ratio = (float)ratio;
 }
 
-/* A vector's records, the first one first. */
+/* A vector's records in order of time. */
 struct history {
     const struct record **record;
     int n;
@@ -345,7 +345,7 @@ static void sweep_gather(const Sweep *sweep, gsize vector, struct history *histo
     }
 }
 
-/* One pixel's samples, and the records they come from. */
+/* One pixel's samples, and the records that hold them. */
 struct pixel {
     struct history longer, shorter;
     int *frame;
@@ -361,7 +361,8 @@ static float full_of(const Sweep *sweep, gsize i) {
     return (float)(sweep->saturation - sweep->darkest[i]);
 }
 
-/* Without those of the shorter exposure. */
+/* Collects a pixel's samples above the margin, and those just before and after. The shorter
+ * exposure is added by replace_saturated(). */
 static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
     int n = 0;
     const float opening = (float)(sweep->opening[i] - (int)sweep->darkest[i]);
@@ -395,7 +396,7 @@ static void take_samples(const Sweep *sweep, gsize i, struct pixel *pixel) {
                                             .pedestal = sweep->pedestal};
 }
 
-/* Saturated samples become those of the shorter exposure, if it has all of them. */
+/* Replaces saturated samples by ratio × those of the shorter exposure, if that has all of them. */
 static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) {
     const Sweep *shorter = sweep->shorter;
     struct sweep_samples *samples = &pixel->samples;
@@ -425,8 +426,9 @@ static void replace_saturated(const Sweep *sweep, gsize i, struct pixel *pixel) 
     samples->full = sweep->ratio * full_of(shorter, i);
 }
 
-static void sweep_tell(const Sweep *sweep, gsize i, const struct sweep_pulse *pulse,
-                       double threshold, const struct sweep_pulses *ret) {
+/* Writes one pixel of the results. */
+static void write_pulse(const Sweep *sweep, gsize i, const struct sweep_pulse *pulse,
+                        double threshold, const struct sweep_pulses *ret) {
     const gboolean is_line = pulse && pulse->height >= threshold && pulse->time >= 0;
     ret->peak[i] = is_line ? (float)pulse->time : -1;
     ret->intensity[i] = pulse ? MIN((float)pulse->height, full_of(sweep, i)) : 0;
@@ -444,9 +446,9 @@ static void finish_pixel(const Sweep *sweep, gsize i, struct pixel *pixel, doubl
     const int n =
         sweep_pulse_find(&pixel->samples, first ? &pulse[0] : NULL, second ? &pulse[1] : NULL);
     if (first)
-        sweep_tell(sweep, i, n > 0 ? &pulse[0] : NULL, threshold, first);
+        write_pulse(sweep, i, n > 0 ? &pulse[0] : NULL, threshold, first);
     if (second)
-        sweep_tell(sweep, i, n > 1 ? &pulse[1] : NULL, threshold, second);
+        write_pulse(sweep, i, n > 1 ? &pulse[1] : NULL, threshold, second);
 }
 
 void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,

@@ -1,14 +1,14 @@
 /*
- * A laser sweep seen by one camera, analysed as the frames come (space-time analysis, Wang et al.
- * 2005 §3.2): for every pixel the time at which it was brightest, to a fraction of a frame, without
- * the frames being kept.
+ * A laser sweep seen by one camera, analysed while the frames arrive (space-time analysis, Wang
+ * et al. 2005 §3.2): for every pixel the time of its peak to a fraction of a frame, without
+ * keeping the frames.
  *
- * A line lights each pixel in a few frames only: those samples are kept and all others forgotten,
- * but for each pixel's darkest value, its background. What is above background by less than noise
- * is no line, and counts only just before and after one, where it was kept; the noise is measured
- * in the first two frames (at least 4 DN are taken for it). If one of them was lit differently as a
- * whole, as the next pairs show, the frames up to there are left out. Feed frames in order; a frame
- * may be fed once only. One thread at a time.
+ * A line lights each pixel in a few frames only: those samples are kept, and of all others only
+ * each pixel's minimum, its background. Samples that exceed the background by less than the noise
+ * margin are no line; they are kept only just before and after one. The noise is measured in the
+ * first two frames, with a margin of at least 4 DN. If one of those was lit differently as a
+ * whole, as the next pairs show, the frames up to it are left out. Feed frames in order, each
+ * once. One thread at a time.
  */
 #pragma once
 
@@ -21,37 +21,38 @@ Sweep *sweep_new(int width, int height, int n_frames, int saturation);
 void sweep_free(Sweep *sweep); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Sweep, sweep_free)
 
-/* The next frame, width × height values. */
+/* Adds the next frame, width × height values. */
 void sweep_add(Sweep *sweep, const guint16 *pixels);
 
-/* The next n frames, in order. As if they were added one by one, but faster: four at a
- * time go past each pixel's background. */
+/* Adds the next n frames in order. The result is that of adding them one by one, but faster: four
+ * at a time pass each pixel's background. */
 void sweep_add_some(Sweep *sweep, const guint16 *const *frames, int n);
 int sweep_count(const Sweep *sweep);
 
-/* The same steps at a shorter exposure, of which sweep's is ratio times as long: both together tell
- * of pulses that are too bright for the longer one. Borrowed. Before the following; frames of both
- * are added as they come. */
+/* Sets a second sweep over the same steps at a shorter exposure; sweep's exposure is ratio times
+ * as long. Pulses that saturate the longer one are then measured by both. Borrowed. Call it
+ * before sweep_finish(); frames are added to both as they arrive. */
 void sweep_set_shorter(Sweep *sweep, const Sweep *shorter, double ratio);
 
-/* What is left, each width × height, written to the caller's arrays:
- *   peak       time of the peak in frames (0 is the first frame's middle), −1 where there is none:
- *              peak − background below threshold, or at the very first (that is not left out) or
- * last frame width      standard deviation of the pulse in frames intensity  brightest value above
- * background, of the longer exposure where there are two background is each pixel's own darkest
- * value, threshold in the same units (DN). Time and width are those of the Gaussian that fits all
- * samples of the pulse best, by their noise. */
+/* Writes the results to the caller's arrays, width × height each:
+ *   peak       time of the peak in frames (0 is the middle of the first frame); −1: none, since
+ *              peak − background is below threshold or the peak is in the first (that is not left
+ *              out) or last frame
+ *   width      standard deviation of the pulse in frames
+ *   intensity  maximum above background, of the longer exposure where there are two
+ * The background is each pixel's own minimum; threshold has the same unit (DN). Time and width
+ * are those of the Gaussian that fits the samples of the pulse best, weighted by their noise. */
 void sweep_finish(const Sweep *sweep, double threshold, float *ret_peak, float *ret_width,
                   float *ret_intensity);
 
 struct sweep_pulses {
-    float *peak, *width, *intensity; /* as above; width may be NULL */
+    float *peak, *width, *intensity; /* as for sweep_finish(); width may be NULL */
 };
 
-/* The same, and that of each pixel's second brightest pulse: light thrown back by what stands
- * around, or a surface behind an edge; intensity is 0 where there is none. Either may be NULL. Both
- * together take little longer than one. */
+/* As sweep_finish(), with each pixel's second brightest pulse: light reflected by the
+ * surroundings, or a surface behind an edge; its intensity is 0 where there is none. Either may
+ * be NULL. Both together take little longer than one. */
 void sweep_finish_both(const Sweep *sweep, double threshold, const struct sweep_pulses *ret_first,
                        const struct sweep_pulses *ret_second);
 
-gsize sweep_bytes(const Sweep *sweep); /* it occupies */
+gsize sweep_bytes(const Sweep *sweep); /* memory in use */

@@ -2,15 +2,16 @@
 
 #include <math.h>
 
-#define VALLEY   0.6f  /* of the fainter of two peaks: two pulses lie there, not noise on one */
-#define WINGS    0.12f /* of the brightest sample: what is fainter may be another line's */
-#define FAINT    0.6f  /* of the margin: what samples below it are on average next to a pulse */
-#define READ_DN  5.0f  /* where noise of light begins to count more than that of reading */
-#define MOST_LOG 20    /* of a pulse, in DN: no more is believed */
-#define DOUBT    1.3   /* of the margin: samples that should be fainter may be missing, */
-#define KNOWN    0.4   /* but where the next ones are known, too */
+#define VALLEY                                                                                     \
+    0.6f /* of the fainter of two peaks: a lower minimum in between separates two pulses */
+#define WINGS    0.12f /* of the maximum: fainter samples may belong to another line */
+#define FAINT    0.6f  /* of the margin: mean of the samples below it next to a pulse */
+#define READ_DN  5.0f  /* DN: where shot noise equals read noise */
+#define MOST_LOG 20    /* upper bound of ln(height in DN) */
+#define DOUBT    1.3   /* of the margin: the fit leaves out samples that should be fainter, */
+#define KNOWN    0.4   /* or this, where the adjacent samples are known, too */
 
-/* Samples first … last are one pulse's; top is the first of the brightest. */
+/* The samples of one pulse: first … last; top is the first of the brightest. */
 struct span {
     int first, last, top;
 };
@@ -19,7 +20,8 @@ static gboolean follows(const struct sweep_samples *s, int k) {
     return s->frame[k] == s->frame[k - 1] + 1;
 }
 
-/* The pulse that begins at a sample: to where it ends, or rises again after a valley. */
+/* The pulse that begins at a sample: it ends where the frames are not consecutive, or at the
+ * minimum before a rise, if that is below VALLEY of both peaks. */
 static struct span span_from(const struct sweep_samples *s, int first) {
     struct span span = {first, first, first};
     int low = first;
@@ -38,7 +40,7 @@ static struct span span_from(const struct sweep_samples *s, int first) {
     return span;
 }
 
-/* How many frames in a row are as bright as the brightest. */
+/* Number of consecutive frames at the maximum. */
 static int plateau_of(const struct sweep_samples *s, const struct span *span) {
     int k = span->top;
     while (k < span->last && s->value[k + 1] >= s->value[span->top])
@@ -46,7 +48,8 @@ static int plateau_of(const struct sweep_samples *s, const struct span *span) {
     return k - span->top + 1;
 }
 
-/* Sums for a parabola c0 + c1·t + c2·t² through logarithms. */
+/* Normal equations of the parabola c0 + c1·t + c2·t² through logarithms: m[i] = Σ w tⁱ, v[i] = Σ
+ * w tⁱ y. */
 struct sums {
     double m[5], v[3];
 };
@@ -60,6 +63,7 @@ static void add_sample(struct sums *sums, double t, double y, double weight) {
     }
 }
 
+/* Solves M c = v, M_ij = m[i + j] (3 × 3), by Cramer's rule. FALSE: M is singular. */
 static gboolean sweep_pulse_solve(const struct sums *sums, double c[3]) {
     const double *m = sums->m, *v = sums->v;
     double a = m[2] * m[4] - m[3] * m[3], b = m[2] * m[3] - m[1] * m[4];
@@ -75,21 +79,21 @@ static gboolean sweep_pulse_solve(const struct sums *sums, double c[3]) {
     return TRUE;
 }
 
-/* Of the parabola, in logarithms: where, how wide, how high. */
+/* ln f(t) = c0 + c1·t + c2·t²: time = −c1 / 2c2, width σ = √(−1 / 2c2). */
 struct gaussian {
     double time, width, c[3];
 };
 
-/* Whether noise rather than the pulse decides if a sample that far off is among those that are
- * left: to fit it would draw the pulse its way. */
+/* Whether noise rather than the pulse decides if a sample at t has been recorded: including those
+ * that have would bias the fit. */
 static gboolean is_uncertain(const struct gaussian *g, double t, double height, double faint) {
     double least = MAX(WINGS * height, faint), off = t - g->time;
     return height * exp(-0.5 * off * off / (g->width * g->width)) < least;
 }
 
-/* In logarithms a Gaussian is a parabola (Guo 2011): each sample counts by the inverse of its
- * logarithm's variance, which the noise of reading and of light give. Saturated samples say nothing
- * but that the pulse is there. */
+/* The logarithm of a Gaussian is a parabola (Guo 2011). A sample counts by the inverse variance
+ * of its logarithm, y² / (g (y + g·READ_DN)) for a gain g, from shot noise and read noise.
+ * Saturated samples do not count. */
 static double sweep_pulse_weight_of(const struct sweep_samples *s, int k, double value) {
     const double gain = s->gain ? s->gain[k] : 1;
     return value * value / (gain * (value + gain * READ_DN));
@@ -103,7 +107,7 @@ static gboolean solve_for(const struct sums *sums, int used, struct gaussian *g)
     return TRUE;
 }
 
-/* By the logarithms of what is well above background. */
+/* First fit: by the logarithms of the samples above the margin. */
 static gboolean fit_first(const struct sweep_samples *s, const struct span *part, double middle,
                           struct gaussian *g) {
     struct sums sums = {0};
@@ -118,8 +122,8 @@ static gboolean fit_first(const struct sweep_samples *s, const struct span *part
     return solve_for(&sums, used, g);
 }
 
-/* Nearer to it: by what a Gaussian's logarithm would have to be for each sample, which noise does
- * not bend as it bends the sample's own, and which there is of dark ones as well. */
+/* Second fit, one Gauss-Newton step: the logarithm is linearised about the first fit f, y' = ln f
+ * + (y − f) / f. Noise does not bias y' as it biases ln y, and dark samples count, too. */
 static gboolean fit_again(const struct sweep_samples *s, const struct span *part, double middle,
                           struct gaussian *g) {
     const struct gaussian old = *g;
@@ -157,13 +161,15 @@ static gboolean sweep_pulse_fit(const struct sweep_samples *s, const struct span
     return TRUE;
 }
 
-/* A sample that is left out for being faint is not 0 in logarithms. */
+/* Value of sample k; outside of the pulse the expected value below the margin, since ln 0 is not
+ * finite. */
 static double sweep_pulse_value_at(const struct sweep_samples *s, const struct span *span, int k) {
     return k >= span->first && k <= span->last && s->value[k] > s->margin ? (double)s->value[k]
                                                                           : FAINT * s->margin;
 }
 
-/* One or two samples alone: the Gaussian through three, some of which are background. */
+/* Pulses of one or two samples: the Gaussian through three samples, some of them background. With
+ * a, b, c the logarithms at −1, 0, 1: time = ½ (a − c) / (a − 2b + c), σ² = −1 / (a − 2b + c). */
 static void between_few(const struct sweep_samples *s, const struct span *span, int length,
                         struct sweep_pulse *ret) {
     double a = log(sweep_pulse_value_at(s, span, span->top - 1)),
@@ -178,9 +184,9 @@ static void between_few(const struct sweep_samples *s, const struct span *span, 
     ret->width = 1 / sqrt(-curvature);
 }
 
-/* A plateau of length frames at the converter's end. Where it begins and ends the pulse crosses the
- * plateau's value, on average half a frame beyond; with the neighbours that gives σ, and their
- * ratio the centre. */
+/* A saturated plateau of length n frames. The pulse crosses the plateau's value on average half a
+ * frame beyond its ends; with the geometric mean g of the neighbours at h = (n + 1)/2 this gives
+ * σ² = (h² − n²/4) / (2 ln(top / g)), and the neighbours' ratio gives the centre. */
 static void across_plateau(const struct sweep_samples *s, const struct span *span, int length,
                            struct sweep_pulse *ret) {
     double top = s->value[span->top], half = 0.5 * (length + 1), low = 0.01 * top;
@@ -194,7 +200,8 @@ static void across_plateau(const struct sweep_samples *s, const struct span *spa
         ret->time += CLAMP(0.5 * variance * log(c / a) / half, -0.5, 0.5);
 }
 
-/* The samples that are not too faint, to both sides of the plateau; a next one at any rate. */
+/* The samples above WINGS of the maximum on both sides of the plateau, and at least one on each
+ * side. */
 static struct span bright_part(const struct sweep_samples *s, const struct span *span, int length) {
     struct span part = {span->top, span->top + length - 1, span->top};
     double least = WINGS * s->value[span->top];
@@ -217,7 +224,7 @@ static void sweep_pulse_measure(const struct sweep_samples *s, const struct span
     struct span part = bright_part(s, span, length);
     if (sweep_pulse_fit(s, &part, 0.5 * (begin + end), ret))
         return;
-    /* What falls below the first frame's value was taken for background: a flank is missing. */
+    /* What is below the first frame's value was taken for background: a flank is missing. */
     if (s->frame[span->first] == s->first)
         return;
     if (length > 2 || s->value[span->top] >= s->full)

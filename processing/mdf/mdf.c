@@ -1,3 +1,7 @@
+/* Depth by intersection: a pixel's ray c + t r meets the sheet of light n·x = d of its peak time
+ * at t = (d − n·c) / (n·r). The MDF value is the distance along the ray behind the reference
+ * plane, t − t₀, t₀ = (z_ref − c_z) / r_z. Each sweep gives up to two candidates a texel;
+ * mdf_merge.c combines those of all sweeps. */
 #include "mdf.h"
 
 #include <math.h>
@@ -6,28 +10,29 @@
 #include "frames/rectify.h"
 #include "mdf_merge.h"
 
-#define LEAST_ANGLE 0.03 /* sine between ray and sheet: below it depth is noise */
-#define ABOVE_MM    0.5  /* how far above the reference plane a point may seem to lie */
-#define BELOW_MM    1.0  /* and below the deepest structure */
-#define SEEN_SHARE  0.6f /* of the pixels around a texel */
-#define LIVE_SHARE  0.25 /* of what the best phase of the colour filter sees */
-#define FAINT       0.5  /* of the brightest line at a texel: it counts half */
-#define CONFIRM     2    /* texels next to it that show the same */
-#define CLOSE       0.2f /* of what else counts as agreement: it shows the same, smoothly */
-#define MANY_SWEEPS 4    /* with as many, one alone is not believed */
+#define LEAST_ANGLE                                                                                \
+    0.03                /* least sine of the angle between ray and sheet: below it depth is noise */
+#define ABOVE_MM    0.5 /* points may lie this far above the reference plane */
+#define BELOW_MM    1.0 /* and this far below the deepest structure */
+#define SEEN_SHARE  0.6f /* share of the pixels around a texel that must see the line */
+#define LIVE_SHARE  0.25 /* of the peaks in the best phase of the colour filter */
+#define FAINT       0.5  /* of the brightest line at a texel: such a line has half weight */
+#define CONFIRM     2    /* neighbouring texels that must have the same distance */
+#define CLOSE       0.2f /* factor of the agreement tolerance for smooth continuation */
+#define MANY_SWEEPS 4    /* from this number of sweeps on, one alone is not sufficient */
 
 struct MdfView {
     struct rig_camera camera;
     struct vec3 centre_mm;
     struct session_grid grid;
     int n_texels, n_sweeps;
-    float agreement_mm; /* pixels side by side whose distances differ more show different things */
-    float *ray;         /* of each pixel: unit vector in the rig frame, three values */
-    float *onset_mm;    /* of each pixel: along its ray from the centre to the reference plane */
-    float *x_px, *y_px; /* of each texel's centre; x < 0: outside of the picture */
-    float *pixel_mm[2]; /* of each pixel, for one sweep: distance from the reference plane by the
-                           brightest pulse and by the next; −1 */
-    struct mdf_candidate *seen[MDF_MAX_SWEEPS]; /* two a texel, mm < 0: none */
+    float agreement_mm; /* adjacent pixels whose distances differ more see different surfaces */
+    float *ray;         /* n_pixels × 3: unit vectors, rig frame */
+    float *onset_mm; /* n_pixels: distance along the ray from the centre to the reference plane */
+    float *x_px, *y_px; /* n_texels: projected centres; x < 0: outside of the picture */
+    float *pixel_mm[2]; /* n_pixels, for one sweep: distance below the reference plane by the
+                           brightest and by the second pulse; −1: none */
+    struct mdf_candidate *seen[MDF_MAX_SWEEPS]; /* n_texels × 2 candidates; mm < 0: none */
     double weight[MDF_MAX_SWEEPS];
 };
 
@@ -93,6 +98,8 @@ void mdf_view_free(MdfView *view) {
     g_free(view);
 }
 
+/* Volume of the tetrahedron |s · (c × e)| / 6, with s, c, e: source, camera and the line's far
+ * end, relative to its near end. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm) {
     struct vec3 centre = vec3(0, 0, 0), up = vec3(0, 0, 1);
@@ -106,6 +113,8 @@ double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, doub
     return fabs(vec3_dot(source, vec3_cross(camera, along))) / 6;
 }
 
+/* Distance along a pixel's ray from the reference plane to the sheet at a peak time; −1: no line,
+ * a grazing intersection, or a point outside of the volume. */
 static float intersect(const MdfView *view, const struct laser_sweep *sweep, float peak,
                        gsize pixel) {
     if (!(peak >= 0) || !isfinite(peak))
@@ -123,10 +132,10 @@ static float intersect(const MdfView *view, const struct laser_sweep *sweep, flo
     return (float)MAX(range - view->onset_mm[pixel], 0);
 }
 
-/* Which of the four phases of a colour filter see this laser: all, or those of its colour. */
+/* The phases of the 2 × 2 colour filter that see the laser: all, or those of its colour. */
 struct phases {
     gboolean live[4];
-    int radius; /* pixels to the next one that sees it, at most */
+    int radius; /* largest distance in pixels to the next live one */
 };
 
 static int phase_of(int x, int y) {
@@ -148,23 +157,25 @@ static struct phases find_phases(const MdfView *view) {
     return phases;
 }
 
-/* What a pixel next to a point has seen, by its brightest pulse and the next; mm < 0: nothing. */
+/* A pixel near a texel: the distances and heights of its brightest and second pulse; mm < 0:
+ * none. */
 struct near {
     float mm[2], dn[2];
-    float share; /* of a bilinear mean */
+    float share; /* bilinear weight */
     gboolean taken[2];
 };
 
 struct nears {
     struct near near[16];
     int n;
-    float all, seen; /* shares: of those that could have seen the laser, of those that have */
+    float all, seen; /* summed weights of all live pixels, and of those with a peak */
 };
 
 static float brightness(const float *dn, gsize pixel) {
     return dn && isfinite(dn[pixel]) ? MAX(dn[pixel], 0) : 0;
 }
 
+/* Collects the live pixels within the filter's radius around (x, y) with their bilinear weights. */
 static void find_near(const MdfView *view, const struct phases *phases,
                       const struct laser_sweep *sweep, float x, float y, struct nears *ret) {
     int r = phases->radius, i = (int)floorf(x), j = (int)floorf(y);
@@ -187,7 +198,7 @@ static void find_near(const MdfView *view, const struct phases *phases,
         }
 }
 
-/* Which of a pixel's distances is next to one; −1: neither is near, or still to be had. */
+/* Index of the pixel's distance closest to mm within the tolerance; −1: none, or already taken. */
 static int next_to(const MdfView *view, const struct near *near, float mm) {
     int next = -1;
     float least = view->agreement_mm;
@@ -201,12 +212,12 @@ static int next_to(const MdfView *view, const struct near *near, float mm) {
     return next;
 }
 
-/* A surface that part of the neighbourhood is on. */
+/* One surface that some of the near pixels see. */
 struct side {
     float mm, dn, share;
 };
 
-/* How much of the neighbourhood agrees with a distance; and the mean of what does. */
+/* The weight of the near pixels that agree with a distance, and their weighted mean. */
 static struct side find_support(const MdfView *view, const struct nears *all, float mm) {
     struct side side = {0};
     for (int k = 0; k < all->n; k++) {
@@ -223,8 +234,8 @@ static struct side find_support(const MdfView *view, const struct nears *all, fl
     return side;
 }
 
-/* The side that more of the neighbourhood is on; of two alike, that of the brightest pulses. It is
- * taken away then. */
+/* Takes the surface with the largest weight of near pixels out of the set; on a tie, that of the
+ * brightest pulses. */
 static struct side take_side(const MdfView *view, struct nears *all) {
     struct side best = {.mm = -1};
     float centre = -1;
@@ -247,10 +258,10 @@ static struct side take_side(const MdfView *view, struct nears *all) {
     return best;
 }
 
-/* Pixels on both sides of a depth edge show two surfaces: the texel is on that of which more is
- * around it, and the mean is taken of that side alone. Where too few have seen the laser, the texel
- * may show what they do not. The other side, and what second pulses say, is a candidate as well:
- * what other lasers saw decides. */
+/* At a depth edge the near pixels see two surfaces. The texel lies on the one with more weight
+ * around it; only its pixels are averaged. If too few pixels have seen the laser, the texel may
+ * show something that they do not, and has no value. The other surface is a second candidate:
+ * sweeps of other laser positions decide. */
 static void mdf_resample(const MdfView *view, struct nears *all, struct mdf_candidate ret[2]) {
     ret[0] = ret[1] = (struct mdf_candidate){.mm = -1};
     if (all->seen < SEEN_SHARE * all->all || all->n == 0)
@@ -289,8 +300,9 @@ int mdf_view_add(MdfView *view, const struct laser_sweep *sweep) {
     return seen;
 }
 
-/* What each laser position says of a texel. A line that is much fainter than others there grazes
- * the surface, or is not the laser's but its light thrown back by what stands around. */
+/* Candidates of a texel from all laser positions. Weight: mdf_weight · b² / (b² + FAINT²), b
+ * being the pulse height relative to the brightest. A much fainter line grazes the surface, or is
+ * a reflection from the surroundings. */
 static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret) {
     float most = 0;
     int n = 0;
@@ -310,7 +322,8 @@ static int mdf_collect(const MdfView *view, int texel, struct mdf_candidate *ret
     return n;
 }
 
-/* Where too few lasers agree, what they say is believed if it continues the surface next to it. */
+/* Where too few laser positions agree, a candidate is accepted if it continues the surface of at
+ * least CONFIRM neighbouring texels. */
 static struct mdf_merged confirm(const MdfView *view, int texel, const float *distance) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     int n = mdf_collect(view, texel, candidates), kept = 0, width = view->grid.width;
@@ -350,6 +363,7 @@ void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, floa
     }
 }
 
+/* Merges the candidates that do not agree with the accepted distance. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other) {
     struct mdf_candidate candidates[2 * MDF_MAX_SWEEPS];
     for (int i = 0; i < view->n_texels; i++) {

@@ -1,10 +1,10 @@
 /*
- * The mesostructure distance function of one view from laser sweeps (Wang et al. 2005 §3.2): each
- * sweep gives a displacement image, and those of all laser positions are merged.
+ * The mesostructure distance function (MDF) of one view from laser sweeps (Wang et al. 2005
+ * §3.2): each sweep gives a displacement image, and those of all laser positions are merged.
  *
- * A pixel's peak time is a sweep angle, hence a sheet of light; where the pixel's ray meets it the
- * surface is. All sheets are intersected as they are, near the laser and not parallel to each
- * other. One thread a MdfView.
+ * A pixel's peak time is a sweep angle, hence a sheet of light; the surface lies where the
+ * pixel's ray intersects it. The sheets are used as calibrated, without assuming a distant laser
+ * or parallel sheets. One thread per MdfView.
  */
 #pragma once
 
@@ -14,7 +14,8 @@
 
 #define MDF_MAX_SWEEPS 128
 
-/* Counts up whenever the same sweeps give other numbers: what older ones made is made again. */
+/* Version of the method: it increases whenever the same sweeps give other values. Products of an
+ * older version are made again. */
 #define MDF_METHOD 7
 
 typedef struct MdfView MdfView;
@@ -24,19 +25,20 @@ MdfView *mdf_view_new(const struct rig_camera *camera, double turntable_rad,
 void mdf_view_free(MdfView *view); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(MdfView, mdf_view_free)
 
-/* At most MDF_MAX_SWEEPS. Returns how many texels it saw. */
+/* Adds a sweep, at most MDF_MAX_SWEEPS. Returns the number of texels that it saw. */
 int mdf_view_add(MdfView *view, const struct laser_sweep *sweep);
 
-/* Of each texel, row by row: the distance in mm (−1: not seen; of four sweeps or more by one alone,
- * unless it continues the surface around, counts as that), the number of laser positions it is the
- * mean of, and its standard error in mm (−1 where there is one only). */
+/* Merges all sweeps. Results of n_texels each: the distance in mm (−1: unknown; with four sweeps
+ * or more also where only one saw the texel, unless its value continues the surface around), the
+ * number of laser positions averaged, and the standard error in mm (−1: fewer than two). */
 void mdf_view_merge(const MdfView *view, float *ret_distance, float *ret_n, float *ret_error);
 
-/* What lasers say of each texel next to what was merged: of one that a single position saw, and was
- * not believed for it, that; else what the next most of them agree on, elsewhere. −1: nothing. */
+/* The second most likely distance of each texel: one that a single position saw and that was not
+ * accepted, else what most of the remaining candidates agree on. −1: none. */
 void mdf_view_other(const MdfView *view, const float *distance, float *ret_other);
 
-/* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart on
- * the line that the laser draws through the turntable's centre: how well a sweep can tell depth. */
+/* The volume in mm³ of the tetrahedron of laser source, camera centre and two points 2 mm apart
+ * on the line that the laser draws through the turntable's centre: a measure of the depth
+ * resolution of a sweep. */
 double mdf_weight(const struct rig_arc *arc, const struct rig_laser *laser, double arc_rad,
                   struct vec3 camera_mm);

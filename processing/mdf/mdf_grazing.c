@@ -1,6 +1,6 @@
 /*
- * Rays near an outline run flatter than any camera of a rig looks. What they meet follows from what
- * the cameras saw: the points that steep views give make a relief, over which flat rays are traced.
+ * Views at grazing angles, which no camera of a rig has but silhouettes need. The points of the
+ * steep views form a height field (relief), which is traced along flat rays.
  */
 #include "mdf_table.h"
 
@@ -8,15 +8,18 @@
 #include <string.h>
 
 #define DEG       (G_PI / 180.0)
-#define N_PHI     36   /* views in a ring that is added */
+#define N_PHI     36   /* views in an added ring */
 #define GAP_DEG   2.5  /* between rings */
-#define STEEP_DEG 20.0 /* views within so much of the steepest one make the relief */
-#define HIGHER    0.4  /* standard deviations: flat rays meet the highest of what a texel holds */
-#define STEP      0.5  /* of a texel */
+#define STEEP_DEG 20.0 /* views within this angle of the steepest one form the relief */
+#define HIGHER                                                                                     \
+    0.4 /* standard deviations by which the relief is raised: flat rays meet the highest points of \
+           a texel */
+#define STEP 0.5 /* of a texel */
 
 static const double rings_deg[] = {80.0, 84.0, 87.0};
 
-/* Depth below the reference plane over a tile that repeats. */
+/* Depth below the reference plane, periodic in both directions; h × w each. square and weight:
+ * sums for the variance. */
 struct relief {
     int w, h;
     float *depth_mm, *square, *weight;
@@ -27,7 +30,8 @@ static int mdf_grazing_wrap(int i, int n) {
     return (i % n + n) % n;
 }
 
-/* The four texels around (x, y), in texels from the middle of the first, and their weights. */
+/* The four texels around (x, y), in texels from the centre of the first, and their bilinear
+ * weights. */
 static void around(const struct relief *r, double x, double y, gsize ret_at[4],
                    double ret_weight[4]) {
     double fx = floor(x), fy = floor(y), u = x - fx, v = y - fy;
@@ -47,7 +51,7 @@ static double depth_at(const struct relief *r, double x, double y) {
     return depth;
 }
 
-/* Columns and rows that a ray passes while it gets 1 mm deeper: away from the viewer. */
+/* Columns and rows per mm of depth of a ray from the viewer: −tan θ (cos φ, −sin φ) / texel_mm. */
 static void mdf_grazing_direction(const struct mdf_table *t, double theta_deg, double phi_deg,
                                   double ret[2]) {
     double slant = tan(theta_deg * DEG) / t->texel_mm;
@@ -55,6 +59,8 @@ static void mdf_grazing_direction(const struct mdf_table *t, double theta_deg, d
     ret[1] = slant * sin(phi_deg * DEG);
 }
 
+/* Splats the points of a view: a texel with depth z at (column, row) shows the point at (column,
+ * row) + z·step. */
 static void mdf_grazing_add_view(struct relief *r, const struct mdf_table *t, int view) {
     gsize n = (gsize)t->width * t->height;
     double step[2];
@@ -72,7 +78,7 @@ static void mdf_grazing_add_view(struct relief *r, const struct mdf_table *t, in
     }
 }
 
-/* raised: by so many standard deviations of what a texel holds. */
+/* Depth = mean − raised · standard deviation of the points in a texel; holes are filled. */
 static void make_relief(const struct mdf_table *t, double raised, struct relief *r) {
     gsize n = (gsize)t->width * t->height;
     double steepest = 90.0;
@@ -91,6 +97,8 @@ static void make_relief(const struct mdf_table *t, double raised, struct relief 
     mdf_table_fill(r->depth_mm, t->width, t->height);
 }
 
+/* Depth at which a ray from (x, y) on the reference plane first meets the relief: steps of STEP
+ * texels, then linear interpolation between the last two. */
 static double trace(const struct relief *r, double x, double y, const double step[2],
                     double deepest) {
     double length = hypot(step[0], step[1]), by = STEP / length, before = 0.0, above = 0.0;

@@ -4,10 +4,11 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define AGREEMENT 0.1 /* mm: results of two lasers this close are never outliers */
+#define AGREEMENT 0.1 /* mm: candidates of two lasers this close always agree */
 #define MOST      256 /* candidates */
 
-/* The weight of the sweeps that have a candidate near. */
+/* Support of a distance: Σ over sweeps of max over its candidates of weight · exp(−½ ((mm_i − mm)
+ * / AGREEMENT)²). */
 static double support_of(const struct mdf_candidate *candidates, int n, double mm) {
     double sum = 0, best = 0;
     for (int i = 0; i < n; i++) {
@@ -21,6 +22,7 @@ static double support_of(const struct mdf_candidate *candidates, int n, double m
     return sum + best;
 }
 
+/* The candidate with the largest support. */
 static double find_mode(const struct mdf_candidate *candidates, int n) {
     double most = -1, mode = 0;
     for (int i = 0; i < n; i++) {
@@ -33,7 +35,7 @@ static double find_mode(const struct mdf_candidate *candidates, int n) {
     return mode;
 }
 
-/* Leaves of each sweep the candidate that is next. Returns how many. */
+/* Keeps of each sweep the candidate closest to mm. Returns the number kept. */
 static int keep_next(struct mdf_candidate *candidates, int n, double mm) {
     int kept = 0;
     for (int i = 0; i < n; i++) {
@@ -50,7 +52,7 @@ static int by_mm(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Sorts; of two that share the middle, their mean. */
+/* Sorts the samples. If the middle falls between two of them, returns their mean. */
 static double weighted_median(struct mdf_candidate *samples, int n) {
     qsort(samples, (gsize)n, sizeof *samples, by_mm);
     double total = 0, sum = 0;
@@ -66,6 +68,7 @@ static double weighted_median(struct mdf_candidate *samples, int n) {
     return samples[n - 1].mm;
 }
 
+/* Robust standard deviation: 1.4826 × weighted median of |mm_i − middle|. */
 static double spread_of(const struct mdf_candidate *samples, int n, double middle) {
     struct mdf_candidate deviation[MOST];
     for (int i = 0; i < n; i++) {
@@ -75,6 +78,8 @@ static double spread_of(const struct mdf_candidate *samples, int n, double middl
     return 1.4826 * weighted_median(deviation, n);
 }
 
+/* Weighted mean m = Σ w x / Σ w with the standard error √(Σ w (x − m)² / Σ w / (n_eff − 1)),
+ * n_eff = (Σ w)² / Σ w². */
 static struct mdf_merged mdf_merge_mean_of(const struct mdf_candidate *samples, int n) {
     double weights = 0, squares = 0, sum = 0, scatter = 0;
     for (int i = 0; i < n; i++) {

@@ -1,33 +1,39 @@
+/* Fills gaps of one view with what the others see. Each other view's surface is triangulated
+ * between neighbouring texels, projected into this view and rasterised with a depth buffer
+ * (front); for each open texel, the nearest prediction that enough views agree on is accepted. */
 #include "mdf_views_private.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define STEP    0.75 /* of a texel: neighbours further apart in depth are on different surfaces */
-#define AGREE   0.25 /* of a texel: predictions that show the same */
-#define LEAST   2    /* views that a prediction takes */
-#define DENIES  4    /* views that see a prediction, for one that sees through it */
-#define GOES_ON 0.5  /* of a texel: the surface around and what continues it */
-#define LIT     4    /* laser positions that saw a surface: what continues it is not in the dark */
-#define AROUND  2    /* texels next to one that tell so */
+#define STEP 0.75 /* of a texel: neighbours with a larger step in depth lie on different surfaces  \
+                   */
+#define AGREE   0.25 /* of a texel: predictions this close agree */
+#define LEAST   2    /* views that must agree on a prediction */
+#define DENIES  4    /* views that must confirm a prediction for each that sees through it */
+#define GOES_ON 0.5  /* of a texel: largest step between a surface and its continuation */
+#define LIT     4 /* laser positions that must have seen a surface to expect them on its continuation \
+                   */
+#define AROUND 2 /* neighbouring texels with that surface */
 
-/* A texel of another view, as this one would see it. */
+/* A point of another view in the texel coordinates of this view. */
 struct seen {
-    float column, row, mm; /* mm < 0: not to be seen */
+    float column, row, mm; /* mm < 0: not visible */
 };
 
 struct settling {
     const struct mdf_eye *views;
     int n, view;
     const struct mdf_plane *plane;
-    gboolean *open;   /* of each texel: its own measurement is missing, or refuted */
-    float *predicted; /* of each texel, by each view asked; INFINITY: nothing */
+    gboolean *open;   /* n_texels: its own measurement is missing or refuted */
+    float *predicted; /* asked views × n_texels; INFINITY: no prediction */
     struct seen *seen;
     float *front;
 };
 
-/* Triangles with all corners on one surface show what lies between the texels of a view. */
+/* Rasterises a triangle into the depth buffer with barycentric interpolation: v and w are the
+ * weights of b and c. */
 static void mdf_settle_draw(const struct settling *s, const struct seen *a, const struct seen *b,
                             const struct seen *c) {
     const int width = s->plane->width, height = s->plane->height;
@@ -50,6 +56,7 @@ static void mdf_settle_draw(const struct settling *s, const struct seen *a, cons
         }
 }
 
+/* Projects all points of a view into the view that is completed. */
 static void see_all(const struct settling *s, const struct mdf_eye *from) {
     const struct mdf_eye *to = &s->views[s->view];
     for (int i = 0; i < s->plane->width * s->plane->height; i++) {
@@ -65,6 +72,7 @@ static void see_all(const struct settling *s, const struct mdf_eye *from) {
     }
 }
 
+/* Whether the three corners lie on one surface: visible, and within one step in depth. */
 static gboolean is_one(const float *d, const struct seen *seen, const int *corner, float step) {
     float low = INFINITY, high = -INFINITY;
     for (int k = 0; k < 3; k++) {
@@ -76,7 +84,8 @@ static gboolean is_one(const float *d, const struct seen *seen, const int *corne
     return high - low <= step;
 }
 
-/* What a view shows of the surface, seen from the one that is settled. */
+/* Renders the surface of view `asked` into the view that is completed. The step allowed in depth
+ * grows with the slant of that view. */
 static void mdf_settle_predict(const struct settling *s, int asked) {
     const struct mdf_eye *from = &s->views[mdf_views_other(s->n, s->view, asked)];
     const int width = s->plane->width, n = width * s->plane->height;
@@ -101,7 +110,7 @@ static int mdf_settle_by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Of a texel, in order. Returns how many there are. */
+/* Sorted predictions of a texel. Returns their number. */
 static int mdf_settle_collect(const struct settling *s, int texel, float *ret) {
     const gsize n = (gsize)s->plane->width * (gsize)s->plane->height;
     int found = 0;
@@ -113,12 +122,14 @@ static int mdf_settle_collect(const struct settling *s, int texel, float *ret) {
     return found;
 }
 
+/* Number of views that confirm (yes) and deny (no) a distance of a texel. */
 static void poll(const struct settling *s, int texel, float mm, guint16 *yes, guint16 *no) {
     const struct vec3 p = mdf_views_point(&s->views[s->view], s->plane, texel, mm);
     mdf_views_poll(s->views, s->n, s->view, s->plane, p, yes, no);
 }
 
-/* The nearest surface that views agree on; −1: none. */
+/* The nearest distance that enough predictions agree on and hardly any view sees through; −1:
+ * none. */
 static float mdf_settle_nearest(const struct settling *s, int texel, const float *predicted,
                                 int n) {
     const float agree = (float)(AGREE * s->plane->texel_mm);
@@ -137,7 +148,8 @@ static float mdf_settle_nearest(const struct settling *s, int texel, const float
     return -1;
 }
 
-/* Whether what a view may have seen is where others see the surface. */
+/* Whether other views see a surface at the second most likely distance, and none sees through it.
+ */
 static gboolean is_confirmed(const struct settling *s, int texel, float mm, const float *predicted,
                              int n) {
     const float agree = (float)(AGREE * s->plane->texel_mm);
@@ -150,8 +162,9 @@ static gboolean is_confirmed(const struct settling *s, int texel, float mm, cons
     return FALSE;
 }
 
-/* Where the surface around goes on to a texel, lasers reach it as they do around: if the view saw
- * nothing there, what it shows there is a gap too narrow for them, not that surface. */
+/* If a prediction continues the surface of the neighbouring texels, lasers would have reached it
+ * as they reach those. If the view measured nothing there, it looks into a gap too narrow for the
+ * laser, not at that surface. */
 static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     const struct mdf_eye *own = &s->views[s->view];
     const int width = s->plane->width, row = texel / width, column = texel % width;
@@ -168,6 +181,7 @@ static gboolean would_be_seen(const struct settling *s, int texel, float mm) {
     return alike >= AROUND;
 }
 
+/* Order of preference: the view's own second distance if confirmed, then the prediction. */
 static enum mdf_source mdf_settle_settle(const struct settling *s, int texel, float *ret_mm) {
     const struct mdf_eye *own = &s->views[s->view];
     float predicted[MDF_MOST_ASKED];
@@ -183,6 +197,8 @@ static enum mdf_source mdf_settle_settle(const struct settling *s, int texel, fl
     return *ret_mm >= 0 ? MDF_PREDICTED : MDF_UNSEEN;
 }
 
+/* Flags texels without a measurement, or whose measurement the other views refute; returns their
+ * number. */
 static int find_open(struct settling *s) {
     const struct mdf_eye *own = &s->views[s->view];
     int open = 0;

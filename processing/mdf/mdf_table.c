@@ -8,7 +8,7 @@
 #define DEG       (G_PI / 180.0)
 #define MAX_MM    6e4
 #define LEAST_COS 0.02
-#define BINS      4096 /* of how far texels are off */
+#define BINS      4096 /* of the histogram of differences */
 
 G_DEFINE_QUARK(mdf_table_error, mdf_table_error)
 
@@ -17,8 +17,8 @@ static gboolean fail(GError **error, const struct exr_part *part, const char *wh
     return FALSE;
 }
 
-/* Takes the mean of those of its eight neighbours that are known, the tile repeated; round by
- * round, so that a hole closes from its edge. */
+/* One round of hole filling: a hole gets the mean of its known neighbours among eight, with the
+ * tile repeated. Holes thus close from their border. Returns how many remain. */
 static int fill_round(float *depth, const float *before, int w, int h) {
     int missing = 0;
     for (int j = 0; j < h; j++)
@@ -46,7 +46,7 @@ void mdf_table_fill(float *depth, int w, int h) {
     while (fill_round(depth, before, w, h) > 0);
 }
 
-/* Of the angle between the normal and the ray through a texel of the reference plane. */
+/* Cosine of the angle between the normal and the ray through a texel of the reference plane. */
 static double cosine_from(const struct mdf_table *t, gsize texel, const double centre[3],
                           double reference_mm) {
     gsize row = texel / t->width, column = texel % t->width;
@@ -56,6 +56,8 @@ static double cosine_from(const struct mdf_table *t, gsize texel, const double c
     return MAX(up / hypot(hypot(centre[0] - x, centre[1] - y), up), LEAST_COS);
 }
 
+/* Depth = distance along the ray · cos θ, with θ at the texel where the camera's position is
+ * known. */
 static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct exr_part *part,
                                    double reference_mm, GError **error) {
     const float *distance = exr_part_plane(part, "D");
@@ -73,7 +75,7 @@ static gboolean mdf_table_add_view(struct mdf_table *t, int view, const struct e
     t->phi_deg[view] = phi;
     if (exr_get_double(part, "mesorig.scale_mm", &scale, NULL) && !(scale > 0.0 && scale < MAX_MM))
         return fail(error, part, "mesorig.scale_mm is not a size");
-    /* Files that do not say where the camera stood are of one far away. */
+    /* Files without a camera position are of a distant camera. */
     gboolean near = exr_get_v3d(part, "view.centre_mm", centre, NULL) && centre[2] > reference_mm;
     double cosine = MAX(cos(theta * DEG), LEAST_COS);
     for (gsize k = 0; k < n; k++) {
@@ -151,6 +153,7 @@ void mdf_table_free(struct mdf_table *t) {
     g_free(t);
 }
 
+/* RMS √(Σ (d − d')² / n), and the 99th percentile of |d − d'| from a histogram. */
 double mdf_table_difference(const struct mdf_table *table, int n_measured,
                             const struct mdf_table *other, double *ret_most_mm) {
     const gsize n = (gsize)table->width * (gsize)table->height;

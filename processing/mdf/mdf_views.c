@@ -6,6 +6,8 @@
 #include "exr/exr.h"
 #include "mdf_views_private.h"
 
+/* p = x + (x − c) · distance / |x − c|, with x the texel's centre on the reference plane and c
+ * the camera. */
 struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *plane, int i,
                             double distance_mm) {
     int column = i % plane->width, row = i / plane->width;
@@ -17,6 +19,8 @@ struct vec3 mdf_views_point(const struct mdf_eye *eye, const struct mdf_plane *p
     return (struct vec3){x + along * dx, y + along * dy, plane->reference_mm + along * dz};
 }
 
+/* The ray c + t (p − c) meets the reference plane at t = (z_ref − c_z) / (p_z − c_z); p lies (1 −
+ * t) |p − c| behind it. */
 gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *plane, struct vec3 p,
                            double *ret_column, double *ret_row, double *ret_mm) {
     const double *c = eye->centre_mm;
@@ -31,6 +35,8 @@ gboolean mdf_views_look_up(const struct mdf_eye *eye, const struct mdf_plane *pl
            *ret_row <= plane->height - 1;
 }
 
+/* Compares p with the range low … high of the four texels around its ray: nearer than low means
+ * that the view sees through p. */
 enum mdf_answer mdf_views_ask(const struct mdf_eye *other, const struct mdf_plane *plane,
                               struct vec3 p) {
     double column, row, mm, low = INFINITY, high = -INFINITY;
@@ -86,7 +92,8 @@ gboolean mdf_views_refuted(guint16 confirmed, guint16 denied) {
 
 static gboolean eye_of(const char *path, const struct exr_part *part, const struct mdf_plane *plane,
                        struct mdf_eye *ret, GError **error) {
-    /* What other views have put in place of what this one saw is no witness. */
+    /* Channel M has the view's own measurements. Values that mdf_views_settle() has taken from
+     * other views are no independent evidence. */
     ret->distance = exr_part_plane(part, "M");
     if (!ret->distance)
         ret->distance = exr_part_plane(part, "D");
@@ -98,10 +105,11 @@ static gboolean eye_of(const char *path, const struct exr_part *part, const stru
     if (ret->distance && part->width == plane->width && part->height == plane->height &&
         ret->centre_mm[2] > plane->reference_mm && exr_all_finite(ret->distance, n))
         return TRUE;
-    g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                "%s: part %s is no view of this MDF: it has no channel D, other texels, distances "
-                "that are no numbers, or its camera is below the reference plane",
-                path, part->name);
+    g_set_error(
+        error, DATA_ERROR, DATA_ERROR_INVALID,
+        "%s: part %s is not a view of this MDF: it has no channel D, another size, distances "
+        "that are not finite, or its camera is below the reference plane",
+        path, part->name);
     return FALSE;
 }
 
@@ -124,6 +132,7 @@ static gboolean plane_of(const char *path, const struct exr_file *file, struct m
     return FALSE;
 }
 
+/* said: number of answers, confirmed or denied. */
 static void mdf_views_add_view(const struct mdf_eye *views, int n, int view,
                                const struct mdf_plane *plane, struct mdf_views_sums *to,
                                gint64 *said) {

@@ -1,3 +1,6 @@
+/* Looks up the inputs of each view: the frames of all its lights and sweeps. The hash of a view's
+ * inputs (checksums of frames, calibration, method version) decides whether a product is up to
+ * date. */
 #include "catalogue.h"
 
 #include "base/data_error.h"
@@ -5,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#define ANGLES_PER_DEG 10000 /* turntable angles this close are one */
+#define ANGLES_PER_DEG 10000 /* turntable angles within 1/this degree are equal */
 
 static gpointer frame_key(gint64 shot, int camera) {
     return GSIZE_TO_POINTER((gsize)shot * RIG_MAX_CAMERAS + (gsize)camera);
@@ -63,13 +66,14 @@ static gboolean catalogue_check_shots(const struct catalogue *catalogue, GError 
             (shot->device >= 0 && shot->device < n && (!sweeps || shot->sweep_steps >= 2)))
             continue;
         g_set_error(error, DATA_ERROR, DATA_ERROR_INVALID,
-                    "%s: shot %" G_GINT64_FORMAT " makes no sense (device %d of %d, %d steps)",
+                    "%s: shot %" G_GINT64_FORMAT " is not valid (device %d of %d, %d steps)",
                     catalogue->directory, shot->id, shot->device, n, shot->sweep_steps);
         return FALSE;
     }
     return TRUE;
 }
 
+/* Tables for looking up frames and shots. */
 static void index_shots(struct catalogue *catalogue) {
     catalogue->by_source =
         g_hash_table_new_full(NULL, NULL, NULL, (GDestroyNotify)g_ptr_array_unref);
@@ -87,6 +91,7 @@ static void index_shots(struct catalogue *catalogue) {
     }
 }
 
+/* Reads shots and frames again; the rest never changes. */
 gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError **error) {
     catalogue_clear_rows(catalogue);
     catalogue->frames = g_hash_table_new(NULL, NULL);
@@ -194,6 +199,8 @@ static const struct session_shot *find_shot(const struct catalogue *catalogue,
     return NULL;
 }
 
+/* Ready if the frame is committed, waiting if its shot is planned, impossible if the plan skips
+ * it. */
 static enum catalogue_state find_input(const struct catalogue *catalogue,
                                        const struct session_shot *shot,
                                        const struct session_direction *view, struct input *ret) {
@@ -211,6 +218,7 @@ static enum catalogue_state find_input(const struct catalogue *catalogue,
     return CATALOGUE_READY;
 }
 
+/* Hash of method version, calibration and grid. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind) {
     const struct session_grid *grid = &catalogue->grid;
     GChecksum *sum = g_checksum_new(G_CHECKSUM_SHA256);
@@ -222,6 +230,7 @@ GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kin
     return sum;
 }
 
+/* Hash of what all inputs of one view have in common. */
 static GChecksum *view_checksum(const struct catalogue *catalogue, const char *kind,
                                 const struct session_direction *view) {
     GChecksum *sum = catalogue_checksum(catalogue, kind);
@@ -230,7 +239,8 @@ static GChecksum *view_checksum(const struct catalogue *catalogue, const char *k
     return sum;
 }
 
-/* What the plan left out is not waited for; a shot of it is known, so that the light's place is. */
+/* Adds a light that the plan left out for this view; another shot of it gives the lamp's
+ * position. */
 static void catalogue_add_missing(struct btf_view *btf, const struct catalogue *catalogue,
                                   const struct session_direction *direction,
                                   const struct session_shot *shot, GChecksum *sum) {
@@ -309,7 +319,8 @@ void mdf_job_free(struct mdf_job *job) {
     g_free(job);
 }
 
-/* Nothing is known of a laser that was not calibrated: units are put up by hand. */
+/* Standard errors of a laser; large ones for a laser that was not calibrated, since units are
+ * mounted by hand. */
 #define UNKNOWN_RAD 0.02
 
 static struct laser_known known_of(const struct calibration *calibration, int laser) {

@@ -1,6 +1,6 @@
 /*
- * What a session holds for processing: of each view, whether all that it needs is there, and where.
- * One thread at a time.
+ * The state of a session for processing: of each view, whether its inputs are complete, and their
+ * files. One thread at a time.
  */
 #pragma once
 
@@ -11,12 +11,12 @@
 
 struct catalogue {
     struct calibration *known;
-    struct rig rig; /* the calibration's */
+    struct rig rig; /* from the calibration */
     struct session_grid grid;
-    struct laser_reference reference;           /* radius_mm 0: none was described */
-    char *calibration;                          /* its text */
+    struct laser_reference reference;           /* radius_mm 0: none */
+    char *calibration;                          /* text of the calibration */
     struct outputs *outputs;                    /* of the lamps */
-    GPtrArray *views, *lights, *lasers, *shots; /* as the session gives them */
+    GPtrArray *views, *lights, *lasers, *shots; /* arrays of the session's structs */
     GHashTable *frames;                         /* shot and camera → struct session_frame */
     GPtrArray *frame_rows;
     GHashTable *by_source; /* kind, source and turntable angle → GPtrArray of shots */
@@ -31,11 +31,11 @@ gboolean catalogue_refresh(struct catalogue *catalogue, Session *session, GError
 
 enum catalogue_state {
     CATALOGUE_READY,
-    CATALOGUE_WAITING,    /* for frames that are planned */
-    CATALOGUE_IMPOSSIBLE, /* the plan leaves out something that it needs */
+    CATALOGUE_WAITING,    /* planned frames are missing */
+    CATALOGUE_IMPOSSIBLE, /* the plan leaves out a necessary frame */
 };
 
-/* ret is set where the view is ready; it borrows from the catalogue. */
+/* ret is set if the view is ready; it borrows from the catalogue. */
 enum catalogue_state catalogue_btf(const struct catalogue *catalogue, int view,
                                    struct btf_view **ret);
 
@@ -63,5 +63,5 @@ void mdf_job_free(struct mdf_job *job); /* NULL is ignored */
 enum catalogue_state catalogue_mdf(const struct catalogue *catalogue, int view,
                                    struct mdf_job **ret);
 
-/* The text of a hash of what both kinds of product depend on. */
+/* Begins the hash of what both kinds of product depend on. */
 GChecksum *catalogue_checksum(const struct catalogue *catalogue, const char *kind);

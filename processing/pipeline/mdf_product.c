@@ -1,3 +1,5 @@
+/* From sweep files to products/mdf.exr. The views are made independently and then settled
+ * together. */
 #include "mdf_product.h"
 
 #include <math.h>
@@ -33,7 +35,7 @@ static struct mdf_result *mdf_product_new_result(const struct session_direction 
     return result;
 }
 
-/* The file's word against the plan's: a sweep that ran otherwise would give wrong depths. */
+/* Compares the file's sweep with the plan's: with another one depths would be wrong. */
 static gboolean check_sweep(const struct mdf_input *input, const struct exr_part *part,
                             GError **error) {
     double from = 0, to = 0, degree = G_PI / 180;
@@ -62,6 +64,8 @@ static void count_lines(struct mdf_lines *to, const struct laser_lines *lines, i
     mdf_lines_add(to, &one);
 }
 
+/* Finds the laser's lines in the reference region first, then intersects rays with the corrected
+ * sheets. */
 static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
                                       const struct mdf_input *input, struct mdf_lines *count,
                                       GError **error) {
@@ -93,6 +97,7 @@ static gboolean mdf_product_add_sweep(MdfView *view, const LaserRegion *region,
     return ok;
 }
 
+/* One view: all its sweeps are added, then merged. */
 struct mdf_result *mdf_make_view(const struct mdf_job *job, const struct session_grid *grid,
                                  GCancellable *cancellable, GError **error) {
     g_autoptr(MdfView) view = mdf_view_new(job->camera, job->turntable_rad, grid);
@@ -133,6 +138,7 @@ static gboolean all_agreed(struct mdf_result *const *results, int n, const char 
     return all;
 }
 
+/* Views settled by the same set of views before, by hash, are skipped. */
 gboolean mdf_settle(struct mdf_result *const *results, int n, const struct session_grid *grid,
                     GCancellable *cancellable) {
     g_autofree char *agreed = hash_of_views(results, n);
@@ -183,6 +189,7 @@ static struct exr_part *result_part(const struct mdf_result *result,
     return part;
 }
 
+/* One part per view, with the attributes in pipeline.h. */
 gboolean mdf_write(const char *path, struct mdf_result *const *results, int n,
                    const struct session_grid *grid, GError **error) {
     struct exr_file *file = exr_file_new();
@@ -240,6 +247,7 @@ gboolean mdf_read(const char *path, const struct catalogue *catalogue,
     return other;
 }
 
+/* Share of measured texels; ret_predicted: share predicted by other views. */
 double mdf_coverage(struct mdf_result *const *results, int n, int n_texels, double *ret_predicted) {
     gint64 seen = 0, predicted = 0, all = 0;
     for (int view = 0; view < n; view++)

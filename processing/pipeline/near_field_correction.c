@@ -1,3 +1,6 @@
+/* Resamples in three passes: all views go to a scratch file [view][texel][light][lane]; blocks of
+ * texels are gathered from it, resampled and written to a second file; its views become the
+ * result. Memory is thus that of some views and blocks. */
 #include "near_field_correction.h"
 
 #include <math.h>
@@ -19,18 +22,18 @@ struct job {
     const struct near_field *near;
     const struct btf_directions *to;
     struct resampler resampler;
-    struct btf_scratch *measured, *made; /* texels × lights × lanes a view */
+    struct btf_scratch *measured, *made; /* n_views × texels × lights × lanes */
     int n_texels;
     struct resampler_sums **sums; /* of each block */
     struct resampler_sums *all;
     GMutex mutex;
     GError *error;             /* of the first block that failed */
-    GCancellable *cancellable; /* then cancelled; or by the user's */
+    GCancellable *cancellable; /* cancelled on the first error, or by the user's */
     const char *source;        /* the session's path */
     const struct near_field_correction_result *result;
-    float *rgb;     /* of the view that is written: texels × 3 a light */
-    guint8 *marks;  /* and lights × texels */
-    gboolean *some; /* of each light: whether it has marks */
+    float *rgb;     /* of the view being written: n_lights × texels × 3 */
+    guint8 *marks;  /* flags, n_lights × texels */
+    gboolean *some; /* of each light: whether it has flags */
 };
 
 void near_field_correction_result_clear(struct near_field_correction_result *result) {
@@ -38,7 +41,7 @@ void near_field_correction_result_clear(struct near_field_correction_result *res
     g_clear_pointer(&result->to, g_array_unref);
 }
 
-/* Values, and beside them the mark. */
+/* Interleaves values and flags: R, G, B, flags. */
 static gboolean store_view(struct job *job, struct btf_matrix *btf, const struct exr_file *file,
                            int view, const char *path, GError **error) {
     const gsize n_lights = (gsize)btf->n_lights, n_texels = (gsize)job->n_texels;
@@ -96,7 +99,8 @@ static void near_field_fail(struct job *job, GError *error) {
     g_cancellable_cancel(job->cancellable);
 }
 
-/* A texel's views side by side, from views' texels, and back. */
+/* Transposes between [view][texel][light] in the scratch file and [texel][view][light] in memory.
+ */
 static gboolean read_block(const struct job *job, int first, int n, float *texels, float *rows,
                            GError **error) {
     const gsize row = (gsize)job->near->n_lights * LANES;
@@ -123,6 +127,7 @@ static gboolean write_block(const struct job *job, int first, int n, const float
     return TRUE;
 }
 
+/* One block of texels on a thread of the pool. */
 static void resample_block(int block, gpointer data) {
     struct job *job = data;
     const int first = block * BLOCK, n = MIN(BLOCK, job->n_texels - first);
@@ -174,23 +179,23 @@ static gboolean resample_texels(struct job *job, GError **error) {
     return ok;
 }
 
-/* Of values that are all 0 nothing can be said in proportion. */
-static double root(double error, double norm) {
+/* Relative error √(Σ d² / Σ v²); 0 if all values are 0. */
+static double relative_error(double error, double norm) {
     return norm > 0 ? sqrt(error / norm) : 0;
 }
 
 static void set_from(struct near_field_correction_band *band, const struct resampler_from *sums) {
-    band->back = root(sums->back, sums->back_norm);
-    band->left_out_view = root(sums->left_view, sums->left_view_norm);
-    band->left_out_light = root(sums->left_light, sums->left_light_norm);
+    band->back = relative_error(sums->back, sums->back_norm);
+    band->left_out_view = relative_error(sums->left_view, sums->left_view_norm);
+    band->left_out_light = relative_error(sums->left_light, sums->left_light_norm);
 }
 
 static void set_to(struct near_field_correction_band *band, const struct resampler_to *sums,
                    double n /* texels of all its views */, gboolean own) {
     band->moved_deg = sums->moved_deg / n;
     band->most_moved_deg = sums->most_moved_deg;
-    band->held = sums->held / n;
-    band->nominal = own ? root(sums->nominal, sums->norm) : -1;
+    band->held = sums->clamped / n;
+    band->nominal = own ? relative_error(sums->nominal, sums->norm) : -1;
 }
 
 static int by_angle(const void *a, const void *b) {
@@ -198,7 +203,7 @@ static int by_angle(const void *a, const void *b) {
     return x < y ? -1 : x > y;
 }
 
-/* Elevations, the nearly same ones together. */
+/* Distinct elevations; those within BAND are one. */
 static GArray *elevations(const float *theta_deg, int n) {
     GArray *bands = g_array_new(FALSE, TRUE, sizeof(struct near_field_correction_band));
     g_autofree double *sorted = g_new(double, n);
@@ -268,7 +273,7 @@ static void fill_result(const struct job *job, struct near_field_correction_resu
     fill_to(job, ret);
 }
 
-/* For import_material(). */
+/* Callback of import_material(). */
 static gboolean near_field_give_view(int view, float *ret_rgb, int *ret_holes, gpointer data,
                                      GError **error) {
     struct job *job = data;
@@ -316,6 +321,7 @@ static const guint8 *give_light(int view, int light, struct exr_part *part, gpoi
     return job->some[light] ? marks : NULL;
 }
 
+/* Writes the result as an imported session. */
 static gboolean write_session(struct job *job, const char *path,
                               struct near_field_correction_result *ret, GError **error) {
     const gsize n = (gsize)job->n_texels * (gsize)job->to->n_lights;

@@ -1,3 +1,6 @@
+/* Views are tasks of a thread pool; the calling thread owns the session, hands out tasks and
+ * records finished products. A view's file is written by its task, its row by the calling thread.
+ */
 #include "pipeline.h"
 
 #include <errno.h>
@@ -13,13 +16,14 @@
 #include "eigenmaps/eigenmaps.h"
 #include "mdf_product.h"
 
-#define POLL_US      (G_USEC_PER_SEC / 2)
-#define MDF_WRITE_US (30 * G_USEC_PER_SEC) /* at most so often while a capture is followed */
+#define POLL_US (G_USEC_PER_SEC / 2)
+#define MDF_WRITE_US                                                                               \
+    (30 * G_USEC_PER_SEC) /* least interval between writes while a capture is followed */
 
 enum stage { STAGE_BTF, STAGE_MDF, N_STAGES };
 static const char *const stage_names[] = {"btf", "mdf"};
 
-/* One view of one stage, on its way through the pool. */
+/* A task of the thread pool: one view of one stage. */
 struct task {
     struct run *run;
     enum stage stage;
@@ -37,19 +41,19 @@ struct run {
     struct catalogue *catalogue;
     int n_views;
     gboolean *made[N_STAGES]; /* of each view */
-    GHashTable *whole;        /* relative paths of products that are as they were made */
-    int n_damaged;            /* that are not, of those that are made here */
+    GHashTable *whole;        /* relative paths of intact products */
+    int n_damaged;            /* number of damaged products made by the pipeline */
     char *lock_path;          /* of lock: */
-    int lock;                 /* that no other process makes products */
+    int lock;                 /* held while products are made */
     char **btf_inputs;        /* of each view that is made */
-    int *missing;             /* lights of each view in the BTF */
+    int *missing;             /* missing lights of each view in the BTF */
     struct mdf_result **mdf;  /* of each view that is made */
     gboolean mdf_dirty;
     gint64 mdf_written_us, started_us;
     int made_now[N_STAGES];
     gboolean eigenmaps_made;
     double spent_s[N_STAGES];
-    GCancellable *cancellable; /* the user's, or that of the first error */
+    GCancellable *cancellable; /* cancelled by the user or on the first error */
     GAsyncQueue *finished;     /* of struct task */
 };
 
@@ -70,7 +74,7 @@ static void pipeline_work(gpointer data, gpointer unused) {
     struct task *task = data;
     struct run *run = task->run;
     if (g_cancellable_set_error_if_cancelled(run->cancellable, &task->error)) {
-        /* handed back as it is */
+        /* returned unchanged */
     } else if (task->stage == STAGE_BTF)
         btf_make_view(task->btf, task->path, run->cancellable, &task->error);
     else
@@ -98,7 +102,7 @@ static void report_stage(struct run *run, enum stage stage, double spent_s) {
                     made > 0 ? (run->spent_s[stage] + spent_s) / made * (run->n_views - done) : -1);
 }
 
-/* In the calling thread, which owns the session. */
+/* Stores a finished task. In the calling thread, which owns the session. */
 static gboolean pipeline_accept(struct run *run, struct task *task, GError **error) {
     if (task->error) {
         g_propagate_error(error, g_steal_pointer(&task->error));
@@ -117,6 +121,7 @@ static gboolean pipeline_accept(struct run *run, struct task *task, GError **err
     return session_add_product(run->session, relative, task->btf->inputs, error);
 }
 
+/* Whether the product exists, is intact and was made from these inputs. */
 static gboolean pipeline_is_made(struct run *run, const struct task *task) {
     if (task->stage == STAGE_MDF)
         return run->mdf[task->view] && strcmp(run->mdf[task->view]->inputs, task->mdf->inputs) == 0;
@@ -128,7 +133,8 @@ static gboolean pipeline_is_made(struct run *run, const struct task *task) {
     return TRUE;
 }
 
-/* The task of a view that is ready and not made, or NULL. */
+/* The task of a view that is ready and not made, or NULL.
+ * Compares the hash of the view's inputs with the product's. */
 static struct task *pipeline_next_task(struct run *run, enum stage stage, int view) {
     if (run->made[stage][view])
         return NULL;
@@ -155,7 +161,8 @@ static GThreadPool *new_pool(const struct run *run, GError **error) {
     return g_thread_pool_new(pipeline_work, NULL, n, FALSE, error);
 }
 
-/* Of several errors that of the first view; what was cancelled because of it does not count. */
+/* Keeps the error of the first view, if there are several; tasks cancelled because of it do not
+ * count. */
 static void pipeline_note_error(struct run *run, const struct task *task, GError *found, int *worst,
                                 GError **first) {
     gboolean cancelled = g_error_matches(found, G_IO_ERROR, G_IO_ERROR_CANCELLED);
@@ -169,7 +176,7 @@ static void pipeline_note_error(struct run *run, const struct task *task, GError
     g_cancellable_cancel(run->cancellable);
 }
 
-/* All views of a stage that are ready. */
+/* Runs one stage for all views that are ready. */
 static gboolean run_stage(struct run *run, enum stage stage, GError **error) {
     GThreadPool *pool = new_pool(run, error);
     if (!pool)
@@ -197,7 +204,7 @@ static gboolean run_stage(struct run *run, enum stage stage, GError **error) {
     return first == NULL;
 }
 
-/* Views of an earlier run whose frames are gone. */
+/* Drops views of an earlier run whose frames no longer exist. */
 static void drop_old_mdf(struct run *run) {
     for (int view = 0; view < run->n_views; view++)
         if (run->mdf[view] && !run->made[STAGE_MDF][view]) {
@@ -224,6 +231,7 @@ static int count_waiting(const struct run *run) {
     return n;
 }
 
+/* Without --follow, missing frames are an error unless the plan leaves them out. */
 static gboolean check_complete(const struct run *run, GError **error) {
     int waiting = count_waiting(run);
     if (run->options->follow || waiting == 0)
@@ -250,8 +258,8 @@ static gboolean wait_a_while(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* Makes what is ready until nothing more will come. The end is asked for before the frames are
- * looked at: then none can be missed. */
+/* Makes ready views until no more frames will come. Whether the capture has ended is asked before
+ * the frames are looked up, so that none is missed. */
 static gboolean pipeline_make_views(struct run *run, GError **error) {
     for (;;) {
         gboolean ended = !run->options->follow || capture_ended(run);
@@ -274,7 +282,7 @@ static gboolean pipeline_make_views(struct run *run, GError **error) {
 
 struct columns {
     struct run *run;
-    int *views; /* numbers of those that are made */
+    int *views; /* indices of complete views */
     int n_views;
     int *lights; /* indices */
     int n_lights;
@@ -362,7 +370,8 @@ static gboolean pipeline_make_eigenmaps(struct columns *columns, double *ret_err
     }
     columns->run->eigenmaps_made = TRUE;
     g_autofree char *lock_path = g_strconcat(path, ".lock", NULL);
-    const int lock = file_lock_take(lock_path, path, error); /* compress -o may write it, too */
+    const int lock =
+        file_lock_take(lock_path, path, error); /* compress -o may write the same file */
     if (lock < 0)
         return FALSE;
     new_file_remove_left(session_path(session), "products", "eigenmaps.exr.");
@@ -390,7 +399,7 @@ static gboolean run_eigenmaps(struct run *run, struct pipeline_result *ret, GErr
     }
     if (ret->n_views == 0 || run->options->n_eigenmaps < 1)
         return TRUE;
-    malloc_trim(0); /* what the views' threads have given back stays with them else */
+    malloc_trim(0); /* memory freed by the threads stays in their arenas otherwise */
     g_autofree int *views = g_new(int, ret->n_views), *lights = g_new(int, n_lights);
     struct columns columns = {run, views, 0, lights, n_lights, 0};
     for (int view = 0; view < run->n_views; view++)
@@ -425,7 +434,7 @@ static gboolean pipeline_finish(struct run *run, struct pipeline_result *ret, GE
     if (!set_number(run->session, "mdf_coverage", ret->mdf_coverage, error))
         return FALSE;
     if (!run->made_now[STAGE_BTF] && !run->made_now[STAGE_MDF] && !run->eigenmaps_made)
-        return TRUE; /* what it cost to make all this is known from then */
+        return TRUE; /* nothing was made: the costs of the earlier run stay */
     struct rusage usage;
     getrusage(RUSAGE_SELF, &usage);
     double spent_s = (double)(g_get_monotonic_time() - run->started_us) / 1e6;
@@ -452,7 +461,7 @@ static gboolean make_folders(struct run *run, GError **error) {
     return FALSE;
 }
 
-/* What is there of an earlier run is believed only if it still is what that run wrote. */
+/* Products of an earlier run are used only if they are unchanged. */
 static gboolean find_whole(struct run *run, GError **error) {
     struct work work = run->options->work;
     work.cancellable = run->cancellable;
@@ -471,8 +480,8 @@ static gboolean find_whole(struct run *run, GError **error) {
     return damages != NULL;
 }
 
-/* After a frame was refused: all that are damaged are noted, so that one resume takes them. What
- * goes wrong here is less than what went wrong before. */
+/* After a damaged frame was refused: notes all damaged frames, so that one resume takes them all.
+ * Errors here are less important than the first one and are ignored. */
 static void note_damaged_frames(struct run *run) {
     g_autoptr(GPtrArray) damages =
         session_find_damage(run->session, SESSION_FRAMES, "", &run->options->work, NULL, NULL);
@@ -524,6 +533,7 @@ static void forward_cancel(GCancellable *user, gpointer own) {
     g_cancellable_cancel(own);
 }
 
+/* Stages in order: BTF views, MDF views, settling of the MDF, eigen-maps. */
 gboolean pipeline_run(const char *session_path, const struct pipeline_options *options,
                       struct pipeline_result *ret, GError **error) {
     g_autoptr(GError) found = NULL;

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-/* What resume looks at are files that are gone or not as they were committed. */
+/* `mesorig resume` takes frames again whose files are missing or differ from the committed ones. */
 #define REMEDY "; `mesorig resume` takes it again"
 #define DELETE                                                                                     \
     ", although it is as it was committed; delete it, and `mesorig resume` takes it again"
@@ -52,6 +52,7 @@ static gboolean inputs_check_part(const struct input *input, const struct exr_pa
     return TRUE;
 }
 
+/* The checksum is verified first: a damaged file must not reach a decoder. */
 struct exr_part *input_read(const struct input *input, const char *const *channels,
                             GError **error) {
     if (!check_sum(input, error))
@@ -71,6 +72,7 @@ struct exr_part *input_read(const struct input *input, const char *const *channe
     return part;
 }
 
+/* Includes the terminating 0, so that consecutive texts are unambiguous. */
 void input_hash(GChecksum *checksum, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);

@@ -1,6 +1,6 @@
 /*
- * Reading what a capture has left: a frame's file is checked against its row in the session before
- * anything is believed of it. Any thread.
+ * Reads the frames of a capture: a frame's file is checked against its row in the session before
+ * it is used. Any thread.
  */
 #pragma once
 
@@ -11,14 +11,14 @@ struct input {
     char *path;   /* absolute */
     char *sha256; /* as in the session; NULL: not checked */
     gint64 shot;
-    int width, height; /* of the camera */
+    int width, height; /* size of the camera's pictures */
 };
 
 void input_clear(struct input *input);
 
-/* The first part of the file. DATA_ERROR_INVALID if checksum or size differ from the session's, if
- * the file cannot be read, or if one of the channels (NULL-terminated) is missing. */
+/* Reads the first part of the file. DATA_ERROR_INVALID: checksum or size differ from the
+ * session's, the file cannot be read, or one of the channels (NULL-terminated) is missing. */
 struct exr_part *input_read(const struct input *input, const char *const *channels, GError **error);
 
-/* Adds a text to what a product is made of; the end of each text counts too. */
+/* Adds a text to the hash of a product's inputs; the end of each text counts, too. */
 void input_hash(GChecksum *checksum, const char *format, ...) G_GNUC_PRINTF(2, 3);

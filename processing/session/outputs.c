@@ -1,19 +1,22 @@
+/* The output of a shot is the mean of its cameras weighted by 1/σ², with the error of the
+ * calibration added to each σ². */
 #include "outputs.h"
 
 #include <math.h>
 #include <string.h>
 
 #define PREFIX "lamp_output/"
-/* Calibration is not good enough for one camera to outweigh the others, however little noise. */
+/* Error of the calibration, added to each camera's: it keeps one camera with little noise from
+ * outweighing the others. */
 #define CALIBRATION_ERROR 1e-3
 
 struct output {
     double sum, weight, value;
-    int lamp; /* −1: not a lamp's shot */
+    int lamp; /* −1: not a shot of a lamp */
 };
 
 struct outputs {
-    struct output *of; /* by shot, from 1 */
+    struct output *of; /* by shot id, from 1 */
     gint64 n;
     int measured;
 };
@@ -30,8 +33,8 @@ gboolean outputs_store(Session *session, gint64 shot, const char *camera, double
 static gboolean outputs_wrong(const Session *session, const char *key, const char *value,
                               GError **error) {
     g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT,
-                "%s/session.db: the value %s = \"%s\" is no lamp's output", session_path(session),
-                key, value);
+                "%s/session.db: the value %s = \"%s\" is not a lamp's output and its error",
+                session_path(session), key, value);
     return FALSE;
 }
 
@@ -64,14 +67,15 @@ static gboolean add_all(struct outputs *outputs, Session *session, GError **erro
     return TRUE;
 }
 
-/* The nearest shot of a lamp, one way, that was measured; 0: there is none. */
-static gint64 outputs_nearest(const struct outputs *outputs, gint64 shot, int way) {
-    for (gint64 i = shot + way; i >= 1 && i <= outputs->n; i += way)
+/* The nearest measured shot of a lamp in one direction (±1); 0: none. */
+static gint64 outputs_nearest(const struct outputs *outputs, gint64 shot, int direction) {
+    for (gint64 i = shot + direction; i >= 1 && i <= outputs->n; i += direction)
         if (outputs->of[i].weight > 0 && outputs->of[i].lamp == outputs->of[shot].lamp)
             return i;
     return 0;
 }
 
+/* Linear interpolation between the nearest measured shots; the nearer one alone at the ends. */
 static double outputs_between(const struct outputs *outputs, gint64 shot) {
     gint64 before = outputs_nearest(outputs, shot, -1), after = outputs_nearest(outputs, shot, 1);
     if (before == 0 && after == 0)

@@ -1,3 +1,4 @@
+/* Opening and locking a session, and its texts, values, events and products. */
 #include "session_private.h"
 
 #include "exr/exr.h"
@@ -10,7 +11,7 @@
 
 G_DEFINE_QUARK(session_error, session_error)
 
-/* The kernel gives the lock back when its holder ends, however it ends. */
+/* The kernel releases the lock when its holder ends, for whatever reason. */
 int session_lock(const char *path, GError **error) {
     g_autofree char *file = g_build_filename(path, "capture.lock", NULL);
     int fd = open(file, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
@@ -19,7 +20,8 @@ int session_lock(const char *path, GError **error) {
     if (fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0) {
         g_snprintf(who, sizeof who, "%ld\n", (long)getpid());
         if (ftruncate(fd, 0) != 0 || pwrite(fd, who, strlen(who), 0) < 0)
-            g_debug("%s: %s", file, g_strerror(errno)); /* only the message below wants it */
+            g_debug("%s: %s", file,
+                    g_strerror(errno)); /* the process id is only for the message below */
         return fd;
     }
     if (fd >= 0 && errno == EWOULDBLOCK) {
@@ -51,7 +53,7 @@ static gboolean read_name(Session *session, GError **error) {
     return session->name != NULL;
 }
 
-/* Who writes into a session writes nowhere else. */
+/* Refuses symbolic links in place of folders: writing into a session must not write elsewhere. */
 static gboolean check_folders(const Session *session, GError **error) {
     static const char *const folders[] = {"frames", "laser", "products", "products/btf"};
 
@@ -76,7 +78,7 @@ static gboolean session_start(Session *session, GError **error) {
                     "%s: no session there: not a directory", session->path);
         return FALSE;
     }
-    /* A directory that is no session gets no lock file. */
+    /* Check first, so that other directories do not get a lock file. */
     if (session->mode == SESSION_CAPTURE && session->lock < 0 &&
         g_file_test(db, G_FILE_TEST_EXISTS)) {
         session->lock = session_lock(session->path, error);
@@ -127,6 +129,7 @@ char *session_file(const Session *session, const char *relative) {
     return g_build_filename(session->path, relative, NULL);
 }
 
+/* Neither absolute nor with a component "..". */
 gboolean session_is_relative(const char *path) {
     g_auto(GStrv) parts = NULL;
 
@@ -197,6 +200,7 @@ GHashTable *session_values(Session *session, const char *prefix, GError **error)
     return NULL;
 }
 
+/* NULL deletes the value. */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error) {
     g_autofree char *valid = value ? g_utf8_make_valid(value, -1) : NULL;
 
@@ -220,6 +224,7 @@ gboolean session_add_event(Session *session, double time_s, const char *level, c
                           "dsss", time_s == time_s ? time_s : 0.0, level, from, says);
 }
 
+/* The file is hashed here: the row must describe what is on disk. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error) {
     g_autofree char *file = session_file(session, relative), *sha256 = NULL;

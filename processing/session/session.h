@@ -26,19 +26,19 @@ enum session_error {
     SESSION_ERROR_FORMAT, /* not a session, damaged, or of a newer version */
     SESSION_ERROR_LOCKED, /* another process captures into it */
     SESSION_ERROR_EXISTS,
-    SESSION_ERROR_FULL,    /* the disk is full: nothing was lost, free some and go on */
-    SESSION_ERROR_DAMAGED, /* a file is not what the database says */
+    SESSION_ERROR_FULL,    /* the disk is full: nothing is lost; free some space and continue */
+    SESSION_ERROR_DAMAGED, /* a file differs from its row in the database */
 };
 
 typedef struct Session Session;
 
 enum session_mode { SESSION_READ, SESSION_PRODUCTS, SESSION_CAPTURE };
 
-/* What does not change: the files that describe it, by name. */
+/* The texts that describe the session, which never change. */
 struct session_texts {
     const char *rig_conf, *session_conf; /* as the user wrote them */
     const char *calibration;             /* rig_to_text() */
-    const char *rig_path; /* absolute; kept as the value "rig_path"; NULL: not known */
+    const char *rig_path; /* absolute; stored as the value "rig_path"; NULL: unknown */
 };
 
 struct session_grid {  /* the texels of the reference plane, in the sample frame */
@@ -48,13 +48,13 @@ struct session_grid {  /* the texels of the reference plane, in the sample frame
     double depth_mm;     /* of the structure below it, at most */
 };
 
-/* One direction a view, light or laser position is meant to have, in the sample frame. */
+/* The planned direction of a view, light or laser position, in the sample frame. */
 struct session_direction {
     int index;                 /* 0 … n−1 */
-    int device;                /* which camera, lamp or laser of the calibration */
+    int device;                /* index of the camera, lamp or laser in the calibration */
     double theta_deg, phi_deg; /* as planned: a view with its turntable angle, and so on */
     double turntable_deg;      /* views only: the angle that shows this view */
-    char *note;                /* what was re-planned about it, or NULL */
+    char *note;                /* what was changed in the plan, or NULL */
 };
 
 enum session_shot_kind { SHOT_DARK, SHOT_LAMP, SHOT_SWEEP };
@@ -91,7 +91,7 @@ struct session_event {
     char *message;
 };
 
-/* Everything a plan says, for session_create(). Arrays are of the structs above, borrowed. */
+/* A plan for session_create(). Arrays are of the structs above, borrowed. */
 struct session_plan {
     struct session_grid grid;
     const struct session_direction *views, *lights, *lasers;
@@ -100,9 +100,9 @@ struct session_plan {
     int n_shots;
 };
 
-/* Makes the directory (it must not exist) with the whole plan in it, beside its name and renamed;
- * a process killed meanwhile leaves at most a hidden ".NAME.session.XXXXXX" beside it. The plan is
- * checked first. Opened as SESSION_CAPTURE. */
+/* Creates the directory (it must not exist) with the whole plan, under a hidden name that is
+ * renamed at the end; a killed process leaves at most ".NAME.session.XXXXXX" beside it. The plan
+ * is checked first. Opened as SESSION_CAPTURE. */
 Session *session_create(const char *path, const char *name, const struct session_texts *texts,
                         const struct session_plan *plan, GError **error);
 Session *session_open(const char *path, enum session_mode mode, GError **error);
@@ -126,73 +126,74 @@ GPtrArray *session_shots(Session *session, GError **error);  /* in planned order
 GPtrArray *session_frames(Session *session, GError **error); /* by shot, camera */
 GPtrArray *session_events(Session *session, GError **error);
 
-/* The planned name of a frame's file, relative: "frames/000123_cam1.exr", "laser/…". */
+/* Relative path of a frame's file: "frames/000123_cam1.exr", "laser/…". */
 char *session_frame_path(const struct session_shot *shot, const char *camera);
 
-/* Capture. All frames of a shot and its state in one transaction, after the files are synced; they
- * replace those of an earlier take. Each file must be there and have its size. */
+/* For capture. Commits all frames of a shot and its state in one transaction, after the files are
+ * synced; they replace those of an earlier take. Each file must exist with its recorded size. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error);
 gboolean session_add_event(Session *session, double time_s, const char *level, const char *source,
                            const char *message, GError **error);
 
-/* Small facts by name ("state", "clock_s", …): capture's bookkeeping and processing's results. */
+/* Values by name ("state", "clock_s", …): bookkeeping of capture, and results of processing. */
 gboolean session_set_value(Session *session, const char *key, const char *value, GError **error);
 char *session_value(Session *session, const char *key); /* NULL: not set; g_free() */
 
-/* All of them whose names begin with prefix: name → value, both owned by the table. */
+/* All values whose names begin with prefix: name → value, both owned by the table. */
 GHashTable *session_values(Session *session, const char *prefix, GError **error);
 
-/* Says what a product was made of; checksum and size are taken from the file. */
+/* Records what a product was made of; checksum and size are taken from the file. */
 gboolean session_add_product(Session *session, const char *relative, const char *made_by,
                              GError **error);
-/* The same for a file by its path; one that lies in no session's products is nobody's concern.
- * "compress …": mesorig with these arguments and the session makes it again. */
+/* The same for a file by its path; files outside of a session's products are ignored. "compress
+ * …": the arguments with which mesorig makes it again. */
 gboolean session_add_product_file(const char *path, const char *made_by, GError **error);
 GHashTable *session_products(Session *session, GError **error); /* a set of their paths */
 
-/* A committed file that is not what the database says. */
+/* A committed file that differs from its row in the database. */
 struct session_damage {
     char *path; /* relative */
     char *what; /* "it is gone", "its SHA-256 is …, the session has …" */
     char *sha256;
-    char *remedy; /* the command that makes it again; NULL: none does, import again */
+    char *remedy; /* the command that makes it again; NULL: none, import again */
     gboolean missing;
 };
 void session_damage_free(struct session_damage *damage); /* NULL is ignored */
 
 enum session_files { SESSION_FRAMES, SESSION_PRODUCTS_MADE };
 
-/* Hashes all frames (sweeps are frames too) or products whose names begin with prefix and compares
- * with the database, with a thread a processor. A file that this process has hashed is not hashed
- * again while its size, times and inode stay. Of struct session_damage. Stage "verify"; work may be
- * NULL. */
+/* Hashes all frames (including sweeps), or the products whose names begin with prefix, and
+ * compares with the database, one thread per processor. A file hashed by this process before is
+ * not hashed again while its size, times and inode are unchanged. Returns an array of struct
+ * session_damage. Progress stage "verify"; work may be NULL. */
 GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
                                const struct work *work, int *ret_examined, GError **error);
 
-/* One file; NULL: it is as committed. remedy is not set. Any thread. */
+/* Checks one file; NULL: it is as committed. remedy is not set. Any thread. */
 struct session_damage *session_examine(const Session *session, const char *relative,
                                        const char *sha256);
 
-/* Before products are read: SESSION_ERROR_DAMAGED, which names the command that makes the file
- * again, if one whose name begins with prefix is not as committed. A file that the database does
- * not know passes. While a program makes products, what it has only just written is waited for. */
+/* Call before reading products: SESSION_ERROR_DAMAGED, with the command that makes the file
+ * again, if a product whose name begins with prefix differs from its row. Files without a row
+ * pass. If another program is making products, it waits for the row of a file that was just
+ * written. */
 gboolean session_check_products(Session *session, const char *prefix, GError **error);
 
-/* The same for a file by its path; one that is no session's product passes. */
+/* The same for a file by its path; files that are no session's products pass. */
 gboolean session_check_product(const char *path, GError **error);
 
-/* Held by who makes products/btf, mdf.exr and eigenmaps.exr (file_lock.h); relative. */
+/* Lock file of the process that makes products/btf, mdf.exr and eigenmaps.exr (file_lock.h);
+ * relative. */
 #define SESSION_PROCESS_LOCK "products/process.lock"
 
-/* Frames that were found damaged are noted, for the next session_verify(); what: NULL if one is
- * whole again. */
+/* Notes a damaged frame for the next session_verify(); what: NULL if it is intact again. */
 gboolean session_note_damage(Session *session, const char *frame, const char *what, GError **error);
 
 /* Compares every committed frame's size with its file, and the checksum if thorough, of dark
- * frames, which others are made with, and of those that were noted. Frames that fail are forgotten
- * and their shots planned again, with all their frames; each is told in an event. What killed
- * captures have left of unfinished files is removed. Capture only. ret_lost: how many frames
- * failed; may be NULL. */
+ * frames, which others depend on, and of noted frames. Frames that fail are removed from the
+ * database and their shots planned again, with all their frames; each is an event. Unfinished
+ * files of killed captures are deleted. For capture only. ret_lost: number of failed frames; may
+ * be NULL. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error);

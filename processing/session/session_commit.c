@@ -1,3 +1,5 @@
+/* Commits shots with their frames, and verifies frames when a capture resumes. A frame's row is
+ * written only after its file is on disk, so that a row always has a file. */
 #include "session_private.h"
 
 #include "base/new_file.h"
@@ -68,6 +70,7 @@ static gboolean session_commit_set_state(Session *session, gint64 shot,
     return FALSE;
 }
 
+/* Within the caller's transaction. */
 static gboolean replace_frames(Session *session, gint64 shot, const struct session_frame *frames,
                                int n_frames, GError **error) {
     gboolean ok = session_db_run(session, error, "DELETE FROM frame WHERE shot = ?1", "l", shot);
@@ -79,6 +82,7 @@ static gboolean replace_frames(Session *session, gint64 shot, const struct sessi
     return ok;
 }
 
+/* Checks come before the transaction, so that a reader never sees half of a shot. */
 gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_state state,
                              const struct session_frame *frames, int n_frames, const char *note,
                              GError **error) {
@@ -94,7 +98,7 @@ gboolean session_commit_shot(Session *session, gint64 shot, enum session_shot_st
     return FALSE;
 }
 
-#define NOTED "damaged/" /* a value's name: this and the frame's path */
+#define NOTED "damaged/" /* prefix of the value's name; the frame's path follows */
 
 gboolean session_note_damage(Session *session, const char *frame, const char *what,
                              GError **error) {
@@ -103,7 +107,7 @@ gboolean session_note_damage(Session *session, const char *frame, const char *wh
     return session_set_value(session, key, what, error);
 }
 
-/* NULL if the frame is as it was committed; else what is wrong, g_free(). */
+/* NULL if the frame is as committed; else the difference, g_free(). */
 static char *verify_frame(const Session *session, const struct session_frame *frame,
                           gboolean thorough) {
     const gint64 size = session_commit_size_of(session, frame->path);
@@ -130,7 +134,7 @@ static double now_s(Session *session) {
     return isfinite(now) ? now : 0;
 }
 
-/* The shot's other frames go too: a shot is taken as a whole. */
+/* Removes all frames of the shot: a shot is captured as a whole. */
 static gboolean session_commit_forget(Session *session, gint64 shot, const char *why,
                                       GError **error) {
     g_autofree char *message =
@@ -141,7 +145,7 @@ static gboolean session_commit_forget(Session *session, gint64 shot, const char 
            session_add_event(session, now_s(session), "warning", "session", message, error);
 }
 
-/* All at once, in as short a transaction as can be: the files were looked at before. */
+/* One short transaction: the files were checked before. */
 static gboolean forget_all(Session *session, const GPtrArray *frames, char *const *why,
                            GError **error) {
     gboolean ok =
@@ -160,7 +164,7 @@ static gboolean forget_all(Session *session, const GPtrArray *frames, char *cons
     return FALSE;
 }
 
-/* Names of frames whose checksums are to be looked at, if not all are: name → anything. */
+/* Set of the frames whose checksums are compared if not all are. */
 static GHashTable *suspects(Session *session, GError **error) {
     g_autoptr(GHashTable) noted = session_values(session, NOTED, error);
     g_autoptr(GHashTable) paths = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
@@ -187,6 +191,7 @@ static GHashTable *suspects(Session *session, GError **error) {
     return NULL;
 }
 
+/* Files are compared without a transaction, which would block readers for minutes. */
 gboolean session_verify(Session *session, gboolean thorough, int *ret_lost, GError **error) {
     g_autoptr(GPtrArray) frames = NULL;
     g_autoptr(GHashTable) suspected = NULL;

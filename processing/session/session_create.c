@@ -1,3 +1,4 @@
+/* Creates a session: database and folders are made under a hidden name, synced, and renamed. */
 #include "session_private.h"
 #include "session_schema.h"
 
@@ -24,6 +25,7 @@ static gboolean session_create_fail_errno(const char *path, int saved, GError **
     return FALSE;
 }
 
+/* Makes new directory entries durable. */
 static gboolean sync_folder(const char *path, GError **error) {
     int fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     gboolean ok = fd >= 0 && fsync(fd) == 0;
@@ -115,6 +117,7 @@ static gboolean insert_shot(Session *session, const struct session_shot *shot, G
         shot->sweep_to_deg, shot->sweep_steps, session_shot_states[shot->state], shot->note);
 }
 
+/* All rows of the plan, in one transaction of the caller. */
 static gboolean insert_plan(Session *session, const struct session_plan *plan, GError **error) {
     gboolean ok = insert_grid(session, &plan->grid, error) &&
                   insert_directions(session, plan->views, plan->n_views, "view", error) &&
@@ -142,7 +145,7 @@ static gboolean insert_all(Session *session, const char *name, const struct sess
     return ok && session_commit(session, error);
 }
 
-/* Everything in a directory whose name nobody looks for. */
+/* Writes everything into a hidden directory. */
 static gboolean session_create_fill(const char *path, const char *name,
                                     const struct session_texts *texts,
                                     const struct session_plan *plan, GError **error) {
@@ -175,11 +178,11 @@ static void remove_all(const char *path) {
     g_rmdir(path);
 }
 
-/* Never over something that is there, an empty directory included. */
+/* Renames without ever replacing something, not even an empty directory. */
 static gboolean move_in_place(const char *from, const char *to, GError **error) {
     int rc = renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE);
 
-    if (rc != 0 && errno == EINVAL) /* a file system that does not know how */
+    if (rc != 0 && errno == EINVAL) /* the file system lacks RENAME_NOREPLACE */
         rc = g_file_test(to, G_FILE_TEST_EXISTS) ? (errno = EEXIST, -1) : rename(from, to);
     return rc == 0 || session_create_fail_errno(to, errno, error);
 }

@@ -1,3 +1,5 @@
+/* Access to SQLite. A database is opened only if its format, its tables' texts and its structure
+ * are those of this program: it may come from a stranger. */
 #include "session_private.h"
 #include "session_schema.h"
 
@@ -11,7 +13,7 @@
 #include <unistd.h>
 
 #define MAX_TEXT    (64 << 20)
-#define PATIENCE_MS 10000 /* for another program's transaction */
+#define PATIENCE_MS 10000 /* longest wait for another program's transaction */
 
 gboolean session_db_fail(const Session *session, int rc, GError **error) {
     int saved = session->db ? sqlite3_system_errno(session->db) : 0;
@@ -136,7 +138,7 @@ static gboolean session_db_damaged(const Session *session, const char *what, GEr
     return FALSE;
 }
 
-/* For what always has a row, unless the file is not what it seems. */
+/* For queries that always have a row, unless the file is damaged. */
 static gboolean must_next(Session *session, sqlite3_stmt *statement, GError **error) {
     g_autoptr(GError) own = NULL;
 
@@ -178,6 +180,7 @@ static gboolean check_version(Session *session, GError **error) {
     return TRUE;
 }
 
+/* SQLite's own check of the file's structure. */
 static gboolean check_sound(Session *session, GError **error) {
     g_autoptr(sqlite3_stmt) statement =
         session_db_query(session, error, "PRAGMA quick_check(1)", "");
@@ -189,7 +192,8 @@ static gboolean check_sound(Session *session, GError **error) {
     return g_strcmp0(says, "ok") == 0 || session_db_damaged(session, says, error);
 }
 
-/* Our own words, so that no table of a stranger has computed columns or is virtual. */
+/* Compares the table's text with the schema, so that no computed column or virtual table can run
+ * code. */
 static gboolean check_table(Session *session, const struct session_table *table, GError **error) {
     g_autoptr(sqlite3_stmt) statement = session_db_query(
         session, error, "SELECT sql FROM sqlite_schema WHERE type = 'table' AND name = ?1", "s",
@@ -201,7 +205,7 @@ static gboolean check_table(Session *session, const struct session_table *table,
            session_db_damaged(session, "a table is not as it was made", error);
 }
 
-/* SQLite opens all of them by itself, and waits for who writes into one that is a FIFO. */
+/* SQLite opens these files itself, and would block on a FIFO. */
 static gboolean check_file(const Session *session, const char *file, GError **error) {
     static const char *const beside[] = {"", "-wal", "-shm", "-journal"};
     struct stat status;
@@ -226,6 +230,7 @@ static gboolean check_file(const Session *session, const char *file, GError **er
     return TRUE;
 }
 
+/* Settings against hostile database files. */
 static void harden(sqlite3 *db) {
     sqlite3_db_config(db, SQLITE_DBCONFIG_DEFENSIVE, 1, NULL);
     sqlite3_db_config(db, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
@@ -256,8 +261,8 @@ static gboolean session_db_check(Session *session, GError **error) {
     return ok;
 }
 
-/* A reader on a medium that cannot be written has no place for the shared index of the WAL; where
- * the WAL is empty, the file alone is the whole truth. */
+/* On a read-only medium a reader cannot create the shared index of the WAL; if the WAL is empty
+ * the database file alone is complete. */
 static gboolean may_be_immutable(const Session *session, const char *file) {
     g_autofree char *wal = g_strconcat(file, "-wal", NULL);
     int rc = sqlite3_errcode(session->db) & 0xff;
@@ -267,7 +272,7 @@ static gboolean may_be_immutable(const Session *session, const char *file) {
            (stat(wal, &status) != 0 || status.st_size == 0);
 }
 
-/* SQLite lets nobody but the owner write what it makes, whatever the umask says. */
+/* SQLite creates files writable by the owner only, whatever the umask; create the file first. */
 static gboolean make_file(const Session *session, const char *file, GError **error) {
     int fd = g_open(file, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
 

@@ -1,3 +1,5 @@
+/* Verifies files against the checksums in the database. Hashes are remembered for the life of the
+ * process, since several commands verify the same products. */
 #include "session_private.h"
 
 #include "base/input_file.h"
@@ -9,10 +11,11 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#define PATIENCE_US (10 * G_USEC_PER_SEC) /* for a writer between its file and its row */
-#define POLL_US     (G_USEC_PER_SEC / 10)
+#define PATIENCE_US                                                                                \
+    (10 * G_USEC_PER_SEC) /* longest wait for a writer between its file and its row */
+#define POLL_US (G_USEC_PER_SEC / 10)
 
-/* What a file was when it was hashed: while that stays the same, it is not hashed again. */
+/* Identity of a file when it was hashed: while it is unchanged the file is not hashed again. */
 struct identity {
     guint64 device, inode, bytes;
     gint64 modified_ns, changed_ns;
@@ -34,7 +37,8 @@ static gint64 nanoseconds(const struct timespec *time) {
     return (gint64)time->tv_sec * G_GINT64_CONSTANT(1000000000) + time->tv_nsec;
 }
 
-/* Changed a moment ago, within the file system's clock tick, a file may change again unseen. */
+/* A file changed within the file system's clock tick may change again without a new time stamp:
+ * its hash is not kept. */
 static gboolean is_settled(const struct identity *identity) {
     return g_get_real_time() * 1000 - identity->changed_ns > 50 * 1000000;
 }
@@ -54,7 +58,7 @@ static void keep_known(const struct identity *identity, const char *sha256) {
     g_mutex_unlock(&known_mutex);
 }
 
-/* NULL, with what is wrong: nothing is there, or it is no file. */
+/* SHA-256 of a file; NULL with the reason: it is missing, or not a regular file. */
 static char *hash_file(const char *path, gboolean *ret_missing, char **ret_wrong) {
     struct stat status;
     g_autoptr(GError) error = NULL;
@@ -142,7 +146,7 @@ static void row_free(gpointer data) {
     g_free(row);
 }
 
-/* Those whose names begin with prefix. */
+/* Rows of the files whose names begin with prefix. */
 static GPtrArray *session_files_read_rows(Session *session, gboolean frames, const char *prefix,
                                           GError **error) {
     g_autoptr(GPtrArray) rows = g_ptr_array_new_with_free_func(row_free);
@@ -199,6 +203,7 @@ static void examine_row(int number, gpointer data) {
     examination->damages[number] = session_examine(examination->session, row->path, row->sha256);
 }
 
+/* Reads the rows first, then hashes in parallel without the database. */
 GPtrArray *session_find_damage(Session *session, enum session_files files, const char *prefix,
                                const struct work *work, int *ret_examined, GError **error) {
     const gboolean frames = files == SESSION_FRAMES;
@@ -224,8 +229,8 @@ GPtrArray *session_find_damage(Session *session, enum session_files files, const
     return ret;
 }
 
-static void tell_damage(const Session *session, const struct session_damage *damage,
-                        GError **error) {
+static void set_damage_error(const Session *session, const struct session_damage *damage,
+                             GError **error) {
     if (damage->remedy)
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_DAMAGED,
                     "%s/%s: damaged: %s; `%s` makes it again", session->path, damage->path,
@@ -236,13 +241,14 @@ static void tell_damage(const Session *session, const struct session_damage *dam
                     damage->what);
 }
 
-/* A program that is at work on products has written a file a moment before its row. */
+/* A program that makes products writes a file shortly before its row. */
 static gboolean is_being_written(const Session *session) {
     g_autofree char *file = session_file(session, SESSION_PROCESS_LOCK);
 
     return file_lock_is_held(file);
 }
 
+/* Repeats the check while a writer may still be adding its row. */
 gboolean session_check_products(Session *session, const char *prefix, GError **error) {
     const gint64 until_us = g_get_monotonic_time() + PATIENCE_US;
 
@@ -252,14 +258,14 @@ gboolean session_check_products(Session *session, const char *prefix, GError **e
         if (!damages || damages->len == 0)
             return damages != NULL;
         if (g_get_monotonic_time() >= until_us || !is_being_written(session)) {
-            tell_damage(session, g_ptr_array_index(damages, 0), error);
+            set_damage_error(session, g_ptr_array_index(damages, 0), error);
             return FALSE;
         }
         g_usleep(POLL_US);
     }
 }
 
-/* The session that a file is a product of, as products/… or products/btf/…; NULL: of none. */
+/* The session of a file in products/… or products/btf/…; NULL: none. */
 static char *session_of(const char *file, const char **ret_relative) {
     static const char *const folders[] = {"products", "btf"};
     const char *end = strrchr(file, '/');

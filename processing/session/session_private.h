@@ -1,4 +1,4 @@
-/* What the sources of session.h share. */
+/* Shared by the sources of session.h. */
 #pragma once
 
 #include "session.h"
@@ -15,26 +15,26 @@ struct Session {
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(sqlite3_stmt, sqlite3_finalize)
 
-/* Says what SQLite says, as the error that a user can do something about. Always FALSE. */
+/* Sets the error for an SQLite result code, with what the user can do about it. Always FALSE. */
 gboolean session_db_fail(const Session *session, int rc, GError **error);
 
-/* Statements whose rows nobody wants. types has a letter an argument: i int, l gint64, d double,
- * s const char * (NULL is stored as NULL). */
+/* Runs a statement without result rows. types: one letter per argument, i int, l gint64, d
+ * double, s const char * (NULL is stored as NULL). */
 gboolean session_db_run(Session *session, GError **error, const char *sql, const char *types, ...);
 
-/* NULL on error. Bind as above. */
+/* Prepares a query, with arguments as above. NULL on error. */
 sqlite3_stmt *session_db_query(Session *session, GError **error, const char *sql, const char *types,
                                ...);
 
 /* TRUE while there is a row. At the end FALSE without an error. */
 gboolean session_db_next(Session *session, sqlite3_stmt *statement, GError **error);
 
-/* Opens session.db of session->path as its mode says and refuses what is not a whole session. */
+/* Opens session.db of session->path in its mode and refuses anything but a complete session. */
 gboolean session_db_open(Session *session, gboolean create, GError **error);
 
-/* Takes over lock, which may be −1: then SESSION_CAPTURE takes the lock itself. */
+/* Takes ownership of lock; −1: SESSION_CAPTURE takes the lock itself. */
 Session *session_open_locked(const char *path, enum session_mode mode, int lock, GError **error);
-int session_lock(const char *path, GError **error); /* −1: somebody else has it */
+int session_lock(const char *path, GError **error); /* −1: another process holds it */
 
 gboolean session_begin(Session *session, GError **error);
 gboolean session_commit(Session *session, GError **error);
@@ -42,13 +42,13 @@ void session_rollback(Session *session);
 
 gboolean session_may(const Session *session, enum session_mode least, GError **error);
 
-/* A name inside the session directory, that cannot lead out of it. */
+/* Whether a path stays inside of the session directory. */
 gboolean session_is_relative(const char *path);
 
 extern const char *const session_shot_kinds[];  /* by enum session_shot_kind, NULL-terminated */
 extern const char *const session_shot_states[]; /* by enum session_shot_state */
 
-/* What holds for every plan, whether it is to be stored or was read. */
+/* Checks of every plan, both before it is stored and after it is read. */
 gboolean session_check_grid(const struct session_grid *grid, GError **error);
 gboolean session_check_direction(const struct session_direction *direction, int index,
                                  const char *kind, GError **error);

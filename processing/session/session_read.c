@@ -1,10 +1,12 @@
+/* Reads the plan and the frames, with the checks that creating a session applies, since the
+ * database may have been edited. */
 #include "session_private.h"
 
 #include <math.h>
 #include <string.h>
 
 #define MAX_TEXELS  16384
-#define MAX_NUMBER  1000000 /* of devices, poses, steps */
+#define MAX_NUMBER  1000000 /* largest number of devices, poses and steps */
 #define MAX_CAMERAS 32
 
 const char *const session_shot_kinds[] = {"dark", "lamp", "sweep", NULL};
@@ -42,6 +44,7 @@ gboolean session_check_direction(const struct session_direction *direction, int 
            session_read_wrong(error, "the note is not UTF-8: direction", index);
 }
 
+/* Ids are consecutive; devices and sources must exist in the calibration. */
 gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_lights, int n_lasers,
                             GError **error) {
     int sources = shot->kind == SHOT_LAMP ? n_lights : shot->kind == SHOT_SWEEP ? n_lasers : 0;
@@ -63,7 +66,7 @@ gboolean session_check_shot(const struct session_shot *shot, gint64 id, int n_li
            session_read_wrong(error, "the note is not UTF-8: shot", id);
 }
 
-/* Out of range becomes a value that no check lets pass. */
+/* Values out of range become one that no check accepts. */
 static int column_int(sqlite3_stmt *statement, int column) {
     gint64 value = sqlite3_column_int64(statement, column);
 
@@ -80,7 +83,7 @@ static int column_choice(sqlite3_stmt *statement, int column, const char *const 
 
     while (choices[i] && g_strcmp0(choices[i], text) != 0)
         i++;
-    return i; /* one too many: session_check_shot() refuses it */
+    return i; /* invalid index: session_check_shot() refuses it */
 }
 
 gboolean session_grid(Session *session, struct session_grid *ret, GError **error) {
@@ -110,7 +113,7 @@ gboolean session_grid(Session *session, struct session_grid *ret, GError **error
     return session_check_grid(ret, error);
 }
 
-/* Makes an element of a row; checks it; number is its place. */
+/* Makes an element from a row and checks it; number is its position. */
 typedef gpointer (*ReadRow)(sqlite3_stmt *row, int number, gpointer data, GError **error);
 
 static GPtrArray *session_read_read_rows(Session *session, sqlite3_stmt *statement,
@@ -184,6 +187,7 @@ static void shot_free(gpointer data) {
     g_free(shot);
 }
 
+/* NULL with an error: the row violates the checks. */
 static gpointer read_shot(sqlite3_stmt *row, int number, gpointer data, GError **error) {
     struct session_shot *shot = g_new0(struct session_shot, 1);
     gint64 cameras = sqlite3_column_int64(row, 7);

@@ -1,14 +1,15 @@
 /*
- * session.db, which is a public format: SQLite 3.37 or later reads it (STRICT tables). Every table
- * carries its own description, so `sqlite3 session.db .schema` tells the same as this file.
+ * The schema of session.db, a public format: SQLite 3.37 or later reads it (STRICT tables). Every
+ * table contains its own description, so `sqlite3 session.db .schema` gives the same information
+ * as this file.
  *
  *   PRAGMA application_id   SESSION_APPLICATION_ID, "MSRG"
  *   PRAGMA user_version     SESSION_FORMAT
  *   PRAGMA journal_mode     WAL
  *
  * Lengths in millimetres, angles in degrees, times in seconds on the session's clock. Numbers are
- * IEEE doubles, bit for bit, but for −0, which SQLite stores as 0. A table is recognised by its
- * text below: any change to it, of a comment too, is a new SESSION_FORMAT.
+ * IEEE doubles, bit for bit, except −0, which SQLite stores as 0. A table is recognised by its
+ * text below: any change, even of a comment, is a new SESSION_FORMAT.
  */
 #pragma once
 

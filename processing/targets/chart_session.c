@@ -1,3 +1,5 @@
+/* Reflectance of chart patches in the geometry 45°:0°: per patch, Σ values / Σ cos θ_l over its
+ * texels and the lights near 45°, in the view nearest to the normal. */
 #include "chart_session.h"
 
 #include <math.h>
@@ -6,8 +8,9 @@
 
 #include "btf/btf.h"
 
-#define NEAR_DEG     2.0  /* lights whose angle is as near to 45° as the nearest */
-#define FARTHEST_DEG 20.0 /* a view or light farther off is no 45°:0° */
+#define NEAR_DEG 2.0 /* tolerance of the angle of the lights used, beyond that of the nearest one  \
+                      */
+#define FARTHEST_DEG 20.0 /* largest deviation from the geometry 45°:0° */
 #define CHART_DEG    45.0
 
 static gboolean chart_session_parse_line(const char *line, struct chart_field *ret) {
@@ -48,10 +51,11 @@ struct chart {
     struct session_grid grid;
     struct rig rig;
     GPtrArray *views, *lights;
-    GArray *near; /* int: lights that count */
-    float *rgb;   /* near lights × texels × 3 */
+    GArray *near; /* of int: lights used */
+    float *rgb;   /* near->len × texels × 3 */
 };
 
+/* |θ − 45°| of a light. */
 static double off_45(const struct session_direction *light) {
     return fabs(light->theta_deg - CHART_DEG);
 }
@@ -65,6 +69,7 @@ static int nearest_view(const struct chart *chart) {
     return best;
 }
 
+/* Chooses the view, and all lights nearly as close to 45° as the closest. */
 static gboolean chart_session_choose(struct chart *chart, const char *path, int *ret_view,
                                      GError **error) {
     double least = HUGE_VAL;
@@ -89,7 +94,7 @@ static struct vec3 texel_mm(const struct chart *chart, int texel) {
     return rectify_point_mm(&chart->grid, column + 0.5, row + 0.5);
 }
 
-/* Of a point in the reference plane: the sum over the lights, of what a white would show. */
+/* Adds a texel: the sum over the lights, and that of a perfect white, which is cos θ_l. */
 static void add_texel(const struct chart *chart, int texel, double seen[3], double *white) {
     int n = chart->grid.width * chart->grid.height;
     struct vec3 p = texel_mm(chart, texel);
@@ -107,6 +112,7 @@ static void add_texel(const struct chart *chart, int texel, double seen[3], doub
     }
 }
 
+/* Averages the texels within the patch's disc. */
 static gboolean measure_field(const struct chart *chart, const struct chart_field *field,
                               struct colour_patch *ret) {
     double seen[3] = {0}, white = 0;

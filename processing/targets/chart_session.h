@@ -1,10 +1,10 @@
-/* A colour chart in a session whose BTF has been made: what each patch reflects. */
+/* Measures a colour chart in a session with a BTF: the reflectance of each patch. */
 #pragma once
 
 #include "radiometry/colour.h"
 #include "session/session.h"
 
-struct chart_field {              /* a patch: a disc that lies wholly within it */
+struct chart_field {              /* a disc within one patch */
     double x_mm, y_mm, radius_mm; /* sample frame */
     double xyz[3];
 };
@@ -13,7 +13,7 @@ struct chart_field {              /* a patch: a disc that lies wholly within it 
  * struct chart_field. NULL: COLOUR_ERROR_FILE, with path and line. */
 GArray *chart_parse(const char *text, const char *path, GError **error);
 
-/* Seen from the view nearest to the normal, under the lights nearest to 45°, as charts are measured
- * (CIE 45°:0°). ret: as fields. */
+/* Measures in the view nearest to the normal under the lights nearest to 45°, the geometry of
+ * charts (CIE 45°:0°). ret: one per field. */
 gboolean chart_session(Session *session, const GArray *fields, struct colour_patch *ret,
                        GError **error);

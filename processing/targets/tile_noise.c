@@ -1,3 +1,5 @@
+/* Photon transfer from the raw exposures that a capture keeps on request: pairs of frames with
+ * the same exposure, in the dark and under a lamp. */
 #include "tile_noise.h"
 
 #include <math.h>
@@ -9,7 +11,7 @@
 
 struct pairs {
     struct transfer_pair pair[MOST_PAIRS];
-    GPtrArray *parts; /* own the pixels */
+    GPtrArray *parts; /* owner of the pixels */
     int n, bits;
 };
 
@@ -40,6 +42,7 @@ static struct exr_part *read_raw(const char *folder, int k, double *ret_us, int 
     return NULL;
 }
 
+/* NULL without an error: there is no such exposure. */
 static struct exr_part *read_checked(const char *folder, int k, const struct rig_camera *camera,
                                      double *ret_us, int *ret_bits, GError **error) {
     struct exr_part *part = read_raw(folder, k, ret_us, ret_bits, error);
@@ -59,7 +62,7 @@ static gboolean has_pair(const struct pairs *pairs, double exposure_us) {
     return FALSE;
 }
 
-/* Of frames that follow each other and have the same exposure, the first two. */
+/* Of consecutive frames with equal exposure takes the first two as a pair. */
 static gboolean read_pairs(const char *folder, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {
     struct exr_part *before = NULL;
@@ -98,7 +101,7 @@ static double tile_noise_mean_of(const struct transfer_pair *pair,
     return sum / (double)n;
 }
 
-/* The pairs of the shot of a kind whose first frame is brightest. */
+/* The pairs of the brightest shot of a kind. */
 static gboolean find_pairs(Session *session, const GPtrArray *shots, enum session_shot_kind kind,
                            int c, const struct rig_camera *camera, struct pairs *ret,
                            GError **error) {
@@ -127,6 +130,7 @@ static gboolean find_pairs(Session *session, const GPtrArray *shots, enum sessio
     return TRUE;
 }
 
+/* Fits one camera; cameras without pairs are skipped. */
 static gboolean fit_camera(Session *session, struct calibration *calibration,
                            const GPtrArray *shots, int c, int *n, GError **error) {
     const struct rig_camera *camera = &calibration->rig.cameras[c];

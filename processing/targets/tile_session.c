@@ -1,3 +1,5 @@
+/* Two passes over the frames: the tile gives the radiometry of cameras and lamps, then the
+ * fiducials beside it are calibrated with that radiometry. */
 #include "tile_session.h"
 
 #include <math.h>
@@ -7,14 +9,14 @@
 #include "session/inputs.h"
 #include "tile_noise.h"
 
-/* A lamp's frames in planned order, and the shot each is of. */
+/* The frames under lamps in planned order, and the shot of each. */
 struct frames {
     GPtrArray *shots, *rows;
     GArray *inputs;     /* of struct input */
     GArray *camera;     /* of int */
-    GArray *shot;       /* of int: into the next */
+    GArray *shot;       /* of int: index into tile_shots */
     GArray *tile_shots; /* of struct tile_shot */
-    GArray *taken_s;    /* of double: when each of them was taken */
+    GArray *taken_s;    /* of double: time of each shot */
     GPtrArray *checksums;
 };
 
@@ -54,6 +56,7 @@ static void add_frame(struct frames *frames, Session *session, const struct sess
     g_ptr_array_add(frames->checksums, input.sha256);
 }
 
+/* Collects the committed frames of lamp shots. */
 static gboolean find_frames(Session *session, const struct rig *rig, struct frames *ret,
                             GError **error) {
     *ret = (struct frames){.inputs = g_array_new(FALSE, FALSE, sizeof(struct input)),
@@ -109,7 +112,7 @@ static gboolean check_stopped(const struct run *run, GError **error) {
     return !run->stopped;
 }
 
-/* NULL: rejected, and why is noted. */
+/* NULL: rejected; the reason is recorded. */
 static struct exr_part *tile_session_read_frame(struct run *run, guint i, const char **ret_cfa) {
     static const char *const channels[] = {"Y", NULL};
     const struct input *input = &g_array_index(run->frames.inputs, struct input, i);
@@ -143,6 +146,7 @@ static void tile_session_measure_tile(struct run *run) {
     }
 }
 
+/* Fits the cells of all frames and takes over the result. */
 static gboolean fit_tile(struct run *run, GError **error) {
     if (run->ret->pictures == 0) {
         g_set_error(error, RADIOMETRY_ERROR, RADIOMETRY_ERROR_TOO_FEW, "no picture is of use: %s",
@@ -187,14 +191,14 @@ static void add_marks(struct run *run, guint i, GArray *seen) {
                                &known->lamp_radiometry[shot->lamp]};
     guint first = seen->len;
     marks_measure(&scene, cfa, exr_part_plane(part, "Y"), seen);
-    for (guint k = first; k < seen->len; k++) { /* of the mark's own white */
+    for (guint k = first; k < seen->len; k++) { /* relative to the fiducial's own white */
         g_array_index(seen, struct mark_seen, k).output /= run->fit.output[at];
         g_array_index(seen, struct mark_seen, k).output_error /= run->fit.output[at];
     }
     exr_part_free(part);
 }
 
-/* Of what is seen of anything, since cameras and lamps share it; relative. */
+/* Relative error of the absolute level, which cameras and lamps share. */
 static double level_error(const struct calibration *known) {
     double squares = 0;
     int n = 0;
@@ -207,6 +211,7 @@ static double level_error(const struct calibration *known) {
     return n > 0 ? sqrt(squares / n) : 0;
 }
 
+/* Estimates each fiducial's position and white from all frames. */
 static void calibrate_marks(struct run *run) {
     struct calibration *to = run->calibration;
     g_autoptr(GArray) seen = g_array_new(FALSE, FALSE, sizeof(struct mark_seen));
@@ -214,7 +219,7 @@ static void calibrate_marks(struct run *run) {
     for (guint i = 0; to->rig.n_marks > 0 && i < run->frames.inputs->len; i++)
         if (goes_on(run, "marks", i))
             add_marks(run, i, seen);
-    g_ptr_array_set_size(run->rejected, (int)rejected); /* they were told already */
+    g_ptr_array_set_size(run->rejected, (int)rejected); /* they have been reported already */
     for (int m = 0; m < to->rig.n_marks; m++) {
         struct mark_fit fit;
         if (!marks_fit(&to->rig, (const struct mark_seen *)(void *)seen->data, (int)seen->len, m,
@@ -232,6 +237,7 @@ static void calibrate_marks(struct run *run) {
     }
 }
 
+/* Size and height of the tile, from the options or from the session's grid. */
 static gboolean set_tile(struct run *run, GError **error) {
     const struct tile_options *o = run->options;
     struct session_grid grid;
@@ -244,7 +250,7 @@ static gboolean set_tile(struct run *run, GError **error) {
     return TRUE;
 }
 
-/* What each lamp gave when, of its mean; for whoever looks at the calibration. */
+/* Stores each lamp's relative output over time, for reports. */
 static void keep_drift(struct run *run) {
     static const char *const keys[] = {"taken_s", "lamp", "output", "output_error"};
     for (guint k = 0; k < G_N_ELEMENTS(keys); k++) {
@@ -262,6 +268,7 @@ static void keep_drift(struct run *run) {
     }
 }
 
+/* Describes the calibration in its part. */
 static void set_part(struct run *run) {
     g_autofree char *sum = calibration_checksum((const char *const *)run->frames.checksums->pdata,
                                                 (int)run->frames.checksums->len);

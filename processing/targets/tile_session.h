@@ -1,7 +1,7 @@
 /*
- * From a session of a white tile to the radiometry of its rig (radiometry/radiometry.h): every lamp
- * frame shows the tile, whose face is the session's reference plane. Marks beside it are calibrated
- * along with it. Where single exposures were kept, as pairs, they tell each camera's noise and
+ * Radiometric calibration from a session of a white tile (radiometry/radiometry.h): every lamp
+ * frame shows the tile, whose face is the session's reference plane. Fiducials beside it are
+ * calibrated along with it. Raw exposures that were kept in pairs give each camera's noise and
  * linearity.
  */
 #pragma once
@@ -18,13 +18,13 @@ struct tile_options {
 
 struct tile_result {
     int pictures, cells;
-    double residual, quality; /* relative, RMS; chi-square a degree of freedom */
-    double drift;             /* largest less least output of a lamp, of its mean */
-    int marks;                /* that were calibrated */
-    int transfers;            /* cameras whose noise is known */
+    double residual, quality; /* relative RMS; χ² per degree of freedom */
+    double drift;             /* largest minus least output of a lamp, relative to its mean */
+    int marks;                /* number of calibrated fiducials */
+    int transfers;            /* number of cameras with known noise */
 };
 
-/* Improves what calibration knows and says so in its part CALIBRATION_RADIOMETRY. Geometry is taken
- * as it is there. Errors of single pictures are kept with the part as rejected ones. */
+/* Updates the calibration and its part CALIBRATION_RADIOMETRY. The geometry is taken as it is.
+ * Errors of single pictures are recorded with the part as rejected ones. */
 gboolean tile_session(Session *session, struct calibration *calibration,
                       const struct tile_options *options, struct tile_result *ret, GError **error);

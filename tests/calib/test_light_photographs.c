@@ -228,7 +228,7 @@ static void dusty(void) {
     dust(scene, 160, 150, 9, 1, 2);
     save(scene, "only.png");
     g_autofree char *out = calibrate(1, &one, 1, FALSE);
-    assert_said(out, "only.png: ball 1 shows no lamp: what is bright in it are specks or streaks");
+    assert_said(out, "only.png: ball 1 shows no lamp: its bright spots are specks or streaks");
 }
 
 static void two_highlights(void) {

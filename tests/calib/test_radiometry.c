@@ -288,7 +288,7 @@ static void bad_tiles(void) {
     struct tile_cell *cell = (struct tile_cell *)(void *)cells->data;
     for (guint i = 0; i < cells->len; i++) /* a pattern, no tile */
         cell[i].signal *= 1 + 0.2 * sin(i * 0.7);
-    tile_refused(shots, N_SHOTS, cells, RADIOMETRY_ERROR_MISFIT, "not a matt white tile");
+    tile_refused(shots, N_SHOTS, cells, RADIOMETRY_ERROR_MISFIT, "do not show a matt white tile");
     /* A camera that never sees the tile when others do. */
     g_autoptr(GArray) apart = g_array_new(FALSE, FALSE, sizeof(struct tile_cell));
     for (guint i = 0; i < cells->len; i++) {

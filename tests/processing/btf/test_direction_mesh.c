@@ -26,7 +26,7 @@ static double evaluate(const DirectionMesh *mesh, const double *points, int n, s
     direction_mesh_weights(mesh, &share, weights);
     for (int i = 0; i < n; i++)
         sum += (double)(weights[i] * values[4 * i]);
-    *ret_held = share.held;
+    *ret_held = share.clamped;
     return sum;
 }
 

@@ -108,14 +108,14 @@ static void test_refused(struct fixture *fixture, gconstpointer unused) {
     fixture->btf->light_phi_deg[1] -= 1;
     g_assert_true(g_file_get_contents(fixture->path, &bytes, &size, NULL));
     g_assert_true(g_file_set_contents(fixture->path, bytes, (gssize)size / 2, NULL));
-    assert_note(fixture, "work", "done anew");
+    assert_note(fixture, "work", "starting from the beginning");
     char *two = memmem(bytes, size, &values[1], sizeof *values);
     g_assert_nonnull(two);
     two[6] ^= 1;
     g_assert_true(g_file_set_contents(fixture->path, bytes, (gssize)size, NULL));
     assert_note(fixture, "work", "is damaged");
     g_assert_true(g_file_set_contents(fixture->path, "not this", -1, NULL));
-    assert_note(fixture, "work", "done anew");
+    assert_note(fixture, "work", "starting from the beginning");
 }
 
 /* Cancels, or kills the process, at the stage's at-th word of progress. */

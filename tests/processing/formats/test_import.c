@@ -138,7 +138,7 @@ static void test_bad_pictures(void) {
     write_exr(one, 1, 1, WIDTH + 1, 0);
     assert_folder_refused(dir, "tl030.0_pl090.0.exr: it has 7 × 4 pixels, the first picture 6 × 4");
     write_exr(one, 1, 1, WIDTH, TEXELS / 2 + 1);
-    assert_folder_refused(dir, "tl030.0_pl090.0.exr: 13 of its 24 pixels are no numbers");
+    assert_folder_refused(dir, "tl030.0_pl090.0.exr: 13 of its 24 pixels are not numbers");
     write_exr(one, 1, 1, WIDTH, 0);
     write_exr(same, 1, 1, WIDTH, 0);
     assert_folder_refused(dir, "of the same view and light as");
@@ -230,9 +230,9 @@ static void test_bad_lists(void) {
     assert_list_refused(list, "many\n", "lights.lp:1: the number of pictures");
     assert_list_refused(list, "2\na.png 0 0 1\n", "it says that there are 2 pictures, but lists 1");
     assert_list_refused(list, "1\na.png 0 1\n", "lights.lp:2: a picture's name and x, y, z");
-    assert_list_refused(list, "1\n\na.png 0 x 1\n", "lights.lp:3: “x” is no number");
-    assert_list_refused(list, "1\na.png 0 nan 1\n", "lights.lp:2: “nan” is no number");
-    assert_list_refused(list, "1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is no direction");
+    assert_list_refused(list, "1\n\na.png 0 x 1\n", "lights.lp:3: “x” is not a number");
+    assert_list_refused(list, "1\na.png 0 nan 1\n", "lights.lp:2: “nan” is not a number");
+    assert_list_refused(list, "1\na.png 0 1 -0.1\n", "lights.lp:2: 0 1 -0.1 is not a direction");
     assert_list_refused(list, "1\nb.png 0 0 1\n", "lights.lp:2: there is no picture");
     assert_list_refused(list, "2\na.png 0 0 1\na.png 0 0 1\n", "of the same view and light");
 }

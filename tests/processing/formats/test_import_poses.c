@@ -261,7 +261,7 @@ static void test_bad(void) {
     assert_refused(dir, HEAD "wide.exr,cam30,lamp30,,0,0,\n",
                    "poses.csv:2: wide.exr has 33 × 32 pixels, camera cam30 has 32 × 32");
     assert_refused(dir, HEAD "nan.exr,cam30,lamp30,,0,0,\n",
-                   "poses.csv:2: 513 of the 1024 pixels of nan.exr are no numbers");
+                   "poses.csv:2: 513 of the 1024 pixels of nan.exr are not numbers");
     assert_refused(dir, HEAD "a.exr,cam30,lamp30,,0,0,\nb.exr,cam30,lamp30,,360,-360,\n",
                    "poses.csv:3: it says the same of b.exr as line 2 says of a.exr");
     assert_refused(
@@ -269,7 +269,7 @@ static void test_bad(void) {
         "there is no picture of camera cam60 at turntable_deg 0 under lamp lamp60 at arc_deg 90");
     assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,\n",
                    "poses.csv:2: a picture of a sweep needs");
-    assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,1\n", "a sweep of 1 pictures tells nothing");
+    assert_refused(dir, HEAD "a.exr,cam30,,laser30,0,0,1\n", "a sweep has 1 pictures; at least 4 are needed");
     assert_refused(dir,
                    HEAD "a.exr,cam30,,laser30,0,0,1\na.exr,cam30,,laser30,0,0,2\n"
                         "a.exr,cam30,,laser30,0,0,3\na.exr,cam30,,laser30,0,0,4.4\n"
