@@ -1,5 +1,7 @@
 #include "config.h"
 
+#include "error_details.h"
+
 #include "input_file.h"
 
 #include <string.h>
@@ -28,7 +30,9 @@ struct Config {
     GArray *problems;     /* of struct config_problem; NULL: the first one ends it */
 };
 
-G_DEFINE_QUARK(config_error, config_error)
+GQuark config_error_quark(void) {
+    return error_details_domain("config_error");
+}
 
 static void entry_free(gpointer data) {
     struct entry *entry = data;
@@ -63,7 +67,7 @@ static void G_GNUC_PRINTF(4, 5)
     g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_SYNTAX, "%s:%d: %s", config->path, line, message);
 }
 
-/* How sections are told apart: spaces within the brackets do not count. */
+/* Identifies a section by class and name, so that extra spaces within the brackets do not count. */
 static char *section_id(const char *class_name, const char *name) {
     return name ? g_strconcat(class_name, " ", name, NULL) : g_strdup(class_name);
 }
@@ -189,8 +193,8 @@ static gboolean is_second_driver(const Config *config, const char *text) {
     return config_value(last, "driver", NULL) != NULL;
 }
 
-/* A section for what follows a heading that cannot be used: not to be taken for the one before. */
-static void add_mended_section(Config *config, const char *heading, int line) {
+/* Begins a section for the keys after a broken heading, so that they do not join the one before. */
+static void add_repaired_section(Config *config, const char *heading, int line) {
     g_autofree char *plain = g_strdup(heading);
     g_strstrip(g_strdelimit(plain, "[]", ' '));
     g_autofree char *text =
@@ -198,7 +202,7 @@ static void add_mended_section(Config *config, const char *heading, int line) {
     config_add_section(config, text, line, NULL);
 }
 
-/* Leaves out what is wrong, and remembers it. */
+/* Leaves out a line that cannot be understood, and notes the problem. */
 static void parse_line_leniently(Config *config, char *text, int line) {
     g_autofree char *copy = g_strdup(g_strstrip(text));
     gboolean second = is_second_driver(config, text);
@@ -208,7 +212,7 @@ static void parse_line_leniently(Config *config, char *text, int line) {
     struct config_problem problem = {g_strdup(error->message), line};
     g_array_append_val(config->problems, problem);
     if (second || is_heading(text))
-        add_mended_section(config, second ? "" : text, line);
+        add_repaired_section(config, second ? "" : text, line);
     if (second)
         config_parse_line(config, text, line, NULL);
 }
@@ -301,7 +305,7 @@ Config *config_load_lenient(const char *path, GError **error) {
         return NULL;
     for (gsize i = 0; i < length; i++)
         if (bytes[i] == '\0')
-            bytes[i] = '\1'; /* a control character, which the line is refused for */
+            bytes[i] = '\1'; /* a control character, for which the line is refused */
     char *text = g_utf8_make_valid(bytes, (gssize)length);
     return config_new(text, strlen(text), path, TRUE, error);
 }
@@ -387,11 +391,13 @@ void config_set_error(GError **error, enum config_error code, const struct confi
                       const char *key, const char *format, ...) {
     va_list args;
     va_start(args, format);
-    g_autofree char *message = g_strdup_vprintf(format, args);
+    GError *made = error_details_new_valist(CONFIG_ERROR, (gint)code, NULL, format, args);
     va_end(args);
     int line = section->line;
     if (key)
         config_value(section, key, &line);
-    g_set_error(error, CONFIG_ERROR, code, "%s:%d: [%s]%s%s: %s", config_path(section->config),
-                line, section->group, key ? " " : "", key ? key : "", message);
+    g_autofree char *where =
+        g_strdup_printf("[%s]%s%s", section->group, key ? " " : "", key ? key : "");
+    error_details_add_place(&made, config_path(section->config), line, where);
+    g_propagate_error(error, made);
 }

@@ -9,7 +9,7 @@
 #include <gio/gio.h>
 
 #define CONFIG_ERROR config_error_quark()
-GQuark config_error_quark(void);
+GQuark config_error_quark(void); /* its errors carry details: base/error_details.h */
 
 /* Messages read "FILE:LINE: [section] key: what is wrong and what would be right". */
 enum config_error {
@@ -32,16 +32,17 @@ struct config_section {
 /* Loads a file of at most 1 MiB; relative paths in it are relative to its folder. */
 Config *config_load(const char *path, GError **error);
 
-/* What a line of a file is wrong with, that was read all the same. */
+/* An error in a line of a file that was read leniently. */
 struct config_problem {
     char *message; /* "FILE:LINE: what is wrong" */
     int line;
 };
 
-/* As much of it as can be understood, for what must not depend on the rest: every other line is
- * left out and told. A heading that is broken or given before begins a section of its own, named
- * after its line; so does a second "driver" in a section, whose class is CONFIG_NO_HEADING and
- * which may lack its first keys. Fails only if the file cannot be read. */
+/* Loads a file that may contain errors, for code that must work all the same (the safe state). A
+ * line that cannot be understood is left out and listed in config_problems(). A heading that is
+ * broken or repeated begins a section of its own, named after its line; so does a second "driver"
+ * in a section, whose class is CONFIG_NO_HEADING and which may lack its first keys. Fails only if
+ * the file cannot be read. */
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 

@@ -21,8 +21,8 @@ static void write_holder(int fd, const char *path) {
         g_debug("%s: %s", path, g_strerror(errno)); /* only a message wants it */
 }
 
-/* FALSE: the holder before removed the file after it was opened here; the lock of a name that is
- * gone keeps nobody out. */
+/* FALSE: the previous holder has removed the file after it was opened here. A lock on a removed
+ * file excludes nobody. */
 static gboolean file_lock_is_there(int fd, const char *path) {
     struct stat open, named;
 

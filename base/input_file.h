@@ -1,9 +1,10 @@
 /*
- * How files that others give are opened: a path may name a FIFO, a device or a folder, a file may
- * be far larger than what it should hold, or promise more pixels than there is memory for. Nothing
- * here waits, and nothing is mapped: a file that is cut off while it is read gives an error.
+ * Opens files from outside, which may be anything: a path may name a FIFO, a device or a folder; a
+ * file may be far too large, or its header may announce more pixels than there is memory for.
+ * Nothing here blocks, and nothing is mapped: a file that is truncated while it is read gives an
+ * error.
  *
- * Errors name the file and what is wrong with it: of G_FILE_ERROR where the system says so, else of
+ * Errors name the file and what is wrong with it: G_FILE_ERROR for an error of the system, else
  * INPUT_FILE_ERROR. Any thread.
  */
 #pragma once
@@ -22,16 +23,16 @@ enum input_file_error {
     INPUT_FILE_ERROR_CUT,       /* it has become shorter */
 };
 
-/* Hands on an error of this module, which is taken, as one of another module: io for what the
- * system says (−1: as it is), unfit for the file's being what it is. */
+/* Propagates an error of this module (ownership is taken) in another domain: code io for an error
+ * of the system (−1: leave it as it is), code unfit for a file of the wrong kind or content. */
 void input_file_propagate(GError *from, GQuark domain, int io, int unfit, GError **error);
 
-/* A picture may have so many pixels whatever its file's length is, and more where its file has two
- * bits or more for each: what compresses to less is no photograph. */
+/* Limit of a picture's pixels: INPUT_FILE_PIXELS, or INPUT_FILE_PIXELS_PER_BYTE times the length of
+ * its file if that is more. No photograph compresses to less than two bits a pixel. */
 #define INPUT_FILE_PIXELS          (48 << 20)
 #define INPUT_FILE_PIXELS_PER_BYTE 4
 
-/* What a file of such a mode is: "a FIFO", "a directory", … */
+/* The kind of a file of this mode: "a FIFO", "a directory", … */
 const char *input_file_kind(mode_t mode);
 
 /* A descriptor to read a regular file of at most max_bytes; links are followed. −1: error.
@@ -48,13 +49,15 @@ char *input_file_read_text(const char *path, gsize max_bytes, GError **error);
 gboolean input_file_read_at(int fd, const char *path, gpointer to, gsize n, guint64 offset,
                             GError **error);
 
-/* Bytes of memory that what a file of this length holds may take once it is decoded: some whatever
- * its length is, and more where it is longer. Nothing measured compresses to less than that. */
+/* Limit of the memory for the decoded content of a file of this length: INPUT_FILE_MEMORY, or
+ * INPUT_FILE_MEMORY_PER_BYTE times the length if that is more. Measured data never compresses more.
+ */
 #define INPUT_FILE_MEMORY          ((guint64)384 << 20)
 #define INPUT_FILE_MEMORY_PER_BYTE 40
 guint64 input_file_memory(guint64 file_bytes);
 
-/* Before a picture is decoded: whether its size is one that a file of that length may have. */
+/* Checks, before a picture is decoded, that a file of this length may hold a picture of this size.
+ */
 gboolean input_file_check_pixels(const char *path, guint64 width, guint64 height,
                                  guint64 file_bytes, GError **error);
 

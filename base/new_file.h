@@ -1,7 +1,7 @@
 /*
- * A file that appears under its name only when it is whole: written beside it under a name that
- * nobody else has, then renamed. Neither follows a symbolic link. What a killed process leaves is
- * called NAME.XXXXXXXX.part. Any thread.
+ * Writes a file so that it appears under its name only when it is complete: under a unique name in
+ * the same folder, then renamed. Neither step follows a symbolic link. A killed process leaves a
+ * file NAME.XXXXXXXX.part. Any thread.
  */
 #pragma once
 
@@ -12,14 +12,15 @@ struct new_file {
     char *name, *beside;
 };
 
-/* relative to directory; the folders that it names are no symbolic links, which directory may be.
+/* relative: path below directory. Its folders must not be symbolic links; directory may be one.
  * FALSE: errno says why. */
 gboolean new_file_begin(struct new_file *file, const char *directory, const char *relative);
 
-/* In its place; sync: on disk when it returns, folder entry included. Either ends it. */
+/* Renames the file to its name; sync: the file and its folder entry are on disk on return. Call one
+ * of commit and abandon, once. */
 gboolean new_file_commit(struct new_file *file, gboolean sync); /* FALSE: errno */
 void new_file_abandon(struct new_file *file);
 
-/* Removes what killed processes have left of files in a folder of directory whose names begin with
- * prefix. Nobody may be writing such files. */
+/* Removes the .part files of killed processes in a folder of directory, of files whose names begin
+ * with prefix. No process may be writing such files. */
 void new_file_remove_left(const char *directory, const char *folder, const char *prefix);

@@ -1,7 +1,7 @@
 /*
- * Options tables: what a section of a configuration file may say, declared beside the code that
- * uses it. From one table the file is parsed and checked, `mesorig drivers` prints its help, and
- * the manual page is written.
+ * Option tables: the keys of a section of a configuration file, declared beside the code that uses
+ * them. The parser, its checks, the help of `mesorig drivers` and the manual page come from one
+ * table.
  */
 #pragma once
 
@@ -30,7 +30,7 @@ struct option {
     enum option_type type;
     const char *unit; /* for the help text; NULL where there is none */
     double min, max;  /* INT, DOUBLE, DOUBLES: inclusive range; both the same: any finite value */
-    const char *fallback; /* the default as it would be written; NULL: the key must be given */
+    const char *fallback;       /* the default as written in a file; NULL: the key must be given */
     const char *const *choices; /* CHOICE: NULL-terminated */
     gsize offset;               /* of the field in the target struct */
     const char *help;           /* one sentence, no full stop */

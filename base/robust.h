@@ -1,17 +1,16 @@
-/* Statistics that a few wild values do not move. Any thread. */
+/* Robust statistics: outliers have a bounded influence. Any thread. */
 #pragma once
 
-/* Of n ≥ 1 values, which it sorts; of an even number the mean of the two in the middle. */
+/* Median of n ≥ 1 values, which it sorts; for even n the mean of the two middle values. */
 double robust_median(double *values, int n);
 
-/* How far values usually are from a middle: 1.4826 times the median of distances, which of normal
- * deviates is their standard deviation. */
+/* Robust standard deviation: σ = 1.4826 · median |value − middle|. It equals the standard deviation
+ * for normally distributed values. */
 double robust_spread(const double *values, int n, double middle);
 
-/* Tukey's weight, from 1 to 0: what is further off than 4.685 times the usual residual does not
- * count. */
+/* Tukey's biweight: w(u) = (1 − u²)² with u = residual / (4.685 · scale), 0 for |u| ≥ 1. */
 double robust_biweight(double residual, double scale);
 
-/* Of something that was seen with a standard error, and is known to be 0 up to a standard
- * deviation: what is most likely. */
+/* Posterior mean of a value measured with a standard error whose prior is normal with mean 0 and
+ * standard deviation known: seen · known² / (known² + error²). */
 double robust_shrink(double seen, double error, double known);

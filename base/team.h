@@ -5,16 +5,18 @@
 
 #define TEAM_ROWS 256 /* texels are shared out in multiples of these */
 
-/* What they say to each other. All of them call the same in the same order; each waits for all. */
+/* Collective operations. All ranks make the same calls in the same order; each call waits for all.
+ */
 struct team {
     int rank, n_ranks;
     gpointer data;
     /* Element by element, over all ranks; all get the result. */
     void (*sum_floats)(const struct team *team, float *values, gsize n);
     void (*sum_doubles)(const struct team *team, double *values, gsize n);
-    /* Rank i has filled bytes starts[i] … starts[i + 1] − 1 of all; then all have everything. */
+    /* Gathers to all: rank i has filled bytes starts[i] … starts[i + 1] − 1; then each has all
+     * bytes. */
     void (*share)(const struct team *team, void *all, const gsize *starts);
-    /* The root alone has all; rank i gets values starts[i] … starts[i + 1] − 1 of it. */
+    /* Scatters: only the root has all; rank i gets its values starts[i] … starts[i + 1] − 1. */
     void (*deal)(const struct team *team, int root, const float *all, const gsize *starts,
                  float *ret_mine);
 };

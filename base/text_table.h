@@ -1,5 +1,6 @@
-/* Tables of text: a head that names the columns, then a line a row; fields separated by commas or
- * semicolons, those with such in them in double quotes; # begins a comment. Any thread. */
+/* Text tables (CSV): a header line that names the columns, then one line for each row. Fields are
+ * separated by commas or semicolons; a field that contains one stands in double quotes; # begins a
+ * comment. Any thread. */
 #pragma once
 
 #include <gio/gio.h>

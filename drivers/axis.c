@@ -3,15 +3,16 @@
 #include <math.h>
 
 /*
- * The deadline of a movement is its predicted time · 1.5 + 4 s, enough for a driver to
- * hear again from a device that was not heard for a while. Homing is predicted as ten times a
- * move over the whole way (limits, or a full turn), since it goes slowly; a stop as v/a.
+ * The deadline of a movement is 1.5 times its predicted time plus 4 s. The 4 s let a driver recover
+ * a device that did not answer for a while. Homing is slow: it is predicted as ten times a move
+ * over the whole range (between the limits, or a full turn). A stop is predicted as v/a, with top
+ * speed v and acceleration a.
  */
 #define DEADLINE_FACTOR  1.5
 #define DEADLINE_EXTRA_S 4.0
 #define HOMING_FACTOR    10.0
 
-/* Less than any drive resolves; more than sums of angles are off by. */
+/* Below the resolution of any drive, above the rounding error of sums of angles. */
 #define SAME_DEG 1e-9
 
 enum activity { IDLE, HOMING, MOVING };
@@ -21,11 +22,12 @@ struct axis_state {
     gpointer data;
     enum activity activity;
     gboolean homed;
-    gboolean driver_moves; /* a report is waited for; FALSE while settling */
+    gboolean driver_moves; /* the driver has not reported yet; FALSE while settling */
     gboolean stopping;
-    gboolean slack_unknown; /* stopped on the way: the next move takes up backlash anyhow */
+    gboolean
+        slack_unknown; /* stopped on the way: the next move takes up backlash in either direction */
     gboolean another_leg;
-    double target_deg; /* of the last leg, as the driver counts */
+    double target_deg; /* of the last leg, in the driver's count */
     guint deadline, settle;
 };
 
@@ -46,7 +48,8 @@ static double leg_time_s(const struct axis_motion *motion, double way_deg) {
     return d >= v * v / a ? d / v + v / a : 2 * sqrt(d / a);
 }
 
-/* How far below the target a move turns round, so that it arrives in the positive direction. */
+/* Distance below the target at which a move reverses, so that it arrives in the positive direction.
+ */
 static double overshoot_deg(const struct axis_motion *motion, double to_deg) {
     double room = motion->wraps ? motion->backlash_deg : MAX(0, to_deg - motion->min_deg);
     return MIN(motion->backlash_deg, room);
@@ -72,11 +75,10 @@ static gboolean check_motion(const Axis *axis, GError **error) {
     if (finite && m->speed_deg_s > 0 && m->accel_deg_s2 > 0 && m->backlash_deg >= 0 &&
         m->settle_ms >= 0 && (m->wraps || m->min_deg < m->max_deg))
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                "axis %s: makes no sense: limits %g to %g°, speed %g°/s, acceleration %g°/s², "
-                "backlash %g°; correct its section",
-                axis->device.name, m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2,
-                m->backlash_deg);
+    device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                     "makes no sense: limits %g to %g°, speed %g°/s, acceleration %g°/s², backlash "
+                     "%g°" ERROR_ADVICE "correct its section",
+                     m->min_deg, m->max_deg, m->speed_deg_s, m->accel_deg_s2, m->backlash_deg);
     return FALSE;
 }
 
@@ -123,7 +125,7 @@ void axis_listen(Axis *axis, AxisFunc func, gpointer data) {
     axis->state->data = data;
 }
 
-/* Last in its caller: the listener may close the axis. */
+/* Call it last: the listener may close the axis. */
 static void axis_end(Axis *axis, enum axis_event event, const GError *error) {
     struct axis_state *state = axis->state;
     cancel_timers(axis);
@@ -147,12 +149,11 @@ static const char *activity_name(const Axis *axis) {
 static void axis_on_deadline(gpointer data) {
     Axis *axis = data;
     axis->state->deadline = 0;
-    g_autoptr(GError) error =
-        g_error_new(DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
-                    "axis %s: still %s at its deadline, last seen at %.3f°; check drive and cable",
-
-                    axis->device.name, activity_name(axis), axis->driver->position(axis));
-    /* What it answers is not waited for: whatever it does, its position is unknown. */
+    g_autoptr(GError) error = device_error_new(
+        DEVICE_ERROR_TIMEOUT, axis->device.who,
+        "still %s at its deadline, last seen at %.3f°" ERROR_ADVICE "check drive and cable",
+        activity_name(axis), axis->driver->position(axis));
+    /* Do not wait for its answer: the position is unknown in any case. */
     axis->state->driver_moves = FALSE;
     axis->driver->stop(axis, NULL);
     axis_do_fault(axis, error);
@@ -169,8 +170,8 @@ static void set_deadline(Axis *axis, double predicted_s) {
 static gboolean axis_check_idle(const Axis *axis, GError **error) {
     if (axis->state->activity == IDLE)
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "axis %s: still %s; wait or stop it first",
-                axis->device.name, activity_name(axis));
+    device_error_set(error, DEVICE_ERROR_BUSY, axis->device.who,
+                     "still %s" ERROR_ADVICE "wait or stop it first", activity_name(axis));
     return FALSE;
 }
 
@@ -197,19 +198,19 @@ static gboolean check_target(const Axis *axis, double target_deg, GError **error
     if (!axis_check_idle(axis, error))
         return FALSE;
     if (!axis->state->homed) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "axis %s: its position is not known; home it first", axis->device.name);
+        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                         "its position is not known" ERROR_ADVICE "home it first");
         return FALSE;
     }
     if (!isfinite(target_deg)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE, "axis %s: %g is no position",
-                    axis->device.name, target_deg);
+        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who, "%g is no position",
+                         target_deg);
         return FALSE;
     }
     if (!motion->wraps && (target_deg < motion->min_deg || target_deg > motion->max_deg)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "axis %s: %g° is outside its limits, %g to %g°", axis->device.name, target_deg,
-                    motion->min_deg, motion->max_deg);
+        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                         "%g° is outside its limits, %g to %g°", target_deg, motion->min_deg,
+                         motion->max_deg);
         return FALSE;
     }
     return TRUE;
@@ -333,8 +334,7 @@ void axis_report(Axis *axis, enum axis_event event, GError *error) {
     g_autoptr(GError) owned = error;
     if (event == AXIS_FAULT) {
         if (!owned)
-            owned = g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "axis %s: a fault",
-                                axis->device.name);
+            owned = device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who, "a fault");
         axis_do_fault(axis, owned);
         return;
     }

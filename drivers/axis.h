@@ -18,16 +18,37 @@ enum axis_event {
 /* error is set with AXIS_FAULT only, and valid during the call. */
 typedef void (*AxisFunc)(Axis *axis, enum axis_event event, const GError *error, gpointer data);
 
-/* How an axis moves, so that a plan can predict time. Filled by the driver's open(), most simply
- * from one in its own state that its options table points into. */
+/* How an axis moves; a plan predicts its times from this. The driver's open() fills it, most simply
+ * with a copy of the one in its private struct that AXIS_MOTION_OPTIONS has filled. */
 struct axis_motion {
     double min_deg, max_deg; /* limits, inclusive */
-    gboolean wraps;      /* may turn on without end: targets are taken modulo 360, the short way */
+    gboolean wraps;      /* turns without end: targets are taken modulo 360, by the shorter way */
     double speed_deg_s;  /* > 0 */
     double accel_deg_s2; /* > 0, also to stop */
     double backlash_deg; /* >= 0: taken up by always arriving in the positive direction */
-    double settle_ms;    /* after arrival, before the load is still; waited for by the class */
+    double settle_ms;    /* from arrival until the load is still; the class waits for it */
 };
+
+/* The options of a motion, for a driver's table. at: offset of the struct axis_motion that they
+ * fill; speed, accel: defaults of speed_deg_s and accel_deg_s2, NULL where they must be given. */
+/* clang-format off */
+#define AXIS_MOTION_OPTIONS(at, speed, accel)                                                      \
+    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, AXIS_MOTION(at, wraps),                         \
+     "Turns on without end, so that it has no limits and goes the short way"},                     \
+    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, AXIS_MOTION(at, min_deg),       \
+     "Lower limit"},                                                                               \
+    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, AXIS_MOTION(at, max_deg),        \
+     "Upper limit"},                                                                               \
+    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, speed, NULL,                            \
+     AXIS_MOTION(at, speed_deg_s), "Top speed"},                                                   \
+    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, accel, NULL,                         \
+     AXIS_MOTION(at, accel_deg_s2), "Acceleration, also to stop"},                                 \
+    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, AXIS_MOTION(at, backlash_deg),        \
+     "Lost motion, taken up by always arriving in the positive direction"},                        \
+    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, AXIS_MOTION(at, settle_ms),            \
+     "From arrival until the load is still"}
+#define AXIS_MOTION(at, field) ((at) + G_STRUCT_OFFSET(struct axis_motion, field))
+/* clang-format on */
 
 struct axis_driver {
     struct driver_info info;
@@ -64,33 +85,35 @@ Axis *axis_open(const struct axis_driver *driver, const struct config_section *s
 void axis_close(Axis *axis);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Axis, axis_close)
 
-/* Who hears the events; one listener. */
+/* Sets the one listener that receives the events. */
 void axis_listen(Axis *axis, AxisFunc func, gpointer data);
 
 gboolean axis_home(Axis *axis, GError **error);
 
-/* Refused before anything moves: not homed, busy, NaN, outside the limits. Takes up backlash. */
+/* Takes up backlash. Refuses, before anything moves: an axis that is not homed or busy, a target
+ * that is NaN or outside the limits. */
 gboolean axis_move(Axis *axis, double target_deg, GError **error);
 
 /* Does nothing, successfully, on an axis that stands. */
 gboolean axis_stop(Axis *axis, GError **error);
 
-/* Stops it whatever it does, also what another program has set off, which axis_stop() does not know
- * of. Ends in AXIS_STOPPED when the device says that it stands, or in AXIS_FAULT. */
+/* Stops any motion, also one that another program has started, of which axis_stop() does not know.
+ * Ends in AXIS_STOPPED when the device reports that it stands, or in AXIS_FAULT. */
 gboolean axis_halt(Axis *axis, GError **error);
 
 gboolean axis_is_homed(const Axis *axis);
 gboolean axis_is_moving(const Axis *axis); /* until its event was delivered, settling included */
 double axis_position_deg(Axis *axis);
 
-/* For drivers: says how what was started has ended; main loop's thread, not from within home() or
- * move(). Takes ownership of error (NULL but for AXIS_FAULT). A report nobody waits for is
- * ignored, except AXIS_FAULT. The listener may close the axis: touch nothing afterwards. */
+/* For drivers: reports how a homing, move or stop has ended. Call it from the main loop's thread,
+ * not from within home() or move(). Takes ownership of error (NULL except for AXIS_FAULT). A report
+ * that nobody waits for is ignored, except AXIS_FAULT. The listener may close the axis: do not
+ * touch it afterwards. */
 void axis_report(Axis *axis, enum axis_event event, GError *error);
 
 /* Seconds a move takes, backlash and settling included; 0 if from and to are the same. Pure.
  * Trapezoidal speed: t = d/v + v/a, or 2 sqrt(d/a) where the top speed is not reached. */
 double axis_move_time_s(const struct axis_motion *motion, double from_deg, double to_deg);
 
-/* Signed way from one position to another: the short way round if the axis wraps. Pure. */
+/* Signed distance from one position to another: the shorter way round if the axis wraps. Pure. */
 double axis_way_deg(const struct axis_motion *motion, double from_deg, double to_deg);

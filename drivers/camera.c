@@ -3,11 +3,11 @@
 #include <math.h>
 #include <string.h>
 
-/* A trigger's deadline is what it takes to begin + its exposure + 3 read-outs + 2 s. */
+/* The deadline of a trigger is its delay + exposure + 3 read-outs + 2 s. */
 #define DEADLINE_READOUTS 3
 #define DEADLINE_EXTRA_US (2 * G_USEC_PER_SEC)
 
-/* How far a camera's clock may be off when its stamps are turned into ours. */
+/* Largest error of a camera's time stamps after conversion to our clock. */
 #define STAMP_TOLERANCE_US 1000
 
 #define N_SEEN     8
@@ -43,11 +43,10 @@ static gboolean camera_check_format(const Camera *camera, GError **error) {
         f->bits <= 16 && f->min_exposure_us > 0 && f->min_exposure_us <= f->max_exposure_us &&
         f->readout_us >= 0 && f->trigger_us >= 0 && isfinite(f->black_level))
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                "camera %s: a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
-                " to %" G_GINT64_FORMAT " µs makes no sense",
-                camera->device.name, f->width, f->height, f->bits, f->min_exposure_us,
-                f->max_exposure_us);
+    device_error_set(error, DEVICE_ERROR_PROTOCOL, camera->device.who,
+                     "a format of %d × %d pixels of %d bits, exposures %" G_GINT64_FORMAT
+                     " to %" G_GINT64_FORMAT " µs makes no sense",
+                     f->width, f->height, f->bits, f->min_exposure_us, f->max_exposure_us);
     return FALSE;
 }
 
@@ -92,7 +91,7 @@ void camera_listen(Camera *camera, CameraFunc func, gpointer data) {
     camera->state->data = data;
 }
 
-/* Last in its caller: the listener may close the camera. */
+/* Call it last: the listener may close the camera. */
 static void camera_notify(Camera *camera, enum camera_event event, Frame *frame,
                           const GError *error) {
     if (camera->state->func)
@@ -102,8 +101,8 @@ static void camera_notify(Camera *camera, enum camera_event event, Frame *frame,
 static gboolean check_not_waiting(const Camera *camera, GError **error) {
     if (!camera->state->waiting)
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
-                "camera %s: still waits for the picture of its last trigger", camera->device.name);
+    device_error_set(error, DEVICE_ERROR_BUSY, camera->device.who,
+                     "still waits for the picture of its last trigger");
     return FALSE;
 }
 
@@ -114,16 +113,15 @@ gboolean camera_configure(Camera *camera, const struct camera_settings *settings
         return FALSE;
     if (settings->exposure_us < format->min_exposure_us ||
         settings->exposure_us > format->max_exposure_us) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "camera %s: cannot expose for %" G_GINT64_FORMAT " µs, only %" G_GINT64_FORMAT
-                    " to %" G_GINT64_FORMAT " µs",
-                    camera->device.name, settings->exposure_us, format->min_exposure_us,
-                    format->max_exposure_us);
+        device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
+                         "cannot expose for %" G_GINT64_FORMAT " µs, only %" G_GINT64_FORMAT
+                         " to %" G_GINT64_FORMAT " µs",
+                         settings->exposure_us, format->min_exposure_us, format->max_exposure_us);
         return FALSE;
     }
     if (!isfinite(settings->gain_db)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE, "camera %s: %g is no gain",
-                    camera->device.name, settings->gain_db);
+        device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who, "%g is no gain",
+                         settings->gain_db);
         return FALSE;
     }
     if (state->configured && state->settings.exposure_us == settings->exposure_us &&
@@ -141,7 +139,7 @@ gboolean camera_arm(Camera *camera, GError **error) {
     if (!camera->driver->arm(camera, error))
         return FALSE;
     state->armed = TRUE;
-    state->has_last_id = FALSE; /* many count anew from here */
+    state->has_last_id = FALSE; /* many cameras restart their frame ids here */
     return TRUE;
 }
 
@@ -166,11 +164,10 @@ static void camera_fault(Camera *camera, const GError *error) {
 static void camera_on_deadline(gpointer data) {
     Camera *camera = data;
     camera->state->deadline = 0;
-    g_autoptr(GError) error = g_error_new(
-        DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
-        "camera %s: no picture %.1f s after its trigger (exposure %" G_GINT64_FORMAT
-        " µs); check its cable",
-        camera->device.name,
+    g_autoptr(GError) error = device_error_new(
+        DEVICE_ERROR_TIMEOUT, camera->device.who,
+        "no picture %.1f s after its trigger (exposure %" G_GINT64_FORMAT " µs)" ERROR_ADVICE
+        "check its cable",
         (double)(clock_now_us(camera->device.clock) - camera->state->triggered_us) / 1e6,
         camera->state->settings.exposure_us);
     camera_fault(camera, error);
@@ -181,9 +178,9 @@ gboolean camera_trigger(Camera *camera, guint64 shot, GError **error) {
     if (!check_not_waiting(camera, error))
         return FALSE;
     if (!state->armed || !state->configured) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "camera %s: cannot be triggered before it is %s", camera->device.name,
-                    state->armed ? "configured" : "armed");
+        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, camera->device.who,
+                         "cannot be triggered before it is %s",
+                         state->armed ? "configured" : "armed");
         return FALSE;
     }
     state->waiting = TRUE;
@@ -208,14 +205,14 @@ gboolean camera_is_waiting(const Camera *camera) {
     return camera->state->waiting;
 }
 
-/* A different word always makes a different hash of the same hash before, and the turn brings what
- * differs in a word's highest bits to where a product spreads it. */
+/* One step of the hash. It is injective in the word for a given hash; the rotation moves
+ * differences in the highest bits of a word to where the multiplication spreads them. */
 static inline guint64 hash_step(guint64 hash, guint64 word) {
     hash = (hash ^ word) * 0x9e3779b97f4a7c15u;
     return hash << 29 | hash >> 35;
 }
 
-/* Lanes do not wait for each other's products.
+/* Hash of a picture, in independent lanes, so that the processor overlaps their multiplications.
  * 0 for a picture that is one value all over, as a covered or saturated one may be: it says nothing
  * about where it comes from. */
 static guint64 hash_frame(const Frame *frame) {
@@ -266,8 +263,7 @@ static gboolean camera_refuse(const Camera *camera, enum device_error code, GErr
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    g_set_error(error, DEVICE_ERROR, code, "camera %s: picture refused: %s", camera->device.name,
-                what);
+    device_error_set(error, code, camera->device.who, "picture refused: %s", what);
     return FALSE;
 }
 
@@ -353,7 +349,6 @@ void camera_report_frame(Camera *camera, Frame *frame) {
 void camera_report_fault(Camera *camera, GError *error) {
     g_autoptr(GError) owned = error;
     if (!owned)
-        owned = g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "camera %s: a fault",
-                            camera->device.name);
+        owned = device_error_new(DEVICE_ERROR_DISCONNECTED, camera->device.who, "a fault");
     camera_fault(camera, owned);
 }

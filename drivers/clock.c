@@ -60,7 +60,7 @@ static gboolean clock_check(GSource *source) {
     return is_due(((struct clock_source *)source)->clock);
 }
 
-/* One call a round, so that whatever it made ready goes before the next jump in time. */
+/* One call an iteration of the main loop, so that what it made ready runs before time jumps on. */
 static gboolean clock_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     g_autoptr(Clock) clock = clock_ref(((struct clock_source *)source)->clock);
     if (!is_due(clock)) {
@@ -90,7 +90,7 @@ static Clock *clock_new(gboolean is_virtual) {
     clock->source = g_source_new(&source_funcs, sizeof(struct clock_source));
     ((struct clock_source *)clock->source)->clock = clock;
     g_source_set_name(clock->source, "mesorig clock");
-    /* Behind everything else, idle sources included: time passes only when all is quiet. */
+    /* Lowest priority, below idle sources: time passes only when nothing else is ready. */
     g_source_set_priority(clock->source, is_virtual ? G_PRIORITY_LOW + 1000 : G_PRIORITY_DEFAULT);
     g_source_set_can_recurse(clock->source, TRUE);
     g_source_attach(clock->source, NULL);
@@ -132,7 +132,7 @@ gint64 clock_now_us(const Clock *clock) {
 guint clock_call_at(Clock *clock, gint64 at_us, ClockFunc func, gpointer data) {
     g_return_val_if_fail(clock && func, 0);
     struct call *call = g_new0(struct call, 1);
-    /* What is late already goes behind what was due before now and waits still. */
+    /* A call that is already late is made after those that were due earlier. */
     call->at_us = clock->is_virtual ? MAX(at_us, clock->now_us) : at_us;
     call->id = ++clock->last_id ? clock->last_id : ++clock->last_id;
     call->func = func;

@@ -1,6 +1,24 @@
 #include "device.h"
 
-G_DEFINE_QUARK(device_error, device_error)
+GQuark device_error_quark(void) {
+    return error_details_domain("device_error");
+}
+
+GError *device_error_new(enum device_error code, const char *who, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    GError *error = error_details_new_valist(DEVICE_ERROR, (gint)code, who, format, args);
+    va_end(args);
+    return error;
+}
+
+void device_error_set(GError **error, enum device_error code, const char *who, const char *format,
+                      ...) {
+    va_list args;
+    va_start(args, format);
+    g_propagate_error(error, error_details_new_valist(DEVICE_ERROR, (gint)code, who, format, args));
+    va_end(args);
+}
 
 /* The keys of the class or rig, and the one that chose the driver. */
 static const char **add_driver_key(const char *const *also) {
@@ -24,6 +42,7 @@ gboolean device_init(struct device *device, const struct driver_info *info,
     }
     device->info = info;
     device->name = g_strdup(section->name ? section->name : section->class_name);
+    device->who = g_strdup_printf("%s %s", info->class_name, device->name);
     device->clock = clock_ref(clock);
     device->priv = priv;
     device->section = section;
@@ -36,6 +55,7 @@ void device_clear(struct device *device) {
     options_clear(device->info->options, device->priv);
     g_clear_pointer(&device->priv, g_free);
     g_clear_pointer(&device->name, g_free);
+    g_clear_pointer(&device->who, g_free);
     g_clear_pointer(&device->clock, clock_unref);
     device->info = NULL;
 }

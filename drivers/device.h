@@ -5,28 +5,40 @@
  * A device belongs to the main loop's thread. Calls return at once; what takes time ends in exactly
  * one event, called back from the main loop, never from within the call that asked for it. A driver
  * whose library blocks keeps it in a thread of its own that only posts to the main context. Calls
- * take effect in the order in which they were made. Deadlines are kept by the class, not by the
- * driver: a driver that says nothing is a fault with DEVICE_ERROR_TIMEOUT.
+ * take effect in the order in which they were made. The class keeps the deadlines, not the driver:
+ * a driver that does not report in time is a fault with DEVICE_ERROR_TIMEOUT.
  */
 #pragma once
 
+#include "base/error_details.h"
 #include "base/options.h"
 #include "clock.h"
 
 #define DEVICE_ERROR device_error_quark()
-GQuark device_error_quark(void);
+GQuark device_error_quark(void); /* its errors carry details: base/error_details.h */
 
 enum device_error {
-    DEVICE_ERROR_RANGE,   /* the value asked for is outside the device's limits; nothing moved */
+    DEVICE_ERROR_RANGE,   /* the requested value is outside the device's limits; nothing moved */
     DEVICE_ERROR_BUSY,    /* it is still doing something else */
     DEVICE_ERROR_TIMEOUT, /* it did not answer before its deadline */
     DEVICE_ERROR_DISCONNECTED, /* it is gone */
-    DEVICE_ERROR_STALLED,      /* an axis did not get where it was sent */
+    DEVICE_ERROR_STALLED,      /* an axis did not reach its target */
     DEVICE_ERROR_INTERLOCK,    /* the interlock forbids it */
-    DEVICE_ERROR_PROTOCOL,     /* it answered nonsense */
+    DEVICE_ERROR_PROTOCOL,     /* its answer is invalid, or it reports a failure */
     DEVICE_ERROR_STALE,        /* a frame that was not exposed after its trigger, or seen before */
     DEVICE_ERROR_UNSUPPORTED,  /* it cannot do that */
 };
+
+/* An error of a device. who: the device it is about (struct device has it), or NULL where a layer
+ * below does not know: whoever knows adds it with error_details_add_subject(). The format says what
+ * happened, without the device, and after ERROR_ADVICE what to do:
+ *     device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+ *                      "its position is not known" ERROR_ADVICE "home it first");
+ * reads "axis turntable: its position is not known; home it first". */
+GError *device_error_new(enum device_error code, const char *who, const char *format, ...)
+    G_GNUC_PRINTF(3, 4);
+void device_error_set(GError **error, enum device_error code, const char *who, const char *format,
+                      ...) G_GNUC_PRINTF(4, 5);
 
 /* First member of every class's driver struct. */
 struct driver_info {
@@ -45,6 +57,7 @@ struct device {
     gpointer priv; /* the driver's, of info->priv_size */
     /* During the driver's open() alone: for errors that name file and line. */
     const struct config_section *section;
+    char *who; /* class and name, the subject of its errors: "axis turntable" */
 };
 
 /* For classes: fills a device from its section, checking the driver's options; also lists keys that

@@ -76,7 +76,7 @@ void interlock_report(Interlock *interlock, gboolean closed) {
     if (interlock->state->closed == closed)
         return;
     interlock->state->closed = closed;
-    /* Found anew each time: a listener may take itself or others off the list. */
+    /* Look the listener up each time: one may remove itself or others from the list. */
     const struct listener *listener;
     for (guint id = 0; (listener = next_listener(interlock, id));) {
         id = listener->id;

@@ -50,9 +50,10 @@ LampBank *lamps_open(const struct lamps_driver *driver, const struct config_sect
         return NULL;
     }
     if (bank->n < 1 || bank->n > MAX_LAMPS || !isfinite(bank->warm_up_s) || bank->warm_up_s < 0) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "lamps %s: %d lamps with a warm-up of %g s make no sense; correct its section",
-                    bank->device.name, bank->n, bank->warm_up_s);
+        device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
+                         "%d lamps with a warm-up of %g s make no sense" ERROR_ADVICE
+                         "correct its section",
+                         bank->n, bank->warm_up_s);
         lamps_close(bank);
         return NULL;
     }
@@ -73,7 +74,7 @@ void lamps_listen(LampBank *bank, LampsFunc func, gpointer data) {
     bank->state->data = data;
 }
 
-/* Last in its caller: the listener may close the bank. */
+/* Call it last: the listener may close the bank. */
 static void lamps_notify(LampBank *bank, int index, gboolean on, gint64 at_us,
                          const GError *error) {
     if (bank->state->func)
@@ -90,10 +91,10 @@ static void lamps_on_deadline(gpointer data) {
     int index = pending->index;
     gboolean on = pending->on;
     g_autofree char *what = lamp_text(index);
-    g_autoptr(GError) error = g_error_new(
-        DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
-        "lamps %s: %s did not answer to \"%s\" within %d s; check its cable and power",
-        bank->device.name, what, on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC));
+    g_autoptr(GError) error = device_error_new(
+        DEVICE_ERROR_TIMEOUT, bank->device.who,
+        "%s did not answer to \"%s\" within %d s" ERROR_ADVICE "check its cable and power", what,
+        on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC));
     pending->deadline = 0;
     g_queue_remove(&bank->state->pending, pending);
     lamps_pending_free(pending);
@@ -117,9 +118,8 @@ static gboolean lamps_start(LampBank *bank, int index, gboolean on, GError **err
 
 gboolean lamps_set(LampBank *bank, int index, gboolean on, GError **error) {
     if (index < 0 || index >= bank->n) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "lamps %s: there is no lamp %d; it has 0 to %d", bank->device.name, index,
-                    bank->n - 1);
+        device_error_set(error, DEVICE_ERROR_RANGE, bank->device.who,
+                         "there is no lamp %d; it has 0 to %d", index, bank->n - 1);
         return FALSE;
     }
     return lamps_start(bank, index, on != FALSE, error);
@@ -161,7 +161,7 @@ void lamps_report(LampBank *bank, int index, gboolean on, GError *error) {
     g_autoptr(GError) owned = error;
     struct pending *pending = g_queue_peek_head(&bank->state->pending);
     on = on != FALSE;
-    /* Anything else is the late answer to a set() that was given up. */
+    /* Any other report is the late answer to a set() that has timed out. */
     if (!pending || pending->index != index || pending->on != on)
         return;
     g_queue_pop_head(&bank->state->pending);

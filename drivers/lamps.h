@@ -25,8 +25,8 @@ struct LampBank {
     const struct lamps_driver *driver;
     int n;
     double warm_up_s;  /* from switching on until the output is stable */
-    double watchdog_s; /* filled by open(): its lamps go off by themselves so long after this
-                        * program has died, hangs or cannot reach them; 0: they stay on */
+    double watchdog_s; /* filled by open(): how long after this program died, hung or lost the
+                        * connection its lamps go off by themselves; 0: they stay on */
     struct lamps_state *state;
 };
 
@@ -50,7 +50,7 @@ double lamps_hours(const LampBank *bank, int index);       /* burnt since opened
 /* For drivers: one answer a set(), in order. Takes ownership of error. */
 void lamps_report(LampBank *bank, int index, gboolean on, GError *error);
 
-/* Lamps that were on are so no longer, or nobody knows any more which are: told as an "on" of all
- * (index -1) that failed, and all are switched off. Last in its caller: the listener may close the
- * bank. Takes ownership of error. */
+/* For drivers: lamps have gone off by themselves, or their state is unknown. Reports a failed "on"
+ * of all lamps (index -1) and switches all off. Call it last: the listener may close the bank.
+ * Takes ownership of error. */
 void lamps_lost(LampBank *bank, GError *error);

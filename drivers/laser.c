@@ -45,10 +45,10 @@ Laser *laser_open(const struct laser_driver *driver, const struct config_section
     }
     if (!isfinite(laser->warm_up_s) || laser->warm_up_s < 0 || !isfinite(laser->watchdog_s) ||
         laser->watchdog_s < 0) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "laser %s: a warm-up of %g s and a watchdog of %g s make no sense; correct its "
-                    "section",
-                    laser->device.name, laser->warm_up_s, laser->watchdog_s);
+        device_error_set(error, DEVICE_ERROR_RANGE, laser->device.who,
+                         "a warm-up of %g s and a watchdog of %g s make no sense" ERROR_ADVICE
+                         "correct its section",
+                         laser->warm_up_s, laser->watchdog_s);
         laser_close(laser);
         return NULL;
     }
@@ -69,7 +69,7 @@ void laser_listen(Laser *laser, LaserFunc func, gpointer data) {
     laser->state->data = data;
 }
 
-/* Last in its caller: the listener may close the laser. */
+/* Call it last: the listener may close the laser. */
 static void laser_notify(Laser *laser, gboolean on, const GError *error) {
     if (laser->state->func)
         laser->state->func(laser, on, error, laser->state->data);
@@ -79,10 +79,11 @@ static void laser_on_deadline(gpointer data) {
     struct pending *pending = data;
     Laser *laser = pending->laser;
     gboolean on = pending->on;
-    g_autoptr(GError) error = g_error_new(
-        DEVICE_ERROR, DEVICE_ERROR_TIMEOUT, "laser %s: did not answer to \"%s\" within %d s%s",
-        laser->device.name, on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC),
-        on ? "; check its cable and power" : "; it may still shine: cut its power by hand");
+    g_autoptr(GError) error = device_error_new(
+        DEVICE_ERROR_TIMEOUT, laser->device.who, "did not answer to \"%s\" within %d s%s",
+        on ? "on" : "off", (int)(DEADLINE_US / G_USEC_PER_SEC),
+        on ? ERROR_ADVICE "check its cable and power"
+           : ERROR_ADVICE "it may still shine: cut its power by hand");
     pending->deadline = 0;
     g_queue_remove(&laser->state->pending, pending);
     laser_pending_free(pending);
@@ -137,9 +138,10 @@ void laser_guard(Laser *laser, Interlock *interlock) {
 gboolean laser_set(Laser *laser, gboolean on, GError **error) {
     const Interlock *guard = laser->state->guard;
     if (on && guard && !interlock_is_closed(guard)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK,
-                    "laser %s: not switched on, since the interlock %s is open; close it first",
-                    laser->device.name, guard->device.name);
+        device_error_set(error, DEVICE_ERROR_INTERLOCK, laser->device.who,
+                         "not switched on, since the interlock %s is open" ERROR_ADVICE
+                         "close it first",
+                         guard->device.name);
         return FALSE;
     }
     return laser_start(laser, on != FALSE, error);
@@ -159,7 +161,7 @@ void laser_report(Laser *laser, gboolean on, GError *error) {
     struct pending *pending = g_queue_peek_head(&laser->state->pending);
     on = on != FALSE;
     if (!pending || pending->on != on) {
-        /* The late answer to a set() that was given up; light that it tells of is believed. */
+        /* The late answer to a set() that has timed out; if it reports light, believe it. */
         if (!owned && on)
             laser->state->on = TRUE;
         return;

@@ -13,9 +13,9 @@ struct laser_driver {
     gboolean (*open)(Laser *laser, GError **error);             /* leaves it off; fills warm_up_s */
     void (*close)(Laser *laser);                                /* switches it off */
     gboolean (*set)(Laser *laser, gboolean on, GError **error); /* ended by laser_report() once */
-    gboolean simulated; /* no light of its own: it is gone with this program */
-    /* Optional, and of use to simulated units alone: somebody has mounted it at another place, of
-     * which a section of the rig file is the name. FALSE if there is no such place. */
+    gboolean simulated; /* emits no real light, and ends with this program */
+    /* Optional, for simulated units: the unit has been mounted at another place, given by the name
+     * of its section in the rig file. FALSE if there is no such place. */
     gboolean (*mount)(Laser *laser, const char *place, GError **error);
 };
 
@@ -23,8 +23,8 @@ struct Laser {
     struct device device;
     const struct laser_driver *driver;
     double warm_up_s;
-    double watchdog_s; /* filled by open(): it goes off by itself so long after this program has
-                        * died, hangs or cannot reach it; 0: it stays on */
+    double watchdog_s; /* filled by open(): how long after this program died, hung or lost the
+                        * connection it goes off by itself; 0: it stays on */
     struct laser_state *state;
 };
 
@@ -43,13 +43,12 @@ void laser_guard(Laser *laser, Interlock *interlock);
 gboolean laser_set(Laser *laser, gboolean on, GError **error);
 gboolean laser_is_on(const Laser *laser); /* as last reported, or asked for */
 
-/* It has been mounted by hand where that section of the rig file says. */
+/* Says that somebody has mounted the unit at the place of that section of the rig file. */
 gboolean laser_mount(Laser *laser, const char *place, GError **error);
 
 /* For drivers. Takes ownership of error. */
 void laser_report(Laser *laser, gboolean on, GError *error);
 
-/* What was on is so no longer, or nobody knows any more whether it is: told as an "on" that failed,
- * and switched off. Last in its caller: the listener may close the laser. Takes ownership of error.
- */
+/* For drivers: the laser has gone off by itself, or its state is unknown. Reports a failed "on" and
+ * switches it off. Call it last: the listener may close the laser. Takes ownership of error. */
 void laser_lost(Laser *laser, GError *error);

@@ -11,7 +11,7 @@ static const char *const state_names[] = {
     [CAPTURE_PAUSED] = "paused", [CAPTURE_DONE] = "done",       [CAPTURE_ABORTED] = "aborted",
 };
 
-static void bus_tell(Bus *bus) {
+static void bus_notify(Bus *bus) {
     if (bus->func)
         bus->func(bus, bus->data);
 }
@@ -81,7 +81,7 @@ static gboolean end_capture_idle(gpointer data) {
     bus->end_id = 0;
     end_capture(bus);
     show_devices(bus);
-    bus_tell(bus);
+    bus_notify(bus);
     return G_SOURCE_REMOVE;
 }
 
@@ -96,7 +96,7 @@ static void bus_changed(Capture *capture, gpointer data) {
     bus_show_thumbnails(bus);
     if (status.state >= CAPTURE_DONE && !bus->end_id)
         bus->end_id = g_idle_add(end_capture_idle, bus);
-    bus_tell(bus);
+    bus_notify(bus);
 }
 
 gboolean bus_need_rig(Bus *bus, GError **error) {
@@ -141,7 +141,7 @@ static void show_nothing(Bus *bus) {
                  "shots-done", 0, "frames", (gint64)0, "retakes", (gint64)0, "elapsed", 0.0, "left",
                  0.0, "predicted-end", (guint64)0, NULL);
     show_devices(bus);
-    bus_tell(bus);
+    bus_notify(bus);
 }
 
 /* A simulated rig's time stands still until something is asked of it: what is to happen to it after

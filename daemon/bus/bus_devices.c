@@ -7,9 +7,9 @@ struct listing {
 
 static void bus_devices_add(struct listing *list, const struct device *device, const char *health) {
     const char *fault = g_hash_table_lookup(list->faults, device->name);
-    g_autofree char *told = fault ? g_strconcat("fault: ", fault, NULL) : g_strdup(health);
+    g_autofree char *health_text = fault ? g_strconcat("fault: ", fault, NULL) : g_strdup(health);
     g_variant_builder_add(&list->builder, "(ssss)", device->info->class_name, device->name,
-                          device->info->name, told);
+                          device->info->name, health_text);
 }
 
 static void bus_devices_add_axis(struct listing *list, const Axis *axis) {

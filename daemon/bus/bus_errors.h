@@ -1,4 +1,4 @@
-/* What errors are called on the bus. */
+/* Names of errors on the bus. */
 #pragma once
 
 #include <glib.h>
@@ -19,7 +19,7 @@ enum bus_error {
 
 /* Registers the names of all error domains that cross the bus, so that a GError goes through as
  * org.mesorig.Error.SessionLocked and comes out with its domain and code. Daemon and client call
- * it once; more often does no harm. */
+ * it once; further calls have no effect. */
 void bus_errors_register(void);
 
 /* An error as it may be given to D-Bus: its own if its domain has names, else BUS_ERROR_FAILED

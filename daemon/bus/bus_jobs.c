@@ -68,7 +68,7 @@ void bus_jobs_stop_client(Bus *bus, GDBusConnection *connection) {
     }
 }
 
-/* What is wrong with a session is the answer; what is wrong with the call is an error. */
+/* An invalid session is an answer; an invalid call is an error. */
 static void answer_check(struct bus_job *job, GVariant *report, GError *error) {
     if (!report && error->domain == BUS_ERROR) {
         bus_jobs_fail(job, error);
@@ -80,7 +80,7 @@ static void answer_check(struct bus_job *job, GVariant *report, GError *error) {
     g_clear_error(&error);
 }
 
-/* What has changed is told before the call is answered. */
+/* Emits property changes before the call is answered. */
 static void answer_beginning(struct bus_job *job, GVariant *result, GError *error) {
     const gboolean resumed = job->task == PREPARER_EXAMINE;
     const char *warning = result ? g_variant_get_string(result, NULL) : "";

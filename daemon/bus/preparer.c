@@ -36,7 +36,7 @@ static void child_free(gpointer data) {
     g_free(child);
 }
 
-/* This very program, even if another version has been installed in its place meanwhile. */
+/* The running program, even if another version has replaced its file meanwhile. */
 static char *find_program(GError **error) {
     g_autofree char *self = g_file_read_link("/proc/self/exe", NULL);
     g_autofree char *name = self ? g_path_get_basename(self) : NULL;
@@ -63,7 +63,7 @@ static GBytes *request_bytes(const struct preparer_request *request) {
     return g_variant_get_data_as_bytes(variant);
 }
 
-static void preparer_tell_end(const struct child *child, GError **error) {
+static void preparer_report_end(const struct child *child, GError **error) {
     const char *what = doing[child->task];
     const int signal = g_subprocess_get_if_signaled(child->process)
                            ? g_subprocess_get_term_sig(child->process)
@@ -123,7 +123,7 @@ static void on_end(GObject *source, GAsyncResult *result, gpointer data) {
     if (heard && g_subprocess_get_successful(child->process))
         answer = read_answer(bytes, &error);
     else if (heard)
-        preparer_tell_end(child, &error);
+        preparer_report_end(child, &error);
     else
         g_set_error(&error, BUS_ERROR, BUS_ERROR_FAILED,
                     "%s could not be asked of mesorigd's child", doing[child->task]);

@@ -1,10 +1,10 @@
 /*
- * Work for clients that takes long or reads what they name: sessions are read, planned and made,
- * and those that are to be gone on with are examined, in a child process of limited time and
- * memory. The main loop, which has lamps, lasers and axes in its hands, only waits for an answer.
+ * Work for clients that takes long or reads files they name: reading, planning and making sessions,
+ * and examining those to be resumed. A child process with limits of time and memory does it; the
+ * main loop, which controls lamps, lasers and axes, only waits for the answer.
  *
- * The child is the program mesorigd itself; it is told geometry and timing of the open rig, and
- * opens no device. Main loop's thread.
+ * The child is the program mesorigd itself; it gets geometry and timing of the open rig, and opens
+ * no device. Main loop's thread.
  */
 #pragma once
 

@@ -79,7 +79,7 @@ static void preparer_child_work_clear(struct prepare_work *work) {
     g_free(work->directory);
 }
 
-/* A signal tells that the soft limit of computing time was met, but not the hard one. */
+/* The soft limit of CPU time sends a signal that can be reported; the hard one only kills. */
 static gboolean limit(int resource, guint64 value) {
     const struct rlimit rlimit = {value, resource == RLIMIT_CPU ? value + 5 : value};
     return setrlimit(resource, &rlimit) == 0;
@@ -97,7 +97,7 @@ static gboolean limit_memory(guint64 bytes) {
 #endif
 }
 
-/* Ends with who has asked, and takes no more than it was given. */
+/* Ends with its parent, and sets its limits of time and memory. */
 static gboolean preparer_child_submit(const struct prepare_work *work) {
     setpriority(PRIO_PROCESS, 0, NICE);
     return prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == work->parent &&
@@ -147,7 +147,7 @@ static gboolean preparer_child_answer(int fd, GVariant *result, const GError *er
     return write_all(fd, g_variant_get_data(variant), g_variant_get_size(variant));
 }
 
-/* What libraries print is not to be taken for the answer. */
+/* Libraries must not print into the answer. */
 static int keep_output(void) {
     const int fd = dup(STDOUT_FILENO);
     return fd >= 0 && dup2(STDERR_FILENO, STDOUT_FILENO) >= 0 ? fd : -1;

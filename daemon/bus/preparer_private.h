@@ -1,4 +1,4 @@
-/* What preparer.c and preparer_child.c say to each other. */
+/* Messages between preparer.c and preparer_child.c. */
 #pragma once
 
 #include "preparer.h"

@@ -168,8 +168,8 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
     return session != NULL;
 }
 
-/* What was found when the session was made, to who listens. */
-static gboolean tell_beginning(Capture *capture, GError **error) {
+/* Passes on the warnings of making the session. */
+static gboolean report_beginning(Capture *capture, GError **error) {
     g_autoptr(GPtrArray) events = session_events(capture->session, error);
     for (guint i = 0; events && i < events->len && capture->callbacks.event; i++) {
         const struct session_event *event = events->pdata[i];
@@ -185,7 +185,7 @@ Capture *capture_begin(struct devices *devices, const char *directory,
     if (!session)
         return NULL;
     Capture *capture = capture_new(devices, session, callbacks);
-    if (!tell_beginning(capture, error) || !capture_set_up(capture, error)) {
+    if (!report_beginning(capture, error) || !capture_set_up(capture, error)) {
         capture_free(capture);
         return NULL;
     }
@@ -230,7 +230,7 @@ static gboolean can_read_darks(Session *session, const GPtrArray *shots,
     return TRUE;
 }
 
-/* A dark frame that cannot be read is looked into by its checksum, and so taken again. */
+/* A dark frame that cannot be read also fails its checksum, and so is taken again. */
 static gboolean capture_do_examine(Session *session, const struct devices *devices,
                                    char **ret_warning, GError **error) {
     struct session_conf conf = {0};
@@ -279,10 +279,10 @@ Capture *capture_go_on(struct devices *devices, const char *directory, const cha
         return NULL;
     }
     if (warning)
-        capture_tell(capture, "warning", "rig", warning);
+        capture_add_event(capture, "warning", "rig", warning);
     g_autofree char *message =
         g_strdup_printf("resumed: %d of %d shots are there", capture->n_done, capture->n_shots);
-    capture_tell(capture, "info", "capture", message);
+    capture_add_event(capture, "info", "capture", message);
     capture_begin_soon(capture);
     return capture;
 }
@@ -339,19 +339,19 @@ void capture_pause(Capture *capture) {
 gboolean capture_continue(Capture *capture, GError **error) {
     const char *open = sequencer_open_interlock(capture->sequencer);
     if (capture->state != CAPTURE_PAUSED) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY, "the session is not paused%s",
-                    capture->state == CAPTURE_ABORTED ? " but aborted: resume it" : "");
+        device_error_set(error, DEVICE_ERROR_BUSY, NULL, "the session is not paused%s",
+                         capture->state == CAPTURE_ABORTED ? " but aborted: resume it" : "");
         return FALSE;
     }
     if (open) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_INTERLOCK,
-                    "interlock %s is open; close it first", open);
+        device_error_set(error, DEVICE_ERROR_INTERLOCK, NULL,
+                         "interlock %s is open" ERROR_ADVICE "close it first", open);
         return FALSE;
     }
     if (!capture_mount_answer(capture, error))
         return FALSE;
     capture_marks_accept(capture);
-    capture_tell(capture, "info", "capture", "continued");
+    capture_add_event(capture, "info", "capture", "continued");
     capture_begin_soon(capture);
     return TRUE;
 }
@@ -362,10 +362,10 @@ void capture_abort(Capture *capture) {
     g_autoptr(GError) error = NULL;
     clock_cancel(capture->devices->clock, &capture->starter);
     if (!sequencer_stop(capture->sequencer, &error))
-        capture_tell(capture, "error", "rig", error->message);
+        capture_add_event(capture, "error", "rig", error->message);
     capture_clear_flights(capture);
-    capture_tell(capture, "info", "capture",
-                 "aborted; what is there stays, the session can be resumed");
+    capture_add_event(capture, "info", "capture",
+                      "aborted; what is there stays, the session can be resumed");
     capture_come_to_rest(capture, CAPTURE_ABORTED);
 }
 

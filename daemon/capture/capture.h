@@ -8,8 +8,8 @@
  * reason; everything committed stays, and capture_continue() or a later capture_resume() goes on.
  *
  * Before the first sweep from another place of a laser that is mounted by hand, the session is
- * paused with a prompt, as long as it takes; capture_continue() says that it is done. Where it is,
- * the session remembers. At its beginning that is not known, and asked for before anything moves.
+ * paused with a prompt until capture_continue() confirms the mounting. The session stores where
+ * each unit is. At the beginning that is not known: the prompt comes before anything moves.
  */
 #pragma once
 
@@ -56,8 +56,8 @@ struct capture_callbacks {
 struct plan *capture_validate(const struct devices *devices, const struct session_conf *conf,
                               const char *directory, GError **error);
 
-/* Makes the session directory, with the plan and the calibration in it. Of devices, only what their
- * files say is looked at: a process that has none open can do it (preparer.h). */
+/* Makes the session directory, with the plan and the calibration in it. Uses only the geometry,
+ * timing and texts in devices: a process without open devices can do it (preparer.h). */
 gboolean capture_create(const struct devices *devices, const struct session_conf *conf,
                         const char *directory, GError **error);
 
@@ -65,9 +65,9 @@ gboolean capture_create(const struct devices *devices, const struct session_conf
 Capture *capture_begin(struct devices *devices, const char *directory,
                        const struct capture_callbacks *callbacks, GError **error);
 
-/* Whether a session directory can be gone on with: compares its frames with their rows, and plans
- * those again that are lost. ret_warning: NULL, or what to tell then; g_free(). Of devices, as
- * capture_create(). */
+/* Checks whether a session directory can be resumed: compares its frames with their rows, and plans
+ * lost ones again. ret_warning: a warning for the event log, or NULL; g_free(). Uses devices as
+ * capture_create() does. */
 gboolean capture_examine(const struct devices *devices, const char *directory, char **ret_warning,
                          GError **error);
 

@@ -28,13 +28,9 @@ guint64 capture_free_bytes(const char *path) {
     return stat_nearest(path, &stat) ? (guint64)stat.f_bavail * stat.f_frsize : G_MAXUINT64;
 }
 
-static gboolean says(const GError *error, int code) {
-    return strstr(error->message, g_strerror(code)) != NULL;
-}
-
 gboolean capture_is_full(const char *directory, const GError *error) {
     return g_error_matches(error, SESSION_ERROR, SESSION_ERROR_FULL) ||
-           g_error_matches(error, EXR_ERROR, EXR_ERROR_FULL) || says(error, EFBIG) ||
+           g_error_matches(error, EXR_ERROR, EXR_ERROR_FULL) ||
            capture_free_bytes(directory) < FULL_BELOW;
 }
 

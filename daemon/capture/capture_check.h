@@ -1,10 +1,10 @@
-/* What a capture asks before it moves anything: room on the disk, and whether a session fits the
- * rig it is to be continued on. Main loop's thread. */
+/* Checks before a capture moves anything: free disk space, and whether a session fits the rig on
+ * which it is resumed. Main loop's thread. */
 #pragma once
 
 #include "plan/plan.h"
 
-/* Free bytes where a path is or will be; G_MAXUINT64 if that cannot be told. */
+/* Free bytes where a path is or will be; G_MAXUINT64 if unknown. */
 guint64 capture_free_bytes(const char *path);
 
 /* Whether writing failed because there is no room. */

@@ -2,7 +2,7 @@
 
 #include "session/outputs.h"
 
-/* What a calibration may be off by in a picture, and what turns are too small to care about. */
+/* Largest calibration error in a picture, and smallest rotation that counts as a movement. */
 #define SYSTEMATIC_PX 0.05
 #define LEAST_DEG     0.05
 #define WINDOW        8          /* shots that are looked at together */
@@ -44,7 +44,7 @@ static guint32 accepted(const Capture *capture) {
     return text ? (guint32)g_ascii_strtoull(text, NULL, 10) : 0;
 }
 
-static void tell_first(Capture *capture, const struct marks_check *check) {
+static void report_first_check(Capture *capture, const struct marks_check *check) {
     if (capture->marks_told)
         return;
     capture->marks_told = TRUE;
@@ -54,10 +54,10 @@ static void tell_first(Capture *capture, const struct marks_check *check) {
                               check->n_seen, check->rms_px)
             : g_strdup("no camera sees a mark: is something on them? Nothing tells whether the rig "
                        "has moved, and what the lamps give");
-    capture_tell(capture, check->n_seen > 0 ? "info" : "warning", "marks", text);
+    capture_add_event(capture, check->n_seen > 0 ? "info" : "warning", "marks", text);
 }
 
-/* What small cameras see in one shot is too little: the last few are looked at together. */
+/* One shot of a small camera is too little evidence: evaluates the last few together. */
 static GArray *add_to_window(Capture *capture, const struct flight *flight) {
     if (!capture->marks)
         capture->marks = g_queue_new();
@@ -77,12 +77,12 @@ static void check_seen(const Capture *capture, const GArray *seen, struct marks_
                 (int)seen->len, SYSTEMATIC_PX, LEAST_DEG, ret);
 }
 
-/* One light may make marks look displaced, by what it makes of a sample close to them; what has
- * really moved has moved under the next light too. */
-static void tell_suspicion(Capture *capture, const char *what) {
+/* Light reflected by a nearby sample may make marks look displaced under one lamp; a real movement
+ * also shows under the next lamp. */
+static void report_suspicion(Capture *capture, const char *what) {
     g_autofree char *text = g_strdup_printf(
         "something may have moved since the rig was calibrated: %s; the next shot will tell", what);
-    capture_tell(capture, "warning", "marks", text);
+    capture_add_event(capture, "warning", "marks", text);
 }
 
 char *capture_marks_check(Capture *capture, const struct flight *flight) {
@@ -96,7 +96,7 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
     g_autoptr(GArray) window = add_to_window(capture, flight);
     guint before = g_queue_get_length(capture->marks) - 1;
     check_seen(capture, flight->marks, &check);
-    tell_first(capture, &check);
+    report_first_check(capture, &check);
     if (capture_marks_moved(rig, &check) != 0)
         before = 0;
     else
@@ -108,7 +108,7 @@ char *capture_marks_check(Capture *capture, const struct flight *flight) {
     g_autofree char *what = marks_describe(rig, &check);
     capture->moved = capture->suspected & suspected;
     if (capture->moved == 0) {
-        tell_suspicion(capture, what);
+        report_suspicion(capture, what);
         return NULL;
     }
     capture_marks_forget(capture);

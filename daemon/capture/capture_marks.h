@@ -1,7 +1,7 @@
 /*
- * What the marks on the turntable tell while a session is captured: each lamp's output, which is
- * kept with the session, and whether a camera or the turntable has moved since it was calibrated.
- * Main loop's thread.
+ * Evaluates the marks on the turntable during a capture: each lamp's output, which the session
+ * stores, and whether a camera or the turntable has moved since the calibration. Main loop's
+ * thread.
  */
 #pragma once
 
@@ -12,8 +12,8 @@
  * this shot and the one before, g_free(): then the shot must not be committed. */
 char *capture_marks_check(Capture *capture, const struct flight *flight);
 
-/* What was seen before is not looked at any more. */
+/* Forgets the marks of earlier shots. */
 void capture_marks_forget(Capture *capture);
 
-/* The user goes on although something has moved: that is not told again. */
+/* The user continues although something has moved: do not report that again. */
 void capture_marks_accept(Capture *capture);

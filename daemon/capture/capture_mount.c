@@ -128,6 +128,6 @@ gboolean capture_mount_answer(Capture *capture, GError **error) {
         return FALSE;
     capture->mounted[unit] = wanted;
     capture->wanted_mount = -1;
-    capture_tell(capture, "info", capture_mount_name_of(capture, unit), told);
+    capture_add_event(capture, "info", capture_mount_name_of(capture, unit), told);
     return TRUE;
 }

@@ -12,8 +12,9 @@ gboolean capture_mount_load(Capture *capture, GError **error);
  * those that are taken again may have been planned before them. */
 guint capture_mount_reach(Capture *capture);
 
-/* Asks for what the next of the remaining shots needs, and pauses. The rig is safe already. */
+/* Pauses with a prompt for the mounting that the next remaining shot needs. The rig is safe
+ * already. */
 void capture_mount_ask(Capture *capture);
 
-/* What was asked for has been done. It is kept before anything is taken. */
+/* The requested mounting has been done. Stores that before the next shot. */
 gboolean capture_mount_answer(Capture *capture, GError **error);

@@ -1,6 +1,5 @@
 /*
- * What capture.c (how a session is opened, asked and told) and capture_run.c (what goes on while it
- * runs) share.
+ * Shared by capture.c (opening a session, its state and commands) and capture_run.c (running it).
  */
 #pragma once
 
@@ -14,14 +13,14 @@ struct flight { /* a shot whose frames are with the intake */
     guint32 back; /* cameras whose results are here */
     struct session_frame frames[RIG_MAX_CAMERAS];
     double signal_dn;                  /* highest of all cameras */
-    gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0: not worth a word */
+    gint64 saturated[RIG_MAX_CAMERAS]; /* pixels; 0: too few for a warning */
     GArray *marks;                     /* of struct mark_seen, of all cameras; NULL: none */
 };
 
-struct teller { /* of one camera */
-    gboolean told;
-    double told_s;
-    int untold;
+struct event_limit { /* rate limit of one kind of event of one camera */
+    gboolean reported;
+    double reported_s;
+    int suppressed;
 };
 
 struct view { /* a camera's latest picture */
@@ -59,7 +58,7 @@ struct Capture {
     double predicted_s, lower_bound_s;
     double left_s, left_at_s; /* predicted, and when */
     gint64 left_committed;    /* committed then; −1: not yet */
-    struct teller retake_tellers[RIG_MAX_CAMERAS], saturated_tellers[RIG_MAX_CAMERAS];
+    struct event_limit retake_limits[RIG_MAX_CAMERAS], saturated_limits[RIG_MAX_CAMERAS];
     struct view views[RIG_MAX_CAMERAS];
     guint32 moved;       /* of what the session was paused for: capture_marks.c */
     guint32 suspected;   /* of what the shot before seemed to show */
@@ -73,8 +72,9 @@ struct Capture {
 /* Seconds of the rig's clock during which this session ran, earlier runs included. */
 double capture_now_s(const Capture *capture);
 
-/* Into the session, if the disk still takes it, and to who listens. */
-void capture_tell(Capture *capture, const char *level, const char *source, const char *message);
+/* Adds an event to the session, if the disk still takes it, and passes it to the listener. */
+void capture_add_event(Capture *capture, const char *level, const char *source,
+                       const char *message);
 void capture_save_value(Capture *capture, const char *key, double value);
 
 extern const struct intake_hooks capture_intake_hooks;
@@ -83,8 +83,8 @@ extern const struct sequencer_hooks capture_sequencer_hooks;
 /* Starts with what remains, from the main loop. */
 void capture_begin_soon(Capture *capture);
 
-/* The rig is safe already, or is made so: frames on their way are forgotten, the state is changed
- * and kept. */
+/* For a rig that is safe, or is being made so: drops frames in flight, changes and stores the
+ * state. */
 void capture_pause_for(Capture *capture, const char *level, const char *source, const char *reason);
 void capture_come_to_rest(Capture *capture, enum capture_state state);
 void capture_set_state(Capture *capture, enum capture_state state);

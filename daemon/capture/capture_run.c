@@ -9,12 +9,12 @@
 #include "capture_mount.h"
 
 #define CHANGED_MS 100
-/* A camera's retakes and saturated pictures are told one by one only if they are rare. */
-#define TELL_AGAIN_S 60
-#define SAVE_CLOCK_S 10
+/* Events of a camera's retakes and saturated pictures are rate-limited. */
+#define EVENT_INTERVAL_S 60
+#define SAVE_CLOCK_S     10
 /* Mean above dark, as a part of full scale, that a lamp must bring at least one camera. */
 #define LAMP_SIGNAL 0.0005
-/* Part of a picture that may be saturated in the shortest exposure before it is worth a word. */
+/* Part of a picture that may be saturated in the shortest exposure without a warning. */
 #define SATURATED_PART 0.001
 /* Mean of a dark frame above black, as a part of full scale, that is not dark any more. */
 #define DARK_PART 0.05
@@ -38,7 +38,7 @@ static void stop_clock(Capture *capture) {
     capture->since_us = -1;
 }
 
-static gboolean tell_changed(gpointer data) {
+static gboolean notify_changed(gpointer data) {
     Capture *capture = data;
     capture->changed_source = 0;
     capture->changed_at_us = g_get_monotonic_time();
@@ -52,40 +52,41 @@ static void capture_run_changed(Capture *capture) {
         return;
     gint64 since_ms = (g_get_monotonic_time() - capture->changed_at_us) / 1000;
     guint delay_ms = since_ms >= CHANGED_MS ? 0 : (guint)(CHANGED_MS - since_ms);
-    capture->changed_source = g_timeout_add(delay_ms, tell_changed, capture);
+    capture->changed_source = g_timeout_add(delay_ms, notify_changed, capture);
 }
 
-/* What is told is kept too, if the disk still takes it. */
-void capture_tell(Capture *capture, const char *level, const char *source, const char *message) {
+/* Also stores the event in the session, unless the disk fails. */
+void capture_add_event(Capture *capture, const char *level, const char *source,
+                       const char *message) {
     session_add_event(capture->session, capture_now_s(capture), level, source, message, NULL);
     if (capture->callbacks.event)
         capture->callbacks.event(capture, level, source, message, capture->callbacks.data);
 }
 
-static void tell_rarely(Capture *capture, struct teller *teller, const char *source,
-                        const char *message) {
-    if (teller->told && capture_now_s(capture) < teller->told_s + TELL_AGAIN_S) {
-        teller->untold++;
+static void report_rate_limited(Capture *capture, struct event_limit *limit, const char *source,
+                                const char *message) {
+    if (limit->reported && capture_now_s(capture) < limit->reported_s + EVENT_INTERVAL_S) {
+        limit->suppressed++;
         return;
     }
     g_autofree char *text =
-        teller->untold == 0
+        limit->suppressed == 0
             ? g_strdup(message)
-            : g_strdup_printf("%s (and %d more since last told)", message, teller->untold);
-    *teller = (struct teller){.told = TRUE, .told_s = capture_now_s(capture)};
-    capture_tell(capture, "warning", source, text);
+            : g_strdup_printf("%s (and %d more since last told)", message, limit->suppressed);
+    *limit = (struct event_limit){.reported = TRUE, .reported_s = capture_now_s(capture)};
+    capture_add_event(capture, "warning", source, text);
 }
 
-static void tell_rest(Capture *capture, struct teller *tellers, const char *what) {
+static void report_suppressed(Capture *capture, struct event_limit *limits, const char *what) {
     for (int c = 0; c < capture->devices->geometry.n_cameras; c++) {
-        if (tellers[c].untold > 0) {
+        if (limits[c].suppressed > 0) {
             g_autofree char *text =
-                tellers[c].untold == 1
+                limits[c].suppressed == 1
                     ? g_strdup_printf("1 more picture was %s", what)
-                    : g_strdup_printf("%d more pictures were %s", tellers[c].untold, what);
-            capture_tell(capture, "warning", capture->devices->geometry.cameras[c].name, text);
+                    : g_strdup_printf("%d more pictures were %s", limits[c].suppressed, what);
+            capture_add_event(capture, "warning", capture->devices->geometry.cameras[c].name, text);
         }
-        tellers[c] = (struct teller){0};
+        limits[c] = (struct event_limit){0};
     }
 }
 
@@ -95,7 +96,7 @@ void capture_save_value(Capture *capture, const char *key, double value) {
     session_set_value(capture->session, key, text, NULL);
 }
 
-/* What a report wants to know of the whole session, runs before a resume counted. */
+/* Stores figures of the whole session for the report, including runs before a resume. */
 static void save_clock(Capture *capture) {
     double real_s = (double)(g_get_monotonic_time() - capture->begun_us) * 1e-6;
     struct rusage usage;
@@ -138,10 +139,10 @@ void capture_clear_flights(Capture *capture) {
     g_queue_clear_full(&capture->flights, capture_flight_free);
 }
 
-/* Nothing moves any more: says so, and keeps what must be kept. */
+/* Nothing moves any more: sets and stores the state. */
 void capture_come_to_rest(Capture *capture, enum capture_state state) {
-    tell_rest(capture, capture->retake_tellers, "refused or lost and taken again");
-    tell_rest(capture, capture->saturated_tellers, "saturated");
+    report_suppressed(capture, capture->retake_limits, "refused or lost and taken again");
+    report_suppressed(capture, capture->saturated_limits, "saturated");
     stop_clock(capture);
     save_clock(capture);
     capture_set_state(capture, state);
@@ -153,11 +154,11 @@ void capture_pause_for(Capture *capture, const char *level, const char *source,
     g_free(capture->reason);
     capture->reason = g_strdup(reason);
     session_set_value(capture->session, "reason", reason, NULL);
-    capture_tell(capture, level, source, reason);
+    capture_add_event(capture, level, source, reason);
     capture_come_to_rest(capture, CAPTURE_PAUSED);
 }
 
-/* A fault the intake or the disk has: the sequencer does not know of it yet. */
+/* Stops for a fault of the intake or the disk, of which the sequencer does not know yet. */
 static void stop_for(Capture *capture, const char *source, const char *reason) {
     g_autoptr(GError) error = NULL;
     gboolean safe = sequencer_stop(capture->sequencer, &error);
@@ -170,14 +171,11 @@ static void stop_for(Capture *capture, const char *source, const char *reason) {
 static void stop_for_disk(Capture *capture, const GError *error) {
     const char *path = session_path(capture->session);
     g_autofree char *size = g_format_size(capture_free_bytes(path));
-    const char *advice = strstr(error->message, "; free some space"); /* given below */
-    g_autofree char *what = advice ? g_strndup(error->message, (gsize)(advice - error->message))
-                                   : g_strdup(error->message);
     g_autofree char *reason =
         capture_is_full(path, error)
             ? g_strdup_printf("The disk is full: %s (%s free at %s). Nothing was lost; free some "
                               "space, then go on.",
-                              what, size, path)
+                              error_details_what(error), size, path)
             : g_strdup_printf("The session cannot be written: %s. Check the disk, then go on.",
                               error->message);
     stop_for(capture, "disk", reason);
@@ -188,7 +186,7 @@ static void when_all_is_committed(Capture *capture) {
         return;
     capture->all_taken = FALSE;
     if (capture->committed == capture->remaining->len) {
-        capture_tell(capture, "info", "capture", "all shots are taken");
+        capture_add_event(capture, "info", "capture", "all shots are taken");
         capture_come_to_rest(capture, CAPTURE_DONE);
     } else if (capture->committed == capture->leg->len) {
         capture_mount_ask(capture);
@@ -280,7 +278,8 @@ static void note_saturated(Capture *capture, struct flight *flight,
         "%" G_GINT64_FORMAT " pixels are saturated in the shortest exposure under lamp %s; a "
         "shorter one in exposures_us would show them",
         result->saturated, capture->devices->geometry.lamps[result->shot->device].name);
-    tell_rarely(capture, &capture->saturated_tellers[result->frame.camera], camera->name, message);
+    report_rate_limited(capture, &capture->saturated_limits[result->frame.camera], camera->name,
+                        message);
 }
 
 static void warn_of_light(Capture *capture, const struct intake_result *result) {
@@ -291,8 +290,8 @@ static void warn_of_light(Capture *capture, const struct intake_result *result) 
     g_autofree char *message = g_strdup_printf(
         "the dark frames are not dark: %.0f DN above black on average; light comes in from outside",
         above);
-    capture_tell(capture, "warning", capture->devices->geometry.cameras[result->frame.camera].name,
-                 message);
+    capture_add_event(capture, "warning",
+                      capture->devices->geometry.cameras[result->frame.camera].name, message);
 }
 
 static struct flight *find_flight(Capture *capture, const struct session_shot *shot) {
@@ -386,8 +385,8 @@ static void on_retake(int camera, const char *why, gpointer data) {
     Capture *capture = data;
     capture->retakes++;
     g_autofree char *message = g_strdup_printf("picture taken again: %s", why);
-    tell_rarely(capture, &capture->retake_tellers[camera],
-                capture->devices->geometry.cameras[camera].name, message);
+    report_rate_limited(capture, &capture->retake_limits[camera],
+                        capture->devices->geometry.cameras[camera].name, message);
 }
 
 static void on_finished(gpointer data) {
@@ -400,12 +399,12 @@ static void on_fault(const char *source, const char *reason, gpointer data) {
     capture_pause_for(data, "error", source, reason);
 }
 
-/* Told even if the session rests; who looks later finds it in the reason too. */
+/* Reports this even if the session rests, and adds it to the reason for later readers. */
 static void on_unsafe(const char *source, const char *reason, gpointer data) {
     Capture *capture = data;
     if (capture->reason && strstr(capture->reason, reason))
         return;
-    capture_tell(capture, "error", source, reason);
+    capture_add_event(capture, "error", source, reason);
     if (capture->state != CAPTURE_PAUSED)
         return;
     char *both = g_strdup_printf("%s %s", capture->reason, reason);
@@ -447,7 +446,7 @@ static void capture_run_begin(gpointer data) {
         begin_leg(capture);
 }
 
-/* Not from within the caller's call: events may come at once. */
+/* Not from within the caller's call, since events may follow at once. */
 void capture_begin_soon(Capture *capture) {
     g_clear_pointer(&capture->reason, g_free);
     capture_set_state(capture, CAPTURE_HOMING);

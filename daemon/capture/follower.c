@@ -29,7 +29,7 @@ char *follower_find_program(const char *name, GError **error) {
     return found;
 }
 
-/* Between fork and exec: only what is safe there. */
+/* Runs between fork and exec: async-signal-safe calls only. */
 static void follower_prepare_child(gpointer parent) {
     setpriority(PRIO_PROCESS, 0, 10);
     prctl(PR_SET_PDEATHSIG, SIGTERM);

@@ -13,7 +13,7 @@
 #define BATCH 8
 /* A pixel this far above dark is lit; that many make a laser line. */
 #define LASER_PIXELS 4
-/* What moves and triggers goes first, then what takes frames, then what makes files of sweeps. */
+/* Priorities: motion and triggering first, then receiving frames, then writing sweeps. */
 #define TAKE_NICE   5
 #define FINISH_NICE 10
 
@@ -36,9 +36,9 @@ struct ending {
     gsize bytes; /* of the sweeps; they count as waiting */
 };
 
-/* A camera's worker. What the worker touches belongs to its thread; batch to the main loop's. To
- * find the times of eight sweeps of 1024 × 768 that end at once, and to have them on disk, takes
- * seconds: so that is another thread's work, and frames that come meanwhile find room. */
+/* A camera's worker. Its thread owns all fields but batch, which is the main loop's. Eight sweeps
+ * of 1024 × 768 that end at once take seconds to evaluate and write: a second thread (finisher)
+ * does that, so that the frames that arrive meanwhile are still accepted. */
 struct lane {
     Intake *intake;
     int camera;
@@ -177,7 +177,7 @@ static void finish_dark(struct lane *lane, const struct job *job) {
     hand_back(lane, job, result);
 }
 
-/* What the marks beside the sample show, or NULL if there are none. */
+/* Finds the marks beside the sample; NULL if there are none. */
 static GArray *look_at_marks(const struct lane *lane, const struct job *job, const float *mosaic) {
     const struct calibration *calibration = lane->intake->setup.calibration;
     const struct session_shot *shot = job->shot;
@@ -197,8 +197,8 @@ static GArray *look_at_marks(const struct lane *lane, const struct job *job, con
     return marks;
 }
 
-/* Of a sensor that is known not to be straight; what may as well be the calibration's noise is left
- * alone. */
+/* Curvature of the sensor's response for the merge; 0 where it is within the noise of the
+ * calibration. */
 static double bend_of(const struct lane *lane, const Frame *frame) {
     const struct calibration *calibration = lane->intake->setup.calibration;
     if (!calibration || !calibration->noise[lane->camera].known)
@@ -420,7 +420,7 @@ static gpointer lane_run(gpointer data) {
     return NULL;
 }
 
-static void tell_results(Intake *intake) {
+static void report_results(Intake *intake) {
     struct finished *finished;
     while ((finished = g_async_queue_try_pop(intake->finished))) {
         if (finished->generation == intake->generation)
@@ -450,7 +450,7 @@ static gboolean intake_dispatch(GSource *source, GSourceFunc func, gpointer data
 static gboolean woken(gpointer data) {
     Intake *intake = data;
     g_source_set_ready_time(intake->wake, -1);
-    tell_results(intake);
+    report_results(intake);
     if (intake->full && queued_bytes(intake) <= intake->setup.full_bytes / 2) {
         set_full(intake, FALSE);
         intake->hooks.room(intake->hooks.data);
@@ -534,7 +534,7 @@ void intake_frame(Intake *intake, const struct session_shot *shot, int camera, i
         intake_flush(lane);
     if (queued_bytes(intake) < intake->setup.full_bytes)
         return;
-    /* What waits in batches would never make room. */
+    /* Frames waiting in a batch would never be processed. */
     for (guint i = 0; i < intake->lanes->len; i++)
         intake_flush(intake->lanes->pdata[i]);
     set_full(intake, TRUE);

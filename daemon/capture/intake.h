@@ -1,6 +1,6 @@
 /*
- * What becomes of accepted frames: dark level, bracket merge, laser sweep, file. One worker thread
- * a camera takes its frames in order, another one finishes its sweeps meanwhile; everything else
+ * Processes accepted frames: dark level, bracket merge, laser sweep, file. Each camera has a worker
+ * thread that takes its frames in order, and a second one that finishes its sweeps; everything else
  * here belongs to the main loop's thread.
  *
  * The files, and with them the contract with processing. Every part has these attributes

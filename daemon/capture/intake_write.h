@@ -1,4 +1,4 @@
-/* The intake's files, written and read; what is in them is told in intake.h. Any thread. */
+/* Writes and reads the intake's files; intake.h describes their content. Any thread. */
 #pragma once
 
 #include "frames/sweep.h"

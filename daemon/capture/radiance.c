@@ -23,7 +23,8 @@ static double mean_above(const Frame *frame, const float *dark) {
     return n > 0 ? sum / n : 0;
 }
 
-/* Undoes the bend; where it turns back there is nothing to be found any more but the turn. */
+/* Inverts y = x·(1 − bend·x). Beyond the vertex of the parabola there is no solution: returns the
+ * vertex. */
 static inline float straight(float above_dark, float bend) {
     if (bend == 0)
         return above_dark;

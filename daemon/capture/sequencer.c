@@ -7,16 +7,17 @@
 #include "radiance.h"
 #include "stage.h"
 
-/* How long a camera that is gone is given to come back before the next attempt. */
+/* Pause before the next attempt with a camera that is gone. */
 #define REST_US (3 * G_USEC_PER_SEC)
 
-/* After the second refused picture in a row; then four times as long each time, up to REST_US: what
- * disturbs a line or holds a computer up may last a second, and must not use all attempts up. */
+/* Pause after the second refused picture in a row; then four times as long each time, up to
+ * REST_US. A disturbance of a line, or a busy computer, may last a second and must not use up all
+ * attempts. */
 #define FIRST_REST_US 100000
 
 enum state { IDLE, HOMING, PREPARING, EXPOSING };
 
-struct eye { /* a camera in the picture under way */
+struct sequencer_camera { /* state of a camera for the current picture */
     Sequencer *sequencer;
     int camera;
     int refused;   /* in a row */
@@ -39,7 +40,7 @@ struct Sequencer {
     guint32 pending;  /* cameras still to be triggered for this picture */
     guint32 exposing; /* triggered, the lamp must stay */
     guint32 waiting;  /* triggered, no frame yet */
-    struct eye eyes[RIG_MAX_CAMERAS];
+    struct sequencer_camera states[RIG_MAX_CAMERAS];
     guint timer;
 };
 
@@ -63,12 +64,12 @@ gboolean sequencer_stop(Sequencer *seq, GError **error) {
 
 static void sequencer_fail(Sequencer *seq, const char *source, const char *reason) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *told = g_strdup(reason);
+    g_autofree char *text = g_strdup(reason);
     if (!sequencer_stop(seq, &error)) {
-        g_free(told);
-        told = g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
+        g_free(text);
+        text = g_strdup_printf("%s " DEVICES_UNSAFE ": %s.", reason, error->message);
     }
-    seq->hooks.fault(source, told, seq->hooks.data);
+    seq->hooks.fault(source, text, seq->hooks.data);
 }
 
 static void sequencer_finish(Sequencer *seq) {
@@ -77,9 +78,9 @@ static void sequencer_finish(Sequencer *seq) {
         seq->hooks.finished(seq->hooks.data);
         return;
     }
-    g_autofree char *told =
+    g_autofree char *text =
         g_strdup_printf(DEVICES_UNSAFE ": %s. Switch it off by hand, then go on.", error->message);
-    seq->hooks.fault("rig", told, seq->hooks.data);
+    seq->hooks.fault("rig", text, seq->hooks.data);
 }
 
 /* Step k of n stands at from + k·(to − from)/(n − 1). The picture after the last one, with the
@@ -128,13 +129,13 @@ static gboolean begin_shot(Sequencer *seq) {
     seq->n_subs = shot_n_frames(seq->conf, seq->shot);
     seq->pending = seq->shot->cameras;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-        seq->eyes[c].refused = seq->eyes[c].retakes = seq->eyes[c].shortened = 0;
+        seq->states[c].refused = seq->states[c].retakes = seq->states[c].shortened = 0;
     return TRUE;
 }
 
 static gint64 exposure_us(const Sequencer *seq, int camera) {
     gint64 us = shot_exposure_us(seq->conf, seq->shot, seq->sub);
-    return seq->sub == 0 ? us >> (2 * seq->eyes[camera].shortened) : us;
+    return seq->sub == 0 ? us >> (2 * seq->states[camera].shortened) : us;
 }
 
 static gboolean sequencer_trigger(Sequencer *seq, int c, GError **error) {
@@ -149,12 +150,6 @@ static gboolean sequencer_trigger(Sequencer *seq, int c, GError **error) {
            camera_trigger(camera, tag, error);
 }
 
-/* The message, without the name of the device that who reads it sees before it anyway. */
-static const char *without_name(const char *message, const char *name) {
-    g_autofree char *prefix = g_strdup_printf("camera %s: ", name);
-    return g_str_has_prefix(message, prefix) ? message + strlen(prefix) : message;
-}
-
 static gint64 rest_us(int refused) {
     gint64 us = refused < 2 ? 0 : FIRST_REST_US;
     for (int i = 2; i < refused && us < REST_US; i++)
@@ -162,26 +157,26 @@ static gint64 rest_us(int refused) {
     return MIN(us, REST_US);
 }
 
-/* FALSE if that was one time too many: everything has been stopped. */
+/* FALSE: no attempts are left, and everything has been stopped. */
 static gboolean count_refusal(Sequencer *seq, int camera, const GError *error) {
-    struct eye *eye = &seq->eyes[camera];
+    struct sequencer_camera *state = &seq->states[camera];
     const char *name = seq->devices->geometry.cameras[camera].name;
-    eye->retakes++;
-    if (++eye->refused <= seq->conf->retries) {
-        gint64 until_us = clock_now_us(seq->devices->clock) + rest_us(eye->refused);
-        eye->rest_until_us = MAX(eye->rest_until_us, until_us);
-        seq->hooks.retake(camera, without_name(error->message, name), seq->hooks.data);
+    state->retakes++;
+    if (++state->refused <= seq->conf->retries) {
+        gint64 until_us = clock_now_us(seq->devices->clock) + rest_us(state->refused);
+        state->rest_until_us = MAX(state->rest_until_us, until_us);
+        seq->hooks.retake(camera, error_details_text(error), seq->hooks.data);
         return seq->state != IDLE;
     }
-    g_autofree char *advised = stage_advise("camera", name, error);
+    g_autofree char *advised = stage_advise(error_details_text(error), error);
     g_autofree char *reason =
         g_strdup_printf("camera %s: no good picture in %d attempts; the last time: %s", name,
-                        eye->refused, without_name(advised, name));
+                        state->refused, advised);
     sequencer_fail(seq, name, reason);
     return FALSE;
 }
 
-/* Those that are gone stay pending, and rest. */
+/* Cameras that are gone stay pending, and are tried again after a pause. */
 static void trigger_pending(Sequencer *seq) {
     seq->state = EXPOSING;
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
@@ -196,7 +191,7 @@ static void trigger_pending(Sequencer *seq) {
             continue;
         }
         camera_disarm(seq->devices->cameras[c]);
-        seq->eyes[c].rest_until_us = clock_now_us(seq->devices->clock) + REST_US;
+        seq->states[c].rest_until_us = clock_now_us(seq->devices->clock) + REST_US;
         if (!count_refusal(seq, c, error))
             return;
     }
@@ -221,7 +216,7 @@ static void sequencer_prepare(Sequencer *seq) {
     clock_cancel(seq->devices->clock, &seq->timer);
     for (int c = 0; c < seq->devices->geometry.n_cameras; c++) {
         if (seq->pending & 1u << c)
-            ready_us = MAX(ready_us, seq->eyes[c].rest_until_us);
+            ready_us = MAX(ready_us, seq->states[c].rest_until_us);
     }
     if (ready_us > clock_now_us(seq->devices->clock))
         seq->timer = clock_call_at(seq->devices->clock, ready_us, timer_due, seq);
@@ -240,7 +235,7 @@ static void start_shots(Sequencer *seq) {
         sequencer_finish(seq);
 }
 
-/* Something has changed: does what can be done now. */
+/* Something has changed: takes the next steps that are possible now. */
 static void advance(Sequencer *seq) {
     if (seq->state == HOMING && stage_is_homed(seq->stage)) {
         start_shots(seq);
@@ -276,20 +271,20 @@ static void answered(Sequencer *seq, int camera) {
         advance(seq);
 }
 
-/* Whether a picture is to be taken again with a shorter exposure. Where there is none shorter, or
- * that was done as often as a picture is retaken, it is kept as it is: a highlight must not end the
- * night. */
+/* Whether to take a picture again with a shorter exposure. If no shorter one is possible, or all
+ * retries are used, the picture is kept as it is: a highlight must not end an unattended capture.
+ */
 static gboolean shorten(Sequencer *seq, int camera, const Frame *frame, char **ret_why) {
-    struct eye *eye = &seq->eyes[camera];
+    struct sequencer_camera *state = &seq->states[camera];
     const gint64 us = exposure_us(seq, camera);
-    if (seq->shot->kind != SHOT_LAMP || seq->sub != 0 || eye->shortened >= seq->conf->retries ||
+    if (seq->shot->kind != SHOT_LAMP || seq->sub != 0 || state->shortened >= seq->conf->retries ||
         us / 4 < seq->devices->cameras[camera]->format.min_exposure_us)
         return FALSE;
     const double pct =
         100.0 * (double)radiance_saturated(frame) / ((double)frame->width * frame->height);
     if (pct <= seq->conf->saturated_pct)
         return FALSE;
-    eye->shortened++;
+    state->shortened++;
     *ret_why = g_strdup_printf("%.2g %% of its pixels are saturated at %" G_GINT64_FORMAT
                                " µs; it is taken again at %" G_GINT64_FORMAT " µs",
                                pct, us, us / 4);
@@ -297,11 +292,11 @@ static gboolean shorten(Sequencer *seq, int camera, const Frame *frame, char **r
 }
 
 static void take_frame(Sequencer *seq, int camera, Frame *frame) {
-    struct eye *eye = &seq->eyes[camera];
+    struct sequencer_camera *state = &seq->states[camera];
     g_autofree char *why = NULL;
-    eye->refused = 0;
+    state->refused = 0;
     if (shorten(seq, camera, frame, &why)) {
-        eye->retakes++;
+        state->retakes++;
         seq->hooks.retake(camera, why, seq->hooks.data);
         if (seq->state != EXPOSING)
             return;
@@ -309,7 +304,7 @@ static void take_frame(Sequencer *seq, int camera, Frame *frame) {
         answered(seq, camera);
         return;
     }
-    seq->hooks.frame(seq->shot, camera, seq->sub, frame, eye->retakes, seq->hooks.data);
+    seq->hooks.frame(seq->shot, camera, seq->sub, frame, state->retakes, seq->hooks.data);
     if (seq->state == EXPOSING)
         answered(seq, camera);
 }
@@ -323,9 +318,9 @@ static void take_again(Sequencer *seq, int camera, const GError *error) {
 
 static void on_camera(Camera *camera, enum camera_event event, Frame *frame, const GError *error,
                       gpointer data) {
-    struct eye *eye = data;
-    Sequencer *seq = eye->sequencer;
-    guint32 bit = 1u << eye->camera;
+    struct sequencer_camera *state = data;
+    Sequencer *seq = state->sequencer;
+    guint32 bit = 1u << state->camera;
     if (seq->state != EXPOSING || !(seq->waiting & bit))
         return;
     switch (event) {
@@ -335,14 +330,14 @@ static void on_camera(Camera *camera, enum camera_event event, Frame *frame, con
             advance(seq);
         break;
     case CAMERA_FRAME:
-        take_frame(seq, eye->camera, frame);
+        take_frame(seq, state->camera, frame);
         break;
     case CAMERA_FAULT:
         camera_disarm(camera); /* trigger() arms it again */
-        take_again(seq, eye->camera, error);
+        take_again(seq, state->camera, error);
         break;
     case CAMERA_REFUSED:
-        take_again(seq, eye->camera, error);
+        take_again(seq, state->camera, error);
         break;
     }
 }
@@ -371,8 +366,8 @@ Sequencer *sequencer_new(struct devices *devices, const struct session_conf *con
     seq->hooks = *hooks;
     seq->stage = stage_new(devices, &stage_hooks);
     for (int c = 0; c < devices->geometry.n_cameras; c++) {
-        seq->eyes[c] = (struct eye){.sequencer = seq, .camera = c};
-        camera_listen(devices->cameras[c], on_camera, &seq->eyes[c]);
+        seq->states[c] = (struct sequencer_camera){.sequencer = seq, .camera = c};
+        camera_listen(devices->cameras[c], on_camera, &seq->states[c]);
     }
     return seq;
 }
@@ -393,7 +388,7 @@ void sequencer_start(Sequencer *seq, const GPtrArray *shots) {
     seq->next = 0;
     seq->pausing = FALSE;
     for (int c = 0; c < RIG_MAX_CAMERAS; c++)
-        seq->eyes[c].rest_until_us = 0;
+        seq->states[c].rest_until_us = 0;
     seq->state = HOMING;
     const char *open = stage_open_interlock(seq->stage);
     if (open) {

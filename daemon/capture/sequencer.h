@@ -21,10 +21,9 @@ struct sequencer_hooks {
     void (*retake)(int camera, const char *why, gpointer data);
     /* All shots are taken, or the one under way after sequencer_pause(). The rig is safe. */
     void (*finished)(gpointer data);
-    /* Nothing goes on; the rig is safe (or could not be made so, which reason tells with
-     * DEVICES_UNSAFE). */
+    /* Everything has stopped; the rig is safe, or reason contains DEVICES_UNSAFE. */
     void (*fault)(const char *source, const char *reason, gpointer data);
-    /* While nothing goes on: a lamp or laser that was told to go dark has not. */
+    /* While nothing runs: a lamp or laser that was commanded off has not confirmed it. */
     void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };

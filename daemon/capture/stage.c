@@ -52,30 +52,35 @@ static const char *stage_advice(const GError *error) {
     }
 }
 
-/* Classes name the device, and some say themselves what to do; nothing is to be said twice. */
-char *stage_advise(const char *kind, const char *name, const GError *error) {
-    g_autofree char *named = strstr(error->message, name)
-                                 ? g_strdup(error->message)
-                                 : g_strdup_printf("%s %s: %s", kind, name, error->message);
-    if (strchr(error->message, ';'))
-        return g_strdup_printf("%s, then go on.", named);
-    return g_strdup_printf("%s. %s, then go on.", named, stage_advice(error));
+char *stage_advise(const char *text, const GError *error) {
+    if (error_details_advice(error))
+        return g_strdup_printf("%s, then go on.", text);
+    return g_strdup_printf("%s. %s, then go on.", text, stage_advice(error));
+}
+
+/* The same about the device of a class and a name, which an error from a bus may not have. */
+static char *stage_describe(const char *class_name, const char *name, const GError *error) {
+    g_autofree char *device = g_strdup_printf("%s %s", class_name, name);
+    const gboolean named = g_strcmp0(error_details_subject(error), device) == 0;
+    g_autofree char *text =
+        named ? g_strdup(error->message) : g_strdup_printf("%s: %s", device, error->message);
+    return stage_advise(text, error);
 }
 
 static void stage_fault(Stage *stage, const char *kind, const char *name, const GError *error) {
-    g_autofree char *reason = stage_advise(kind, name, error);
+    g_autofree char *reason = stage_describe(kind, name, error);
     if (stage->active)
         stage->hooks.fault(name, reason, stage->hooks.data);
 }
 
-/* One that does not answer to off may shine still: that is told whenever it happens. */
+/* A light that does not confirm "off" may still shine: always report that. */
 static void light_fault(Stage *stage, const char *kind, const char *name, gboolean on,
                         const GError *error) {
     if (on) {
         stage_fault(stage, kind, name, error);
         return;
     }
-    g_autofree char *advised = stage_advise(kind, name, error);
+    g_autofree char *advised = stage_describe(kind, name, error);
     g_autofree char *reason = g_strdup_printf(DEVICES_UNSAFE ": %s", advised);
     (stage->active ? stage->hooks.fault : stage->hooks.unsafe)(name, reason, stage->hooks.data);
 }
@@ -100,8 +105,8 @@ static void start_homing(struct track *track) {
 /* A stop that nobody asked for: a limit switch, or somebody at the drive's own panel. */
 static void axis_stopped(struct track *track) {
     g_autoptr(GError) error = NULL;
-    g_set_error(&error, DEVICE_ERROR, DEVICE_ERROR_STALLED, "it was stopped on its way to %g°",
-                track->target_deg);
+    device_error_set(&error, DEVICE_ERROR_STALLED, track->axis->device.who,
+                     "it was stopped on its way to %g°", track->target_deg);
     axis_fault(track, error);
 }
 
@@ -130,7 +135,7 @@ static void stage_on_lamp(LampBank *bank, int index, gboolean on, gint64 at_us, 
                           gpointer data) {
     Stage *stage = data;
     if (error) {
-        light_fault(stage, "lamp bank", bank->device.name, on, error);
+        light_fault(stage, "lamps", bank->device.name, on, error);
         return;
     }
     for (int i = 0; i < stage->devices->geometry.n_lamps; i++) {
@@ -225,7 +230,7 @@ const char *stage_open_interlock(const Stage *stage) {
     return NULL;
 }
 
-/* What did not answer when the rig was made safe: on as far as is known, though asked to be off. */
+/* Switches off again the lights that did not confirm it when the rig was made safe. */
 static void darken(Stage *stage) {
     const struct devices *devices = stage->devices;
     for (int i = 0; i < devices->geometry.n_lamps && stage->active; i++) {

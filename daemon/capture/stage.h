@@ -1,6 +1,6 @@
 /*
- * Where the axes stand and what is lit. The sequencer says what it wants of them, as a goal; the
- * stage sends every axis there and switches what differs, as soon as each device is free for it.
+ * Positions of the axes and states of the lights. The sequencer sets a goal; the stage moves every
+ * axis there and switches the lights that differ, as soon as each device is free.
  * Main loop's thread.
  */
 #pragma once
@@ -19,7 +19,7 @@ struct stage_hooks {
     /* reason: what happened, on which device, and what to do. May be called within stage_home() and
      * stage_pursue(). */
     void (*fault)(const char *source, const char *reason, gpointer data);
-    /* While the stage rests: what was told to go dark has not. */
+    /* While the stage is inactive: a light that was commanded off has not confirmed it. */
     void (*unsafe)(const char *source, const char *reason, gpointer data);
     gpointer data;
 };
@@ -32,8 +32,8 @@ void stage_free(Stage *stage); /* NULL is ignored; switches and moves nothing */
 /* NULL if every interlock is closed, else the name of one that is open. */
 const char *stage_open_interlock(const Stage *stage);
 
-/* Homes every axis, all at once, as soon as those still stopping stand; what may still shine is
- * switched off again, and it is homed only when all is dark. */
+/* Homes all axes at once, each as soon as it stands. Switches off again all lights that may be on;
+ * the stage is homed only when all are off. */
 void stage_home(Stage *stage);
 gboolean stage_is_homed(const Stage *stage);
 
@@ -48,5 +48,7 @@ gboolean stage_has_reached(const Stage *stage, const struct stage_goal *goal, gi
  * stage_home(). */
 gboolean stage_make_safe(Stage *stage, GError **error);
 
-/* What went wrong with a device, and what to do, for people; g_free(). */
-char *stage_advise(const char *kind, const char *name, const GError *error);
+/* A text about a device's error, followed by what to do if the text does not say it already;
+ * g_free(). text: the error's message, or error_details_text() where the reader knows the device.
+ */
+char *stage_advise(const char *text, const GError *error);

@@ -1,4 +1,4 @@
-/* mesorigd: holds the devices of a rig, runs sessions, and is told what to do over D-Bus. */
+/* mesorigd: opens the devices of a rig and runs sessions, controlled over D-Bus. */
 #include "bus/bus.h"
 #include "bus/preparer.h"
 #include "rig/guardian.h"
@@ -149,7 +149,7 @@ static void mesorigd_make_safe(Bus *bus) {
         g_warning("the rig is NOT safe: %s", error->message);
 }
 
-/* The rig is made safe first, whoever still listens. */
+/* Make the rig safe first, before clients are disconnected. */
 static void shut_down(struct daemon *daemon) {
     sd_notify(0, "STOPPING=1\nSTATUS=making the rig safe");
     mesorigd_make_safe(daemon->bus);

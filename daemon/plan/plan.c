@@ -147,7 +147,7 @@ static gboolean refuse_blocked(const struct pose_plan *p, const char *names, GEr
     return FALSE;
 }
 
-/* Cameras in whose picture the arc stands get a pose of their own, or none. */
+/* Gives cameras in whose picture the arc stands a pose of their own, or none. */
 static gboolean add_blocked(struct plan_build *b, struct pose_plan p, const struct vec3 *lights,
                             int n_lights, GError **error) {
     g_autofree char *names = camera_names(b->rig, p.cameras), *text = NULL;
@@ -209,16 +209,39 @@ static gboolean add_poses(struct plan_build *b, GError **error) {
     return TRUE;
 }
 
+/* Line, counted from 1, of a section's heading in the session file; 0: it has none. */
+static int section_line(const struct session_conf *conf, const char *section) {
+    g_autofree char *heading = g_strdup_printf("[%s]", section);
+    g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
+    for (int i = 0; lines[i]; i++)
+        if (g_str_has_prefix(g_strchug(lines[i]), heading))
+            return i + 1;
+    return 0;
+}
+
+void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
+                    const char *section, const char *key, const char *format, ...) {
+    va_list args;
+    va_start(args, format);
+    g_autofree char *what = g_strdup_vprintf(format, args);
+    va_end(args);
+    const int line = conf->path && conf->text ? section_line(conf, section) : 0;
+    g_autofree char *at = line > 0 ? g_strdup_printf(":%d", line) : NULL;
+    const gboolean placed = conf->path && conf->text;
+    g_set_error(error, PLAN_ERROR, (gint)code, "%s%s%s[%s]%s%s: %s", placed ? conf->path : "",
+                at ? at : "", placed ? ": " : "", section, key ? " " : "", key ? key : "", what);
+}
+
 static gboolean plan_check_exposure(const struct plan_build *b, int camera, double exposure_us,
                                     const char *key, GError **error) {
     gint64 min = b->timing->min_exposure_us[camera], max = b->timing->max_exposure_us[camera];
 
     if (llround(exposure_us) >= min && llround(exposure_us) <= max)
         return TRUE;
-    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
-                "[capture] %s: %g us is outside what camera %s can do, %" G_GINT64_FORMAT
-                " to %" G_GINT64_FORMAT " us",
-                key, exposure_us, b->rig->cameras[camera].name, min, max);
+    plan_set_error(error, PLAN_ERROR_LIMITS, b->conf, "capture", key,
+                   "%g us is outside what camera %s can do, %" G_GINT64_FORMAT
+                   " to %" G_GINT64_FORMAT " us",
+                   exposure_us, b->rig->cameras[camera].name, min, max);
     return FALSE;
 }
 
@@ -289,7 +312,7 @@ static void plan_predict(struct plan_build *b, struct plan *plan) {
         g_array_index(b->shots, struct session_shot, i).id = i + 1;
 }
 
-/* How often somebody has to mount a laser in the order that was found. */
+/* How often a laser must be mounted by hand in this order. */
 static int count_mounts(const struct plan_build *b) {
     int in_place[RIG_MAX_LASERS], n = 0;
 
@@ -374,50 +397,36 @@ static void build_clear(struct plan_build *b) {
     g_array_unref(b->note_counts);
 }
 
-/* A message that begins with a section of the session file gets its file and line too. */
-static void plan_add_place(const struct session_conf *conf, GError *error) {
-    const char *end = *error->message == '[' ? strchr(error->message, ']') : NULL;
-    if (!end || !conf->path || !conf->text)
-        return;
-    g_autofree char *head = g_strndup(error->message, (gsize)(end + 1 - error->message));
-    g_auto(GStrv) lines = g_strsplit(conf->text, "\n", -1);
-    int at = 0;
-    while (lines[at] && !g_str_has_prefix(g_strchug(lines[at]), head))
-        at++;
-    char *placed = lines[at] ? g_strdup_printf("%s:%d: %s", conf->path, at + 1, error->message)
-                             : g_strdup_printf("%s: %s", conf->path, error->message);
-    g_free(error->message);
-    error->message = placed;
-}
-
 /* The time that planning takes grows with the square of the poses, the memory with that of the
  * arc's angles. */
-static gboolean plan_check_size(guint64 n, int most, const char *what, GError **error) {
+static gboolean plan_check_size(const struct plan_build *b, guint64 n, int most, const char *what,
+                                GError **error) {
     if (n <= (guint64)most)
         return TRUE;
-    g_set_error(error, PLAN_ERROR, PLAN_ERROR_SIZE,
-                "[views]: these directions need %" G_GUINT64_FORMAT
-                " %s, and a plan has at most %d: give fewer, or rings of counts and offsets that "
-                "share angles",
-                n, what, most);
+    plan_set_error(
+        error, PLAN_ERROR_SIZE, b->conf, "views", NULL,
+        "these directions need %" G_GUINT64_FORMAT
+        " %s, and a plan has at most %d: give fewer, or rings of counts and offsets that "
+        "share angles",
+        n, what, most);
     return FALSE;
 }
 
 static gboolean plan_check_directions(const struct plan_build *b, GError **error) {
     const guint64 turns = b->turns->len;
-    return plan_check_size(turns * b->azimuths->len, PLAN_MAX_POSES, "poses", error) &&
-           plan_check_size(turns * (b->lights->len + b->lasers->len), PLAN_MAX_SHOTS, "shots",
+    return plan_check_size(b, turns * b->azimuths->len, PLAN_MAX_POSES, "poses", error) &&
+           plan_check_size(b, turns * (b->lights->len + b->lasers->len), PLAN_MAX_SHOTS, "shots",
                            error);
 }
 
-/* With those that cameras have for themselves since the arc stood in their pictures. */
+/* Checks the size again with the extra poses of cameras in whose pictures the arc stands. */
 static gboolean check_poses(const struct plan_build *b, GError **error) {
     g_autoptr(GHashTable) angles = g_hash_table_new(g_int64_hash, g_int64_equal);
     for (guint i = 0; i < b->poses->len; i++)
         g_hash_table_add(angles, &g_array_index(b->poses, struct plan_pose, i).arc_udeg);
-    return plan_check_size(b->poses->len, PLAN_MAX_POSES, "poses", error) &&
-           plan_check_size(b->shots->len, PLAN_MAX_SHOTS, "shots", error) &&
-           plan_check_size(g_hash_table_size(angles), PLAN_MAX_ARC_ANGLES,
+    return plan_check_size(b, b->poses->len, PLAN_MAX_POSES, "poses", error) &&
+           plan_check_size(b, b->shots->len, PLAN_MAX_SHOTS, "shots", error) &&
+           plan_check_size(b, g_hash_table_size(angles), PLAN_MAX_ARC_ANGLES,
                            "different angles of the arc", error);
 }
 
@@ -432,8 +441,6 @@ struct plan *plan_build(const struct session_conf *conf, const struct rig *rig,
     if (plan_add_directions(&b, &why) && plan_check_directions(&b, &why) &&
         check_exposures(&b, &why) && add_poses(&b, &why) && check_poses(&b, &why))
         plan = plan_finish(&b);
-    else
-        plan_add_place(conf, why);
     build_clear(&b);
     if (why)
         g_propagate_error(error, why);

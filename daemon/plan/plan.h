@@ -9,16 +9,16 @@
  *
  * Predicted time counts what the sequencer does: before a shot everything is prepared at once (both
  * axes, lamp or laser and its warm-up, the sweep's first step) while frames are read out; a lamp
- * that the shot before has left on is warm. plan_time.c has the model, and proves the lower bound:
- * the time that no order of the shots can beat, since before each of them there pass at least its
- * warm-up, or, where the lamp was left on, the quickest move into its pose.
+ * that the shot before has left on is warm. plan_time.c has the model, and proves the lower bound
+ * of the time of any order: before each shot passes at least its warm-up or, if the lamp was left
+ * on, the quickest move into its pose.
  *
  * Where lamps take longer to warm up than axes to move, the quickest order visits the poses once
  * for each lamp.
  *
- * Sweeps of a laser unit that is mounted by hand come in blocks, one for each place it is needed
- * at, its own first: less often it cannot be mounted. The operator's time, and that of homing the
- * axes afterwards, is in no prediction.
+ * Sweeps of a laser unit that is mounted by hand come in blocks, one for each of its places, its
+ * own first; this needs the fewest mountings. Predictions leave out the operator's time and the
+ * homing of the axes afterwards.
  */
 #pragma once
 
@@ -34,8 +34,8 @@ struct ring { /* directions of one elevation: φ = offset + k·360/count */
 #define PLAN_MAX_RINGS   32
 #define PLAN_MAX_BRACKET 12
 
-/* What is planned in minutes, with half a gigabyte: 200 views under 200 lights, each with a pose of
- * its own. */
+/* Limits of a plan. 200 views under 200 lights, each with a pose of its own, are planned within
+ * minutes and half a gigabyte. */
 #define PLAN_MAX_POSES      40000
 #define PLAN_MAX_SHOTS      100000
 #define PLAN_MAX_ARC_ANGLES 8192

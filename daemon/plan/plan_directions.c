@@ -4,7 +4,7 @@
 #define RAD(deg)            ((deg) * (G_PI / 180))
 #define THETA_TOLERANCE_DEG 0.5
 
-/* What stands somewhere in the rig: cameras, or lamps or lasers with the arc at 0. */
+/* The position of a camera in the rig, or of a lamp or laser with the arc at 0. */
 struct stand {
     const char *name;
     double theta_deg;
@@ -43,7 +43,8 @@ static struct stand stand_of(const char *name, struct vec3 position_mm) {
 }
 
 struct stands {
-    const char *kind, *section; /* for messages */
+    const struct session_conf *conf; /* for messages, as kind and section */
+    const char *kind, *section;
     enum plan_error missing;
     struct stand list[MAX(RIG_MAX_CAMERAS, MAX(RIG_MAX_LAMPS, RIG_MAX_LASERS))];
     int n;
@@ -55,11 +56,10 @@ static gboolean none_stands(const struct stands *stands, double theta_deg, GErro
     for (int i = 0; i < stands->n; i++)
         g_string_append_printf(there, "%s%.4g° (%s)", i ? ", " : "", stands->list[i].theta_deg,
                                stands->list[i].name);
-    g_set_error(error, PLAN_ERROR, stands->missing,
-                "[%s]: no %s stands at elevation %g° (within %g°); there are: %s. Change the rings "
-                "in the session file, or the rig file",
-                stands->section, stands->kind, theta_deg, THETA_TOLERANCE_DEG,
-                stands->n ? there->str : "none");
+    plan_set_error(error, stands->missing, stands->conf, stands->section, NULL,
+                   "no %s stands at elevation %g° (within %g°); there are: %s. Change the rings "
+                   "in the session file, or the rig file",
+                   stands->kind, theta_deg, THETA_TOLERANCE_DEG, stands->n ? there->str : "none");
     return FALSE;
 }
 
@@ -111,12 +111,14 @@ static double ring_phi_deg(const struct ring *ring, int k) {
     return phi >= 360 ? 0 : phi;
 }
 
-static gboolean cannot_turn(const struct axis_motion *limits, const char *camera, double theta_deg,
-                            double phi_deg, gint64 udeg, GError **error) {
-    g_set_error(error, PLAN_ERROR, PLAN_ERROR_LIMITS,
-                "[views]: the turntable cannot turn to %g°, from where %s would see theta %g° phi "
-                "%g°: its limits are %g° to %g°. Change the rings or the limits in the rig file",
-                (double)udeg / UDEG, camera, theta_deg, phi_deg, limits->min_deg, limits->max_deg);
+static gboolean cannot_turn(const struct session_conf *conf, const struct axis_motion *limits,
+                            const char *camera, double theta_deg, double phi_deg, gint64 udeg,
+                            GError **error) {
+    plan_set_error(error, PLAN_ERROR_LIMITS, conf, "views", NULL,
+                   "the turntable cannot turn to %g°, from where %s would see theta %g° phi "
+                   "%g°: its limits are %g° to %g°. Change the rings or the limits in the rig file",
+                   (double)udeg / UDEG, camera, theta_deg, phi_deg, limits->min_deg,
+                   limits->max_deg);
     return FALSE;
 }
 
@@ -142,7 +144,8 @@ static gboolean plan_directions_add_view(struct plan_build *b, const struct stan
     if (camera < 0)
         return none_stands(cameras, theta_deg, error);
     if (!plan_axis_reach(limits, udeg, &udeg))
-        return cannot_turn(limits, cameras->list[camera].name, theta_deg, phi_deg, udeg, error);
+        return cannot_turn(b->conf, limits, cameras->list[camera].name, theta_deg, phi_deg, udeg,
+                           error);
     add_turn(b, udeg, camera);
     struct session_direction d =
         plan_directions_direction_of(cameras, camera, (int)b->views->len, theta_deg, phi_deg);
@@ -189,9 +192,12 @@ static gboolean add_sources(struct plan_build *b, const struct stands *stands,
 
 gboolean plan_add_directions(struct plan_build *b, GError **error) {
     const struct rig *rig = b->rig;
-    struct stands cameras = {.kind = "camera", .section = "views", .missing = PLAN_ERROR_NO_CAMERA};
-    struct stands lamps = {.kind = "lamp", .section = "lights", .missing = PLAN_ERROR_NO_LAMP};
-    struct stands lasers = {.kind = "laser", .section = "lasers", .missing = PLAN_ERROR_NO_LASER};
+    struct stands cameras = {
+        .conf = b->conf, .kind = "camera", .section = "views", .missing = PLAN_ERROR_NO_CAMERA};
+    struct stands lamps = {
+        .conf = b->conf, .kind = "lamp", .section = "lights", .missing = PLAN_ERROR_NO_LAMP};
+    struct stands lasers = {
+        .conf = b->conf, .kind = "laser", .section = "lasers", .missing = PLAN_ERROR_NO_LASER};
 
     for (int i = 0; i < rig->n_cameras; i++)
         cameras.list[cameras.n++] =

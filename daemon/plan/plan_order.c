@@ -2,11 +2,11 @@
 
 #include <string.h>
 
-/* Prices looked up before the search for a better order gives up. */
+/* Cost evaluations before the search for a better order gives up. */
 #define SEARCH_BUDGET 300000
 /* Sessions of more shots than this keep the order their poses give. */
 #define SEARCH_LARGEST 1500
-/* Up to so many, all candidates are improved, not the best alone. */
+/* Up to this many shots, all candidates are improved, not the best alone. */
 #define SEARCH_ALL      40
 #define LONGEST_CARRIED 8
 
@@ -275,9 +275,9 @@ static int number_visits(GArray *shots) {
     return visit + 1;
 }
 
-/* What passes between the end of one shot's exposures and the start of another's. The first one
- * comes after the block before or the dark frames, those in its own pose; after the last one there
- * is its read-out. */
+/* Cost: time between the end of one shot's exposures and the start of the next. The first shot
+ * follows the previous block, or the dark frames, which are taken in its own pose; the last one is
+ * followed by its read-out. */
 static double plan_order_between(gconstpointer data, int from, int to) {
     const struct orderer *o = data;
 
@@ -368,9 +368,9 @@ static Order *in_blocks(struct orderer *o, const int *block_of, int n_blocks,
     return whole;
 }
 
-/* As many blocks as the unit with most places has that are needed; each sweep is in the block of
- * its place, counted from the unit's own. So every unit is mounted once at each place, and less
- * often cannot be. All else is in the first block. */
+/* Number of blocks: the largest number of needed places of any unit. Each sweep is in the block of
+ * its place, counted from the unit's own, so that every unit is mounted once at each place, which
+ * is the minimum. All other shots are in the first block. */
 static int block_by_mount(GArray *shots, const struct rig_timing *timing, int *block_of) {
     int rank[RIG_MAX_LASERS] = {0}, n_blocks = 1;
     guint32 used = 0;

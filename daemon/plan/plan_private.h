@@ -58,8 +58,14 @@ gboolean plan_shift(const struct rig *rig, const struct axis_motion *arc, guint3
                     gint64 arc_udeg, double radius_mm, const struct vec3 *lights, int n_lights,
                     gint64 *ret_shift_udeg);
 
-/* What skipped shots cost the BTF, in words: pictures that it will make of others, views that it
- * will not have. g_free(); NULL: nothing. */
+/* Sets an error that begins with the place in the session file: "FILE:LINE: [section] key: ". key
+ * may be NULL; a plan whose session was not read from a file has no place. */
+void plan_set_error(GError **error, enum plan_error code, const struct session_conf *conf,
+                    const char *section, const char *key, const char *format, ...)
+    G_GNUC_PRINTF(6, 7);
+
+/* Describes the effect of skipped shots on the BTF: pictures that it will interpolate, views that
+ * it will lack. g_free(); NULL: none. */
 char *plan_missing(const struct session_plan *plan);
 
 /* Times of moves between poses, both axes together; a table, so that orders are tried quickly. */
@@ -82,15 +88,15 @@ static inline double plan_move_s(const struct plan_moves *m, int from, int to) {
     return turn > arc ? turn : arc;
 }
 
-/* A path through things that are numbered, with a price on every step, also on that to the first
- * (from −1) and from the last (to −1). The search changes the order in place until nothing gains,
- * the least possible is reached or the budget of prices is spent. */
+/* A path through numbered elements, with a cost for every step, also for that to the first (from
+ * −1) and from the last (to −1). The search changes the order in place until no change reduces the
+ * cost, the lower bound (least) is reached or the budget of cost evaluations is spent. */
 struct plan_path {
     int *order;
     int n;
     double (*cost)(gconstpointer data, int from, int to);
     gconstpointer data;
-    int longest_carried; /* how many in a row are carried elsewhere at once */
+    int longest_carried; /* Or-opt: longest segment that is moved at once */
     double least;
 };
 
@@ -117,8 +123,8 @@ int plan_order_nested(GArray *shots, const struct plan_pose *poses, int n_poses,
 double plan_shot_s(const struct session_shot *shot, const struct session_conf *conf,
                    const struct rig_timing *timing);
 
-/* What must pass before the first exposure of a shot after another one's last, both in the same
- * pose: warm-up, the sweep's way back, read-out. previous may be NULL. */
+/* Least time between the last exposure of a shot and the first of the next one in the same pose:
+ * warm-up, the sweep's way back, read-out. previous may be NULL. */
 double plan_lead_s(const struct session_shot *previous, const struct session_shot *shot,
                    const struct rig_timing *timing);
 

@@ -8,7 +8,7 @@ static double plan_search_cost(const struct plan_path *t, int from, int to) {
     return t->cost(t->data, from, to);
 }
 
-/* What stands at a place, −1 before the first and after the last. */
+/* The element at an index, −1 before the first and after the last. */
 static int at(const struct plan_path *t, int place) {
     return place < 0 || place >= t->n ? -1 : t->order[place];
 }
@@ -25,14 +25,14 @@ double plan_path_cost(const struct plan_path *path) {
     return sum;
 }
 
-/* Both edges of a stretch that begins with a and ends with b, put between two places. */
+/* Cost of both edges of a segment from a to b between two neighbours. */
 static double plan_search_join(const struct plan_path *t, int from_place, int a, int b,
                                int to_place) {
     return plan_search_cost(t, at(t, from_place), a) + plan_search_cost(t, b, at(t, to_place));
 }
 
-/* 2-opt: turns the stretch i … j around where that gains. Moves have a direction (backlash), so the
- * stretch itself costs something else backwards. */
+/* 2-opt: reverses the segment i … j where that reduces the cost. Moves have a direction (backlash),
+ * so the segment itself has another cost backwards. */
 static gboolean improve_by_turning(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 
@@ -56,7 +56,7 @@ static gboolean improve_by_turning(struct plan_path *t, gint64 *budget) {
     return improved;
 }
 
-/* Takes the k from place i out and puts them before place j, which is not among them. */
+/* Moves the k elements from index i to before index j, which is not among them. */
 static void carry(struct plan_path *t, int i, int k, int j) {
     g_autofree int *taken = g_memdup2(t->order + i, sizeof(int) * (gsize)k);
 
@@ -69,7 +69,7 @@ static void carry(struct plan_path *t, int i, int k, int j) {
     }
 }
 
-/* Or-opt: carries a few in a row to where they cost less. */
+/* Or-opt: moves a segment of a few elements to where it costs less. */
 static gboolean improve_by_carrying(struct plan_path *t, gint64 *budget) {
     gboolean improved = FALSE;
 

@@ -1,4 +1,4 @@
-/* A plan told to people and programs. Pure functions. */
+/* Reports of a plan, as text and as data. Pure functions. */
 #pragma once
 
 #include "plan.h"

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #define MAX_DIRECTIONS 1024
-/* Where a pixel's peak was is kept in 15 bits, see frames/sweep.c. */
+/* The position of a pixel's peak is kept in 15 bits, see frames/sweep.c. */
 #define MAX_SWEEP_STEPS G_MAXINT16
 
 struct preset {

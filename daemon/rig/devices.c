@@ -7,7 +7,7 @@
 
 /*
  * With several interlocks the lasers are guarded by one that stands for all of them: closed while
- * every one is. It is told by listeners on the others.
+ * every one is. Listeners on the others set its state.
  */
 static gboolean open_all(Interlock *interlock, GError **error) {
     return TRUE;
@@ -49,13 +49,15 @@ static gboolean open_guard(struct devices *devices, GError **error) {
     return TRUE;
 }
 
-/* What a driver says when it cannot open its device, with the place in the rig file that asked for
- * it. */
+/* Adds the section of the rig file to the error of a driver that cannot open its device, unless the
+ * error names a place in the rig file already. */
 static void devices_add_place(const struct config_section *section, GError **error) {
     const char *path = config_path(section->config);
 
-    if (error && *error && !strstr((*error)->message, path))
-        g_prefix_error(error, "%s:%d: [%s]: ", path, section->line, section->group);
+    if (!error || !*error || g_strcmp0(error_details_file(*error), path) == 0)
+        return;
+    g_autofree char *where = g_strdup_printf("[%s]", section->group);
+    error_details_add_place(error, path, section->line, where);
 }
 
 static gboolean open_interlocks(struct devices *devices, const struct layout *layout,
@@ -139,7 +141,7 @@ static gboolean open_banks(struct devices *devices, const struct layout *layout,
     return TRUE;
 }
 
-/* A place that the driver does not know is to be told now, not when somebody has climbed there. */
+/* Report a place that the driver does not know now, not when somebody has climbed there. */
 static gboolean open_mount(struct devices *devices, const struct layout *layout, int i,
                            GError **error) {
     int unit = layout->unit[i];
@@ -212,7 +214,7 @@ static gboolean finish_camera(struct devices *devices, const struct layout *layo
     return TRUE;
 }
 
-/* All are set off before any is waited for, so that many take no longer than the slowest. */
+/* Opens all cameras before waiting for any, so that many take no longer than the slowest. */
 static gboolean open_cameras(struct devices *devices, const struct layout *layout, GError **error) {
     g_autofree const char **keys = layout_keys("camera");
 
@@ -372,7 +374,7 @@ struct securing {
     gboolean too_late;
 };
 
-/* The last one counts: those before may be to what a session had asked for. */
+/* The last answer counts: earlier ones may belong to commands of a session. */
 static void take_answer(struct answer *answer, const GError *error) {
     answer->done = TRUE;
     g_clear_error(&answer->error);
@@ -425,7 +427,7 @@ static gboolean on_too_late(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* The answers, in the order in which they are asked for; NULL ends them. */
+/* The i-th answer, in the order of the requests; NULL after the last. */
 static struct answer *nth_answer(struct securing *securing, gsize i) {
     struct answer *const lists[] = {securing->lasers, securing->banks, securing->axes};
     const gsize lengths[] = {G_N_ELEMENTS(securing->lasers), G_N_ELEMENTS(securing->banks),
@@ -444,7 +446,7 @@ static gboolean is_answered(struct securing *securing) {
     return TRUE;
 }
 
-/* Classes keep deadlines of their own; this is for a rig whose clock does not run. */
+/* The classes keep deadlines of their own; this one is for a rig whose clock does not run. */
 static void await_answers(struct securing *securing) {
     guint timer = g_timeout_add(SECURE_MS, on_too_late, securing);
     while (!is_answered(securing) && !securing->too_late)
@@ -472,8 +474,8 @@ static gboolean collect_answers(struct securing *securing, GError **error) {
     struct answer *answer;
     for (gsize i = 0; (answer = nth_answer(securing, i)); i++) {
         if (!answer->done)
-            g_set_error(&answer->error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
-                        "a device has not answered within %d s", SECURE_MS / 1000);
+            device_error_set(&answer->error, DEVICE_ERROR_TIMEOUT, NULL,
+                             "a device has not answered within %d s", SECURE_MS / 1000);
         devices_collect(&collected, answer->error);
     }
     if (collected)
@@ -485,7 +487,7 @@ gboolean devices_secure(struct devices *devices, GError **error) {
     struct securing securing = {0};
     struct answer *answer;
     for (gsize i = 0; (answer = nth_answer(&securing, i)); i++)
-        answer->done = TRUE; /* but for those that there are */
+        answer->done = TRUE; /* devices that exist reset this below */
     for (int i = 0; i < devices->geometry.n_lasers; i++)
         if (rig_laser_unit(&devices->timing, i) == i)
             secure_laser(devices->lasers[i], &securing.lasers[i]);

@@ -7,8 +7,8 @@
  * [lamp NAME] for each lamp in it; [camera NAME]; [laser NAME]; [interlock NAME] and [mark NAME],
  * optional.
  *
- * A [laser NAME] with mount_of is no device but a further place of the unit that it names, which
- * somebody has to mount there. In geometry and timing it is a laser like any other.
+ * A [laser NAME] with mount_of is no device but a further place of the unit that it names, where
+ * an operator mounts it by hand. In geometry and timing it is a laser like any other.
  */
 #pragma once
 
@@ -22,7 +22,7 @@
 #define DEVICES_MAX_BANKS      8
 #define DEVICES_MAX_INTERLOCKS 4
 
-/* How long things take: what a plan needs to know of the devices. Indices as in struct rig. */
+/* Speeds and delays of the devices, for the prediction of times. Indices as in struct rig. */
 struct rig_timing {
     struct axis_motion turntable, arc, sweep[RIG_MAX_LASERS];
     double lamp_warm_up_s[RIG_MAX_LAMPS];
@@ -81,12 +81,12 @@ void devices_close(struct devices *devices);
  * into the first one; every device is tried. */
 gboolean devices_make_safe(struct devices *devices, GError **error);
 
-/* The same, and waits until every device has answered: lasers and lamps that they are off, axes
- * that they stand, also those that another program has set off. FALSE: at least one has not, or
- * otherwise. Runs the main loop; nobody else listens to the devices any more. */
+/* The same, and waits until every device has confirmed: lasers and lamps that they are off, axes
+ * that they stand, also those that another program has started. FALSE: at least one has not
+ * confirmed. Runs the main loop, and removes all other listeners from the devices. */
 gboolean devices_secure(struct devices *devices, GError **error);
 
-/* In a reason or an event when lamps, lasers or axes may not be what they should. */
+/* Begins a reason or an event that reports that lamps, lasers or axes may not be safe. */
 #define DEVICES_UNSAFE "THE RIG COULD NOT BE MADE SAFE"
 
 /* All drivers and their options, for `mesorig drivers`; name NULL: all. g_free(). */

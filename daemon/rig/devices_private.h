@@ -32,7 +32,7 @@ const char **layout_keys(const char *class_name);
 /* The table behind those keys, and that of [rig], [lamp] and [mark]; NULL if a class has none. */
 const struct option *layout_options(const char *class_name);
 
-/* Drivers by the driver key of a section; an error lists those there are. */
+/* Drivers by the driver key of a section; the error lists the existing drivers. */
 const struct axis_driver *drivers_axis(const struct config_section *section, GError **error);
 const struct lamps_driver *drivers_lamps(const struct config_section *section, GError **error);
 const struct camera_driver *drivers_camera(const struct config_section *section, GError **error);

@@ -1,4 +1,4 @@
-/* What is on the buses of this machine, of all kinds that drivers are for. */
+/* Searches all buses of this machine for devices that have a driver. */
 #pragma once
 
 #include "drivers/found.h"
@@ -13,7 +13,7 @@ struct finder_modbus {
     int first, last;    /* units */
 };
 
-/* All there is, as struct found, to be freed with g_ptr_array_unref(). A bus that cannot be looked
- * at adds a sentence to ret_problems and does not keep the others from being. Takes a second or
- * two, and with Modbus a tenth of a second for each unit that is not there. NULL: bad arguments. */
+/* All devices found, as struct found, to be freed with g_ptr_array_unref(). A bus that cannot be
+ * searched adds a sentence to ret_problems; the others are searched all the same. Takes a second or
+ * two, and with Modbus a tenth of a second for each absent unit. NULL: bad arguments. */
 GPtrArray *finder_scan(const struct finder_modbus *modbus, GPtrArray *ret_problems, GError **error);

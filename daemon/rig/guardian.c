@@ -11,8 +11,8 @@
 #include <unistd.h>
 
 #define BEAT_MS    1000
-#define HANG_US    (4500 * 1000) /* so that it is dark five seconds after it has hung */
-#define END_MS     5000          /* how long a killed daemon is waited for */
+#define HANG_US    (4500 * 1000) /* the rig is dark within five seconds after the daemon has hung */
+#define END_MS     5000          /* time that a killed daemon gets to end */
 #define RESTART_US (10 * G_USEC_PER_SEC)
 
 enum word { BEAT = 'b', PAUSE = 'p', GOODBYE = 'q' };
@@ -38,7 +38,7 @@ gboolean guardian_is_needed(const struct devices *devices) {
     return real;
 }
 
-/* A guardian that has ended is told by on_ended(), not here. */
+/* on_ended() reports a guardian that has ended, not this. */
 static void guardian_say(Guardian *guardian, enum word word) {
     const char byte = (char)word;
     if (send(guardian->socket, &byte, 1, MSG_NOSIGNAL | MSG_DONTWAIT) < 0)
@@ -50,7 +50,8 @@ static gboolean on_beat(gpointer data) {
     return G_SOURCE_CONTINUE;
 }
 
-/* Between fork and exec: only what is safe there. What ends the daemon is not to end it too. */
+/* Runs between fork and exec: async-signal-safe calls only. Signals that end the daemon must not
+ * end the guardian too. */
 static void guardian_prepare_child(gpointer unused) {
     static const int ignored[] = {SIGTERM, SIGINT, SIGHUP, SIGQUIT, SIGABRT, SIGPIPE};
     setsid();
@@ -77,7 +78,8 @@ static void on_ended(GPid pid, int status, gpointer data) {
         g_warning("%s", error->message);
 }
 
-/* Its standard input is one end of a pair of sockets: its end is known however the daemon dies. */
+/* Its standard input is one end of a socket pair, so that it notices the end of the daemon however
+ * that dies. */
 static gboolean guardian_do_start(Guardian *guardian, GError **error) {
     const char *const argv[] = {"/proc/self/exe", "mesorigd", "--guardian", guardian->rig_path,
                                 NULL};
@@ -144,7 +146,7 @@ void guardian_end(Guardian *guardian, gboolean safe) {
     g_free(guardian);
 }
 
-/* What it has heard of the daemon. */
+/* Heartbeats received from the daemon. */
 enum news { NEWS_NONE, NEWS_GOODBYE, NEWS_DEAD };
 
 static enum news hear(gint64 *until_us) {
@@ -190,7 +192,7 @@ static gboolean watch_daemon(int daemon) {
                 return news == NEWS_DEAD;
         }
         if (ready == 0 && g_get_monotonic_time() > until_us + G_USEC_PER_SEC) {
-            /* This process was held up itself, and the daemon perhaps with it. */
+            /* This process was held up, and perhaps the daemon with it: wait again. */
             until_us = g_get_monotonic_time() + HANG_US;
         } else if (ready == 0) {
             kill_daemon(daemon);

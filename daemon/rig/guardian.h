@@ -1,8 +1,7 @@
 /*
- * A small process beside the daemon that makes the rig safe when the daemon cannot any more: when
- * it has died without saying goodbye, or when its main loop has hung, for which it is killed. It
- * hears a heartbeat from a timer of the default main context, in real time whatever the rig's
- * clock.
+ * A small process beside the daemon that makes the rig safe when the daemon cannot: when the daemon
+ * has died without saying goodbye, or when its main loop hangs; then the guardian kills it. A timer
+ * of the default main context sends it a heartbeat, in real time whatever the rig's clock.
  */
 #pragma once
 
@@ -16,11 +15,12 @@ gboolean guardian_is_needed(const struct devices *devices);
 /* Starts this program again with --guardian RIG. */
 Guardian *guardian_start(const char *rig_path, GError **error);
 
-/* busy: nothing shines or moves, and the main loop is about to be kept busy: until the next
- * heartbeat silence is no hang. FALSE: it is again, from now on. NULL is ignored. */
+/* busy: nothing shines or moves and the main loop is about to block, so silence until the next
+ * heartbeat is no hang. FALSE: silence is a hang again, from now on. NULL is ignored. */
 void guardian_set_busy(Guardian *guardian, gboolean busy);
 
-/* safe: the rig is safe, it may go; or else it makes sure of that. NULL is ignored. */
+/* Ends the guardian. safe: the rig is safe; otherwise the guardian makes it safe. NULL is ignored.
+ */
 void guardian_end(Guardian *guardian, gboolean safe);
 
 /* The guardian itself; its standard input is the daemon's heartbeat. Returns the exit code. */

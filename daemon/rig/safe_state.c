@@ -11,16 +11,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define PATIENCE_US (5 * G_USEC_PER_SEC)  /* what fails is tried again for so long */
-#define PAUSE_US    (200 * 1000)          /* and so long in between */
-#define LIMIT_US    (30 * G_USEC_PER_SEC) /* a line's process is given up after this */
+#define PATIENCE_US (5 * G_USEC_PER_SEC)  /* time for which failed devices are tried again */
+#define PAUSE_US    (200 * 1000)          /* between two tries */
+#define LIMIT_US    (30 * G_USEC_PER_SEC) /* limit of the process of a line */
 #define MAX_TEXT    1500                  /* with the rest of a struct result less than PIPE_BUF */
 
 struct job { /* a device to be made safe */
     const struct config_section *section;
     const struct driver_info *info; /* NULL: its driver is not known */
     char *name;                     /* "laser top" */
-    char *line;                     /* devices of the same are seen to by one process, in turn */
+    char *line;                     /* one process handles all devices of a line, in turn */
 };
 
 struct SafeState {
@@ -34,13 +34,13 @@ struct result { /* written by one process, read by the other */
     char text[MAX_TEXT];
 };
 
-struct mended { /* a section of which only what is good was kept */
+struct repaired { /* a section reduced to its valid keys */
     GString *text;
     GString *notes;  /* what was left out */
-    GString *doubts; /* what was left out and may say which device it is */
+    GString *doubts; /* what was left out and may identify the device */
 };
 
-/* Keys that say neither which device it is nor what switches or stops it. */
+/* Keys that neither identify the device nor determine how it is switched or stopped. */
 static const char *const harmless[] = {"warm_up_s",
                                        "warm_up_ms",
                                        "wraps",
@@ -81,7 +81,7 @@ static const char *const harmless[] = {"warm_up_s",
                                        "pulse_coil",
                                        NULL};
 
-/* Keys of the line itself: with a wrong one the device is not heard, and not believed to be off. */
+/* Keys of the line: with a wrong one the device does not answer, and counts as not off. */
 static const char *const line_keys[] = {"baud",    "parity",  "stop_bits", "timeout_ms",
                                         "late_ms", "retries", NULL};
 
@@ -106,8 +106,8 @@ static gboolean is_axis(const struct job *job) {
     return strcmp(class_of(job), "axis") == 0;
 }
 
-/* Sections whose driver is one of lasers, lamps and axes, whatever they are called; and those that
- * are called so, or by no known name, without a driver that is known. */
+/* Sections with a driver of lasers, lamps or axes, whatever their class name is; and sections
+ * without a known driver whose class name is one of these or unknown. */
 static gboolean is_job(const struct config_section *section, const struct driver_info *info) {
     static const char *const others[] = {"rig", "lamp", "camera", "interlock", "mark", NULL};
 
@@ -182,8 +182,8 @@ static void add_words(GString *to, const char *words) {
     g_string_append_printf(to, "%s%s", to->len ? "; " : "", words);
 }
 
-/* Whether all that says which device it is stands in the section: then a key that is not understood
- * is not one of those, misspelt. */
+/* Whether the section has all keys that identify the device: then an unknown key cannot be a
+ * misspelling of one of them. */
 static gboolean says_which(const struct job *job) {
     for (const struct option *option = job->info->options; option && option->name; option++)
         if (!g_strv_contains(harmless, option->name) && !g_strv_contains(line_keys, option->name) &&
@@ -192,9 +192,9 @@ static gboolean says_which(const struct job *job) {
     return TRUE;
 }
 
-/* Lines that could not be read at all. One with the heading's number is the heading, of which the
- * rest was; but where there is none, the first keys may be missing too. */
-static void note_problems(const struct job *job, struct mended *mended) {
+/* Adds the problems of lines of this section that could not be read. A problem in the line of the
+ * heading is one of the heading itself; without a heading the first keys may be missing too. */
+static void note_problems(const struct job *job, struct repaired *repaired) {
     gsize n_problems, n;
     const struct config_problem *problems = config_problems(job->section->config, &n_problems);
     const struct config_section *sections = config_sections(job->section->config, &n);
@@ -207,20 +207,23 @@ static void note_problems(const struct job *job, struct mended *mended) {
             continue;
         const gboolean headless = strcmp(job->section->class_name, CONFIG_NO_HEADING) == 0;
         const gboolean harms = headless || (problems[i].line != begin && !says_which(job));
-        add_words(harms ? mended->doubts : mended->notes, problems[i].message);
+        add_words(harms ? repaired->doubts : repaired->notes, problems[i].message);
     }
 }
 
-/* Every key on the line that it has in the file, so that errors of drivers name that. */
-static void add_line(struct mended *mended, int *at, int line, const char *key, const char *value) {
-    const int target = mended->text->len ? MAX(line, *at + 1) : line; /* never two on one */
+/* Puts every key on its line of the file, so that errors of drivers name that line. */
+static void add_line(struct repaired *repaired, int *at, int line, const char *key,
+                     const char *value) {
+    const int target =
+        repaired->text->len ? MAX(line, *at + 1) : line; /* never two keys on one line */
 
     for (; *at < target; (*at)++)
-        g_string_append_c(mended->text, '\n');
-    g_string_append_printf(mended->text, "%s%s%s", key, value ? " = " : "", value ? value : "");
+        g_string_append_c(repaired->text, '\n');
+    g_string_append_printf(repaired->text, "%s%s%s", key, value ? " = " : "", value ? value : "");
 }
 
-/* Only a stop is written to an axis, no speed that may be wrong; and no watchdog is set up. */
+/* FALSE for keys of speeds and watchdogs: a device is only stopped or switched off, and a wrong
+ * speed must not be written. */
 static gboolean safe_state_is_wanted(const char *key, gboolean quick) {
     static const char *const unwanted[] = {"speed_register",    "accel_register", "watchdog",
                                            "watchdog_register", "pulse_coil",     NULL};
@@ -228,11 +231,11 @@ static gboolean safe_state_is_wanted(const char *key, gboolean quick) {
 }
 
 static void mend_keys(const struct job *job, gboolean quick, const char *const *also,
-                      struct mended *mended) {
+                      struct repaired *repaired) {
     int at = 1;
     g_autofree char *heading = g_strdup_printf("[%s]", job->section->group);
 
-    add_line(mended, &at, job->section->line, heading, NULL);
+    add_line(repaired, &at, job->section->line, heading, NULL);
     for (const char *const *key = config_keys(job->section); *key; key++) {
         g_autoptr(GError) error = NULL;
         int line = 0;
@@ -240,14 +243,14 @@ static void mend_keys(const struct job *job, gboolean quick, const char *const *
         if (strcmp(*key, "driver") == 0 ||
             options_check_key(job->info->options, job->section, also, *key, &error)) {
             if (!g_strv_contains(also, *key) && safe_state_is_wanted(*key, quick))
-                add_line(mended, &at, line, *key, value);
+                add_line(repaired, &at, line, *key, value);
             continue;
         }
         const gboolean unknown = g_error_matches(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN);
         const gboolean harms =
             unknown ? !says_which(job)
                     : !g_strv_contains(harmless, *key) && !g_strv_contains(line_keys, *key);
-        add_words(harms ? mended->doubts : mended->notes, error->message);
+        add_words(harms ? repaired->doubts : repaired->notes, error->message);
     }
 }
 
@@ -258,9 +261,9 @@ static gboolean has_option(const struct driver_info *info, const char *key) {
     return FALSE;
 }
 
-/* Keys without a default that do not matter here; the driver wants them all the same. */
+/* Adds keys without a default that do not matter here, but that the driver requires. */
 static void safe_state_add_missing(const struct job *job, const char *const *also, gboolean quick,
-                                   struct mended *mended) {
+                                   struct repaired *repaired) {
     for (const struct option *option = job->info->options; option && option->name; option++) {
         const gboolean list = option->type == OPTION_STRINGS;
         const char *value = config_value(job->section, option->name, NULL);
@@ -269,22 +272,22 @@ static void safe_state_add_missing(const struct job *job, const char *const *als
              options_check_key(job->info->options, job->section, also, option->name, NULL)))
             continue;
         const double one = option->min == option->max ? 1 : CLAMP(1, option->min, option->max);
-        g_string_append_printf(mended->text, "\n%s = %s%d", option->name, list ? "0=" : "",
+        g_string_append_printf(repaired->text, "\n%s = %s%d", option->name, list ? "0=" : "",
                                (int)ceil(one));
         if (!value)
-            g_string_append_printf(mended->notes, "%s%s is missing", mended->notes->len ? "; " : "",
-                                   option->name);
+            g_string_append_printf(repaired->notes, "%s%s is missing",
+                                   repaired->notes->len ? "; " : "", option->name);
     }
     if (quick && has_option(job->info, "retries"))
-        g_string_append(mended->text, "\nretries = 0");
+        g_string_append(repaired->text, "\nretries = 0");
 }
 
-/* quick: not tried again while others wait for their turn. */
-static void mend_section(const struct job *job, gboolean quick, struct mended *ret) {
+/* quick: try once only, while other devices wait for their turn. */
+static void mend_section(const struct job *job, gboolean quick, struct repaired *ret) {
     g_autofree const char **layout = layout_keys("laser");
     g_autoptr(GPtrArray) also = g_ptr_array_new();
 
-    *ret = (struct mended){g_string_new(NULL), g_string_new(NULL), g_string_new(NULL)};
+    *ret = (struct repaired){g_string_new(NULL), g_string_new(NULL), g_string_new(NULL)};
     for (const char **key = layout; strcmp(class_of(job), "laser") == 0 && *key; key++)
         g_ptr_array_add(also, (gpointer)*key);
     g_ptr_array_add(also, NULL);
@@ -294,13 +297,13 @@ static void mend_section(const struct job *job, gboolean quick, struct mended *r
     g_string_append_printf(ret->text, "\n");
 }
 
-static void mended_clear(struct mended *mended) {
-    g_string_free(mended->text, TRUE);
-    g_string_free(mended->notes, TRUE);
-    g_string_free(mended->doubts, TRUE);
+static void mended_clear(struct repaired *repaired) {
+    g_string_free(repaired->text, TRUE);
+    g_string_free(repaired->notes, TRUE);
+    g_string_free(repaired->doubts, TRUE);
 }
 
-/* Alone in a rig of its own. */
+/* Opens the device as a rig of one device. */
 static gboolean safe_state_open_device(struct devices *devices, const struct job *job,
                                        const struct config_section *section, GError **error) {
     gconstpointer driver = job->info;
@@ -359,27 +362,27 @@ static void no_driver(const struct job *job, GError **error) {
 /* FALSE: to be tried again. */
 static gboolean try_job(const struct job *job, gboolean quick, struct result *result) {
     g_autoptr(GError) error = NULL;
-    struct mended mended;
+    struct repaired repaired;
 
     if (!job->info) {
         no_driver(job, &error);
         set_result(result, FALSE, job, "%s", error->message);
         return TRUE;
     }
-    mend_section(job, quick, &mended);
+    mend_section(job, quick, &repaired);
     const char *done = is_axis(job) ? "stands" : "off";
-    const char *notes = mended.notes->str;
-    const gboolean safe = secure_section(job, mended.text->str, &error);
+    const char *notes = repaired.notes->str;
+    const gboolean safe = secure_section(job, repaired.text->str, &error);
     if (!safe)
         set_result(result, FALSE, job, "%s%s%s%s%s", error->message, *notes ? "; " : "", notes,
-                   mended.doubts->len ? "; " : "", mended.doubts->str);
-    else if (mended.doubts->len)
+                   repaired.doubts->len ? "; " : "", repaired.doubts->str);
+    else if (repaired.doubts->len)
         set_result(result, FALSE, job,
                    "what its section names is %s, read back, but may not be it: %s%s%s", done,
-                   mended.doubts->str, *notes ? "; " : "", notes);
+                   repaired.doubts->str, *notes ? "; " : "", notes);
     else
         set_result(result, TRUE, job, "%s, read back%s%s", done, *notes ? "; " : "", notes);
-    mended_clear(&mended);
+    mended_clear(&repaired);
     return safe || error->domain != DEVICE_ERROR;
 }
 
@@ -448,7 +451,7 @@ static GArray *start_lines(const SafeState *state, const int *fds) {
     return pids;
 }
 
-/* What the lines' processes say, until the last has ended. */
+/* Collects the results of the lines' processes, until the last has ended. */
 static void hear_results(int fd, gboolean *heard, gboolean *ret_safe) {
     const gint64 until = g_get_monotonic_time() + LIMIT_US;
     struct result result;
@@ -505,8 +508,9 @@ static gboolean make_jobs(const SafeState *state) {
     return safe;
 }
 
-/* Problems of devices are told with them; those of the rest are told here. */
-static void tell_problems(const SafeState *state) {
+/* Reports the problems of lines that belong to no device; those of devices are with their results.
+ */
+static void report_problems(const SafeState *state) {
     gsize n;
     const struct config_problem *problems = config_problems(state->config, &n);
 
@@ -515,7 +519,7 @@ static void tell_problems(const SafeState *state) {
 }
 
 gboolean safe_state_make(const SafeState *state) {
-    tell_problems(state);
+    report_problems(state);
     if (state->jobs->len == 0) {
         g_printerr("mesorigd: NOT safe: %s names no laser, no lamps and no axis\n",
                    config_path(state->config));

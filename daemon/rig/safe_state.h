@@ -1,11 +1,11 @@
 /*
- * The safe state of a rig that no daemon holds: lasers and lamps off, axes standing, each device by
- * itself and whatever has become of the others. It needs no valid rig file, but the sections of
- * those devices alone, and of them what says where the device is and what switches it.
+ * The safe state of a rig without a daemon: lasers and lamps off, axes standing, each device
+ * independently of the others. The rig file need not be valid: only the sections of these devices
+ * are used, and in them only the keys that identify the device and switch it.
  *
- * Devices on different lines are seen to at the same time, each line in a process of its own, so
- * that one that hangs holds up no other. What fails is tried again for some seconds: a line may
- * still be held by a program that ends.
+ * Different lines are handled at the same time, each in a process of its own, so that one that
+ * hangs delays no other. Failures are tried again for some seconds: a program that is ending may
+ * still hold a line.
  */
 #pragma once
 
@@ -13,8 +13,8 @@
 
 typedef struct SafeState SafeState;
 
-/* Reads the rig file; what is wrong with it is told by safe_state_make(). Fails only if there is no
- * such file, or if it cannot be read. */
+/* Reads the rig file; safe_state_make() reports its errors. Fails only if the file does not exist
+ * or cannot be read. */
 SafeState *safe_state_read(const char *rig_path, GError **error);
 void safe_state_free(SafeState *state); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SafeState, safe_state_free)

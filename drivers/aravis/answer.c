@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* How far two quartzes drift apart. */
+/* Largest drift between two quartz clocks. */
 #define DRIFT       100e-6
 #define ROUNDING_US 20
 
@@ -28,8 +28,8 @@ static gint64 slack_us(const struct answer_state *state, gint64 now_us) {
            ROUNDING_US;
 }
 
-/* FALSE: before the trigger. What lies before it, or ahead of us, by less than the clocks are known
- * is the trigger's, or now. */
+/* FALSE: exposed before the trigger. A time before the trigger, or in the future, by less than the
+ * uncertainty of the clocks is taken as the time of the trigger, or as now. */
 static gboolean map_stamp(const struct answer_state *state, double stamp_us, gint64 *ret_start_us,
                           gint64 *ret_before_us) {
     gint64 now = g_get_monotonic_time(), slack = slack_us(state, now);
@@ -46,7 +46,7 @@ static gboolean map_stamp(const struct answer_state *state, double stamp_us, gin
     return TRUE;
 }
 
-/* A camera without a clock: when its picture began to come must do. */
+/* A camera without a clock: use the time at which its picture began to arrive. */
 static gboolean map_arrival(const struct answer_state *state, ArvBuffer *buffer,
                             gint64 *ret_start_us, gint64 *ret_before_us) {
     gint64 real_us = (gint64)(arv_buffer_get_system_timestamp(buffer) / 1000);
@@ -63,7 +63,7 @@ static gboolean map_time(const struct answer_state *state, ArvBuffer *buffer, gi
     if (state->clock.valid && stamp_ns > 0)
         return map_stamp(state, (double)stamp_ns / 1e3, ret_start_us, ret_before_us);
     if (arv_buffer_get_status(buffer) != ARV_BUFFER_STATUS_SUCCESS)
-        return TRUE; /* its first packet is missing; it will be refused */
+        return TRUE; /* its first packet is missing; the class will refuse it */
     return map_arrival(state, buffer, ret_start_us, ret_before_us);
 }
 
@@ -72,9 +72,9 @@ static gboolean aravis_answer_fill(Frame *frame, ArvBuffer *buffer,
     gsize size = 0, needed = aravis_format_bytes(format, frame->width, frame->height);
     const guint8 *bytes = arv_buffer_get_data(buffer, &size);
     if (size < needed) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                    "its picture has %zu bytes, but %d × %d %s are %zu", size, frame->width,
-                    frame->height, format->name, needed);
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "its picture has %zu bytes, but %d × %d %s are %zu", size, frame->width,
+                         frame->height, format->name, needed);
         return FALSE;
     }
     aravis_unpack(format, bytes, (gsize)frame->width * (gsize)frame->height, frame->pixels);
@@ -94,10 +94,10 @@ static Frame *aravis_answer_unpack(const struct answer_state *state, ArvBuffer *
     guint32 code = arv_buffer_get_image_pixel_format(buffer);
     int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
     if (code != limits->format->code || width != limits->width || height != limits->height) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                    "its picture is %d × %d of format 0x%08x, not %d × %d %s as it was set up; "
-                    "another program has changed it",
-                    width, height, code, limits->width, limits->height, limits->format->name);
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "its picture is %d × %d of format 0x%08x, not %d × %d %s as it was set "
+                         "up; another program has changed it",
+                         width, height, code, limits->width, limits->height, limits->format->name);
         return NULL;
     }
     g_autoptr(Frame) frame = frame_new(width, height);

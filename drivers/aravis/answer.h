@@ -1,5 +1,5 @@
-/* From what a camera has sent to a frame of ours: which picture it is, when it was exposed, and its
- * pixels. */
+/* Converts a buffer that a camera has sent to a Frame: which picture it is, when it was exposed,
+ * and its pixels. */
 #pragma once
 
 #include "device.h"
@@ -15,9 +15,9 @@ struct answer_state {
     gboolean stamp_is_end;
 };
 
-void answer_begin(struct answer_state *state); /* the camera is armed: ids may start anew */
+void answer_begin(struct answer_state *state); /* the camera is armed: ids may restart */
 
-/* NULL with no error: exposed ret_before_us before the trigger, so not the answer. NULL with an
- * error: something else than what was set up. */
+/* NULL without an error: the picture was exposed ret_before_us before the trigger, so it is not the
+ * answer. NULL with an error: its size or format is not the one that was set up. */
 Frame *answer_frame(struct answer_state *state, ArvBuffer *buffer, gint64 *ret_before_us,
                     GError **error);

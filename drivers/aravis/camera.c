@@ -3,10 +3,11 @@
 
 #include <math.h>
 
-/* After an old picture: how long to wait for the right one. */
+/* After a picture from before the trigger: how long to wait for the right one. */
 #define STALE_US G_USEC_PER_SEC
 
-/* How much longer than it was said to, an exposure may have lasted: less is the clocks' doubt. */
+/* How much longer than announced an exposure may last; less is within the uncertainty of the
+ * clocks. */
 #define OVERTIME_US 1000
 
 struct aravis_camera {
@@ -16,7 +17,7 @@ struct aravis_camera {
     struct camera_settings settings;
     GError *lost;
     guint exposed_timer, stale_timer;
-    gint64 exposed_us; /* when the exposure was said to be over; 0: it was not */
+    gint64 exposed_us; /* when the end of the exposure was reported; 0: not yet */
     gint64 before_us;  /* of the old picture */
 };
 
@@ -73,10 +74,6 @@ static const struct option options[] = {
     {NULL},
 };
 
-static void set_named(const Camera *camera, const GError *why, GError **error) {
-    g_set_error(error, why->domain, why->code, "camera %s: %s", camera->device.name, why->message);
-}
-
 static void clear_timers(Camera *camera) {
     struct aravis_camera *priv = camera->device.priv;
     clock_cancel(camera->device.clock, &priv->exposed_timer);
@@ -102,18 +99,18 @@ static void on_sending(gint64 sent_us, gpointer data) {
             clock_call_at(camera->device.clock, over_us, aravis_camera_on_exposed, camera);
 }
 
-/* Lamps and axes may have moved on: what was said too early spoils the picture. (One from the
- * future the class refuses.) */
+/* Lamps and axes may have moved on: an end of exposure that was reported too early spoils the
+ * picture. (The class refuses a picture from the future.) */
 static gboolean was_exposed_in_time(Camera *camera, const Frame *frame) {
     struct aravis_camera *priv = camera->device.priv;
     gint64 over_us = priv->exposed_us > 0 ? frame->exposure_end_us - priv->exposed_us : 0;
     if (over_us <= OVERTIME_US || frame->exposure_end_us > clock_now_us(camera->device.clock))
         return TRUE;
     camera_report_fault(
-        camera, g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                            "camera %s: it still exposed %.1f ms after it had begun to "
-                            "send; set trigger_ms to %.1f more",
-                            camera->device.name, (double)over_us / 1e3, (double)over_us / 1e3));
+        camera, device_error_new(DEVICE_ERROR_PROTOCOL, camera->device.who,
+                                 "it still exposed %.1f ms after it had begun to send" ERROR_ADVICE
+                                 "set trigger_ms to %.1f more",
+                                 (double)over_us / 1e3, (double)over_us / 1e3));
     return FALSE;
 }
 
@@ -132,10 +129,11 @@ static void on_only_stale(gpointer data) {
     struct aravis_camera *priv = camera->device.priv;
     priv->stale_timer = 0;
     clear_timers(camera);
-    camera_report_fault(camera, g_error_new(DEVICE_ERROR, DEVICE_ERROR_STALE,
-                                            "camera %s: it sent a picture exposed %.1f ms before "
-                                            "its trigger, and none after it",
-                                            camera->device.name, (double)priv->before_us / 1e3));
+    camera_report_fault(
+        camera,
+        device_error_new(DEVICE_ERROR_STALE, camera->device.who,
+                         "it sent a picture exposed %.1f ms before its trigger, and none after it",
+                         (double)priv->before_us / 1e3));
 }
 
 static void aravis_camera_on_stale(gint64 before_us, gpointer data) {
@@ -149,19 +147,19 @@ static void aravis_camera_on_stale(gint64 before_us, gpointer data) {
 
 static void on_failed(GError *error, gpointer data) {
     Camera *camera = data;
-    GError *named = NULL;
-    set_named(camera, error, &named);
-    g_error_free(error);
+    error_details_add_subject(&error, camera->device.who);
     clear_timers(camera);
-    camera_report_fault(camera, named);
+    camera_report_fault(camera, error);
 }
 
 static void aravis_camera_on_lost(const GError *error, gpointer data) {
     Camera *camera = data;
     struct aravis_camera *priv = camera->device.priv;
     g_clear_error(&priv->lost);
-    if (error)
-        set_named(camera, error, &priv->lost);
+    if (error) {
+        priv->lost = g_error_copy(error);
+        error_details_add_subject(&priv->lost, camera->device.who);
+    }
 }
 
 static const struct aravis_hooks hooks = {.sending = on_sending,
@@ -176,9 +174,9 @@ static gboolean aravis_camera_configure(Camera *camera, const struct camera_sett
     const struct aravis_limits *limits = &priv->limits;
     if (settings->gain_db < limits->min_gain_db - 1e-9 ||
         settings->gain_db > limits->max_gain_db + 1e-9) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "camera %s: cannot have a gain of %g dB, only %g to %g dB", camera->device.name,
-                    settings->gain_db, limits->min_gain_db, limits->max_gain_db);
+        device_error_set(error, DEVICE_ERROR_RANGE, camera->device.who,
+                         "cannot have a gain of %g dB, only %g to %g dB", settings->gain_db,
+                         limits->min_gain_db, limits->max_gain_db);
         return FALSE;
     }
     priv->settings = *settings;
@@ -246,9 +244,8 @@ static gboolean aravis_camera_open_camera(Camera *camera, GError **error) {
 static gboolean opened(Camera *camera, GError **error) {
     struct aravis_camera *priv = camera->device.priv;
     const struct aravis_options *given = &priv->options;
-    g_autoptr(GError) why = NULL;
-    if (!aravis_worker_await(priv->worker, &priv->limits, &why)) {
-        set_named(camera, why, error);
+    if (!aravis_worker_await(priv->worker, &priv->limits, error)) {
+        error_details_add_subject(error, camera->device.who);
         return FALSE;
     }
     camera->format = (struct camera_format){

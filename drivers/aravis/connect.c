@@ -27,8 +27,8 @@ void aravis_list_unlock(void) {
     g_mutex_unlock(&list_lock);
 }
 
-/* Asks for the control register: so that one that is not there is told in a second, not after the
- * many time-outs of a full connection. */
+/* Reads the control register, so that an absent camera is found within a second, not after the many
+ * time-outs of a full connection. */
 static gboolean probe(int fd, guint32 *ret_control) {
     static const guint8 request[] = {0x42, 1, 0, 0x80, 0, 4, 0xab, 0xcd, 0, 0, CONTROL_AT >> 8, 0};
     guint8 reply[64];
@@ -46,7 +46,7 @@ static gboolean probe(int fd, guint32 *ret_control) {
     return FALSE;
 }
 
-/* Also says which of our addresses is on the way there. */
+/* Also finds which of our addresses the route to the camera uses. */
 static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAddress **ret_ours,
                                    GError **error) {
     struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(GVCP_PORT)}, ours;
@@ -59,10 +59,11 @@ static gboolean aravis_connect_ask(const char *ip, guint32 *ret_control, GInetAd
     if (answered)
         *ret_ours = g_inet_address_new_from_bytes((guint8 *)&ours.sin_addr, G_SOCKET_FAMILY_IPV4);
     else
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                    routed ? "no camera answers at %s; check its power and cable"
-                           : "there is no way to %s; check the network's settings",
-                    ip);
+        device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL,
+                         routed ? "no camera answers at %s" ERROR_ADVICE "check its power and cable"
+                                : "there is no way to %s" ERROR_ADVICE
+                                  "check the network's settings",
+                         ip);
     if (fd >= 0)
         close(fd);
     return answered;
@@ -75,23 +76,23 @@ static ArvDevice *open_gige(const char *ip, GError **error) {
     if (!aravis_connect_ask(ip, &control, &ours, error))
         return NULL;
     if (control & 3) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
-                    "another program controls it; end that program");
+        device_error_set(error, DEVICE_ERROR_BUSY, NULL,
+                         "another program controls it" ERROR_ADVICE "end that program");
         return NULL;
     }
     g_mutex_lock(&parser_lock);
     ArvDevice *device = arv_gv_device_new(ours, theirs, &why);
     g_mutex_unlock(&parser_lock);
     if (!device) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL, "%s: %s", ip,
-                    why ? why->message : "it cannot be opened");
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL, "%s: %s", ip,
+                         why ? why->message : "it cannot be opened");
         return NULL;
     }
     if (arv_gv_device_is_controller(ARV_GV_DEVICE(device)))
         return device;
     g_object_unref(device);
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_BUSY,
-                "another program controls it; end that program");
+    device_error_set(error, DEVICE_ERROR_BUSY, NULL,
+                     "another program controls it" ERROR_ADVICE "end that program");
     return NULL;
 }
 
@@ -102,7 +103,7 @@ static gboolean is_any(const char *id, const char *const *names, gsize n) {
     return FALSE;
 }
 
-/* The buses alone: asking the network, too, takes a second. NULL: not there. */
+/* Looks on the buses only, since searching the network takes a second. NULL: not found. */
 static char *look_up_usb(const char *id) {
     ArvInterface *usb = arv_uv_interface_get_instance();
     char *found = NULL;
@@ -139,10 +140,11 @@ static char *aravis_connect_look_up(const char *id, gboolean *ret_gige, GError *
         found = look_up_all(id, ret_gige);
     aravis_list_unlock();
     if (!found)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                    "no camera \"%s\" is found; check its power and cable, and `arv-tool` or "
-                    "`mesorig devices` for its name",
-                    id);
+        device_error_set(
+            error, DEVICE_ERROR_DISCONNECTED, NULL,
+            "no camera \"%s\" is found" ERROR_ADVICE
+            "check its power and cable, and `arv-tool` or `mesorig devices` for its name",
+            id);
     return found;
 }
 
@@ -152,8 +154,8 @@ static ArvDevice *open_other(const char *id, GError **error) {
     ArvDevice *device = arv_open_device(id, &why);
     g_mutex_unlock(&parser_lock);
     if (!device)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED, "%s",
-                    why ? why->message : "it cannot be opened");
+        device_error_set(error, DEVICE_ERROR_DISCONNECTED, NULL, "%s",
+                         why ? why->message : "it cannot be opened");
     return device;
 }
 

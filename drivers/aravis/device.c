@@ -20,7 +20,7 @@
 
 #define PULSE_US 1000
 
-/* Longer than Aravis takes to tell that a camera was unplugged. */
+/* Longer than Aravis needs to report that a camera was unplugged. */
 #define TELLING_US 10000
 
 /* How many packets may be asked for again, a packet of the picture. */
@@ -56,21 +56,21 @@ static enum device_error code_of(const GError *why) {
     }
 }
 
-/* FALSE if there is an error, which is freed and told as what could not be done. */
+/* Frees why and sets an error that names the call that failed; TRUE if why is NULL. */
 static gboolean aravis_device_check(GError *why, const char *what, GError **error) {
     if (!why)
         return TRUE;
     enum device_error code = code_of(why);
     if (code == DEVICE_ERROR_TIMEOUT)
-        g_set_error(error, DEVICE_ERROR, code, "it does not answer (%s); check its power and cable",
-                    what);
+        device_error_set(error, code, NULL,
+                         "it does not answer (%s)" ERROR_ADVICE "check its power and cable", what);
     else if (code == DEVICE_ERROR_DISCONNECTED)
-        g_set_error(error, DEVICE_ERROR, code,
-                    "control of it was lost (%s: %s); check its cable, and that no other program "
-                    "uses it",
-                    what, why->message);
+        device_error_set(error, code, NULL,
+                         "control of it was lost (%s: %s)" ERROR_ADVICE
+                         "check its cable, and that no other program uses it",
+                         what, why->message);
     else
-        g_set_error(error, DEVICE_ERROR, code, "%s: %s", what, why->message);
+        device_error_set(error, code, NULL, "%s: %s", what, why->message);
     g_error_free(why);
     return FALSE;
 }
@@ -84,7 +84,7 @@ static gboolean aravis_device_has(AravisDevice *device, const char *feature) {
     return arv_camera_is_feature_available(device->camera, feature, NULL);
 }
 
-/* A measurement wants nothing done to its pictures that it did not ask for. */
+/* Switches off everything that changes pictures by itself: a measurement needs raw values. */
 static gboolean switch_off_automatics(AravisDevice *device, GError **error) {
     static const char *const automatics[] = {"ExposureAuto", "GainAuto", "BlackLevelAuto",
                                              "BalanceWhiteAuto"};
@@ -148,9 +148,10 @@ static gboolean aravis_device_set_format(AravisDevice *device, GError **error) {
         there |= codes[i] == format->code;
     if (!there) {
         g_autofree char *names = aravis_device_names_of(codes, n);
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "pixel_format: it has no \"%s\" to measure with; choose from: %s", wanted,
-                    names);
+        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
+                         "pixel_format: it has no \"%s\" to measure with" ERROR_ADVICE
+                         "choose from: %s",
+                         wanted, names);
         return FALSE;
     }
     device->limits.format = format;
@@ -170,9 +171,9 @@ static gboolean set_region(AravisDevice *device, GError **error) {
     int width = options->width > 0 ? options->width : sensor_width - options->offset_x;
     int height = options->height > 0 ? options->height : sensor_height - options->offset_y;
     if (width + options->offset_x > sensor_width || height + options->offset_y > sensor_height) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "a region of %d × %d at %d, %d does not fit its sensor of %d × %d", width,
-                    height, options->offset_x, options->offset_y, sensor_width, sensor_height);
+        device_error_set(error, DEVICE_ERROR_RANGE, NULL,
+                         "a region of %d × %d at %d, %d does not fit its sensor of %d × %d", width,
+                         height, options->offset_x, options->offset_y, sensor_width, sensor_height);
         return FALSE;
     }
     arv_camera_set_region(device->camera, options->offset_x, options->offset_y, width, height,
@@ -201,8 +202,9 @@ static gboolean set_trigger(AravisDevice *device, GError **error) {
         g_autoptr(GString) list = g_string_new(NULL);
         for (guint i = 0; names && i < n; i++)
             g_string_append_printf(list, "%s%s", i ? ", " : "", names[i]);
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "trigger: it has no source \"%s\"; choose from: %s", source, list->str);
+        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL,
+                         "trigger: it has no source \"%s\"" ERROR_ADVICE "choose from: %s", source,
+                         list->str);
         return FALSE;
     }
     arv_camera_set_trigger(device->camera, source, &why);
@@ -235,7 +237,7 @@ static gboolean set_transport(AravisDevice *device, GError **error) {
     arv_camera_gv_set_stream_options(
         device->camera, options->packet_socket ? ARV_GV_STREAM_OPTION_NONE
                                                : ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
-    /* Asked for below, so that what was found out can be told. */
+    /* The packet size is negotiated below, so that an error can be reported. */
     arv_camera_gv_set_packet_size_adjustment(device->camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
     if (options->packet_delay_ns > 0)
         arv_camera_gv_set_packet_delay(device->camera, options->packet_delay_ns, &why);
@@ -271,9 +273,9 @@ static gboolean make_stream(AravisDevice *device, ArvStreamCallback func, gpoint
         return FALSE;
     gsize bytes = aravis_format_bytes(limits->format, limits->width, limits->height);
     if (payload < bytes) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                    "it says that a picture has %u bytes, but %d × %d %s are %zu", payload,
-                    limits->width, limits->height, limits->format->name, bytes);
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "it says that a picture has %u bytes, but %d × %d %s are %zu", payload,
+                         limits->width, limits->height, limits->format->name, bytes);
         return FALSE;
     }
     tune_stream(device);
@@ -325,7 +327,8 @@ AravisDevice *aravis_device_open(const struct aravis_options *options, double co
 void aravis_device_close(AravisDevice *device) {
     if (!device)
         return;
-    /* While it is told, one of Aravis's threads holds the device, and must not be the last to. */
+    /* The thread of Aravis that reports the unplugging holds the device. Wait, so that it does not
+     * drop the last reference. */
     if (g_atomic_int_get(&device->unplugged))
         g_usleep(TELLING_US);
     g_clear_object(&device->stream);
@@ -356,10 +359,10 @@ gboolean aravis_device_set_exposure(AravisDevice *device, gint64 exposure_us, GE
         return FALSE;
     if (fabs(is_us - (double)exposure_us) <= 1 + 0.005 * (double)exposure_us)
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                "it exposes for %.1f µs when told %" G_GINT64_FORMAT
-                " µs; ask for an exposure that it can keep",
-                is_us, exposure_us);
+    device_error_set(error, DEVICE_ERROR_RANGE, NULL,
+                     "it exposes for %.1f µs when told %" G_GINT64_FORMAT " µs" ERROR_ADVICE
+                     "ask for an exposure that it can keep",
+                     is_us, exposure_us);
     return FALSE;
 }
 
@@ -391,10 +394,10 @@ static gboolean pulse(const char *path, GError **error) {
         g_usleep(PULSE_US);
     done = done && write(fd, "0", 1) == 1;
     if (!done)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                    "pulse_path: cannot make a pulse with %s: %s; check the output and who may "
-                    "write to it",
-                    path, g_strerror(errno));
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, NULL,
+                         "pulse_path: cannot make a pulse with %s: %s" ERROR_ADVICE
+                         "check the output and who may write to it",
+                         path, g_strerror(errno));
     if (fd >= 0)
         close(fd);
     return done;
@@ -438,7 +441,7 @@ static gboolean read_latched(AravisDevice *device, double *ret_us) {
     return why == NULL;
 }
 
-/* The latch fell between request and answer; the quickest of several says best when. */
+/* The time was latched between request and answer; the quickest of several is the most exact. */
 void aravis_device_ask_clock(AravisDevice *device, struct aravis_clock *ret) {
     *ret = (struct aravis_clock){.error_us = HUGE_VAL};
     if (device->ticks_per_us <= 0 && !device->sfnc_clock)

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of who ended without a word: 3 s */
+#define OPEN_CONTROL_S 4.5 /* longer than the heartbeat of a program that was killed: 3 s */
 #define OPEN_LIMIT_S   15  /* all cameras together: half of what the service's watchdog waits */
 #define CLOSE_LIMIT_S  1
 #define LOOK_EVERY_US  G_USEC_PER_SEC
@@ -58,7 +58,7 @@ struct AravisWorker {
     struct answer_state answer;
     struct job settings; /* the last CONFIGURE */
     gboolean exposure_set, gain_set;
-    gboolean halted; /* perhaps: a picture did not come */
+    gboolean halted; /* its stream may be halted, since a picture did not come */
     GError *settings_error;
     GError *lost_error;
 };
@@ -95,7 +95,7 @@ static void worker_unref(AravisWorker *worker) {
 
 /* Events, from any thread to the main loop. */
 
-static void aravis_worker_tell(const struct event *event) {
+static void aravis_worker_dispatch(const struct event *event) {
     const AravisWorker *worker = event->worker;
     gpointer data = worker->data;
     gboolean over = worker->closed || event->generation != worker->generation;
@@ -125,7 +125,7 @@ static void aravis_worker_tell(const struct event *event) {
 }
 
 static gboolean aravis_worker_on_event(gpointer data) {
-    aravis_worker_tell(data);
+    aravis_worker_dispatch(data);
     return G_SOURCE_REMOVE;
 }
 
@@ -180,7 +180,8 @@ static void close_device(AravisWorker *worker) {
     g_clear_pointer(&worker->device, aravis_device_close);
 }
 
-/* Takes the error. Told before it is closed, which may take seconds if it does not answer. */
+/* Takes the error. Reports it before closing the camera, which may take seconds if it does not
+ * answer. */
 static void aravis_worker_lose(AravisWorker *worker, GError *error) {
     g_clear_error(&worker->lost_error);
     worker->lost_error = error;
@@ -299,7 +300,7 @@ static void aravis_worker_do_trigger(AravisWorker *worker, const struct job *job
         aravis_worker_fail(worker, job->generation, error);
 }
 
-/* TRUE if it ends what waits. */
+/* TRUE if it ends the waiting trigger. */
 static gboolean aravis_worker_take(AravisWorker *worker, ArvBuffer *buffer, guint generation) {
     GError *error = NULL;
     gint64 before_us = 0;
@@ -332,15 +333,15 @@ static void take_buffer(AravisWorker *worker) {
         ask_clock(worker);
 }
 
-/* Asked for, rather than heard of by the signal: while that is emitted the device must not be
- * freed, or Aravis's heartbeat would wait for itself. */
+/* Polls for the loss of control rather than using the signal: the device must not be freed during
+ * the signal, or Aravis's heartbeat thread would wait for itself. */
 static void check_control(AravisWorker *worker) {
     if (!aravis_device_has_control(worker->device))
         aravis_worker_fail(
             worker, worker->armed,
-            g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                        "control of it was lost; check its power and cable, and that no other "
-                        "program uses it"));
+            device_error_new(DEVICE_ERROR_DISCONNECTED, NULL,
+                             "control of it was lost" ERROR_ADVICE
+                             "check its power and cable, and that no other program uses it"));
 }
 
 /* FALSE to end. */
@@ -424,8 +425,9 @@ AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *o
 gboolean aravis_worker_await(AravisWorker *worker, struct aravis_limits *ret, GError **error) {
     double since_s = (double)(g_get_monotonic_time() - worker->begun_us) * 1e-6;
     if (!wait_for(worker, &worker->opened, OPEN_LIMIT_S - since_s)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
-                    "it could not be opened in %d s; check its power and cable", OPEN_LIMIT_S);
+        device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
+                         "it could not be opened in %d s" ERROR_ADVICE "check its power and cable",
+                         OPEN_LIMIT_S);
         return FALSE;
     }
     if (worker->open_error) {

@@ -1,10 +1,10 @@
 /*
  * The thread of a camera: Aravis's calls block, for seconds if a cable is out, so they are made
- * there, in the order in which they were asked for. What comes of them is told from the main loop,
- * where all functions here belong.
+ * there, in the order of the requests. Their results are reported from the main loop, to which all
+ * functions here belong.
  *
- * A camera that is lost is looked for once a second until it is there again; then it is set up as
- * before, and may be armed.
+ * The thread looks once a second for a camera that is lost. When it is found it is set up as before
+ * and may be armed.
  */
 #pragma once
 
@@ -16,15 +16,16 @@ struct aravis_hooks {
     /* The camera has begun to send the picture of a trigger sent at sent_us. */
     void (*sending)(gint64 sent_us, gpointer data);
     void (*frame)(Frame *frame, gpointer data); /* takes the reference */
-    /* A picture came that was exposed so long before its trigger; the right one may follow. */
+    /* A picture came that was exposed before its trigger, by this time; the right one may follow.
+     */
     void (*stale)(gint64 before_us, gpointer data);
-    /* What was asked for last failed; what waits is over. Takes the error. */
+    /* The last request failed, and a waiting trigger has ended. Takes the error. */
     void (*failed)(GError *error, gpointer data);
     /* error: why the camera cannot be used now; NULL: it can again. */
     void (*lost)(const GError *error, gpointer data);
 };
 
-/* Sets off the opening of the camera. The options are copied. */
+/* Starts to open the camera. Copies the options. */
 AravisWorker *aravis_worker_new(const char *name, const struct aravis_options *options,
                                 const struct aravis_hooks *hooks, gpointer data);
 
@@ -37,5 +38,5 @@ void aravis_worker_free(AravisWorker *worker);
 
 void aravis_worker_configure(AravisWorker *worker, gint64 exposure_us, double gain_db);
 void aravis_worker_arm(AravisWorker *worker);
-void aravis_worker_disarm(AravisWorker *worker); /* what waits ends without a word */
+void aravis_worker_disarm(AravisWorker *worker); /* a waiting trigger ends without an event */
 void aravis_worker_trigger(AravisWorker *worker, guint64 shot);

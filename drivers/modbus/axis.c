@@ -6,8 +6,8 @@
 #include <string.h>
 
 #define DEADLINE_MS   1500
-#define IDLE_MS       200 /* how often a drive is looked at that stands */
-#define LEAST_UNHEARD 3   /* polls: this program may have been held up, rather than the drive */
+#define IDLE_MS       200 /* between polls of a drive that stands */
+#define LEAST_UNHEARD 3   /* failed polls in a row before a drive is lost: the delay may be ours */
 #define MAX_WRITES    6   /* of one list in the section */
 #define MAX_WORDS     8   /* of one write */
 
@@ -40,7 +40,7 @@ struct modbus_axis {
     int n_unheard;  /* polls in a row */
     gboolean polling, faulty, left_home, was_still;
     gint64 target_steps, steps;
-    gint64 still_us, progress_us; /* last begun or seen moving; last got on */
+    gint64 still_us, progress_us; /* last start or motion seen; last change of position */
     gint64 heard_us, fed_us;      /* last answer; watchdog */
 };
 
@@ -52,21 +52,7 @@ static const char *const kind_choices[] = {"holding", "input", NULL};
 
 static const struct option options[] = {
     MODBUS_LINK_OPTIONS,
-    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(motion.wraps),
-     "Turns on without end, so that it has no limits and goes the short way"},
-    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(motion.min_deg),
-     "Lower limit"},
-    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(motion.max_deg),
-     "Upper limit"},
-    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, NULL, NULL, FIELD(motion.speed_deg_s),
-     "Top speed; written to speed_register, or else as the drive is set"},
-    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, NULL, NULL,
-     FIELD(motion.accel_deg_s2),
-     "Acceleration; written to accel_register, or else as the drive is set"},
-    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(motion.backlash_deg),
-     "Taken up by always arriving in the positive direction; home the drive in it too"},
-    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(motion.settle_ms),
-     "How long the load swings after arrival"},
+    AXIS_MOTION_OPTIONS(FIELD(motion), NULL, NULL),
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
      "Where the axis is when the drive counts 0, as it does after homing"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, -1e7, 1e7, NULL, NULL, FIELD(steps_per_deg),
@@ -98,12 +84,14 @@ static const struct option options[] = {
     {"verify", OPTION_BOOL, NULL, 0, 0, "yes", NULL, FIELD(verify),
      "Read target, speed and acceleration back before they are believed"},
     {"speed_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, FIELD(speed.address),
-     "Holding register of the top speed, written when opened; −1: none"},
+     "Holding register of the top speed, written when opened; −1: none, the drive is set to "
+     "speed_deg_s"},
     {"speed_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(speed.bits), "Its size"},
     {"speed_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(speed_scale),
      "What it holds for 1 deg/s"},
     {"accel_register", OPTION_INT, NULL, -1, 65535, "-1", NULL, FIELD(accel.address),
-     "Holding register of the acceleration, written when opened; −1: none"},
+     "Holding register of the acceleration, written when opened; −1: none, the drive is set to "
+     "accel_deg_s2"},
     {"accel_bits", OPTION_CHOICE, NULL, 0, 0, "16", bits_choices, FIELD(accel.bits), "Its size"},
     {"accel_scale", OPTION_DOUBLE, NULL, 1e-6, 1e9, "1", NULL, FIELD(accel_scale),
      "What it holds for 1 deg/s²"},
@@ -112,7 +100,8 @@ static const struct option options[] = {
     {"start", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(start),
      "What is written to start a move to the target, as in setup; may be done twice"},
     {"home", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(home),
-     "What is written to start homing, as in setup"},
+     "What is written to start homing, as in setup; in the positive direction if there is "
+     "backlash"},
     {"stop", OPTION_STRINGS, NULL, 0, 0, NULL, NULL, FIELD(stop),
      "What is written to stop, as in setup"},
     {"clear", OPTION_STRINGS, NULL, 0, 0, "", NULL, FIELD(clear),
@@ -222,8 +211,8 @@ static void add_writes(struct modbus_job *job, char *const *writes) {
     }
 }
 
-/* The last two requests of a poll: status, then position, so that the position of a drive that
- * stands is its last. */
+/* The last two requests of a poll: status before position, so that the position of a drive that was
+ * seen to stand is final. */
 static void add_poll(const struct modbus_axis *priv, struct modbus_job *job) {
     enum modbus_kind kind =
         priv->read_with == INPUT ? MODBUS_READ_INPUT_REGISTERS : MODBUS_READ_HOLDING;
@@ -283,15 +272,15 @@ static void modbus_axis_command(Axis *axis, enum phase phase, const struct modbu
     modbus_bus_start(priv->bus, &priv->link, job, FALSE, DEADLINE_MS, on_commanded, axis);
 }
 
-/* Last in its caller: the listener may close the axis. */
+/* Call it last: the listener may close the axis. */
 static void report_fault(Axis *axis, GError *error) {
     struct modbus_axis *priv = axis->device.priv;
     struct modbus_job job = {0};
-    if (priv->phase != STANDING) { /* whatever it does now, it shall not go on */
+    if (priv->phase != STANDING) { /* stop it, whatever it does now */
         add_writes(&job, priv->stop);
         modbus_axis_command(axis, STANDING, &job);
     }
-    g_prefix_error(&error, "axis %s: ", axis->device.name);
+    error_details_add_subject(&error, axis->device.who);
     axis_report(axis, AXIS_FAULT, error);
 }
 
@@ -316,7 +305,8 @@ static void stalled(Axis *axis, const char *format, ...) G_GNUC_PRINTF(2, 3);
 static void stalled(Axis *axis, const char *format, ...) {
     va_list args;
     va_start(args, format);
-    GError *error = g_error_new_valist(DEVICE_ERROR, DEVICE_ERROR_STALLED, format, args);
+    GError *error =
+        error_details_new_valist(DEVICE_ERROR, DEVICE_ERROR_STALLED, NULL, format, args);
     va_end(args);
     report_fault(axis, error);
 }
@@ -339,16 +329,19 @@ static void check_moving(Axis *axis, const struct modbus_job *job, gboolean movi
     if (!moving && is_at(priv, priv->target_steps))
         modbus_axis_finish(axis, AXIS_ARRIVED);
     else if (!moving && is_past(axis, priv->still_us, priv->start_ms))
-        stalled(axis, "it stands at %.3f° instead of %.3f°%s; see what blocks it, then home it", at,
-                target, has_bit(job, priv->limit_bit) ? ", at a limit switch" : "");
+        stalled(axis,
+                "it stands at %.3f° instead of %.3f°%s" ERROR_ADVICE
+                "see what blocks it, then home it",
+                at, target, has_bit(job, priv->limit_bit) ? ", at a limit switch" : "");
     else if (moving && is_past(axis, priv->progress_us, priv->stall_ms))
         stalled(axis,
-                "stalled at %.3f° on its way to %.3f°: no progress for %g ms; see what blocks it, "
-                "then home it",
+                "stalled at %.3f° on its way to %.3f°: no progress for %g ms" ERROR_ADVICE
+                "see what blocks it, then home it",
                 at, target, priv->stall_ms);
 }
 
-/* Homed means: it stands, and says so; not still from the last time. */
+/* Homed means that the drive stands and its homed bit is set by this homing, not by an earlier one.
+ */
 static void check_homing(Axis *axis, const struct modbus_job *job, gboolean moving) {
     struct modbus_axis *priv = axis->device.priv;
     gboolean homed = priv->homed_bit < 0 ? is_at(priv, 0) : has_bit(job, priv->homed_bit);
@@ -357,11 +350,13 @@ static void check_homing(Axis *axis, const struct modbus_job *job, gboolean movi
     if (!moving && homed && (priv->left_home || rested))
         modbus_axis_finish(axis, AXIS_HOMED);
     else if (!moving && rested)
-        stalled(axis, "its homing ended without a reference, at %.3f°; check the reference switch",
+        stalled(axis,
+                "its homing ended without a reference, at %.3f°" ERROR_ADVICE
+                "check the reference switch",
                 to_deg(priv, priv->steps));
 }
 
-/* Twice in a row, since a drive may not have begun when it was first seen. */
+/* Seen to stand twice in a row, since a drive may not have begun to move at the first poll. */
 static void check_stopping(Axis *axis, gboolean moving) {
     struct modbus_axis *priv = axis->device.priv;
     if (!moving && priv->was_still)
@@ -375,14 +370,18 @@ static void check_standing(Axis *axis, const struct modbus_job *job, gint64 befo
     if (!axis_is_homed(axis) || axis_is_moving(axis))
         return;
     if (priv->homed_bit >= 0 && !has_bit(job, priv->homed_bit))
-        report_fault(axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                                       "the drive has lost its reference, as after a loss of "
-                                       "power; home it"));
+        report_fault(axis,
+                     device_error_new(
+                         DEVICE_ERROR_DISCONNECTED, NULL,
+                         "the drive has lost its reference, as after a loss of power" ERROR_ADVICE
+                         "home it"));
     else if (!is_at(priv, before_steps))
-        report_fault(axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_STALLED,
-                                       "it stood at %.3f° and is now at %.3f° without a command; "
-                                       "see what moved it, then home it",
-                                       to_deg(priv, before_steps), to_deg(priv, priv->steps)));
+        report_fault(
+            axis,
+            device_error_new(DEVICE_ERROR_STALLED, NULL,
+                             "it stood at %.3f° and is now at %.3f° without a command" ERROR_ADVICE
+                             "see what moved it, then home it",
+                             to_deg(priv, before_steps), to_deg(priv, priv->steps)));
 }
 
 static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
@@ -395,13 +394,13 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         priv->progress_us = clock_now_us(axis->device.clock);
     if (moving)
         priv->still_us = clock_now_us(axis->device.clock);
-    /* A drive whose own watchdog has stopped it says so as a fault: it stands all the same. */
+    /* A drive that its own watchdog has stopped reports a fault, but it does stand. */
     gboolean halted = priv->phase == STOPPING && !moving && !axis_is_homed(axis);
     if (priv->faulty && !halted &&
         (priv->phase != STANDING || (!was_faulty && axis_is_homed(axis))))
         stalled(axis,
-                "the drive reports a fault (status 0x%04x) at %.3f°; see its display, then "
-                "home it",
+                "the drive reports a fault (status 0x%04x) at %.3f°" ERROR_ADVICE
+                "see its display, then home it",
                 job->requests[job->n - 2].values[0], to_deg(priv, priv->steps));
     else if (priv->phase == MOVING)
         check_moving(axis, job, moving);
@@ -413,12 +412,13 @@ static void modbus_axis_evaluate(Axis *axis, const struct modbus_job *job) {
         check_standing(axis, job, before);
 }
 
-/* The drive goes on whether it is seen or not: an answer that is late ends nothing. */
+/* The drive moves on whether it is polled or not: a late answer ends nothing. */
 static void on_polled(const struct modbus_job *job, const GError *error, gpointer data) {
     Axis *axis = data;
     struct modbus_axis *priv = axis->device.priv;
     priv->polling = FALSE;
-    if (priv->n_commands > 0) /* seen before they were carried out; the last one polls again */
+    if (priv->n_commands >
+        0) /* this state is from before the commands; the last of them polls again */
         return;
     poll_later(axis);
     if (error) {
@@ -449,9 +449,10 @@ static gboolean modbus_axis_move(Axis *axis, double target_deg, GError **error) 
     double steps = round((target_deg - priv->home_deg) * priv->steps_per_deg);
     double limit = priv->target.bits == BITS_32 ? G_MAXINT32 : G_MAXINT16;
     if (fabs(steps) > limit) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "axis %s: %g° are %.0f steps, more than its target register holds; home it",
-                    axis->device.name, target_deg, steps);
+        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                         "%g° are %.0f steps, more than its target register holds" ERROR_ADVICE
+                         "home it",
+                         target_deg, steps);
         return FALSE;
     }
     priv->target_steps = (gint64)steps;
@@ -524,7 +525,7 @@ static gboolean greet(Axis *axis, GError **error) {
     add_poll(priv, &job);
     if (!modbus_bus_do(priv->bus, &priv->link, &job, DEADLINE_MS, error) ||
         !modbus_watchdog_arm(&priv->own, priv->bus, &priv->link, error)) {
-        g_prefix_error(error, "axis %s: ", axis->device.name);
+        error_details_add_subject(error, axis->device.who);
         return FALSE;
     }
     priv->steps = modbus_axis_join(priv, job.requests[job.n - 1].values, priv->position.bits);

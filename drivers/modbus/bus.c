@@ -1,7 +1,7 @@
 #include "bus.h"
 #include "line.h"
 
-/* Beyond a job's own time: what the recovery of a line may take that is under way. */
+/* Time that a recovery of the line may take, beyond the limit of the job itself. */
 #define EXTRA_WAIT_US (6 * G_USEC_PER_SEC)
 
 struct task {
@@ -103,8 +103,8 @@ static struct task *pop_result(ModbusBus *bus) {
     return task;
 }
 
-/* One result a round. Dispatched by whoever runs the main loop, hence in its thread alone, which
- * g_main_context_invoke() from another thread does not promise. */
+/* Delivers one result an iteration. The main loop's thread dispatches it, which
+ * g_main_context_invoke() from another thread does not guarantee. */
 static gboolean modbus_bus_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     ModbusBus *bus = ((struct bus_source *)source)->bus;
     struct task *task = pop_result(bus);
@@ -193,8 +193,8 @@ ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *d
     if (!bus) {
         int line;
         config_value(section, "bus", &line);
-        g_prefix_error(error, "%s:%d: [%s] bus: ", config_path(section->config), line,
-                       section->group);
+        g_autofree char *where = g_strdup_printf("[%s] bus", section->group);
+        error_details_add_place(error, config_path(section->config), line, where);
     }
     return bus;
 }
@@ -263,9 +263,10 @@ gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct mo
     g_mutex_unlock(&bus->mutex);
     if (!done) {
         g_atomic_int_set(&task->cancelled, TRUE);
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_TIMEOUT,
-                    "%s unit %d: the line was busy for too long; check its cable", bus->key,
-                    link->unit);
+        device_error_set(error, DEVICE_ERROR_TIMEOUT, NULL,
+                         "%s unit %d: the line was busy for too long" ERROR_ADVICE
+                         "check its cable",
+                         bus->key, link->unit);
     } else if (task->error) {
         g_propagate_error(error, g_steal_pointer(&task->error));
         done = FALSE;

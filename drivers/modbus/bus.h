@@ -2,10 +2,10 @@
  * A Modbus line, RTU or TCP, shared by all devices that name it. libmodbus blocks, so each line has
  * a thread of its own; it takes jobs in order and posts their results to the main loop.
  *
- * RTU has no transaction id: after a time-out, the reply that comes late looks like that of the
- * next request. So after a time-out nothing is believed until the line has been silent for late_ms,
- * what came meanwhile was thrown away, the request was answered anew, and no second answer followed
- * within another late_ms. A request may therefore be carried out twice: write only what may be
+ * RTU has no transaction id: after a time-out, a late reply looks like the reply to the next
+ * request. So after a time-out the line discards everything until it has been silent for late_ms,
+ * repeats the request, and accepts its answer only if no second answer follows within another
+ * late_ms. A request may therefore be carried out twice: write only what may be written twice
  * (absolute targets, coils).
  *
  * All functions belong to the main loop's thread. Errors are DEVICE_ERROR, and name the line, the
@@ -17,7 +17,7 @@
 
 typedef struct ModbusBus ModbusBus;
 
-/* What a device's section says of its line; the first member of the driver's struct. */
+/* The options of a line in a device's section; the first member of the driver's struct. */
 struct modbus_link {
     char *bus;
     int baud, parity, stop_bits; /* parity: index into modbus_parities */
@@ -100,7 +100,7 @@ struct modbus_request {
     int coil;        /* MODBUS_PULSE_COIL: which one is on for that time, for verify */
 };
 
-/* What is done in one go: the requests in order, up to the first that fails. */
+/* Requests that are carried out together, in order, up to the first that fails. */
 struct modbus_job {
     struct modbus_request requests[MODBUS_MAX_REQUESTS];
     int n;
@@ -109,24 +109,23 @@ struct modbus_job {
 /* Called from the main loop, exactly once a job unless it was cancelled. error NULL: all done. */
 typedef void (*ModbusFunc)(const struct modbus_job *job, const GError *error, gpointer data);
 
-/* How a line has fared since it was opened. */
+/* Counts of a line since it was opened. */
 struct modbus_counts {
     int transactions, timeouts, damaged, disbelieved, reconnects;
 };
 
-/* For a device's open(): opens the line, or shares it with those who have, if their settings are
- * the same. May wait timeout_ms for a connection. Errors name file and line. */
+/* For a device's open(): opens the line, or shares the open one if its settings are the same. May
+ * wait timeout_ms for a connection. Errors name file and line. */
 ModbusBus *modbus_bus_get(const struct modbus_link *link, const struct device *device,
                           GError **error);
 void modbus_bus_unref(ModbusBus *bus); /* NULL is ignored */
 
-/* Adds to a job; the caller sees to it that there is room. */
+/* Adds a request; the caller makes sure that the job has room. */
 struct modbus_request *modbus_job_add(struct modbus_job *job, enum modbus_kind kind, int address,
                                       int n);
 
-/* Carries out a copy of the job, for at most deadline_ms from when its turn has come: how long the
- * answers of others are waited for does not count. Jobs keep their order, but a poll waits until
- * there is nothing else to do. */
+/* Carries out a copy of the job, for at most deadline_ms after its turn has come; waiting for other
+ * jobs does not count. Jobs keep their order, but a poll waits until no other job is left. */
 void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const struct modbus_job *job,
                       gboolean poll, double deadline_ms, ModbusFunc func, gpointer data);
 
@@ -134,7 +133,7 @@ void modbus_bus_start(ModbusBus *bus, const struct modbus_link *link, const stru
 gboolean modbus_bus_do(ModbusBus *bus, const struct modbus_link *link, struct modbus_job *job,
                        double deadline_ms, GError **error);
 
-/* None of the jobs of this data ends in a call any more; those not yet begun are not done. */
+/* Drops the jobs of this data: no callback is made any more, and jobs not yet begun are skipped. */
 void modbus_bus_cancel(ModbusBus *bus, gpointer data);
 
 void modbus_bus_counts(ModbusBus *bus, struct modbus_counts *ret);

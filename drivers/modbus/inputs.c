@@ -75,7 +75,7 @@ static gboolean open_inputs(Interlock *interlock, GError **error) {
         return FALSE;
     read_input(inputs, &job);
     if (!modbus_bus_do(inputs->bus, &inputs->link, &job, 1500, error)) {
-        g_prefix_error(error, "interlock %s: ", interlock->device.name);
+        error_details_add_subject(error, interlock->device.who);
         g_clear_pointer(&inputs->bus, modbus_bus_unref);
         return FALSE;
     }

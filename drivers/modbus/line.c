@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #define FIRST_BACKOFF_US 50000
-#define MAX_BACKOFF_US   1000000 /* less than a job may take, so that each tries once */
+#define MAX_BACKOFF_US   1000000 /* shorter than a job's limit, so that each job tries once */
 #define BUSY_PAUSE_US    20000
 /* Silence that ends whatever a damaged answer still sends; 3.5 characters at 300 baud are less. */
 #define SILENCE_MS 20
@@ -22,7 +22,7 @@ struct modbus_line {
     int taken; /* a serial line's own descriptor, which keeps other programs off; -1: none */
     gboolean connected;
     gboolean ever_connected;
-    gboolean owed; /* an answer may still come that nobody waits for */
+    gboolean owed; /* the answer to an earlier request may still come */
     gint64 backoff_us, next_attempt_us;
     struct modbus_counts counts;
 };
@@ -36,9 +36,9 @@ static gboolean modbus_line_fail(GError **error, enum device_error code, const c
 static gboolean modbus_line_fail(GError **error, enum device_error code, const char *format, ...) {
     va_list args;
     va_start(args, format);
-    g_autofree char *message = g_strdup_vprintf(format, args);
+    g_propagate_error(error,
+                      error_details_new_valist(DEVICE_ERROR, (gint)code, NULL, format, args));
     va_end(args);
-    g_set_error_literal(error, DEVICE_ERROR, (gint)code, message);
     return FALSE;
 }
 
@@ -74,7 +74,8 @@ struct modbus_line *modbus_line_new(const struct modbus_link *link, GError **err
         return line;
     }
     modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
-                     "\"%s\" is no Modbus line; write /dev/NAME or tcp:HOST:PORT", link->bus);
+                     "\"%s\" is no Modbus line" ERROR_ADVICE "write /dev/NAME or tcp:HOST:PORT",
+                     link->bus);
     modbus_line_free(line);
     return NULL;
 }
@@ -137,10 +138,12 @@ static gboolean try_connect(struct modbus_line *line, gint64 deadline_us, GError
     line->backoff_us = MIN(2 * line->backoff_us, MAX_BACKOFF_US);
     if (why == EWOULDBLOCK && !is_tcp(line))
         return modbus_line_fail(error, DEVICE_ERROR_BUSY,
-                                "cannot open %s: another program uses it; end that program",
+                                "cannot open %s: another program uses it" ERROR_ADVICE
+                                "end that program",
                                 line->link.bus);
-    return modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED, "cannot open %s: %s; check %s",
-                            line->link.bus, why ? modbus_strerror(why) : "no such host",
+    return modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
+                            "cannot open %s: %s" ERROR_ADVICE "check %s", line->link.bus,
+                            why ? modbus_strerror(why) : "no such host",
                             is_tcp(line) ? "address, power and network cable"
                                          : "its name, its cable and who may use it");
 }
@@ -275,7 +278,7 @@ static gboolean is_timeout(int why) {
     return why == ETIMEDOUT;
 }
 
-/* Something came, but not an answer to this: damaged, of another unit, of another transaction. */
+/* The reply is damaged, or from another unit or transaction. */
 static gboolean is_damage(int why) {
     return why == EMBBADCRC || why == EMBBADDATA || why == EMBBADSLAVE || why == EMBBADEXC ||
            why == EMBUNKEXC || why == EMBMDATA;
@@ -285,7 +288,7 @@ static gboolean is_exception(int why) {
     return why >= EMBXILFUN && why <= EMBXGTAR;
 }
 
-/* What may be over when asked again. */
+/* Failures that a repetition may cure. */
 static gboolean is_busy(int why) {
     return why == EMBXSBUSY || why == EMBXACK;
 }
@@ -294,7 +297,8 @@ static gboolean is_busy(int why) {
 static int recover(struct modbus_line *line, int why, gboolean distrust) {
     line->counts.timeouts += is_timeout(why);
     line->counts.damaged += is_damage(why);
-    if (why == EMBBADCRC && !distrust) { /* none is owed from before: it was this request's */
+    if (why == EMBBADCRC &&
+        !distrust) { /* no earlier answer is outstanding: the damaged one was this request's */
         await_silence(line, SILENCE_MS);
         line->owed = FALSE;
     } else if (!is_timeout(why) && !is_damage(why)) {
@@ -307,7 +311,7 @@ static int recover(struct modbus_line *line, int why, gboolean distrust) {
 static int attempt(struct modbus_line *line, int unit, struct modbus_request *request,
                    gint64 deadline_us) {
     gboolean distrust = line->owed;
-    /* What lies there before anything was asked is no answer to it. */
+    /* Discard what came before the request: it cannot be its answer. */
     if (distrust || modbus_line_is_readable(line, 0))
         await_silence(line, distrust ? line->link.late_ms : SILENCE_MS);
     gint64 left_us = deadline_us - g_get_monotonic_time();
@@ -337,24 +341,24 @@ static gboolean modbus_line_give_up(const struct modbus_line *line, int unit,
                                     GError **error) {
     g_autofree char *what = request_text(line, unit, request);
     if (is_timeout(why))
-        return modbus_line_fail(
-            error, DEVICE_ERROR_TIMEOUT,
-            "%s: no answer within %g ms (%d tries); check its power, its address and the "
-            "cable",
-            what, line->link.timeout_ms, tries);
+        return modbus_line_fail(error, DEVICE_ERROR_TIMEOUT,
+                                "%s: no answer within %g ms (%d tries)" ERROR_ADVICE
+                                "check its power, its address and the cable",
+                                what, line->link.timeout_ms, tries);
     if (is_exception(why))
         return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
-                                "%s: it refused: %s; check the address and value in its section",
+                                "%s: it refused: %s" ERROR_ADVICE
+                                "check the address and value in its section",
                                 what, modbus_strerror(why));
     if (is_damage(why))
-        return modbus_line_fail(
-            error, DEVICE_ERROR_PROTOCOL,
-            "%s: damaged answers (%d tries): %s; check the cable, its termination, baud "
-            "and parity",
-            what, tries, modbus_strerror(why));
+        return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
+                                "%s: damaged answers (%d tries): %s" ERROR_ADVICE
+                                "check the cable, its termination, baud and parity",
+                                what, tries, modbus_strerror(why));
     return modbus_line_fail(error, DEVICE_ERROR_DISCONNECTED,
-                            "%s: the line was lost: %s; check its power and the cable", what,
-                            modbus_strerror(why));
+                            "%s: the line was lost: %s" ERROR_ADVICE
+                            "check its power and the cable",
+                            what, modbus_strerror(why));
 }
 
 static gint64 try_us(const struct modbus_line *line) {
@@ -370,7 +374,7 @@ static gboolean repeat(struct modbus_line *line, int unit, struct modbus_request
         if (why == 0)
             return TRUE;
         gboolean final = is_exception(why) && !is_busy(why);
-        /* All the time may be gone because this program was held up: one try proves nothing. */
+        /* This program may have been held up for all of the time: one try proves nothing. */
         if (tries == 1)
             deadline_us = MAX(deadline_us, g_get_monotonic_time() + try_us(line));
         if (final || tries > line->link.retries || g_get_monotonic_time() >= deadline_us)
@@ -391,15 +395,16 @@ static gboolean modbus_line_compare(const struct modbus_line *line, int unit,
         if (wanted->values[i] != read->values[i]) {
             g_autofree char *what = request_text(line, unit, wanted);
             if (is_read(wanted->kind))
-                return modbus_line_fail(
-                    error, DEVICE_ERROR_PROTOCOL,
-                    "%s: %d was set to %d, but it reads as %d; see whether the board lost "
-                    "its power or was not heard of for too long, and what else writes it",
-                    what, read->address + i, wanted->values[i], read->values[i]);
-            return modbus_line_fail(
-                error, DEVICE_ERROR_PROTOCOL,
-                "%s: wrote %d to %d, but it reads back as %d; check what else writes it", what,
-                wanted->values[i], read->address + i, read->values[i]);
+                return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
+                                        "%s: %d was set to %d, but it reads as %d" ERROR_ADVICE
+                                        "see whether the board lost its power or was not heard of "
+                                        "for too long, and what else writes it",
+                                        what, read->address + i, wanted->values[i],
+                                        read->values[i]);
+            return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
+                                    "%s: wrote %d to %d, but it reads back as %d" ERROR_ADVICE
+                                    "check what else writes it",
+                                    what, wanted->values[i], read->address + i, read->values[i]);
         }
     return TRUE;
 }
@@ -413,11 +418,10 @@ static gboolean check_pulse(struct modbus_line *line, int unit,
     if (coil.values[0])
         return TRUE;
     g_autofree char *what = request_text(line, unit, request);
-    return modbus_line_fail(
-        error, DEVICE_ERROR_PROTOCOL,
-        "%s: wrote %d, but coil %d reads as off; check that the board switches coils on for "
-        "a time in this way",
-        what, request->values[0], request->coil);
+    return modbus_line_fail(error, DEVICE_ERROR_PROTOCOL,
+                            "%s: wrote %d, but coil %d reads as off" ERROR_ADVICE
+                            "check that the board switches coils on for a time in this way",
+                            what, request->values[0], request->coil);
 }
 
 gboolean modbus_line_do(struct modbus_line *line, int unit, struct modbus_request *request,

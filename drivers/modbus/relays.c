@@ -2,7 +2,7 @@
 #include "devices.h"
 #include "watchdog.h"
 
-/* Less than the class waits, so that the line's own words are heard. */
+/* Shorter than the deadline of the class, so that the error of the line is the one reported. */
 #define DEADLINE_MS 1500
 
 /* A time written by function 5 must not be its "on", 0xff00. */
@@ -83,18 +83,18 @@ static struct relays *relays_of(gpointer device) {
     return ((struct device *)device)->priv;
 }
 
-/* Nothing is fed any more, so that what is on goes off whatever the line does. */
+/* Stops feeding the watchdog, so that the relays go off even if the line is dead. */
 static void modbus_relays_lose(struct relays *relays, const GError *error) {
     GError *why = g_error_copy(error);
-    g_prefix_error(&why, "%s %s: not known to be on any more: ", relays->device->info->class_name,
-                   relays->device->name);
+    g_prefix_error(&why, "not known to be on any more: ");
+    error_details_add_subject(&why, relays->device->who);
     for (int i = 0; i < relays->n; i++)
         relays->on[i] = FALSE;
     feed_later(relays);
     relays->lost((gpointer)relays->device, why);
 }
 
-/* Once it was not heard of for its time, the board has switched off: until then it is asked again.
+/* A board that was not reached for its watchdog time has switched off; until then, try again.
  * Last in its caller: the listener may close the device. */
 static void on_fed(const struct modbus_job *job, const GError *error, gpointer data) {
     struct relays *relays = relays_of(data);
@@ -116,7 +116,8 @@ static void start_feeding(struct relays *relays, const struct modbus_job *job) {
                      (gpointer)relays->device);
 }
 
-/* First that all is as it was switched: what went off by itself does not come on by itself. */
+/* Checks the state of all relays first: one that went off by itself must not be switched on again
+ * by the feeding. */
 static void modbus_relays_feed(gpointer data) {
     struct relays *relays = relays_of(data);
     struct modbus_job job = {0};
@@ -149,7 +150,7 @@ static void relays_switch(struct relays *relays, int index, gboolean on, ModbusF
                      (gpointer)relays->device);
 }
 
-/* What was not answered is not kept on. */
+/* A relay whose switching was not confirmed is not kept on. */
 static void relays_switched(struct relays *relays, int index, gboolean on, gboolean failed) {
     relays->n_switching--;
     for (int i = 0; i < relays->n; i++)
@@ -167,7 +168,7 @@ static gboolean relays_off(struct relays *relays, GError **error) {
     return modbus_bus_do(relays->bus, &relays->link, &job, DEADLINE_MS, error);
 }
 
-/* A board's timeout switches the relays of all sections off, so all must know of it. */
+/* A board's timeout switches off the relays of all sections, so all of them must have it. */
 static gboolean check_shared(const struct relays *relays, GError **error) {
     const struct config_section *section = relays->device->section;
     for (GList *l = all_relays; l; l = l->next) {
@@ -203,14 +204,14 @@ static gboolean relays_open(struct relays *relays, const struct device *device,
     relays->bus = modbus_bus_get(&relays->link, device, error);
     if (!relays->bus)
         return FALSE;
-    /* Dark first, whatever else is wrong with the section. */
+    /* Switch off first, whatever else is wrong with the section. */
     if (relays_off(relays, error) && check_watchdog(relays, error) && check_shared(relays, error) &&
         modbus_watchdog_arm(&relays->watchdog, relays->bus, &relays->link, error)) {
         all_relays = g_list_prepend(all_relays, relays);
         return TRUE;
     }
-    if (!error || (*error)->domain != CONFIG_ERROR)
-        g_prefix_error(error, "%s %s: ", device->info->class_name, device->name);
+    if (error && (*error)->domain != CONFIG_ERROR)
+        error_details_add_subject(error, device->who);
     g_clear_pointer(&relays->bus, modbus_bus_unref);
     return FALSE;
 }
@@ -252,7 +253,7 @@ static void modbus_relays_on_switched(const struct modbus_job *job, const GError
     g_autofree struct pending *done = g_queue_pop_head(&lamps->pending);
     GError *failed = error ? g_error_copy(error) : NULL;
     relays_switched(&lamps->relays, done->index, done->on, error != NULL);
-    g_prefix_error(&failed, "lamps %s: ", bank->device.name);
+    error_details_add_subject(&failed, bank->device.who);
     lamps_report(bank, done->index, done->on, failed);
 }
 
@@ -316,9 +317,10 @@ static void modbus_relays_on_laser(const struct modbus_job *job, const GError *e
     gboolean on = job->requests[0].values[0] != 0;
     GError *failed = error ? g_error_copy(error) : NULL;
     relays_switched(relays, 0, on, error != NULL);
-    if (failed && on) /* it may have come through: nothing shines that is not known of */
+    /* The command may have been carried out: switch off, so that nothing is on unknown to us. */
+    if (failed && on)
         relays_switch(relays, 0, FALSE, modbus_relays_on_laser_off);
-    g_prefix_error(&failed, "laser %s: ", laser->device.name);
+    error_details_add_subject(&failed, laser->device.who);
     laser_report(laser, on, failed);
 }
 

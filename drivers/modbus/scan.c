@@ -8,7 +8,7 @@
 
 #define CONNECT_US (3 * G_USEC_PER_SEC)
 
-/* The names of what it hangs on, if that is a USB device. */
+/* Product name of the USB adapter behind a serial port; NULL if it is not on USB. */
 static char *port_name(const char *tty) {
     g_autofree char *device = g_build_filename("/sys/class/tty", tty, "device", NULL);
     char *folder = realpath(device, NULL);
@@ -86,7 +86,7 @@ static void modbus_scan_add_link(GString *section, const struct modbus_link *lin
     g_string_append_printf(section, "unit = %d\n", unit);
 }
 
-/* As many coils as it answers for at once, of those that boards have. */
+/* The number of coils: the largest usual number that the unit reads in one request. */
 static int count_coils(struct modbus_line *line, const struct modbus_link *link, int unit) {
     for (int n = 32; n >= 1; n /= 2)
         if (modbus_scan_ask(line, link, unit, MODBUS_READ_COILS, n) == ANSWERS)

@@ -5,7 +5,7 @@
 
 #include "drivers/found.h"
 
-/* Serial ports of this machine: what hangs on one is not known until it is asked. See
+/* Serial ports of this machine. The devices on a port are not known before they are asked. See
  * drivers/found.h. */
 gboolean serial_scan(GPtrArray *to, GError **error);
 

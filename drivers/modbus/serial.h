@@ -1,13 +1,13 @@
-/* Of serial lines, what libmodbus leaves out. A descriptor of one's own, beside libmodbus's. */
+/* Serial line operations that libmodbus lacks, on a descriptor beside libmodbus's own. */
 #pragma once
 
 #include <glib.h>
 
-/* Opens the line and takes it for this program, so that no other that asks so speaks on it. -1 with
- * errno; EWOULDBLOCK: another has it. To be closed. */
+/* Opens the line and locks it, so that no other program that locks lines uses it. -1 with errno;
+ * EWOULDBLOCK: another program has it. The caller closes it. */
 int modbus_serial_take(const char *path);
 
-/* Sets it to anything else than what is wanted. A pseudo-terminal has no parity, and Debian's C
- * library calls a setting that changed nothing EINVAL: so that one that a killed program left
- * behind could not be opened again. */
+/* Changes the settings of the line, so that setting the wanted ones succeeds. Debian's C library
+ * returns EINVAL for settings that change nothing; a pseudo-terminal has no parity, so one that a
+ * killed program left behind could not be opened again. */
 void modbus_serial_unsettle(int fd);

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Less than the class waits, so that the line's own words are heard. */
+/* Shorter than the deadline of the class, so that the error of the line is the one reported. */
 #define DEADLINE_MS 1500
 
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog) {
@@ -20,7 +20,7 @@ gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog) {
 gboolean modbus_watchdog_check(const struct modbus_watchdog *watchdog,
                                const struct modbus_link *link, const struct device *device, int max,
                                GError **error) {
-    /* One answer that is lost, as in line.c: its time, silence before and after the next. */
+    /* The cost of one lost answer, see line.c: timeout_ms, and late_ms of silence twice. */
     double lapse_s = (link->timeout_ms + 2 * link->late_ms) / 1000;
     double written = watchdog->after_s * watchdog->scale, least_s = 1.5 * lapse_s;
     if (written < 0.5 || round(written) > max) {

@@ -1,14 +1,14 @@
 /*
- * The end that a board or drive makes by itself when it is not heard of for a while: by its
- * register of a communication timeout, or because each relay is only ever switched on for a time.
- * What is on is kept on by asking anew, from the main loop: so it goes off when this program dies,
- * when its main loop hangs and when the cable is cut.
+ * The communication watchdog of a board or drive: it switches off or stops by itself when it gets
+ * no request for a while. Either it has a register with the timeout, or each relay is switched on
+ * for a limited time only. Requests from the main loop keep on what is on: so it goes off when this
+ * program dies, when its main loop hangs and when the cable is cut.
  */
 #pragma once
 
 #include "bus.h"
 
-/* What a section says of it. */
+/* The options of a watchdog. */
 struct modbus_watchdog {
     int address; /* of the register; −1: none */
     double after_s, scale;
@@ -40,11 +40,11 @@ struct modbus_watchdog {
             (at) + G_STRUCT_OFFSET(struct modbus_watchdog, scale), "What is written to it for 1 s" \
     }
 
-/* What is written, and the time that this is. */
+/* The value for its register, and the time that this value stands for. */
 int modbus_watchdog_value(const struct modbus_watchdog *watchdog);
 double modbus_watchdog_s(const struct modbus_watchdog *watchdog);
 
-/* How often what is on is to be asked for: three times as often as need be. */
+/* Time between two feedings: a third of the watchdog's time. */
 gint64 modbus_watchdog_period_us(const struct modbus_watchdog *watchdog);
 
 /* For a device's open(). Checks the time, whichever way the board keeps it; max: what fits. */

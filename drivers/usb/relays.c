@@ -38,7 +38,7 @@ struct board {
 /* Some relays switched, then read back. */
 struct job {
     struct board *board;
-    gpointer device; /* NULL: closed meanwhile, tell nobody */
+    gpointer device; /* NULL: closed meanwhile: nothing is reported */
     SwitchedFunc func;
     int index;
     gboolean on;
@@ -81,19 +81,19 @@ static void on_set(UsbDevice *usb, const guint8 *data, gsize n, const GError *er
 
 static void check_state(struct job *job, const guint8 *data, gsize n) {
     if (n != REPORT_SIZE) {
-        job->error = g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                                 "%s: the board answered %d bytes of %d; it is no relay board that "
-                                 "this driver knows",
-                                 job->board->who, (int)n, REPORT_SIZE);
+        job->error = device_error_new(
+            DEVICE_ERROR_PROTOCOL, job->board->who,
+            "the board answered %d bytes of %d; it is no relay board that this driver knows",
+            (int)n, REPORT_SIZE);
         return;
     }
     guint wrong = (data[STATE_BYTE] ^ (job->on ? 0xffu : 0)) & job->mask;
     if (wrong)
-        job->error = g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                                 "%s: relay %d was switched %s, but the board says it is %s; check "
-                                 "the board's power",
-                                 job->board->who, g_bit_nth_lsf(wrong, -1) + 1,
-                                 job->on ? "on" : "off", job->on ? "off" : "on");
+        job->error = device_error_new(
+            DEVICE_ERROR_PROTOCOL, job->board->who,
+            "relay %d was switched %s, but the board says it is %s" ERROR_ADVICE
+            "check the board's power",
+            g_bit_nth_lsf(wrong, -1) + 1, job->on ? "on" : "off", job->on ? "off" : "on");
 }
 
 static void on_read_back(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
@@ -145,9 +145,9 @@ static gboolean board_connect(struct board *board, GError **error) {
     board->n = g_ascii_isdigit(*number) ? *number - '0' : 0;
     if (board->n >= 1 && board->n <= MAX_RELAYS)
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                "%s: the board calls itself \"%s\", which does not say how many relays it has",
-                board->who, usb_product(board->usb));
+    device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
+                     "the board calls itself \"%s\", which does not say how many relays it has",
+                     usb_product(board->usb));
     g_clear_pointer(&board->usb, usb_close);
     return FALSE;
 }
@@ -215,7 +215,7 @@ static gboolean job_start(struct job *job, GError **error) {
     return TRUE;
 }
 
-/* An unplugged board is looked for again. */
+/* Looks for an unplugged board again. */
 static gboolean board_switch(struct board *board, guint mask, gboolean on, SwitchedFunc func,
                              gpointer device, int index, GError **error) {
     if (!board->usb && !board_connect(board, error))
@@ -228,14 +228,14 @@ static gboolean board_switch(struct board *board, guint mask, gboolean on, Switc
         g_free(job);
         return FALSE;
     }
-    if (failed) /* with some of it under way: told when that ends */
+    if (failed) /* some requests are under way: the job is reported when they end */
         usb_relays_note_error(job, failed);
     g_clear_error(&failed);
     board->jobs = g_list_append(board->jobs, job);
     return TRUE;
 }
 
-/* Waits; for opening and closing. What was started before is done before. */
+/* Blocks; for opening and closing. Requests that were started earlier end first. */
 static gboolean board_off_now(struct board *board, guint mask, GError **error) {
     guint8 answer[REPORT_SIZE] = {0};
     gboolean all = mask == (1u << board->n) - 1;
@@ -252,10 +252,9 @@ static gboolean board_off_now(struct board *board, guint mask, GError **error) {
         return FALSE;
     if (n == REPORT_SIZE && !(answer[STATE_BYTE] & mask))
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                "%s: its relays do not switch off; check the board, and cut the power of what it "
-                "switches",
-                board->who);
+    device_error_set(error, DEVICE_ERROR_PROTOCOL, board->who,
+                     "its relays do not switch off" ERROR_ADVICE
+                     "check the board, and cut the power of what it switches");
     return FALSE;
 }
 
@@ -277,19 +276,19 @@ static guint mask_of(int first, int n) {
 }
 
 /* Takes relays of a board and leaves them off. */
-static struct board *board_enter(const char *who, const char *serial, const char *path, int first,
-                                 int *n, GError **error) {
+static struct board *board_enter(const struct device *device, const char *serial, const char *path,
+                                 int first, int *n, GError **error) {
     struct board *board = board_get(serial, path, error);
     if (!board) {
-        g_prefix_error(error, "%s: ", who);
+        error_details_add_subject(error, device->who);
         return NULL;
     }
     if (*n == 0)
         *n = board->n - first + 1;
     if (*n < 1 || first + *n - 1 > board->n)
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
-                    "%s: relay %d of a board that has %d; correct its section", who,
-                    first + MAX(*n, 1) - 1, board->n);
+        config_set_error(error, CONFIG_ERROR_VALUE, device->section, NULL,
+                         "%s: relay %d of a board that has %d; correct its section", device->who,
+                         first + MAX(*n, 1) - 1, board->n);
     else if (board_off_now(board, mask_of(first, *n), error))
         return board;
     board_unref(board);
@@ -332,17 +331,16 @@ static gboolean lamps_switch(LampBank *bank, int index, gboolean on, GError **er
         index < 0 ? mask_of(lamps->first_relay, bank->n) : mask_of(lamps->first_relay + index, 1);
     if (board_switch(lamps->board, mask, on, usb_relays_on_lamp, bank, index, error))
         return TRUE;
-    g_prefix_error(error, "lamps %s: ", bank->device.name);
+    error_details_add_subject(error, bank->device.who);
     return FALSE;
 }
 
 static gboolean usb_relays_open_lamps(LampBank *bank, GError **error) {
     struct relay_lamps *lamps = bank->device.priv;
-    g_autofree char *who = g_strdup_printf("lamps %s", bank->device.name);
     bank->n = lamps->n_lamps;
     bank->warm_up_s = lamps->warm_up_ms / 1000;
     lamps->board =
-        board_enter(who, lamps->serial, lamps->path, lamps->first_relay, &bank->n, error);
+        board_enter(&bank->device, lamps->serial, lamps->path, lamps->first_relay, &bank->n, error);
     return lamps->board != NULL;
 }
 
@@ -386,16 +384,15 @@ static gboolean laser_switch(Laser *laser, gboolean on, GError **error) {
     if (board_switch(priv->board, mask_of(priv->relay, 1), on, usb_relays_on_laser, laser, 0,
                      error))
         return TRUE;
-    g_prefix_error(error, "laser %s: ", laser->device.name);
+    error_details_add_subject(error, laser->device.who);
     return FALSE;
 }
 
 static gboolean usb_relays_open_laser(Laser *laser, GError **error) {
     struct relay_laser *priv = laser->device.priv;
-    g_autofree char *who = g_strdup_printf("laser %s", laser->device.name);
     int n = 1;
     laser->warm_up_s = priv->warm_up_ms / 1000;
-    priv->board = board_enter(who, priv->serial, priv->path, priv->relay, &n, error);
+    priv->board = board_enter(&laser->device, priv->serial, priv->path, priv->relay, &n, error);
     return priv->board != NULL;
 }
 

@@ -105,8 +105,8 @@ gboolean usb_scan(GPtrArray *to, GError **error) {
     if (code == LIBUSB_ERROR_OTHER || code == LIBUSB_ERROR_NOT_SUPPORTED)
         return TRUE; /* a machine, or a container, without USB */
     if (code) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "USB cannot be looked at: %s",
-                    libusb_strerror(code));
+        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, NULL, "USB cannot be looked at: %s",
+                         libusb_strerror(code));
         return FALSE;
     }
     gssize n = libusb_get_device_list(context, &all);

@@ -3,6 +3,6 @@
 
 #include "drivers/found.h"
 
-/* See drivers/found.h. Opens no device: what is told is what the kernel has read. Hubs are left
- * out, and so are cameras, which other scans find. */
+/* See drivers/found.h. Opens no device, but reports what the kernel has read. Leaves out hubs, and
+ * cameras, which other scans find. */
 gboolean usb_scan(GPtrArray *to, GError **error);

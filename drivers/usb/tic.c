@@ -38,7 +38,7 @@ enum variable {
     TARGET_POSITION = 0x0a,
     CURRENT_POSITION = 0x22,
     CURRENT_VELOCITY = 0x26,
-    VARIABLES_SIZE = 0x2a, /* of what is read, in one request so that it is of one moment */
+    VARIABLES_SIZE = 0x2a, /* read in one request, so that all values are of the same moment */
 };
 
 enum setting { CONTROL_MODE = 0x01, COMMAND_TIMEOUT = 0x09 };
@@ -56,10 +56,10 @@ enum flag {
 #define MAX_SPEED    500000000.0
 #define MIN_ACCEL    100.0
 #define ANSWER_MS    800 /* USB 2.0, 9.2.6: a device may take 500 for its data */
-#define STANDING_MS  100 /* between looks at an axis that stands */
+#define STANDING_MS  100 /* between polls of an axis that stands */
 #define MAX_STEPS    2147483647.0
 
-/* An "exit safe start" holds for 200 ms; so long an error from before may still be there. */
+/* An "exit safe start" holds for 200 ms; an earlier error may still be reported for that long. */
 #define GRACE_US 250000
 
 enum phase { STANDING, HOMING, MOVING, STOPPING };
@@ -73,17 +73,17 @@ struct tic {
 
     UsbDevice *usb;
     enum phase phase;
-    gboolean watched;       /* homed once: looked at while it stands, too */
-    gboolean asked;         /* a look is under way */
-    gboolean was_well;      /* has been seen without errors since it was started */
-    int n_started, n_asked; /* a look that was asked for before the last start proves nothing */
+    gboolean watched;       /* homed: it is polled while it stands, too */
+    gboolean asked;         /* a poll is under way */
+    gboolean was_well;      /* a poll without errors has followed the last start */
+    int n_started, n_asked; /* a poll sent before the last start proves nothing */
     gint64 start_us, asked_us;
-    gint64 fed_us, hunger_us; /* when its command timeout was surely reset; how long it was not */
-    int timeout_ms;           /* its command timeout */
+    gint64 fed_us, unfed_us; /* when its command timeout was reset; longest time without a reset */
+    int timeout_ms;          /* its command timeout */
     guint timer;
     double target_deg;
     gint32 target_steps;
-    gboolean on_target; /* stands at target_steps, which is target_deg but for rounding */
+    gboolean on_target; /* stands at target_steps, target_deg rounded to steps */
     double position_deg;
 };
 
@@ -103,20 +103,7 @@ static const struct option options[] = {
      "Where it is plugged in: bus-port, with .port at each hub, as in 1-2.4"},
     {"steps_per_deg", OPTION_DOUBLE, NULL, 0.001, 1e6, NULL, NULL, FIELD(steps_per_deg),
      "Microsteps in a degree of the axis, its gear included"},
-    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(motion.wraps),
-     "Turns on without end, so that it has no limits and goes the short way"},
-    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(motion.min_deg),
-     "Lower limit"},
-    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(motion.max_deg),
-     "Upper limit"},
-    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "20", NULL, FIELD(motion.speed_deg_s),
-     "Top speed"},
-    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "40", NULL,
-     FIELD(motion.accel_deg_s2), "Acceleration, also to stop"},
-    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(motion.backlash_deg),
-     "Lost motion, taken up by always arriving from below"},
-    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(motion.settle_ms),
-     "From arrival until the load is still"},
+    AXIS_MOTION_OPTIONS(FIELD(motion), "20", "40"),
     {"homing", OPTION_CHOICE, NULL, 0, 0, "reverse", homings, FIELD(homing),
      "Towards which limit switch it homes; here: no switch, where it stands becomes home_deg"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
@@ -133,8 +120,8 @@ static const guint16 products[] = {0x00b3 /* T825 */, 0x00b5 /* T834 */, 0x00bd 
 /* By bit of the error status. */
 static const char *const error_texts[] = {
     "it was de-energized",
-    "its motor driver reports an error; check motor, wiring and temperature",
-    "its motor supply is too low; check the power supply",
+    "its motor driver reports an error" ERROR_ADVICE "check motor, wiring and temperature",
+    "its motor supply is too low" ERROR_ADVICE "check the power supply",
     "its kill switch is active",
     "its required input is invalid",
     "it reports a serial error",
@@ -143,7 +130,7 @@ static const char *const error_texts[] = {
     "its ERR line is held high by another device",
 };
 
-/* What a command timeout leaves: it ends when it is reset, the safe start it brought stays. */
+/* The errors of a command timeout: the first ends with the next reset, the safe start remains. */
 enum { COMMAND_TIMEOUT_ERROR = 1 << 6, SAFE_START_ERROR = 1 << 7 };
 
 static gint32 get_i32(const guint8 *data) {
@@ -169,7 +156,7 @@ static void usb_tic_let_go(Axis *axis) {
     tic->asked = FALSE;
 }
 
-/* Last in its caller: the listener may close the axis. Takes the error. */
+/* Call it last: the listener may close the axis. Takes the error. */
 static void usb_tic_fault(Axis *axis, GError *error) {
     struct tic *tic = axis->device.priv;
     tic->phase = STANDING;
@@ -182,16 +169,16 @@ static void usb_tic_fault(Axis *axis, GError *error) {
 
 static void usb_tic_on_lost(UsbDevice *usb, gpointer data) {
     Axis *axis = data;
-    usb_tic_fault(axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                                    "axis %s: unplugged; plug it in again, then home it",
-                                    axis->device.name));
+    usb_tic_fault(axis,
+                  device_error_new(DEVICE_ERROR_DISCONNECTED, axis->device.who,
+                                   "unplugged" ERROR_ADVICE "plug it in again, then home it"));
 }
 
 static void on_sent(UsbDevice *usb, const guint8 *data, gsize n, const GError *error,
                     gpointer user) {
     Axis *axis = user;
     struct tic *tic = axis->device.priv;
-    /* Once it stands because of one failure, the others of the same cause are not told. */
+    /* Report only the first of several failures of the same cause. */
     if (error && (tic->phase != STANDING || tic->watched))
         usb_tic_fault(axis, g_error_copy(error));
 }
@@ -211,10 +198,11 @@ static void ended(Axis *axis, enum axis_event event) {
 
 static void broke_down(Axis *axis, enum device_error code, const char *why) {
     struct tic *tic = axis->device.priv;
-    /* It may still turn; the answer is not waited for. */
+    /* It may still turn. Do not wait for the answer. */
     send(axis, HALT_AND_HOLD, 0, NULL);
-    usb_tic_fault(axis, g_error_new(DEVICE_ERROR, (int)code, "axis %s: at %.3f°: %s; then home it",
-                                    axis->device.name, tic->position_deg, why));
+    usb_tic_fault(axis, device_error_new(code, axis->device.who,
+                                         "at %.3f°: %s" ERROR_ADVICE "then home it",
+                                         tic->position_deg, why));
 }
 
 static gboolean ran_into_limit(const struct tic *tic, const struct status *status) {
@@ -223,21 +211,21 @@ static gboolean ran_into_limit(const struct tic *tic, const struct status *statu
            status->flags & (up ? FORWARD_LIMIT_ACTIVE : REVERSE_LIMIT_ACTIVE);
 }
 
-/* Whether it stopped because this program, not the Tic, was held up for a while. It braked and
- * knows where it is, so nothing is lost. */
-static gboolean was_starved(const struct tic *tic, const struct status *status) {
+/* Whether the command timeout has stopped it because this program was held up. It has braked and
+ * knows its position, so the move can go on. */
+static gboolean stopped_by_timeout(const struct tic *tic, const struct status *status) {
     return tic->was_well && (status->errors & SAFE_START_ERROR) &&
            !(status->errors & ~(COMMAND_TIMEOUT_ERROR | SAFE_START_ERROR)) &&
            !(status->flags & POSITION_UNCERTAIN) && tic->phase != HOMING &&
-           tic->hunger_us > tic->timeout_ms * (gint64)1000;
+           tic->unfed_us > tic->timeout_ms * (gint64)1000;
 }
 
-static void usb_tic_go_on(Axis *axis) {
+static void usb_tic_resume(Axis *axis) {
     struct tic *tic = axis->device.priv;
     gboolean to_target = tic->phase == MOVING || tic->on_target;
     GError *error = NULL;
-    g_message("axis %s: not asked for %.1f s, its command timeout stopped it; it goes on",
-              axis->device.name, (double)tic->hunger_us * 1e-6);
+    g_message("axis %s: no command for %.1f s, so its command timeout stopped it; it goes on",
+              axis->device.name, (double)tic->unfed_us * 1e-6);
     if (!send(axis, EXIT_SAFE_START, 0, &error) ||
         !send(axis, to_target ? SET_TARGET_POSITION : SET_TARGET_VELOCITY,
               to_target ? tic->target_steps : 0, &error)) {
@@ -245,22 +233,23 @@ static void usb_tic_go_on(Axis *axis) {
         return;
     }
     tic->was_well = FALSE;
-    tic->hunger_us = 0;
+    tic->unfed_us = 0;
     tic->n_started++;
     tic->start_us = usb_tic_now_us(axis);
 }
 
-/* Whether something is wrong that ends the movement; has told so then. */
+/* Whether the status ends the movement with a fault; reports that fault. */
 static gboolean is_broken(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     gboolean late = usb_tic_now_us(axis) > tic->start_us + GRACE_US;
     if (!status->errors && status->state == STATE_NORMAL) {
         tic->was_well = TRUE;
-        tic->hunger_us = 0;
+        tic->unfed_us = 0;
     }
     if (ran_into_limit(tic, status)) {
         broke_down(axis, DEVICE_ERROR_STALLED,
-                   "ran into a limit switch; check min_deg, max_deg and steps_per_deg");
+                   "ran into a limit switch" ERROR_ADVICE
+                   "check min_deg, max_deg and steps_per_deg");
         return TRUE;
     }
     if (status->errors && (tic->was_well || late)) {
@@ -270,13 +259,14 @@ static gboolean is_broken(Axis *axis, const struct status *status) {
     }
     if (tic->phase != HOMING && status->flags & POSITION_UNCERTAIN) {
         broke_down(axis, DEVICE_ERROR_STALLED,
-                   "its position has become uncertain: it was halted or reset; see what did that");
+                   "its position has become uncertain: it was halted or reset" ERROR_ADVICE
+                   "see what did that");
         return TRUE;
     }
     return FALSE;
 }
 
-static void look_at_homing(Axis *axis, const struct status *status) {
+static void check_tic_homing(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     gboolean late = usb_tic_now_us(axis) > tic->start_us + GRACE_US;
     if (status->flags & HOMING_ACTIVE)
@@ -289,11 +279,12 @@ static void look_at_homing(Axis *axis, const struct status *status) {
         ended(axis, AXIS_HOMED);
     } else if (late && status->flags & POSITION_UNCERTAIN) {
         broke_down(axis, DEVICE_ERROR_STALLED,
-                   "homing ended without its limit switch; check the switch and its settings");
+                   "homing ended without its limit switch" ERROR_ADVICE
+                   "check the switch and its settings");
     }
 }
 
-static void look_at_move(Axis *axis, const struct status *status) {
+static void check_tic_move(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     if (status->target == tic->target_steps && status->position == tic->target_steps &&
         status->velocity == 0) {
@@ -302,21 +293,21 @@ static void look_at_move(Axis *axis, const struct status *status) {
     }
 }
 
-static void usb_tic_look(Axis *axis, const struct status *status) {
+static void usb_tic_evaluate(Axis *axis, const struct status *status) {
     struct tic *tic = axis->device.priv;
     tic->position_deg = tic->home_deg + status->position / tic->steps_per_deg;
     if (tic->n_asked != tic->n_started)
         return;
     if (tic->phase == STOPPING && status->velocity == 0)
         ended(axis, AXIS_STOPPED);
-    else if (tic->phase != STOPPING && was_starved(tic, status))
-        usb_tic_go_on(axis);
+    else if (tic->phase != STOPPING && stopped_by_timeout(tic, status))
+        usb_tic_resume(axis);
     else if (tic->phase == STOPPING || is_broken(axis, status))
         return;
     else if (tic->phase == HOMING)
-        look_at_homing(axis, status);
+        check_tic_homing(axis, status);
     else if (tic->phase == MOVING)
-        look_at_move(axis, status);
+        check_tic_move(axis, status);
 }
 
 static gboolean read_status(const guint8 *data, gsize n, struct status *ret) {
@@ -346,15 +337,15 @@ static void on_status(UsbDevice *usb, const guint8 *data, gsize n, const GError 
     if (error) {
         usb_tic_fault(axis, g_error_copy(error));
     } else if (!read_status(data, n, &status)) {
-        usb_tic_fault(
-            axis, g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                              "axis %s: answered %d bytes of %d; check its firmware, then home it",
-                              axis->device.name, (int)n, VARIABLES_SIZE));
+        usb_tic_fault(axis, device_error_new(DEVICE_ERROR_PROTOCOL, axis->device.who,
+                                             "answered %d bytes of %d" ERROR_ADVICE
+                                             "check its firmware, then home it",
+                                             (int)n, VARIABLES_SIZE));
     } else {
-        tic->hunger_us = MAX(tic->hunger_us, usb_tic_now_us(axis) - tic->fed_us);
+        tic->unfed_us = MAX(tic->unfed_us, usb_tic_now_us(axis) - tic->fed_us);
         tic->fed_us = tic->asked_us;
         usb_tic_wake(axis);
-        usb_tic_look(axis, &status);
+        usb_tic_evaluate(axis, &status);
     }
 }
 
@@ -400,7 +391,7 @@ static void started(Axis *axis, enum phase phase) {
     tic->was_well = FALSE;
     tic->n_started++;
     tic->start_us = tic->fed_us = usb_tic_now_us(axis);
-    tic->hunger_us = 0;
+    tic->unfed_us = 0;
     usb_tic_wake(axis);
 }
 
@@ -408,8 +399,8 @@ static gboolean check_plugged(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (tic->usb)
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                "axis %s: not plugged in; plug it in, then home it", axis->device.name);
+    device_error_set(error, DEVICE_ERROR_DISCONNECTED, axis->device.who,
+                     "not plugged in" ERROR_ADVICE "plug it in, then home it");
     return FALSE;
 }
 
@@ -422,7 +413,7 @@ static gboolean usb_tic_set_up(Axis *axis, GError **error) {
            send(axis, EXIT_SAFE_START, 0, error);
 }
 
-/* Halted first, since that makes the position uncertain: when it is certain again, it has homed. */
+/* Halts first, which makes the position uncertain: once it is certain again, homing is complete. */
 static gboolean set_off_home(Axis *axis, GError **error) {
     const struct tic *tic = axis->device.priv;
     if (!send(axis, HALT_AND_HOLD, 0, error))
@@ -450,9 +441,9 @@ static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
     if (!check_plugged(axis, error))
         return FALSE;
     if (fabs(steps) > MAX_STEPS) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "axis %s: %g° is further than the Tic can count; home it again",
-                    axis->device.name, target_deg);
+        device_error_set(error, DEVICE_ERROR_RANGE, axis->device.who,
+                         "%g° is further than the Tic can count" ERROR_ADVICE "home it again",
+                         target_deg);
         return FALSE;
     }
     if (!send(axis, EXIT_SAFE_START, 0, error) ||
@@ -464,7 +455,8 @@ static gboolean usb_tic_move(Axis *axis, double target_deg, GError **error) {
     return TRUE;
 }
 
-/* By a target velocity of 0 it brakes as set and its position stays known; a halt would lose it. */
+/* A target velocity of 0 brakes with the set deceleration and keeps the position; a halt loses it.
+ */
 static gboolean usb_tic_stop(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     if (!check_plugged(axis, error))
@@ -489,13 +481,12 @@ static gboolean usb_tic_get_setting(Axis *axis, enum setting setting, guint16 le
     if (n == length)
         return TRUE;
     if (n >= 0)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                    "axis %s: answered %d bytes of %d; check its firmware", axis->device.name, n,
-                    length);
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
+                         "answered %d bytes of %d" ERROR_ADVICE "check its firmware", n, length);
     return FALSE;
 }
 
-/* Both are stored in the Tic; what they should be is for its owner to write there. */
+/* Both settings are stored in the Tic; only its owner changes them, with ticgui. */
 static gboolean check_settings(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
     guint8 mode, timeout[2];
@@ -504,17 +495,18 @@ static gboolean check_settings(Axis *axis, GError **error) {
         return FALSE;
     int timeout_ms = tic->timeout_ms = timeout[0] | timeout[1] << 8;
     if (mode != 0) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "axis %s: its control mode is %d; set it to Serial/I2C/USB with ticgui",
-                    axis->device.name, mode);
+        device_error_set(
+            error, DEVICE_ERROR_UNSUPPORTED, axis->device.who,
+            "its control mode is %d" ERROR_ADVICE "set it to Serial/I2C/USB with ticgui", mode);
         return FALSE;
     }
     int least_ms = 2 * MAX(STANDING_MS, tic->poll_ms);
     if (timeout_ms < least_ms) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "axis %s: its command timeout is %d ms%s; set it to %d ms or more with ticgui",
-                    axis->device.name, timeout_ms,
-                    timeout_ms ? "" : " (off), so it would turn on if this program died", least_ms);
+        device_error_set(
+            error, DEVICE_ERROR_UNSUPPORTED, axis->device.who,
+            "its command timeout is %d ms%s" ERROR_ADVICE "set it to %d ms or more with ticgui",
+            timeout_ms, timeout_ms ? "" : " (off), so it would turn on if this program died",
+            least_ms);
         return FALSE;
     }
     return TRUE;
@@ -530,20 +522,19 @@ static gboolean read_position(Axis *axis, GError **error) {
     if (n < 0)
         return FALSE;
     if (!read_status(data, (gsize)n, &status)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                    "axis %s: answered %d bytes of %d; check its firmware", axis->device.name, n,
-                    VARIABLES_SIZE);
+        device_error_set(error, DEVICE_ERROR_PROTOCOL, axis->device.who,
+                         "answered %d bytes of %d" ERROR_ADVICE "check its firmware", n,
+                         VARIABLES_SIZE);
         return FALSE;
     }
     tic->position_deg = tic->home_deg + status.position / tic->steps_per_deg;
-    /* Left turning by a program that died: it must stand before anything relies on that. */
+    /* A program that died may have left it turning: make it stand. */
     return status.velocity == 0 || usb_control_sync(tic->usb, &brake, NULL, error) >= 0;
 }
 
 static gboolean connect_usb(Axis *axis, GError **error) {
     struct tic *tic = axis->device.priv;
-    g_autofree char *who = g_strdup_printf("axis %s", axis->device.name);
-    struct usb_match match = {.who = who,
+    struct usb_match match = {.who = axis->device.who,
                               .vendor = VENDOR,
                               .products = products,
                               .interface_class = CLASS_TIC,
@@ -564,11 +555,11 @@ static gboolean usb_tic_check_options(const Axis *axis, GError **error) {
     double accel = tic->motion.accel_deg_s2 * tic->steps_per_deg * ACCEL_UNITS;
     if (speed <= MAX_SPEED && accel >= MIN_ACCEL && accel <= MAX_STEPS)
         return TRUE;
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
-                "axis %s: %g microsteps/s and %g microsteps/s² are outside what a Tic does, "
-                "up to %g and %g to %g; change speed_deg_s, accel_deg_s2 or steps_per_deg",
-                axis->device.name, speed / SPEED_UNITS, accel / ACCEL_UNITS,
-                MAX_SPEED / SPEED_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
+    config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
+                     "%s: %g microsteps/s and %g microsteps/s² are outside what a Tic does, "
+                     "up to %g and %g to %g; change speed_deg_s, accel_deg_s2 or steps_per_deg",
+                     axis->device.who, speed / SPEED_UNITS, accel / ACCEL_UNITS,
+                     MAX_SPEED / SPEED_UNITS, MIN_ACCEL / ACCEL_UNITS, MAX_STEPS / ACCEL_UNITS);
     return FALSE;
 }
 

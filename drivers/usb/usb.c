@@ -21,7 +21,7 @@ struct context {
     libusb_hotplug_callback_handle hotplug;
     GSource *source;
     GHashTable *tags; /* file descriptor -> tag of the source */
-    GQueue done;      /* of struct transfer, ended but not told */
+    GQueue done;      /* of struct transfer: ended, not reported yet */
     GList *devices;
 };
 
@@ -38,7 +38,7 @@ struct UsbDevice {
     GList *flying; /* of struct transfer */
     UsbLostFunc lost_func;
     gpointer user;
-    gboolean lost, told;
+    gboolean lost, reported;
 };
 
 static struct context *shared;
@@ -49,7 +49,7 @@ static void transfer_free(struct transfer *transfer) {
 }
 
 static GError *make_error(const UsbDevice *usb, int code, const char *what) {
-    return g_error_new(DEVICE_ERROR, code, "%s: %s", usb->who, what);
+    return device_error_new(code, usb->who, "%s", what);
 }
 
 static GError *library_error(UsbDevice *usb, int code) {
@@ -57,22 +57,25 @@ static GError *library_error(UsbDevice *usb, int code) {
     case LIBUSB_ERROR_NO_DEVICE:
         usb->lost = TRUE;
         return make_error(usb, DEVICE_ERROR_DISCONNECTED,
-                          "unplugged, or its power is gone; check its cable");
+                          "unplugged, or its power is gone" ERROR_ADVICE "check its cable");
     case LIBUSB_ERROR_TIMEOUT:
         return make_error(usb, DEVICE_ERROR_TIMEOUT,
-                          "did not answer in time; check its cable and power");
+                          "did not answer in time" ERROR_ADVICE "check its cable and power");
     case LIBUSB_ERROR_PIPE:
         return make_error(usb, DEVICE_ERROR_PROTOCOL,
-                          "refused a request (stall); check that its firmware is the maker's");
+                          "refused a request (stall)" ERROR_ADVICE
+                          "check that its firmware is the maker's");
     case LIBUSB_ERROR_BUSY:
         return make_error(usb, DEVICE_ERROR_BUSY,
                           "another program uses it, or another section names it differently");
     case LIBUSB_ERROR_ACCESS:
         return make_error(usb, DEVICE_ERROR_UNSUPPORTED,
-                          "may not be opened by this user; install etc/udev/60-mesorig.rules");
+                          "may not be opened by this user" ERROR_ADVICE
+                          "install etc/udev/60-mesorig.rules");
     default:
-        return g_error_new(DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                           "%s: USB failed: %s; check its cable", usb->who, libusb_strerror(code));
+        return device_error_new(DEVICE_ERROR_PROTOCOL, usb->who,
+                                "USB failed: %s" ERROR_ADVICE "check its cable",
+                                libusb_strerror(code));
     }
 }
 
@@ -95,7 +98,7 @@ static int status_code(enum libusb_transfer_status status) {
     }
 }
 
-static void usb_usb_tell(struct transfer *transfer) {
+static void usb_report_transfer(struct transfer *transfer) {
     UsbDevice *usb = transfer->usb;
     int code = status_code(transfer->libusb->status);
     g_autoptr(GError) error = code ? library_error(usb, code) : NULL;
@@ -105,11 +108,12 @@ static void usb_usb_tell(struct transfer *transfer) {
     transfer_free(transfer);
 }
 
-/* Told when its transfers have ended; one whose have not keeps no other from being told. */
+/* The next lost device to report. Its transfers must have ended; one with transfers under way does
+ * not delay the others. */
 static UsbDevice *next_lost(const struct context *context) {
     for (GList *l = context->devices; l; l = l->next) {
         UsbDevice *usb = l->data;
-        if (usb->lost && !usb->told && !usb->flying)
+        if (usb->lost && !usb->reported && !usb->flying)
             return usb;
     }
     return NULL;
@@ -119,7 +123,7 @@ static gboolean has_news(const struct context *context) {
     return !g_queue_is_empty((GQueue *)&context->done) || next_lost(context);
 }
 
-/* libusb keeps its deadlines by a timerfd on Linux; asked all the same. */
+/* On Linux libusb keeps its deadlines with a timerfd, but its API asks to check this too. */
 static gboolean usb_usb_prepare(GSource *source, gint *timeout) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval next;
@@ -145,7 +149,7 @@ static gboolean usb_usb_check(GSource *source) {
 
 static void context_unref(struct context *context);
 
-/* Who is told may close any device. */
+/* A callback may close any device. */
 static gboolean usb_usb_dispatch(GSource *source, GSourceFunc unused, gpointer unused_data) {
     struct context *context = ((struct context_source *)source)->context;
     struct timeval zero = {0};
@@ -154,9 +158,9 @@ static gboolean usb_usb_dispatch(GSource *source, GSourceFunc unused, gpointer u
     context->refs++;
     libusb_handle_events_timeout_completed(context->libusb, &zero, NULL);
     while ((transfer = g_queue_pop_head(&context->done)))
-        usb_usb_tell(transfer);
+        usb_report_transfer(transfer);
     while ((usb = next_lost(context))) {
-        usb->told = TRUE;
+        usb->reported = TRUE;
         usb->lost_func(usb, usb->user);
     }
     context_unref(context);
@@ -210,9 +214,9 @@ static struct context *context_ref(const char *who, GError **error) {
     struct context *context = g_new0(struct context, 1);
     int code = libusb_init(&context->libusb);
     if (code) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "%s: USB cannot be used here: %s; see that /dev/bus/usb exists", who,
-                    libusb_strerror(code));
+        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
+                         "USB cannot be used here: %s" ERROR_ADVICE "see that /dev/bus/usb exists",
+                         libusb_strerror(code));
         g_free(context);
         return NULL;
     }
@@ -240,7 +244,7 @@ static void context_unref(struct context *context) {
     g_free(context);
 }
 
-/* From libusb, perhaps in the middle of another device's request: only noted. */
+/* Called by libusb, perhaps within another device's request: only notes the end. */
 static void LIBUSB_CALL on_transfer(struct libusb_transfer *libusb) {
     struct transfer *transfer = libusb->user_data;
     UsbDevice *usb = transfer->usb;
@@ -290,7 +294,7 @@ int usb_control_sync(UsbDevice *usb, const struct usb_request *request, guint8 *
     return -1;
 }
 
-/* Waits for the kernel to give the transfers back, which it does at once. */
+/* Waits until the kernel has returned the transfers, which it does at once. */
 static gboolean cancel_all(UsbDevice *usb) {
     gint64 limit = g_get_monotonic_time() + CLOSE_US;
     for (GList *l = usb->flying; l; l = l->next)
@@ -417,7 +421,7 @@ static gboolean has_name(const struct usb_match *match, const UsbDevice *usb) {
     return !match->product_prefix || g_str_has_prefix(usb->product, match->product_prefix);
 }
 
-/* What it calls itself. A serial number that is asked of an interface needs that claimed before. */
+/* Reads product and serial number. A serial number read through an interface needs it claimed. */
 static gboolean identify(UsbDevice *usb, const struct usb_match *match,
                          const struct libusb_device_descriptor *descriptor, GError **error) {
     usb->product = read_string(usb, descriptor->iProduct);
@@ -508,15 +512,15 @@ static UsbDevice *usb_usb_choose(const struct usb_match *match, GList *found, co
         return NULL;
     }
     if (found)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "%s: more than one device fits: %s; say which by serial or path", match->who,
-                    seen);
+        device_error_set(error, DEVICE_ERROR_RANGE, match->who,
+                         "more than one device fits: %s" ERROR_ADVICE "say which by serial or path",
+                         seen);
     else
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                    "%s: no such device is plugged in (vendor %04x, serial \"%s\", path \"%s\"); "
-                    "found: %s; check its cable, serial and path",
-                    match->who, match->vendor, match->serial ? match->serial : "",
-                    match->path ? match->path : "", *seen ? seen : "none");
+        device_error_set(error, DEVICE_ERROR_DISCONNECTED, match->who,
+                         "no such device is plugged in (vendor %04x, serial \"%s\", path \"%s\"); "
+                         "found: %s" ERROR_ADVICE "check its cable, serial and path",
+                         match->vendor, match->serial ? match->serial : "",
+                         match->path ? match->path : "", *seen ? seen : "none");
     g_list_free_full(found, close_one);
     return NULL;
 }

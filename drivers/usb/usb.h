@@ -1,7 +1,7 @@
 /*
- * USB devices, by libusb's asynchronous transfers in the main loop: what libusb waits for is polled
- * by a source of the default main context, and every answer is told from there, never from within
- * the call that asked for it.
+ * USB devices, by libusb's asynchronous transfers in the main loop: a source of
+ * the default main context polls libusb's descriptors and makes every callback, never from within
+ * the call that started the request.
  *
  * All belongs to the main loop's thread. Only usb_open(), usb_control_sync() and usb_close() wait,
  * each for USB_SYNC_MS a request at most.
@@ -14,7 +14,7 @@
 
 typedef struct UsbDevice UsbDevice;
 
-/* Which device, and what of it. Empty strings match anything. */
+/* Selects a device and one of its interfaces. Empty strings match anything. */
 struct usb_match {
     const char *who; /* "axis turntable": begins every error message */
     guint16 vendor;
@@ -23,7 +23,7 @@ struct usb_match {
     guint8 interface_class;     /* the first interface of this class is claimed */
     const char *serial;
     const char *path; /* "1-2.4": bus, then a port at each hub */
-    /* For devices that keep their serial number elsewhere than in the string descriptor. */
+    /* For devices whose serial number is not in the string descriptor. */
     char *(*read_serial)(UsbDevice *usb);
 };
 

@@ -9,12 +9,12 @@
 #include <math.h>
 #include <string.h>
 
-/* Before asking again a node that seemed ready and was not. */
+/* Pause after a node that signalled a frame but had none. */
 #define AGAIN_US 2000
 
 #define HWTIMESTAMPS "/sys/module/uvcvideo/parameters/hwtimestamps"
 
-/* Black of luma that leaves room below, as ITU-R BT.601 has it. */
+/* Black level of limited-range luma, ITU-R BT.601. */
 #define LIMITED_BLACK 16
 
 enum stamp { STAMP_AUTO, STAMP_START, STAMP_FIRST_DATA, STAMP_END };
@@ -27,7 +27,7 @@ struct v4l2_camera {
     char **controls_set;
     gboolean check_bandwidth;
 
-    char *who;
+    const char *who; /* the device's own */
     struct video_node node;
     struct video_setup setup;
     struct video_controls controls;
@@ -36,7 +36,7 @@ struct v4l2_camera {
     struct camera_settings settings; /* exposure 0: none yet */
     gint64 settled_us;               /* frames that began before are of older settings */
     guint64 shot;
-    gint64 earliest_us; /* at which the frame asked for may have begun */
+    gint64 earliest_us; /* at which the exposure of the wanted frame may have begun */
     guint source, timer;
     int broken; /* errno of a stream that broke while nobody waited */
 };
@@ -93,8 +93,8 @@ static gint64 v4l2_camera_now_us(const Camera *camera) {
     return clock_now_us(camera->device.clock);
 }
 
-/* uvcvideo marks its stamps as the exposure's start, but takes the time of the first packet, unless
- * its parameter says to use the camera's clock. */
+/* uvcvideo marks its time stamps as start of exposure, but takes the time of the first packet,
+ * unless its module parameter selects the camera's clock. */
 static enum stamp stamp_kind(const struct v4l2_camera *v4l2, guint32 flags) {
     if (v4l2->stamp != STAMP_AUTO)
         return (enum stamp)v4l2->stamp;
@@ -114,7 +114,7 @@ static gint64 delay_us(const struct v4l2_camera *v4l2, enum stamp kind) {
     return kind == STAMP_START ? 0 : v4l2->setup.interval_us;
 }
 
-/* The earliest at which its exposure may have begun. */
+/* The earliest time at which the frame's exposure may have begun. */
 static gint64 start_of(const struct v4l2_camera *v4l2, const struct v4l2_buffer *buffer) {
     enum stamp kind = stamp_kind(v4l2, buffer->flags);
     gint64 stamp = (gint64)buffer->timestamp.tv_sec * G_USEC_PER_SEC + buffer->timestamp.tv_usec;
@@ -146,7 +146,7 @@ static void stop_waiting(Camera *camera) {
     g_clear_handle_id(&v4l2->source, g_source_remove);
 }
 
-/* Last in its caller, as is everything that reports. */
+/* Call it last, as everything that reports: the listener may close the camera. */
 static void report_failure(Camera *camera, int code) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     GError *error = NULL;
@@ -158,11 +158,11 @@ static void report_failure(Camera *camera, int code) {
 
 static void report_wrong_clock(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
-    camera_report_fault(camera,
-                        g_error_new(DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                                    "%s: %s does not stamp its frames by the monotonic clock, so "
-                                    "that it cannot be told which were exposed after a trigger",
-                                    v4l2->who, v4l2->node.path));
+    camera_report_fault(
+        camera, device_error_new(DEVICE_ERROR_UNSUPPORTED, v4l2->who,
+                                 "%s does not stamp its frames by the monotonic clock, so that it "
+                                 "cannot be told which were exposed after a trigger",
+                                 v4l2->node.path));
 }
 
 static void v4l2_camera_watch(Camera *camera);
@@ -216,7 +216,8 @@ static void on_broken(gpointer data) {
     report_failure(camera, v4l2->broken);
 }
 
-/* What lies in the buffers is from before, whatever its stamps say. Returns an errno. */
+/* Discards the frames in the buffers: they are old, whatever their time stamps. Returns an errno.
+ */
 static int drain(const struct v4l2_camera *v4l2) {
     struct v4l2_buffer buffer;
     for (int i = 0; i < v4l2->stream.n; i++) {
@@ -249,7 +250,7 @@ static gboolean v4l2_camera_refuse(const struct v4l2_camera *v4l2, GError **erro
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    g_set_error(error, DEVICE_ERROR, code, "%s: %s %s", v4l2->who, v4l2->node.path, what);
+    device_error_set(error, code, v4l2->who, "%s %s", v4l2->node.path, what);
     return FALSE;
 }
 
@@ -261,13 +262,12 @@ static gboolean set_exposure(const struct v4l2_camera *v4l2, gint64 exposure_us,
     const struct video_range *range = &v4l2->controls.exposure;
     double unit = exposure_unit_us(v4l2);
     if (v4l2->fixed_exposure_us > 0)
-        return TRUE; /* the class has checked that it is this one */
+        return TRUE; /* the class has checked that it is the fixed exposure */
     gint64 value = video_range_nearest(range, (double)exposure_us / unit);
     if (fabs((double)value * unit / (double)exposure_us - 1) > 0.01)
         return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_RANGE,
                                   "cannot expose for %" G_GINT64_FORMAT
-                                  " µs, only in steps of %g µs: the "
-                                  "nearest is %g µs",
+                                  " µs, only in steps of %g µs: the nearest is %g µs",
                                   exposure_us, (double)range->step * unit, (double)value * unit);
     return video_control_set(&v4l2->node, v4l2->who, range->id, value, error);
 }
@@ -275,11 +275,11 @@ static gboolean set_exposure(const struct v4l2_camera *v4l2, gint64 exposure_us,
 static gboolean set_gain(const struct v4l2_camera *v4l2, double gain_db, GError **error) {
     const struct video_range *range = &v4l2->controls.gain;
     if (gain_db != 0 && (range->id == 0 || v4l2->gain_per_db == 0))
-        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-                                  "cannot be set to a gain of %g dB: %s; use gain_db = 0", gain_db,
-                                  range->id
-                                      ? "what its gain control means is not known (gain_per_db)"
-                                      : "it has no gain control");
+        return v4l2_camera_refuse(
+            v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+            "cannot be set to a gain of %g dB: %s" ERROR_ADVICE "use gain_db = 0", gain_db,
+            range->id ? "what its gain control means is not known (gain_per_db)"
+                      : "it has no gain control");
     if (range->id == 0)
         return TRUE;
     double zero = v4l2->gain_0db >= 0 ? v4l2->gain_0db : (double)range->min;
@@ -303,7 +303,7 @@ static gboolean v4l2_camera_apply_settings(Camera *camera, GError **error) {
     return TRUE;
 }
 
-/* Of a camera that is gone it is remembered, and done when it is found again. */
+/* The settings of a camera that is gone are kept and applied when it is found again. */
 static gboolean v4l2_camera_configure(Camera *camera, const struct camera_settings *settings,
                                       GError **error) {
     struct v4l2_camera *v4l2 = camera->device.priv;
@@ -331,17 +331,15 @@ static gboolean v4l2_camera_check_exposure(const struct v4l2_camera *v4l2, GErro
     if (v4l2->fixed_exposure_us > 0)
         return TRUE;
     if (v4l2->controls.exposure.id == 0)
-        return v4l2_camera_refuse(
-            v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-            "(%s) has no control for its exposure; if it is fixed and known, write "
-            "fixed_exposure_us",
-            v4l2->node.card);
+        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                                  "(%s) has no control for its exposure" ERROR_ADVICE
+                                  "if it is fixed and known, write fixed_exposure_us",
+                                  v4l2->node.card);
     if (exposure_unit_us(v4l2) <= 0)
-        return v4l2_camera_refuse(
-            v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-            "(%s) counts its exposure in steps of its own: write how long one is as "
-            "exposure_unit_us",
-            v4l2->node.card);
+        return v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                                  "(%s) counts its exposure in steps of its own: write how long "
+                                  "one is as exposure_unit_us",
+                                  v4l2->node.card);
     return TRUE;
 }
 
@@ -357,12 +355,13 @@ static void v4l2_camera_disconnect(struct v4l2_camera *v4l2) {
 }
 
 static gboolean connect_camera(struct v4l2_camera *v4l2, GError **error) {
-    const struct video_wish wish = {v4l2->format, v4l2->width, v4l2->height, v4l2->frame_rate};
+    const struct video_request request = {v4l2->format, v4l2->width, v4l2->height,
+                                          v4l2->frame_rate};
     g_clear_pointer(&v4l2->load, video_load_remove);
     if (!video_node_open(&v4l2->node, v4l2->who, v4l2->path, v4l2->bus, error))
         return FALSE;
     video_controls_read(&v4l2->node, &v4l2->controls);
-    if (video_setup_apply(&v4l2->node, v4l2->who, &wish, &v4l2->setup, error) &&
+    if (video_setup_apply(&v4l2->node, v4l2->who, &request, &v4l2->setup, error) &&
         v4l2_camera_check_exposure(v4l2, error) && count_load(v4l2, error) &&
         set_controls(v4l2, error))
         return TRUE;
@@ -381,10 +380,10 @@ static gboolean find_again(Camera *camera, GError **error) {
         v4l2->setup.height == before.height && v4l2->setup.interval_us == before.interval_us)
         return v4l2->settings.exposure_us == 0 || v4l2_camera_apply_settings(camera, error);
     v4l2->setup = before;
-    v4l2_camera_refuse(
-        v4l2, error, DEVICE_ERROR_UNSUPPORTED,
-        "came back with other pictures: it is another camera, or another program has set it; "
-        "start the rig again, or write format, width, height and frame_rate");
+    v4l2_camera_refuse(v4l2, error, DEVICE_ERROR_UNSUPPORTED,
+                       "came back with other pictures: it is another camera, or another program "
+                       "has set it" ERROR_ADVICE
+                       "start the rig again, or write format, width, height and frame_rate");
     v4l2_camera_disconnect(v4l2);
     return FALSE;
 }
@@ -395,7 +394,7 @@ static gboolean v4l2_camera_arm(Camera *camera, GError **error) {
         return FALSE;
     if (video_stream_start(&v4l2->stream, &v4l2->node, v4l2->who, &v4l2->setup, error))
         return TRUE;
-    v4l2_camera_disconnect(v4l2); /* so that the next try begins anew */
+    v4l2_camera_disconnect(v4l2); /* the next try connects again */
     return FALSE;
 }
 
@@ -429,7 +428,7 @@ static void fill_format(Camera *camera) {
             llrint(v4l2->fixed_exposure_us);
 }
 
-static void tell_lacking(const struct v4l2_camera *v4l2) {
+static void report_lacking_controls(const struct v4l2_camera *v4l2) {
     g_autofree char *lacking = video_controls_lacking(&v4l2->controls);
     if (lacking)
         g_message("%s: %s (%s) has no control for: %s", v4l2->who, v4l2->node.path, v4l2->node.card,
@@ -444,20 +443,17 @@ static gboolean v4l2_camera_open_camera(Camera *camera, GError **error) {
                          "v4l2-camera is real and keeps real time; set clock = real in [rig]");
         return FALSE;
     }
-    v4l2->who = g_strconcat("camera ", camera->device.name, NULL);
-    if (!connect_camera(v4l2, error)) {
-        g_free(v4l2->who);
+    v4l2->who = camera->device.who;
+    if (!connect_camera(v4l2, error))
         return FALSE;
-    }
     fill_format(camera);
-    tell_lacking(v4l2);
+    report_lacking_controls(v4l2);
     return TRUE;
 }
 
 static void v4l2_camera_close_camera(Camera *camera) {
     struct v4l2_camera *v4l2 = camera->device.priv;
     v4l2_camera_disconnect(v4l2);
-    g_clear_pointer(&v4l2->who, g_free);
 }
 
 const struct camera_driver v4l2_camera_driver = {

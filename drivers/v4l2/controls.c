@@ -10,7 +10,7 @@
 
 #define MAX_CONTROLS 512
 
-/* In this order: what rules others comes first. */
+/* In this order: controls that enable others come first. */
 static const struct {
     guint32 id;
     int value;
@@ -92,9 +92,9 @@ gboolean video_control_set(const struct video_node *node, const char *who, guint
     }
     if (control.value == value)
         return TRUE;
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_PROTOCOL,
-                "%s: %s: %s was set to %" G_GINT64_FORMAT ", but is %d", who, node->path,
-                name ? name : "a control", value, control.value);
+    device_error_set(error, DEVICE_ERROR_PROTOCOL, who,
+                     "%s: %s was set to %" G_GINT64_FORMAT ", but is %d", node->path,
+                     name ? name : "a control", value, control.value);
     return FALSE;
 }
 
@@ -156,20 +156,20 @@ gboolean video_control_set_named(const struct video_node *node, const char *who,
         g_strstrip(parts[i]);
     if (g_strv_length(parts) != 2 ||
         !g_ascii_string_to_signed(parts[1], 10, G_MININT32, G_MAXINT32, &value, NULL)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "%s: controls: \"%s\" is no NAME=NUMBER", who, setting);
+        device_error_set(error, DEVICE_ERROR_RANGE, who, "controls: \"%s\" is no NAME=NUMBER",
+                         setting);
         return FALSE;
     }
     if (!find_named(node, parts[0], names, &control)) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "%s: controls: %s has no \"%s\"; it has: %s", who, node->path, parts[0],
-                    names->len ? names->str : "none");
+        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
+                         "controls: %s has no \"%s\"; it has: %s", node->path, parts[0],
+                         names->len ? names->str : "none");
         return FALSE;
     }
     if (value < control.minimum || value > control.maximum) {
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "%s: controls: %s = %" G_GINT64_FORMAT " is not within %d to %d", who, parts[0],
-                    value, control.minimum, control.maximum);
+        device_error_set(error, DEVICE_ERROR_RANGE, who,
+                         "controls: %s = %" G_GINT64_FORMAT " is not within %d to %d", parts[0],
+                         value, control.minimum, control.maximum);
         return FALSE;
     }
     return video_control_set(node, who, control.id, value, error);

@@ -1,6 +1,6 @@
 /*
- * A camera's controls as a measurement wants them: exposure by hand, everything that would change a
- * picture by itself off. What is set is read back. Main loop's thread.
+ * Sets a camera's controls for measuring: manual exposure, and everything off that changes pictures
+ * by itself. Every value is read back. Main loop's thread.
  */
 #pragma once
 
@@ -23,11 +23,11 @@ struct video_controls {
 
 void video_controls_read(const struct video_node *node, struct video_controls *ret);
 
-/* "gain, white balance": what of exposure, gain and white balance it lacks; NULL: nothing. g_free()
- */
+/* Which of exposure, gain and white balance the camera lacks, as "gain, white balance"; NULL: none.
+ * g_free(). */
 char *video_controls_lacking(const struct video_controls *controls);
 
-/* Switches off whatever adapts by itself: exposure, gain, white balance, frame rate, … */
+/* Switches off all automatic controls: exposure, gain, white balance, frame rate, … */
 gboolean video_controls_by_hand(const struct video_node *node, const char *who, GError **error);
 
 /* Sets and reads back; a value that the device changes is an error. */

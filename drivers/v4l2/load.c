@@ -69,11 +69,12 @@ static gboolean v4l2_load_check_link(const char *link, const struct video_load *
     if (sum <= most)
         return TRUE;
     g_autofree char *name = g_path_get_basename(link);
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                "%s: %s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s of "
-                "%.0f Mbit/s carries; lower frame_rate, choose a format of fewer bytes or smaller "
-                "pictures, or plug some into another controller",
-                new->who, who->str, new->who, sum, most, name, speed);
+    device_error_set(error, DEVICE_ERROR_UNSUPPORTED, new->who,
+                     "%s%s together send %.1f MB/s, more than the %.1f MB/s that the USB link %s "
+                     "of %.0f Mbit/s carries" ERROR_ADVICE
+                     "lower frame_rate, choose a format of fewer bytes or smaller pictures, or "
+                     "plug some into another controller",
+                     who->str, new->who, sum, most, name, speed);
     return FALSE;
 }
 

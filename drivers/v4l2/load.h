@@ -1,6 +1,6 @@
 /*
- * Whether the USB links between cameras and computer carry what they send: each open camera's load
- * is added to every link on its way, of which sysfs tells the speeds. Main loop's thread.
+ * Checks that the USB links between cameras and computer have enough bandwidth: the load of each
+ * open camera is added to every link on its path, whose speeds sysfs gives. Main loop's thread.
  */
 #pragma once
 

@@ -43,14 +43,16 @@ static const char *v4l2_node_advice(int code) {
     case ENODEV:
     case ENXIO:
     case ENOENT:
-        return "it is gone; check its cable";
+        return "it is gone" ERROR_ADVICE "check its cable";
     case EBUSY:
         return "another program uses it";
     case EACCES:
     case EPERM:
-        return "this user may not open it; install etc/udev/60-mesorig.rules, or join group video";
+        return "this user may not open it" ERROR_ADVICE
+               "install etc/udev/60-mesorig.rules, or join group video";
     case ENOSPC:
-        return "the USB bus has no bandwidth left for it; lower frame_rate, make pictures smaller, "
+        return "the USB bus has no bandwidth left for it" ERROR_ADVICE
+               "lower frame_rate, make pictures smaller, "
                "or plug it into another controller";
     case ENOTTY:
         return "it cannot do that";
@@ -61,8 +63,8 @@ static const char *v4l2_node_advice(int code) {
 
 void video_set_error(GError **error, const char *who, const struct video_node *node, int code,
                      const char *what) {
-    g_set_error(error, DEVICE_ERROR, error_code(code), "%s: %s %s: %s", who,
-                node->path ? node->path : "the camera", what, v4l2_node_advice(code));
+    device_error_set(error, error_code(code), who, "%s %s: %s",
+                     node->path ? node->path : "the camera", what, v4l2_node_advice(code));
 }
 
 void video_node_close(struct video_node *node) {
@@ -120,7 +122,7 @@ GPtrArray *video_node_list(void) {
     GPtrArray *all = list_all();
     for (guint i = all->len; i-- > 0;) {
         struct video_node node;
-        /* One that may not be opened is listed: whoever asks is to hear of it. */
+        /* List a node that may not be opened, so that the error shows it. */
         if (!open_path(&node, all->pdata[i]) && node.fd >= 0)
             g_ptr_array_remove_index(all, i);
         video_node_close(&node);
@@ -134,9 +136,10 @@ static gboolean open_named(struct video_node *node, const char *who, const char 
         return TRUE;
     int code = errno;
     if (code == ENOTTY)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED,
-                    "%s: %s is no camera that streams video; “mesorig devices” lists those", who,
-                    path);
+        device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who,
+                         "%s is no camera that streams video" ERROR_ADVICE
+                         "“mesorig devices” lists those",
+                         path);
     else
         video_set_error(error, who, node, code, "could not be opened");
     video_node_close(node);
@@ -175,15 +178,14 @@ gboolean video_node_open(struct video_node *node, const char *who, const char *p
         return TRUE;
     video_node_close(node);
     if (n > 1)
-        g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_RANGE,
-                    "%s: more than one camera fits: %s; say which by bus or device", who,
-                    seen->str);
+        device_error_set(error, DEVICE_ERROR_RANGE, who,
+                         "more than one camera fits: %s" ERROR_ADVICE "say which by bus or device",
+                         seen->str);
     else
-        g_set_error(
-            error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-            "%s: no such camera is plugged in (bus \"%s\"); found: %s; check its cable, and "
-            "that this user may open it",
-            who, bus ? bus : "", seen->len ? seen->str : "none");
+        device_error_set(error, DEVICE_ERROR_DISCONNECTED, who,
+                         "no such camera is plugged in (bus \"%s\"); found: %s" ERROR_ADVICE
+                         "check its cable, and that this user may open it",
+                         bus ? bus : "", seen->len ? seen->str : "none");
     return FALSE;
 }
 
@@ -222,32 +224,32 @@ int video_node_get_pix(const struct video_node *node, struct video_pix *ret) {
     return 0;
 }
 
-/* All but width, height and format is the device's to say. */
-static void write_pix(const struct video_pix *wish, struct v4l2_format *format) {
+/* The device chooses everything but width, height and format. */
+static void write_pix(const struct video_pix *request, struct v4l2_format *format) {
     if (format->type == V4L2_BUF_TYPE_VIDEO_CAPTURE) {
         struct v4l2_pix_format *pix = &format->fmt.pix;
-        pix->width = wish->width;
-        pix->height = wish->height;
-        pix->pixelformat = wish->fourcc;
+        pix->width = request->width;
+        pix->height = request->height;
+        pix->pixelformat = request->fourcc;
         pix->field = V4L2_FIELD_NONE;
         pix->bytesperline = pix->sizeimage = 0;
     } else {
         struct v4l2_pix_format_mplane *many = &format->fmt.pix_mp;
-        many->width = wish->width;
-        many->height = wish->height;
-        many->pixelformat = wish->fourcc;
+        many->width = request->width;
+        many->height = request->height;
+        many->pixelformat = request->fourcc;
         many->field = V4L2_FIELD_NONE;
         many->num_planes = 1;
         memset(many->plane_fmt, 0, sizeof many->plane_fmt);
     }
 }
 
-int video_node_set_pix(const struct video_node *node, const struct video_pix *wish,
+int video_node_set_pix(const struct video_node *node, const struct video_pix *request,
                        struct video_pix *ret) {
     struct v4l2_format format = {.type = node->type};
     if (video_ioctl(node, VIDIOC_G_FMT, &format) < 0)
         return -1;
-    write_pix(wish, &format);
+    write_pix(request, &format);
     if (video_ioctl(node, VIDIOC_S_FMT, &format) < 0)
         return -1;
     read_pix(&format, ret);

@@ -13,7 +13,7 @@
 struct video_node {
     int fd;                    /* -1: not open */
     char *path;                /* "/dev/video0" */
-    char *card, *driver, *bus; /* as it says: "HD Webcam", "uvcvideo", "usb-…-1.2" */
+    char *card, *driver, *bus; /* as it reports: "HD Webcam", "uvcvideo", "usb-…-1.2" */
     guint32 type; /* V4L2_BUF_TYPE_VIDEO_CAPTURE, or its _MPLANE where it has only that */
 };
 
@@ -39,8 +39,8 @@ int video_ioctl(const struct video_node *node, unsigned long request, void *arg)
 /* What it is set to; -1 with errno. */
 int video_node_get_pix(const struct video_node *node, struct video_pix *ret);
 
-/* Sets width, height and fourcc, and tells what came of it. */
-int video_node_set_pix(const struct video_node *node, const struct video_pix *wish,
+/* Sets width, height and fourcc, and returns what the device has set. */
+int video_node_set_pix(const struct video_node *node, const struct video_pix *request,
                        struct video_pix *ret);
 
 /* An error of errno; what: "could not start". */

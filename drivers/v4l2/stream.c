@@ -6,7 +6,7 @@
 #include <math.h>
 #include <sys/mman.h>
 
-/* A buffer as the node's type wants it asked for. */
+/* A buffer request in the form that the node's type needs. */
 struct asked {
     struct v4l2_buffer buffer;
     struct v4l2_plane plane;
@@ -29,7 +29,7 @@ static gboolean v4l2_stream_refuse(GError **error, const char *who, const struct
     va_start(args, format);
     g_autofree char *what = g_strdup_vprintf(format, args);
     va_end(args);
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_UNSUPPORTED, "%s: %s %s", who, node->path, what);
+    device_error_set(error, DEVICE_ERROR_UNSUPPORTED, who, "%s %s", node->path, what);
     return FALSE;
 }
 
@@ -61,29 +61,28 @@ static gboolean choose_format(const struct video_node *node, const char *who, co
         if (!choose_named(offered, name, ret))
             v4l2_stream_refuse(
                 error, who, node,
-                "cannot be measured with in format %s: what is compressed is no measure of "
-                "light, and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
+                "cannot be measured with in format %s: what is compressed is no measure of light, "
+                "and of what it offers (%s) only Bayer, mono, YUYV and UYVY are taken",
                 name, list);
         return *ret != NULL;
     }
     for (guint i = 0; i < offered->len; i++)
         *ret = video_format_better(*ret, video_format_find(g_array_index(offered, guint32, i)));
     if (!*ret)
-        v4l2_stream_refuse(
-            error, who, node,
-            "offers only %s: what is compressed is no measure of light; a camera with Bayer, "
-            "mono, YUYV or UYVY is needed",
-            *list ? list : "no format");
+        v4l2_stream_refuse(error, who, node,
+                           "offers only %s: what is compressed is no measure of light; a camera "
+                           "with Bayer, mono, YUYV or UYVY is needed",
+                           *list ? list : "no format");
     return *ret != NULL;
 }
 
 static gboolean v4l2_stream_set_format(const struct video_node *node, const char *who,
-                                       const struct video_wish *wish, struct video_pix *ret,
+                                       const struct video_request *request, struct video_pix *ret,
                                        guint32 fourcc, GError **error) {
     struct video_pix pix;
     if (video_node_get_pix(node, &pix) == 0) {
-        pix.width = wish->width > 0 ? (guint32)wish->width : pix.width;
-        pix.height = wish->height > 0 ? (guint32)wish->height : pix.height;
+        pix.width = request->width > 0 ? (guint32)request->width : pix.width;
+        pix.height = request->height > 0 ? (guint32)request->height : pix.height;
         pix.fourcc = fourcc;
         if (video_node_set_pix(node, &pix, ret) == 0)
             return TRUE;
@@ -93,39 +92,38 @@ static gboolean v4l2_stream_set_format(const struct video_node *node, const char
 }
 
 static gboolean v4l2_stream_check_format(const struct video_node *node, const char *who,
-                                         const struct video_wish *wish, const struct video_pix *pix,
+                                         const struct video_request *request,
+                                         const struct video_pix *pix,
                                          const struct video_setup *setup, GError **error) {
     g_autofree char *name = video_fourcc_name(setup->format->fourcc);
     g_autofree char *sizes = video_node_sizes(node, setup->format->fourcc);
-    gboolean wide = wish->width > 0 && (guint32)wish->width != pix->width;
-    gboolean high = wish->height > 0 && (guint32)wish->height != pix->height;
+    gboolean wide = request->width > 0 && (guint32)request->width != pix->width;
+    gboolean high = request->height > 0 && (guint32)request->height != pix->height;
     if (pix->width < 1 || pix->height < 1 || pix->width > 65536 || pix->height > 65536 ||
         pix->fourcc != setup->format->fourcc ||
         pix->stride < video_format_row_bytes(setup->format, (int)pix->width) ||
         pix->stride > 65536 * 16)
         return v4l2_stream_refuse(
             error, who, node,
-            "answered a picture of %u × %u in rows of %u bytes to format %s, which makes "
-            "no sense",
+            "answered a picture of %u × %u in rows of %u bytes to format %s, which makes no sense",
             pix->width, pix->height, pix->stride, name);
     if (pix->planes != 1)
-        return v4l2_stream_refuse(
-            error, who, node,
-            "spreads a picture of format %s over %u planes of memory; only those of one "
-            "are taken: choose another format",
-            name, pix->planes);
+        return v4l2_stream_refuse(error, who, node,
+                                  "spreads a picture of format %s over %u planes of memory; only "
+                                  "those of one are taken: choose another format",
+                                  name, pix->planes);
     if (wide || high)
-        return v4l2_stream_refuse(
-            error, who, node,
-            "has no pictures of %d × %d in format %s, but of %s; set width and height", wish->width,
-            wish->height, name, *sizes ? sizes : "others");
+        return v4l2_stream_refuse(error, who, node,
+                                  "has no pictures of %d × %d in format %s, but of %s" ERROR_ADVICE
+                                  "set width and height",
+                                  request->width, request->height, name, *sizes ? sizes : "others");
     if (pix->field != V4L2_FIELD_NONE)
         return v4l2_stream_refuse(error, who, node,
                                   "sends fields of interlaced pictures, not whole ones");
     return TRUE;
 }
 
-/* The interval of a device that does not know it is taken from the wish. */
+/* A device that does not know its frame interval gets it from the requested frame rate. */
 static gboolean set_rate(const struct video_node *node, const char *who, double frame_rate,
                          gint64 *ret_us, GError **error) {
     struct v4l2_streamparm parm = {.type = node->type};
@@ -155,13 +153,14 @@ static gboolean set_rate(const struct video_node *node, const char *who, double 
 }
 
 gboolean video_setup_apply(const struct video_node *node, const char *who,
-                           const struct video_wish *wish, struct video_setup *ret, GError **error) {
+                           const struct video_request *request, struct video_setup *ret,
+                           GError **error) {
     struct video_pix pix;
     *ret = (struct video_setup){0};
-    if (!choose_format(node, who, wish->format, &ret->format, error) ||
-        !v4l2_stream_set_format(node, who, wish, &pix, ret->format->fourcc, error) ||
-        !v4l2_stream_check_format(node, who, wish, &pix, ret, error) ||
-        !set_rate(node, who, wish->frame_rate, &ret->interval_us, error))
+    if (!choose_format(node, who, request->format, &ret->format, error) ||
+        !v4l2_stream_set_format(node, who, request, &pix, ret->format->fourcc, error) ||
+        !v4l2_stream_check_format(node, who, request, &pix, ret, error) ||
+        !set_rate(node, who, request->frame_rate, &ret->interval_us, error))
         return FALSE;
     ret->width = (int)pix.width;
     ret->height = (int)pix.height;

@@ -1,5 +1,5 @@
 /*
- * What a node is set to send, and its buffers, mapped into memory. Main loop's thread.
+ * The format and frame rate of a node, and its buffers, mapped into memory. Main loop's thread.
  *
  * who ("camera top") begins every error message. Errors are DEVICE_ERROR.
  */
@@ -7,7 +7,7 @@
 
 #include "node.h"
 
-struct video_wish {
+struct video_request {
     const char *format; /* four characters, or empty: the best for measuring */
     int width, height;  /* 0: as it is set now */
     double frame_rate;  /* 0: likewise */
@@ -21,9 +21,10 @@ struct video_setup {
     gboolean full_range; /* luma from 0 to 255 rather than 16 to 235 */
 };
 
-/* What is asked for, exactly, or an error that says what there is. */
+/* Sets exactly what is requested, or gives an error that lists what the device offers. */
 gboolean video_setup_apply(const struct video_node *node, const char *who,
-                           const struct video_wish *wish, struct video_setup *ret, GError **error);
+                           const struct video_request *request, struct video_setup *ret,
+                           GError **error);
 
 /* 10⁶ bytes a second that it sends. */
 double video_setup_mb_s(const struct video_setup *setup);

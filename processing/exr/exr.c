@@ -2,6 +2,7 @@
 #include "exr.h"
 #include "exr_private.h"
 
+#include "base/error_details.h"
 #include "base/input_file.h"
 
 #include <errno.h>
@@ -9,7 +10,9 @@
 #include <string.h>
 #include <unistd.h>
 
-G_DEFINE_QUARK(exr_error, exr_error)
+GQuark exr_error_quark(void) {
+    return error_details_domain("exr_error");
+}
 
 static void attribute_free(gpointer data) {
     struct exr_attribute *attribute = data;

@@ -4,6 +4,7 @@
  * planes of floats into chunks is done here. */
 #include "exr_private.h"
 
+#include "base/error_details.h"
 #include "base/input_file.h"
 #include "base/new_file.h"
 
@@ -323,10 +324,12 @@ static gboolean exr_write_fail(GError **error, const char *path, int errno_value
     const gboolean full = errno_value == ENOSPC || errno_value == EDQUOT;
     const gboolean link = errno_value == ENOTDIR || errno_value == ELOOP;
 
-    g_set_error(error, EXR_ERROR, full ? EXR_ERROR_FULL : EXR_ERROR_IO,
-                "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
-                full ? "; free some space and go on" : "",
-                link ? "; its folder is a symbolic link, or none" : "");
+    g_propagate_error(
+        error,
+        error_details_new(EXR_ERROR, full || errno_value == EFBIG ? EXR_ERROR_FULL : EXR_ERROR_IO,
+                          NULL, "%s: cannot be written: %s%s%s", path, g_strerror(errno_value),
+                          full ? ERROR_ADVICE "free some space and go on" : "",
+                          link ? "; its folder is a symbolic link, or none" : ""));
     return FALSE;
 }
 

@@ -40,8 +40,9 @@ gboolean session_db_fail(const Session *session, int rc, GError **error) {
         g_set_error(error, SESSION_ERROR, SESSION_ERROR_FORMAT, "%s/session.db: refused: %s",
                     session->path, says);
     else
-        g_set_error(error, SESSION_ERROR, SESSION_ERROR_IO, "%s/session.db: %s%s%s", session->path,
-                    says, saved ? ": " : "", saved ? g_strerror(saved) : "");
+        g_set_error(error, SESSION_ERROR, saved == EFBIG ? SESSION_ERROR_FULL : SESSION_ERROR_IO,
+                    "%s/session.db: %s%s%s", session->path, says, saved ? ": " : "",
+                    saved ? g_strerror(saved) : "");
     return FALSE;
 }
 

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-/* How often the world hears where a moving axis is. */
+/* Interval at which a moving axis updates the world. */
 #define TICK_US 20000
 
 enum phase { STANDING, RINGING, MOVING, BRAKING, HOMING, STALLED };
@@ -40,20 +40,7 @@ static const struct option options[] = {
     {"part", OPTION_STRING, NULL, 0, 0, "", NULL, FIELD(part_name),
      "What it moves: turntable, arc, or a laser's name for its sweep; default: the axis's own "
      "name"},
-    {"wraps", OPTION_BOOL, NULL, 0, 0, "no", NULL, FIELD(motion.wraps),
-     "Turns on without end, so that it has no limits and goes the short way"},
-    {"min_deg", OPTION_DOUBLE, "deg", -36000, 36000, "-360", NULL, FIELD(motion.min_deg),
-     "Lower limit"},
-    {"max_deg", OPTION_DOUBLE, "deg", -36000, 36000, "360", NULL, FIELD(motion.max_deg),
-     "Upper limit"},
-    {"speed_deg_s", OPTION_DOUBLE, "deg/s", 0.001, 100000, "60", NULL, FIELD(motion.speed_deg_s),
-     "Top speed"},
-    {"accel_deg_s2", OPTION_DOUBLE, "deg/s²", 0.001, 1000000, "120", NULL,
-     FIELD(motion.accel_deg_s2), "Acceleration, also to stop"},
-    {"backlash_deg", OPTION_DOUBLE, "deg", 0, 10, "0", NULL, FIELD(motion.backlash_deg),
-     "Lost motion: the load lags by as much when approached from above"},
-    {"settle_ms", OPTION_DOUBLE, "ms", 0, 60000, "0", NULL, FIELD(motion.settle_ms),
-     "How long the load swings after arrival"},
+    AXIS_MOTION_OPTIONS(FIELD(motion), "60", "120"),
     {"ringing_deg", OPTION_DOUBLE, "deg", 0, 10, "0.02", NULL, FIELD(ringing_deg),
      "How far off the load is while it swings"},
     {"home_deg", OPTION_DOUBLE, "deg", -36000, 36000, "0", NULL, FIELD(home_deg),
@@ -80,7 +67,7 @@ static gint64 sim_axis_to_us(double seconds) {
     return (gint64)ceil(seconds * 1e6);
 }
 
-/* −1 … 1, from whole numbers alone. */
+/* Hash to −1 … 1, with integer arithmetic only, so that it is the same on every machine. */
 static double hash_unit(gint64 value, int seed) {
     guint64 x = (guint64)value * 0x9e3779b97f4a7c15u + (guint64)seed * 0xbf58476d1ce4e5b9u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -88,7 +75,8 @@ static double hash_unit(gint64 value, int seed) {
     return (double)((x ^ (x >> 31)) >> 11) * 0x1p-52 - 1;
 }
 
-/* An eccentric bearing and an uneven scale. */
+/* Position error: 70 % with one period a turn, of an eccentric bearing; 30 % that differ every
+ * 0.001°, of an uneven scale. */
 static double position_error_deg(double deg, double most_deg, int seed) {
     if (most_deg == 0)
         return 0;
@@ -98,8 +86,8 @@ static double position_error_deg(double deg, double most_deg, int seed) {
     return most_deg * (0.7 * smooth + 0.3 * uneven);
 }
 
-/* Rounded, so that the same command gives the same truth to the last bit, however often the axis
- * has turned before. */
+/* Rounded, so that the same command gives bit-identical positions, however many turns the axis has
+ * made before. */
 double sim_axis_true_deg(double deg, gboolean wraps, double most_deg, int seed) {
     if (wraps)
         deg -= 360 * floor(deg / 360);
@@ -115,7 +103,7 @@ static double true_deg(const struct sim_axis *sim, double deg) {
            sim->slack_deg + slip;
 }
 
-static void tell_world(struct sim_axis *sim, double off_deg) {
+static void update_world(struct sim_axis *sim, double off_deg) {
     double deg = true_deg(sim, sim->position_deg) + off_deg;
     if (sim->part == PART_TURNTABLE)
         world_set_turntable(sim->world, deg);
@@ -131,7 +119,8 @@ static void go_to(struct sim_axis *sim, double deg) {
     sim->position_deg = deg;
 }
 
-/* How far it has come after t seconds of a move over d degrees (both positive), and its speed. */
+/* Distance and speed after t seconds of a move over d degrees (both positive), trapezoidal speed.
+ */
 static double sim_axis_travelled(const struct sim_axis *sim, double d, double t,
                                  double *ret_speed) {
     double a = sim->motion.accel_deg_s2, v = MIN(sim->motion.speed_deg_s, sqrt(a * d));
@@ -177,10 +166,10 @@ static void stall(Axis *axis) {
     if (sim->fault_stall_kind == STALL_SILENT)
         return;
     axis_report(axis, AXIS_FAULT,
-                g_error_new(DEVICE_ERROR, DEVICE_ERROR_STALLED,
-                            "axis %s: stalled at %.3f° on its way to %.3f°; see what blocks it",
-
-                            axis->device.name, sim->position_deg, sim->to_deg));
+                device_error_new(DEVICE_ERROR_STALLED, axis->device.who,
+                                 "stalled at %.3f° on its way to %.3f°" ERROR_ADVICE
+                                 "see what blocks it",
+                                 sim->position_deg, sim->to_deg));
 }
 
 static void sim_axis_finish(Axis *axis) {
@@ -193,11 +182,11 @@ static void sim_axis_finish(Axis *axis) {
     sim->phase = STANDING;
     if (event == AXIS_ARRIVED && sim->motion.settle_ms > 0 && sim->ringing_deg > 0) {
         sim->phase = RINGING;
-        tell_world(sim, sim->ringing_deg);
+        update_world(sim, sim->ringing_deg);
         wake_at(axis,
                 clock_now_us(axis->device.clock) + sim_axis_to_us(sim->motion.settle_ms / 1000));
     } else {
-        tell_world(sim, 0);
+        update_world(sim, 0);
     }
     axis_report(axis, event, NULL);
 }
@@ -210,7 +199,7 @@ static void sim_axis_on_timer(gpointer data) {
     sim->timer = 0;
     if (sim->phase == RINGING) {
         sim->phase = STANDING;
-        tell_world(sim, 0);
+        update_world(sim, 0);
         return;
     }
     if (sim->phase == MOVING && sim->stalls && now >= (sim->start_us + sim->end_us) / 2) {
@@ -224,7 +213,7 @@ static void sim_axis_on_timer(gpointer data) {
     }
     if (sim->phase != HOMING) {
         go_to(sim, position_now(sim, now, &speed));
-        tell_world(sim, 0);
+        update_world(sim, 0);
     }
     gint64 next = now < sim->end_us ? MIN(now + TICK_US, sim->end_us) : now + TICK_US;
     wake_at(axis, MIN(next, sim->end_us + latency_us(sim)));
@@ -296,9 +285,9 @@ static gboolean find_part(Axis *axis, GError **error) {
                                                : PART_NONE;
     if (sim->part != PART_NONE)
         return TRUE;
-    g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_UNKNOWN,
-                "axis %s: part: %s has no \"%s\"; choose turntable, arc or one of its lasers",
-                axis->device.name, sim->world_path, name);
+    config_set_error(error, CONFIG_ERROR_UNKNOWN, axis->device.section, NULL,
+                     "%s: part: %s has no \"%s\"; choose turntable, arc or one of its lasers",
+                     axis->device.who, sim->world_path, name);
     g_clear_pointer(&sim->world, world_unref);
     return FALSE;
 }
@@ -307,9 +296,9 @@ static gboolean sim_axis_open_axis(Axis *axis, GError **error) {
     struct sim_axis *sim = axis->device.priv;
     if (!sim->motion.wraps &&
         (sim->home_deg < sim->motion.min_deg || sim->home_deg > sim->motion.max_deg)) {
-        g_set_error(error, CONFIG_ERROR, CONFIG_ERROR_VALUE,
-                    "axis %s: home_deg: %g lies outside min_deg to max_deg, %g to %g",
-                    axis->device.name, sim->home_deg, sim->motion.min_deg, sim->motion.max_deg);
+        config_set_error(error, CONFIG_ERROR_VALUE, axis->device.section, NULL,
+                         "%s: home_deg: %g lies outside min_deg to max_deg, %g to %g",
+                         axis->device.who, sim->home_deg, sim->motion.min_deg, sim->motion.max_deg);
         return FALSE;
     }
     if (!find_part(axis, error))
@@ -324,7 +313,7 @@ static void sim_axis_close_axis(Axis *axis) {
     clock_cancel(axis->device.clock, &sim->timer);
     if (sim->phase == MOVING || sim->phase == BRAKING)
         go_to(sim, position_now(sim, clock_now_us(axis->device.clock), &speed));
-    tell_world(sim, 0);
+    update_world(sim, 0);
     g_clear_pointer(&sim->world, world_unref);
 }
 

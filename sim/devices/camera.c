@@ -24,15 +24,15 @@ struct sim_camera {
     gint64 back_at_us;
     guint timer;
     struct picture *picture; /* under way */
-    Frame *last;             /* delivered truly: what a stale picture is made of */
+    Frame *last; /* the last frame delivered without fault: a stale picture repeats it */
     int n_rendered;
-    gint64 rendering_us; /* of processors */
+    gint64 rendering_us; /* CPU time */
 };
 
 /* One exposure. Rendered in another thread, and ended by whichever comes last: its due time or its
  * pixels. Lives until the thread has come back, even if the camera has been closed. */
 struct picture {
-    Camera *camera; /* NULL: nobody wants it any more */
+    Camera *camera; /* NULL: closed or disarmed meanwhile */
     World *world;
     int index;
     struct world_state state;
@@ -211,8 +211,8 @@ static void sim_camera_on_exposed(gpointer data) {
 }
 
 static gboolean refuse_gone(const Camera *camera, GError **error) {
-    g_set_error(error, DEVICE_ERROR, DEVICE_ERROR_DISCONNECTED,
-                "camera %s: it is gone; check its cable", camera->device.name);
+    device_error_set(error, DEVICE_ERROR_DISCONNECTED, camera->device.who,
+                     "it is gone" ERROR_ADVICE "check its cable");
     return FALSE;
 }
 
@@ -225,7 +225,7 @@ static void sim_camera_on_gone(gpointer data) {
     camera_report_fault(camera, g_steal_pointer(&error));
 }
 
-/* Both numbers are drawn for every picture, so that one fault does not move the others. */
+/* Draw both random numbers for every picture, so that one fault does not shift the others. */
 static void draw_faults(struct sim_camera *sim, struct picture *picture) {
     picture->stale = g_rand_double(sim->faults) < sim->fault_stale;
     picture->lost = g_rand_double(sim->faults) < sim->fault_lost;

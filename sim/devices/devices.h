@@ -1,6 +1,6 @@
 /*
  * Simulated devices: drivers of every class that act on, or look at, a World. They keep real or
- * virtual time, take as long as their options say, and can be told to fail; `mesorig drivers`
+ * virtual time, take the times that their options give, and can fail on request; `mesorig drivers`
  * describes every option. An axis is the simplest driver to read before writing another.
  */
 #pragma once

@@ -39,7 +39,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(VirtualModbus, virtual_modbus_free)
 /* What a section writes for "bus". */
 const char *virtual_modbus_bus(const VirtualModbus *device);
 
-/* How it fails from now on. A count of −1 is for ever; counts run down as replies are made. */
+/* Faults from now on. A count of −1 is without end; counts run down with each reply. */
 struct virtual_modbus_faults {
     int skip;          /* replies that are still good */
     int late, late_ms; /* replies that are held back, with what they said when they were made */

@@ -1,6 +1,6 @@
 /*
- * The /dev and /sys of devices that are not there: one umockdev testbed, shared by all virtual
- * devices of the process and seen by it and its children. A process sees it only with umockdev's
+ * The /dev and /sys of virtual devices: one umockdev testbed, shared by all virtual devices of the
+ * process and seen by it and its children. A process sees it only with umockdev's
  * library preloaded (testbed_enter()).
  *
  * Main thread only; the devices' own functions run in umockdev's thread.

@@ -16,7 +16,8 @@
 /* A request takes about as long as on a full-speed bus. */
 #define LATENCY_US 200
 
-/* Between two askings in vain. The mocked node always seems ready, so that libusb asks on. */
+/* Pause after a poll without a result. The mocked node always seems ready, so that libusb polls on.
+ */
 #define IDLE_US 300
 
 /* The same for what may take long, without keeping other devices from being asked. */

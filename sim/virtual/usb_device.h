@@ -1,6 +1,6 @@
 /*
- * USB devices that are not there: models behind umockdev's usbfs, which libusb speaks to as to the
- * kernel's. For tests. A process sees them only after testbed_enter().
+ * Virtual USB devices: models behind umockdev's usbfs, which libusb uses like the kernel's. For
+ * tests. A process sees them only after testbed_enter().
  *
  * The models' functions run in umockdev's thread, with the device locked; so do the functions here.
  */

@@ -1,5 +1,5 @@
 /*
- * What a virtual device's outputs do to the simulated world: a relay that powers a lamp or a
+ * Connects the outputs of virtual devices to the simulated world: a relay that powers a lamp or a
  * laser, a motor that turns the table. The same World is read by every virtual camera, so that a
  * lamp switched over one bus is seen by a camera on another.
  *

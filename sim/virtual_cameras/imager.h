@@ -1,6 +1,6 @@
 /*
- * What virtual GenICam cameras have in common, whatever bus they are on: how one is described,
- * where its pictures come from, how it fails, and how it has fared.
+ * What virtual GenICam cameras on all buses share: their description, the source of their pictures,
+ * their faults and their counts.
  */
 #pragma once
 
@@ -26,7 +26,7 @@ struct virtual_camera_options {
     gpointer data;
 };
 
-/* How it fails from now on. Counts run down. */
+/* Faults from now on. Counts run down. */
 struct virtual_camera_faults {
     int cut;             /* pictures that end in the middle, and cannot be asked for again */
     int blind;           /* triggers that are acknowledged and make no picture */

@@ -60,7 +60,7 @@ static guint32 virtual_v4l2_size_of(const VirtualV4l2 *camera) {
                                         camera->config.height);
 }
 
-static void tell_planes(const VirtualV4l2 *camera, struct v4l2_pix_format_mplane *pix) {
+static void fill_planes(const VirtualV4l2 *camera, struct v4l2_pix_format_mplane *pix) {
     *pix = (struct v4l2_pix_format_mplane){.width = (guint32)camera->config.width,
                                            .height = (guint32)camera->config.height,
                                            .pixelformat = camera->fourcc,
@@ -79,7 +79,7 @@ static int get_format(VirtualV4l2 *camera, void *argument) {
     if (format->type != type_of(camera))
         return EINVAL;
     if (camera->config.planes) {
-        tell_planes(camera, &format->fmt.pix_mp);
+        fill_planes(camera, &format->fmt.pix_mp);
         return 0;
     }
     *pix = (struct v4l2_pix_format){

@@ -1,7 +1,7 @@
 /*
- * Cameras that are not there, behind umockdev's /dev/video: they speak the kernel's V4L2 ioctls and
- * run freely in real time, as UVC cameras do, with their pictures from the simulated world or from
- * a test. A process sees them only after testbed_enter().
+ * Virtual cameras behind umockdev's /dev/video: they answer the kernel's V4L2 ioctls and run freely
+ * in real time, as UVC cameras do, with their pictures from the simulated world or from a test. A
+ * process sees them only after testbed_enter().
  *
  * A camera has a thread of its own while it streams. The functions here are for the main thread.
  */

@@ -290,13 +290,13 @@ static gboolean virtual_rig_on_timer(gpointer data) {
 /* In the camera's thread, as the exposure is over. */
 static void virtual_rig_take_picture(const struct virtual_exposure *exposure, gpointer data,
                                      guint16 *ret_pixels) {
-    struct eye *eye = data;
-    World *world = eye->rig->world;
+    struct vision_camera *vision = data;
+    World *world = vision->rig->world;
     struct world_state state;
-    couple(eye->rig);
+    couple(vision->rig);
     world_snapshot(world, exposure->start_us, exposure->exposure_us, &state);
-    world_expose(world, eye->camera, &state, exposure->exposure_us, exposure->gain_db, exposure->n,
-                 ret_pixels);
+    world_expose(world, vision->camera, &state, exposure->exposure_us, exposure->gain_db,
+                 exposure->n, ret_pixels);
 }
 
 static char *format_of(const struct world_sensor *sensor) {
@@ -323,14 +323,14 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
     struct world_sensor sensor;
     if (!world)
         return FALSE;
-    struct eye *eye = &rig->eyes[rig->n_eyes];
-    *eye = (struct eye){
+    struct vision_camera *vision = &rig->cameras[rig->n_cameras];
+    *vision = (struct vision_camera){
         .rig = rig, .name = section->name, .camera = world_find_camera(world, rig_part(section))};
-    if (eye->camera < 0) {
+    if (vision->camera < 0) {
         rig_set_error(error, section, "its world has no such camera");
         return FALSE;
     }
-    world_sensor(world, eye->camera, &sensor);
+    world_sensor(world, vision->camera, &sensor);
     struct virtual_camera_options options = {.serial = section->name,
                                              .width = sensor.width,
                                              .height = sensor.height,
@@ -338,14 +338,15 @@ static gboolean add_camera(VirtualRig *rig, const struct config_section *section
                                              .cfa = sensor.cfa,
                                              .black_level = sensor.black_level,
                                              .picture = virtual_rig_take_picture,
-                                             .data = eye};
+                                             .data = vision};
     if (rig_is_u3v(rig, section))
-        eye->u3v = virtual_u3v_new(&options, FIRST_U3V_PORT + rig->n_u3v++);
-    else if (!(eye->gige = virtual_gige_new(&options, NULL, error)))
+        vision->u3v = virtual_u3v_new(&options, FIRST_U3V_PORT + rig->n_u3v++);
+    else if (!(vision->gige = virtual_gige_new(&options, NULL, error)))
         return FALSE;
-    rig->n_eyes++;
+    rig->n_cameras++;
     write_camera(rig, section, &sensor,
-                 eye->u3v ? virtual_u3v_serial(eye->u3v) : virtual_gige_address(eye->gige));
+                 vision->u3v ? virtual_u3v_serial(vision->u3v)
+                             : virtual_gige_address(vision->gige));
     return TRUE;
 }
 
@@ -423,9 +424,9 @@ void virtual_rig_free(VirtualRig *rig) {
         return;
     if (rig->timer)
         g_source_remove(rig->timer);
-    for (int i = 0; i < rig->n_eyes; i++) {
-        virtual_gige_free(rig->eyes[i].gige);
-        virtual_u3v_free(rig->eyes[i].u3v);
+    for (int i = 0; i < rig->n_cameras; i++) {
+        virtual_gige_free(rig->cameras[i].gige);
+        virtual_u3v_free(rig->cameras[i].u3v);
     }
     rig_free_usb(rig);
     for (int i = 0; i < MAX_DEVICES; i++) {
@@ -455,11 +456,11 @@ const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsiz
 }
 
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults) {
-    for (int i = 0; i < rig->n_eyes; i++) {
-        if (rig->eyes[i].gige)
-            virtual_gige_fail(rig->eyes[i].gige, faults);
+    for (int i = 0; i < rig->n_cameras; i++) {
+        if (rig->cameras[i].gige)
+            virtual_gige_fail(rig->cameras[i].gige, faults);
         else
-            virtual_u3v_fail(rig->eyes[i].u3v, faults);
+            virtual_u3v_fail(rig->cameras[i].u3v, faults);
     }
 }
 
@@ -471,19 +472,19 @@ void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults 
 }
 
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms) {
-    for (int i = 0; i < rig->n_eyes; i++)
-        if (g_str_equal(rig->eyes[i].name, name) && rig->eyes[i].gige)
-            virtual_gige_restart(rig->eyes[i].gige, down_ms);
+    for (int i = 0; i < rig->n_cameras; i++)
+        if (g_str_equal(rig->cameras[i].name, name) && rig->cameras[i].gige)
+            virtual_gige_restart(rig->cameras[i].gige, down_ms);
 }
 
 void virtual_rig_cameras(VirtualRig *rig, struct virtual_camera_state *ret_sum) {
     *ret_sum = (struct virtual_camera_state){0};
-    for (int i = 0; i < rig->n_eyes; i++) {
+    for (int i = 0; i < rig->n_cameras; i++) {
         struct virtual_camera_state state;
-        if (rig->eyes[i].gige)
-            virtual_gige_state(rig->eyes[i].gige, &state);
+        if (rig->cameras[i].gige)
+            virtual_gige_state(rig->cameras[i].gige, &state);
         else
-            virtual_u3v_state(rig->eyes[i].u3v, &state);
+            virtual_u3v_state(rig->cameras[i].u3v, &state);
         ret_sum->triggers += state.triggers;
         ret_sum->missed += state.missed;
         ret_sum->pictures += state.pictures;

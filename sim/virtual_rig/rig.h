@@ -43,16 +43,16 @@ char *virtual_rig_environment(const VirtualRig *rig);
 /* As many as n. Owned by rig. */
 const struct virtual_rig_device *virtual_rig_devices(const VirtualRig *rig, gsize *ret_n);
 
-/* What all its cameras suffer from now on. */
+/* Faults of all its cameras from now on. */
 void virtual_rig_fail_cameras(VirtualRig *rig, const struct virtual_camera_faults *faults);
 
-/* What all its Modbus devices suffer from now on. */
+/* Faults of all its Modbus devices from now on. */
 void virtual_rig_fail_lines(VirtualRig *rig, const struct virtual_modbus_faults *faults);
 
 /* A GigE Vision camera loses power for so long. name: of its section. */
 void virtual_rig_restart_camera(VirtualRig *rig, const char *name, int down_ms);
 
-/* How its cameras have fared, one after another: missed, lost, resent, pictures are sums. */
+/* State of all its cameras together: missed, lost, resent and pictures are sums. */
 void virtual_rig_cameras(VirtualRig *rig, struct virtual_camera_state *ret_sum);
 
 /* What shines, and what moves, now. */

@@ -31,7 +31,7 @@ struct board { /* of relays and inputs */
     int n_coils, n_inputs;
 };
 
-struct eye { /* on the network or on USB */
+struct vision_camera { /* on the network or on USB */
     VirtualRig *rig;
     const char *name; /* of its section */
     int camera;
@@ -48,11 +48,11 @@ struct VirtualRig {
     GArray *devices; /* of struct virtual_rig_device */
     struct drive drives[MAX_DEVICES];
     struct board boards[MAX_DEVICES];
-    struct eye eyes[WORLD_MAX_CAMERAS];
+    struct vision_camera cameras[WORLD_MAX_CAMERAS];
     VirtualTic *tics[MAX_USB];
     VirtualRelays *relays[MAX_USB], *switches; /* switches: of all lasers; one of relays */
     VirtualV4l2 *videos[WORLD_MAX_CAMERAS];
-    int n_drives, n_boards, n_eyes, n_tics, n_relays, n_switched, n_videos, n_u3v;
+    int n_drives, n_boards, n_cameras, n_tics, n_relays, n_switched, n_videos, n_u3v;
     struct board *power; /* lasers and interlocks share one */
     GMutex coupling;
     guint timer;

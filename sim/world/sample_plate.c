@@ -9,7 +9,8 @@
 #define RAD(deg)  ((deg) * (G_PI / 180))
 
 /* A flat plate, printed with a picture whose pixels are rectangles with sharp edges: exact, however
- * near a camera looks. It may stand askew and away from the middle, as somebody has put it down. */
+ * near a camera looks. It may be rotated, tilted and off the centre, as somebody has put it down.
+ */
 
 struct plate {
     const struct sample_options *options;
@@ -75,7 +76,7 @@ static void sample_plate_add_cells(struct mesh *mesh, const struct plate *plate,
         }
 }
 
-/* What is below the print is seen as one dark side: shadows need it, nothing looks at it. */
+/* The underside is one dark face: it casts shadows, and no camera sees it. */
 static void add_sides(struct mesh *mesh, const struct plate *plate) {
     static const double corners[4][2] = {{0, 1}, {1, 1}, {1, 0}, {0, 0}};
     static const float dark[3] = {0.05f, 0.05f, 0.05f};

@@ -11,7 +11,7 @@ static double ramp(double x, double blur) {
     return x * 0.5 * (1 + erf(z * M_SQRT1_2)) + blur * exp(-z * z / 2) / sqrt(2 * G_PI);
 }
 
-/* How much of what a pixel gathers comes from left of x. */
+/* Part of the light of a pixel that comes from the left of x. */
 static double spread_share(double x, double blur) {
     return ramp(x + 0.5, blur) - ramp(x - 0.5, blur);
 }

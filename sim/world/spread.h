@@ -1,7 +1,7 @@
 /*
- * Where the samples of a pixel look: all over the pixel's square and what the lens blurs into it,
- * evenly, and elsewhere in every picture and of every pixel. Strewn at random, a few samples would
- * say no better where an edge is than a camera of a few electrons.
+ * Sample positions of a pixel: evenly distributed over the pixel's square convolved with the blur
+ * of the lens, and different in every picture and pixel. With random positions, a few samples would
+ * locate an edge no better than a camera of a few electrons.
  *
  * Any thread.
  */

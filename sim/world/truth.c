@@ -35,7 +35,7 @@ void truth_camera(World *world, int camera, struct truth_camera *ret) {
     ret->p2 = from->p2;
 }
 
-/* By Newton's method on the rays of pixels, which pictures are made of. */
+/* Newton's method on the viewing rays of pixels, the same rays that render the pictures. */
 void truth_project(World *world, int camera, const double point_mm[3], double ret_xy_px[2]) {
     const struct optics_camera *from = &world->cameras[camera];
     const struct v3 to =
@@ -189,7 +189,7 @@ void truth_mdf(World *world, int camera, double turntable_deg, const struct trut
         truth_find_edges(world, camera, turntable_deg, grid, ret_edge);
 }
 
-/* Adds one where the laser, swept, lights the surface that the row shows. */
+/* Adds one where the swept laser lights the surface seen by the row. */
 static void count_laser(const struct raster *raster, const struct optics_laser *laser,
                         guint8 *seen) {
     for (int first = 0; first < raster->n; first += SCENE_BATCH) {

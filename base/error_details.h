@@ -1,0 +1,46 @@
+/*
+ * Errors that carry, beside their text, what failed and what to do about it. Who shows such an
+ * error reads these as data; nobody takes a message apart.
+ *
+ * The text is "FILE:LINE: WHERE: SUBJECT: WHAT HAPPENED; ADVICE"; every part but WHAT HAPPENED may
+ * be missing. Each function that asks takes any error: one of another domain has no details. Copies
+ * of an error keep them; an error that has crossed D-Bus has its text alone. Any thread.
+ */
+#pragma once
+
+#include <glib.h>
+
+/* Parts, in a format string, what happened from the advice:
+ *     "no answer within %g ms" ERROR_ADVICE "check its power and its cable"
+ * The message shows it as "; ". A second one in the same text belongs to the advice. */
+#define ERROR_ADVICE "\x1e"
+
+/* Makes an error domain whose errors carry details, for its quark function; name must be static.
+ * Asked again for the same name, gives the same quark. At most ERROR_DETAILS_DOMAINS of them. */
+#define ERROR_DETAILS_DOMAINS 8
+GQuark error_details_domain(const char *name);
+
+/* subject: what failed, as an operator knows it ("axis turntable"); NULL: not known here. */
+GError *error_details_new(GQuark domain, int code, const char *subject, const char *format, ...)
+    G_GNUC_PRINTF(4, 5);
+GError *error_details_new_valist(GQuark domain, int code, const char *subject, const char *format,
+                                 va_list args) G_GNUC_PRINTF(4, 0);
+
+/* Puts "SUBJECT: " in front of the text, for what a lower layer could not name. Of another domain,
+ * only the text changes. Nothing happens to NULL, nor to a pointer to NULL. */
+void error_details_add_subject(GError **error, const char *subject);
+
+/* The same for the place in a file that has led to the error: "FILE:LINE: WHERE: ", as in
+ * "rig.conf:12: [axis turntable] bus: ". */
+void error_details_add_place(GError **error, const char *file, int line, const char *where);
+
+/* NULL: none, or not known. Owned by the error. */
+const char *error_details_subject(const GError *error);
+const char *error_details_file(const GError *error); /* of the place */
+const char *error_details_advice(const GError *error);
+
+/* The text without its subject and what stands before that; the whole text if it has no subject. */
+const char *error_details_text(const GError *error);
+
+/* What happened alone: without subject and advice. */
+const char *error_details_what(const GError *error);
