@@ -24,7 +24,7 @@ Relief *relief_new(GError **error) {
     float zero = 0.0f;
     const struct mdf_table flat = {1, 1, 1, 1.0, &zero, &zero, &zero, 0.0, NULL};
     g_autoptr(Relief) relief = g_new0(Relief, 1);
-    if ((relief->smooth = mdf_texture_new(&flat, error)) == NULL ||
+    if ((relief->smooth = mdf_texture_new(&(struct mdf_source){.table = &flat}, error)) == NULL ||
         (relief->eye = visibility_new(error)) == NULL ||
         (relief->lamp = visibility_new(error)) == NULL ||
         (relief->first = shadow_maps_new(FALSE, error)) == NULL)
@@ -50,30 +50,14 @@ static void forget_maps(Relief *relief) {
         shadow_maps_forget(relief->further);
 }
 
-static gboolean take_texture(Relief *relief, MdfTexture *texture) {
-    if (texture == NULL)
+gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error) {
+    MdfTexture *texture = mdf != NULL ? mdf_texture_new(mdf, error) : NULL;
+    if (mdf != NULL && texture == NULL)
         return FALSE;
     mdf_texture_free(relief->mdf);
     relief->mdf = texture;
     forget_maps(relief);
     return TRUE;
-}
-
-gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error) {
-    if (mdf != NULL)
-        return take_texture(relief, mdf_texture_new(mdf, error));
-    g_clear_pointer(&relief->mdf, mdf_texture_free);
-    forget_maps(relief);
-    return TRUE;
-}
-
-gboolean relief_set_blocks(Relief *relief, const struct mdf_table *mdf,
-                           const struct mdf_blocks *blocks, GError **error) {
-    return take_texture(relief, mdf_texture_new_blocks(mdf, blocks, error));
-}
-
-gboolean relief_set_factors(Relief *relief, const struct mdf_factors *mdf, GError **error) {
-    return take_texture(relief, mdf_texture_new_factors(mdf, error));
 }
 
 gint64 relief_mdf_bytes(const Relief *relief) {

@@ -16,12 +16,8 @@ Relief *relief_new(GError **error);
 void relief_free(Relief *relief); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 
-/* NULL: none, the mesh is smooth. */
-gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error);
-/* The same from what is compressed; see mdf_texture.h. */
-gboolean relief_set_blocks(Relief *relief, const struct mdf_table *mdf,
-                           const struct mdf_blocks *blocks, GError **error);
-gboolean relief_set_factors(Relief *relief, const struct mdf_factors *mdf, GError **error);
+/* NULL: the mesh is smooth. Copies what it needs. On error the former MDF stays. */
+gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error);
 
 gint64 relief_mdf_bytes(const Relief *relief); /* that it takes on the card */
 

@@ -7,7 +7,6 @@
 #include "hatching.h"
 #include "methods/eigenmaps_view.h"
 #include "programs.h"
-#include "relief/mdf_source.h"
 #include "relief/relief.h"
 #include "shapes/mesh_shape.h"
 
@@ -207,36 +206,13 @@ static void keep_points(View *view, const struct mesh *mesh) {
     backdrop_set_points(view->backdrop, view->points, view->n_points, view->radius);
 }
 
-gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error) {
+gboolean view_set_mdf(View *view, const struct mdf_source *mdf, GError **error) {
     return relief_set_mdf(view->relief, mdf, error);
-}
-
-gboolean view_set_mdf_factors(View *view, const struct mdf_factors *mdf, GError **error) {
-    return relief_set_factors(view->relief, mdf, error);
-}
-
-gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *blocks, GError **error) {
-    struct mdf_table *mdf = mdf_blocks_table(blocks);
-    mdf_table_add_grazing(mdf);
-    gboolean good = relief_set_blocks(view->relief, mdf, blocks, error);
-    mdf_table_free(mdf);
-    return good;
-}
-
-gboolean view_set_mdf_source(View *view, const struct mdf_source *mdf, GError **error) {
-    switch (mdf->kind) {
-    case MDF_KIND_FACTORS:
-        return relief_set_factors(view->relief, mdf->factors, error);
-    case MDF_KIND_BLOCKS:
-        return relief_set_blocks(view->relief, mdf->table, mdf->blocks, error);
-    default:
-        return relief_set_mdf(view->relief, mdf->table, error);
-    }
 }
 
 gboolean view_open_mdf(View *view, const char *path, GError **error) {
     struct mdf_source *mdf = mdf_source_read(path, error);
-    gboolean good = mdf != NULL && view_set_mdf_source(view, mdf, error);
+    gboolean good = mdf != NULL && view_set_mdf(view, mdf, error);
     if (mdf != NULL && !good)
         g_prefix_error(error, "%s: ", path);
     mdf_source_free(mdf);

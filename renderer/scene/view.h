@@ -3,11 +3,7 @@
 
 #include "eigenmaps/eigenmaps.h"
 #include "hatching.h"
-#include "mdf_codecs/mdf_blocks.h"
-#include "mdf_codecs/mdf_factors.h"
-#include "mdf_codecs/mdf_packed.h"
 #include "methods/method.h"
-#include "relief/mdf_source.h"
 #include "relief/relief.h"
 #include "relief/visibility.h"
 #include "shapes/scene.h"
@@ -69,12 +65,8 @@ gboolean view_set_method(View *view, const struct method *method, gpointer mater
                          GError **error);
 gboolean view_set_mesh(View *view, const struct mesh *mesh, GError **error); /* copies */
 
-/* The MDF of the material; NULL: none. Copies what it needs. */
-gboolean view_set_mdf(View *view, const struct mdf_table *mdf, GError **error);
-gboolean view_set_mdf_factors(View *view, const struct mdf_factors *mdf, GError **error);
-gboolean view_set_mdf_blocks(View *view, const struct mdf_blocks *mdf, GError **error);
-/* Of any of the kinds that mdf_kind() tells; see mdf_source.h. */
-gboolean view_set_mdf_source(View *view, const struct mdf_source *mdf, GError **error);
+/* The MDF of the material in any of its forms; NULL: none. Copies what it needs. */
+gboolean view_set_mdf(View *view, const struct mdf_source *mdf, GError **error);
 gboolean view_open_mdf(View *view, const char *path, GError **error);
 
 /* A picture of all directions; copies it. Lamps that give its light are settings'. */

@@ -98,7 +98,7 @@ static gboolean make_second(struct window *w, GError **error) {
     g_autoptr(View) view = view_new(NULL, error);
     if (view == NULL || !view_set_mesh(view, w->mesh, error) ||
         !window_set_environment(w, view, error) ||
-        (w->mdf != NULL && !view_set_mdf_source(view, w->mdf, error)))
+        (w->mdf != NULL && !view_set_mdf(view, w->mdf, error)))
         return FALSE;
     w->second = g_steal_pointer(&view);
     mark_views(w);
@@ -126,8 +126,8 @@ static gboolean take_mdf(struct window *w, struct opened *o, GError **error) {
         g_propagate_error(error, g_steal_pointer(&o->error));
         return FALSE;
     }
-    if (!view_set_mdf_source(w->view, o->mdf, error) ||
-        (w->second != NULL && !view_set_mdf_source(w->second, o->mdf, error)))
+    if (!view_set_mdf(w->view, o->mdf, error) ||
+        (w->second != NULL && !view_set_mdf(w->second, o->mdf, error)))
         return FALSE;
     mdf_source_free(w->mdf);
     w->mdf = g_steal_pointer(&o->mdf);

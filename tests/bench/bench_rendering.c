@@ -265,7 +265,7 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
     if (view == NULL)
         return FALSE;
     struct mdf_table *mdf = make_mdf(maps);
-    gboolean good = view_set_mdf(view, mdf, error);
+    gboolean good = view_set_mdf(view, &(struct mdf_source){.table = mdf}, error);
     mdf_table_free(mdf);
     const struct view_memory memory = view_memory(view);
     if (json)

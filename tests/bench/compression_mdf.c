@@ -46,10 +46,11 @@ static gboolean *draw(const struct subject *s, const struct mdf_table *table, GE
     gboolean *ret = g_new0(gboolean, N_OUTLINES);
     for (int scene = 0; scene < N_SCENES; scene++) {
         struct view_settings settings = view_settings_default;
+        const struct mdf_source mdf = {.table = table};
         settings.silhouettes = table != NULL;
         g_autofree float *seen = NULL;
         view_fit(s->views[scene], &settings, (double)WIDTH / HEIGHT);
-        if (view_set_mdf(s->views[scene], table, error))
+        if (view_set_mdf(s->views[scene], table != NULL ? &mdf : NULL, error))
             seen = view_render_geometry(s->views[scene], &settings, VIEW_GEOMETRY_TEXEL, WIDTH,
                                         HEIGHT, error);
         if (!seen) {

@@ -37,7 +37,7 @@ static inline View *new_view(const struct mesh *mesh, const struct mdf_table *md
     view_set_mesh(view, mesh, &error);
     g_assert_no_error(error);
     if (mdf != NULL)
-        view_set_mdf(view, mdf, &error);
+        view_set_mdf(view, &(struct mdf_source){.table = mdf}, &error);
     g_assert_no_error(error);
     return view;
 }
