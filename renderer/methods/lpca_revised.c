@@ -22,13 +22,6 @@ struct LpcaRevised {
     int n, n_columns;
 };
 
-/* What resample.h and lpca_quantise() take: floats as they are in memory, whatever the file had. */
-static struct lpca *as_floats(const struct lpca *lpca) {
-    struct lpca *copy = g_memdup2(lpca, sizeof *lpca);
-    copy->quantise = LPCA_FLOAT;
-    return copy;
-}
-
 /* Three bytes are stored as four, three halves as eight. */
 static int lpca_revised_fitting(const struct lpca *lpca) {
     int n = MOST;
@@ -39,18 +32,20 @@ static int lpca_revised_fitting(const struct lpca *lpca) {
     return n;
 }
 
-/* Eigen-BRDFs on a grid. */
+/* The eigen-BRDFs of a pyramid sampled on a grid, as lpca_resample() gives them; the caller's. */
 static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error) {
-    g_autofree struct lpca *floats = as_floats(lpca);
+    const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
+    g_autofree struct lpca *floats = g_memdup2(lpca, sizeof *lpca);
+    floats->quantise = LPCA_FLOAT; /* what the file had is floats in memory */
+    /* The weights of a pyramid are those of level 0: shorter than its numbers of clusters and
+     * components say, and not wanted here. */
+    floats->weights = floats->weight_scales = NULL;
     if (lpca->n_grid == 0)
         return lpca_resample(floats, n_grid ? n_grid : lpca_revised_fitting(lpca), error);
-    const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
     floats->name = NULL;
     floats->view_theta_deg = floats->view_phi_deg = NULL;
     floats->light_theta_deg = floats->light_phi_deg = NULL;
     floats->clusters = NULL;
-    floats->weights = NULL;
-    floats->weight_scales = NULL;
     floats->light_scales = NULL;
     floats->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
     floats->brdfs =

@@ -27,6 +27,7 @@ static struct lpca *make_level(int level, int n_clusters, int n_components) {
     p->clusters = g_new(int, w *h);
     p->weights = g_new(float, w *h *n_components);
     p->scales = g_new(float, n_clusters *(n_components + 1));
+    p->weight_scales = g_new(float, n_clusters *n_components);
     const gsize n = (gsize)n_clusters * (n_components + 1) * p->n_views * p->n_lights * 3;
     p->brdfs = g_new(float, n);
     for (int k = 0; k < w * h; k++) /* a whole row of one cluster, others mixed */
@@ -35,6 +36,8 @@ static struct lpca *make_level(int level, int n_clusters, int n_components) {
         p->weights[k] = (float)g_rand_double_range(random, -0.3, 0.3);
     for (int k = 0; k < n_clusters * (n_components + 1); k++)
         p->scales[k] = 1;
+    for (int k = 0; k < n_clusters * n_components; k++)
+        p->weight_scales[k] = 1;
     for (gsize k = 0; k < n; k++)
         p->brdfs[k] = (float)g_rand_double_range(random, 0.2, 0.8);
     return p;

@@ -102,6 +102,9 @@ static void test_levels(struct fixture *f, gconstpointer data) {
     check_levels(view, levels, 18);
     check_levels(view, levels, 33);
     check_levels(view, levels, 90);
+    /* Levels with different numbers of components and clusters share one 3D texture. */
+    view_set_method(view, &method_lpca_revised, lpca_revised_new(levels, 3, 6, &error), &error);
+    g_assert_no_error(error);
     levels[1]->view_phi_deg[3] += 1;
     g_assert_null(lpca_view_new(levels, 3, &error));
     g_assert_nonnull(strstr(error->message, "mip level 1"));
