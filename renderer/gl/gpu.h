@@ -51,6 +51,10 @@ guint gpu_texture(int internal_format, int width, int height, int layers);
 /* The same, a 2D array, with n_levels, each of half the texels each way, at least 1. */
 guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
 
+/* Binds texture (0: none) to a texture unit and makes it the sampler NAME of a program in use. Unit
+ * 0 is active afterwards. target: a GL_TEXTURE_…. */
+void gpu_bind_texture(guint program, const char *name, int unit, guint target, guint texture);
+
 /* Bytes of all levels that a texture has, by its format as OpenGL tells it; 0 of none (0). target:
  * a GL_TEXTURE_…. */
 gint64 gpu_texture_bytes(guint target, guint texture);

@@ -257,19 +257,12 @@ void eigenmaps_view_free(EigenmapsView *view) {
     g_free(view);
 }
 
-static void eigenmaps_view_bind(guint program, const char *name, int unit, guint texture) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texture);
-    glUniform1i(glGetUniformLocation(program, name), unit);
-}
-
 static void eigenmaps_view_bind_all(gpointer material, guint program,
                                     const struct method_style *style) {
     const EigenmapsView *view = material;
-    eigenmaps_view_bind(program, "view_weights", 1, view->view_weights);
+    gpu_bind_texture(program, "view_weights", 1, GL_TEXTURE_2D_ARRAY, view->view_weights);
     direction_textures_bind(&view->lights, program, "light", 2);
-    eigenmaps_view_bind(program, "maps", 0, view->maps);
-    glActiveTexture(GL_TEXTURE0);
+    gpu_bind_texture(program, "maps", 0, GL_TEXTURE_2D_ARRAY, view->maps);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL,
                     style->nearest && view->refined ? 1 : 0);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER,

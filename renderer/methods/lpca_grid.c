@@ -242,9 +242,7 @@ static char *lpca_grid_constants(gconstpointer material, const struct method_sty
 static void lpca_grid_bind_all(gpointer material, guint program, const struct method_style *style) {
     const LpcaGrid *grid = material;
     lpca_texels_bind(&grid->texels, program);
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_BUFFER, grid->brdfs);
-    glUniform1i(glGetUniformLocation(program, "brdfs"), 0);
+    gpu_bind_texture(program, "brdfs", 0, GL_TEXTURE_BUFFER, grid->brdfs);
     glUniform1i(glGetUniformLocation(program, "n_grid"), grid->n);
 }
 

@@ -212,22 +212,15 @@ void lpca_revised_free(LpcaRevised *revised) {
     g_free(revised);
 }
 
-static void lpca_revised_bind(guint program, const char *name, int unit, GLenum target,
-                              guint texture) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(target, texture);
-    glUniform1i(glGetUniformLocation(program, name), unit);
-}
-
 static void lpca_revised_bind_all(gpointer material, guint program,
                                   const struct method_style *style) {
     const LpcaRevised *revised = material;
     glEnable(GL_TEXTURE_CUBE_MAP_SEAMLESS);
     lpca_texels_bind(&revised->texels, program);
-    lpca_revised_bind(program, "means", 3, GL_TEXTURE_3D, revised->means);
-    lpca_revised_bind(program, "brdfs", 4, GL_TEXTURE_3D, revised->brdfs);
-    lpca_revised_bind(program, "view_map", 5, GL_TEXTURE_CUBE_MAP, revised->view_map);
-    lpca_revised_bind(program, "light_map", 6, GL_TEXTURE_CUBE_MAP, revised->light_map);
+    gpu_bind_texture(program, "means", 3, GL_TEXTURE_3D, revised->means);
+    gpu_bind_texture(program, "brdfs", 4, GL_TEXTURE_3D, revised->brdfs);
+    gpu_bind_texture(program, "view_map", 5, GL_TEXTURE_CUBE_MAP, revised->view_map);
+    gpu_bind_texture(program, "light_map", 6, GL_TEXTURE_CUBE_MAP, revised->light_map);
     glUniform1i(glGetUniformLocation(program, "n_grid"), revised->n);
     glUniform1i(glGetUniformLocation(program, "n_columns"), revised->n_columns);
 }

@@ -245,12 +245,8 @@ gint64 lpca_texels_bytes(const struct lpca_texels *texels) {
 }
 
 void lpca_texels_bind(const struct lpca_texels *texels, guint program) {
-    glActiveTexture(GL_TEXTURE1);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texels->weights);
-    glActiveTexture(GL_TEXTURE2);
-    glBindTexture(GL_TEXTURE_2D, texels->clusters);
-    glUniform1i(glGetUniformLocation(program, "weights"), 1);
-    glUniform1i(glGetUniformLocation(program, "clusters"), 2);
+    gpu_bind_texture(program, "weights", 1, GL_TEXTURE_2D_ARRAY, texels->weights);
+    gpu_bind_texture(program, "clusters", 2, GL_TEXTURE_2D, texels->clusters);
 }
 
 gboolean lpca_stack_init(struct lpca_stack *stack, int n_clusters, int n_columns, int n_rows,

@@ -9,6 +9,7 @@
 
 #define METHOD_UNITS   8 /* texture units 0 … 7 are a method's, higher ones the view's */
 #define METHOD_SHADERS 6
+#define METHOD_DEMO    "fabric-ashikhmin" /* shown where no material is named or open yet */
 
 /* How microfacets follow a normal that is not the surface's (Kang & Cho 2011). */
 enum method_rotation {
@@ -45,6 +46,8 @@ struct method {
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
 };
+
+extern const char *const method_rotation_names[METHOD_ROTATIONS]; /* of --rotation */
 
 extern const struct method *const methods[]; /* NULL-ended; the first is the default */
 

@@ -227,16 +227,12 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
 }
 
 void mdf_texture_bind(const MdfTexture *texture, guint program) {
-    glActiveTexture(GL_TEXTURE0 + MDF_TEXTURE_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
-    glUniform1i(glGetUniformLocation(program, "mdf_depths"), MDF_TEXTURE_UNIT);
+    gpu_bind_texture(program, "mdf_depths", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY, texture->depths);
     direction_textures_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
-    glActiveTexture(GL_TEXTURE0 + MDF_FACTORS_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->factors);
-    glUniform1i(glGetUniformLocation(program, "mdf_factors"), MDF_FACTORS_UNIT);
+    gpu_bind_texture(program, "mdf_factors", MDF_FACTORS_UNIT, GL_TEXTURE_2D_ARRAY,
+                     texture->factors);
     glUniform2f(glGetUniformLocation(program, "mdf_range"), texture->least_mm, texture->scale_mm);
     glUniform1i(glGetUniformLocation(program, "mdf_layers"), n_map_layers(texture->n_terms));
     glUniform2f(glGetUniformLocation(program, "mdf_size"), texture->width_mm, texture->height_mm);
     glUniform1f(glGetUniformLocation(program, "mdf_deepest"), texture->deepest_mm);
-    glActiveTexture(GL_TEXTURE0);
 }

@@ -128,20 +128,13 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     return !from->shadows || find_shadows(relief, &scene, from, error);
 }
 
-static void bind_texture(guint program, const char *name, int unit, GLenum target, guint texture) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(target, texture);
-    glActiveTexture(GL_TEXTURE0);
-    glUniform1i(glGetUniformLocation(program, name), unit);
-}
-
 static void bind_further(const Relief *relief, guint program) {
     const int n = relief->n_further;
     float range[3] = {0.0f};
     if (n > 0)
         shadow_maps_range(relief->further, relief->radius, range);
-    bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
-                 n > 0 ? shadow_maps_texture(relief->further) : 0);
+    gpu_bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
+                     n > 0 ? shadow_maps_texture(relief->further) : 0);
     glUniform3fv(glGetUniformLocation(program, "further_range"), 1, range);
     if (n > 0)
         glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->rights[0]);
@@ -153,10 +146,10 @@ void relief_bind(const Relief *relief, guint program) {
         shadow_maps_right(relief->light, right);
         shadow_maps_range(relief->first, relief->radius, range);
     }
-    bind_texture(program, "seen", VISIBILITY_UNIT, GL_TEXTURE_2D,
-                 relief->silhouettes ? relief->seen : 0);
-    bind_texture(program, "shadow_map", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
-                 relief->shadows ? shadow_maps_texture(relief->first) : 0);
+    gpu_bind_texture(program, "seen", VISIBILITY_UNIT, GL_TEXTURE_2D,
+                     relief->silhouettes ? relief->seen : 0);
+    gpu_bind_texture(program, "shadow_map", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
+                     relief->shadows ? shadow_maps_texture(relief->first) : 0);
     glUniform1i(glGetUniformLocation(program, "silhouettes"), relief->silhouettes);
     glUniform1i(glGetUniformLocation(program, "shadows"), relief->shadows);
     glUniform1f(glGetUniformLocation(program, "slack"), SLACK * relief->radius);

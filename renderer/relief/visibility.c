@@ -79,13 +79,6 @@ static void use(guint program, const struct visibility_scene *s) {
     mdf_texture_bind(s->mdf, program);
 }
 
-static void visibility_bind(guint program, const char *name, int unit, guint texture) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(GL_TEXTURE_2D, texture);
-    glUniform1i(glGetUniformLocation(program, name), unit);
-    glActiveTexture(GL_TEXTURE0);
-}
-
 static void visibility_draw_mesh(const struct visibility_scene *s, GLenum culled) {
     glEnable(GL_CULL_FACE);
     glCullFace(culled);
@@ -120,8 +113,9 @@ static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int l
     GLuint any = 0;
     visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
     use(v->programs[BACK], s);
-    visibility_bind(v->programs[BACK], "before", VISIBILITY_UNIT, v->back[~layer & 1].colour);
-    visibility_bind(v->programs[BACK], "seen", VISIBILITY_UNIT + 1, v->seen.colour);
+    gpu_bind_texture(v->programs[BACK], "before", VISIBILITY_UNIT, GL_TEXTURE_2D,
+                     v->back[~layer & 1].colour);
+    gpu_bind_texture(v->programs[BACK], "seen", VISIBILITY_UNIT + 1, GL_TEXTURE_2D, v->seen.colour);
     glBeginQuery(GL_ANY_SAMPLES_PASSED, v->query);
     visibility_draw_mesh(s, GL_FRONT);
     glEndQuery(GL_ANY_SAMPLES_PASSED);
@@ -138,8 +132,10 @@ static void peel_front(Visibility *v, const struct visibility_scene *s, int laye
     glStencilFunc(GL_LEQUAL, layer, 0xff);
     glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
     use(v->programs[FRONT], s);
-    visibility_bind(v->programs[FRONT], "before", VISIBILITY_UNIT, v->back[~layer & 1].colour);
-    visibility_bind(v->programs[FRONT], "back", VISIBILITY_UNIT + 1, v->back[layer & 1].colour);
+    gpu_bind_texture(v->programs[FRONT], "before", VISIBILITY_UNIT, GL_TEXTURE_2D,
+                     v->back[~layer & 1].colour);
+    gpu_bind_texture(v->programs[FRONT], "back", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
+                     v->back[layer & 1].colour);
     visibility_draw_mesh(s, GL_BACK);
     glDisable(GL_STENCIL_TEST);
 }

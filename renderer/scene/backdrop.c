@@ -113,9 +113,7 @@ static void set_ground(const Backdrop *backdrop, guint program, const struct vie
 
 static void set_environment(const Backdrop *backdrop, guint program,
                             const struct view_settings *s) {
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, backdrop->environment);
-    glUniform1i(glGetUniformLocation(program, "environment"), 0);
+    gpu_bind_texture(program, "environment", 0, GL_TEXTURE_2D, backdrop->environment);
     glUniform1f(glGetUniformLocation(program, "exposure"), (float)view_exposure(s));
 }
 

@@ -32,18 +32,14 @@ void compose_free(Compose *compose) {
 
 static void compose_join(const Compose *compose, const struct compose *how, guint framebuffer,
                          int width, int height) {
-    static const char *const names[2] = {"first", "second"};
     const guint program = compose->program;
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);
     glDisable(GL_DEPTH_TEST);
     glDisable(GL_BLEND);
     glUseProgram(program);
-    for (int k = 0; k < 2; k++) {
-        glActiveTexture(GL_TEXTURE0 + k);
-        glBindTexture(GL_TEXTURE_2D, compose->pictures[k].colour);
-        glUniform1i(glGetUniformLocation(program, names[k]), k);
-    }
+    gpu_bind_texture(program, "first", 0, GL_TEXTURE_2D, compose->pictures[0].colour);
+    gpu_bind_texture(program, "second", 1, GL_TEXTURE_2D, compose->pictures[1].colour);
     glUniform1i(glGetUniformLocation(program, "difference"), how->mode == COMPOSE_DIFFERENCE);
     glUniform1f(glGetUniformLocation(program, "split"), (float)(how->at * width));
     glUniform1f(glGetUniformLocation(program, "gain"), (float)how->gain);

@@ -11,6 +11,10 @@ struct planned_view {
     gboolean measured;
 };
 
+/* Whether the view nearest to a direction is planned and not measured yet; FALSE of no views. */
+gboolean planned_views_missing(const struct planned_view *views, guint n, double theta_deg,
+                               double phi_deg);
+
 typedef struct Hatching Hatching; /* belongs to the thread of the GL context */
 
 Hatching *hatching_new(GError **error);

@@ -352,9 +352,7 @@ static void resolve(View *view, const struct view_settings *s, int samples, guin
     glViewport(0, 0, width, height);
     glDisable(GL_DEPTH_TEST);
     glUseProgram(program);
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, view->scene.colour);
-    glUniform1i(glGetUniformLocation(program, "drawn"), 0);
+    gpu_bind_texture(program, "drawn", 0, GL_TEXTURE_2D, view->scene.colour);
     glUniform1i(glGetUniformLocation(program, "samples"), samples);
     glUniform1f(glGetUniformLocation(program, "exposure"), (float)view_exposure(s));
     glBindVertexArray(view->empty_array);

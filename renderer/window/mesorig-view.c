@@ -1,4 +1,5 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
+#include "base/json.h"
 #include "gl/gpu.h"
 #include "live.h"
 #include "scene/environment.h"
@@ -321,19 +322,6 @@ static gboolean view_main_show(const struct view_options *o, const struct enviro
     return good;
 }
 
-static void view_main_append_json_string(GString *json, const char *text) {
-    g_string_append_c(json, '"');
-    for (const char *c = text; *c != '\0'; c++) {
-        if (*c == '"' || *c == '\\')
-            g_string_append_printf(json, "\\%c", *c);
-        else if ((guchar)*c < 0x20)
-            g_string_append_printf(json, "\\u%04x", *c);
-        else
-            g_string_append_c(json, *c);
-    }
-    g_string_append_c(json, '"');
-}
-
 static void report_measured(GString *json, const struct measured *m) {
     const struct {
         const char *name;
@@ -352,11 +340,11 @@ static void report_measured(GString *json, const struct measured *m) {
 static void view_main_report(const struct view_options *o, const char *material,
                              const struct rendered *done) {
     g_autoptr(GString) json = g_string_new("{\"material\": ");
-    view_main_append_json_string(json, material);
+    json_append_string(json, material);
     g_string_append(json, ", \"shape\": ");
-    view_main_append_json_string(json, o->shape);
+    json_append_string(json, o->shape);
     g_string_append(json, ", \"renderer\": ");
-    view_main_append_json_string(json, done->renderer);
+    json_append_string(json, done->renderer);
     char seconds[G_ASCII_DTOSTR_BUF_SIZE];
     g_ascii_formatd(seconds, sizeof seconds, "%.4f", done->seconds);
     g_string_append_printf(json,
@@ -365,7 +353,7 @@ static void view_main_report(const struct view_options *o, const char *material,
                            o->width, o->height, done->n_frames, seconds);
     for (guint k = 0; k < done->files->len; k++) {
         g_string_append(json, k > 0 ? ", " : "");
-        view_main_append_json_string(json, done->files->pdata[k]);
+        json_append_string(json, done->files->pdata[k]);
     }
     g_string_append_c(json, ']');
     g_string_append_printf(

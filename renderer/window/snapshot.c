@@ -96,7 +96,6 @@ static void snapshot_tell(GPtrArray *texts, const char *name, char *value) {
 }
 
 static GPtrArray *texts_of(const struct snapshot *snapshot) {
-    static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
     const struct view_settings *s = snapshot->settings;
     GPtrArray *texts = g_ptr_array_new_with_free_func(g_free);
     snapshot_tell(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
@@ -114,7 +113,7 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
                   g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
     snapshot_tell(texts, "Relief", g_strdup(relief_of(s)));
     snapshot_tell(texts, "Distances", s->silhouettes ? file_of(snapshot->mdf) : NULL);
-    snapshot_tell(texts, "Rotation", g_strdup(rotations[s->style.rotation]));
+    snapshot_tell(texts, "Rotation", g_strdup(method_rotation_names[s->style.rotation]));
     snapshot_tell(texts, "Normals", file_of(snapshot->normal_map));
     snapshot_tell(texts, "Source", snapshot_source_of(snapshot));
     snapshot_tell(texts, "Compare", compare_of(snapshot));

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #define MAX_SIZE 16384
-#define DEMO     "fabric-ashikhmin" /* shown where nothing is named */
 
 static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
     g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
@@ -29,10 +28,9 @@ static gboolean parse_silhouettes(const char *option, const char *value, gpointe
 
 static gboolean parse_rotation(const char *option, const char *value, gpointer data,
                                GError **error) {
-    static const char *const ways[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
     struct view_options *o = data;
-    for (gsize k = 0; k < G_N_ELEMENTS(ways); k++)
-        if (strcmp(value, ways[k]) == 0) {
+    for (gsize k = 0; k < METHOD_ROTATIONS; k++)
+        if (strcmp(value, method_rotation_names[k]) == 0) {
             o->settings.style.rotation = (enum method_rotation)k;
             return TRUE;
         }
@@ -337,7 +335,7 @@ static gboolean check_normal_map(const struct view_options *o, GError **error) {
 
 gboolean view_options_check(struct view_options *o, GError **error) {
     const gboolean given = o->rest != NULL && o->rest[0] != NULL;
-    o->method = given ? methods[0] : method_find(DEMO);
+    o->method = given ? methods[0] : method_find(METHOD_DEMO);
     if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL)
         return bad_method(o, error);
     if (given ? o->rest[1] != NULL : o->method->product != NULL) {

@@ -9,8 +9,6 @@
 #include <GLFW/glfw3.h>
 #include <math.h>
 
-#define DEMO "fabric-ashikhmin" /* shown at once, while the material is opened */
-
 static void set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
     g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
@@ -179,8 +177,8 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
 /* A picture of something comes before what takes seconds to read. */
 static gboolean draw_demo(struct window *w, struct window_result *ret, GError **error) {
     const gboolean panel = w->panel;
-    w->method = method_find(DEMO);
-    w->material = g_strdup(DEMO);
+    w->method = method_find(METHOD_DEMO);
+    w->material = g_strdup(METHOD_DEMO);
     if (!view_open(w->view, w->method, NULL, error))
         return FALSE;
     w->panel = FALSE;

@@ -43,9 +43,8 @@ static void reset(struct window *w) {
 }
 
 static gboolean set_shape(struct window *w, int key) {
-    static const char *const names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot"};
-    if (key >= GLFW_KEY_1 && key <= GLFW_KEY_5)
-        window_set_shape(w, names[key - GLFW_KEY_1], NULL);
+    if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + SCENE_SHAPES)
+        window_set_shape(w, scene_shape_names[key - GLFW_KEY_1], NULL);
     else if (key == GLFW_KEY_0)
         window_set_shape(w, w->options->shape, &w->options->settings);
     else

@@ -6,8 +6,6 @@
 #include <glib/gstdio.h>
 #include <string.h>
 
-#define DEMO "fabric-ashikhmin"
-
 void window_say(struct window *w, const char *message) {
     if (message != NULL)
         g_printerr("mesorig-view: %s\n", message);
