@@ -6,7 +6,7 @@
 
 #include "visibility.h"
 
-#define SHADOW_MAPS_MOST 64 /* lamps, VIEW_MAX_LAMPS */
+#define SHADOW_MAPS_MOST 64 /* lamps, VIEWER_MAX_LAMPS */
 
 typedef struct ShadowMaps ShadowMaps; /* belongs to the thread of the GL context */
 

@@ -99,7 +99,7 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     return gpu_check("the environment", error);
 }
 
-static void set_ground(const Backdrop *backdrop, guint program, const struct view_settings *s,
+static void set_ground(const Backdrop *backdrop, guint program, const struct viewer_settings *s,
                        const Relief *relief) {
     float light[3];
     direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
@@ -112,12 +112,12 @@ static void set_ground(const Backdrop *backdrop, guint program, const struct vie
 }
 
 static void set_environment(const Backdrop *backdrop, guint program,
-                            const struct view_settings *s) {
+                            const struct viewer_settings *s) {
     gpu_bind_texture(program, "environment", 0, GL_TEXTURE_2D, backdrop->environment);
-    glUniform1f(glGetUniformLocation(program, "exposure"), (float)view_exposure(s));
+    glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
 }
 
-gboolean backdrop_draw(Backdrop *backdrop, const struct view_settings *s, const Relief *relief,
+gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, const Relief *relief,
                        const float projection[16], const float eye[3], GError **error) {
     const int which = s->backdrop                    ? ENVIRONMENT
                       : s->shadows && s->n_lamps > 0 ? GROUND_LAMPS

@@ -20,6 +20,6 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
                                   GError **error);
 
 /* Where nothing was drawn yet, with alpha 0. The projection is that of camera.h. */
-gboolean backdrop_draw(Backdrop *backdrop, const struct view_settings *settings,
+gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *settings,
                        const Relief *relief, const float projection[16], const float eye[3],
                        GError **error);

@@ -13,20 +13,20 @@ struct axes {
 
 /* The vertical axis of the picture is never along the line of sight: it leans with the elevation.
  */
-static void camera_find_axes(const struct view_settings *s, struct axes *ret) {
+static void camera_find_axes(const struct viewer_settings *s, struct axes *ret) {
     direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, ret->back);
     direction_from_deg(-s->camera_elevation_deg, s->camera_azimuth_deg, ret->up);
     glm_vec3_cross(ret->up, ret->back, ret->right);
 }
 
-static void half_angles(const struct view_settings *s, double aspect, double *ret_x,
+static void half_angles(const struct viewer_settings *s, double aspect, double *ret_x,
                         double *ret_y) {
     double half = tan(0.5 * s->camera_fov_deg * G_PI / 180.0);
     *ret_x = aspect >= 1.0 ? half * aspect : half;
     *ret_y = aspect >= 1.0 ? half : half / aspect;
 }
 
-void camera_matrix(const struct view_settings *s, double radius, double reach, double aspect,
+void camera_matrix(const struct viewer_settings *s, double radius, double reach, double aspect,
                    float ret_projection[16], float ret_eye[3]) {
     struct axes axes;
     mat4 look, lens, both;
@@ -75,7 +75,7 @@ static double camera_centre(const float *points, guint n, const vec3 axis, const
     return pan;
 }
 
-void camera_fit(struct view_settings *s, const float *points, guint n, double radius,
+void camera_fit(struct viewer_settings *s, const float *points, guint n, double radius,
                 double aspect) {
     struct axes axes;
     struct extent across = {-G_MAXDOUBLE, -G_MAXDOUBLE}, along = across;

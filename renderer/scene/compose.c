@@ -48,22 +48,23 @@ static void compose_join(const Compose *compose, const struct compose *how, guin
     glBindVertexArray(0);
 }
 
-gboolean compose_draw(Compose *compose, View *first, View *second, const struct compose *how,
-                      const struct view_settings *settings, guint framebuffer, int width,
+gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
+                      const struct viewer_settings *settings, guint framebuffer, int width,
                       int height, GError **error) {
-    View *const views[2] = {first, second};
+    Viewer *const viewers[2] = {first, second};
     if (how->mode == COMPOSE_ONE)
-        return view_draw(first, settings, framebuffer, width, height, error);
+        return viewer_draw(first, settings, framebuffer, width, height, error);
     for (int k = 0; k < 2; k++)
         if (!gpu_target_resize(&compose->pictures[k], width, height, GL_RGBA8, FALSE, error) ||
-            !view_draw(views[k], settings, compose->pictures[k].framebuffer, width, height, error))
+            !viewer_draw(viewers[k], settings, compose->pictures[k].framebuffer, width, height,
+                         error))
             return FALSE;
     compose_join(compose, how, framebuffer, width, height);
     return gpu_check("joining two pictures", error);
 }
 
-guint8 *compose_render(Compose *compose, View *first, View *second, const struct compose *how,
-                       const struct view_settings *settings, int width, int height,
+guint8 *compose_render(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
+                       const struct viewer_settings *settings, int width, int height,
                        GError **error) {
     if (!gpu_target_resize(&compose->whole, width, height, GL_RGBA8, FALSE, error) ||
         !compose_draw(compose, first, second, how, settings, compose->whole.framebuffer, width,

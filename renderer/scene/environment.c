@@ -61,7 +61,7 @@ static gboolean environment_cut(const struct map *map, struct part *part, struct
 }
 
 /* In the middle of its light. */
-static struct view_lamp environment_lamp_of(const struct map *map, const struct part *part) {
+static struct viewer_lamp environment_lamp_of(const struct map *map, const struct part *part) {
     double sum[3] = {0.0}, towards[3] = {0.0};
     for (int y = part->y0; y < part->y1; y++)
         for (int x = part->x0; x < part->x1; x++) {
@@ -75,18 +75,18 @@ static struct view_lamp environment_lamp_of(const struct map *map, const struct 
                 sum[c] += p[c] * solid_angle(map, y) / G_PI;
         }
     const double flat = hypot(towards[0], towards[1]), deg = 180.0 / G_PI;
-    return (struct view_lamp){atan2(flat, towards[2]) * deg,
-                              atan2(towards[1], towards[0]) * deg,
-                              {(float)sum[0], (float)sum[1], (float)sum[2]}};
+    return (struct viewer_lamp){atan2(flat, towards[2]) * deg,
+                                atan2(towards[1], towards[0]) * deg,
+                                {(float)sum[0], (float)sum[1], (float)sum[2]}};
 }
 
 int environment_lamps(const float *rgb, int width, int height, int n,
-                      struct view_lamp ret[VIEW_MAX_LAMPS]) {
+                      struct viewer_lamp ret[VIEWER_MAX_LAMPS]) {
     const struct map map = {rgb, width, height};
-    struct part parts[VIEW_MAX_LAMPS] = {{0, width, 0, height, 0.0}};
+    struct part parts[VIEWER_MAX_LAMPS] = {{0, width, 0, height, 0.0}};
     int n_parts = 1, n_lamps = 0;
     parts[0].light = light_of(&map, &parts[0]);
-    while (n_parts < MIN(n, VIEW_MAX_LAMPS)) {
+    while (n_parts < MIN(n, VIEWER_MAX_LAMPS)) {
         int most = 0;
         for (int k = 1; k < n_parts; k++)
             most = parts[k].light > parts[most].light ? k : most;
@@ -152,16 +152,16 @@ void environment_free(struct environment *environment) {
     g_free(environment);
 }
 
-gboolean environment_light(const struct environment *e, struct view_settings *settings,
+gboolean environment_light(const struct environment *e, struct viewer_settings *settings,
                            GError **error) {
-    struct view_lamp *lamps = settings->lamps + settings->n_lamps;
-    if (settings->n_lamps >= VIEW_MAX_LAMPS) {
+    struct viewer_lamp *lamps = settings->lamps + settings->n_lamps;
+    if (settings->n_lamps >= VIEWER_MAX_LAMPS) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "%d lamps leave none for the environment: give fewer", settings->n_lamps);
         return FALSE;
     }
     const int n =
-        environment_lamps(e->rgb, e->width, e->height, VIEW_MAX_LAMPS - settings->n_lamps, lamps);
+        environment_lamps(e->rgb, e->width, e->height, VIEWER_MAX_LAMPS - settings->n_lamps, lamps);
     if (n == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
                     "the environment is black: it lights nothing");

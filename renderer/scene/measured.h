@@ -14,7 +14,7 @@ struct measured {
 
 /* Which measured frame is nearest to camera and light of a plane that lies flat, and, of a texel as
  * many pixels as fit into width (a multiple, 1 at least), the picture. */
-gboolean measured_compare(const Reference *reference, View *view,
-                          const struct view_settings *settings, int width, struct measured *ret,
+gboolean measured_compare(const Reference *reference, Viewer *viewer,
+                          const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error);
 void measured_clear(struct measured *measured);

@@ -6,12 +6,12 @@
  */
 #pragma once
 
-#include "view.h"
+#include "viewer.h"
 
 enum program_kind {
     PROGRAM_SURFACE, /* the mesh */
     PROGRAM_RELIEF,  /* with what relief_bind() sets */
-    PROGRAM_FLAT,    /* one tile; see view_render_flat() */
+    PROGRAM_FLAT,    /* one tile; see viewer_render_flat() */
 };
 
 typedef struct Programs Programs; /* belongs to the thread of the GL context */
@@ -22,7 +22,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 
 /* Returns 0 on error. Owned by programs. */
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const struct view_settings *settings, GError **error);
+                   const struct viewer_settings *settings, GError **error);
 
 /* How bright the first lamp is, and all further ones, in a program in use that has further.glsl. */
-void programs_set_lamps(guint program, const struct view_settings *settings);
+void programs_set_lamps(guint program, const struct viewer_settings *settings);

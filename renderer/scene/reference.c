@@ -42,10 +42,10 @@ struct layers {
 
 struct shading {
     const Reference *reference;
-    const struct view_settings *settings;
+    const struct viewer_settings *settings;
     struct sample *samples;
     guint n_samples;
-    const float *texel, *view, *light, *lit; /* as view_render_geometry() gives them */
+    const float *texel, *view, *light, *lit; /* as viewer_render_geometry() gives them */
     const struct layers *layers;
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
@@ -400,15 +400,17 @@ static void put_samples(const struct shading *s, float *picture, double *ret_err
         *ret_error = squares > 0.0 ? sqrt(differences / squares) : 0.0;
 }
 
-float *reference_render_linear(Reference *r, View *view, const struct view_settings *s, int width,
-                               int height, double *ret_error, GError **error) {
-    g_autofree float *picture = view_render_linear(view, s, width, height, error);
+float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer_settings *s,
+                               int width, int height, double *ret_error, GError **error) {
+    g_autofree float *picture = viewer_render_linear(viewer, s, width, height, error);
     g_autofree float *texel = NULL, *to_view = NULL, *to_light = NULL, *lit = NULL;
     if (picture == NULL ||
-        !(texel = view_render_geometry(view, s, VIEW_GEOMETRY_TEXEL, width, height, error)) ||
-        !(to_view = view_render_geometry(view, s, VIEW_GEOMETRY_VIEW, width, height, error)) ||
-        !(to_light = view_render_geometry(view, s, VIEW_GEOMETRY_LIGHT, width, height, error)) ||
-        !(lit = view_render_geometry(view, s, VIEW_GEOMETRY_LIT, width, height, error)))
+        !(texel = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, width, height, error)) ||
+        !(to_view =
+              viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error)) ||
+        !(to_light =
+              viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIGHT, width, height, error)) ||
+        !(lit = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, width, height, error)))
         return NULL;
     g_autoptr(GArray) samples = find_samples(texel, (gsize)width * height);
     struct shading shading = {.reference = r,
@@ -425,9 +427,9 @@ float *reference_render_linear(Reference *r, View *view, const struct view_setti
     return g_steal_pointer(&picture);
 }
 
-guint8 *reference_render(Reference *r, View *view, const struct view_settings *settings, int width,
-                         int height, double *ret_error, GError **error) {
-    struct view_settings s = *settings;
+guint8 *reference_render(Reference *r, Viewer *viewer, const struct viewer_settings *settings,
+                         int width, int height, double *ret_error, GError **error) {
+    struct viewer_settings s = *settings;
     while (s.samples > 1 && (gint64)width * height * s.samples * s.samples > REFERENCE_MAX_SAMPLES)
         s.samples--;
     if ((gint64)width * height > REFERENCE_MAX_SAMPLES) {
@@ -436,7 +438,7 @@ guint8 *reference_render(Reference *r, View *view, const struct view_settings *s
                     REFERENCE_MAX_SAMPLES);
         return NULL;
     }
-    g_autofree float *linear = reference_render_linear(r, view, &s, width * s.samples,
+    g_autofree float *linear = reference_render_linear(r, viewer, &s, width * s.samples,
                                                        height * s.samples, ret_error, error);
-    return linear != NULL ? view_resolve(view, &s, linear, width, height, error) : NULL;
+    return linear != NULL ? viewer_resolve(viewer, &s, linear, width, height, error) : NULL;
 }

@@ -1,4 +1,4 @@
-// What shading elsewhere needs; see view_render_geometry().
+// What shading elsewhere needs; see viewer_render_geometry().
 uniform int which;
 
 void main() {

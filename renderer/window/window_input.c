@@ -95,7 +95,7 @@ static void on_character(GLFWwindow *glfw, unsigned character) {
 
 static void on_move(GLFWwindow *glfw, double x, double y) {
     struct window *w = glfwGetWindowUserPointer(glfw);
-    struct view_settings *s = &w->settings;
+    struct viewer_settings *s = &w->settings;
     double dx = x - w->x, dy = y - w->y;
     w->x = x;
     w->y = y;
@@ -115,7 +115,7 @@ static void on_move(GLFWwindow *glfw, double x, double y) {
 
 static void on_wheel(GLFWwindow *glfw, double x, double y) {
     struct window *w = glfwGetWindowUserPointer(glfw);
-    struct view_settings *s = &w->settings;
+    struct viewer_settings *s = &w->settings;
     if (ui_wants_mouse())
         return;
     if (s->camera_distance > 0.0) /* else nothing is drawn yet */

@@ -78,7 +78,7 @@ static void draw_shape(struct window *w) {
 }
 
 static void draw_light(struct window *w) {
-    struct view_settings *s = &w->settings;
+    struct viewer_settings *s = &w->settings;
     double phi = s->light_phi_deg - 360.0 * floor(s->light_phi_deg / 360.0);
     w->stale |= ui_slider("light theta", &s->light_theta_deg, 0.0, 180.0, "%.0f°");
     if (ui_slider("light phi", &phi, 0.0, 360.0, "%.0f°")) {
@@ -149,7 +149,7 @@ void window_panel(struct window *w) {
                                                          : g_strdup("no material");
     g_autofree char *time =
         g_strdup_printf("%s: %.1f ms a picture on %s", name, w->frame_ms, gpu_renderer());
-    const struct view_memory bytes = view_memory(w->view);
+    const struct viewer_memory bytes = viewer_memory(w->viewer);
     g_autofree char *memory =
         g_strdup_printf("%.1f MB on the card, its MDF %.1f MB", (double)bytes.material * 1e-6,
                         (double)bytes.mdf * 1e-6);

@@ -2,26 +2,27 @@
 #pragma once
 
 #include "gpu_fixture.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <math.h>
 
 #define SIZE 96
 
-/* What a pixel should be, from texel coordinates and directions as view_render_geometry() gives
+/* What a pixel should be, from texel coordinates and directions as viewer_render_geometry() gives
  * them; FALSE where rounding may pick other texels or directions. */
 typedef gboolean (*Expected)(gconstpointer data, const float *at, const float *v, const float *l,
                              double ret[3]);
 
-static inline void compare_picture(Expected func, gconstpointer data, View *view,
-                                   const struct view_settings *settings) {
+static inline void compare_picture(Expected func, gconstpointer data, Viewer *viewer,
+                                   const struct viewer_settings *settings) {
     g_autoptr(GError) error = NULL;
-    g_autofree float *shown = view_render_linear(view, settings, SIZE, SIZE, &error);
+    g_autofree float *shown = viewer_render_linear(viewer, settings, SIZE, SIZE, &error);
     g_assert_no_error(error);
     float *given[3];
     for (int k = 0; k < 3; k++) {
-        given[k] = view_render_geometry(view, settings, (enum view_geometry)k, SIZE, SIZE, &error);
+        given[k] =
+            viewer_render_geometry(viewer, settings, (enum viewer_geometry)k, SIZE, SIZE, &error);
         g_assert_no_error(error);
     }
     int n = 0, wrong = 0;
@@ -44,11 +45,11 @@ static inline void compare_picture(Expected func, gconstpointer data, View *view
         g_free(given[k]);
 }
 
-static void start_view(View *view, struct view_settings *settings, const struct mesh *mesh) {
+static void start_view(Viewer *viewer, struct viewer_settings *settings, const struct mesh *mesh) {
     g_autoptr(GError) error = NULL;
-    view_set_mesh(view, mesh, &error);
+    viewer_set_mesh(viewer, mesh, &error);
     g_assert_no_error(error);
-    *settings = view_settings_default;
+    *settings = viewer_settings_default;
     settings->camera_distance = 3;
     settings->tiles_u = 3;
     settings->tiles_v = 2;

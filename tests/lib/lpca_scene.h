@@ -271,23 +271,23 @@ static gboolean of_levels(gconstpointer data, const float *at, const float *v, c
     return TRUE;
 }
 
-static void check_levels(View *view, struct lpca *const *levels, double tiles) {
+static void check_levels(Viewer *viewer, struct lpca *const *levels, double tiles) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
-    struct view_settings settings;
+    struct viewer_settings settings;
     struct between b;
     g_autoptr(Directions) views = directions_new_triangulated(
         levels[0]->view_theta_deg, levels[0]->view_phi_deg, levels[0]->n_views, &error);
     g_autoptr(Directions) lights = directions_new_triangulated(
         levels[0]->light_theta_deg, levels[0]->light_phi_deg, levels[0]->n_lights, &error);
-    start_view(view, &settings, mesh);
+    start_view(viewer, &settings, mesh);
     settings.ambient = 0;
     settings.camera_elevation_deg = 90;
     settings.tiles_u = settings.tiles_v = tiles;
     for (int k = 0; k < 3; k++)
         b.scenes[k] = (struct scene){.lpca = levels[k], .views = views, .lights = lights};
     g_autofree float *texels =
-        view_render_geometry(view, &settings, VIEW_GEOMETRY_TEXEL, SIZE, SIZE, &error);
+        viewer_render_geometry(viewer, &settings, VIEWER_GEOMETRY_TEXEL, SIZE, SIZE, &error);
     const float *middle = texels + 4 * (SIZE / 2 * SIZE + SIZE / 2), *next = middle + 4;
     const float *below = middle + 4 * SIZE;
     const double across =
@@ -296,6 +296,6 @@ static void check_levels(View *view, struct lpca *const *levels, double tiles) {
         hypot((double)(below[0] - middle[0]) * W, (double)(below[1] - middle[1]) * H);
     b.level = CLAMP(log2(fmax(across, down)), 0, 2);
     g_test_message("%g tiles: level %.3f", tiles, b.level);
-    compare_picture(of_levels, &b, view, &settings);
+    compare_picture(of_levels, &b, viewer, &settings);
     mesh_free(mesh);
 }

@@ -6,7 +6,7 @@
 
 #include "displaced.h"
 #include "exr/exr.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 
 #include <math.h>
 
@@ -33,7 +33,7 @@ static inline void overlap_add(struct overlap *o, gboolean a, gboolean b) {
     o->either += a || b;
 }
 
-static inline struct displaced_camera camera_of(const struct view_settings *s, int width,
+static inline struct displaced_camera camera_of(const struct viewer_settings *s, int width,
                                                 int height) {
     return (struct displaced_camera){
         .azimuth_deg = s->camera_azimuth_deg,
@@ -47,14 +47,14 @@ static inline struct displaced_camera camera_of(const struct view_settings *s, i
     };
 }
 
-static inline void light_of(const struct view_settings *s, double ret[3]) {
+static inline void light_of(const struct viewer_settings *s, double ret[3]) {
     double theta = s->light_theta_deg * G_PI / 180, phi = s->light_phi_deg * G_PI / 180;
     ret[0] = sin(theta) * cos(phi);
     ret[1] = sin(theta) * sin(phi);
     ret[2] = cos(theta);
 }
 
-static inline struct displaced_pixel *trace(Displaced *displaced, const struct view_settings *s,
+static inline struct displaced_pixel *trace(Displaced *displaced, const struct viewer_settings *s,
                                             int width, int height) {
     struct displaced_pixel *pixels = g_new(struct displaced_pixel, (gsize)width * height);
     struct displaced_camera camera = camera_of(s, width, height);
@@ -86,9 +86,9 @@ static inline void floor_point(const struct displaced_camera *c, int i, int j, d
                  (c->up + along * y) * up[k];
 }
 
-/* What view_render_geometry(…, VIEW_GEOMETRY_LIT, …) returned against what was traced. */
+/* What viewer_render_geometry(…, VIEWER_GEOMETRY_LIT, …) returned against what was traced. */
 static inline struct scores score(const float *seen, const struct displaced_pixel *truth,
-                                  const struct view_settings *s, int width, int height,
+                                  const struct viewer_settings *s, int width, int height,
                                   gboolean floor) {
     struct scores scores = {0};
     struct displaced_camera camera = camera_of(s, width, height);

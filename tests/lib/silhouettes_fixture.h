@@ -28,18 +28,18 @@ static inline struct eigenmaps *grey(void) {
     return m;
 }
 
-static inline View *new_view(const struct mesh *mesh, const struct mdf_table *mdf) {
+static inline Viewer *new_view(const struct mesh *mesh, const struct mdf_table *mdf) {
     g_autoptr(GError) error = NULL;
     struct eigenmaps *material = grey();
-    View *view = view_new(material, &error);
+    Viewer *viewer = viewer_new(material, &error);
     g_assert_no_error(error);
     eigenmaps_free(material);
-    view_set_mesh(view, mesh, &error);
+    viewer_set_mesh(viewer, mesh, &error);
     g_assert_no_error(error);
     if (mdf != NULL)
-        view_set_mdf(view, &(struct mdf_source){.table = mdf}, &error);
+        viewer_set_mdf(viewer, &(struct mdf_source){.table = mdf}, &error);
     g_assert_no_error(error);
-    return view;
+    return viewer;
 }
 
 #define N_THETA 5

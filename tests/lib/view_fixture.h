@@ -7,7 +7,7 @@
 
 #include "exr/exr.h"
 #include "gpu_fixture.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <glib/gstdio.h>
@@ -99,8 +99,8 @@ static struct eigenmaps *make_material(enum kind kind, int n_rings, int n_phi) {
     return m;
 }
 
-static inline struct view_settings bare_settings(void) {
-    struct view_settings s = view_settings_default;
+static inline struct viewer_settings bare_settings(void) {
+    struct viewer_settings s = viewer_settings_default;
     s.ambient = 0.0;
     s.tiles_u = s.tiles_v = 1.0;
     s.style.nearest = TRUE;
@@ -109,7 +109,7 @@ static inline struct view_settings bare_settings(void) {
 }
 
 /* The ray through the middle of a pixel, from this file's own idea of the camera. */
-static inline struct v3 ray(const struct view_settings *s, double radius, int width, int height,
+static inline struct v3 ray(const struct viewer_settings *s, double radius, int width, int height,
                             int i, int j, struct v3 *ret_eye) {
     struct v3 back = unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
     struct v3 right = v3(-sin(s->camera_azimuth_deg * DEG), cos(s->camera_azimuth_deg * DEG), 0.0);
@@ -150,7 +150,7 @@ static inline struct hit hit_torus(struct v3 eye, struct v3 d) {
 
 struct check {
     enum kind kind;
-    const struct view_settings *settings;
+    const struct viewer_settings *settings;
     const float *pixels;
     int width, height;
     double radius;
@@ -207,15 +207,15 @@ static inline void compare(const struct check *c, double tolerance, int at_least
     g_assert_cmpint(wrong, <=, n / 500);
 }
 
-static inline View *make_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
+static inline Viewer *make_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
     g_autoptr(GError) error = NULL;
     struct eigenmaps *material = make_material(kind, n_rings, n_phi);
-    View *view = view_new(material, &error);
+    Viewer *viewer = viewer_new(material, &error);
     g_assert_no_error(error);
     eigenmaps_free(material);
-    view_set_mesh(view, mesh, &error);
+    viewer_set_mesh(viewer, mesh, &error);
     g_assert_no_error(error);
-    return view;
+    return viewer;
 }
 
 /* The BTF whose eigen-maps make_material() gives, one file a view. */

@@ -10,14 +10,15 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_autoptr(GError) error = NULL;
     struct lpca *lpca = make_lpca(n_clusters, n_components);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     g_assert_no_error(error);
-    struct view_settings settings;
-    start_view(view, &settings, mesh);
+    struct viewer_settings settings;
+    start_view(viewer, &settings, mesh);
     if (n_grid == 0)
-        view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+        viewer_set_method(viewer, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     else
-        view_set_method(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error), &error);
+        viewer_set_method(viewer, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error),
+                          &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
@@ -30,7 +31,7 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_autofree float *sky = g_new0(float, lpca->n_lights);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest, n_grid};
-    compare_picture(of_scene, &scene, view, &settings);
+    compare_picture(of_scene, &scene, viewer, &settings);
     mesh_free(mesh);
     lpca_free(lpca);
 }
@@ -61,20 +62,20 @@ static void check_revised(int n_clusters, int n_components, gboolean nearest, do
     struct lpca *lpca = make_lpca(n_clusters, n_components);
     struct lpca *grid = lpca_resample(lpca, n, &error);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     g_assert_no_error(error);
-    start_view(view, &settings, mesh);
+    start_view(viewer, &settings, mesh);
     lpca_quantise(grid, LPCA_8BIT);
-    view_set_method(view, &method_lpca_revised,
-                    lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
+    viewer_set_method(viewer, &method_lpca_revised,
+                      lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
     g_autofree float *sky = sky_of_grid(n);
     const struct scene scene = {
         .lpca = grid, .sky = sky, .ambient = ambient, .nearest = nearest, .revised = TRUE};
-    compare_picture(of_scene, &scene, view, &settings);
+    compare_picture(of_scene, &scene, viewer, &settings);
     mesh_free(mesh);
     lpca_free(lpca);
     lpca_free(grid);
@@ -93,17 +94,17 @@ static void test_levels(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct lpca *levels[3];
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     for (int k = 0; k < 3; k++)
         levels[k] = make_level(k, 4 - k, k == 1 ? 2 : 3);
-    view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
+    viewer_set_method(viewer, &method_lpca, lpca_view_new(levels, 3, &error), &error);
     g_assert_no_error(error);
-    check_levels(view, levels, 6);
-    check_levels(view, levels, 18);
-    check_levels(view, levels, 33);
-    check_levels(view, levels, 90);
+    check_levels(viewer, levels, 6);
+    check_levels(viewer, levels, 18);
+    check_levels(viewer, levels, 33);
+    check_levels(viewer, levels, 90);
     /* Levels with different numbers of components and clusters share one 3D texture. */
-    view_set_method(view, &method_lpca_revised, lpca_revised_new(levels, 3, 6, &error), &error);
+    viewer_set_method(viewer, &method_lpca_revised, lpca_revised_new(levels, 3, 6, &error), &error);
     g_assert_no_error(error);
     levels[1]->view_phi_deg[3] += 1;
     g_assert_null(lpca_view_new(levels, 3, &error));
@@ -146,8 +147,8 @@ static struct btf_matrix *make_btf(void) {
 
 /* How far two methods' pictures are apart, relative to those of the first, over all measured pairs
  * of directions and all texels. */
-static double apart(View *a, View *b, const struct btf_matrix *btf) {
-    struct view_settings s = view_settings_default;
+static double apart(Viewer *a, Viewer *b, const struct btf_matrix *btf) {
+    struct viewer_settings s = viewer_settings_default;
     g_autoptr(GError) error = NULL;
     double off = 0, all = 0;
     for (int k = 0; k < btf->n_views * btf->n_lights; k++) {
@@ -157,8 +158,8 @@ static double apart(View *a, View *b, const struct btf_matrix *btf) {
             direction_at(btf->light_theta_deg, btf->light_phi_deg, k % btf->n_lights);
         const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
         const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
-        g_autofree float *one = view_render_flat(a, &s, to_view, to_light, W, H, &error);
-        g_autofree float *other = view_render_flat(b, &s, to_view, to_light, W, H, &error);
+        g_autofree float *one = viewer_render_flat(a, &s, to_view, to_light, W, H, &error);
+        g_autofree float *other = viewer_render_flat(b, &s, to_view, to_light, W, H, &error);
         g_assert_no_error(error);
         for (int i = 0; i < 4 * W * H; i++) {
             off += i % 4 < 3 ? pow((double)other[i] - one[i], 2) : 0;
@@ -180,16 +181,16 @@ static void test_agree(struct fixture *f, gconstpointer data) {
     const struct lpca_options options = {.n_clusters = 2, .n_components = 3};
     struct lpca *lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
-    g_autoptr(View) original = view_new(NULL, &error), revised = view_new(NULL, &error);
+    g_autoptr(Viewer) original = viewer_new(NULL, &error), revised = viewer_new(NULL, &error);
     double before = 1;
-    view_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    viewer_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     g_assert_no_error(error);
     for (gsize k = 0; k < G_N_ELEMENTS(grids); k++) {
         struct lpca *grid = lpca_resample(lpca, grids[k], &error);
         lpca_quantise(grid, LPCA_8BIT);
         const double reported = lpca_resample_error(grid, btf, 0);
-        view_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
-                        &error);
+        viewer_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
+                          &error);
         g_assert_no_error(error);
         const double found = apart(original, revised, btf);
         g_test_message("grid of %d: compression %.4f, with resampling %.4f; pictures %.4f apart",
@@ -209,18 +210,18 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct lpca *levels[2] = {make_level(0, 3, 5), make_level(1, 2, 5)};
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     g_assert_no_error(error);
     const gint64 texels = (gint64)(W * H + W / 2 * (H / 2)) * (8 + 2 * 16),
                  cubes = 4 * 6 * 65536 * 8;
     const gint64 n = RINGS * A_RING;
-    view_set_method(view, &method_lpca, lpca_view_new(levels, 2, &error), &error);
+    viewer_set_method(viewer, &method_lpca, lpca_view_new(levels, 2, &error), &error);
     g_assert_no_error(error);
-    g_assert_cmpint(view_memory(view).material, ==, texels + cubes + 5 * n * (n + 1) * 6 * 8);
-    view_set_method(view, &method_lpca_grid, lpca_grid_new(levels, 2, 6, &error), &error);
+    g_assert_cmpint(viewer_memory(viewer).material, ==, texels + cubes + 5 * n * (n + 1) * 6 * 8);
+    viewer_set_method(viewer, &method_lpca_grid, lpca_grid_new(levels, 2, 6, &error), &error);
     g_assert_no_error(error);
-    g_assert_cmpint(view_memory(view).material, ==, texels + 5 * 36 * 37 * 2 * 16);
-    g_assert_cmpint(view_memory(view).mdf, ==, 0);
+    g_assert_cmpint(viewer_memory(viewer).material, ==, texels + 5 * 36 * 37 * 2 * 16);
+    g_assert_cmpint(viewer_memory(viewer).mdf, ==, 0);
     lpca_free(levels[0]);
     lpca_free(levels[1]);
 }

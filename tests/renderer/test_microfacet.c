@@ -131,10 +131,10 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     g_assert_no_error(error);
-    start_view(view, &settings, mesh);
+    start_view(viewer, &settings, mesh);
     settings.style.nearest = TRUE;
     settings.tiles_u = 0.5;
     settings.tiles_v = 0.25; /* of fabric every yarn is large */
@@ -144,11 +144,11 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         const struct scene scene = {(enum microfacet_surface)(k / METHOD_ROTATIONS / 2),
                                     (enum microfacet_model)(k / METHOD_ROTATIONS % 2), rotation,
                                     k % 2 ? 0.2 : 0};
-        g_assert_true(view_open(view, method, NULL, &error));
+        g_assert_true(viewer_open(viewer, method, NULL, &error));
         settings.style.rotation = rotation;
         settings.ambient = scene.ambient;
         g_test_message("%s, rotation %d", method->name, rotation);
-        compare_picture(expected, &scene, view, &settings);
+        compare_picture(expected, &scene, viewer, &settings);
     }
     mesh_free(mesh);
 }

@@ -8,9 +8,9 @@
 #define W 320
 #define H 240
 
-static float *see(View *view, const struct view_settings *s, int width, int height) {
+static float *see(Viewer *viewer, const struct viewer_settings *s, int width, int height) {
     g_autoptr(GError) error = NULL;
-    float *seen = view_render_geometry(view, s, VIEW_GEOMETRY_LIT, width, height, &error);
+    float *seen = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, width, height, &error);
     g_assert_no_error(error);
     return seen;
 }
@@ -67,13 +67,13 @@ static void check_sphere(double h_mm, enum visibility_way way) {
     struct mdf_table *mdf = flat_mdf(4, h_mm);
     mesh->tiles_u = 12;
     mesh->tiles_v = 6;
-    g_autoptr(View) view = new_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) viewer = new_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
     s.camera_distance = 6.0;
     s.camera_fov_deg = 22.0;
     s.silhouettes = TRUE;
     s.visibility.way = way;
-    g_autofree float *seen = see(view, &s, W, H);
+    g_autofree float *seen = see(viewer, &s, W, H);
     double area = 0.0;
     for (int k = 0; k < W * H; k++)
         area += seen[4 * k + 3] > 0.5f;
@@ -140,8 +140,8 @@ static void test_ways_agree(struct fixture *f, gconstpointer data) {
         return;
     struct mesh *mesh = pile(5);
     struct mdf_table *mdf = bumpy_mdf();
-    g_autoptr(View) view = new_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) viewer = new_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
     s.camera_elevation_deg = 12.0;
     s.silhouettes = s.shadows = TRUE;
     s.shadow_size = 256;
@@ -149,9 +149,9 @@ static void test_ways_agree(struct fixture *f, gconstpointer data) {
     for (int straight = 0; straight < 2; straight++)
         for (int layers = 1; layers <= 4; layers += 1 + 2 * (layers == 2)) {
             s.visibility = (struct visibility_options){VISIBILITY_PEEL, layers, straight};
-            g_autofree float *peeled = see(view, &s, W, H);
+            g_autofree float *peeled = see(viewer, &s, W, H);
             s.visibility.way = VISIBILITY_AUTO;
-            g_autofree float *listed = see(view, &s, W, H);
+            g_autofree float *listed = see(viewer, &s, W, H);
             int differ = 0;
             for (int k = 0; k < 4 * W * H; k++)
                 differ += fabsf(peeled[k] - listed[k]) > 1e-3f;
@@ -170,17 +170,17 @@ static void test_lists_grow(struct fixture *f, gconstpointer data) {
         return;
     struct mesh *mesh = pile(8);
     struct mdf_table *mdf = bumpy_mdf();
-    g_autoptr(View) view = new_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) viewer = new_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
     s.camera_elevation_deg = 1.0;
     s.camera_azimuth_deg = -90.0;
     s.silhouettes = TRUE;
     for (int size = 60; size <= 240; size *= 4) {
         s.camera_distance = 0.9;
         s.visibility.way = VISIBILITY_LISTS;
-        g_autofree float *listed = see(view, &s, size, size);
+        g_autofree float *listed = see(viewer, &s, size, size);
         s.visibility.way = VISIBILITY_PEEL;
-        g_autofree float *peeled = see(view, &s, size, size);
+        g_autofree float *peeled = see(viewer, &s, size, size);
         int differ = 0;
         for (int k = 0; k < 4 * size * size; k++)
             differ += fabsf(peeled[k] - listed[k]) > 1e-3f;
@@ -197,12 +197,12 @@ static void test_smooth(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 96, 48);
     struct mdf_table *mdf = flat_mdf(2, 0.0);
-    g_autoptr(View) view = new_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
-    g_autofree float *without = view_render_linear(view, &s, W, H, &error);
+    g_autoptr(Viewer) viewer = new_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
+    g_autofree float *without = viewer_render_linear(viewer, &s, W, H, &error);
     g_assert_no_error(error);
     s.silhouettes = TRUE;
-    g_autofree float *with = view_render_linear(view, &s, W, H, &error);
+    g_autofree float *with = viewer_render_linear(viewer, &s, W, H, &error);
     g_assert_no_error(error);
     int differ = 0;
     for (int k = 0; k < 4 * W * H; k++)
@@ -220,14 +220,14 @@ static void test_shadow_ring(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = new_view(mesh, NULL);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) viewer = new_view(mesh, NULL);
+    struct viewer_settings s = viewer_settings_default;
     s.light_theta_deg = 0.0;
     s.camera_elevation_deg = 35.0;
     s.shadows = TRUE;
-    view_fit(view, &s, (double)W / H);
+    viewer_fit(viewer, &s, (double)W / H);
     struct displaced_camera c = camera_of(&s, W, H);
-    g_autofree float *seen = see(view, &s, W, H);
+    g_autofree float *seen = see(viewer, &s, W, H);
     int n = 0, wrong = 0;
     for (int k = 0; k < W * H; k++) {
         int i = k % W, j = k / W;
@@ -260,28 +260,28 @@ static void test_shadow_kept(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = pile(3);
     struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
-    g_autoptr(View) view = new_view(mesh, bumps);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) viewer = new_view(mesh, bumps);
+    struct viewer_settings s = viewer_settings_default;
     s.silhouettes = s.shadows = TRUE;
-    g_autofree float *first = see(view, &s, W, H);
-    g_autofree float *again = see(view, &s, W, H);
+    g_autofree float *first = see(viewer, &s, W, H);
+    g_autofree float *again = see(viewer, &s, W, H);
     g_assert_true(same(first, again));
     s.light_phi_deg += 40.0;
-    g_autofree float *lit_otherwise = see(view, &s, W, H);
+    g_autofree float *lit_otherwise = see(viewer, &s, W, H);
     g_assert_false(same(first, lit_otherwise));
     s.light_phi_deg -= 40.0;
-    g_assert_true(view_set_mdf(view, &(struct mdf_source){.table = flat}, &error));
-    g_autofree float *with_flat = see(view, &s, W, H);
+    g_assert_true(viewer_set_mdf(viewer, &(struct mdf_source){.table = flat}, &error));
+    g_autofree float *with_flat = see(viewer, &s, W, H);
     g_assert_false(same(first, with_flat));
-    g_assert_true(view_set_mdf(view, &(struct mdf_source){.table = bumps}, &error));
-    g_autofree float *as_before = see(view, &s, W, H);
+    g_assert_true(viewer_set_mdf(viewer, &(struct mdf_source){.table = bumps}, &error));
+    g_autofree float *as_before = see(viewer, &s, W, H);
     g_assert_true(same(first, as_before));
     mesh_free(mesh);
     mesh = pile(2);
-    g_assert_true(view_set_mesh(view, mesh, &error));
-    g_autofree float *other_mesh = see(view, &s, W, H);
+    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
+    g_autofree float *other_mesh = see(viewer, &s, W, H);
     s.shadow_size = 64;
-    g_autofree float *coarse = see(view, &s, W, H);
+    g_autofree float *coarse = see(viewer, &s, W, H);
     g_assert_false(same(other_mesh, coarse));
     mdf_table_free(bumps);
     mdf_table_free(flat);
@@ -298,23 +298,23 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = new_view(mesh, NULL);
+    g_autoptr(Viewer) viewer = new_view(mesh, NULL);
     mesh_free(mesh);
-    view_open_mdf(view, mdf, &error);
+    viewer_open_mdf(viewer, mdf, &error);
     g_assert_no_error(error);
     struct truth_surface surface;
     truth_surface(world, &surface);
     struct displaced_shape shape = {
         TORUS_RADIUS, TORUS_TUBE, u, v, TORUS_FLOOR * TORUS_MESH_RADIUS, 25.0, m->reference_mm};
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     s.shadows = TRUE;
-    view_fit(view, &s, (double)W / H);
+    viewer_fit(viewer, &s, (double)W / H);
     g_autofree struct displaced_pixel *truth = trace(displaced, &s, W, H);
     struct scores scores[2];
     for (int way = 0; way < 2; way++) {
         s.silhouettes = way;
-        g_autofree float *seen = see(view, &s, W, H);
+        g_autofree float *seen = see(viewer, &s, W, H);
         scores[way] = score(seen, truth, &s, W, H, TRUE);
     }
     g_test_message("%s %dx%d: outline %.4f (BTF alone %.4f), shadow %.4f (%.4f)", m->kind, u, v,
@@ -440,15 +440,15 @@ static void test_missing(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
     struct mesh *mesh = scene_sphere();
-    g_autoptr(View) view = new_view(mesh, NULL);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) viewer = new_view(mesh, NULL);
+    struct viewer_settings s = viewer_settings_default;
     s.silhouettes = TRUE;
-    g_assert_null(view_render(view, &s, 40, 30, &none));
+    g_assert_null(viewer_render(viewer, &s, 40, 30, &none));
     g_assert_nonnull(strstr(none->message, "mdf.exr"));
-    g_assert_false(view_open_mdf(view, "/nonexistent/mdf.exr", &file));
+    g_assert_false(viewer_open_mdf(viewer, "/nonexistent/mdf.exr", &file));
     g_assert_nonnull(strstr(file->message, "/nonexistent/mdf.exr"));
     s.visibility.layers = 0;
-    g_assert_false(view_settings_check(&s, &layers));
+    g_assert_false(viewer_settings_check(&s, &layers));
     mesh_free(mesh);
 }
 

@@ -22,11 +22,11 @@ static void check_log(int n_components, gboolean nearest, double ambient) {
     g_autoptr(GError) error = NULL;
     struct lpca *lpca = make_lpca(4, n_components);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    g_autoptr(View) view = view_new(NULL, &error);
-    struct view_settings settings;
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
+    struct viewer_settings settings;
     make_log(lpca);
-    start_view(view, &settings, mesh);
-    view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    start_view(viewer, &settings, mesh);
+    viewer_set_method(viewer, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
@@ -37,7 +37,7 @@ static void check_log(int n_components, gboolean nearest, double ambient) {
     g_autofree float *sky = g_new0(float, lpca->n_lights);
     directions_sky(lights, sky);
     const struct scene scene = {lpca, views, lights, sky, ambient, nearest};
-    compare_picture(of_scene, &scene, view, &settings);
+    compare_picture(of_scene, &scene, viewer, &settings);
     g_assert_null(lpca_grid_new(&lpca, 1, 4, &error));
     g_assert_nonnull(strstr(error->message, "--method lpca"));
     g_clear_error(&error);
@@ -61,15 +61,15 @@ static void test_levels(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct lpca *levels[3];
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     for (int k = 0; k < 3; k++) {
         levels[k] = make_level(k, 4 - k, k == 1 ? 2 : 3);
         make_log(levels[k]);
     }
-    view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
+    viewer_set_method(viewer, &method_lpca, lpca_view_new(levels, 3, &error), &error);
     g_assert_no_error(error);
-    check_levels(view, levels, 18);
-    check_levels(view, levels, 33);
+    check_levels(viewer, levels, 18);
+    check_levels(viewer, levels, 33);
     levels[1]->colours = LPCA_RGB;
     g_assert_null(lpca_view_new(levels, 3, &error));
     g_assert_nonnull(strstr(error->message, "mip level 1"));

@@ -8,7 +8,7 @@
 #include "mdf_codecs/mdf_factors.h"
 #include "mdf_codecs/mdf_packed.h"
 #include "pipeline/pipeline.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <epoxy/gl.h>
@@ -405,11 +405,12 @@ static struct mdf_table *waves(void) {
     return t;
 }
 
-static gboolean *outline(View *view, gboolean silhouettes) {
+static gboolean *outline(Viewer *viewer, gboolean silhouettes) {
     g_autoptr(GError) error = NULL;
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     s.silhouettes = silhouettes;
-    g_autofree float *seen = view_render_geometry(view, &s, VIEW_GEOMETRY_TEXEL, W, H, &error);
+    g_autofree float *seen =
+        viewer_render_geometry(viewer, &s, VIEWER_GEOMETRY_TEXEL, W, H, &error);
     g_assert_no_error(error);
     gboolean *ret = g_new(gboolean, W * H);
     for (int i = 0; i < W * H; i++)
@@ -432,31 +433,31 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
     const struct scene_options scene = {3, 1, SCENE_Z_UP, FALSE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
     struct eigenmaps *material = grey();
-    g_autoptr(View) view = view_new(material, &error);
+    g_autoptr(Viewer) viewer = viewer_new(material, &error);
     g_assert_no_error(error);
-    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
     struct mdf_table *t = waves();
     struct mdf_blocks *blocks = mdf_blocks_new(t);
-    g_autofree gboolean *smooth = outline(view, FALSE);
+    g_autofree gboolean *smooth = outline(viewer, FALSE);
     g_autofree char *path = g_build_filename(fixture_folder(), "drawn.exr", NULL);
 
     struct mdf_table *flat = mdf_blocks_table(blocks);
     mdf_table_add_grazing(flat);
-    g_assert_true(view_set_mdf(view, &(struct mdf_source){.table = flat}, &error));
-    g_autofree gboolean *raw = outline(view, TRUE);
+    g_assert_true(viewer_set_mdf(viewer, &(struct mdf_source){.table = flat}, &error));
+    g_autofree gboolean *raw = outline(viewer, TRUE);
     g_assert_true(mdf_blocks_write(path, blocks, &error));
-    g_assert_true(view_open_mdf(view, path, &error));
-    g_autofree gboolean *in_blocks = outline(view, TRUE);
+    g_assert_true(viewer_open_mdf(viewer, path, &error));
+    g_autofree gboolean *in_blocks = outline(viewer, TRUE);
 
     mdf_table_add_grazing(t);
     struct mdf_factors *few = mdf_factors_compute(t, N_VIEWS, 6, 0, NULL, &error);
     g_assert_no_error(error);
     struct mdf_table *of_few = mdf_factors_table(few);
-    g_assert_true(view_set_mdf(view, &(struct mdf_source){.table = of_few}, &error));
-    g_autofree gboolean *raw_few = outline(view, TRUE);
+    g_assert_true(viewer_set_mdf(viewer, &(struct mdf_source){.table = of_few}, &error));
+    g_autofree gboolean *raw_few = outline(viewer, TRUE);
     g_assert_true(mdf_factors_write(path, few, &error));
-    g_assert_true(view_open_mdf(view, path, &error));
-    g_autofree gboolean *drawn_few = outline(view, TRUE);
+    g_assert_true(viewer_open_mdf(viewer, path, &error));
+    g_autofree gboolean *drawn_few = outline(viewer, TRUE);
 
     g_test_message("pixels that structure changes: %d; of them as blocks %d, as maps %d differ",
                    differ(raw, smooth), differ(raw, in_blocks), differ(raw_few, drawn_few));
