@@ -15,18 +15,10 @@ gint64 direction_textures_bytes(const struct direction_textures *textures) {
            gpu_texture_bytes(textures->target, textures->weights);
 }
 
-static void direction_textures_do_bind(guint program, const char *name, const char *which, int unit,
-                                       guint target, guint texture) {
-    g_autofree char *uniform = g_strconcat(name, which, NULL);
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(target, texture);
-    glUniform1i(glGetUniformLocation(program, uniform), unit);
-}
-
 void direction_textures_bind(const struct direction_textures *textures, guint program,
                              const char *name, int unit) {
-    direction_textures_do_bind(program, name, "_indices", unit, textures->target,
-                               textures->indices);
-    direction_textures_do_bind(program, name, "_weights", unit + 1, textures->target,
-                               textures->weights);
+    g_autofree char *indices = g_strconcat(name, "_indices", NULL);
+    g_autofree char *weights = g_strconcat(name, "_weights", NULL);
+    gpu_bind_texture(program, indices, unit, textures->target, textures->indices);
+    gpu_bind_texture(program, weights, unit + 1, textures->target, textures->weights);
 }

@@ -283,6 +283,13 @@ guint gpu_texture_levels(int internal_format, int width, int height, int layers,
     return texture;
 }
 
+void gpu_bind_texture(guint program, const char *name, int unit, guint target, guint texture) {
+    glActiveTexture(GL_TEXTURE0 + unit);
+    glBindTexture(target, texture);
+    glActiveTexture(GL_TEXTURE0);
+    glUniform1i(glGetUniformLocation(program, name), unit);
+}
+
 static GLint of_level(guint target, int level, GLenum what) {
     GLint value = 0;
     glGetTexLevelParameteriv(target, level, what, &value);
@@ -296,8 +303,6 @@ static gint64 level_bytes(guint target, int level) {
                                    GL_TEXTURE_BLUE_SIZE,  GL_TEXTURE_ALPHA_SIZE,
                                    GL_TEXTURE_DEPTH_SIZE, GL_TEXTURE_SHARED_SIZE};
     gint64 bits = 0;
-    if (of_level(target, level, GL_TEXTURE_COMPRESSED))
-        return of_level(target, level, GL_TEXTURE_COMPRESSED_IMAGE_SIZE);
     for (gsize k = 0; k < G_N_ELEMENTS(sizes); k++)
         bits += of_level(target, level, sizes[k]);
     return bits / 8 * of_level(target, level, GL_TEXTURE_WIDTH) *

@@ -1,6 +1,6 @@
 /*
- * OpenGL 3.3 core: a context without a window, programs, and errors as sentences. Everything that
- * draws belongs to the thread in which the context was made.
+ * OpenGL 3.3 core: a context without a window, shader programs, textures and render targets, with
+ * OpenGL errors as GErrors. Everything belongs to the thread in which the context was made.
  */
 #pragma once
 
@@ -17,8 +17,8 @@ enum gpu_error {
 
 typedef struct Gpu Gpu;
 
-/* Whether OpenGL's library is there, and with window that through which libepoxy draws into one:
- * where it is not, libepoxy would end the program at the first call. */
+/* Whether the OpenGL library is installed; window: the one that libepoxy needs for a window.
+ * Without it, libepoxy would end the program at the first call. */
 gboolean gpu_find_library(gboolean window, GError **error);
 
 /* Through EGL without a surface (Mesa, or a card's device platform); made current. */
@@ -32,7 +32,7 @@ void gpu_watch(void);
 
 const char *gpu_renderer(void); /* of the current context, never NULL */
 
-/* Fails if OpenGL has an error pending; what: was being done. */
+/* Fails if OpenGL has an error pending. what: the operation, for the message. */
 gboolean gpu_check(const char *what, GError **error);
 
 /* names: of embedded shaders, NULL-ended; the vertex shader first, all others are joined to one
@@ -50,6 +50,10 @@ gboolean gpu_has_43(void);
 guint gpu_texture(int internal_format, int width, int height, int layers);
 /* The same, a 2D array, with n_levels, each of half the texels each way, at least 1. */
 guint gpu_texture_levels(int internal_format, int width, int height, int layers, int n_levels);
+
+/* Binds texture (0: none) to a texture unit and makes it the sampler NAME of a program in use. Unit
+ * 0 is active afterwards. target: a GL_TEXTURE_…. */
+void gpu_bind_texture(guint program, const char *name, int unit, guint target, guint texture);
 
 /* Bytes of all levels that a texture has, by its format as OpenGL tells it; 0 of none (0). target:
  * a GL_TEXTURE_…. */

@@ -1,5 +1,6 @@
 #include "lobes_view.h"
 
+#include "base/direction.h"
 #include "btf/direction_grid.h"
 #include "gl/direction_table.h"
 #include "gl/gpu.h"
@@ -115,7 +116,8 @@ static void upload_values(const LobesView *view, const struct lobes *lobes, int 
     }
 }
 
-/* Of one texel under an even sky: each of the lights has 2π/n of it, 1/π of that counts. */
+/* Reflectance of a texel under an even sky, (1/π) ∫ BTF dω, as the sum over SKY² lights of solid
+ * angle 2π / SKY² each. */
 static void add_sky(const struct lobes *lobes, int slice, int texel, const float view[3],
                     float ret[3]) {
     for (int k = 0; k < SKY * SKY; k++) {
@@ -128,13 +130,6 @@ static void add_sky(const struct lobes *lobes, int slice, int texel, const float
     }
 }
 
-static void lobes_view_direction_of(float theta_deg, float phi_deg, float ret[3]) {
-    const double theta = theta_deg * G_PI / 180, phi = phi_deg * G_PI / 180;
-    ret[0] = (float)(sin(theta) * cos(phi));
-    ret[1] = (float)(sin(theta) * sin(phi));
-    ret[2] = (float)cos(theta);
-}
-
 /* A layer a view, and one of their pole. */
 static void upload_ambients(const struct lobes *lobes, int level, const float *pole_share) {
     const int texels = lobes->width * lobes->height;
@@ -142,7 +137,7 @@ static void upload_ambients(const struct lobes *lobes, int level, const float *p
     g_autofree float *pole = g_new0(float, PAGE *(gsize)texels);
     for (int v = 0; v < lobes->n_views; v++) {
         float direction[3];
-        lobes_view_direction_of(lobes->view_theta_deg[v], lobes->view_phi_deg[v], direction);
+        direction_from_deg(lobes->view_theta_deg[v], lobes->view_phi_deg[v], direction);
         memset(layer, 0, sizeof(float) * PAGE * texels);
         for (int k = 0; k < texels; k++)
             add_sky(lobes, lobes->n_slices > 1 ? v : 0, k, direction, layer + PAGE * (gsize)k);
@@ -217,13 +212,6 @@ void lobes_view_free(LobesView *view) {
     g_free(view);
 }
 
-static void lobes_view_bind(guint program, const char *name, int unit, GLenum target,
-                            guint texture) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(target, texture);
-    glUniform1i(glGetUniformLocation(program, name), unit);
-}
-
 static gint64 lobes_view_bytes(gconstpointer material) {
     const LobesView *view = material;
     return gpu_texture_bytes(GL_TEXTURE_2D_ARRAY, view->values) +
@@ -234,9 +222,9 @@ static gint64 lobes_view_bytes(gconstpointer material) {
 static void lobes_view_bind_all(gpointer material, guint program,
                                 const struct method_style *style) {
     const LobesView *view = material;
-    lobes_view_bind(program, "values", 0, GL_TEXTURE_2D_ARRAY, view->values);
-    lobes_view_bind(program, "ambients", 1, GL_TEXTURE_2D_ARRAY, view->ambients);
-    lobes_view_bind(program, "pole", 2, GL_TEXTURE_2D, view->pole);
+    gpu_bind_texture(program, "values", 0, GL_TEXTURE_2D_ARRAY, view->values);
+    gpu_bind_texture(program, "ambients", 1, GL_TEXTURE_2D_ARRAY, view->ambients);
+    gpu_bind_texture(program, "pole", 2, GL_TEXTURE_2D, view->pole);
     direction_textures_bind(&view->views, program, "view", 3);
     glUniform1i(glGetUniformLocation(program, "n_pages"), view->n_pages);
     glUniform1i(glGetUniformLocation(program, "n_slices"), view->n_slices);

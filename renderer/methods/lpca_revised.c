@@ -22,14 +22,8 @@ struct LpcaRevised {
     int n, n_columns;
 };
 
-/* What resample.h and lpca_quantise() take: floats as they are in memory, whatever the file had. */
-static struct lpca *as_floats(const struct lpca *lpca) {
-    struct lpca *copy = g_memdup2(lpca, sizeof *lpca);
-    copy->quantise = LPCA_FLOAT;
-    return copy;
-}
-
-/* Three bytes are stored as four, three halves as eight. */
+/* The finest grid within LPCA_REVISED_BYTES; a card stores RGB bytes as 4 bytes, RGB halves as 8.
+ */
 static int lpca_revised_fitting(const struct lpca *lpca) {
     int n = MOST;
     while (n > DIRECTION_GRID_MIN &&
@@ -39,18 +33,20 @@ static int lpca_revised_fitting(const struct lpca *lpca) {
     return n;
 }
 
-/* Eigen-BRDFs on a grid. */
+/* The eigen-BRDFs of a pyramid sampled on a grid, as lpca_resample() gives them; the caller's. */
 static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error) {
-    g_autofree struct lpca *floats = as_floats(lpca);
+    const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
+    g_autofree struct lpca *floats = g_memdup2(lpca, sizeof *lpca);
+    floats->quantise = LPCA_FLOAT; /* what the file had is floats in memory */
+    /* The weights of a pyramid are those of level 0: shorter than its numbers of clusters and
+     * components say, and not wanted here. */
+    floats->weights = floats->weight_scales = NULL;
     if (lpca->n_grid == 0)
         return lpca_resample(floats, n_grid ? n_grid : lpca_revised_fitting(lpca), error);
-    const gsize tables = (gsize)lpca->n_clusters * (lpca->n_components + 1);
     floats->name = NULL;
     floats->view_theta_deg = floats->view_phi_deg = NULL;
     floats->light_theta_deg = floats->light_phi_deg = NULL;
     floats->clusters = NULL;
-    floats->weights = NULL;
-    floats->weight_scales = NULL;
     floats->light_scales = NULL;
     floats->scales = g_memdup2(lpca->scales, sizeof(float) * tables);
     floats->brdfs =
@@ -58,7 +54,8 @@ static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error)
     return g_steal_pointer(&floats);
 }
 
-/* How much of an even sky a sample of the grid stands for: equal areas are equal solid angles. */
+/* The weight of a grid sample in an even sky, by the trapezoidal rule: equal areas of the map are
+ * equal solid angles. */
 static float sky_share(int n, int light) {
     const int i = light % n, j = light / n;
     const double share = 2.0 / ((n - 1) * (n - 1));
@@ -118,7 +115,8 @@ static gboolean make_volumes(LpcaRevised *r, const struct lpca *grid, GError **e
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
-/* To signed bytes, which the card reads as −1 … 1, with a scale for each table (§6.3). */
+/* To signed bytes, which the card reads as −1 … 1, with a scale for each table (Schneider 2004
+ * §6.3). */
 static float quantise(const float *values, gsize n, gint8 *ret_steps) {
     float largest = 0;
     for (gsize k = 0; k < n; k++)
@@ -217,22 +215,15 @@ void lpca_revised_free(LpcaRevised *revised) {
     g_free(revised);
 }
 
-static void lpca_revised_bind(guint program, const char *name, int unit, GLenum target,
-                              guint texture) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(target, texture);
-    glUniform1i(glGetUniformLocation(program, name), unit);
-}
-
 static void lpca_revised_bind_all(gpointer material, guint program,
                                   const struct method_style *style) {
     const LpcaRevised *revised = material;
     glEnable(GL_TEXTURE_CUBE_MAP_SEAMLESS);
     lpca_texels_bind(&revised->texels, program);
-    lpca_revised_bind(program, "means", 3, GL_TEXTURE_3D, revised->means);
-    lpca_revised_bind(program, "brdfs", 4, GL_TEXTURE_3D, revised->brdfs);
-    lpca_revised_bind(program, "view_map", 5, GL_TEXTURE_CUBE_MAP, revised->view_map);
-    lpca_revised_bind(program, "light_map", 6, GL_TEXTURE_CUBE_MAP, revised->light_map);
+    gpu_bind_texture(program, "means", 3, GL_TEXTURE_3D, revised->means);
+    gpu_bind_texture(program, "brdfs", 4, GL_TEXTURE_3D, revised->brdfs);
+    gpu_bind_texture(program, "view_map", 5, GL_TEXTURE_CUBE_MAP, revised->view_map);
+    gpu_bind_texture(program, "light_map", 6, GL_TEXTURE_CUBE_MAP, revised->light_map);
     glUniform1i(glGetUniformLocation(program, "n_grid"), revised->n);
     glUniform1i(glGetUniformLocation(program, "n_columns"), revised->n_columns);
 }

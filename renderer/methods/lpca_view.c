@@ -140,14 +140,9 @@ static void lpca_view_bind_all(gpointer material, guint program, const struct me
     lpca_texels_bind(&view->texels, program);
     direction_textures_bind(&view->views, program, "view", 3);
     direction_textures_bind(&view->lights, program, "light", 5);
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, view->brdfs);
-    set_int(program, "brdfs", 0);
-    if (view->texels.log) {
-        glActiveTexture(GL_TEXTURE7);
-        glBindTexture(GL_TEXTURE_2D_ARRAY, view->skies);
-        set_int(program, "skies", 7);
-    }
+    gpu_bind_texture(program, "brdfs", 0, GL_TEXTURE_2D_ARRAY, view->brdfs);
+    if (view->texels.log)
+        gpu_bind_texture(program, "skies", 7, GL_TEXTURE_2D_ARRAY, view->skies);
     set_int(program, "n_rows", view->stack.n_rows);
     set_int(program, "clusters_a_layer", view->stack.clusters_a_layer);
     set_int(program, "ambient_column", view->ambient_column);

@@ -12,6 +12,8 @@
 
 #include <string.h>
 
+const char *const method_rotation_names[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
+
 const struct method *const methods[] = {
     &method_eigenmaps,
     &method_lpca_grid,

@@ -164,15 +164,13 @@ static void microfacet_view_set_colour(guint program, const char *name, const fl
 
 static void bind_material(gpointer data, guint program, const struct method_style *style) {
     const struct material *material = data;
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, material->normals);
+    gpu_bind_texture(program, "normals", 0, GL_TEXTURE_2D, material->normals);
     if (material->normals != 0) {
         glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER,
                         style->nearest ? GL_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
         glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER,
                         style->nearest ? GL_NEAREST : GL_LINEAR);
     }
-    glUniform1i(glGetUniformLocation(program, "normals"), 0);
     microfacet_view_set_colour(program, "diffuse", material->facets.diffuse);
     microfacet_view_set_colour(program, "specular", material->facets.specular);
     microfacet_view_set_colour(program, "weft_diffuse", weft_diffuse);

@@ -3,22 +3,23 @@
 #include "gl/gpu.h"
 #include "session/session.h"
 
-static gboolean read_kind(struct mdf_source *source, const char *path, GError **error) {
-    source->kind = mdf_kind(path);
-    switch (source->kind) {
+static gboolean mdf_source_fill(struct mdf_source *source, const char *path, GError **error) {
+    struct mdf_table *table = NULL;
+    switch (mdf_kind(path)) {
     case MDF_KIND_FACTORS:
         source->factors = mdf_factors_read(path, error);
         return source->factors != NULL;
     case MDF_KIND_BLOCKS:
         source->blocks = mdf_blocks_read(path, error);
-        source->table = source->blocks != NULL ? mdf_blocks_table(source->blocks) : NULL;
+        table = source->blocks != NULL ? mdf_blocks_table(source->blocks) : NULL;
         break;
     default:
-        source->table = mdf_table_read(path, error);
+        table = mdf_table_read(path, error);
     }
-    if (source->table != NULL)
-        mdf_table_add_grazing(source->table);
-    return source->table != NULL;
+    if (table != NULL)
+        mdf_table_add_grazing(table);
+    source->table = table;
+    return table != NULL;
 }
 
 struct mdf_source *mdf_source_read(const char *path, GError **error) {
@@ -32,7 +33,7 @@ struct mdf_source *mdf_source_read(const char *path, GError **error) {
         return NULL;
     }
     struct mdf_source *source = g_new0(struct mdf_source, 1);
-    if (!read_kind(source, path, error))
+    if (!mdf_source_fill(source, path, error))
         g_clear_pointer(&source, mdf_source_free);
     return source;
 }
@@ -40,8 +41,8 @@ struct mdf_source *mdf_source_read(const char *path, GError **error) {
 void mdf_source_free(struct mdf_source *source) {
     if (source == NULL)
         return;
-    mdf_table_free(source->table);
-    mdf_factors_free(source->factors);
-    mdf_blocks_free(source->blocks);
+    mdf_table_free((struct mdf_table *)source->table);
+    mdf_factors_free((struct mdf_factors *)source->factors);
+    mdf_blocks_free((struct mdf_blocks *)source->blocks);
     g_free(source);
 }

@@ -1,17 +1,19 @@
-/* An MDF of any of the kinds that mdf_kind() tells, read and made ready to be put on the card. */
+/* The MDF (mesostructure distance function) of a material in any form that a file can have, read
+ * and ready to be uploaded. */
 #pragma once
 
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
 #include "mdf_codecs/mdf_packed.h"
 
+/* The form is that of the most specific member that is set: factors, else blocks, else table. */
 struct mdf_source {
-    enum mdf_kind kind;
-    struct mdf_table *table;     /* of views and of blocks */
-    struct mdf_factors *factors; /* of factors alone */
-    struct mdf_blocks *blocks;   /* of blocks alone */
+    const struct mdf_table *table;     /* views; with blocks: the views decoded from them */
+    const struct mdf_blocks *blocks;   /* the same views compressed; needs table too */
+    const struct mdf_factors *factors; /* weights and maps; needs no table */
 };
 
-/* Any thread; with a sentence if there is none. */
+/* Fails with a sentence if the file is missing or damaged. Tables get grazing views
+ * (mdf_table_add_grazing()). Any thread. */
 struct mdf_source *mdf_source_read(const char *path, GError **error);
-void mdf_source_free(struct mdf_source *source); /* NULL is ignored */
+void mdf_source_free(struct mdf_source *source); /* frees its members too; NULL is ignored */

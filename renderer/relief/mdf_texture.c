@@ -6,32 +6,37 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#define FACTORS_TABLE 256 /* directions each way */
+#define FACTORS_TABLE 256 /* samples each way of the table of W */
 #define MAPS_A_LAYER  4
 
 struct MdfTexture {
-    guint depths; /* a layer a view, and one for the pole; or four maps a layer */
-    struct direction_textures views; /* none of maps */
-    guint factors;                   /* weights of maps by direction, the constants last */
-    int n_terms;                     /* 0: views */
-    double scale_mm, least_mm;       /* of what views hold */
+    guint depths; /* views: a layer each, and one for the pole; factors: four maps a layer */
+    struct direction_textures views; /* of views; 0 for factors */
+    guint factors; /* W_1 … W_c by direction, four a layer, and W_0 in the last layer */
+    int n_terms;   /* c, see mdf_factors.h; 0: views */
+    double scale_mm, least_mm; /* depth of views = least_mm + scale_mm · value */
     double width_mm, height_mm, deepest_mm;
 };
 
-static gboolean mdf_texture_check(const struct mdf_table *t, GError **error) {
+static gboolean mdf_texture_check(int width, int height, int n_layers, GError **error) {
     GLint layers = 0, size = 0;
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &layers);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    if (t->n_views + 1 <= layers && t->width <= size && t->height <= size)
+    if (n_layers <= layers && width <= size && height <= size)
         return TRUE;
     g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "an MDF of %d views of %d × %d texels: %s takes %d views of %d texels each way; "
+                "an MDF of %d × %d texels in %d layers: %s takes %d texels each way in %d layers; "
                 "process the material with fewer texels or views",
-                t->n_views, t->width, t->height, gpu_renderer(), layers - 1, size);
+                width, height, n_layers, gpu_renderer(), size, layers);
     return FALSE;
 }
 
-/* The pole: a mean of views. */
+/* Of factors: four maps lie in the channels of one layer. */
+static int n_map_layers(int n_terms) {
+    return (n_terms + MAPS_A_LAYER - 1) / MAPS_A_LAYER;
+}
+
+/* The depths at the pole: the mean of the topmost ring of views, height × width. */
 static float *pole_view(const struct mdf_table *t, const Directions *directions) {
     gsize n = (gsize)t->width * t->height;
     g_autofree float *shares = g_new0(float, t->n_views);
@@ -43,8 +48,8 @@ static float *pole_view(const struct mdf_table *t, const Directions *directions)
     return mean;
 }
 
-static void upload_depths(MdfTexture *texture, const struct mdf_table *t,
-                          const Directions *directions) {
+static void upload_views(MdfTexture *texture, const struct mdf_table *t,
+                         const Directions *directions) {
     g_autofree float *mean = pole_view(t, directions);
     glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R16F, t->width, t->height, t->n_views + 1, 0, GL_RED,
                  GL_FLOAT, NULL);
@@ -56,7 +61,7 @@ static void upload_depths(MdfTexture *texture, const struct mdf_table *t,
     texture->scale_mm = 1.0;
 }
 
-/* The mean of each 2 × 2, in place. */
+/* The next mip level: the mean of each 2 × 2 texels, in place. */
 static void halve(float *depth, int w, int h) {
     int to_w = MAX(w / 2, 1), to_h = MAX(h / 2, 1);
     for (int j = 0; j < to_h; j++)
@@ -68,12 +73,12 @@ static void halve(float *depth, int w, int h) {
         }
 }
 
-/* Cards do not make levels of blocks themselves. */
+/* glGenerateMipmap() does not take compressed formats: each mip level is averaged and encoded
+ * here. */
 static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
                           const struct mdf_blocks *blocks, const Directions *directions) {
     gsize n = (gsize)t->width * t->height;
-    double least = blocks != NULL ? blocks->least_mm : 0.0;
-    double deepest = blocks != NULL ? blocks->deepest_mm : t->deepest_mm;
+    double least = blocks->least_mm, deepest = blocks->deepest_mm;
     g_autofree float *mean = pole_view(t, directions), *views = g_new(float, n *(t->n_views + 1));
     memcpy(views, t->depth_mm, sizeof(float) * n * t->n_views);
     memcpy(views + n * t->n_views, mean, sizeof(float) * n);
@@ -83,7 +88,7 @@ static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
         g_autofree guint8 *bytes = g_new(guint8, size * (t->n_views + 1));
         for (int k = 0; k <= t->n_views; k++)
             mdf_blocks_encode(views + n * k, w, h, least, deepest, bytes + size * k);
-        if (level == 0 && blocks != NULL)
+        if (level == 0)
             memcpy(bytes, blocks->blocks, size * blocks->n_views);
         glCompressedTexImage3D(GL_TEXTURE_2D_ARRAY, level, GL_COMPRESSED_RED_RGTC1, w, h,
                                t->n_views + 1, 0, size * (t->n_views + 1), bytes);
@@ -99,67 +104,12 @@ static void upload_blocks(MdfTexture *texture, const struct mdf_table *t,
     texture->scale_mm = deepest - least;
 }
 
-static MdfTexture *new_views(const struct mdf_table *t, gboolean in_blocks,
-                             const struct mdf_blocks *blocks, GError **error) {
-    if (!mdf_texture_check(t, error))
-        return NULL;
-    g_autoptr(Directions) directions = directions_new(t->theta_deg, t->phi_deg, t->n_views, error);
-    if (directions == NULL) {
-        g_prefix_error(error, "views of the MDF: ");
-        return NULL;
-    }
-    g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
-    texture->views.target = GL_TEXTURE_2D; /* of maps, too, which bind none */
-    texture->width_mm = t->width * t->texel_mm;
-    texture->height_mm = t->height * t->texel_mm;
-    texture->deepest_mm = t->deepest_mm;
-    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    glGenTextures(1, &texture->depths);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
-    if (in_blocks)
-        upload_blocks(texture, t, blocks, directions);
-    else
-        upload_depths(texture, t, directions);
-    texture->views = direction_table_new(directions, FALSE);
-    if (!gpu_check("the MDF's texture", error))
-        return NULL;
-    return g_steal_pointer(&texture);
-}
-
-MdfTexture *mdf_texture_new(const struct mdf_table *t, GError **error) {
-    return new_views(t, FALSE, NULL, error);
-}
-
-MdfTexture *mdf_texture_new_blocks(const struct mdf_table *t, const struct mdf_blocks *blocks,
-                                   GError **error) {
-    return new_views(t, TRUE, blocks, error);
-}
-
-static gboolean check_factors(const struct mdf_factors *f, GError **error) {
-    GLint size = 0;
-    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &size);
-    if (f->width <= size && f->height <= size)
-        return TRUE;
-    g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                "an MDF of %d × %d texels: %s takes %d each way; process the material with fewer "
-                "texels",
-                f->width, f->height, gpu_renderer(), size);
-    return FALSE;
-}
-
-static int n_layers(int n_terms) {
-    return (n_terms + MAPS_A_LAYER - 1) / MAPS_A_LAYER;
-}
-
 static void mdf_texture_upload_maps(MdfTexture *texture, const struct mdf_factors *f) {
     gsize n = (gsize)f->width * f->height;
     g_autofree guint8 *texels = g_new(guint8, MAPS_A_LAYER * n);
-    glGenTextures(1, &texture->depths);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
-    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA8, f->width, f->height, n_layers(f->n_terms), 0,
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RGBA8, f->width, f->height, n_map_layers(f->n_terms), 0,
                  GL_RGBA, GL_UNSIGNED_BYTE, NULL);
-    for (int layer = 0; layer < n_layers(f->n_terms); layer++) {
+    for (int layer = 0; layer < n_map_layers(f->n_terms); layer++) {
         for (gsize k = 0; k < MAPS_A_LAYER * n; k++) {
             gsize term = (gsize)layer * MAPS_A_LAYER + k % MAPS_A_LAYER;
             texels[k] = term < (gsize)f->n_terms ? f->maps[term * n + k / MAPS_A_LAYER] : 0;
@@ -168,10 +118,10 @@ static void mdf_texture_upload_maps(MdfTexture *texture, const struct mdf_factor
                         GL_UNSIGNED_BYTE, texels);
     }
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+    texture->n_terms = f->n_terms;
 }
 
-/* Of a weight, or the constant (0), in a direction. */
+/* W_factor(v) of mdf_factors.h in the direction that at stands for, interpolated between views. */
 static double factor_at(const struct mdf_factors *f, const Directions *views, int factor,
                         const struct direction_weights *at) {
     double sum = 0.0;
@@ -186,10 +136,11 @@ static double factor_at(const struct mdf_factors *f, const Directions *views, in
     return sum;
 }
 
-/* Maps are read as 0 … 1. The table's outermost samples lie on the horizon, so that filtering needs
- * nothing beyond it. */
+/* Tabulates W over the square of the hemisphere (directions.h). Shaders read the 8-bit maps as
+ * 0 … 1, so W_i is multiplied by 255. The table's outermost samples lie on the horizon, so that
+ * filtering needs nothing beyond it. */
 static void upload_factors(MdfTexture *texture, const struct mdf_factors *f, Directions *views) {
-    int layers = n_layers(f->n_terms);
+    int layers = n_map_layers(f->n_terms);
     gsize page = (gsize)MAPS_A_LAYER * FACTORS_TABLE * FACTORS_TABLE;
     g_autofree float *table = g_new0(float, (gsize)(layers + 1) * page);
     for (int cell = 0; cell < FACTORS_TABLE * FACTORS_TABLE; cell++) {
@@ -210,26 +161,49 @@ static void upload_factors(MdfTexture *texture, const struct mdf_factors *f, Dir
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
 }
 
-MdfTexture *mdf_texture_new_factors(const struct mdf_factors *f, GError **error) {
-    if (!check_factors(f, error))
+/* What the three forms have in common. */
+struct extent_mm {
+    int width, height, n_views;
+    double texel_mm, deepest_mm;
+    const float *theta_deg, *phi_deg;
+};
+
+MdfTexture *mdf_texture_new(const struct mdf_source *source, GError **error) {
+    const struct mdf_table *t = source->table;
+    const struct mdf_factors *f = source->factors;
+    const struct extent_mm e =
+        f != NULL ? (struct extent_mm){f->width,      f->height,    f->n_views, f->texel_mm,
+                                       f->deepest_mm, f->theta_deg, f->phi_deg}
+                  : (struct extent_mm){t->width,      t->height,    t->n_views, t->texel_mm,
+                                       t->deepest_mm, t->theta_deg, t->phi_deg};
+    if (!mdf_texture_check(e.width, e.height, f != NULL ? n_map_layers(f->n_terms) : e.n_views + 1,
+                           error))
         return NULL;
-    g_autoptr(Directions) directions = directions_new(f->theta_deg, f->phi_deg, f->n_views, error);
+    g_autoptr(Directions) directions = directions_new(e.theta_deg, e.phi_deg, e.n_views, error);
     if (directions == NULL) {
         g_prefix_error(error, "views of the MDF: ");
         return NULL;
     }
     g_autoptr(MdfTexture) texture = g_new0(MdfTexture, 1);
-    texture->views.target = GL_TEXTURE_2D; /* of maps, too, which bind none */
-    texture->width_mm = f->width * f->texel_mm;
-    texture->height_mm = f->height * f->texel_mm;
-    texture->deepest_mm = f->deepest_mm;
-    texture->n_terms = f->n_terms;
+    texture->views.target = GL_TEXTURE_2D; /* also where factors leave its textures 0 */
+    texture->width_mm = e.width * e.texel_mm;
+    texture->height_mm = e.height * e.texel_mm;
+    texture->deepest_mm = e.deepest_mm;
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    mdf_texture_upload_maps(texture, f);
-    upload_factors(texture, f, directions);
-    if (!gpu_check("the MDF's maps", error))
-        return NULL;
-    return g_steal_pointer(&texture);
+    glGenTextures(1, &texture->depths);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_NEAREST);
+    if (f != NULL) {
+        mdf_texture_upload_maps(texture, f);
+        upload_factors(texture, f, directions);
+    } else {
+        if (source->blocks != NULL)
+            upload_blocks(texture, t, source->blocks, directions);
+        else
+            upload_views(texture, t, directions);
+        texture->views = direction_table_new(directions, FALSE);
+    }
+    return gpu_check("uploading the MDF", error) ? g_steal_pointer(&texture) : NULL;
 }
 
 void mdf_texture_free(MdfTexture *texture) {
@@ -253,16 +227,12 @@ gint64 mdf_texture_bytes(const MdfTexture *texture) {
 }
 
 void mdf_texture_bind(const MdfTexture *texture, guint program) {
-    glActiveTexture(GL_TEXTURE0 + MDF_TEXTURE_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->depths);
-    glUniform1i(glGetUniformLocation(program, "mdf_depths"), MDF_TEXTURE_UNIT);
+    gpu_bind_texture(program, "mdf_depths", MDF_TEXTURE_UNIT, GL_TEXTURE_2D_ARRAY, texture->depths);
     direction_textures_bind(&texture->views, program, "mdf", MDF_TEXTURE_UNIT + 1);
-    glActiveTexture(GL_TEXTURE0 + MDF_FACTORS_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, texture->factors);
-    glUniform1i(glGetUniformLocation(program, "mdf_factors"), MDF_FACTORS_UNIT);
+    gpu_bind_texture(program, "mdf_factors", MDF_FACTORS_UNIT, GL_TEXTURE_2D_ARRAY,
+                     texture->factors);
     glUniform2f(glGetUniformLocation(program, "mdf_range"), texture->least_mm, texture->scale_mm);
-    glUniform1i(glGetUniformLocation(program, "mdf_layers"), n_layers(texture->n_terms));
+    glUniform1i(glGetUniformLocation(program, "mdf_layers"), n_map_layers(texture->n_terms));
     glUniform2f(glGetUniformLocation(program, "mdf_size"), texture->width_mm, texture->height_mm);
     glUniform1f(glGetUniformLocation(program, "mdf_deepest"), texture->deepest_mm);
-    glActiveTexture(GL_TEXTURE0);
 }

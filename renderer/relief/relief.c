@@ -24,7 +24,7 @@ Relief *relief_new(GError **error) {
     float zero = 0.0f;
     const struct mdf_table flat = {1, 1, 1, 1.0, &zero, &zero, &zero, 0.0, NULL};
     g_autoptr(Relief) relief = g_new0(Relief, 1);
-    if ((relief->smooth = mdf_texture_new(&flat, error)) == NULL ||
+    if ((relief->smooth = mdf_texture_new(&(struct mdf_source){.table = &flat}, error)) == NULL ||
         (relief->eye = visibility_new(error)) == NULL ||
         (relief->lamp = visibility_new(error)) == NULL ||
         (relief->first = shadow_maps_new(FALSE, error)) == NULL)
@@ -50,30 +50,14 @@ static void forget_maps(Relief *relief) {
         shadow_maps_forget(relief->further);
 }
 
-static gboolean take_texture(Relief *relief, MdfTexture *texture) {
-    if (texture == NULL)
+gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error) {
+    MdfTexture *texture = mdf != NULL ? mdf_texture_new(mdf, error) : NULL;
+    if (mdf != NULL && texture == NULL)
         return FALSE;
     mdf_texture_free(relief->mdf);
     relief->mdf = texture;
     forget_maps(relief);
     return TRUE;
-}
-
-gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error) {
-    if (mdf != NULL)
-        return take_texture(relief, mdf_texture_new(mdf, error));
-    g_clear_pointer(&relief->mdf, mdf_texture_free);
-    forget_maps(relief);
-    return TRUE;
-}
-
-gboolean relief_set_blocks(Relief *relief, const struct mdf_table *mdf,
-                           const struct mdf_blocks *blocks, GError **error) {
-    return take_texture(relief, mdf_texture_new_blocks(mdf, blocks, error));
-}
-
-gboolean relief_set_factors(Relief *relief, const struct mdf_factors *mdf, GError **error) {
-    return take_texture(relief, mdf_texture_new_factors(mdf, error));
 }
 
 gint64 relief_mdf_bytes(const Relief *relief) {
@@ -85,7 +69,8 @@ static gboolean find_first(Relief *relief, const struct shadow_scene *scene, GEr
     return shadow_maps_find(relief->first, relief->lamp, scene, towards, 1, error);
 }
 
-/* Of many lamps each gives little: together they take no more than four maps of full size do. */
+/* Further lamps share the memory of four maps of full size: each of many lamps contributes little.
+ */
 static gboolean find_further(Relief *relief, const struct relief_scene *from,
                              struct shadow_scene *scene, GError **error) {
     relief->n_further = from->n_further;
@@ -100,7 +85,7 @@ static gboolean find_further(Relief *relief, const struct relief_scene *from,
                             error);
 }
 
-/* A lamp that is off, as an environment has it, casts none. */
+/* The first lamp casts no shadow when it is off (an environment switches it off). */
 static gboolean find_shadows(Relief *relief, const struct visibility_scene *seen,
                              const struct relief_scene *from, GError **error) {
     struct shadow_scene scene = {*seen, from->radius, from->serial, from->shadow_size};
@@ -144,20 +129,13 @@ gboolean relief_prepare(Relief *relief, const struct relief_scene *from, GError 
     return !from->shadows || find_shadows(relief, &scene, from, error);
 }
 
-static void bind_texture(guint program, const char *name, int unit, GLenum target, guint texture) {
-    glActiveTexture(GL_TEXTURE0 + unit);
-    glBindTexture(target, texture);
-    glActiveTexture(GL_TEXTURE0);
-    glUniform1i(glGetUniformLocation(program, name), unit);
-}
-
 static void bind_further(const Relief *relief, guint program) {
     const int n = relief->n_further;
     float range[3] = {0.0f};
     if (n > 0)
         shadow_maps_range(relief->further, relief->radius, range);
-    bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
-                 n > 0 ? shadow_maps_texture(relief->further) : 0);
+    gpu_bind_texture(program, "further_maps", RELIEF_FURTHER_UNIT, GL_TEXTURE_2D_ARRAY,
+                     n > 0 ? shadow_maps_texture(relief->further) : 0);
     glUniform3fv(glGetUniformLocation(program, "further_range"), 1, range);
     if (n > 0)
         glUniform3fv(glGetUniformLocation(program, "further_right"), n, relief->rights[0]);
@@ -169,10 +147,10 @@ void relief_bind(const Relief *relief, guint program) {
         shadow_maps_right(relief->light, right);
         shadow_maps_range(relief->first, relief->radius, range);
     }
-    bind_texture(program, "seen", VISIBILITY_UNIT, GL_TEXTURE_2D,
-                 relief->silhouettes ? relief->seen : 0);
-    bind_texture(program, "shadow_map", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
-                 relief->shadows ? shadow_maps_texture(relief->first) : 0);
+    gpu_bind_texture(program, "seen", VISIBILITY_UNIT, GL_TEXTURE_2D,
+                     relief->silhouettes ? relief->seen : 0);
+    gpu_bind_texture(program, "shadow_map", VISIBILITY_UNIT + 1, GL_TEXTURE_2D,
+                     relief->shadows ? shadow_maps_texture(relief->first) : 0);
     glUniform1i(glGetUniformLocation(program, "silhouettes"), relief->silhouettes);
     glUniform1i(glGetUniformLocation(program, "shadows"), relief->shadows);
     glUniform1f(glGetUniformLocation(program, "slack"), SLACK * relief->radius);

@@ -1,8 +1,7 @@
 /*
- * What the structure of a material adds to a picture of a mesh: its silhouettes and the shadows it
- * casts (Wang et al. 2005 §4). Before the mesh is drawn, relief_prepare() finds what is seen of it
- * and how far the light of each lamp gets; the programs that draw it have visible.glsl, shadow.glsl
- * and further.glsl.
+ * Silhouettes and cast shadows of a material's structure on a mesh (Wang et al. 2005 §4). Before
+ * the mesh is drawn, relief_prepare() finds the visible surface of each pixel and draws the shadow
+ * maps; the programs that draw the mesh read both in visible.glsl, shadow.glsl and further.glsl.
  */
 #pragma once
 
@@ -16,14 +15,10 @@ Relief *relief_new(GError **error);
 void relief_free(Relief *relief); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 
-/* NULL: none, the mesh is smooth. */
-gboolean relief_set_mdf(Relief *relief, const struct mdf_table *mdf, GError **error);
-/* The same from what is compressed; see mdf_texture.h. */
-gboolean relief_set_blocks(Relief *relief, const struct mdf_table *mdf,
-                           const struct mdf_blocks *blocks, GError **error);
-gboolean relief_set_factors(Relief *relief, const struct mdf_factors *mdf, GError **error);
+/* NULL: the mesh is smooth. Copies what it needs. On error the former MDF stays. */
+gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error);
 
-gint64 relief_mdf_bytes(const Relief *relief); /* that it takes on the card */
+gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of the MDF; 0 without one */
 
 struct relief_scene {
     guint array, n_indices;
@@ -42,8 +37,8 @@ struct relief_scene {
     struct visibility_options visibility;
 };
 
-/* Binds framebuffers of its own. Shadow maps are kept while lamp, mesh, tiles, MDF
- * and what is asked of them stay the same. */
+/* Leaves framebuffers of its own bound. Shadow maps are kept while lamp, mesh, tiles, MDF and
+ * options stay the same. */
 gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError **error);
 
 #define RELIEF_FURTHER_UNIT 14 /* of the shadow maps of further lamps */

@@ -141,9 +141,7 @@ static void draw_map(const ShadowMaps *maps, int layer, double radius, guint see
     glDepthFunc(GL_ALWAYS);
     glDepthMask(GL_TRUE);
     glUseProgram(maps->program);
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, seen);
-    glUniform1i(glGetUniformLocation(maps->program, "seen"), 0);
+    gpu_bind_texture(maps->program, "seen", 0, GL_TEXTURE_2D, seen);
     glUniform1f(glGetUniformLocation(maps->program, "range"), (float)(RANGE * radius));
     glBindVertexArray(maps->empty_array);
     glDrawArrays(GL_TRIANGLES, 0, 3);

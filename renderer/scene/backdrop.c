@@ -8,7 +8,7 @@
 #include <epoxy/gl.h>
 #include <math.h>
 
-#define MOST 6e4f /* that half floats hold */
+#define MOST 6e4f /* near the largest half float, 65504 */
 
 enum { GROUND, GROUND_LAMPS, ENVIRONMENT, N_PROGRAMS };
 
@@ -48,8 +48,8 @@ void backdrop_free(Backdrop *backdrop) {
     g_free(backdrop);
 }
 
-/* The outline of the mesh's lowest quarter seen from above is taken as a rectangle with rounded
- * corners: a square plane's are sharp, a torus has nothing else. */
+/* The footprint of the mesh (its lowest quarter seen from above) is modelled as a rectangle with
+ * rounded corners: radius 0 for a square plane, half the width for a torus. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius) {
     double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;
     for (guint k = 0; k < n; k++) {
@@ -78,8 +78,8 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (environment->width > largest) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "an environment of %d × %d to be seen: %s takes %d each way; make it smaller, "
-                    "or leave --backdrop away",
+                    "the environment map has %d × %d pixels, %s takes %d each way; give a smaller "
+                    "one, or omit --backdrop",
                     environment->width, environment->height, gpu_renderer(), largest);
         return FALSE;
     }
@@ -99,7 +99,7 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     return gpu_check("the environment", error);
 }
 
-static void set_ground(const Backdrop *backdrop, guint program, const struct view_settings *s,
+static void set_ground(const Backdrop *backdrop, guint program, const struct viewer_settings *s,
                        const Relief *relief) {
     float light[3];
     direction_from_deg(s->light_theta_deg, s->light_phi_deg, light);
@@ -112,21 +112,19 @@ static void set_ground(const Backdrop *backdrop, guint program, const struct vie
 }
 
 static void set_environment(const Backdrop *backdrop, guint program,
-                            const struct view_settings *s) {
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, backdrop->environment);
-    glUniform1i(glGetUniformLocation(program, "environment"), 0);
-    glUniform1f(glGetUniformLocation(program, "exposure"), (float)view_exposure(s));
+                            const struct viewer_settings *s) {
+    gpu_bind_texture(program, "environment", 0, GL_TEXTURE_2D, backdrop->environment);
+    glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
 }
 
-gboolean backdrop_draw(Backdrop *backdrop, const struct view_settings *s, const Relief *relief,
+gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, const Relief *relief,
                        const float projection[16], const float eye[3], GError **error) {
     const int which = s->backdrop                    ? ENVIRONMENT
                       : s->shadows && s->n_lamps > 0 ? GROUND_LAMPS
                                                      : GROUND;
     if (which == ENVIRONMENT && backdrop->environment == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "there is no environment to be seen behind the shape: --environment names one");
+                    "--backdrop needs an environment map; name one with --environment FILE.exr");
         return FALSE;
     }
     if (!backdrop_need(backdrop, which, error))

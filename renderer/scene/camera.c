@@ -13,20 +13,20 @@ struct axes {
 
 /* The vertical axis of the picture is never along the line of sight: it leans with the elevation.
  */
-static void camera_find_axes(const struct view_settings *s, struct axes *ret) {
+static void camera_find_axes(const struct viewer_settings *s, struct axes *ret) {
     direction_from_deg(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg, ret->back);
     direction_from_deg(-s->camera_elevation_deg, s->camera_azimuth_deg, ret->up);
     glm_vec3_cross(ret->up, ret->back, ret->right);
 }
 
-static void half_angles(const struct view_settings *s, double aspect, double *ret_x,
+static void half_angles(const struct viewer_settings *s, double aspect, double *ret_x,
                         double *ret_y) {
     double half = tan(0.5 * s->camera_fov_deg * G_PI / 180.0);
     *ret_x = aspect >= 1.0 ? half * aspect : half;
     *ret_y = aspect >= 1.0 ? half : half / aspect;
 }
 
-void camera_matrix(const struct view_settings *s, double radius, double reach, double aspect,
+void camera_matrix(const struct viewer_settings *s, double radius, double reach, double aspect,
                    float ret_projection[16], float ret_eye[3]) {
     struct axes axes;
     mat4 look, lens, both;
@@ -45,8 +45,9 @@ void camera_matrix(const struct view_settings *s, double radius, double reach, d
     memcpy(ret_projection, both, sizeof both);
 }
 
-/* At distance d and pan c a point is within the picture if |x − c| ≤ k (d − z): the least d and its
- * c follow from the farthest x + k z and −x + k z. */
+/* With the camera at distance d and pan c, a point (x, z) is inside the picture if |x − c| ≤ k (d −
+ * z), k the tangent of half the field of view. The smallest d and its c follow from the maxima of
+ * x + k z (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
 struct extent {
     double high, low;
 };
@@ -56,8 +57,9 @@ static void extend(struct extent *e, double x, double k, double z) {
     e->low = MAX(e->low, k * z - x);
 }
 
-/* What lies farther away is smaller, so where there is room to spare the middle of the picture is
- * not the middle of the points. */
+/* Refines the pan so that the projected points are centred: perspective shrinks what is far away,
+ * so along the axis that does not fill the picture the middle of the points is not that of the
+ * picture. */
 static double camera_centre(const float *points, guint n, const vec3 axis, const vec3 back,
                             double distance, double pan) {
     for (int round = 0; round < 4; round++) {
@@ -75,7 +77,7 @@ static double camera_centre(const float *points, guint n, const vec3 axis, const
     return pan;
 }
 
-void camera_fit(struct view_settings *s, const float *points, guint n, double radius,
+void camera_fit(struct viewer_settings *s, const float *points, guint n, double radius,
                 double aspect) {
     struct axes axes;
     struct extent across = {-G_MAXDOUBLE, -G_MAXDOUBLE}, along = across;

@@ -32,18 +32,14 @@ void compose_free(Compose *compose) {
 
 static void compose_join(const Compose *compose, const struct compose *how, guint framebuffer,
                          int width, int height) {
-    static const char *const names[2] = {"first", "second"};
     const guint program = compose->program;
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);
     glDisable(GL_DEPTH_TEST);
     glDisable(GL_BLEND);
     glUseProgram(program);
-    for (int k = 0; k < 2; k++) {
-        glActiveTexture(GL_TEXTURE0 + k);
-        glBindTexture(GL_TEXTURE_2D, compose->pictures[k].colour);
-        glUniform1i(glGetUniformLocation(program, names[k]), k);
-    }
+    gpu_bind_texture(program, "first", 0, GL_TEXTURE_2D, compose->pictures[0].colour);
+    gpu_bind_texture(program, "second", 1, GL_TEXTURE_2D, compose->pictures[1].colour);
     glUniform1i(glGetUniformLocation(program, "difference"), how->mode == COMPOSE_DIFFERENCE);
     glUniform1f(glGetUniformLocation(program, "split"), (float)(how->at * width));
     glUniform1f(glGetUniformLocation(program, "gain"), (float)how->gain);
@@ -52,22 +48,23 @@ static void compose_join(const Compose *compose, const struct compose *how, guin
     glBindVertexArray(0);
 }
 
-gboolean compose_draw(Compose *compose, View *first, View *second, const struct compose *how,
-                      const struct view_settings *settings, guint framebuffer, int width,
+gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
+                      const struct viewer_settings *settings, guint framebuffer, int width,
                       int height, GError **error) {
-    View *const views[2] = {first, second};
+    Viewer *const viewers[2] = {first, second};
     if (how->mode == COMPOSE_ONE)
-        return view_draw(first, settings, framebuffer, width, height, error);
+        return viewer_draw(first, settings, framebuffer, width, height, error);
     for (int k = 0; k < 2; k++)
         if (!gpu_target_resize(&compose->pictures[k], width, height, GL_RGBA8, FALSE, error) ||
-            !view_draw(views[k], settings, compose->pictures[k].framebuffer, width, height, error))
+            !viewer_draw(viewers[k], settings, compose->pictures[k].framebuffer, width, height,
+                         error))
             return FALSE;
     compose_join(compose, how, framebuffer, width, height);
     return gpu_check("joining two pictures", error);
 }
 
-guint8 *compose_render(Compose *compose, View *first, View *second, const struct compose *how,
-                       const struct view_settings *settings, int width, int height,
+guint8 *compose_render(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
+                       const struct viewer_settings *settings, int width, int height,
                        GError **error) {
     if (!gpu_target_resize(&compose->whole, width, height, GL_RGBA8, FALSE, error) ||
         !compose_draw(compose, first, second, how, settings, compose->whole.framebuffer, width,

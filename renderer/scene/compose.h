@@ -1,7 +1,7 @@
-/* Two pictures of one scene in one: side by side, or what one differs from the other by. */
+/* Two pictures of one scene joined: side by side, or as their difference. */
 #pragma once
 
-#include "view.h"
+#include "viewer.h"
 
 enum compose_mode { COMPOSE_ONE, COMPOSE_SPLIT, COMPOSE_DIFFERENCE, COMPOSE_MODES };
 
@@ -17,9 +17,10 @@ Compose *compose_new(GError **error);
 void compose_free(Compose *compose); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Compose, compose_free)
 
-/* As view_draw() and view_render(); with COMPOSE_ONE second may be NULL. */
-gboolean compose_draw(Compose *compose, View *first, View *second, const struct compose *how,
-                      const struct view_settings *settings, guint framebuffer, int width,
+/* As viewer_draw() and viewer_render(); with COMPOSE_ONE second may be NULL. */
+gboolean compose_draw(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
+                      const struct viewer_settings *settings, guint framebuffer, int width,
                       int height, GError **error);
-guint8 *compose_render(Compose *compose, View *first, View *second, const struct compose *how,
-                       const struct view_settings *settings, int width, int height, GError **error);
+guint8 *compose_render(Compose *compose, Viewer *first, Viewer *second, const struct compose *how,
+                       const struct viewer_settings *settings, int width, int height,
+                       GError **error);

@@ -51,6 +51,15 @@ static gboolean nearest_is_missing(const struct planned_view *views, const struc
     return missing;
 }
 
+gboolean planned_views_missing(const struct planned_view *views, guint n, double theta_deg,
+                               double phi_deg) {
+    const struct planned_view at = {theta_deg, phi_deg, FALSE};
+    g_autofree struct vec3 *units = g_new(struct vec3, MAX(n, 1));
+    for (guint k = 0; k < n; k++)
+        units[k] = hatching_unit(&views[k]);
+    return nearest_is_missing(views, units, n, hatching_unit(&at));
+}
+
 void hatching_set(Hatching *hatching, const struct planned_view *views, guint n) {
     g_autofree struct vec3 *units = g_new(struct vec3, MAX(n, 1));
     g_autofree guint8 *cells = g_new(guint8, CELLS * CELLS);
@@ -79,22 +88,16 @@ gboolean hatching_any(const Hatching *hatching) {
 
 void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer, int width,
                    int height) {
-    const guint textures[2] = {directions, hatching->missing};
-    static const char *const names[2] = {"seen_from", "missing"};
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);
     glDisable(GL_DEPTH_TEST);
     glEnable(GL_BLEND);
     glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
     glUseProgram(hatching->program);
-    for (int k = 0; k < 2; k++) {
-        glActiveTexture(GL_TEXTURE0 + k);
-        glBindTexture(GL_TEXTURE_2D, textures[k]);
-        glUniform1i(glGetUniformLocation(hatching->program, names[k]), k);
-    }
+    gpu_bind_texture(hatching->program, "seen_from", 0, GL_TEXTURE_2D, directions);
+    gpu_bind_texture(hatching->program, "missing", 1, GL_TEXTURE_2D, hatching->missing);
     glBindVertexArray(hatching->array);
     glDrawArrays(GL_TRIANGLES, 0, 3);
     glBindVertexArray(0);
     glDisable(GL_BLEND);
-    glActiveTexture(GL_TEXTURE0);
 }

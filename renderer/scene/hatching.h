@@ -11,6 +11,10 @@ struct planned_view {
     gboolean measured;
 };
 
+/* Whether the view nearest to a direction is planned and not measured yet; FALSE of no views. */
+gboolean planned_views_missing(const struct planned_view *views, guint n, double theta_deg,
+                               double phi_deg);
+
 typedef struct Hatching Hatching; /* belongs to the thread of the GL context */
 
 Hatching *hatching_new(GError **error);
@@ -21,7 +25,7 @@ void hatching_set(Hatching *hatching, const struct planned_view *views,
                   guint n);                      /* copies; 0: no marks */
 gboolean hatching_any(const Hatching *hatching); /* whether a view is missing */
 
-/* directions: a texture as view_render_geometry() has it for VIEW_GEOMETRY_VIEW, as large as the
- * framebuffer. */
+/* directions: a texture as viewer_render_geometry() has it for VIEWER_GEOMETRY_VIEW, as large as
+ * the framebuffer. */
 void hatching_draw(const Hatching *hatching, guint directions, guint framebuffer, int width,
                    int height);

@@ -25,7 +25,7 @@ static int measured_nearest(const float *theta_deg, const float *phi_deg, int n,
     return best;
 }
 
-static void measured_find(const Reference *reference, const struct view_settings *s,
+static void measured_find(const Reference *reference, const struct viewer_settings *s,
                           struct measured *ret) {
     const struct reference_info info = reference_info(reference);
     float view[3], light[3];
@@ -90,11 +90,11 @@ static void measured_fill(const struct reference_info *info, int scale, const gu
         }
 }
 
-gboolean measured_compare(const Reference *reference, View *view,
-                          const struct view_settings *settings, int width, struct measured *ret,
+gboolean measured_compare(const Reference *reference, Viewer *viewer,
+                          const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error) {
     const struct reference_info info = reference_info(reference);
-    struct view_settings s = *settings;
+    struct viewer_settings s = *settings;
     float to_view[3], to_light[3];
     *ret = (struct measured){0};
     s.samples = 1;
@@ -103,15 +103,15 @@ gboolean measured_compare(const Reference *reference, View *view,
     direction_from_deg(ret->view_theta_deg, ret->view_phi_deg, to_view);
     direction_from_deg(ret->light_theta_deg, ret->light_phi_deg, to_light);
     g_autofree float *measured = read_measured(reference, ret, error);
-    g_autofree float *drawn = measured != NULL ? view_render_flat(view, &s, to_view, to_light,
-                                                                  info.width, info.height, error)
+    g_autofree float *drawn = measured != NULL ? viewer_render_flat(viewer, &s, to_view, to_light,
+                                                                    info.width, info.height, error)
                                                : NULL;
     if (drawn == NULL)
         return FALSE;
     ret->error = relative_error(drawn, measured, (gsize)info.width * info.height);
-    g_autofree guint8 *a = view_resolve(view, &s, measured, info.width, info.height, error);
+    g_autofree guint8 *a = viewer_resolve(viewer, &s, measured, info.width, info.height, error);
     g_autofree guint8 *b =
-        a != NULL ? view_resolve(view, &s, drawn, info.width, info.height, error) : NULL;
+        a != NULL ? viewer_resolve(viewer, &s, drawn, info.width, info.height, error) : NULL;
     if (b == NULL)
         return FALSE;
     measured_fill(&info, MAX(1, width / (PANELS * info.width)), a, b, ret);

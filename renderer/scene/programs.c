@@ -57,7 +57,7 @@ static guint programs_compile(const struct method *method, enum program_kind kin
 }
 
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const struct view_settings *s, GError **error) {
+                   const struct viewer_settings *s, GError **error) {
     const struct method *method = programs->method;
     g_autofree char *own = method->constants ? method->constants(material, &s->style) : NULL;
     g_autofree char *constants = g_strdup_printf(
@@ -71,8 +71,8 @@ guint programs_get(Programs *programs, enum program_kind kind, gconstpointer mat
     return program;
 }
 
-void programs_set_lamps(guint program, const struct view_settings *s) {
-    float towards[VIEW_MAX_LAMPS][3], colours[VIEW_MAX_LAMPS][3];
+void programs_set_lamps(guint program, const struct viewer_settings *s) {
+    float towards[VIEWER_MAX_LAMPS][3], colours[VIEWER_MAX_LAMPS][3];
     for (int k = 0; k < s->n_lamps; k++) {
         direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, towards[k]);
         memcpy(colours[k], s->lamps[k].rgb, sizeof colours[k]);

@@ -1,17 +1,16 @@
 /*
- * The programs of a method. What a picture does not need (more lamps than one, their shadows, an
- * even sky, the parts of a material of another size) is not compiled in: not all drivers skip it
- * where it is only switched off. So there are several, each compiled when a picture first asks for
- * it.
+ * The shader programs of a method. A feature that a picture does not use (further lamps, their
+ * shadows, an even sky) is left out at compile time, because not all drivers skip a branch that is
+ * only switched off by a uniform. Each variant is compiled when a picture first needs it.
  */
 #pragma once
 
-#include "view.h"
+#include "viewer.h"
 
 enum program_kind {
     PROGRAM_SURFACE, /* the mesh */
     PROGRAM_RELIEF,  /* with what relief_bind() sets */
-    PROGRAM_FLAT,    /* one tile; see view_render_flat() */
+    PROGRAM_FLAT,    /* one tile; see viewer_render_flat() */
 };
 
 typedef struct Programs Programs; /* belongs to the thread of the GL context */
@@ -22,7 +21,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 
 /* Returns 0 on error. Owned by programs. */
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
-                   const struct view_settings *settings, GError **error);
+                   const struct viewer_settings *settings, GError **error);
 
-/* How bright the first lamp is, and all further ones, in a program in use that has further.glsl. */
-void programs_set_lamps(guint program, const struct view_settings *settings);
+/* Sets the brightness of the first lamp and all further lamps in a program in use that has
+ * further.glsl. */
+void programs_set_lamps(guint program, const struct viewer_settings *settings);

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#define CHUNK 4096 /* samples a thread takes at a time */
+#define CHUNK 4096 /* samples that a thread takes at a time */
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
@@ -42,14 +42,14 @@ struct layers {
 
 struct shading {
     const Reference *reference;
-    const struct view_settings *settings;
+    const struct viewer_settings *settings;
     struct sample *samples;
     guint n_samples;
-    const float *texel, *view, *light, *lit; /* as view_render_geometry() gives them */
+    const float *texel, *view, *light, *lit; /* as viewer_render_geometry() gives them */
     const struct layers *layers;
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
-    gint next;        /* sample nobody has taken yet */
+    gint next;        /* atomic: the first sample that no thread has taken */
 };
 
 static void file_clear(gpointer data) {
@@ -167,7 +167,7 @@ static Directions *light_directions(const Reference *r, GError **error) {
                           (const float *)(const void *)r->light_phi->data, r->names->len, error);
 }
 
-/* The next samples nobody has taken. */
+/* Takes the next CHUNK of samples for a thread; FALSE if none are left. */
 static gboolean reference_take(struct shading *s, guint *ret_from, guint *ret_to) {
     guint from = (guint)g_atomic_int_add(&s->next, CHUNK);
     *ret_from = from;
@@ -189,7 +189,8 @@ static struct vec3 reference_vector(const float *v) {
     return vec3(v[0], v[1], v[2]);
 }
 
-/* Directions belong to one thread, so each makes its own; that they can be made is known. */
+/* Finds the directions and weights of all samples. Directions belong to one thread, so each thread
+ * makes its own; shade_samples() has checked that this succeeds. */
 static gpointer reference_prepare(gpointer data) {
     struct shading *s = data;
     g_autoptr(Directions) views = view_directions(s->reference, NULL);
@@ -239,7 +240,8 @@ static float share_of_view(const struct shading *s, const struct sample *sample)
     return share;
 }
 
-/* Adds what one view gives to all samples. */
+/* Adds the contribution of the loaded view to all samples:
+ * BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
 static gpointer reference_shade(gpointer data) {
     struct shading *s = data;
     for (guint k, to; reference_take(s, &k, &to);)
@@ -323,7 +325,7 @@ struct reference_info reference_info(const Reference *r) {
     };
 }
 
-/* One view after the other into all samples. */
+/* Loads one view after the other and adds it to all samples. */
 static gboolean shade_views(struct shading *s, struct layers *layers, const Directions *views,
                             GError **error) {
     int n_pole;
@@ -385,7 +387,8 @@ static GArray *find_samples(const float *texel, gsize n) {
     return samples;
 }
 
-/* Puts the samples into the view's picture in place of what it has there. */
+/* Replaces the pixels that the viewer drew by the samples; *ret_error is the relative difference.
+ */
 static void put_samples(const struct shading *s, float *picture, double *ret_error) {
     double squares = 0.0, differences = 0.0;
     for (guint k = 0; k < s->n_samples; k++)
@@ -400,15 +403,17 @@ static void put_samples(const struct shading *s, float *picture, double *ret_err
         *ret_error = squares > 0.0 ? sqrt(differences / squares) : 0.0;
 }
 
-float *reference_render_linear(Reference *r, View *view, const struct view_settings *s, int width,
-                               int height, double *ret_error, GError **error) {
-    g_autofree float *picture = view_render_linear(view, s, width, height, error);
+float *reference_render_linear(Reference *r, Viewer *viewer, const struct viewer_settings *s,
+                               int width, int height, double *ret_error, GError **error) {
+    g_autofree float *picture = viewer_render_linear(viewer, s, width, height, error);
     g_autofree float *texel = NULL, *to_view = NULL, *to_light = NULL, *lit = NULL;
     if (picture == NULL ||
-        !(texel = view_render_geometry(view, s, VIEW_GEOMETRY_TEXEL, width, height, error)) ||
-        !(to_view = view_render_geometry(view, s, VIEW_GEOMETRY_VIEW, width, height, error)) ||
-        !(to_light = view_render_geometry(view, s, VIEW_GEOMETRY_LIGHT, width, height, error)) ||
-        !(lit = view_render_geometry(view, s, VIEW_GEOMETRY_LIT, width, height, error)))
+        !(texel = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_TEXEL, width, height, error)) ||
+        !(to_view =
+              viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error)) ||
+        !(to_light =
+              viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIGHT, width, height, error)) ||
+        !(lit = viewer_render_geometry(viewer, s, VIEWER_GEOMETRY_LIT, width, height, error)))
         return NULL;
     g_autoptr(GArray) samples = find_samples(texel, (gsize)width * height);
     struct shading shading = {.reference = r,
@@ -425,9 +430,9 @@ float *reference_render_linear(Reference *r, View *view, const struct view_setti
     return g_steal_pointer(&picture);
 }
 
-guint8 *reference_render(Reference *r, View *view, const struct view_settings *settings, int width,
-                         int height, double *ret_error, GError **error) {
-    struct view_settings s = *settings;
+guint8 *reference_render(Reference *r, Viewer *viewer, const struct viewer_settings *settings,
+                         int width, int height, double *ret_error, GError **error) {
+    struct viewer_settings s = *settings;
     while (s.samples > 1 && (gint64)width * height * s.samples * s.samples > REFERENCE_MAX_SAMPLES)
         s.samples--;
     if ((gint64)width * height > REFERENCE_MAX_SAMPLES) {
@@ -436,7 +441,7 @@ guint8 *reference_render(Reference *r, View *view, const struct view_settings *s
                     REFERENCE_MAX_SAMPLES);
         return NULL;
     }
-    g_autofree float *linear = reference_render_linear(r, view, &s, width * s.samples,
+    g_autofree float *linear = reference_render_linear(r, viewer, &s, width * s.samples,
                                                        height * s.samples, ret_error, error);
-    return linear != NULL ? view_resolve(view, &s, linear, width, height, error) : NULL;
+    return linear != NULL ? viewer_resolve(viewer, &s, linear, width, height, error) : NULL;
 }

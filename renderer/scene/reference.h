@@ -1,14 +1,14 @@
 /*
- * A material on a mesh from its whole BTF, products/btf of a session, instead of its eigen-maps:
- * what these are compared with. Directions are interpolated the same way and texels bilinearly, on
- * the processor, without mipmaps.
+ * Pictures from the uncompressed BTF (products/btf of a session), as the reference for compressed
+ * materials. Directions are interpolated the same way as on the graphics card, texels bilinearly
+ * without mip levels, all on the CPU.
  *
  * Views are read one after the other. Memory: one of them, and some 100 bytes for each sample of
  * the picture that shows the mesh; the picture has REFERENCE_MAX_SAMPLES at most.
  */
 #pragma once
 
-#include "view.h"
+#include "viewer.h"
 
 #define REFERENCE_ERROR reference_error_quark()
 GQuark reference_error_quark(void);
@@ -36,10 +36,11 @@ struct reference_info reference_info(const Reference *reference);
 /* n_lights × height × width × 3 (R, G, B). */
 gboolean reference_read_view(const Reference *reference, int view, float *ret, GError **error);
 
-/* As view_render() and view_render_linear(); the view gives mesh, background and tone. ret_error,
- * if not NULL: ‖view − reference‖ / ‖reference‖ over the samples that show the mesh. */
-guint8 *reference_render(Reference *reference, View *view, const struct view_settings *settings,
-                         int width, int height, double *ret_error, GError **error);
-float *reference_render_linear(Reference *reference, View *view,
-                               const struct view_settings *settings, int width, int height,
+/* As viewer_render() and viewer_render_linear(); the view gives mesh, background and tone.
+ * ret_error, if not NULL: ‖view − reference‖ / ‖reference‖ over the samples that show the mesh. */
+guint8 *reference_render(Reference *reference, Viewer *viewer,
+                         const struct viewer_settings *settings, int width, int height,
+                         double *ret_error, GError **error);
+float *reference_render_linear(Reference *reference, Viewer *viewer,
+                               const struct viewer_settings *settings, int width, int height,
                                double *ret_error, GError **error);

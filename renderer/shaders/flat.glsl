@@ -1,4 +1,4 @@
-// One tile of a material, seen flat; see view_render_flat().
+// One tile of a material, seen flat; see viewer_render_flat().
 in vec2 at;
 
 uniform vec3 to_view, to_light;

@@ -1,5 +1,5 @@
-// Further lamps, all far away, and whether the light of each arrives.
-const int MAX_LAMPS = 64; // VIEW_MAX_LAMPS
+// Further lamps, all infinitely far away, and the share of the light of each that reaches a point.
+const int MAX_LAMPS = 64; // VIEWER_MAX_LAMPS
 
 uniform int n_lamps;
 uniform vec3 lamp_towards[MAX_LAMPS];

@@ -1,5 +1,7 @@
 #include "mesh_shape.h"
 
+#include "float3.h"
+
 #include <math.h>
 
 #define LEAST_SCALE 1e-6f
@@ -11,22 +13,8 @@ struct sums {
     double aa, ab, bb, pa, pb_qa, qb;
 };
 
-static float mesh_shape_dot(const float a[3], const float b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void mesh_shape_cross(const float a[3], const float b[3], float ret[3]) {
-    for (int k = 0; k < 3; k++)
-        ret[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
-
-static void mesh_shape_minus(const float a[3], const float b[3], float ret[3]) {
-    for (int k = 0; k < 3; k++)
-        ret[k] = a[k] - b[k];
-}
-
 static void bitangent(const struct vertex *v, float ret[3]) {
-    mesh_shape_cross(v->normal, v->tangent, ret);
+    float3_cross(v->normal, v->tangent, ret);
     for (int k = 0; k < 3; k++)
         ret[k] *= v->tangent[3];
 }
@@ -34,12 +22,12 @@ static void bitangent(const struct vertex *v, float ret[3]) {
 /* Lengths of dP/du and dP/dv, weighted by the triangle's area. */
 static void add_scale(const struct vertex *const v[3], struct sums *const sums[3]) {
     float e1[3], e2[3], normal[3], du[3], dv[3];
-    mesh_shape_minus(v[1]->position, v[0]->position, e1);
-    mesh_shape_minus(v[2]->position, v[0]->position, e2);
-    mesh_shape_cross(e1, e2, normal);
+    float3_minus(v[1]->position, v[0]->position, e1);
+    float3_minus(v[2]->position, v[0]->position, e2);
+    float3_cross(e1, e2, normal);
     float u1 = v[1]->uv[0] - v[0]->uv[0], v1 = v[1]->uv[1] - v[0]->uv[1];
     float u2 = v[2]->uv[0] - v[0]->uv[0], v2 = v[2]->uv[1] - v[0]->uv[1];
-    float area = sqrtf(mesh_shape_dot(normal, normal)), turn = u1 * v2 - u2 * v1;
+    float area = sqrtf(float3_dot(normal, normal)), turn = u1 * v2 - u2 * v1;
     if (turn == 0.0f || area == 0.0f)
         return;
     for (int k = 0; k < 3; k++) {
@@ -48,19 +36,19 @@ static void add_scale(const struct vertex *const v[3], struct sums *const sums[3
     }
     for (int c = 0; c < 3; c++) {
         sums[c]->area += area;
-        sums[c]->scale[0] += area * sqrtf(mesh_shape_dot(du, du));
-        sums[c]->scale[1] += area * sqrtf(mesh_shape_dot(dv, dv));
+        sums[c]->scale[0] += area * sqrtf(float3_dot(du, du));
+        sums[c]->scale[1] += area * sqrtf(float3_dot(dv, dv));
     }
 }
 
 static void add_edge(const struct vertex *at, const struct vertex *from, const struct vertex *to,
                      struct sums *sums) {
     float edge[3], change[3], side[3];
-    mesh_shape_minus(to->position, from->position, edge);
-    mesh_shape_minus(to->normal, from->normal, change);
+    float3_minus(to->position, from->position, edge);
+    float3_minus(to->normal, from->normal, change);
     bitangent(at, side);
-    double a = mesh_shape_dot(edge, at->tangent), b = mesh_shape_dot(edge, side);
-    double p = mesh_shape_dot(change, at->tangent), q = mesh_shape_dot(change, side);
+    double a = float3_dot(edge, at->tangent), b = float3_dot(edge, side);
+    double p = float3_dot(change, at->tangent), q = float3_dot(change, side);
     sums->aa += a * a;
     sums->ab += a * b;
     sums->bb += b * b;

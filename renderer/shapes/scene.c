@@ -259,17 +259,19 @@ static gboolean ends_with(const char *name, const char *ending) {
     return n > m && g_ascii_strcasecmp(name + n - m, ending) == 0;
 }
 
+static struct mesh *default_torus(void) {
+    return scene_torus(1.0, 0.4, 192, 96);
+}
+
+const char *const scene_shape_names[SCENE_SHAPES] = {"plane", "torus", "sphere", "cylinder",
+                                                     "torus-knot"};
+
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error) {
-    if (strcmp(name, "plane") == 0)
-        return scene_plane();
-    if (strcmp(name, "torus") == 0)
-        return scene_torus(1.0, 0.4, 192, 96);
-    if (strcmp(name, "sphere") == 0)
-        return scene_sphere();
-    if (strcmp(name, "cylinder") == 0)
-        return scene_cylinder();
-    if (strcmp(name, "torus-knot") == 0)
-        return scene_torus_knot();
+    static struct mesh *(*const makers[SCENE_SHAPES])(void) = {
+        scene_plane, default_torus, scene_sphere, scene_cylinder, scene_torus_knot};
+    for (int k = 0; k < SCENE_SHAPES; k++)
+        if (strcmp(name, scene_shape_names[k]) == 0)
+            return makers[k]();
     if (ends_with(name, ".obj"))
         return scene_read_obj(name, up, error);
     if (ends_with(name, ".gltf") || ends_with(name, ".glb"))

@@ -1,5 +1,5 @@
 /*
- * What the material is put on: a mesh with texture coordinates and tangent frames.
+ * The shapes that a material is drawn on: meshes with texture coordinates and tangent frames.
  *
  * u runs along the tangent t (the texture's +x), v along the bitangent b (the texture's +y, so that
  * row 0 of a texture lies at v = 1), b = tangent[3] · n × t. Coordinates are z-up; one tile covers
@@ -46,8 +46,11 @@ void mesh_free(struct mesh *mesh); /* NULL is ignored */
 
 enum scene_up { SCENE_Z_UP, SCENE_Y_UP };
 
-/* "plane", "torus", "sphere", "cylinder", "torus-knot", or the path of an .obj, .gltf or
- * .glb file. */
+#define SCENE_SHAPES 5
+/* "plane", "torus", "sphere", "cylinder", "torus-knot" */
+extern const char *const scene_shape_names[SCENE_SHAPES];
+
+/* One of these names, or the path of an .obj, .gltf or .glb file. */
 struct mesh *scene_shape(const char *name, enum scene_up up, GError **error);
 
 struct scene_options {

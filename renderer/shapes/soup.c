@@ -1,5 +1,7 @@
 #include "soup.h"
 
+#include "float3.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -31,18 +33,8 @@ void soup_turn_up(float values[3]) {
     values[2] = y;
 }
 
-static void soup_cross(const float a[3], const float b[3], float ret[3]) {
-    ret[0] = a[1] * b[2] - a[2] * b[1];
-    ret[1] = a[2] * b[0] - a[0] * b[2];
-    ret[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static float soup_dot(const float a[3], const float b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static gboolean soup_normalise(float a[3]) {
-    float length = sqrtf(soup_dot(a, a));
+    float length = sqrtf(float3_dot(a, a));
     if (!(length > 1e-20f) || !isfinite(length))
         return FALSE;
     for (int k = 0; k < 3; k++)
@@ -96,11 +88,9 @@ static void polygon_normal(const struct soup *soup, const struct soup_corner *co
     const float *origin = soup_position(soup, corners[0].v);
     for (int k = 1; k + 1 < n; k++) {
         float a[3], b[3], c[3];
-        for (int axis = 0; axis < 3; axis++) {
-            a[axis] = soup_position(soup, corners[k].v)[axis] - origin[axis];
-            b[axis] = soup_position(soup, corners[k + 1].v)[axis] - origin[axis];
-        }
-        soup_cross(a, b, c);
+        float3_minus(soup_position(soup, corners[k].v), origin, a);
+        float3_minus(soup_position(soup, corners[k + 1].v), origin, b);
+        float3_cross(a, b, c);
         for (int axis = 0; axis < 3; axis++)
             ret[axis] += c[axis];
     }
@@ -136,7 +126,7 @@ static gboolean wound_backwards(const struct soup *soup, const struct soup_corne
     for (int k = 0; k < n; k++) {
         float normal[3];
         corner_normal(soup, &corners[k], normal);
-        sum += soup_dot(face, normal);
+        sum += float3_dot(face, normal);
     }
     return sum < 0.0f;
 }
@@ -170,7 +160,7 @@ static guint32 soup_add_vertex(const struct soup *soup, struct builder *b,
 
 /* Of v along the surface, at right angles to the vertex's normal, unit; FALSE: nothing is left. */
 static gboolean along_surface(const struct vertex *vertex, const float v[3], float ret[3]) {
-    float off = soup_dot(v, vertex->normal);
+    float off = float3_dot(v, vertex->normal);
     for (int k = 0; k < 3; k++)
         ret[k] = v[k] - off * vertex->normal[k];
     return soup_normalise(ret);
@@ -181,12 +171,11 @@ static float corner_angle(struct vertex *const v[3], int c) {
     float edges[2][3];
     for (int e = 0; e < 2; e++) {
         float edge[3];
-        for (int k = 0; k < 3; k++)
-            edge[k] = v[(c + 1 + e) % 3]->position[k] - v[c]->position[k];
+        float3_minus(v[(c + 1 + e) % 3]->position, v[c]->position, edge);
         if (!along_surface(v[c], edge, edges[e]))
             return 0.0f;
     }
-    return acosf(CLAMP(soup_dot(edges[0], edges[1]), -1.0f, 1.0f));
+    return acosf(CLAMP(float3_dot(edges[0], edges[1]), -1.0f, 1.0f));
 }
 
 /* dP/du of the triangle, added to its corners as MikkTSpace has it, so that normal maps and fibres
@@ -234,8 +223,8 @@ static void finish_tangent(struct vertex *vertex) {
     float axis[3] = {0.0f, 0.0f, 0.0f};
     axis[fabsf(vertex->normal[0]) < 0.7f ? 0 : 1] = 1.0f;
     float side[3];
-    soup_cross(vertex->normal, axis, side);
-    soup_cross(side, vertex->normal, t);
+    float3_cross(vertex->normal, axis, side);
+    float3_cross(side, vertex->normal, t);
     soup_normalise(t);
 }
 

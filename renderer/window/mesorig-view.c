@@ -1,4 +1,5 @@
 /* Shows a material on a shape: in a window, or as PNG files without one. See mesorig-view(1). */
+#include "base/json.h"
 #include "gl/gpu.h"
 #include "live.h"
 #include "scene/environment.h"
@@ -7,7 +8,7 @@
 #include "scene/reference.h"
 #include "series.h"
 #include "snapshot.h"
-#include "view_options.h"
+#include "viewer_options.h"
 #include "window.h"
 
 #include <locale.h>
@@ -24,23 +25,23 @@ struct rendered {
     int n_views;          /* of a live session */
     int n_planned;
     struct measured measured;
-    struct view_memory memory;
+    struct viewer_memory memory;
 };
 
 /* OUT.png becomes OUT_0000.png, … if there are more than one; of a series OUT_020.png, … */
-static char *frame_path(const struct view_options *o, int frame) {
+static char *frame_path(const struct viewer_options *o, int frame) {
     if ((o->frames == 0 && o->n_series == 0) || o->sheet > 0)
         return g_strdup(o->render);
     gsize length = strlen(o->render);
-    const char *end = view_options_light(o) ? ".exr" : ".png";
+    const char *end = viewer_options_light(o) ? ".exr" : ".png";
     gboolean has = length > 4 && g_ascii_strcasecmp(o->render + length - 4, end) == 0;
     return g_strdup_printf("%.*s_%0*d%s", (int)(has ? length - 4 : length), o->render,
                            o->n_series > 0 ? 3 : 4, o->n_series > 0 ? o->series[frame] : frame,
                            end);
 }
 
-static struct snapshot snapshot_of(const struct view_options *o, const char *material,
-                                   const struct view_settings *s, const struct rendered *done) {
+static struct snapshot snapshot_of(const struct viewer_options *o, const char *material,
+                                   const struct viewer_settings *s, const struct rendered *done) {
     return (struct snapshot){.material = material,
                              .shape = o->shape,
                              .first = o->method,
@@ -56,16 +57,16 @@ static struct snapshot snapshot_of(const struct view_options *o, const char *mat
                              .n_planned = done->n_planned};
 }
 
-static gboolean view_main_write_frame(const struct view_options *o, const char *material,
-                                      const char *path, const struct view_settings *s,
-                                      const struct rendered *done, const guint8 *rgb, int width,
-                                      int height, GError **error) {
+static gboolean viewer_main_write_frame(const struct viewer_options *o, const char *material,
+                                        const char *path, const struct viewer_settings *s,
+                                        const struct rendered *done, const guint8 *rgb, int width,
+                                        int height, GError **error) {
     const struct snapshot snapshot = snapshot_of(o, material, s, done);
     return snapshot_write(path, &snapshot, rgb, width, height, error);
 }
 
 /* Into its place on a sheet of o->sheet columns. */
-static void put_on_sheet(const struct view_options *o, int frame, const guint8 *rgb,
+static void put_on_sheet(const struct viewer_options *o, int frame, const guint8 *rgb,
                          guint8 *sheet) {
     gsize row = 3 * (gsize)o->width;
     guint8 *to = sheet + frame / o->sheet * o->height * row * o->sheet + frame % o->sheet * row;
@@ -73,7 +74,7 @@ static void put_on_sheet(const struct view_options *o, int frame, const guint8 *
         memcpy(to + j * row * o->sheet, rgb + j * row, row);
 }
 
-static char *btf_path(const struct view_options *o) {
+static char *btf_path(const struct viewer_options *o) {
     return (o->reference || o->measured) && o->rest
                ? g_build_filename(o->rest[0], "products", "btf", NULL)
                : NULL;
@@ -82,47 +83,48 @@ static char *btf_path(const struct view_options *o) {
 /* What frames are made with. */
 struct studio {
     const char *material;
-    View *view, *second;
+    Viewer *viewer, *second;
     Compose *compose;
     Reference *reference; /* NULL: from eigen-maps */
     guint8 *sheet;        /* NULL: a file a frame */
 };
 
-static gboolean render_light(const struct view_options *o, const struct studio *studio,
-                             const char *path, const struct view_settings *s, struct rendered *ret,
-                             GError **error) {
+static gboolean render_light(const struct viewer_options *o, const struct studio *studio,
+                             const char *path, const struct viewer_settings *s,
+                             struct rendered *ret, GError **error) {
     const gint64 from = g_get_monotonic_time();
-    g_autofree float *light = view_render_light(studio->view, s, o->width, o->height, error);
+    g_autofree float *light = viewer_render_light(studio->viewer, s, o->width, o->height, error);
     const struct snapshot snapshot = snapshot_of(o, studio->material, s, ret);
     ret->seconds += (g_get_monotonic_time() - from) * 1e-6;
     return light != NULL &&
            snapshot_write_light(path, &snapshot, light, o->width, o->height, error);
 }
 
-static gboolean render_shown(const struct view_options *o, const struct studio *studio, int frame,
-                             const char *path, const struct view_settings *s, struct rendered *ret,
-                             GError **error) {
+static gboolean render_shown(const struct viewer_options *o, const struct studio *studio, int frame,
+                             const char *path, const struct viewer_settings *s,
+                             struct rendered *ret, GError **error) {
     const gint64 from = g_get_monotonic_time();
     g_autofree guint8 *rgb = studio->reference != NULL
-                                 ? reference_render(studio->reference, studio->view, s, o->width,
+                                 ? reference_render(studio->reference, studio->viewer, s, o->width,
                                                     o->height, &ret->error, error)
-                                 : compose_render(studio->compose, studio->view, studio->second,
+                                 : compose_render(studio->compose, studio->viewer, studio->second,
                                                   &o->compose, s, o->width, o->height, error);
     if (rgb == NULL)
         return FALSE;
     ret->seconds += (g_get_monotonic_time() - from) * 1e-6;
     if (studio->sheet == NULL)
-        return view_main_write_frame(o, studio->material, path, s, ret, rgb, o->width, o->height,
-                                     error);
+        return viewer_main_write_frame(o, studio->material, path, s, ret, rgb, o->width, o->height,
+                                       error);
     put_on_sheet(o, frame, rgb, studio->sheet);
     return TRUE;
 }
 
-static gboolean render_frame(const struct view_options *o, const struct studio *studio, int frame,
-                             const struct view_settings *s, struct rendered *ret, GError **error) {
+static gboolean render_frame(const struct viewer_options *o, const struct studio *studio, int frame,
+                             const struct viewer_settings *s, struct rendered *ret,
+                             GError **error) {
     g_autofree char *path = frame_path(o, frame);
-    if (!(view_options_light(o) ? render_light(o, studio, path, s, ret, error)
-                                : render_shown(o, studio, frame, path, s, ret, error)))
+    if (!(viewer_options_light(o) ? render_light(o, studio, path, s, ret, error)
+                                  : render_shown(o, studio, frame, path, s, ret, error)))
         return FALSE;
     ret->n_frames++;
     if (studio->sheet == NULL)
@@ -131,25 +133,26 @@ static gboolean render_frame(const struct view_options *o, const struct studio *
 }
 
 /* Eigen-maps of what there is of a session, and stripes where views are missing. */
-static gboolean open_live(const struct view_options *o, View *view, struct rendered *ret,
+static gboolean open_live(const struct viewer_options *o, Viewer *viewer, struct rendered *ret,
                           GError **error) {
     struct eigenmaps *maps = live_eigenmaps(o->rest[0], &ret->n_views, error);
-    const gboolean good = maps != NULL && view_set_material(view, maps, error);
+    const gboolean good = maps != NULL && viewer_set_material(viewer, maps, error);
     eigenmaps_free(maps);
     g_autoptr(GArray) planned = good ? live_views(o->rest[0], NULL) : NULL;
     if (planned != NULL) { /* else it has a BTF and no plan */
-        view_set_planned(view, (const struct planned_view *)(const void *)planned->data,
-                         planned->len);
+        viewer_set_planned(viewer, (const struct planned_view *)(const void *)planned->data,
+                           planned->len);
         ret->n_planned = (int)planned->len;
     }
     return good;
 }
 
-static gboolean render_series(const struct view_options *o, const struct studio *studio,
-                              const struct view_settings *s, struct rendered *ret, GError **error) {
+static gboolean render_series(const struct viewer_options *o, const struct studio *studio,
+                              const struct viewer_settings *s, struct rendered *ret,
+                              GError **error) {
     for (int k = 0; k < o->n_series; k++) {
         g_autoptr(GArray) views = series_wait(o->rest[0], o->series[k], o->wait_s, error);
-        if (views == NULL || !open_live(o, studio->view, ret, error) ||
+        if (views == NULL || !open_live(o, studio->viewer, ret, error) ||
             !render_frame(o, studio, k, s, ret, error))
             return FALSE;
         if (!o->json)
@@ -158,11 +161,11 @@ static gboolean render_series(const struct view_options *o, const struct studio 
     return TRUE;
 }
 
-static gboolean render_turn(const struct view_options *o, const struct studio *studio,
-                            const struct view_settings *fitted, struct rendered *ret,
+static gboolean render_turn(const struct viewer_options *o, const struct studio *studio,
+                            const struct viewer_settings *fitted, struct rendered *ret,
                             GError **error) {
     for (int k = 0; k < MAX(o->frames, 1); k++) {
-        struct view_settings s = *fitted;
+        struct viewer_settings s = *fitted;
         double turned = o->frames > 0 ? 360.0 * k / o->frames : 0.0;
         s.light_phi_deg += o->light_turn ? turned : 0.0;
         s.camera_azimuth_deg += o->camera_turn ? turned : 0.0;
@@ -172,29 +175,29 @@ static gboolean render_turn(const struct view_options *o, const struct studio *s
     return TRUE;
 }
 
-static gboolean render_frames(const struct view_options *o, struct studio *studio,
-                              const struct view_settings *start, struct rendered *ret,
+static gboolean render_frames(const struct viewer_options *o, struct studio *studio,
+                              const struct viewer_settings *start, struct rendered *ret,
                               GError **error) {
-    struct view_settings fitted = *start;
+    struct viewer_settings fitted = *start;
     gsize size = 3 * (gsize)o->width * o->height;
     g_autofree guint8 *sheet =
-        o->sheet > 0 ? g_malloc0(size * o->sheet * view_options_sheet_rows(o)) : NULL;
+        o->sheet > 0 ? g_malloc0(size * o->sheet * viewer_options_sheet_rows(o)) : NULL;
     studio->sheet = sheet;
     /* Once, so that the shape keeps its size in all frames. */
-    view_fit(studio->view, &fitted, (double)o->width / o->height);
+    viewer_fit(studio->viewer, &fitted, (double)o->width / o->height);
     if (!(o->n_series > 0 ? render_series(o, studio, &fitted, ret, error)
                           : render_turn(o, studio, &fitted, ret, error)))
         return FALSE;
     if (sheet == NULL)
         return TRUE;
     g_ptr_array_add(ret->files, g_strdup(o->render));
-    return view_main_write_frame(o, studio->material, o->render, &fitted, ret, sheet,
-                                 o->width * o->sheet, o->height * view_options_sheet_rows(o),
-                                 error);
+    return viewer_main_write_frame(o, studio->material, o->render, &fitted, ret, sheet,
+                                   o->width * o->sheet, o->height * viewer_options_sheet_rows(o),
+                                   error);
 }
 
 /* Something is needed to open. */
-static gboolean series_wait_first(const struct view_options *o, GError **error) {
+static gboolean series_wait_first(const struct viewer_options *o, GError **error) {
     const char *session = o->rest != NULL ? o->rest[0] : "";
     g_autoptr(GArray) views = series_wait(session, o->series[0], o->wait_s, error);
     return views != NULL;
@@ -206,23 +209,24 @@ struct set {
     const struct environment *environment; /* or NULL */
 };
 
-static View *open_view(const struct view_options *o, const struct method *method,
-                       const char *material, const struct set *set, struct rendered *ret,
-                       GError **error) {
-    g_autoptr(View) view = view_new(NULL, error);
-    if (view == NULL || !(o->n_series > 0 ? series_wait_first(o, error) : TRUE) ||
-        !(o->live ? open_live(o, view, ret, error) : view_open(view, method, material, error)) ||
-        (o->settings.silhouettes && !view_open_mdf(view, o->mdf_path, error)) ||
-        (o->settings.backdrop && !view_set_environment(view, set->environment, error)) ||
-        !view_set_mesh(view, set->mesh, error))
+static Viewer *open_viewer(const struct viewer_options *o, const struct method *method,
+                           const char *material, const struct set *set, struct rendered *ret,
+                           GError **error) {
+    g_autoptr(Viewer) viewer = viewer_new(NULL, error);
+    if (viewer == NULL || !(o->n_series > 0 ? series_wait_first(o, error) : TRUE) ||
+        !(o->live ? open_live(o, viewer, ret, error)
+                  : viewer_open(viewer, method, material, error)) ||
+        (o->settings.silhouettes && !viewer_open_mdf(viewer, o->mdf_path, error)) ||
+        (o->settings.backdrop && !viewer_set_environment(viewer, set->environment, error)) ||
+        !viewer_set_mesh(viewer, set->mesh, error))
         return NULL;
-    return g_steal_pointer(&view);
+    return g_steal_pointer(&viewer);
 }
 
-static gboolean render_measured(const struct view_options *o, const struct studio *studio,
+static gboolean render_measured(const struct viewer_options *o, const struct studio *studio,
                                 struct rendered *ret, GError **error) {
     struct measured *m = &ret->measured;
-    if (!measured_compare(studio->reference, studio->view, &o->settings, o->width, m, error))
+    if (!measured_compare(studio->reference, studio->viewer, &o->settings, o->width, m, error))
         return FALSE;
     ret->error = m->error;
     ret->n_frames = 1;
@@ -239,43 +243,43 @@ static gboolean render_measured(const struct view_options *o, const struct studi
 }
 
 /* What the method opens. */
-static char *view_main_path_of(const struct view_options *o, const struct method *method) {
+static char *viewer_main_path_of(const struct viewer_options *o, const struct method *method) {
     if (method->takes_normals && o->normal_map != NULL)
         return g_strdup(o->normal_map);
     const gboolean given = o->rest != NULL && o->rest[0] != NULL;
     return method_path(method, given && method->product != NULL ? o->rest[0] : method->name);
 }
 
-static gboolean render_set(const struct view_options *o, const char *material,
+static gboolean render_set(const struct viewer_options *o, const char *material,
                            const struct set *set, struct rendered *ret, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
     g_autoptr(Compose) compose = gpu != NULL ? compose_new(error) : NULL;
-    g_autoptr(View) view =
-        compose != NULL ? open_view(o, o->method, material, set, ret, error) : NULL;
-    if (view == NULL)
+    g_autoptr(Viewer) viewer =
+        compose != NULL ? open_viewer(o, o->method, material, set, ret, error) : NULL;
+    if (viewer == NULL)
         return FALSE;
-    g_autofree char *other = o->second != NULL ? view_main_path_of(o, o->second) : NULL;
-    g_autoptr(View) second =
-        o->second != NULL ? open_view(o, o->second, other, set, ret, error) : NULL;
+    g_autofree char *other = o->second != NULL ? viewer_main_path_of(o, o->second) : NULL;
+    g_autoptr(Viewer) second =
+        o->second != NULL ? open_viewer(o, o->second, other, set, ret, error) : NULL;
     if (o->second != NULL && second == NULL)
         return FALSE;
-    struct view_settings settings = o->settings;
+    struct viewer_settings settings = o->settings;
     settings.tiles_u = set->mesh->tiles_u;
     settings.tiles_v = set->mesh->tiles_v;
     ret->renderer = g_strdup(gpu_renderer());
-    ret->memory = view_memory(view);
+    ret->memory = viewer_memory(viewer);
     g_autofree char *btf = btf_path(o);
     g_autoptr(Reference) reference = btf != NULL ? reference_open(btf, error) : NULL;
     if (btf != NULL && reference == NULL)
         return FALSE;
-    struct studio studio = {material, view, second, compose, reference, NULL};
+    struct studio studio = {material, viewer, second, compose, reference, NULL};
     return o->measured ? render_measured(o, &studio, ret, error)
                        : render_frames(o, &studio, &settings, ret, error);
 }
 
-static gboolean view_main_render(const struct view_options *o, const char *material,
-                                 const struct environment *environment, struct rendered *ret,
-                                 GError **error) {
+static gboolean viewer_main_render(const struct viewer_options *o, const char *material,
+                                   const struct environment *environment, struct rendered *ret,
+                                   GError **error) {
     const struct scene_options scene = {o->settings.tiles_u, o->settings.tiles_v, o->upward,
                                         o->floor};
     struct mesh *mesh = scene_make(o->shape, &scene, error);
@@ -285,8 +289,9 @@ static gboolean view_main_render(const struct view_options *o, const char *mater
     return good;
 }
 
-static gboolean view_main_show(const struct view_options *o, const struct environment *environment,
-                               struct rendered *ret, GError **error) {
+static gboolean viewer_main_show(const struct viewer_options *o,
+                                 const struct environment *environment, struct rendered *ret,
+                                 GError **error) {
     const struct window_options window = {
         .method = o->method,
         .second = o->second,
@@ -321,19 +326,6 @@ static gboolean view_main_show(const struct view_options *o, const struct enviro
     return good;
 }
 
-static void view_main_append_json_string(GString *json, const char *text) {
-    g_string_append_c(json, '"');
-    for (const char *c = text; *c != '\0'; c++) {
-        if (*c == '"' || *c == '\\')
-            g_string_append_printf(json, "\\%c", *c);
-        else if ((guchar)*c < 0x20)
-            g_string_append_printf(json, "\\u%04x", *c);
-        else
-            g_string_append_c(json, *c);
-    }
-    g_string_append_c(json, '"');
-}
-
 static void report_measured(GString *json, const struct measured *m) {
     const struct {
         const char *name;
@@ -349,14 +341,14 @@ static void report_measured(GString *json, const struct measured *m) {
     }
 }
 
-static void view_main_report(const struct view_options *o, const char *material,
-                             const struct rendered *done) {
+static void viewer_main_report(const struct viewer_options *o, const char *material,
+                               const struct rendered *done) {
     g_autoptr(GString) json = g_string_new("{\"material\": ");
-    view_main_append_json_string(json, material);
+    json_append_string(json, material);
     g_string_append(json, ", \"shape\": ");
-    view_main_append_json_string(json, o->shape);
+    json_append_string(json, o->shape);
     g_string_append(json, ", \"renderer\": ");
-    view_main_append_json_string(json, done->renderer);
+    json_append_string(json, done->renderer);
     char seconds[G_ASCII_DTOSTR_BUF_SIZE];
     g_ascii_formatd(seconds, sizeof seconds, "%.4f", done->seconds);
     g_string_append_printf(json,
@@ -365,7 +357,7 @@ static void view_main_report(const struct view_options *o, const char *material,
                            o->width, o->height, done->n_frames, seconds);
     for (guint k = 0; k < done->files->len; k++) {
         g_string_append(json, k > 0 ? ", " : "");
-        view_main_append_json_string(json, done->files->pdata[k]);
+        json_append_string(json, done->files->pdata[k]);
     }
     g_string_append_c(json, ']');
     g_string_append_printf(
@@ -387,14 +379,14 @@ static void view_main_report(const struct view_options *o, const char *material,
 }
 
 /* That of a material lies beside it. */
-static char *mdf_path(const struct view_options *o, const char *material) {
+static char *mdf_path(const struct viewer_options *o, const char *material) {
     g_autofree char *folder = g_path_get_dirname(material);
     return o->mdf != NULL ? g_strdup(o->mdf) : g_build_filename(folder, "mdf.exr", NULL);
 }
 
-static int view_main_run(struct view_options *o) {
+static int viewer_main_run(struct viewer_options *o) {
     g_autoptr(GError) error = NULL;
-    g_autofree char *material = view_main_path_of(o, o->method);
+    g_autofree char *material = viewer_main_path_of(o, o->method);
     g_autoptr(GPtrArray) files = g_ptr_array_new_with_free_func(g_free);
     struct rendered done = {.files = files};
     if (o->shape == NULL)
@@ -405,13 +397,13 @@ static int view_main_run(struct view_options *o) {
     const gboolean lit =
         environment != NULL ? environment_light(environment, &o->settings, &error) : error == NULL;
     gboolean good =
-        lit && (o->render != NULL ? view_main_render(o, material, environment, &done, &error)
-                                  : view_main_show(o, environment, &done, &error));
+        lit && (o->render != NULL ? viewer_main_render(o, material, environment, &done, &error)
+                                  : viewer_main_show(o, environment, &done, &error));
     environment_free(environment);
     if (!good)
         g_printerr("mesorig-view: %s\n", error->message);
     else if (o->json)
-        view_main_report(o, material, &done);
+        viewer_main_report(o, material, &done);
     measured_clear(&done.measured);
     g_free(done.renderer);
     return good ? 0 : 1;
@@ -419,11 +411,11 @@ static int view_main_run(struct view_options *o) {
 
 int main(int argc, char **argv) {
     setlocale(LC_ALL, "");
-    struct view_options o = {.settings = view_settings_default,
-                             .started_us = g_get_monotonic_time()};
+    struct viewer_options o = {.settings = viewer_settings_default,
+                               .started_us = g_get_monotonic_time()};
     g_autoptr(GError) error = NULL;
     g_autoptr(GOptionContext) context = g_option_context_new("– show a measured material");
-    g_autofree GOptionEntry *table = view_options_entries(&o);
+    g_autofree GOptionEntry *table = viewer_options_entries(&o);
     GOptionGroup *group = g_option_group_new("", "", "", &o, NULL);
     g_option_group_add_entries(group, table);
     g_option_context_set_main_group(context, group);
@@ -435,12 +427,12 @@ int main(int argc, char **argv) {
     gboolean parsed = g_option_context_parse(context, &argc, &argv, &error);
     if (parsed && o.version) {
         g_print("mesorig-view %s\n", MESORIG_VERSION);
-    } else if (!parsed || !view_options_check(&o, &error)) {
+    } else if (!parsed || !viewer_options_check(&o, &error)) {
         g_printerr("mesorig-view: %s\nTry “mesorig-view --help”.\n", error->message);
         status = 2;
     } else {
-        status = view_main_run(&o);
+        status = viewer_main_run(&o);
     }
-    view_options_clear(&o);
+    viewer_options_clear(&o);
     return status;
 }

@@ -31,7 +31,7 @@ static char *compare_of(const struct snapshot *snapshot) {
     return g_strdup("one picture");
 }
 
-static const char *relief_of(const struct view_settings *s) {
+static const char *relief_of(const struct viewer_settings *s) {
     return s->silhouettes && s->shadows ? "silhouettes, shadows"
            : s->silhouettes             ? "silhouettes"
            : s->shadows                 ? "shadows"
@@ -39,11 +39,11 @@ static const char *relief_of(const struct view_settings *s) {
 }
 
 /* All of them, as --lamp takes them. */
-static char *lamps_of(const struct view_settings *s) {
+static char *lamps_of(const struct viewer_settings *s) {
     GString *text = g_string_new(NULL);
     g_string_printf(text, "first %.10g, and %d more", s->lamp, s->n_lamps);
     for (int k = 0; k < s->n_lamps; k++) {
-        const struct view_lamp *l = &s->lamps[k];
+        const struct viewer_lamp *l = &s->lamps[k];
         g_string_append_printf(text, "%s%.6g,%.6g,%.6g,%.6g,%.6g", k == 0 ? ": " : "; ",
                                l->theta_deg, l->phi_deg, (double)l->rgb[0], (double)l->rgb[1],
                                (double)l->rgb[2]);
@@ -58,7 +58,7 @@ static char *environment_of(const struct snapshot *snapshot) {
                            snapshot->settings->backdrop ? ", seen behind the shape" : "");
 }
 
-static char *camera_of(const struct view_settings *s) {
+static char *camera_of(const struct viewer_settings *s) {
     return g_strdup_printf("azimuth %.10g deg, elevation %.10g deg, distance %.10g, fov %.10g deg",
                            s->camera_azimuth_deg, s->camera_elevation_deg, s->camera_distance,
                            s->camera_fov_deg);
@@ -66,7 +66,7 @@ static char *camera_of(const struct view_settings *s) {
 
 /* What is not as it is by default, beside the number of samples. */
 static char *drawn_of(const struct snapshot *snapshot) {
-    const struct view_settings *s = snapshot->settings;
+    const struct viewer_settings *s = snapshot->settings;
     GString *text = g_string_new(NULL);
     g_string_printf(text, "%d x %d samples a pixel", s->samples, s->samples);
     if (s->plain)
@@ -75,7 +75,7 @@ static char *drawn_of(const struct snapshot *snapshot) {
         g_string_append(text, ", texels not filtered");
     if (s->silhouettes && s->visibility.straight)
         g_string_append(text, ", rays straight");
-    if (s->silhouettes && s->visibility.layers != view_settings_default.visibility.layers)
+    if (s->silhouettes && s->visibility.layers != viewer_settings_default.visibility.layers)
         g_string_append_printf(text, ", %d layers", s->visibility.layers);
     if (s->shadows)
         g_string_append_printf(text, ", shadow map %d", s->shadow_size);
@@ -96,8 +96,7 @@ static void snapshot_tell(GPtrArray *texts, const char *name, char *value) {
 }
 
 static GPtrArray *texts_of(const struct snapshot *snapshot) {
-    static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
-    const struct view_settings *s = snapshot->settings;
+    const struct viewer_settings *s = snapshot->settings;
     GPtrArray *texts = g_ptr_array_new_with_free_func(g_free);
     snapshot_tell(texts, "Software", g_strdup("mesorig-view " MESORIG_VERSION));
     snapshot_tell(texts, "Material", shown_name(snapshot->material));
@@ -114,7 +113,7 @@ static GPtrArray *texts_of(const struct snapshot *snapshot) {
                   g_strdup_printf("%.10g EV, ambient %.10g", s->exposure_ev, s->ambient));
     snapshot_tell(texts, "Relief", g_strdup(relief_of(s)));
     snapshot_tell(texts, "Distances", s->silhouettes ? file_of(snapshot->mdf) : NULL);
-    snapshot_tell(texts, "Rotation", g_strdup(rotations[s->style.rotation]));
+    snapshot_tell(texts, "Rotation", g_strdup(method_rotation_names[s->style.rotation]));
     snapshot_tell(texts, "Normals", file_of(snapshot->normal_map));
     snapshot_tell(texts, "Source", snapshot_source_of(snapshot));
     snapshot_tell(texts, "Compare", compare_of(snapshot));

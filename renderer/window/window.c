@@ -9,8 +9,6 @@
 #include <GLFW/glfw3.h>
 #include <math.h>
 
-#define DEMO "fabric-ashikhmin" /* shown at once, while the material is opened */
-
 static void set_title(struct window *w) {
     g_autofree char *name = g_path_get_basename(w->material);
     g_autofree char *shape = g_path_get_basename(w->shape); /* may be a file */
@@ -42,12 +40,12 @@ static guint8 *read_window(struct window *w, int width, int height, GError **err
 gboolean window_save(struct window *w, const char *path, GError **error) {
     int width, height;
     glfwGetFramebufferSize(w->glfw, &width, &height);
-    struct view_settings settings = w->settings;
+    struct viewer_settings settings = w->settings;
     if (!w->options->with_panel)
         settings.samples = MAX(settings.samples, 3);
     g_autofree guint8 *rgb = w->options->with_panel
                                  ? read_window(w, width, height, error)
-                                 : compose_render(w->compose, w->view, w->second, &w->how,
+                                 : compose_render(w->compose, w->viewer, w->second, &w->how,
                                                   &settings, width, height, error);
     const struct snapshot snapshot = {
         .material = w->material,
@@ -108,7 +106,7 @@ static GLFWwindow *open_window(const struct window_options *options, GError **er
     return glfw;
 }
 
-/* The fullest bin is as high as the picture of them; the square root shows the others. */
+/* Bins relative to the fullest one, as square roots, so that small bins stay visible. */
 static void window_count_levels(struct window *w, const guint8 *rgb) {
     const gsize n = 3 * (gsize)w->scene.width * w->scene.height;
     guint counts[3 * WINDOW_BINS] = {0}, most = 1;
@@ -124,12 +122,12 @@ static gboolean window_draw_scene(struct window *w, int width, int height,
                                   struct window_result *ret, GError **error) {
     const gint64 start = g_get_monotonic_time();
     /* Once a shape, so that it keeps its size while the user turns it. */
-    view_fit(w->view, &w->settings, (double)width / height);
+    viewer_fit(w->viewer, &w->settings, (double)width / height);
     if (!gpu_target_resize(&w->scene, width, height, GL_RGBA8, FALSE, error) ||
-        !compose_draw(w->compose, w->view, w->second, &w->how, &w->settings, w->scene.framebuffer,
+        !compose_draw(w->compose, w->viewer, w->second, &w->how, &w->settings, w->scene.framebuffer,
                       width, height, error))
         return FALSE;
-    view_finish();
+    viewer_finish();
     w->frame_ms = (double)(g_get_monotonic_time() - start) * 1e-3;
     ret->seconds += w->frame_ms * 1e-3;
     ret->n_frames++;
@@ -176,12 +174,12 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
     return w->options->screenshot == NULL || window_save(w, w->options->screenshot, error);
 }
 
-/* A picture of something comes before what takes seconds to read. */
+/* Shows a demonstration at once, because reading the material may take seconds. */
 static gboolean draw_demo(struct window *w, struct window_result *ret, GError **error) {
     const gboolean panel = w->panel;
-    w->method = method_find(DEMO);
-    w->material = g_strdup(DEMO);
-    if (!view_open(w->view, w->method, NULL, error))
+    w->method = method_find(METHOD_DEMO);
+    w->material = g_strdup(METHOD_DEMO);
+    if (!viewer_open(w->viewer, w->method, NULL, error))
         return FALSE;
     w->panel = FALSE;
     const gboolean good = window_draw_frame(w, ret, error);
@@ -194,9 +192,9 @@ static gboolean draw_demo(struct window *w, struct window_result *ret, GError **
 }
 
 static gboolean window_do_run(struct window *w, struct window_result *ret, GError **error) {
-    w->view = view_new(NULL, error);
-    w->compose = w->view != NULL ? compose_new(error) : NULL;
-    if (w->compose == NULL || !window_set_environment(w, w->view, error))
+    w->viewer = viewer_new(NULL, error);
+    w->compose = w->viewer != NULL ? compose_new(error) : NULL;
+    if (w->compose == NULL || !window_set_environment(w, w->viewer, error))
         return FALSE;
     ret->renderer = g_strdup(gpu_renderer());
     window_set_shape(w, w->options->shape, &w->options->settings);
@@ -212,7 +210,7 @@ static gboolean window_do_run(struct window *w, struct window_result *ret, GErro
     w->how.mode = COMPOSE_ONE; /* until there is a second */
     window_open_first(w);
     const gboolean good = loop(w, ret, error);
-    ret->memory = view_memory(w->view);
+    ret->memory = viewer_memory(w->viewer);
     return good;
 }
 

@@ -26,7 +26,7 @@ struct window_options {
     const char *screenshot; /* written before it closes; NULL: none */
     gboolean with_panel;    /* that is the window as it is, with its panel */
     gint64 started_us;      /* the program, of g_get_monotonic_time() */
-    struct view_settings settings;
+    struct viewer_settings settings;
 };
 
 struct window_result {
@@ -34,7 +34,7 @@ struct window_result {
     double seconds;       /* spent drawing them */
     double first_seconds; /* from the program's start to the first picture */
     char *renderer;       /* g_free() it */
-    struct view_memory memory;
+    struct viewer_memory memory;
 };
 
 gboolean window_run(const struct window_options *options, struct window_result *ret,

@@ -43,9 +43,8 @@ static void reset(struct window *w) {
 }
 
 static gboolean set_shape(struct window *w, int key) {
-    static const char *const names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot"};
-    if (key >= GLFW_KEY_1 && key <= GLFW_KEY_5)
-        window_set_shape(w, names[key - GLFW_KEY_1], NULL);
+    if (key >= GLFW_KEY_1 && key < GLFW_KEY_1 + SCENE_SHAPES)
+        window_set_shape(w, scene_shape_names[key - GLFW_KEY_1], NULL);
     else if (key == GLFW_KEY_0)
         window_set_shape(w, w->options->shape, &w->options->settings);
     else
@@ -96,7 +95,7 @@ static void on_character(GLFWwindow *glfw, unsigned character) {
 
 static void on_move(GLFWwindow *glfw, double x, double y) {
     struct window *w = glfwGetWindowUserPointer(glfw);
-    struct view_settings *s = &w->settings;
+    struct viewer_settings *s = &w->settings;
     double dx = x - w->x, dy = y - w->y;
     w->x = x;
     w->y = y;
@@ -116,7 +115,7 @@ static void on_move(GLFWwindow *glfw, double x, double y) {
 
 static void on_wheel(GLFWwindow *glfw, double x, double y) {
     struct window *w = glfwGetWindowUserPointer(glfw);
-    struct view_settings *s = &w->settings;
+    struct viewer_settings *s = &w->settings;
     if (ui_wants_mouse())
         return;
     if (s->camera_distance > 0.0) /* else nothing is drawn yet */

@@ -1,6 +1,7 @@
 #include "window_private.h"
 
 #include <math.h>
+#include <string.h>
 
 #define WIDTH 300.0F
 
@@ -28,7 +29,6 @@ static gboolean has_microfacets(const struct method *method) {
 
 static void draw_methods(struct window *w) {
     static const char *const modes[COMPOSE_MODES] = {"one picture", "split", "difference"};
-    static const char *const rotations[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
     const struct method *method = NULL, *second = NULL;
     int mode = (int)w->how.mode, rotation = (int)w->settings.style.rotation;
     if (choose_method("method", w->method, &method))
@@ -45,15 +45,17 @@ static void draw_methods(struct window *w) {
     if (!has_microfacets(w->method) &&
         (w->how.mode == COMPOSE_ONE || !has_microfacets(w->second_method)))
         return;
-    if (ui_choice("microfacets turn", rotations, METHOD_ROTATIONS, &rotation)) {
+    if (ui_choice("microfacets turn", method_rotation_names, METHOD_ROTATIONS, &rotation)) {
         w->settings.style.rotation = (enum method_rotation)rotation;
         w->stale = TRUE;
     }
 }
 
 static void choose_shape(struct window *w) {
-    const char *names[] = {"plane", "torus", "sphere", "cylinder", "torus-knot", w->options->shape};
-    const int own = G_N_ELEMENTS(names) - 1;
+    const char *names[SCENE_SHAPES + 1];
+    memcpy(names, scene_shape_names, sizeof scene_shape_names);
+    names[SCENE_SHAPES] = w->options->shape;
+    const int own = SCENE_SHAPES;
     int chosen = 0, n = 0;
     while (!g_str_equal(names[n], names[own]))
         n++;
@@ -76,7 +78,7 @@ static void draw_shape(struct window *w) {
 }
 
 static void draw_light(struct window *w) {
-    struct view_settings *s = &w->settings;
+    struct viewer_settings *s = &w->settings;
     double phi = s->light_phi_deg - 360.0 * floor(s->light_phi_deg / 360.0);
     w->stale |= ui_slider("light theta", &s->light_theta_deg, 0.0, 180.0, "%.0f°");
     if (ui_slider("light phi", &phi, 0.0, 360.0, "%.0f°")) {
@@ -89,23 +91,6 @@ static void draw_light(struct window *w) {
     w->stale |= ui_slider("ambient", &s->ambient, 0.0, 1.0, "%.2f");
     w->stale |= ui_slider("exposure", &s->exposure_ev, -6.0, 6.0, "%+.2f EV");
     ui_histogram(w->histogram, WINDOW_BINS, WIDTH - 20.0F, 60.0F);
-}
-
-static gboolean nearest_is_measured(const struct window *w, double theta_deg, double phi_deg) {
-    const double deg = G_PI / 180.0;
-    double best = -2.0;
-    gboolean measured = TRUE;
-    for (guint k = 0; k < w->planned->len; k++) {
-        const struct planned_view *v = &g_array_index(w->planned, struct planned_view, k);
-        const double dot =
-            cos(v->theta_deg * deg) * cos(theta_deg * deg) +
-            sin(v->theta_deg * deg) * sin(theta_deg * deg) * cos((v->phi_deg - phi_deg) * deg);
-        if (dot > best) {
-            best = dot;
-            measured = v->measured;
-        }
-    }
-    return measured;
 }
 
 static void draw_views(struct window *w) {
@@ -127,7 +112,9 @@ static void draw_views(struct window *w) {
     g_array_append_val(dots, camera);
     g_autofree char *text = g_strdup_printf("%u of %u views are there", there, w->planned->len);
     ui_text(text);
-    if (there < w->planned->len && !nearest_is_measured(w, theta, phi))
+    if (there < w->planned->len &&
+        planned_views_missing((const struct planned_view *)(const void *)w->planned->data,
+                              w->planned->len, theta, phi))
         ui_note("The view nearest to the camera is not there yet: what is seen is interpolated.");
     ui_hemisphere((const struct ui_dot *)(const void *)dots->data, (int)dots->len, 150.0F);
 }
@@ -162,7 +149,7 @@ void window_panel(struct window *w) {
                                                          : g_strdup("no material");
     g_autofree char *time =
         g_strdup_printf("%s: %.1f ms a picture on %s", name, w->frame_ms, gpu_renderer());
-    const struct view_memory bytes = view_memory(w->view);
+    const struct viewer_memory bytes = viewer_memory(w->viewer);
     g_autofree char *memory =
         g_strdup_printf("%.1f MB on the card, its MDF %.1f MB", (double)bytes.material * 1e-6,
                         (double)bytes.mdf * 1e-6);

@@ -19,10 +19,10 @@ struct window {
     Ui *ui;
     Compose *compose;
     struct gpu_target scene; /* the picture without the panel */
-    View *view, *second;
+    Viewer *viewer, *second;
     const struct method *method, *second_method;
     struct compose how;
-    struct view_settings settings;
+    struct viewer_settings settings;
     struct mesh *mesh;
     const char *shape;
     char *session; /* directory, or NULL */
@@ -54,9 +54,9 @@ struct window {
 void window_say(struct window *w, const char *message); /* NULL: nothing is wrong */
 void window_set_method(struct window *w, const struct method *method);
 void window_set_second(struct window *w, const struct method *method, enum compose_mode mode);
-void window_set_shape(struct window *w, const char *shape, const struct view_settings *tiles);
+void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles);
 void window_scale_tiles(struct window *w, double factor);
-gboolean window_set_environment(const struct window *w, View *view, GError **error);
+gboolean window_set_environment(const struct window *w, Viewer *viewer, GError **error);
 void window_toggle_backdrop(struct window *w);
 void window_toggle_silhouettes(struct window *w);
 void window_compare_measured(struct window *w);

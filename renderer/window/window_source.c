@@ -6,8 +6,6 @@
 #include <glib/gstdio.h>
 #include <string.h>
 
-#define DEMO "fabric-ashikhmin"
-
 void window_say(struct window *w, const char *message) {
     if (message != NULL)
         g_printerr("mesorig-view: %s\n", message);
@@ -42,7 +40,7 @@ static void ask_method(struct window *w, enum opener_place place, const struct m
 
 static void show_live(struct window *w) {
     g_autoptr(GError) error = NULL;
-    const gboolean good = view_set_material(w->view, w->live_maps, &error);
+    const gboolean good = viewer_set_material(w->viewer, w->live_maps, &error);
     if (good) {
         w->method = methods[0];
         g_free(w->material);
@@ -65,7 +63,7 @@ void window_set_method(struct window *w, const struct method *method) {
 static gboolean take_first(struct window *w, struct opened *o, GError **error) {
     if (g_strcmp0(o->path, w->material) == 0)
         w->file_time = w->asked_time; /* good or not: it is not tried again until it changes */
-    if (o->error != NULL || !view_set_method(w->view, o->method, o->material, error)) {
+    if (o->error != NULL || !viewer_set_method(w->viewer, o->method, o->material, error)) {
         if (o->error != NULL)
             g_propagate_error(error, g_steal_pointer(&o->error));
         return FALSE;
@@ -79,28 +77,28 @@ static gboolean take_first(struct window *w, struct opened *o, GError **error) {
 }
 
 static void mark_views(struct window *w) {
-    View *const both[2] = {w->view, w->second};
+    Viewer *const both[2] = {w->viewer, w->second};
     for (int k = 0; k < 2; k++)
         if (both[k] != NULL && w->planned != NULL)
-            view_set_planned(both[k], (const struct planned_view *)(const void *)w->planned->data,
-                             w->planned->len);
+            viewer_set_planned(both[k], (const struct planned_view *)(const void *)w->planned->data,
+                               w->planned->len);
     w->stale = TRUE;
 }
 
-gboolean window_set_environment(const struct window *w, View *view, GError **error) {
+gboolean window_set_environment(const struct window *w, Viewer *viewer, GError **error) {
     return w->options->environment == NULL ||
-           view_set_environment(view, w->options->environment, error);
+           viewer_set_environment(viewer, w->options->environment, error);
 }
 
 static gboolean make_second(struct window *w, GError **error) {
     if (w->second != NULL)
         return TRUE;
-    g_autoptr(View) view = view_new(NULL, error);
-    if (view == NULL || !view_set_mesh(view, w->mesh, error) ||
-        !window_set_environment(w, view, error) ||
-        (w->mdf != NULL && !view_set_mdf_source(view, w->mdf, error)))
+    g_autoptr(Viewer) viewer = viewer_new(NULL, error);
+    if (viewer == NULL || !viewer_set_mesh(viewer, w->mesh, error) ||
+        !window_set_environment(w, viewer, error) ||
+        (w->mdf != NULL && !viewer_set_mdf(viewer, w->mdf, error)))
         return FALSE;
-    w->second = g_steal_pointer(&view);
+    w->second = g_steal_pointer(&viewer);
     mark_views(w);
     return TRUE;
 }
@@ -110,7 +108,7 @@ static gboolean take_second(struct window *w, struct opened *o, GError **error) 
         g_propagate_error(error, g_steal_pointer(&o->error));
         return FALSE;
     }
-    if (!make_second(w, error) || !view_set_method(w->second, o->method, o->material, error))
+    if (!make_second(w, error) || !viewer_set_method(w->second, o->method, o->material, error))
         return FALSE;
     o->material = NULL;
     w->second_method = o->method;
@@ -126,8 +124,8 @@ static gboolean take_mdf(struct window *w, struct opened *o, GError **error) {
         g_propagate_error(error, g_steal_pointer(&o->error));
         return FALSE;
     }
-    if (!view_set_mdf_source(w->view, o->mdf, error) ||
-        (w->second != NULL && !view_set_mdf_source(w->second, o->mdf, error)))
+    if (!viewer_set_mdf(w->viewer, o->mdf, error) ||
+        (w->second != NULL && !viewer_set_mdf(w->second, o->mdf, error)))
         return FALSE;
     mdf_source_free(w->mdf);
     w->mdf = g_steal_pointer(&o->mdf);
@@ -164,11 +162,11 @@ void window_set_second(struct window *w, const struct method *method, enum compo
 }
 
 static gboolean put_mesh(struct window *w, struct mesh *mesh, GError **error) {
-    return view_set_mesh(w->view, mesh, error) &&
-           (w->second == NULL || view_set_mesh(w->second, mesh, error));
+    return viewer_set_mesh(w->viewer, mesh, error) &&
+           (w->second == NULL || viewer_set_mesh(w->second, mesh, error));
 }
 
-void window_set_shape(struct window *w, const char *shape, const struct view_settings *tiles) {
+void window_set_shape(struct window *w, const char *shape, const struct viewer_settings *tiles) {
     g_autoptr(GError) error = NULL;
     struct scene_options scene = {.up = w->options->up, .floor = w->options->floor};
     if (tiles != NULL) {
@@ -229,7 +227,7 @@ void window_compare_measured(struct window *w) {
     g_autoptr(Reference) reference = btf != NULL ? reference_open(btf, &error) : NULL;
     struct measured found = {0};
     if (reference != NULL &&
-        measured_compare(reference, w->view, &w->settings, 3 * 64, &found, &error)) {
+        measured_compare(reference, w->viewer, &w->settings, 3 * 64, &found, &error)) {
         measured_clear(&w->measured);
         glDeleteTextures(1, &w->measured_texture);
         w->measured = found;
@@ -323,8 +321,8 @@ void window_clear_sources(struct window *w) {
     g_clear_pointer(&w->planned, g_array_unref);
     measured_clear(&w->measured);
     glDeleteTextures(1, &w->measured_texture);
-    view_free(w->view);
-    view_free(w->second);
+    viewer_free(w->viewer);
+    viewer_free(w->second);
     mesh_free(w->mesh);
     mdf_source_free(w->mdf);
     g_free(w->session);

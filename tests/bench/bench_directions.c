@@ -211,13 +211,13 @@ static gboolean time_fields(const struct rings *r, int frames, double *ret_ms, G
     for (gsize k = 0; k < n; k++)
         fields.values[k] = (float)g_rand_double_range(random, 0.2, 0.7);
     g_rand_free(random);
-    g_autoptr(View) view = view_new(NULL, error);
+    g_autoptr(Viewer) viewer = viewer_new(NULL, error);
     struct mesh *mesh = scene_torus(1, 0.4, 192, 96);
-    const struct view_settings settings = view_settings_default;
-    LobesView *shown = view ? lobes_view_new(levels, 1, error) : NULL;
-    const gboolean good = shown && view_set_method(view, &methods_lobes[0], shown, error) &&
-                          view_set_mesh(view, mesh, error) &&
-                          time_in_turns(&view, &settings, 1, frames, ret_ms, NULL, error);
+    const struct viewer_settings settings = viewer_settings_default;
+    LobesView *shown = viewer ? lobes_view_new(levels, 1, error) : NULL;
+    const gboolean good = shown && viewer_set_method(viewer, &methods_lobes[0], shown, error) &&
+                          viewer_set_mesh(viewer, mesh, error) &&
+                          time_in_turns(&viewer, &settings, 1, frames, ret_ms, NULL, error);
     mesh_free(mesh);
     g_free(fields.values);
     return good;

@@ -7,7 +7,7 @@
 #include "methods/lpca_grid.h"
 #include "methods/lpca_revised.h"
 #include "methods/lpca_view.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <locale.h>
@@ -95,15 +95,15 @@ static struct lpca *make_lpca(int n_components) {
     return p;
 }
 
-static struct view_settings without_sky(void) {
-    struct view_settings s = view_settings_default;
+static struct viewer_settings without_sky(void) {
+    struct viewer_settings s = viewer_settings_default;
     s.ambient = 0;
     return s;
 }
 
-static float *picture(View *view, GError **error) {
-    const struct view_settings s = without_sky();
-    return view_render_linear(view, &s, 400, 300, error);
+static float *picture(Viewer *viewer, GError **error) {
+    const struct viewer_settings s = without_sky();
+    return viewer_render_linear(viewer, &s, 400, 300, error);
 }
 
 enum { PAIRS, REVISED, GRID, N_WAYS };
@@ -124,12 +124,12 @@ static double difference(const float *a, const float *by_pairs) {
     return sqrt(off / all);
 }
 
-static gboolean compare(View *const *views, struct result *r, GError **error) {
-    g_autofree float *by_pairs = picture(views[PAIRS], error);
+static gboolean compare(Viewer *const *viewers, struct result *r, GError **error) {
+    g_autofree float *by_pairs = picture(viewers[PAIRS], error);
     for (int k = 0; k < N_WAYS; k++)
-        r->bytes[k] = view_memory(views[k]).material;
+        r->bytes[k] = viewer_memory(viewers[k]).material;
     for (int k = REVISED; by_pairs && k < N_WAYS; k++) {
-        g_autofree float *drawn = picture(views[k], error);
+        g_autofree float *drawn = picture(viewers[k], error);
         if (!drawn)
             return FALSE;
         r->difference[k] = difference(drawn, by_pairs);
@@ -137,18 +137,21 @@ static gboolean compare(View *const *views, struct result *r, GError **error) {
     return by_pairs != NULL;
 }
 
-static gboolean set(View *view, const struct method *method, gpointer material, GError **error) {
-    return material && view_set_method(view, method, material, error);
+static gboolean set(Viewer *viewer, const struct method *method, gpointer material,
+                    GError **error) {
+    return material && viewer_set_method(viewer, method, material, error);
 }
 
-static gboolean measure(struct lpca *lpca, View *const *views, int frames, struct result *r,
+static gboolean measure(struct lpca *lpca, Viewer *const *viewers, int frames, struct result *r,
                         GError **error) {
-    const struct view_settings s[N_WAYS] = {without_sky(), without_sky(), without_sky()};
-    return set(views[PAIRS], &method_lpca, lpca_view_new(&lpca, 1, error), error) &&
-           set(views[REVISED], &method_lpca_revised, lpca_revised_new(&lpca, 1, r->n_grid, error),
+    const struct viewer_settings s[N_WAYS] = {without_sky(), without_sky(), without_sky()};
+    return set(viewers[PAIRS], &method_lpca, lpca_view_new(&lpca, 1, error), error) &&
+           set(viewers[REVISED], &method_lpca_revised, lpca_revised_new(&lpca, 1, r->n_grid, error),
                error) &&
-           set(views[GRID], &method_lpca_grid, lpca_grid_new(&lpca, 1, r->n_grid, error), error) &&
-           time_in_turns(views, s, N_WAYS, frames, r->ms, NULL, error) && compare(views, r, error);
+           set(viewers[GRID], &method_lpca_grid, lpca_grid_new(&lpca, 1, r->n_grid, error),
+               error) &&
+           time_in_turns(viewers, s, N_WAYS, frames, r->ms, NULL, error) &&
+           compare(viewers, r, error);
 }
 
 static void tell_json(const struct result *r, gboolean first) {
@@ -176,11 +179,11 @@ static void tell_text(const struct result *r) {
     }
 }
 
-static gboolean open_views(View *views[N_WAYS], GError **error) {
+static gboolean open_views(Viewer *viewers[N_WAYS], GError **error) {
     struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
     gboolean good = TRUE;
     for (int k = 0; good && k < N_WAYS; k++)
-        good = (views[k] = view_new(NULL, error)) && view_set_mesh(views[k], mesh, error);
+        good = (viewers[k] = viewer_new(NULL, error)) && viewer_set_mesh(viewers[k], mesh, error);
     mesh_free(mesh);
     return good;
 }
@@ -190,8 +193,8 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
         int n_components, n_grid;
     } cases[] = {{2, 12}, {4, 12}, {8, 8}, {8, 12}, {8, 16}};
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
-    View *views[N_WAYS] = {NULL};
-    gboolean good = gpu && open_views(views, error);
+    Viewer *viewers[N_WAYS] = {NULL};
+    gboolean good = gpu && open_views(viewers, error);
     g_print(json ? "{\"renderer\": \"%s\", \"cases\": [" : "%s, 800 × 600, torus\n",
             gpu ? gpu_renderer() : "");
     for (gsize k = 0; good && k < G_N_ELEMENTS(cases); k++) {
@@ -199,7 +202,7 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
         struct lpca *whole = file ? lpca_read(file, error) : make_lpca(r.n_components);
         struct lpca *lpca =
             whole ? lpca_truncated(whole, MIN(r.n_components, whole->n_components)) : NULL;
-        good = lpca && measure(lpca, views, frames, &r, error);
+        good = lpca && measure(lpca, viewers, frames, &r, error);
         if (good && json)
             tell_json(&r, k == 0);
         else if (good)
@@ -209,7 +212,7 @@ static gboolean bench(const char *file, int frames, gboolean json, GError **erro
     }
     g_print(json ? "]}\n" : "");
     for (int k = 0; k < N_WAYS; k++)
-        view_free(views[k]);
+        viewer_free(viewers[k]);
     return good;
 }
 

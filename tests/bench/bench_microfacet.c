@@ -105,17 +105,17 @@ static void tell_tilts(const struct tilt *tilts, gboolean json) {
 }
 
 /* Of each rotation; ret_times: as long as none takes, which is the last. */
-static gboolean time_rotations(View *view, const struct method *method, int frames,
+static gboolean time_rotations(Viewer *viewer, const struct method *method, int frames,
                                double ret_ms[METHOD_ROTATIONS], double ret_times[METHOD_ROTATIONS],
                                GError **error) {
-    View *views[METHOD_ROTATIONS];
-    struct view_settings settings[METHOD_ROTATIONS];
+    Viewer *views[METHOD_ROTATIONS];
+    struct viewer_settings settings[METHOD_ROTATIONS];
     for (int way = 0; way < METHOD_ROTATIONS; way++) {
-        views[way] = view;
-        settings[way] = view_settings_default;
+        views[way] = viewer;
+        settings[way] = viewer_settings_default;
         settings[way].style.rotation = (enum method_rotation)way;
     }
-    return view_open(view, method, NULL, error) &&
+    return viewer_open(viewer, method, NULL, error) &&
            time_in_turns(views, settings, METHOD_ROTATIONS, frames, ret_ms, ret_times, error);
 }
 
@@ -134,14 +134,14 @@ static void tell_times(const char *name, const double *ms, const double *times, 
 
 static gboolean bench(int frames, gboolean json, GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
-    g_autoptr(View) view = gpu ? view_new(NULL, error) : NULL;
+    g_autoptr(Viewer) viewer = gpu ? viewer_new(NULL, error) : NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 192, 96);
-    gboolean good = view && view_set_mesh(view, mesh, error);
+    gboolean good = viewer && viewer_set_mesh(viewer, mesh, error);
     g_print(json ? "\"renderer\": \"%s\", \"times\": [" : "%s, 800 × 600, torus\n",
             gpu ? gpu_renderer() : "");
     for (int k = 0; good && k < MICROFACET_METHODS; k++) {
         double ms[METHOD_ROTATIONS] = {0}, times[METHOD_ROTATIONS] = {0};
-        good = time_rotations(view, &methods_microfacet[k], frames, ms, times, error);
+        good = time_rotations(viewer, &methods_microfacet[k], frames, ms, times, error);
         if (good)
             tell_times(methods_microfacet[k].name, ms, times, json, k == 0);
     }

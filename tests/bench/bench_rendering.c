@@ -7,7 +7,7 @@
 #include "eigenmaps/eigenmaps.h"
 #include "frame_time.h"
 #include "gl/gpu.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <locale.h>
@@ -204,8 +204,8 @@ static const struct {
 
 static const char *const shapes[] = {"torus", "sphere", "cylinder", "torus-knot"};
 
-static struct view_settings settings_of(int variant) {
-    struct view_settings s = view_settings_default;
+static struct viewer_settings settings_of(int variant) {
+    struct viewer_settings s = viewer_settings_default;
     s.camera_distance = 3.4; /* a picture of always the same pixels, whatever looks good */
     s.camera_elevation_deg = s.camera_fov_deg = 35.0;
     s.plain = variant == PLAIN;
@@ -239,17 +239,18 @@ static void report_json(const char *shape, const struct mesh *mesh, const double
     g_print(", \"ratio\": %.3f}", ms[BTF] / ms[PLAIN]);
 }
 
-static gboolean measure(View *view, const char *shape, int frames, gboolean json, GError **error) {
-    View *views[N_VARIANTS];
-    struct view_settings settings[N_VARIANTS];
+static gboolean measure(Viewer *viewer, const char *shape, int frames, gboolean json,
+                        GError **error) {
+    Viewer *viewers[N_VARIANTS];
+    struct viewer_settings settings[N_VARIANTS];
     double ms[N_VARIANTS];
     for (int v = 0; v < N_VARIANTS; v++) {
-        views[v] = view;
+        viewers[v] = viewer;
         settings[v] = settings_of(v);
     }
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, error);
-    const gboolean good = mesh != NULL && view_set_mesh(view, mesh, error) &&
-                          time_in_turns(views, settings, N_VARIANTS, frames, ms, NULL, error);
+    const gboolean good = mesh != NULL && viewer_set_mesh(viewer, mesh, error) &&
+                          time_in_turns(viewers, settings, N_VARIANTS, frames, ms, NULL, error);
     if (good && json)
         report_json(shape, mesh, ms);
     else if (good)
@@ -261,13 +262,13 @@ static gboolean measure(View *view, const char *shape, int frames, gboolean json
 static gboolean bench(const struct eigenmaps *maps, int frames, double residual, gboolean json,
                       GError **error) {
     g_autoptr(Gpu) gpu = gpu_new_headless(error);
-    g_autoptr(View) view = gpu != NULL ? view_new(maps, error) : NULL;
-    if (view == NULL)
+    g_autoptr(Viewer) viewer = gpu != NULL ? viewer_new(maps, error) : NULL;
+    if (viewer == NULL)
         return FALSE;
     struct mdf_table *mdf = make_mdf(maps);
-    gboolean good = view_set_mdf(view, mdf, error);
+    gboolean good = viewer_set_mdf(viewer, &(struct mdf_source){.table = mdf}, error);
     mdf_table_free(mdf);
-    const struct view_memory memory = view_memory(view);
+    const struct viewer_memory memory = viewer_memory(viewer);
     if (json)
         g_print("{\"renderer\": \"%s\", \"width\": 800, \"height\": 600, \"texels\": %d, "
                 "\"terms\": 4, \"lights\": %d, \"frames\": %d, \"svd_error\": %.4f, \"gpu_bytes\": "
@@ -280,7 +281,7 @@ static gboolean bench(const struct eigenmaps *maps, int frames, double residual,
                 gpu_renderer(), maps->width, N_THETA * N_PHI, frames, residual,
                 (double)memory.material * 1e-6, (double)memory.mdf * 1e-6);
     for (gsize k = 0; good && k < G_N_ELEMENTS(shapes); k++)
-        good = measure(view, shapes[k], frames, json, error);
+        good = measure(viewer, shapes[k], frames, json, error);
     g_print("%s", json ? "]}\n" : "");
     return good;
 }

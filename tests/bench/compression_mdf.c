@@ -5,7 +5,7 @@
 #include "gl/gpu.h"
 #include "mdf_codecs/mdf_blocks.h"
 #include "mdf_codecs/mdf_factors.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <math.h>
@@ -27,31 +27,32 @@ struct subject {
     const char *name;
     struct mdf_table *table; /* as read */
     struct mdf_table *all;   /* with flat views */
-    View *views[N_SCENES];
+    Viewer *viewers[N_SCENES];
     gboolean *outline, *smooth; /* of the scenes' pixels */
 };
 
-static View *open_scene(int scene, GError **error) {
+static Viewer *open_scene(int scene, GError **error) {
     const struct scene_options options = {tiles[scene][0], tiles[scene][1], SCENE_Z_UP, FALSE};
     struct mesh *mesh = scene_make("torus", &options, error);
-    View *view = mesh ? view_new(NULL, error) : NULL;
-    if (view && !view_set_mesh(view, mesh, error))
-        g_clear_pointer(&view, view_free);
+    Viewer *viewer = mesh ? viewer_new(NULL, error) : NULL;
+    if (viewer && !viewer_set_mesh(viewer, mesh, error))
+        g_clear_pointer(&viewer, viewer_free);
     mesh_free(mesh);
-    return view;
+    return viewer;
 }
 
 /* Which pixels show the torus; with no table that of the mesh. */
 static gboolean *draw(const struct subject *s, const struct mdf_table *table, GError **error) {
     gboolean *ret = g_new0(gboolean, N_OUTLINES);
     for (int scene = 0; scene < N_SCENES; scene++) {
-        struct view_settings settings = view_settings_default;
+        struct viewer_settings settings = viewer_settings_default;
+        const struct mdf_source mdf = {.table = table};
         settings.silhouettes = table != NULL;
         g_autofree float *seen = NULL;
-        view_fit(s->views[scene], &settings, (double)WIDTH / HEIGHT);
-        if (view_set_mdf(s->views[scene], table, error))
-            seen = view_render_geometry(s->views[scene], &settings, VIEW_GEOMETRY_TEXEL, WIDTH,
-                                        HEIGHT, error);
+        viewer_fit(s->viewers[scene], &settings, (double)WIDTH / HEIGHT);
+        if (viewer_set_mdf(s->viewers[scene], table != NULL ? &mdf : NULL, error))
+            seen = viewer_render_geometry(s->viewers[scene], &settings, VIEWER_GEOMETRY_TEXEL,
+                                          WIDTH, HEIGHT, error);
         if (!seen) {
             g_free(ret);
             return NULL;
@@ -223,7 +224,7 @@ static gboolean measure(struct subject *s, const char *session, gboolean json, G
         return FALSE;
     g_autofree char *material = method_path(methods[0], session);
     for (int scene = 0; scene < N_SCENES; scene++)
-        if (!view_open(s->views[scene], methods[0], material, error))
+        if (!viewer_open(s->viewers[scene], methods[0], material, error))
             return FALSE;
     s->all = mdf_table_copy(s->table);
     mdf_table_add_grazing(s->all);
@@ -243,7 +244,7 @@ int bench_mdf_compression(char **sessions, gboolean json) {
     g_autoptr(Gpu) gpu = gpu_new_headless(&error);
     gboolean ok = gpu != NULL;
     for (int scene = 0; ok && scene < N_SCENES; scene++)
-        ok = (s.views[scene] = open_scene(scene, &error)) != NULL;
+        ok = (s.viewers[scene] = open_scene(scene, &error)) != NULL;
     printf(json ? "["
                 : "         way                       maps    bytes ratio  fetches RMS 99 %% "
                   "(texels)  outlines shared, displaced\n");
@@ -255,7 +256,7 @@ int bench_mdf_compression(char **sessions, gboolean json) {
     if (ok)
         printf(json ? "]\n" : "");
     for (int scene = 0; scene < N_SCENES; scene++)
-        view_free(s.views[scene]);
+        viewer_free(s.viewers[scene]);
     if (error)
         fprintf(stderr, "%s\n", error->message);
     return ok ? 0 : 1;

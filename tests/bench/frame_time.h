@@ -3,7 +3,7 @@
 
 #include "gl/gpu.h"
 #include "quantile.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 
 #include <string.h>
 #include <time.h>
@@ -18,7 +18,7 @@ static double now_us(void) {
 /* Median milliseconds a frame of each view, camera and light moving; frame by frame in turns, so
  * that whatever else the machine does falls on all. settings: one for each view. ret_times: median
  * of how many times as long each takes as the last of them for the same frame; or NULL. */
-static inline gboolean time_in_turns(View *const *views, const struct view_settings *settings,
+static inline gboolean time_in_turns(Viewer *const *viewers, const struct viewer_settings *settings,
                                      int n, int frames, double *ret_ms, double *ret_times,
                                      GError **error) {
     g_autofree double *ms = g_new0(double, (gsize)n *frames);
@@ -27,12 +27,12 @@ static inline gboolean time_in_turns(View *const *views, const struct view_setti
     for (int k = -1; good && k < frames; k++)
         for (int i = 0; good && i < n; i++) {
             const int v = (i + k + 1) % n; /* who comes first finds other things in the caches */
-            struct view_settings s = settings[v];
+            struct viewer_settings s = settings[v];
             s.camera_azimuth_deg = 40 + 7 * k;
             s.light_phi_deg = 100 - 11 * k;
             const double start = now_us();
-            good = view_draw(views[v], &s, target.framebuffer, 800, 600, error);
-            view_finish();
+            good = viewer_draw(viewers[v], &s, target.framebuffer, 800, 600, error);
+            viewer_finish();
             ms[v * frames + MAX(k, 0)] = (now_us() - start) * 1e-3;
         }
     gpu_target_clear(&target);

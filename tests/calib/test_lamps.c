@@ -11,9 +11,9 @@
 
 #define SIZE 48
 
-static float *draw(View *view, const struct view_settings *s) {
+static float *draw(Viewer *viewer, const struct viewer_settings *s) {
     g_autoptr(GError) error = NULL;
-    float *linear = view_render_linear(view, s, SIZE, SIZE, &error);
+    float *linear = viewer_render_linear(viewer, s, SIZE, SIZE, &error);
     g_assert_no_error(error);
     return linear;
 }
@@ -22,27 +22,27 @@ static float *draw(View *view, const struct view_settings *s) {
 static void test_sum(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    static const struct view_lamp lamps[2] = {{30, 10, {1, 0.5F, 0.2F}},
-                                              {60, 200, {0.1F, 0.4F, 2}}};
+    static const struct viewer_lamp lamps[2] = {{30, 10, {1, 0.5F, 0.2F}},
+                                                {60, 200, {0.1F, 0.4F, 2}}};
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 64, 32);
-    g_autoptr(View) view = view_new(NULL, &error);
-    g_assert_true(view_set_mesh(view, mesh, &error));
-    g_assert_true(view_open(view, &methods_microfacet[2], NULL, &error));
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
+    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
+    g_assert_true(viewer_open(viewer, &methods_microfacet[2], NULL, &error));
     mesh_free(mesh);
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     s.camera_distance = 3;
-    g_autofree float *first = draw(view, &s);
+    g_autofree float *first = draw(viewer, &s);
     s.n_lamps = 2;
     memcpy(s.lamps, lamps, sizeof lamps);
-    g_autofree float *all = draw(view, &s);
+    g_autofree float *all = draw(viewer, &s);
     s.n_lamps = 0;
     s.ambient = 0;
     float *singly[2];
     for (int k = 0; k < 2; k++) {
         s.light_theta_deg = lamps[k].theta_deg;
         s.light_phi_deg = lamps[k].phi_deg;
-        singly[k] = draw(view, &s);
+        singly[k] = draw(viewer, &s);
     }
     int lit = 0;
     for (gsize k = 0; k < 4 * SIZE * SIZE; k++) {
@@ -62,7 +62,7 @@ static void test_sum(struct fixture *f, gconstpointer data) {
 /* An even sky of radiance 1 lights a white diffuser as much as a lamp from its normal does. */
 static void test_even(void) {
     g_autofree float *rgb = g_new(float, 3 * 64 * 32);
-    struct view_lamp lamps[VIEW_MAX_LAMPS];
+    struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
     for (int k = 0; k < 3 * 64 * 32; k++)
         rgb[k] = 1;
     const int n = environment_lamps(rgb, 64, 32, 64, lamps);
@@ -82,7 +82,7 @@ static void test_even(void) {
 /* One bright pixel is one lamp, just where it is; left of the middle is +y. */
 static void test_point(void) {
     g_autofree float *rgb = g_new0(float, 3 * 16 * 8);
-    struct view_lamp lamps[VIEW_MAX_LAMPS];
+    struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
     g_assert_cmpint(environment_lamps(rgb, 16, 8, 9, lamps), ==, 0);
     rgb[3 * (2 * 16 + 4) + 1] = 100;
     g_assert_cmpint(environment_lamps(rgb, 16, 8, 9, lamps), ==, 1);
@@ -98,7 +98,7 @@ static void check_file(const char *path, int width, int height, float value, con
     g_autoptr(GError) error = NULL;
     struct exr_file *file = exr_file_new();
     struct exr_part *part = exr_part_new("sky", width, height, channels, EXR_FLOAT);
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     for (int c = 0; c < 3; c++)
         part->planes[c][0] = value;
     exr_file_add(file, part);
@@ -132,33 +132,33 @@ static void test_full(void) {
     g_autoptr(GError) error = NULL;
     float rgb[6] = {1, 1, 1, 1, 1, 1};
     const struct environment even = {2, 1, rgb};
-    struct view_settings s = view_settings_default;
-    s.n_lamps = VIEW_MAX_LAMPS;
+    struct viewer_settings s = viewer_settings_default;
+    s.n_lamps = VIEWER_MAX_LAMPS;
     g_assert_false(environment_light(&even, &s, &error));
     g_assert_nonnull(strstr(error->message, "give fewer"));
-    g_assert_cmpint(s.n_lamps, ==, VIEW_MAX_LAMPS);
+    g_assert_cmpint(s.n_lamps, ==, VIEWER_MAX_LAMPS);
 }
 
 /* A small shape on which nothing falls, before a picture of directions. */
-static View *before(const struct environment *environment, struct view_settings *ret) {
+static Viewer *before(const struct environment *environment, struct viewer_settings *ret) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.1, 12, 6);
-    g_autoptr(View) view = view_new(NULL, &error);
-    g_assert_true(view_set_mesh(view, mesh, &error));
-    g_assert_true(view_open(view, &methods_microfacet[2], NULL, &error));
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
+    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
+    g_assert_true(viewer_open(viewer, &methods_microfacet[2], NULL, &error));
     mesh_free(mesh);
-    g_assert_true(view_set_environment(view, environment, &error));
-    *ret = view_settings_default;
+    g_assert_true(viewer_set_environment(viewer, environment, &error));
+    *ret = viewer_settings_default;
     ret->backdrop = TRUE;
     ret->camera_distance = 30;
     ret->camera_pan[0] = ret->camera_pan[1] = 4; /* out of the middle */
     ret->camera_fov_deg = 60;
     ret->exposure_ev = 0;
-    return g_steal_pointer(&view);
+    return g_steal_pointer(&viewer);
 }
 
 /* Where the ray through a pixel's middle goes: written anew, as view.h describes the camera. */
-static void direction_of(const struct view_settings *s, int i, int j, double ret[3]) {
+static void direction_of(const struct viewer_settings *s, int i, int j, double ret[3]) {
     const double a = s->camera_azimuth_deg * G_PI / 180, e = s->camera_elevation_deg * G_PI / 180;
     const double half = tan(s->camera_fov_deg * G_PI / 360) / SIZE;
     const double x = (2 * i + 1 - SIZE) * half, y = (SIZE - 2 * j - 1) * half;
@@ -194,13 +194,13 @@ static void test_backdrop(struct fixture *f, gconstpointer data) {
                                         {135, -70}, {10, 90},   {10, -90}};
     g_autofree float *rgb = axes_sky();
     const struct environment sky = {SKY, SKY / 2, rgb};
-    struct view_settings s;
-    g_autoptr(View) view = before(&sky, &s);
+    struct viewer_settings s;
+    g_autoptr(Viewer) viewer = before(&sky, &s);
     for (gsize k = 0; k < G_N_ELEMENTS(cameras); k++) {
         s.camera_azimuth_deg = cameras[k][0];
         s.camera_elevation_deg = cameras[k][1];
         s.exposure_ev = k % 2 == 0 ? 0 : 1;
-        g_autofree float *seen = draw(view, &s);
+        g_autofree float *seen = draw(viewer, &s);
         int n = 0;
         for (int i = 0; i < SIZE * SIZE; i++) {
             double d[3];
@@ -210,7 +210,7 @@ static void test_backdrop(struct fixture *f, gconstpointer data) {
             direction_of(&s, i % SIZE, i / SIZE, d);
             for (int c = 0; c < 3; c++)
                 g_assert_cmpfloat_with_epsilon((double)seen[4 * i + c],
-                                               (0.5 + 0.4 * d[c]) * view_exposure(&s), 0.006);
+                                               (0.5 + 0.4 * d[c]) * viewer_exposure(&s), 0.006);
         }
         g_assert_cmpint(n, >, SIZE * SIZE * 9 / 10);
     }
@@ -224,13 +224,13 @@ static void test_source(struct fixture *f, gconstpointer data) {
     g_autofree float *rgb = g_new0(float, 3 * SKY * SKY / 2);
     rgb[3 * (75 * SKY + 77)] = 1e30F; /* beyond what a half float holds */
     const struct environment sky = {SKY, SKY / 2, rgb};
-    struct view_lamp lamp[VIEW_MAX_LAMPS];
+    struct viewer_lamp lamp[VIEWER_MAX_LAMPS];
     g_assert_cmpint(environment_lamps(rgb, SKY, SKY / 2, 4, lamp), ==, 1);
-    struct view_settings s;
-    g_autoptr(View) view = before(&sky, &s);
+    struct viewer_settings s;
+    g_autoptr(Viewer) viewer = before(&sky, &s);
     s.camera_elevation_deg = lamp[0].theta_deg - 90;
     s.camera_azimuth_deg = lamp[0].phi_deg + 180;
-    g_autofree float *seen = draw(view, &s);
+    g_autofree float *seen = draw(viewer, &s);
     for (int i = 0; i < SIZE * SIZE; i++) {
         const int x = i % SIZE - SIZE / 2, y = i / SIZE - SIZE / 2;
         g_assert_true(isfinite(seen[4 * i]));
@@ -245,17 +245,17 @@ static void test_backdrop_refused(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     g_autoptr(GError) none = NULL, large = NULL, error = NULL;
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     struct mesh *mesh = scene_plane();
-    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_assert_true(viewer_set_mesh(viewer, mesh, &error));
     mesh_free(mesh);
-    g_assert_true(view_open(view, &methods_microfacet[2], NULL, &error));
-    struct view_settings s = view_settings_default;
+    g_assert_true(viewer_open(viewer, &methods_microfacet[2], NULL, &error));
+    struct viewer_settings s = viewer_settings_default;
     s.backdrop = TRUE;
-    g_assert_null(view_render_linear(view, &s, 8, 8, &none));
+    g_assert_null(viewer_render_linear(viewer, &s, 8, 8, &none));
     g_assert_nonnull(strstr(none->message, "--environment"));
     const struct environment vast = {1 << 22, 1 << 21, NULL};
-    g_assert_false(view_set_environment(view, &vast, &large));
+    g_assert_false(viewer_set_environment(viewer, &vast, &large));
     g_assert_error(large, GPU_ERROR, GPU_ERROR_TOO_LARGE);
     g_assert_nonnull(strstr(large->message, "make it smaller"));
 }

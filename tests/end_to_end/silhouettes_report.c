@@ -16,7 +16,7 @@ struct options {
     gboolean json, no_floor;
     int width, height;
     double tile_mm, reference_mm;
-    struct view_settings view;
+    struct viewer_settings view;
 };
 
 /* What the session's MDF says of its texels. */
@@ -33,22 +33,22 @@ static gboolean read_grid(struct options *o, const char *path, GError **error) {
     return good;
 }
 
-static View *open_view(const struct options *o, int tiles_u, int tiles_v, GError **error) {
+static Viewer *open_view(const struct options *o, int tiles_u, int tiles_v, GError **error) {
     g_autofree char *material = method_path(methods[0], o->session);
     g_autofree char *mdf = g_build_filename(o->session, "products", "mdf.exr", NULL);
     const struct scene_options scene = {tiles_u, tiles_v, SCENE_Z_UP, !o->no_floor};
     struct mesh *mesh = scene_make("torus", &scene, error);
-    g_autoptr(View) view = view_new(NULL, error);
-    gboolean good = view != NULL && view_open(view, methods[0], material, error) &&
-                    view_open_mdf(view, mdf, error) && view_set_mesh(view, mesh, error);
+    g_autoptr(Viewer) view = viewer_new(NULL, error);
+    gboolean good = view != NULL && viewer_open(view, methods[0], material, error) &&
+                    viewer_open_mdf(view, mdf, error) && viewer_set_mesh(view, mesh, error);
     mesh_free(mesh);
     return good ? g_steal_pointer(&view) : NULL;
 }
 
-static gboolean compare(const struct options *o, View *view, const struct view_settings *s,
+static gboolean compare(const struct options *o, Viewer *view, const struct viewer_settings *s,
                         const struct displaced_pixel *truth, struct scores *ret, GError **error) {
     g_autofree float *seen =
-        view_render_geometry(view, s, VIEW_GEOMETRY_LIT, o->width, o->height, error);
+        viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIT, o->width, o->height, error);
     if (seen == NULL)
         return FALSE;
     *ret = silhouettes_score(seen, truth, s, o->width, o->height, !o->no_floor);
@@ -57,11 +57,11 @@ static gboolean compare(const struct options *o, View *view, const struct view_s
 
 enum { BTF, STRAIGHT, MDF, N_WAYS };
 
-static gboolean measure(const struct options *o, Displaced *displaced, View *view,
-                        const struct view_settings *s, struct scores ret[N_WAYS], GError **error) {
+static gboolean measure(const struct options *o, Displaced *displaced, Viewer *view,
+                        const struct viewer_settings *s, struct scores ret[N_WAYS], GError **error) {
     g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, s, o->width, o->height);
     for (int way = 0; way < N_WAYS; way++) {
-        struct view_settings one = *s;
+        struct viewer_settings one = *s;
         one.shadows = TRUE;
         one.silhouettes = way != BTF;
         one.visibility.straight = way == STRAIGHT;
@@ -85,8 +85,8 @@ static void report(const struct options *o, int u, int v, const struct scores *s
 }
 
 /* Diffuse: direct light, and ambient as the viewer adds it. */
-static gboolean make_picture(const struct options *o, Displaced *displaced, View *view,
-                             const struct view_settings *s, GError **error) {
+static gboolean make_picture(const struct options *o, Displaced *displaced, Viewer *view,
+                             const struct viewer_settings *s, GError **error) {
     int w = o->width * s->samples, h = o->height * s->samples;
     g_autofree struct displaced_pixel *pixels = silhouettes_trace(displaced, s, w, h);
     g_autofree float *linear = g_new0(float, 4 * (gsize)w * h);
@@ -99,7 +99,7 @@ static gboolean make_picture(const struct options *o, Displaced *displaced, View
                         ? 0.03f
                         : p->albedo[c] * ((p->dark ? 0 : p->cosine) + (float)s->ambient);
     }
-    g_autofree guint8 *rgb = view_resolve(view, s, linear, o->width, o->height, error);
+    g_autofree guint8 *rgb = viewer_resolve(view, s, linear, o->width, o->height, error);
     g_autofree char *world = g_path_get_basename(o->world); /* nobody's business where it lies */
     const char *texts[] = {"Software", "silhouettes_report", "World", world, NULL};
     return rgb != NULL && picture_write_png(o->picture, rgb, o->width, o->height, texts, error);
@@ -123,12 +123,12 @@ static gboolean run_tiling(const struct options *o, World *world, const char *ti
                                     .tile_mm = o->tile_mm,
                                     .reference_mm = o->reference_mm};
     truth_surface(world, &surface);
-    g_autoptr(View) view = open_view(o, u, v, error);
+    g_autoptr(Viewer) view = open_view(o, u, v, error);
     if (view == NULL)
         return FALSE;
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
-    struct view_settings s = o->view;
-    view_fit(view, &s, (double)o->width / o->height);
+    struct viewer_settings s = o->view;
+    viewer_fit(view, &s, (double)o->width / o->height);
     if (o->picture != NULL)
         return make_picture(o, displaced, view, &s, error);
     struct scores scores[N_WAYS];
@@ -161,7 +161,7 @@ static gboolean run(struct options *o, GError **error) {
 }
 
 static gboolean parse(struct options *o, int *argc, char ***argv, GError **error) {
-    struct view_settings *s = &o->view;
+    struct viewer_settings *s = &o->view;
     const GOptionEntry entries[] = {
         {"tiles", 0, 0, G_OPTION_ARG_STRING_ARRAY, &o->tiles,
          "Along the torus; may be repeated; default 8x3, 6x2 and 3x1", "UxV"},
@@ -196,12 +196,12 @@ static gboolean parse(struct options *o, int *argc, char ***argv, GError **error
     }
     o->world = o->rest[0];
     o->session = o->rest[1];
-    return view_settings_check(s, error);
+    return viewer_settings_check(s, error);
 }
 
 int main(int argc, char **argv) {
     setlocale(LC_ALL, "");
-    struct options o = {.width = 800, .height = 600, .view = view_settings_default};
+    struct options o = {.width = 800, .height = 600, .view = viewer_settings_default};
     o.view.samples = 3;
     g_autoptr(GError) error = NULL;
     int status = !parse(&o, &argc, &argv, &error) ? 2 : !run(&o, &error) ? 1 : 0;

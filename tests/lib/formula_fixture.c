@@ -1,13 +1,13 @@
 #include "formula_fixture.h"
 
-void formula_compare(Expected func, gconstpointer data, View *view,
-                     const struct view_settings *settings) {
+void formula_compare(Expected func, gconstpointer data, Viewer *view,
+                     const struct viewer_settings *settings) {
     g_autoptr(GError) error = NULL;
-    g_autofree float *shown = view_render_linear(view, settings, SIZE, SIZE, &error);
+    g_autofree float *shown = viewer_render_linear(view, settings, SIZE, SIZE, &error);
     g_assert_no_error(error);
     float *given[3];
     for (int k = 0; k < 3; k++) {
-        given[k] = view_render_geometry(view, settings, (enum view_geometry)k, SIZE, SIZE, &error);
+        given[k] = viewer_render_geometry(view, settings, (enum viewer_geometry)k, SIZE, SIZE, &error);
         g_assert_no_error(error);
     }
     int n = 0, wrong = 0;
@@ -30,11 +30,11 @@ void formula_compare(Expected func, gconstpointer data, View *view,
         g_free(given[k]);
 }
 
-void formula_start_view(View *view, struct view_settings *settings, const struct mesh *mesh) {
+void formula_start_view(Viewer *view, struct viewer_settings *settings, const struct mesh *mesh) {
     g_autoptr(GError) error = NULL;
-    view_set_mesh(view, mesh, &error);
+    viewer_set_mesh(view, mesh, &error);
     g_assert_no_error(error);
-    *settings = view_settings_default;
+    *settings = viewer_settings_default;
     settings->camera_distance = 3;
     settings->tiles_u = 3;
     settings->tiles_v = 2;

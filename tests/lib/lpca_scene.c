@@ -240,10 +240,10 @@ static gboolean of_levels(gconstpointer data, const float *at, const float *v, c
     return TRUE;
 }
 
-void lpca_scene_check_levels(View *view, struct lpca *const *levels, double tiles) {
+void lpca_scene_check_levels(Viewer *view, struct lpca *const *levels, double tiles) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
-    struct view_settings settings;
+    struct viewer_settings settings;
     struct between b;
     g_autoptr(Directions) views = directions_new_triangulated(
         levels[0]->view_theta_deg, levels[0]->view_phi_deg, levels[0]->n_views, &error);
@@ -256,7 +256,7 @@ void lpca_scene_check_levels(View *view, struct lpca *const *levels, double tile
     for (int k = 0; k < 3; k++)
         b.scenes[k] = (struct scene){.lpca = levels[k], .views = views, .lights = lights};
     g_autofree float *texels =
-        view_render_geometry(view, &settings, VIEW_GEOMETRY_TEXEL, SIZE, SIZE, &error);
+        viewer_render_geometry(view, &settings, VIEWER_GEOMETRY_TEXEL, SIZE, SIZE, &error);
     const float *middle = texels + 4 * (SIZE / 2 * SIZE + SIZE / 2), *next = middle + 4;
     const float *below = middle + 4 * SIZE;
     const double across =

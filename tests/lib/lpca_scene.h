@@ -36,4 +36,4 @@ struct between {
     double level;
 };
 
-void lpca_scene_check_levels(View *view, struct lpca *const *levels, double tiles);
+void lpca_scene_check_levels(Viewer *view, struct lpca *const *levels, double tiles);

@@ -9,7 +9,7 @@ void overlap_add(struct overlap *o, gboolean a, gboolean b) {
     o->either += a || b;
 }
 
-struct displaced_camera silhouettes_camera(const struct view_settings *s, int width, int height) {
+struct displaced_camera silhouettes_camera(const struct viewer_settings *s, int width, int height) {
     return (struct displaced_camera){
         .azimuth_deg = s->camera_azimuth_deg,
         .elevation_deg = s->camera_elevation_deg,
@@ -22,14 +22,14 @@ struct displaced_camera silhouettes_camera(const struct view_settings *s, int wi
     };
 }
 
-static void silhouettes_light(const struct view_settings *s, double ret[3]) {
+static void silhouettes_light(const struct viewer_settings *s, double ret[3]) {
     double theta = s->light_theta_deg * G_PI / 180, phi = s->light_phi_deg * G_PI / 180;
     ret[0] = sin(theta) * cos(phi);
     ret[1] = sin(theta) * sin(phi);
     ret[2] = cos(theta);
 }
 
-struct displaced_pixel *silhouettes_trace(Displaced *displaced, const struct view_settings *s,
+struct displaced_pixel *silhouettes_trace(Displaced *displaced, const struct viewer_settings *s,
                                           int width, int height) {
     struct displaced_pixel *pixels = g_new(struct displaced_pixel, (gsize)width * height);
     struct displaced_camera camera = silhouettes_camera(s, width, height);
@@ -61,7 +61,7 @@ void silhouettes_floor_point(const struct displaced_camera *c, int i, int j, dou
 }
 
 struct scores silhouettes_score(const float *seen, const struct displaced_pixel *truth,
-                                const struct view_settings *s, int width, int height,
+                                const struct viewer_settings *s, int width, int height,
                                 gboolean floor) {
     struct scores scores = {0};
     struct displaced_camera camera = silhouettes_camera(s, width, height);

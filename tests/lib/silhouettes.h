@@ -6,7 +6,7 @@
 
 #include "displaced.h"
 #include "exr/exr.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 
 #include <math.h>
 
@@ -26,15 +26,15 @@ struct scores {
 
 double overlap_share(const struct overlap *o);
 void overlap_add(struct overlap *o, gboolean a, gboolean b);
-struct displaced_camera silhouettes_camera(const struct view_settings *s, int width, int height);
-struct displaced_pixel *silhouettes_trace(Displaced *displaced, const struct view_settings *s,
+struct displaced_camera silhouettes_camera(const struct viewer_settings *s, int width, int height);
+struct displaced_pixel *silhouettes_trace(Displaced *displaced, const struct viewer_settings *s,
                                           int width, int height);
 
 /* Distance along the ray through a pixel's middle to the plane that the floor lies in. */
 double silhouettes_floor_distance(const struct displaced_camera *c, int i, int j);
 void silhouettes_floor_point(const struct displaced_camera *c, int i, int j, double ret[3]);
 
-/* What view_render_geometry(…, VIEW_GEOMETRY_LIT, …) returned against what was traced. */
+/* What viewer_render_geometry(…, VIEWER_GEOMETRY_LIT, …) returned against what was traced. */
 struct scores silhouettes_score(const float *seen, const struct displaced_pixel *truth,
-                                const struct view_settings *s, int width, int height,
+                                const struct viewer_settings *s, int width, int height,
                                 gboolean floor);

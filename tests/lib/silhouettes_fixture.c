@@ -23,16 +23,16 @@ static struct eigenmaps *silhouettes_grey(void) {
     return m;
 }
 
-View *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf) {
+Viewer *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf) {
     g_autoptr(GError) error = NULL;
     struct eigenmaps *material = silhouettes_grey();
-    View *view = view_new(material, &error);
+    Viewer *view = viewer_new(material, &error);
     g_assert_no_error(error);
     eigenmaps_free(material);
-    view_set_mesh(view, mesh, &error);
+    viewer_set_mesh(view, mesh, &error);
     g_assert_no_error(error);
     if (mdf != NULL)
-        view_set_mdf(view, mdf, &error);
+        viewer_set_mdf(view, mdf, &error);
     g_assert_no_error(error);
     return view;
 }

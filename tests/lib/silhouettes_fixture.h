@@ -5,7 +5,7 @@
 #include "silhouettes.h"
 #include "world_fixture.h"
 
-View *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf);
+Viewer *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf);
 
 #define N_THETA 5
 #define N_PHI   12

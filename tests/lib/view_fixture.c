@@ -73,8 +73,8 @@ struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi) 
     return m;
 }
 
-struct view_settings view_fixture_settings(void) {
-    struct view_settings s = view_settings_default;
+struct viewer_settings view_fixture_settings(void) {
+    struct viewer_settings s = viewer_settings_default;
     s.ambient = 0.0;
     s.tiles_u = s.tiles_v = 1.0;
     s.style.nearest = TRUE;
@@ -82,7 +82,7 @@ struct view_settings view_fixture_settings(void) {
     return s;
 }
 
-struct v3 view_fixture_ray(const struct view_settings *s, double radius, int width, int height,
+struct v3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
                            int i, int j, struct v3 *ret_eye) {
     struct v3 back = v3_unit(90.0 - s->camera_elevation_deg, s->camera_azimuth_deg);
     struct v3 right =
@@ -164,13 +164,13 @@ void view_fixture_compare(const struct check *c, double tolerance, int at_least)
     g_assert_cmpint(wrong, <=, n / 500);
 }
 
-View *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
+Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh) {
     g_autoptr(GError) error = NULL;
     struct eigenmaps *material = view_fixture_material(kind, n_rings, n_phi);
-    View *view = view_new(material, &error);
+    Viewer *view = viewer_new(material, &error);
     g_assert_no_error(error);
     eigenmaps_free(material);
-    view_set_mesh(view, mesh, &error);
+    viewer_set_mesh(view, mesh, &error);
     g_assert_no_error(error);
     return view;
 }

@@ -7,7 +7,7 @@
 
 #include "exr/exr.h"
 #include "gpu_fixture.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <glib/gstdio.h>
@@ -33,10 +33,10 @@ enum kind { LIGHT, VIEW, TEXEL, GREY, COSINE, WAVE, N_KINDS };
 double texel_code(int i, int j);
 void fill_texel(enum kind kind, int term, struct v3 l, int i, int j, float *ret);
 struct eigenmaps *view_fixture_material(enum kind kind, int n_rings, int n_phi);
-struct view_settings view_fixture_settings(void);
+struct viewer_settings view_fixture_settings(void);
 
 /* The ray through the middle of a pixel, from this file's own idea of the camera. */
-struct v3 view_fixture_ray(const struct view_settings *s, double radius, int width, int height,
+struct v3 view_fixture_ray(const struct viewer_settings *s, double radius, int width, int height,
                            int i, int j, struct v3 *ret_eye);
 
 struct hit {
@@ -50,7 +50,7 @@ struct hit view_fixture_hit_torus(struct v3 eye, struct v3 d);
 
 struct check {
     enum kind kind;
-    const struct view_settings *settings;
+    const struct viewer_settings *settings;
     const float *pixels;
     int width, height;
     double radius;
@@ -60,7 +60,7 @@ struct check {
 /* Compares every pixel that can be told; the texel must be right in (nearly) all, the rest within
  * the error of linear interpolation between the material's directions. */
 void view_fixture_compare(const struct check *c, double tolerance, int at_least);
-View *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh);
+Viewer *view_fixture_view(enum kind kind, int n_rings, int n_phi, const struct mesh *mesh);
 
 /* The BTF whose eigen-maps make_material() gives, one file a view. */
 void write_view(enum kind kind, const struct eigenmaps *m, int view, const char *dir);

@@ -98,7 +98,7 @@ static struct hsh *make_hsh(int n_terms) {
 }
 
 /* Through a file, as the viewer opens it; returns what the file gives back. */
-static struct hsh *show(View *view, int n_terms) {
+static struct hsh *show(Viewer *view, int n_terms) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "hsh.exr", NULL);
@@ -107,7 +107,7 @@ static struct hsh *show(View *view, int n_terms) {
     hsh_free(made);
     struct hsh *hsh = hsh_read(path, &error);
     g_assert_no_error(error);
-    g_assert_true(view_open(view, &method_hsh, path, &error));
+    g_assert_true(viewer_open(view, &method_hsh, path, &error));
     g_assert_no_error(error);
     g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
     return hsh;
@@ -116,8 +116,8 @@ static struct hsh *show(View *view, int n_terms) {
 static void check_terms(int n_terms, gboolean nearest, double ambient) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
     start_view(view, &settings, mesh);
     settings.style.nearest = nearest;

@@ -11,17 +11,17 @@
 
 /* The first lamp gives red, green and blue alike, further ones one of them: so a picture tells
  * what arrives of each. */
-static const struct view_lamp lamps[N - 1] = {{55, 320, {0, 0, 1}}, {35, 80, {0, 1, 0}}};
+static const struct viewer_lamp lamps[N - 1] = {{55, 320, {0, 0, 1}}, {35, 80, {0, 1, 0}}};
 
-static float *draw(View *view, const struct view_settings *s) {
+static float *draw(Viewer *view, const struct viewer_settings *s) {
     g_autoptr(GError) error = NULL;
-    float *linear = view_render_linear(view, s, W, H, &error);
+    float *linear = viewer_render_linear(view, s, W, H, &error);
     g_assert_no_error(error);
     return linear;
 }
 
-static struct view_settings settings(void) {
-    struct view_settings s = view_settings_default;
+static struct viewer_settings settings(void) {
+    struct viewer_settings s = viewer_settings_default;
     s.shadows = TRUE;
     s.ambient = 0.0;
     s.shadow_size = 512;
@@ -33,9 +33,9 @@ static gboolean arrives(const float *p, int lamp) {
 }
 
 /* Of one lamp's shadow on the floor, of which the traced picture knows alone. */
-static double share(const struct view_settings *s, int lamp, const float *drawn, const float *seen,
+static double share(const struct viewer_settings *s, int lamp, const float *drawn, const float *seen,
                     Displaced *displaced) {
-    struct view_settings alone = *s;
+    struct viewer_settings alone = *s;
     if (lamp > 0) {
         alone.light_theta_deg = lamps[lamp - 1].theta_deg;
         alone.light_phi_deg = lamps[lamp - 1].phi_deg;
@@ -53,12 +53,12 @@ static double share(const struct view_settings *s, int lamp, const float *drawn,
     return overlap_share(&shadow);
 }
 
-static View *set_scene(int u, int v) {
+static Viewer *set_scene(int u, int v) {
     g_autoptr(GError) error = NULL;
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    View *view = silhouettes_view(mesh, NULL);
+    Viewer *view = silhouettes_view(mesh, NULL);
     mesh_free(mesh);
     return view;
 }
@@ -72,22 +72,22 @@ static void test_truth(struct fixture *f, gconstpointer data) {
     g_autoptr(World) world = silhouettes_world("weave", 1.2);
     const struct truth_grid grid = {TEXELS, TEXELS, 25.0, 25.0, reference_mm};
     g_autofree char *mdf = silhouettes_write_truth(world, &grid);
-    g_autoptr(View) view = set_scene(u, v);
-    g_assert_true(view_open_mdf(view, mdf, &error));
+    g_autoptr(Viewer) view = set_scene(u, v);
+    g_assert_true(viewer_open_mdf(view, mdf, &error));
     struct truth_surface surface;
     truth_surface(world, &surface);
     const struct displaced_shape shape = {
         TORUS_RADIUS, TORUS_TUBE, u, v, TORUS_FLOOR * TORUS_MESH_RADIUS, 25.0, reference_mm};
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
-    struct view_settings s = settings();
+    struct viewer_settings s = settings();
     s.n_lamps = N - 1;
     memcpy(s.lamps, lamps, sizeof lamps);
-    view_fit(view, &s, (double)W / H);
+    viewer_fit(view, &s, (double)W / H);
     double shares[2][N];
     for (int way = 0; way < 2; way++) {
         s.silhouettes = way;
         g_autofree float *drawn = draw(view, &s);
-        g_autofree float *seen = view_render_geometry(view, &s, VIEW_GEOMETRY_LIT, W, H, &error);
+        g_autofree float *seen = viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, W, H, &error);
         g_assert_no_error(error);
         for (int k = 0; k < N; k++)
             shares[way][k] = share(&s, k, drawn, seen, displaced);
@@ -110,8 +110,8 @@ static int n_different(const float *a, const float *b) {
 static void test_in_place(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    g_autoptr(View) view = set_scene(6, 2);
-    struct view_settings s = settings();
+    g_autoptr(Viewer) view = set_scene(6, 2);
+    struct viewer_settings s = settings();
     for (int k = 0; k < 3; k++) {
         s.lamp = 1.0;
         s.n_lamps = 0;
@@ -120,7 +120,7 @@ static void test_in_place(struct fixture *f, gconstpointer data) {
         g_autofree float *first = draw(view, &s);
         s.lamp = 0.0;
         s.n_lamps = 1;
-        s.lamps[0] = (struct view_lamp){s.light_theta_deg, s.light_phi_deg, {1, 1, 1}};
+        s.lamps[0] = (struct viewer_lamp){s.light_theta_deg, s.light_phi_deg, {1, 1, 1}};
         g_autofree float *further = draw(view, &s);
         g_assert_cmpint(n_different(first, further), ==, 0);
         s.shadows = FALSE;
@@ -134,17 +134,17 @@ static void test_in_place(struct fixture *f, gconstpointer data) {
 static void test_most(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    g_autoptr(View) view = set_scene(6, 2);
-    struct view_settings s = settings();
+    g_autoptr(Viewer) view = set_scene(6, 2);
+    struct viewer_settings s = settings();
     s.lamp = 0.0;
     s.shadow_size = 64;
     s.n_lamps = 1;
-    s.lamps[0] = (struct view_lamp){40, 120, {1, 1, 1}};
+    s.lamps[0] = (struct viewer_lamp){40, 120, {1, 1, 1}};
     g_autofree float *one = draw(view, &s);
     s.shadow_size = 256;
-    s.n_lamps = VIEW_MAX_LAMPS;
-    for (int k = 0; k < VIEW_MAX_LAMPS; k++)
-        s.lamps[k] = (struct view_lamp){40, 120, {1.0F / 64.0F, 1.0F / 64.0F, 1.0F / 64.0F}};
+    s.n_lamps = VIEWER_MAX_LAMPS;
+    for (int k = 0; k < VIEWER_MAX_LAMPS; k++)
+        s.lamps[k] = (struct viewer_lamp){40, 120, {1.0F / 64.0F, 1.0F / 64.0F, 1.0F / 64.0F}};
     g_autofree float *most = draw(view, &s);
     g_assert_cmpint(n_different(one, most), ==, 0);
 }
@@ -154,8 +154,8 @@ static void test_kept(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     g_autoptr(GError) error = NULL;
-    g_autoptr(View) view = set_scene(6, 2);
-    struct view_settings s = settings();
+    g_autoptr(Viewer) view = set_scene(6, 2);
+    struct viewer_settings s = settings();
     s.n_lamps = N - 1;
     memcpy(s.lamps, lamps, sizeof lamps);
     g_autofree float *first = draw(view, &s);
@@ -167,12 +167,12 @@ static void test_kept(struct fixture *f, gconstpointer data) {
     g_assert_cmpint(n_different(first, again), ==, 0);
     struct scene_options scene = {6, 2, SCENE_Z_UP, TRUE};
     struct mesh *mesh = scene_make("cylinder", &scene, &error);
-    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_assert_true(viewer_set_mesh(view, mesh, &error));
     mesh_free(mesh);
     g_autofree float *other = draw(view, &s);
-    g_autoptr(View) fresh_view = set_scene(6, 2);
+    g_autoptr(Viewer) fresh_view = set_scene(6, 2);
     mesh = scene_make("cylinder", &scene, &error);
-    g_assert_true(view_set_mesh(fresh_view, mesh, &error));
+    g_assert_true(viewer_set_mesh(fresh_view, mesh, &error));
     mesh_free(mesh);
     g_autofree float *fresh = draw(fresh_view, &s);
     g_assert_cmpint(n_different(other, fresh), ==, 0);

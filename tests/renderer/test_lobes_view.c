@@ -69,7 +69,7 @@ static struct lobes *make_lobes(enum lobes_model model, int n_lobes) {
 }
 
 /* Through a file, as the viewer opens it; returns what the file gives back. */
-static struct lobes *show(View *view, enum lobes_model model, int n_lobes) {
+static struct lobes *show(Viewer *view, enum lobes_model model, int n_lobes) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = g_dir_make_tmp("mesorig-XXXXXX", NULL);
     g_autofree char *path = g_build_filename(dir, "lobes.exr", NULL);
@@ -78,9 +78,9 @@ static struct lobes *show(View *view, enum lobes_model model, int n_lobes) {
     lobes_free(made);
     struct lobes *lobes = lobes_read(path, &error);
     g_assert_no_error(error);
-    g_assert_true(view_open(view, &methods_lobes[model], path, &error));
+    g_assert_true(viewer_open(view, &methods_lobes[model], path, &error));
     g_assert_no_error(error);
-    g_assert_false(view_open(view, &methods_lobes[(model + 1) % LOBES_MODELS], path, &error));
+    g_assert_false(viewer_open(view, &methods_lobes[(model + 1) % LOBES_MODELS], path, &error));
     g_assert_nonnull(strstr(error->message, lobes_model_name(model)));
     g_assert_true(g_unlink(path) == 0 && g_rmdir(dir) == 0);
     return lobes;
@@ -90,8 +90,8 @@ static void check_rotated(enum lobes_model model, int n_lobes, gboolean nearest,
                           enum method_rotation rotation) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
     formula_start_view(view, &settings, mesh);
     settings.style.nearest = nearest;

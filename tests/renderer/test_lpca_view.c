@@ -10,14 +10,14 @@ static void check_case(int n_clusters, int n_components, gboolean nearest, doubl
     g_autoptr(GError) error = NULL;
     struct lpca *lpca = lpca_scene_lpca(n_clusters, n_components);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
-    struct view_settings settings;
+    struct viewer_settings settings;
     formula_start_view(view, &settings, mesh);
     if (n_grid == 0)
-        view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+        viewer_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     else
-        view_set_method(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error), &error);
+        viewer_set_method(view, &method_lpca_grid, lpca_grid_new(&lpca, 1, n_grid, &error), &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
@@ -61,12 +61,12 @@ static void check_revised(int n_clusters, int n_components, gboolean nearest, do
     struct lpca *lpca = lpca_scene_lpca(n_clusters, n_components);
     struct lpca *grid = lpca_resample(lpca, n, &error);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
     formula_start_view(view, &settings, mesh);
     lpca_quantise(grid, LPCA_8BIT);
-    view_set_method(view, &method_lpca_revised,
+    viewer_set_method(view, &method_lpca_revised,
                     lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
@@ -93,10 +93,10 @@ static void test_levels(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct lpca *levels[3];
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     for (int k = 0; k < 3; k++)
         levels[k] = lpca_scene_level(k, 4 - k, k == 1 ? 2 : 3);
-    view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
+    viewer_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
     g_assert_no_error(error);
     lpca_scene_check_levels(view, levels, 6);
     lpca_scene_check_levels(view, levels, 18);
@@ -144,8 +144,8 @@ static struct btf_matrix *make_btf(void) {
 
 /* How far two methods' pictures are apart, relative to those of the first, over all measured pairs
  * of directions and all texels. */
-static double apart(View *a, View *b, const struct btf_matrix *btf) {
-    struct view_settings s = view_settings_default;
+static double apart(Viewer *a, Viewer *b, const struct btf_matrix *btf) {
+    struct viewer_settings s = viewer_settings_default;
     g_autoptr(GError) error = NULL;
     double off = 0, all = 0;
     for (int k = 0; k < btf->n_views * btf->n_lights; k++) {
@@ -155,8 +155,8 @@ static double apart(View *a, View *b, const struct btf_matrix *btf) {
             lpca_scene_direction(btf->light_theta_deg, btf->light_phi_deg, k % btf->n_lights);
         const float to_view[3] = {(float)v.x, (float)v.y, (float)v.z};
         const float to_light[3] = {(float)l.x, (float)l.y, (float)l.z};
-        g_autofree float *one = view_render_flat(a, &s, to_view, to_light, W, H, &error);
-        g_autofree float *other = view_render_flat(b, &s, to_view, to_light, W, H, &error);
+        g_autofree float *one = viewer_render_flat(a, &s, to_view, to_light, W, H, &error);
+        g_autofree float *other = viewer_render_flat(b, &s, to_view, to_light, W, H, &error);
         g_assert_no_error(error);
         for (int i = 0; i < 4 * W * H; i++) {
             off += i % 4 < 3 ? pow((double)other[i] - one[i], 2) : 0;
@@ -178,15 +178,15 @@ static void test_agree(struct fixture *f, gconstpointer data) {
     const struct lpca_options options = {.n_clusters = 2, .n_components = 3};
     struct lpca *lpca = lpca_compute(btf, &options, &error);
     g_assert_no_error(error);
-    g_autoptr(View) original = view_new(NULL, &error), revised = view_new(NULL, &error);
+    g_autoptr(Viewer) original = viewer_new(NULL, &error), revised = viewer_new(NULL, &error);
     double before = 1;
-    view_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    viewer_set_method(original, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     g_assert_no_error(error);
     for (gsize k = 0; k < G_N_ELEMENTS(grids); k++) {
         struct lpca *grid = lpca_resample(lpca, grids[k], &error);
         lpca_quantise(grid, LPCA_8BIT);
         const double reported = lpca_resample_error(grid, btf, 0);
-        view_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
+        viewer_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
                         &error);
         g_assert_no_error(error);
         const double found = apart(original, revised, btf);
@@ -207,18 +207,18 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct lpca *levels[2] = {lpca_scene_level(0, 3, 5), lpca_scene_level(1, 2, 5)};
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
     const gint64 texels = (gint64)(W * H + W / 2 * (H / 2)) * (8 + 2 * 16),
                  cubes = 4 * 6 * 65536 * 8;
     const gint64 n = RINGS * A_RING;
-    view_set_method(view, &method_lpca, lpca_view_new(levels, 2, &error), &error);
+    viewer_set_method(view, &method_lpca, lpca_view_new(levels, 2, &error), &error);
     g_assert_no_error(error);
-    g_assert_cmpint(view_memory(view).material, ==, texels + cubes + 5 * n * (n + 1) * 6 * 8);
-    view_set_method(view, &method_lpca_grid, lpca_grid_new(levels, 2, 6, &error), &error);
+    g_assert_cmpint(viewer_memory(view).material, ==, texels + cubes + 5 * n * (n + 1) * 6 * 8);
+    viewer_set_method(view, &method_lpca_grid, lpca_grid_new(levels, 2, 6, &error), &error);
     g_assert_no_error(error);
-    g_assert_cmpint(view_memory(view).material, ==, texels + 5 * 36 * 37 * 2 * 16);
-    g_assert_cmpint(view_memory(view).mdf, ==, 0);
+    g_assert_cmpint(viewer_memory(view).material, ==, texels + 5 * 36 * 37 * 2 * 16);
+    g_assert_cmpint(viewer_memory(view).mdf, ==, 0);
     lpca_free(levels[0]);
     lpca_free(levels[1]);
 }

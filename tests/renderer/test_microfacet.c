@@ -131,8 +131,8 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
     formula_start_view(view, &settings, mesh);
     settings.style.nearest = TRUE;
@@ -144,7 +144,7 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         const struct scene scene = {(enum microfacet_surface)(k / METHOD_ROTATIONS / 2),
                                     (enum microfacet_model)(k / METHOD_ROTATIONS % 2), rotation,
                                     k % 2 ? 0.2 : 0};
-        g_assert_true(view_open(view, method, NULL, &error));
+        g_assert_true(viewer_open(view, method, NULL, &error));
         settings.style.rotation = rotation;
         settings.ambient = scene.ambient;
         g_test_message("%s, rotation %d", method->name, rotation);

@@ -170,8 +170,8 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
     formula_start_view(view, &settings, mesh);
     settings.style.nearest = TRUE;
@@ -183,16 +183,16 @@ static void test_pictures(struct fixture *f, gconstpointer data) {
                                     (enum method_rotation)(k % METHOD_ROTATIONS)};
         const struct method *method = &methods_microfacet[scene.model];
         g_assert_true(method->takes_normals);
-        g_assert_true(view_open(view, method, path, &error));
+        g_assert_true(viewer_open(view, method, path, &error));
         settings.style.rotation = scene.rotation;
         g_test_message("%s, rotation %d", method->name, scene.rotation);
         formula_compare(expected, &scene, view, &settings);
     }
     g_unlink(path);
-    g_assert_false(view_open(view, &methods_microfacet[0], path, &error));
+    g_assert_false(viewer_open(view, &methods_microfacet[0], path, &error));
     g_assert_nonnull(strstr(error->message, "map.exr"));
     g_clear_error(&error);
-    g_assert_true(view_open(view, &methods_microfacet[0], methods_microfacet[0].name, &error));
+    g_assert_true(viewer_open(view, &methods_microfacet[0], methods_microfacet[0].name, &error));
     mesh_free(mesh);
 }
 

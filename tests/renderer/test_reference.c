@@ -4,13 +4,13 @@
 #include "scene/measured.h"
 #include "window/live.h"
 
-static void check_reference(enum kind kind, struct mesh *mesh, const struct view_settings *s,
+static void check_reference(enum kind kind, struct mesh *mesh, const struct viewer_settings *s,
                             struct hit (*find)(struct v3, struct v3), double tolerance) {
     g_autoptr(GError) error = NULL;
     g_autofree char *dir = view_fixture_write_btf(kind, 8, 16);
     g_autoptr(Reference) reference = reference_open(dir, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = view_fixture_view(kind, 8, 16, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(kind, 8, 16, mesh);
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
     double relative;
     g_autofree float *pixels =
@@ -26,7 +26,7 @@ static void check_reference(enum kind kind, struct mesh *mesh, const struct view
 static void test_reference(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = view_fixture_settings();
+    struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
     struct mesh *mesh = scene_torus(1.0, 0.4, 512, 256);
@@ -43,14 +43,14 @@ static void test_reference_agrees(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_sphere();
     g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
-    g_autoptr(View) view = view_fixture_view(COSINE, 3, 8, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(COSINE, 3, 8, mesh);
     mesh_free(mesh);
     g_autoptr(Reference) reference = reference_open(dir, &error);
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     double relative = 1.0;
     g_autofree guint8 *whole = reference_render(reference, view, &s, 60, 40, &relative, &error);
     g_assert_no_error(error);
-    g_autofree guint8 *maps = view_render(view, &s, 60, 40, &error);
+    g_autofree guint8 *maps = viewer_render(view, &s, 60, 40, &error);
     g_assert_cmpfloat(relative, <, 0.005);
     for (int k = 0; k < 60 * 40 * 3; k++)
         g_assert_cmpint(ABS(whole[k] - maps[k]), <=, 3);
@@ -65,10 +65,10 @@ static void test_reference_shadows(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_autofree char *dir = view_fixture_write_btf(COSINE, 3, 8);
-    g_autoptr(View) view = view_fixture_view(COSINE, 3, 8, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(COSINE, 3, 8, mesh);
     mesh_free(mesh);
     g_autoptr(Reference) reference = reference_open(dir, &error);
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     s.shadows = TRUE;
     s.ambient = 0.1;
     double relative = 1.0, dark = 0.0;
@@ -76,7 +76,7 @@ static void test_reference_shadows(struct fixture *f, gconstpointer data) {
         reference_render_linear(reference, view, &s, 120, 90, &relative, &error);
     g_assert_no_error(error);
     g_assert_cmpfloat(relative, <, 0.005);
-    g_autofree float *lit = view_render_geometry(view, &s, VIEW_GEOMETRY_LIT, 120, 90, &error);
+    g_autofree float *lit = viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, 120, 90, &error);
     for (int k = 0; k < 120 * 90; k++)
         if (lit[4 * k + 3] > 0.5f && lit[4 * k] == 0.0f) {
             dark++;
@@ -118,8 +118,8 @@ static void test_measured(struct fixture *f, gconstpointer data) {
     struct mesh *mesh = scene_plane();
     g_autofree char *dir = view_fixture_write_btf(VIEW, 3, 8);
     g_autoptr(Reference) reference = reference_open(dir, &error);
-    g_autoptr(View) view = view_fixture_view(VIEW, 3, 8, mesh);
-    struct view_settings s = view_fixture_settings();
+    g_autoptr(Viewer) view = view_fixture_view(VIEW, 3, 8, mesh);
+    struct viewer_settings s = view_fixture_settings();
     struct measured m;
     mesh_free(mesh);
     s.camera_elevation_deg = 35; /* the rings are at 28, 57 and 85 degrees from above */
@@ -155,15 +155,15 @@ static void test_compose(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 64, 32);
-    g_autoptr(View) a = view_fixture_view(LIGHT, 3, 8, mesh),
+    g_autoptr(Viewer) a = view_fixture_view(LIGHT, 3, 8, mesh),
                     b = view_fixture_view(COSINE, 3, 8, mesh);
     g_autoptr(Compose) compose = compose_new(&error);
-    const struct view_settings s = view_fixture_settings();
+    const struct viewer_settings s = view_fixture_settings();
     const struct compose hows[] = {
         {COMPOSE_ONE, 0.5, 4}, {COMPOSE_SPLIT, 0.25, 4}, {COMPOSE_DIFFERENCE, 0.5, 3}};
     guint8 *pictures[3];
     mesh_free(mesh);
-    g_autofree guint8 *other = view_render(b, &s, 80, 60, &error);
+    g_autofree guint8 *other = viewer_render(b, &s, 80, 60, &error);
     for (int k = 0; k < 3; k++) {
         pictures[k] = compose_render(compose, a, b, &hows[k], &s, 80, 60, &error);
         g_assert_no_error(error);

@@ -24,9 +24,9 @@ static void test_parse(void) {
     g_assert_cmpint(series_parse(many->str, percent), ==, 0);
 }
 
-static int pixels_that_differ(View *view, const struct view_settings *s, const guint8 *plain) {
+static int pixels_that_differ(Viewer *view, const struct viewer_settings *s, const guint8 *plain) {
     g_autoptr(GError) error = NULL;
-    g_autofree guint8 *rgb = view_render(view, s, 64, 64, &error);
+    g_autofree guint8 *rgb = viewer_render(view, s, 64, 64, &error);
     int n = 0;
     g_assert_no_error(error);
     for (int k = 0; k < 64 * 64; k++)
@@ -39,22 +39,22 @@ static void test_stripes(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = view_fixture_view(GREY, N_RINGS, N_PHI, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(GREY, N_RINGS, N_PHI, mesh);
     mesh_free(mesh);
     struct planned_view views[N];
     for (int k = 0; k < N; k++)
         views[k] = (struct planned_view){capturing_theta_deg(k), capturing_phi_deg(k), k % 3 != 0};
-    struct view_settings s = view_fixture_settings();
+    struct viewer_settings s = view_fixture_settings();
     s.camera_fov_deg = 1.0;
     s.camera_distance = 0.0;
     for (int k = 0; k < N_PHI; k++) { /* of the upper ring */
         g_autoptr(GError) error = NULL;
         s.camera_azimuth_deg = views[k].phi_deg + 20.0;
         s.camera_elevation_deg = 90.0 - views[k].theta_deg + 5.0;
-        view_set_planned(view, NULL, 0);
-        g_autofree guint8 *plain = view_render(view, &s, 64, 64, &error);
+        viewer_set_planned(view, NULL, 0);
+        g_autofree guint8 *plain = viewer_render(view, &s, 64, 64, &error);
         g_assert_no_error(error);
-        view_set_planned(view, views, N);
+        viewer_set_planned(view, views, N);
         const int n = pixels_that_differ(view, &s, plain);
         g_test_message("view %d: %d pixels striped", k, n);
         if (views[k].measured)
@@ -63,11 +63,11 @@ static void test_stripes(struct fixture *f, gconstpointer data) {
             g_assert_cmpint(n, >, 300);
     }
     g_autoptr(GError) error = NULL;
-    view_set_planned(view, NULL, 0);
-    g_autofree guint8 *plain = view_render(view, &s, 64, 64, &error);
+    viewer_set_planned(view, NULL, 0);
+    g_autofree guint8 *plain = viewer_render(view, &s, 64, 64, &error);
     for (int k = 0; k < N; k++)
         views[k].measured = TRUE;
-    view_set_planned(view, views, N);
+    viewer_set_planned(view, views, N);
     g_assert_cmpint(pixels_that_differ(view, &s, plain), ==, 0);
 }
 

@@ -8,9 +8,9 @@
 #define W 320
 #define H 240
 
-static float *see(View *view, const struct view_settings *s, int width, int height) {
+static float *see(Viewer *view, const struct viewer_settings *s, int width, int height) {
     g_autoptr(GError) error = NULL;
-    float *seen = view_render_geometry(view, s, VIEW_GEOMETRY_LIT, width, height, &error);
+    float *seen = viewer_render_geometry(view, s, VIEWER_GEOMETRY_LIT, width, height, &error);
     g_assert_no_error(error);
     return seen;
 }
@@ -67,8 +67,8 @@ static void check_sphere(double h_mm, enum visibility_way way) {
     struct mdf_table *mdf = flat_mdf(4, h_mm);
     mesh->tiles_u = 12;
     mesh->tiles_v = 6;
-    g_autoptr(View) view = silhouettes_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
     s.camera_distance = 6.0;
     s.camera_fov_deg = 22.0;
     s.silhouettes = TRUE;
@@ -140,8 +140,8 @@ static void test_ways_agree(struct fixture *f, gconstpointer data) {
         return;
     struct mesh *mesh = pile(5);
     struct mdf_table *mdf = bumpy_mdf();
-    g_autoptr(View) view = silhouettes_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
     s.camera_elevation_deg = 12.0;
     s.silhouettes = s.shadows = TRUE;
     s.shadow_size = 256;
@@ -170,8 +170,8 @@ static void test_lists_grow(struct fixture *f, gconstpointer data) {
         return;
     struct mesh *mesh = pile(8);
     struct mdf_table *mdf = bumpy_mdf();
-    g_autoptr(View) view = silhouettes_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
     s.camera_elevation_deg = 1.0;
     s.camera_azimuth_deg = -90.0;
     s.silhouettes = TRUE;
@@ -197,12 +197,12 @@ static void test_smooth(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 96, 48);
     struct mdf_table *mdf = flat_mdf(2, 0.0);
-    g_autoptr(View) view = silhouettes_view(mesh, mdf);
-    struct view_settings s = view_settings_default;
-    g_autofree float *without = view_render_linear(view, &s, W, H, &error);
+    g_autoptr(Viewer) view = silhouettes_view(mesh, mdf);
+    struct viewer_settings s = viewer_settings_default;
+    g_autofree float *without = viewer_render_linear(view, &s, W, H, &error);
     g_assert_no_error(error);
     s.silhouettes = TRUE;
-    g_autofree float *with = view_render_linear(view, &s, W, H, &error);
+    g_autofree float *with = viewer_render_linear(view, &s, W, H, &error);
     g_assert_no_error(error);
     int differ = 0;
     for (int k = 0; k < 4 * W * H; k++)
@@ -220,12 +220,12 @@ static void test_shadow_ring(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = silhouettes_view(mesh, NULL);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
+    struct viewer_settings s = viewer_settings_default;
     s.light_theta_deg = 0.0;
     s.camera_elevation_deg = 35.0;
     s.shadows = TRUE;
-    view_fit(view, &s, (double)W / H);
+    viewer_fit(view, &s, (double)W / H);
     struct displaced_camera c = silhouettes_camera(&s, W, H);
     g_autofree float *seen = see(view, &s, W, H);
     int n = 0, wrong = 0;
@@ -260,8 +260,8 @@ static void test_shadow_kept(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = pile(3);
     struct mdf_table *bumps = bumpy_mdf(), *flat = flat_mdf(4, 3.0);
-    g_autoptr(View) view = silhouettes_view(mesh, bumps);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, bumps);
+    struct viewer_settings s = viewer_settings_default;
     s.silhouettes = s.shadows = TRUE;
     g_autofree float *first = see(view, &s, W, H);
     g_autofree float *again = see(view, &s, W, H);
@@ -270,15 +270,15 @@ static void test_shadow_kept(struct fixture *f, gconstpointer data) {
     g_autofree float *lit_otherwise = see(view, &s, W, H);
     g_assert_false(same(first, lit_otherwise));
     s.light_phi_deg -= 40.0;
-    g_assert_true(view_set_mdf(view, flat, &error));
+    g_assert_true(viewer_set_mdf(view, flat, &error));
     g_autofree float *with_flat = see(view, &s, W, H);
     g_assert_false(same(first, with_flat));
-    g_assert_true(view_set_mdf(view, bumps, &error));
+    g_assert_true(viewer_set_mdf(view, bumps, &error));
     g_autofree float *as_before = see(view, &s, W, H);
     g_assert_true(same(first, as_before));
     mesh_free(mesh);
     mesh = pile(2);
-    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_assert_true(viewer_set_mesh(view, mesh, &error));
     g_autofree float *other_mesh = see(view, &s, W, H);
     s.shadow_size = 64;
     g_autofree float *coarse = see(view, &s, W, H);
@@ -298,18 +298,18 @@ static void check_tiling(const struct material *m, World *world, const char *mdf
     struct scene_options scene = {u, v, SCENE_Z_UP, TRUE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
     g_assert_no_error(error);
-    g_autoptr(View) view = silhouettes_view(mesh, NULL);
+    g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
     mesh_free(mesh);
-    view_open_mdf(view, mdf, &error);
+    viewer_open_mdf(view, mdf, &error);
     g_assert_no_error(error);
     struct truth_surface surface;
     truth_surface(world, &surface);
     struct displaced_shape shape = {
         TORUS_RADIUS, TORUS_TUBE, u, v, TORUS_FLOOR * TORUS_MESH_RADIUS, 25.0, m->reference_mm};
     g_autoptr(Displaced) displaced = displaced_new(&surface, &shape);
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     s.shadows = TRUE;
-    view_fit(view, &s, (double)W / H);
+    viewer_fit(view, &s, (double)W / H);
     g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, &s, W, H);
     struct scores scores[2];
     for (int way = 0; way < 2; way++) {
@@ -440,15 +440,15 @@ static void test_missing(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) none = NULL, file = NULL, layers = NULL;
     struct mesh *mesh = scene_sphere();
-    g_autoptr(View) view = silhouettes_view(mesh, NULL);
-    struct view_settings s = view_settings_default;
+    g_autoptr(Viewer) view = silhouettes_view(mesh, NULL);
+    struct viewer_settings s = viewer_settings_default;
     s.silhouettes = TRUE;
-    g_assert_null(view_render(view, &s, 40, 30, &none));
+    g_assert_null(viewer_render(view, &s, 40, 30, &none));
     g_assert_nonnull(strstr(none->message, "mdf.exr"));
-    g_assert_false(view_open_mdf(view, "/nonexistent/mdf.exr", &file));
+    g_assert_false(viewer_open_mdf(view, "/nonexistent/mdf.exr", &file));
     g_assert_nonnull(strstr(file->message, "/nonexistent/mdf.exr"));
     s.visibility.layers = 0;
-    g_assert_false(view_settings_check(&s, &layers));
+    g_assert_false(viewer_settings_check(&s, &layers));
     mesh_free(mesh);
 }
 

@@ -38,7 +38,7 @@ static gboolean use_comma(const char *folder) {
 static void test_comma(void) {
     static const float rgb[3] = {0.5F, 0.5F, 0.5F};
     static const struct method method = {.title = "a method"};
-    struct view_settings settings = view_settings_default;
+    struct viewer_settings settings = viewer_settings_default;
     const struct snapshot snapshot = {
         .material = "a.exr", .shape = "torus", .first = &method, .settings = &settings};
     g_autofree char *folder = g_dir_make_tmp("mesorig-snapshot-XXXXXX", NULL);

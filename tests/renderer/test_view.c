@@ -19,18 +19,18 @@ static struct hit hit_plane(struct v3 eye, struct v3 d) {
     return hit;
 }
 
-static void check_kind(enum kind kind, struct mesh *mesh, const struct view_settings *s,
+static void check_kind(enum kind kind, struct mesh *mesh, const struct viewer_settings *s,
                        struct hit (*find)(struct v3, struct v3), double tolerance) {
     g_autoptr(GError) error = NULL;
-    g_autoptr(View) view = view_fixture_view(kind, 12, 24, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(kind, 12, 24, mesh);
     struct check c = {kind, s, NULL, 120, 90, mesh->radius, find};
-    g_autofree float *pixels = view_render_linear(view, s, c.width, c.height, &error);
+    g_autofree float *pixels = viewer_render_linear(view, s, c.width, c.height, &error);
     g_assert_no_error(error);
     c.pixels = pixels;
     view_fixture_compare(&c, tolerance, 1000);
 }
 
-static void check_mesh(struct mesh *mesh, struct view_settings s,
+static void check_mesh(struct mesh *mesh, struct viewer_settings s,
                        struct hit (*find)(struct v3, struct v3)) {
     check_kind(TEXEL, mesh, &s, find, 1e-3);
     check_kind(VIEW, mesh, &s, find, 0.012);
@@ -41,7 +41,7 @@ static void check_mesh(struct mesh *mesh, struct view_settings s,
 static void test_plane(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = view_fixture_settings();
+    struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 1.6;
     s.camera_fov_deg = 60.0;
     s.camera_azimuth_deg = -70.0;
@@ -56,7 +56,7 @@ static void test_plane(struct fixture *f, gconstpointer data) {
 static void test_plane_from_above(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = view_fixture_settings();
+    struct viewer_settings s = view_fixture_settings();
     s.camera_elevation_deg = 90.0;
     s.light_theta_deg = 3.0;
     s.light_phi_deg = 300.0;
@@ -66,7 +66,7 @@ static void test_plane_from_above(struct fixture *f, gconstpointer data) {
 static void test_torus(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
-    struct view_settings s = view_fixture_settings();
+    struct viewer_settings s = view_fixture_settings();
     s.camera_distance = 2.5;
     s.tiles_u = 3.0;
     s.tiles_v = 1.0;
@@ -95,15 +95,15 @@ static void test_diffuser(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = view_fixture_view(COSINE, 5, 12, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(COSINE, 5, 12, mesh);
     mesh_free(mesh);
-    struct view_settings s = view_fixture_settings();
+    struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     const double thetas[] = {0.0, 10.0, 17.0, 34.0, 60.0, 80.0, 86.0, 89.0, 91.0, 150.0};
     double mean[3];
     for (gsize k = 0; k < G_N_ELEMENTS(thetas); k++) {
         s.light_theta_deg = thetas[k];
-        g_autofree float *pixels = view_render_linear(view, &s, 40, 30, &error);
+        g_autofree float *pixels = viewer_render_linear(view, &s, 40, 30, &error);
         g_assert_no_error(error);
         mean_pixel(pixels, 40 * 30, mean);
         double expected = fmax(cos(thetas[k] * DEG), 0.0);
@@ -111,7 +111,7 @@ static void test_diffuser(struct fixture *f, gconstpointer data) {
         g_assert_cmpfloat_with_epsilon(mean[1], expected, thetas[k] < 17.0 ? 0.045 : 0.012);
     }
     s.ambient = 0.5;
-    g_autofree float *pixels = view_render_linear(view, &s, 40, 30, &error);
+    g_autofree float *pixels = viewer_render_linear(view, &s, 40, 30, &error);
     mean_pixel(pixels, 40 * 30, mean);
     g_assert_cmpfloat_with_epsilon(mean[1], 0.5, 0.015);
 }
@@ -125,7 +125,7 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = view_fixture_view(GREY, 5, 12, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(GREY, 5, 12, mesh);
     mesh_free(mesh);
     const struct {
         double ev, linear;
@@ -133,18 +133,18 @@ static void test_bytes(struct fixture *f, gconstpointer data) {
     for (gsize k = 0; k < G_N_ELEMENTS(cases); k++)
         for (int samples = 1; samples <= 4; samples += 3) {
             g_autoptr(GError) error = NULL;
-            struct view_settings s = view_fixture_settings();
+            struct viewer_settings s = view_fixture_settings();
             s.camera_elevation_deg = 90.0;
             s.camera_distance = 0.5;
             s.light_theta_deg = 20.0;
             s.exposure_ev = cases[k].ev;
             s.samples = samples;
-            g_autofree guint8 *rgb = view_render(view, &s, 16, 12, &error);
+            g_autofree guint8 *rgb = viewer_render(view, &s, 16, 12, &error);
             g_assert_no_error(error);
             for (int b = 0; b < 16 * 12 * 3; b++)
                 g_assert_cmpfloat_with_epsilon(rgb[b], srgb(cases[k].linear), 1.01);
             /* Light is neither toned nor rounded. */
-            g_autofree float *light = view_render_light(view, &s, 16, 12, &error);
+            g_autofree float *light = viewer_render_light(view, &s, 16, 12, &error);
             g_assert_no_error(error);
             for (int b = 0; b < 16 * 12 * 3; b++)
                 g_assert_cmpfloat_with_epsilon(light[b] / exp2(cases[k].ev), 0.4, 0.002);
@@ -156,16 +156,16 @@ static void test_minified(struct fixture *f, gconstpointer data) {
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = view_fixture_view(TEXEL, 5, 12, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(TEXEL, 5, 12, mesh);
     mesh_free(mesh);
     g_autoptr(GError) error = NULL;
-    struct view_settings s = view_fixture_settings();
+    struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     s.tiles_u = s.tiles_v = 200.0;
     s.camera_elevation_deg = 90.0;
     s.light_theta_deg = 20.0;
     s.camera_distance = 1.0;
-    g_autofree float *pixels = view_render_linear(view, &s, 40, 30, &error);
+    g_autofree float *pixels = viewer_render_linear(view, &s, 40, 30, &error);
     g_assert_no_error(error);
     for (int k = 0; k < 40 * 30; k++)
         for (int c = 0; c < 3; c++)
@@ -179,14 +179,14 @@ static void test_magnified(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = view_fixture_view(WAVE, 5, 12, mesh);
-    struct view_settings s = view_fixture_settings();
+    g_autoptr(Viewer) view = view_fixture_view(WAVE, 5, 12, mesh);
+    struct viewer_settings s = view_fixture_settings();
     s.style.nearest = FALSE;
     s.camera_elevation_deg = 90.0;
     s.camera_azimuth_deg = -90.0;
     s.camera_distance = 3.0;
     s.light_theta_deg = 20.0;
-    g_autofree float *pixels = view_render_linear(view, &s, 200, 200, &error);
+    g_autofree float *pixels = viewer_render_linear(view, &s, 200, 200, &error);
     g_assert_no_error(error);
     double worst[2] = {0.0, 0.0};
     for (int k = 0; k < 200 * 200; k++) {
@@ -217,12 +217,12 @@ static void check_fit(const char *shape, double azimuth_deg, double elevation_de
     enum { SIZE = 200 };
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_shape(shape, SCENE_Z_UP, &error);
-    g_autoptr(View) view = view_fixture_view(GREY, 3, 8, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(GREY, 3, 8, mesh);
     mesh_free(mesh);
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     s.camera_azimuth_deg = azimuth_deg;
     s.camera_elevation_deg = elevation_deg;
-    g_autofree float *pixels = view_render_linear(view, &s, SIZE, SIZE, &error);
+    g_autofree float *pixels = viewer_render_linear(view, &s, SIZE, SIZE, &error);
     g_assert_no_error(error);
     int filled = 0;
     for (int column = 0; column < 2; column++) {
@@ -252,7 +252,7 @@ static void test_fit(struct fixture *f, gconstpointer data) {
 
 static void refuse(struct eigenmaps *material, const char *said) {
     g_autoptr(GError) error = NULL;
-    g_assert_null(view_new(material, &error));
+    g_assert_null(viewer_new(material, &error));
     g_assert_nonnull(error);
     g_test_message("%s", error->message);
     g_assert_nonnull(strstr(error->message, said));
@@ -286,23 +286,23 @@ static void test_bad_material(struct fixture *f, gconstpointer data) {
 }
 
 static void test_bad_settings(struct fixture *f, gconstpointer data) {
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     g_autoptr(GError) error = NULL, nan = NULL, size = NULL;
-    g_assert_true(view_settings_check(&s, &error));
+    g_assert_true(viewer_settings_check(&s, &error));
     s.camera_fov_deg = 180.0;
-    g_assert_false(view_settings_check(&s, &error));
+    g_assert_false(viewer_settings_check(&s, &error));
     g_assert_nonnull(strstr(error->message, "1 … 120"));
-    s = view_settings_default;
+    s = viewer_settings_default;
     s.exposure_ev = NAN;
-    g_assert_false(view_settings_check(&s, &nan));
+    g_assert_false(viewer_settings_check(&s, &nan));
     g_assert_nonnull(strstr(nan->message, "exposure"));
     if (f->gpu == NULL)
         return;
     struct mesh *mesh = scene_plane();
-    g_autoptr(View) view = view_fixture_view(GREY, 3, 4, mesh);
+    g_autoptr(Viewer) view = view_fixture_view(GREY, 3, 4, mesh);
     mesh_free(mesh);
-    s = view_settings_default;
-    g_assert_null(view_render(view, &s, 1000000, 2, &size));
+    s = viewer_settings_default;
+    g_assert_null(viewer_render(view, &s, 1000000, 2, &size));
     g_assert_error(size, GPU_ERROR, GPU_ERROR_TOO_LARGE);
 }
 

@@ -383,9 +383,9 @@ static void test_too_wide(struct fixture *f, gconstpointer data) {
         is_too_wide(path, error);
     }
     g_autoptr(GError) error = NULL, wide = NULL;
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) viewer = viewer_new(NULL, &error);
     g_assert_no_error(error);
-    g_assert_false(view_open_mdf(view, mdf, &wide));
+    g_assert_false(viewer_open_mdf(viewer, mdf, &wide));
     is_too_wide(mdf, wide);
     g_assert_true(gpu_check("what was left", &error));
     remove_tree(session);

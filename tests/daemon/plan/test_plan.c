@@ -588,7 +588,7 @@ static void test_random(void) {
     session_conf_clear(&conf);
 }
 
-/* View after view: the table stands at each of its angles once, and the time told is the nested
+/* Viewer after view: the table stands at each of its angles once, and the time told is the nested
  * order's. */
 static void test_views_first(void) {
     struct session_conf conf = conf_of(demo_directions);

@@ -22,11 +22,11 @@ static void check_log(int n_components, gboolean nearest, double ambient) {
     g_autoptr(GError) error = NULL;
     struct lpca *lpca = lpca_scene_lpca(4, n_components);
     struct mesh *mesh = scene_torus(1, 0.4, 128, 64);
-    g_autoptr(View) view = view_new(NULL, &error);
-    struct view_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
+    struct viewer_settings settings;
     make_log(lpca);
     formula_start_view(view, &settings, mesh);
-    view_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
+    viewer_set_method(view, &method_lpca, lpca_view_new(&lpca, 1, &error), &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
@@ -61,12 +61,12 @@ static void test_levels(struct fixture *f, gconstpointer data) {
         return;
     g_autoptr(GError) error = NULL;
     struct lpca *levels[3];
-    g_autoptr(View) view = view_new(NULL, &error);
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     for (int k = 0; k < 3; k++) {
         levels[k] = lpca_scene_level(k, 4 - k, k == 1 ? 2 : 3);
         make_log(levels[k]);
     }
-    view_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
+    viewer_set_method(view, &method_lpca, lpca_view_new(levels, 3, &error), &error);
     g_assert_no_error(error);
     lpca_scene_check_levels(view, levels, 18);
     lpca_scene_check_levels(view, levels, 33);

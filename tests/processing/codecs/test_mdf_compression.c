@@ -9,7 +9,7 @@
 #include "mdf_codecs/mdf_factors.h"
 #include "mdf_codecs/mdf_packed.h"
 #include "pipeline/pipeline.h"
-#include "scene/view.h"
+#include "scene/viewer.h"
 #include "shapes/scene.h"
 
 #include <epoxy/gl.h>
@@ -406,11 +406,11 @@ static struct mdf_table *waves(void) {
     return t;
 }
 
-static gboolean *outline(View *view, gboolean silhouettes) {
+static gboolean *outline(Viewer *view, gboolean silhouettes) {
     g_autoptr(GError) error = NULL;
-    struct view_settings s = view_settings_default;
+    struct viewer_settings s = viewer_settings_default;
     s.silhouettes = silhouettes;
-    g_autofree float *seen = view_render_geometry(view, &s, VIEW_GEOMETRY_TEXEL, W, H, &error);
+    g_autofree float *seen = viewer_render_geometry(view, &s, VIEWER_GEOMETRY_TEXEL, W, H, &error);
     g_assert_no_error(error);
     gboolean *ret = g_new(gboolean, W * H);
     for (int i = 0; i < W * H; i++)
@@ -433,9 +433,9 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
     const struct scene_options scene = {3, 1, SCENE_Z_UP, FALSE};
     struct mesh *mesh = scene_make("torus", &scene, &error);
     struct eigenmaps *material = grey();
-    g_autoptr(View) view = view_new(material, &error);
+    g_autoptr(Viewer) view = viewer_new(material, &error);
     g_assert_no_error(error);
-    g_assert_true(view_set_mesh(view, mesh, &error));
+    g_assert_true(viewer_set_mesh(view, mesh, &error));
     struct mdf_table *t = waves();
     struct mdf_blocks *blocks = mdf_blocks_new(t);
     g_autofree gboolean *smooth = outline(view, FALSE);
@@ -443,20 +443,20 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
 
     struct mdf_table *flat = mdf_blocks_table(blocks);
     mdf_table_add_grazing(flat);
-    g_assert_true(view_set_mdf(view, flat, &error));
+    g_assert_true(viewer_set_mdf(view, flat, &error));
     g_autofree gboolean *raw = outline(view, TRUE);
     g_assert_true(mdf_blocks_write(path, blocks, &error));
-    g_assert_true(view_open_mdf(view, path, &error));
+    g_assert_true(viewer_open_mdf(view, path, &error));
     g_autofree gboolean *in_blocks = outline(view, TRUE);
 
     mdf_table_add_grazing(t);
     struct mdf_factors *few = mdf_factors_compute(t, N_VIEWS, 6, 0, NULL, &error);
     g_assert_no_error(error);
     struct mdf_table *of_few = mdf_factors_table(few);
-    g_assert_true(view_set_mdf(view, of_few, &error));
+    g_assert_true(viewer_set_mdf(view, of_few, &error));
     g_autofree gboolean *raw_few = outline(view, TRUE);
     g_assert_true(mdf_factors_write(path, few, &error));
-    g_assert_true(view_open_mdf(view, path, &error));
+    g_assert_true(viewer_open_mdf(view, path, &error));
     g_autofree gboolean *drawn_few = outline(view, TRUE);
 
     g_test_message("pixels that structure changes: %d; of them as blocks %d, as maps %d differ",

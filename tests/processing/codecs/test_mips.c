@@ -49,12 +49,12 @@ static struct btf_matrix *new_btf(void) {
 }
 
 /* Of linear values, 0 in the fourth where a sample sees no plane. */
-static float *reference(const struct scene *scene, View *view, const struct view_settings *s) {
+static float *reference(const struct scene *scene, Viewer *view, const struct viewer_settings *s) {
     g_autoptr(GError) error = NULL;
     const int size = PIXELS * FINE;
     float *given[3], *mean = g_new0(float, 4 * PIXELS * PIXELS);
     for (int k = 0; k < 3; k++) {
-        given[k] = view_render_geometry(view, s, (enum view_geometry)k, size, size, &error);
+        given[k] = viewer_render_geometry(view, s, (enum viewer_geometry)k, size, size, &error);
         g_assert_no_error(error);
     }
     for (int k = 0; k < size * size; k++) {
@@ -75,16 +75,16 @@ static float *reference(const struct scene *scene, View *view, const struct view
 }
 
 /* Pictures of a plane that moves by a quarter of a pixel from one to the next. */
-static void take(float *ret[SHIFTS], const struct scene *scene, View *view,
-                 const struct view_settings *settings) {
+static void take(float *ret[SHIFTS], const struct scene *scene, Viewer *view,
+                 const struct viewer_settings *settings) {
     g_autoptr(GError) error = NULL;
     for (int k = 0; k < SHIFTS; k++) {
-        struct view_settings s = *settings;
+        struct viewer_settings s = *settings;
         const double pixel =
             2 * s.camera_distance * tan(0.5 * s.camera_fov_deg * G_PI / 180) / PIXELS;
         s.camera_pan[0] = s.camera_pan[1] = pixel * k / SHIFTS;
         ret[k] = scene != NULL ? reference(scene, view, &s)
-                               : view_render_linear(view, &s, PIXELS, PIXELS, &error);
+                               : viewer_render_linear(view, &s, PIXELS, PIXELS, &error);
         g_assert_no_error(error);
     }
 }
@@ -128,8 +128,8 @@ static void check_far(enum lobes_model model, double tiles, double most) {
     const int n = lobes_compute_levels(btf, &options, levels, &error);
     g_assert_no_error(error);
     struct mesh *mesh = scene_plane();
-    struct view_settings settings;
-    g_autoptr(View) view = view_new(NULL, &error);
+    struct viewer_settings settings;
+    g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_autoptr(Directions) views =
         directions_new(btf->view_theta_deg, btf->view_phi_deg, btf->n_views, &error);
     const struct scene scene = {.lobes = levels[0], .views = views};
@@ -138,10 +138,10 @@ static void check_far(enum lobes_model model, double tiles, double most) {
     settings.camera_elevation_deg = 35;
     settings.ambient = 0;
     settings.tiles_u = settings.tiles_v = tiles;
-    view_set_method(view, &methods_lobes[model], lobes_view_new(levels, 1, &error), &error);
+    viewer_set_method(view, &methods_lobes[model], lobes_view_new(levels, 1, &error), &error);
     take(truth, &scene, view, &settings);
     take(plain, NULL, view, &settings);
-    view_set_method(view, &methods_lobes[model], lobes_view_new(levels, n, &error), &error);
+    viewer_set_method(view, &methods_lobes[model], lobes_view_new(levels, n, &error), &error);
     take(levelled, NULL, view, &settings);
     const struct quality without = judge(plain, truth), with = judge(levelled, truth);
     g_test_message("%s, %g tiles: error %.4f without levels, %.4f with; flicker %.4f and %.4f",

@@ -1,11 +1,11 @@
-/* What mesorig-view's command line says. */
+/* The command line of mesorig-view. */
 #pragma once
 
 #include "scene/compose.h"
 #include "series.h"
 #include "shapes/scene.h"
 
-struct view_options {
+struct viewer_options {
     const struct method *method;
     char *method_name;
     char *mdf, *mdf_path, *normal_map;
@@ -22,19 +22,19 @@ struct view_options {
     double wait_s;
     int frames, close_after, supersample, sheet;
     gboolean floor, reference, light_turn, camera_turn, nearest, json, version;
-    struct view_settings settings;
+    struct viewer_settings settings;
     char **rest;
     int width, height;
 };
 
 /* For an option group whose data are the options; g_free(). */
-GOptionEntry *view_options_entries(struct view_options *options);
+GOptionEntry *viewer_options_entries(struct viewer_options *options);
 
-/* Once they are parsed: fills in what is not said, or says what does not go together. */
-gboolean view_options_check(struct view_options *options, GError **error);
-void view_options_clear(struct view_options *options);
+/* After parsing: sets defaults, and fails with a sentence where options exclude each other. */
+gboolean viewer_options_check(struct viewer_options *options, GError **error);
+void viewer_options_clear(struct viewer_options *options);
 
-int view_options_sheet_rows(const struct view_options *options);
+int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* Whether --render asks for light (.exr) and not for a picture as it is shown. */
-gboolean view_options_light(const struct view_options *options);
+/* Whether --render writes linear light (.exr) and not a toned picture (.png). */
+gboolean viewer_options_light(const struct viewer_options *options);

@@ -1,11 +1,10 @@
-#include "view_options.h"
+#include "viewer_options.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #define MAX_SIZE 16384
-#define DEMO     "fabric-ashikhmin" /* shown where nothing is named */
 
 static gboolean bad(GError **error, const char *option, const char *text, const char *wanted) {
     g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "%s %s: %s is expected", option,
@@ -17,7 +16,7 @@ static gboolean bad(GError **error, const char *option, const char *text, const 
 static gboolean parse_silhouettes(const char *option, const char *value, gpointer data,
                                   GError **error) {
     static const char *const ways[] = {"auto", "peel", "lists"};
-    struct view_options *o = data;
+    struct viewer_options *o = data;
     o->settings.silhouettes = TRUE;
     for (gsize k = 0; k < G_N_ELEMENTS(ways); k++)
         if (value == NULL || strcmp(value, ways[k]) == 0) {
@@ -29,10 +28,9 @@ static gboolean parse_silhouettes(const char *option, const char *value, gpointe
 
 static gboolean parse_rotation(const char *option, const char *value, gpointer data,
                                GError **error) {
-    static const char *const ways[METHOD_ROTATIONS] = {"exact", "approximate", "none"};
-    struct view_options *o = data;
-    for (gsize k = 0; k < G_N_ELEMENTS(ways); k++)
-        if (strcmp(value, ways[k]) == 0) {
+    struct viewer_options *o = data;
+    for (gsize k = 0; k < METHOD_ROTATIONS; k++)
+        if (strcmp(value, method_rotation_names[k]) == 0) {
             o->settings.style.rotation = (enum method_rotation)k;
             return TRUE;
         }
@@ -41,12 +39,12 @@ static gboolean parse_rotation(const char *option, const char *value, gpointer d
 
 /* Of which all but the angles may be missing. */
 static gboolean parse_lamp(const char *option, const char *value, gpointer data, GError **error) {
-    struct view_options *o = data;
-    struct view_settings *s = &o->settings;
+    struct viewer_options *o = data;
+    struct viewer_settings *s = &o->settings;
     double numbers[5] = {0, 0, 1, 1, 1};
     g_auto(GStrv) parts = g_strsplit(value, ",", -1);
     const guint n = g_strv_length(parts);
-    gboolean good = (n == 2 || n == 5) && s->n_lamps < VIEW_MAX_LAMPS;
+    gboolean good = (n == 2 || n == 5) && s->n_lamps < VIEWER_MAX_LAMPS;
     for (guint k = 0; good && k < n; k++) {
         char *end;
         numbers[k] = g_ascii_strtod(parts[k], &end);
@@ -55,13 +53,13 @@ static gboolean parse_lamp(const char *option, const char *value, gpointer data,
     }
     if (!good)
         return bad(error, option, value, "THETA,PHI or THETA,PHI,R,G,B, 64 times at most,");
-    s->lamps[s->n_lamps++] = (struct view_lamp){
+    s->lamps[s->n_lamps++] = (struct viewer_lamp){
         numbers[0], numbers[1], {(float)numbers[2], (float)numbers[3], (float)numbers[4]}};
     return TRUE;
 }
 
-static gboolean check_environment(const struct view_options *o, GError **error) {
-    const struct view_settings *s = &o->settings;
+static gboolean check_environment(const struct viewer_options *o, GError **error) {
+    const struct viewer_settings *s = &o->settings;
     if (o->reference && (o->environment != NULL || s->n_lamps > 0)) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
                     "--reference knows one lamp, not --lamp or --environment");
@@ -75,8 +73,8 @@ static gboolean check_environment(const struct view_options *o, GError **error) 
     return TRUE;
 }
 
-GOptionEntry *view_options_entries(struct view_options *o) {
-    struct view_settings *s = &o->settings;
+GOptionEntry *viewer_options_entries(struct viewer_options *o) {
+    struct viewer_settings *s = &o->settings;
     const GOptionEntry all[] = {
         {"render", 'o', 0, G_OPTION_ARG_FILENAME, &o->render, "Write a picture, open no window",
          "OUT.png"},
@@ -178,7 +176,7 @@ GOptionEntry *view_options_entries(struct view_options *o) {
     return g_memdup2(all, sizeof all);
 }
 
-void view_options_clear(struct view_options *o) {
+void viewer_options_clear(struct viewer_options *o) {
     g_free(o->method_name);
     g_free(o->mdf);
     g_free(o->mdf_path);
@@ -196,7 +194,7 @@ void view_options_clear(struct view_options *o) {
     g_strfreev(o->rest);
 }
 
-static gboolean bad_method(const struct view_options *o, GError **error) {
+static gboolean bad_method(const struct viewer_options *o, GError **error) {
     g_autoptr(GString) names = g_string_new(NULL);
     for (gsize k = 0; methods[k] != NULL; k++)
         g_string_append_printf(names, "%s%s",
@@ -207,7 +205,7 @@ static gboolean bad_method(const struct view_options *o, GError **error) {
     return bad(error, "--method", o->method_name, names->str);
 }
 
-static gboolean view_options_parse_size(struct view_options *o, GError **error) {
+static gboolean viewer_options_parse_size(struct viewer_options *o, GError **error) {
     char end;
     o->width = 800;
     o->height = 600;
@@ -218,9 +216,9 @@ static gboolean view_options_parse_size(struct view_options *o, GError **error) 
     return TRUE;
 }
 
-static gboolean parse_tiles(struct view_options *o, GError **error) {
+static gboolean parse_tiles(struct viewer_options *o, GError **error) {
     char *end;
-    struct view_settings *s = &o->settings;
+    struct viewer_settings *s = &o->settings;
     if (o->tiles == NULL)
         return TRUE;
     s->tiles_u = s->tiles_v = g_ascii_strtod(o->tiles, &end);
@@ -232,21 +230,21 @@ static gboolean parse_tiles(struct view_options *o, GError **error) {
     return TRUE;
 }
 
-static int n_pictures(const struct view_options *o) {
+static int n_pictures(const struct viewer_options *o) {
     return o->n_series > 0 ? o->n_series : o->frames;
 }
 
-int view_options_sheet_rows(const struct view_options *o) {
+int viewer_options_sheet_rows(const struct viewer_options *o) {
     return o->sheet > 0 ? (n_pictures(o) + o->sheet - 1) / o->sheet : 1;
 }
 
-gboolean view_options_light(const struct view_options *o) {
+gboolean viewer_options_light(const struct viewer_options *o) {
     const gsize length = o->render != NULL ? strlen(o->render) : 0;
     return length > 4 && g_ascii_strcasecmp(o->render + length - 4, ".exr") == 0;
 }
 
-static gboolean view_options_check_light(const struct view_options *o, GError **error) {
-    if (!view_options_light(o) ||
+static gboolean viewer_options_check_light(const struct viewer_options *o, GError **error) {
+    if (!viewer_options_light(o) ||
         (o->second == NULL && !o->reference && !o->measured && !o->live && o->sheet == 0))
         return TRUE;
     g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
@@ -256,7 +254,7 @@ static gboolean view_options_check_light(const struct view_options *o, GError **
     return FALSE;
 }
 
-static gboolean check_series(struct view_options *o, GError **error) {
+static gboolean check_series(struct viewer_options *o, GError **error) {
     o->wait_s = o->wait_s == 0.0 ? 600.0 : o->wait_s;
     if (!(o->wait_s > 0.0 && o->wait_s <= 1e6)) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
@@ -275,9 +273,9 @@ static gboolean check_series(struct view_options *o, GError **error) {
     return FALSE;
 }
 
-static gboolean check_sheet(const struct view_options *o, GError **error) {
+static gboolean check_sheet(const struct viewer_options *o, GError **error) {
     if ((gint64)o->width * MAX(o->sheet, 1) <= MAX_SIZE &&
-        (gint64)o->height * view_options_sheet_rows(o) <= MAX_SIZE)
+        (gint64)o->height * viewer_options_sheet_rows(o) <= MAX_SIZE)
         return TRUE;
     g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
                 "--sheet %d with %d frames of %d × %d: the whole may be %d each way", o->sheet,
@@ -286,7 +284,7 @@ static gboolean check_sheet(const struct view_options *o, GError **error) {
 }
 
 /* Of --split and --difference. */
-static gboolean check_second(struct view_options *o, GError **error) {
+static gboolean check_second(struct viewer_options *o, GError **error) {
     const char *name = o->split != NULL ? o->split : o->difference;
     o->compose = (struct compose){.at = 0.5, .gain = 4.0};
     if (name == NULL)
@@ -303,7 +301,7 @@ static gboolean check_second(struct view_options *o, GError **error) {
     return FALSE;
 }
 
-static gboolean check_sources(const struct view_options *o, GError **error) {
+static gboolean check_sources(const struct viewer_options *o, GError **error) {
     const gboolean session =
         o->rest != NULL && (o->series_text != NULL || g_file_test(o->rest[0], G_FILE_TEST_IS_DIR));
     if (o->measured &&
@@ -318,7 +316,7 @@ static gboolean check_sources(const struct view_options *o, GError **error) {
     return FALSE;
 }
 
-static gboolean check_plain(const struct view_options *o, GError **error) {
+static gboolean check_plain(const struct viewer_options *o, GError **error) {
     if (!o->settings.plain || o->method == methods[0])
         return TRUE;
     g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE, "--plain goes with --method %s",
@@ -326,7 +324,7 @@ static gboolean check_plain(const struct view_options *o, GError **error) {
     return FALSE;
 }
 
-static gboolean check_normal_map(const struct view_options *o, GError **error) {
+static gboolean check_normal_map(const struct viewer_options *o, GError **error) {
     if (o->normal_map == NULL || o->method->takes_normals ||
         (o->second != NULL && o->second->takes_normals))
         return TRUE;
@@ -335,9 +333,9 @@ static gboolean check_normal_map(const struct view_options *o, GError **error) {
     return FALSE;
 }
 
-gboolean view_options_check(struct view_options *o, GError **error) {
+gboolean viewer_options_check(struct viewer_options *o, GError **error) {
     const gboolean given = o->rest != NULL && o->rest[0] != NULL;
-    o->method = given ? methods[0] : method_find(DEMO);
+    o->method = given ? methods[0] : method_find(METHOD_DEMO);
     if (o->method_name != NULL && (o->method = method_find(o->method_name)) == NULL)
         return bad_method(o, error);
     if (given ? o->rest[1] != NULL : o->method->product != NULL) {
@@ -357,7 +355,7 @@ gboolean view_options_check(struct view_options *o, GError **error) {
     }
     o->upward = g_strcmp0(o->up, "z") == 0 ? SCENE_Z_UP : SCENE_Y_UP;
     if (!check_second(o, error) || !check_normal_map(o, error) || !check_sources(o, error) ||
-        !check_environment(o, error) || !view_options_check_light(o, error))
+        !check_environment(o, error) || !viewer_options_check_light(o, error))
         return FALSE;
     if (o->reference && (o->render == NULL || o->settings.plain || !given)) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
@@ -379,6 +377,6 @@ gboolean view_options_check(struct view_options *o, GError **error) {
     o->settings.style.nearest = o->nearest;
     int samples = o->reference ? 2 : o->render != NULL ? 4 : 1;
     o->settings.samples = o->supersample != 0 ? o->supersample : samples;
-    return view_options_parse_size(o, error) && check_sheet(o, error) && parse_tiles(o, error) &&
-           view_settings_check(&o->settings, error);
+    return viewer_options_parse_size(o, error) && check_sheet(o, error) && parse_tiles(o, error) &&
+           viewer_settings_check(&o->settings, error);
 }

@@ -1,0 +1,509 @@
+#include "viewer.h"
+
+#include "backdrop.h"
+#include "base/direction.h"
+#include "camera.h"
+#include "gl/gpu.h"
+#include "hatching.h"
+#include "methods/eigenmaps_view.h"
+#include "programs.h"
+#include "relief/relief.h"
+#include "shapes/mesh_shape.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <stddef.h>
+#include <string.h>
+
+#define WHITE       0.8 /* see exposure_ev */
+#define MAX_SAMPLES (1 << 26)
+
+const struct viewer_settings viewer_settings_default = {
+    .camera_azimuth_deg = -90.0,
+    .camera_elevation_deg = 40.0,
+    .camera_fov_deg = 30.0,
+    .light_theta_deg = 50.0,
+    .light_phi_deg = 200.0,
+    .exposure_ev = 0.7,
+    .ambient = 0.05,
+    .lamp = 1.0,
+    .samples = 1,
+    .visibility = {.layers = VISIBILITY_MAX_LAYERS},
+    .shadow_size = 1024,
+};
+
+struct Viewer {
+    const struct method *method;
+    gpointer material;  /* of the method */
+    Programs *programs; /* of the method */
+    Relief *relief;
+    Backdrop *backdrop;
+    Hatching *hatching;
+    guint plain_program, geometry_program, resolve_program;
+    guint array, vertices, shapes, indices, empty_array;
+    guint n_indices, n_casting, serial;
+    double radius, tiles_u, tiles_v; /* of the mesh */
+    double reach;                    /* of the mesh and its floor */
+    float *points;                   /* n_points × 3 */
+    guint n_points;
+    struct gpu_target scene, geometry, picture;
+};
+
+gboolean viewer_settings_check(const struct viewer_settings *s, GError **error) {
+    const struct {
+        const char *name;
+        double value, low, high;
+    } ranges[] = {
+        {"camera azimuth", s->camera_azimuth_deg, -1e6, 1e6},
+        {"camera elevation", s->camera_elevation_deg, -90.0, 90.0},
+        {"camera distance", s->camera_distance, 0.0, 1000.0},
+        {"camera pan", s->camera_pan[0], -1000.0, 1000.0},
+        {"camera pan", s->camera_pan[1], -1000.0, 1000.0},
+        {"camera field of view", s->camera_fov_deg, 1.0, 120.0},
+        {"light theta", s->light_theta_deg, 0.0, 180.0},
+        {"light phi", s->light_phi_deg, -1e6, 1e6},
+        {"tiles", s->tiles_u, 0.0, 1000.0},
+        {"tiles", s->tiles_v, 0.0, 1000.0},
+        {"exposure", s->exposure_ev, -20.0, 20.0},
+        {"ambient", s->ambient, 0.0, 100.0},
+        {"lamp", s->lamp, 0.0, 100.0},
+        {"lamps", s->n_lamps, 0.0, VIEWER_MAX_LAMPS},
+        {"supersampling", s->samples, 1.0, 8.0},
+        {"layers", s->visibility.layers, 1.0, VISIBILITY_MAX_LAYERS},
+        {"shadow map", s->shadow_size, 16.0, 16384.0},
+    };
+    for (gsize k = 0; k < G_N_ELEMENTS(ranges); k++)
+        if (!(ranges[k].value >= ranges[k].low && ranges[k].value <= ranges[k].high)) {
+            g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
+                        "%s is %g, but must be %g … %g", ranges[k].name, ranges[k].value,
+                        ranges[k].low, ranges[k].high);
+            return FALSE;
+        }
+    return TRUE;
+}
+
+double viewer_exposure(const struct viewer_settings *s) {
+    return WHITE * exp2(s->exposure_ev);
+}
+
+static gboolean viewer_make_programs(Viewer *viewer, GError **error) {
+    const char *const plain[] = {"mesh.vert", "frame.glsl", "plain.frag", NULL};
+    const char *const geometry[] = {"mesh.vert",   "frame.glsl",    "visible.glsl",
+                                    "shadow.glsl", "geometry.frag", NULL};
+    const char *const resolve[] = {"screen.vert", "resolve.frag", NULL};
+    return (viewer->plain_program = gpu_program(plain, error)) != 0 &&
+           (viewer->geometry_program = gpu_program(geometry, error)) != 0 &&
+           (viewer->resolve_program = gpu_program(resolve, error)) != 0;
+}
+
+static void make_array(Viewer *viewer) {
+    glGenVertexArrays(1, &viewer->empty_array);
+    glGenVertexArrays(1, &viewer->array);
+    glGenBuffers(1, &viewer->vertices);
+    glGenBuffers(1, &viewer->shapes);
+    glGenBuffers(1, &viewer->indices);
+    glBindVertexArray(viewer->array);
+    glBindBuffer(GL_ARRAY_BUFFER, viewer->vertices);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, viewer->indices);
+    const struct {
+        int n;
+        gsize offset;
+    } attributes[] = {{3, offsetof(struct vertex, position)},
+                      {3, offsetof(struct vertex, normal)},
+                      {4, offsetof(struct vertex, tangent)},
+                      {2, offsetof(struct vertex, uv)}};
+    const guint n = G_N_ELEMENTS(attributes);
+    for (guint k = 0; k < n; k++)
+        glVertexAttribPointer(k, attributes[k].n, GL_FLOAT, GL_FALSE, sizeof(struct vertex),
+                              (const void *)attributes[k].offset);
+    glBindBuffer(GL_ARRAY_BUFFER, viewer->shapes);
+    glVertexAttribPointer(n, 2, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape), NULL);
+    glVertexAttribPointer(n + 1, 3, GL_FLOAT, GL_FALSE, sizeof(struct vertex_shape),
+                          (const void *)offsetof(struct vertex_shape, bend));
+    for (guint k = 0; k < n + 2; k++)
+        glEnableVertexAttribArray(k);
+    glBindVertexArray(0);
+}
+
+Viewer *viewer_new(const struct eigenmaps *material, GError **error) {
+    g_autoptr(Viewer) viewer = g_new0(Viewer, 1);
+    viewer->radius = viewer->reach = 1.0;
+    if (!viewer_make_programs(viewer, error) || (viewer->relief = relief_new(error)) == NULL ||
+        (viewer->backdrop = backdrop_new(error)) == NULL ||
+        (viewer->hatching = hatching_new(error)) == NULL ||
+        (material != NULL && !viewer_set_material(viewer, material, error)))
+        return NULL;
+    make_array(viewer);
+    return g_steal_pointer(&viewer);
+}
+
+void viewer_free(Viewer *viewer) {
+    if (viewer == NULL)
+        return;
+    if (viewer->method != NULL)
+        viewer->method->free(viewer->material);
+    programs_free(viewer->programs);
+    relief_free(viewer->relief);
+    backdrop_free(viewer->backdrop);
+    hatching_free(viewer->hatching);
+    const guint programs[] = {viewer->plain_program, viewer->geometry_program,
+                              viewer->resolve_program};
+    for (gsize k = 0; k < G_N_ELEMENTS(programs); k++)
+        glDeleteProgram(programs[k]);
+    glDeleteVertexArrays(1, &viewer->array);
+    glDeleteVertexArrays(1, &viewer->empty_array);
+    glDeleteBuffers(1, &viewer->vertices);
+    glDeleteBuffers(1, &viewer->shapes);
+    glDeleteBuffers(1, &viewer->indices);
+    gpu_target_clear(&viewer->scene);
+    gpu_target_clear(&viewer->geometry);
+    gpu_target_clear(&viewer->picture);
+    g_free(viewer->points);
+    g_free(viewer);
+}
+
+gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
+                           GError **error) {
+    if (viewer->method != method) {
+        g_autoptr(Programs) programs = programs_new(method);
+        if (!programs_get(programs, PROGRAM_SURFACE, material, &viewer_settings_default, error))
+            return FALSE;
+        programs_free(viewer->programs);
+        viewer->programs = g_steal_pointer(&programs);
+    }
+    if (viewer->method != NULL)
+        viewer->method->free(viewer->material);
+    viewer->method = method;
+    viewer->material = material;
+    return TRUE;
+}
+
+gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path,
+                     GError **error) {
+    gpointer material = method_open(method, path, error);
+    if (material == NULL)
+        return FALSE;
+    if (viewer_set_method(viewer, method, material, error))
+        return TRUE;
+    method->free(material);
+    return FALSE;
+}
+
+gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error) {
+    EigenmapsView *new = eigenmaps_view_new(material, error);
+    if (new == NULL)
+        return FALSE;
+    if (viewer_set_method(viewer, &method_eigenmaps, new, error))
+        return TRUE;
+    eigenmaps_view_free(new);
+    return FALSE;
+}
+
+static void keep_points(Viewer *viewer, const struct mesh *mesh) {
+    g_free(viewer->points);
+    viewer->n_points = mesh->n_vertices - mesh->n_floor_vertices;
+    viewer->points = g_new(float, 3 * (gsize)viewer->n_points);
+    for (guint k = 0; k < viewer->n_points; k++)
+        memcpy(viewer->points + 3 * (gsize)k, mesh->vertices[k].position, 3 * sizeof(float));
+    backdrop_set_points(viewer->backdrop, viewer->points, viewer->n_points, viewer->radius);
+}
+
+gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error) {
+    return relief_set_mdf(viewer->relief, mdf, error);
+}
+
+gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error) {
+    struct mdf_source *mdf = mdf_source_read(path, error);
+    gboolean good = mdf != NULL && viewer_set_mdf(viewer, mdf, error);
+    if (mdf != NULL && !good)
+        g_prefix_error(error, "%s: ", path);
+    mdf_source_free(mdf);
+    return good;
+}
+
+gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
+                                GError **error) {
+    return backdrop_set_environment(viewer->backdrop, environment, error);
+}
+
+struct viewer_memory viewer_memory(const Viewer *viewer) {
+    return (struct viewer_memory){viewer->method ? viewer->method->bytes(viewer->material) : 0,
+                                  relief_mdf_bytes(viewer->relief)};
+}
+
+static void upload_shapes(const Viewer *viewer, const struct mesh *mesh) {
+    g_autofree struct vertex_shape *shapes = mesh_shapes(mesh);
+    glBindBuffer(GL_ARRAY_BUFFER, viewer->shapes);
+    glBufferData(GL_ARRAY_BUFFER, mesh->n_vertices * sizeof(struct vertex_shape), shapes,
+                 GL_STATIC_DRAW);
+}
+
+static double length(const float p[3]) {
+    return sqrtf(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+}
+
+gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error) {
+    glBindVertexArray(viewer->array);
+    glBindBuffer(GL_ARRAY_BUFFER, viewer->vertices);
+    glBufferData(GL_ARRAY_BUFFER, mesh->n_vertices * sizeof(struct vertex), mesh->vertices,
+                 GL_STATIC_DRAW);
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER, mesh->n_indices * sizeof(guint32), mesh->indices,
+                 GL_STATIC_DRAW);
+    upload_shapes(viewer, mesh);
+    glBindVertexArray(0);
+    viewer->serial++;
+    viewer->n_indices = mesh->n_indices;
+    viewer->n_casting = mesh->n_indices - mesh->n_floor_indices;
+    viewer->radius = viewer->reach = mesh->radius;
+    for (guint k = mesh->n_vertices - mesh->n_floor_vertices; k < mesh->n_vertices; k++)
+        viewer->reach = MAX(viewer->reach, length(mesh->vertices[k].position));
+    viewer->tiles_u = mesh->tiles_u;
+    viewer->tiles_v = mesh->tiles_v;
+    keep_points(viewer, mesh);
+    return gpu_check("the mesh", error);
+}
+
+void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect) {
+    if (settings->camera_distance == 0.0 && viewer->n_points > 0)
+        camera_fit(settings, viewer->points, viewer->n_points, viewer->radius, aspect);
+}
+
+/* What mesh.vert knows of camera and lamp. */
+struct sight {
+    float projection[16], eye[3], light[3], tiles[2];
+};
+
+static void viewer_draw_mesh(Viewer *viewer, guint program, const struct viewer_settings *s,
+                             const struct sight *sight) {
+    glUseProgram(program);
+    viewer->method->bind(viewer->material, program, &s->style);
+    relief_bind(viewer->relief, program);
+    glUniformMatrix4fv(glGetUniformLocation(program, "projection"), 1, GL_FALSE, sight->projection);
+    glUniform2fv(glGetUniformLocation(program, "tiles"), 1, sight->tiles);
+    glUniform3fv(glGetUniformLocation(program, "eye"), 1, sight->eye);
+    glUniform3fv(glGetUniformLocation(program, "light"), 1, sight->light);
+    glUniform1f(glGetUniformLocation(program, "ambient_light"), s->ambient);
+    programs_set_lamps(program, s);
+    glDisable(GL_BLEND);
+    glDisable(GL_CULL_FACE);
+    glEnable(GL_DEPTH_TEST);
+    glDepthFunc(GL_LESS);
+    glDepthMask(GL_TRUE);
+    glBindVertexArray(viewer->array);
+    glDrawElements(GL_TRIANGLES, viewer->n_indices, GL_UNSIGNED_INT, NULL);
+    glBindVertexArray(0);
+}
+
+/* Looks, and finds what is seen and lit of the relief. */
+static gboolean viewer_look(const Viewer *viewer, const struct viewer_settings *s, int width,
+                            int height, struct sight *ret, GError **error) {
+    struct viewer_settings fitted = *s;
+    double aspect = (double)width / height;
+    viewer_fit(viewer, &fitted, aspect);
+    camera_matrix(&fitted, viewer->radius, viewer->reach, aspect, ret->projection, ret->eye);
+    direction_from_deg(s->light_theta_deg, s->light_phi_deg, ret->light);
+    ret->tiles[0] = s->tiles_u > 0.0 ? s->tiles_u : viewer->tiles_u;
+    ret->tiles[1] = s->tiles_v > 0.0 ? s->tiles_v : viewer->tiles_v;
+    struct relief_scene scene = {.array = viewer->array,
+                                 .n_indices = viewer->n_indices,
+                                 .n_casting = viewer->n_casting,
+                                 .radius = viewer->radius,
+                                 .width = width,
+                                 .height = height,
+                                 .serial = viewer->serial,
+                                 .silhouettes = s->silhouettes,
+                                 .shadows = s->shadows,
+                                 .lit = s->lamp > 0.0,
+                                 .n_further = s->n_lamps,
+                                 .shadow_size = s->shadow_size,
+                                 .visibility = s->visibility};
+    for (int k = 0; k < s->n_lamps; k++)
+        direction_from_deg(s->lamps[k].theta_deg, s->lamps[k].phi_deg, scene.further[k]);
+    memcpy(scene.projection, ret->projection, sizeof scene.projection);
+    memcpy(scene.eye, ret->eye, sizeof scene.eye);
+    memcpy(scene.light, ret->light, sizeof scene.light);
+    memcpy(scene.tiles, ret->tiles, sizeof scene.tiles);
+    return relief_prepare(viewer->relief, &scene, error);
+}
+
+static void viewer_begin(const struct gpu_target *target) {
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    glViewport(0, 0, target->width, target->height);
+    glDepthMask(GL_TRUE);
+    glClearColor(0.0f, 0.0f, 0.0f, 0.0f);
+    glClear(GL_DEPTH_BUFFER_BIT | GL_COLOR_BUFFER_BIT);
+}
+
+static gboolean viewer_draw_scene(Viewer *viewer, const struct viewer_settings *s, int width,
+                                  int height, GError **error) {
+    const enum program_kind kind = s->silhouettes || s->shadows ? PROGRAM_RELIEF : PROGRAM_SURFACE;
+    const guint program = s->plain
+                              ? viewer->plain_program
+                              : programs_get(viewer->programs, kind, viewer->material, s, error);
+    struct sight sight;
+    if (program == 0 ||
+        !gpu_target_resize(&viewer->scene, width, height, GL_RGBA16F, TRUE, error) ||
+        !viewer_look(viewer, s, width, height, &sight, error))
+        return FALSE;
+    viewer_begin(&viewer->scene);
+    viewer_draw_mesh(viewer, program, s, &sight);
+    return backdrop_draw(viewer->backdrop, s, viewer->relief, sight.projection, sight.eye, error);
+}
+
+static void resolve(Viewer *viewer, const struct viewer_settings *s, int samples, guint framebuffer,
+                    int width, int height) {
+    guint program = viewer->resolve_program;
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glViewport(0, 0, width, height);
+    glDisable(GL_DEPTH_TEST);
+    glUseProgram(program);
+    gpu_bind_texture(program, "drawn", 0, GL_TEXTURE_2D, viewer->scene.colour);
+    glUniform1i(glGetUniformLocation(program, "samples"), samples);
+    glUniform1f(glGetUniformLocation(program, "exposure"), (float)viewer_exposure(s));
+    glBindVertexArray(viewer->empty_array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindVertexArray(0);
+}
+
+static gboolean draw_geometry(Viewer *viewer, const struct viewer_settings *s,
+                              enum viewer_geometry which, int width, int height, GError **error) {
+    struct sight sight;
+    if (!gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error) ||
+        !viewer_look(viewer, s, width, height, &sight, error))
+        return FALSE;
+    viewer_begin(&viewer->geometry);
+    glDisable(GL_BLEND);
+    glDisable(GL_CULL_FACE);
+    glUseProgram(viewer->geometry_program);
+    glUniform1i(glGetUniformLocation(viewer->geometry_program, "which"), which);
+    viewer_draw_mesh(viewer, viewer->geometry_program, s, &sight);
+    return TRUE;
+}
+
+void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n) {
+    hatching_set(viewer->hatching, views, n);
+}
+
+static gboolean draw_hatching(Viewer *viewer, const struct viewer_settings *s, guint framebuffer,
+                              int width, int height, GError **error) {
+    if (!hatching_any(viewer->hatching))
+        return TRUE;
+    if (!draw_geometry(viewer, s, VIEWER_GEOMETRY_VIEW, width, height, error))
+        return FALSE;
+    hatching_draw(viewer->hatching, viewer->geometry.colour, framebuffer, width, height);
+    return TRUE;
+}
+
+/* Each way of a pixel: fewer in a very large picture. */
+static int viewer_samples_of(const struct viewer_settings *s, int width, int height) {
+    int samples = s->samples;
+    while (samples > 1 && (gint64)width * height * samples * samples > MAX_SAMPLES)
+        samples--;
+    return samples;
+}
+
+gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *s, guint framebuffer, int width,
+                     int height, GError **error) {
+    const int samples = viewer_samples_of(s, width, height);
+    if (!viewer_settings_check(s, error) ||
+        !viewer_draw_scene(viewer, s, width * samples, height * samples, error))
+        return FALSE;
+    resolve(viewer, s, samples, framebuffer, width, height);
+    return draw_hatching(viewer, s, framebuffer, width, height, error) &&
+           gpu_check("drawing", error);
+}
+
+static float *read_floats(const struct gpu_target *target, GError **error) {
+    g_autofree float *rgba = g_new(float, 4 * (gsize)target->width * target->height);
+    glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
+    glPixelStorei(GL_PACK_ALIGNMENT, 1);
+    glReadPixels(0, 0, target->width, target->height, GL_RGBA, GL_FLOAT, rgba);
+    if (!gpu_check("reading the picture", error))
+        return NULL;
+    gpu_turn_over(rgba, 4 * sizeof(float) * (gsize)target->width, target->height);
+    return g_steal_pointer(&rgba);
+}
+
+guint8 *viewer_render(Viewer *viewer, const struct viewer_settings *s, int width, int height,
+                      GError **error) {
+    if (!gpu_target_resize(&viewer->picture, width, height, GL_RGBA8, FALSE, error) ||
+        !viewer_draw(viewer, s, viewer->picture.framebuffer, width, height, error))
+        return NULL;
+    return gpu_target_read(&viewer->picture, error);
+}
+
+float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *s, int width, int height,
+                            GError **error) {
+    if (!viewer_settings_check(s, error) || !viewer_draw_scene(viewer, s, width, height, error))
+        return NULL;
+    return read_floats(&viewer->scene, error);
+}
+
+float *viewer_render_light(Viewer *viewer, const struct viewer_settings *s, int width, int height,
+                           GError **error) {
+    const int samples = viewer_samples_of(s, width, height);
+    g_autofree float *drawn =
+        viewer_render_linear(viewer, s, width * samples, height * samples, error);
+    if (drawn == NULL)
+        return NULL;
+    const float share = 1.0F / (float)(samples * samples), exposure = (float)viewer_exposure(s);
+    float *light = g_new0(float, 3 * (gsize)width * height);
+    for (gsize j = 0; j < (gsize)height * samples; j++)
+        for (gsize i = 0; i < (gsize)width * samples; i++) {
+            const float *from = drawn + 4 * (j * width * samples + i);
+            float *to = light + 3 * (j / samples * width + i / samples);
+            for (int c = 0; c < 3; c++)
+                to[c] += from[c] * share * (from[3] > 0.5F ? exposure : 1);
+        }
+    return light;
+}
+
+float *viewer_render_geometry(Viewer *viewer, const struct viewer_settings *s,
+                              enum viewer_geometry which, int width, int height, GError **error) {
+    if (!viewer_settings_check(s, error) || !draw_geometry(viewer, s, which, width, height, error))
+        return NULL;
+    return read_floats(&viewer->geometry, error);
+}
+
+float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *s, const float to_view[3],
+                          const float to_light[3], int width, int height, GError **error) {
+    struct viewer_settings alone = *s;
+    alone.ambient = 0;
+    const guint program =
+        programs_get(viewer->programs, PROGRAM_FLAT, viewer->material, &alone, error);
+    if (program == 0 ||
+        !gpu_target_resize(&viewer->geometry, width, height, GL_RGBA32F, TRUE, error))
+        return NULL;
+    viewer_begin(&viewer->geometry);
+    glDisable(GL_BLEND);
+    glDisable(GL_DEPTH_TEST);
+    glUseProgram(program);
+    viewer->method->bind(viewer->material, program, &s->style);
+    glUniform3fv(glGetUniformLocation(program, "to_view"), 1, to_view);
+    glUniform3fv(glGetUniformLocation(program, "to_light"), 1, to_light);
+    glBindVertexArray(viewer->empty_array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindVertexArray(0);
+    return read_floats(&viewer->geometry, error);
+}
+
+guint8 *viewer_resolve(Viewer *viewer, const struct viewer_settings *s, const float *linear,
+                       int width, int height, GError **error) {
+    int w = width * s->samples, h = height * s->samples;
+    if (!viewer_settings_check(s, error) ||
+        !gpu_target_resize(&viewer->scene, w, h, GL_RGBA16F, TRUE, error) ||
+        !gpu_target_resize(&viewer->picture, width, height, GL_RGBA8, FALSE, error))
+        return NULL;
+    g_autofree float *rows = g_memdup2(linear, 4 * sizeof(float) * (gsize)w * h);
+    gpu_turn_over(rows, 4 * sizeof(float) * (gsize)w, h);
+    glActiveTexture(GL_TEXTURE0);
+    glBindTexture(GL_TEXTURE_2D, viewer->scene.colour);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, w, h, GL_RGBA, GL_FLOAT, rows);
+    resolve(viewer, s, s->samples, viewer->picture.framebuffer, width, height);
+    return gpu_target_read(&viewer->picture, error);
+}
+
+void viewer_finish(void) {
+    glFinish();
+}

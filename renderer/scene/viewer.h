@@ -1,0 +1,138 @@
+/*
+ * A Viewer draws a material on a mesh as a picture: it holds the mesh, the material as its method
+ * put it on the graphics card, the MDF and the backdrop. (A “view” is a direction of a BTF or an
+ * MDF.) Belongs to the thread of the GL context, which must be current and whose state it changes.
+ */
+#pragma once
+
+#include "eigenmaps/eigenmaps.h"
+#include "hatching.h"
+#include "methods/method.h"
+#include "relief/relief.h"
+#include "relief/visibility.h"
+#include "shapes/scene.h"
+
+/* Infinitely far away. Brightness 1, as of the first lamp, gives a white diffuser lit from its
+ * normal the radiance 1. */
+#define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
+struct viewer_lamp {
+    double theta_deg, phi_deg;
+    float rgb[3];
+};
+
+/* World coordinates are the mesh's: z up. Azimuths are from +x, counter-clockwise seen from above.
+ */
+struct viewer_settings {
+    double camera_azimuth_deg, camera_elevation_deg;
+    double camera_distance; /* from the origin, in radii of the mesh; 0: the mesh just fits */
+    double camera_pan[2];   /* of what it looks at: to the right and up, in radii of the mesh */
+    double camera_fov_deg;  /* of the picture's shorter side */
+    double light_theta_deg, light_phi_deg; /* a light far away */
+    double lamp;                           /* its brightness */
+    int n_lamps;                           /* number of further lamps */
+    struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
+    double tiles_u, tiles_v; /* 0: as the mesh has it */
+    double exposure_ev;      /* 0: a white diffuser lit from its normal is 0.8 of full scale */
+    double ambient;          /* radiance of an even sky, relative to the light's irradiance / π */
+    int samples;             /* supersampling each way */
+    struct method_style style;
+    /* These three take viewer_set_mdf(). Silhouettes: where a ray misses the structure, what is
+     * behind is seen (Wang et al. 2005 §4.1). Shadows: those that the mesh casts, with silhouettes
+     * of the structure too, and on it (§4.2); without an MDF or silhouettes the mesh's own. */
+    gboolean silhouettes, shadows; /* shadows: of every lamp */
+    struct visibility_options visibility;
+    int shadow_size;   /* of the first lamp's map, each way; of more than 4 further ones a half, of
+                          more than 16 a quarter */
+    gboolean backdrop; /* the environment is seen behind the mesh; takes viewer_set_environment() */
+    gboolean plain;    /* instead of the BTF one texture × n·l, to compare with */
+};
+
+extern const struct viewer_settings viewer_settings_default;
+
+/* The error names the setting that is out of range, its value and the range. */
+gboolean viewer_settings_check(const struct viewer_settings *settings, GError **error);
+
+/* The factor on reflectance before the tone curve: 0.8 · 2^EV. */
+double viewer_exposure(const struct viewer_settings *settings);
+
+typedef struct Viewer Viewer;
+
+/* Of eigen-maps; NULL: viewer_open() or viewer_set_method() follows before anything is drawn. */
+Viewer *viewer_new(const struct eigenmaps *material, GError **error);
+void viewer_free(Viewer *viewer); /* NULL is ignored */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(Viewer, viewer_free)
+
+gboolean viewer_set_material(Viewer *viewer, const struct eigenmaps *material, GError **error);
+gboolean viewer_open(Viewer *viewer, const struct method *method, const char *path, GError **error);
+/* Takes the material that the method opened, if it succeeds. */
+gboolean viewer_set_method(Viewer *viewer, const struct method *method, gpointer material,
+                           GError **error);
+gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error); /* copies */
+
+/* The MDF of the material in any of its forms; NULL: none. Copies what it needs. */
+gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error);
+gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
+
+/* The environment map behind the mesh; copies it. Its light comes from lamps in the settings, see
+ * environment_light(). */
+struct environment;
+gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
+                                GError **error);
+
+/* GPU memory of the material and its MDF, in bytes: textures with all their mip levels. */
+struct viewer_memory {
+    gint64 material, mdf;
+};
+struct viewer_memory viewer_memory(const Viewer *viewer);
+
+/* For a session that is still being captured: pictures are hatched where the nearest planned view
+ * is not measured yet (hatching.h). n = 0: no hatching. Copies. */
+void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
+
+/* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /
+ * height); what draws does that by itself, but anew for every picture. */
+void viewer_fit(const Viewer *viewer, struct viewer_settings *settings, double aspect);
+
+/* Into a framebuffer object (0: the window's) of width × height pixels, as sRGB. */
+gboolean viewer_draw(Viewer *viewer, const struct viewer_settings *settings, guint framebuffer,
+                     int width, int height, GError **error);
+
+/* width × height × 3 bytes, sRGB, top row first; g_free() it. */
+guint8 *viewer_render(Viewer *viewer, const struct viewer_settings *settings, int width, int height,
+                      GError **error);
+
+/* width × height × 3 floats, top row first: the same picture as light, linear: exposed, but neither
+ * toned nor rounded; g_free() it. */
+float *viewer_render_light(Viewer *viewer, const struct viewer_settings *settings, int width,
+                           int height, GError **error);
+
+/* width × height × 4 floats, top row first: linear reflectance before exposure and tone, without
+ * supersampling; the fourth is 0 where only the background is seen, which is exposed already. */
+float *viewer_render_linear(Viewer *viewer, const struct viewer_settings *settings, int width,
+                            int height, GError **error);
+
+/* What a sample of such a picture needs to be shaded elsewhere; the fourth float as above. Texels
+ * are in tiles, +y along the texture's rows downwards; directions are unit, in the local frame;
+ * "lit" is how much of the lamp's light arrives (0 … 1), the way from the mesh along the ray to the
+ * structure, and that from the eye to the mesh. */
+enum viewer_geometry {
+    VIEWER_GEOMETRY_TEXEL,
+    VIEWER_GEOMETRY_VIEW,
+    VIEWER_GEOMETRY_LIGHT,
+    VIEWER_GEOMETRY_LIT,
+};
+float *viewer_render_geometry(Viewer *viewer, const struct viewer_settings *settings,
+                              enum viewer_geometry which, int width, int height, GError **error);
+
+/* One tile seen flat, a texel of it wherever a pixel is, all from the same directions in its frame:
+ * width × height × 4 floats, top row first, linear reflectance under the lamp alone. */
+float *viewer_render_flat(Viewer *viewer, const struct viewer_settings *settings,
+                          const float to_view[3], const float to_light[3], int width, int height,
+                          GError **error);
+
+/* The other half of viewer_render(): a linear picture of samples × samples a pixel, exposed and
+ * toned to width × height × 3 bytes. */
+guint8 *viewer_resolve(Viewer *viewer, const struct viewer_settings *settings, const float *linear,
+                       int width, int height, GError **error);
+
+void viewer_finish(void); /* returns when everything asked for is drawn */
