@@ -186,7 +186,7 @@ static gboolean take_count(struct bonn_bytes *bytes, const char *what, guint32 m
     if (!bonn_take_u32(bytes, what, ret, error))
         return FALSE;
     if (*ret < 1 || *ret > most)
-        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "%u is not a valid %s", *ret, what);
+        return bonn_fail(bytes, BONN_ERROR_FORMAT, error, "%u as the %s is not valid", *ret, what);
     return *ret <= (bytes->size - bytes->at) / MAX(each, 1) || each == 0 ||
            bonn_fail(bytes, BONN_ERROR_FORMAT, error,
                      "it is cut off: %u as the %s needs more than its %zu bytes", *ret, what,
