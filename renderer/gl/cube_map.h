@@ -1,4 +1,4 @@
-/* Cube maps that tell something of every direction. */
+/* Cube maps of functions of a direction. */
 #pragma once
 
 #include "base/vec.h"
@@ -8,8 +8,8 @@
  * of OpenGL: +x, −x, +y, −y, +z, −z. */
 struct vec3 cube_map_direction(int face, int i, int j, int size);
 
-/* Four values, 0 … 1, of a direction. */
+/* Computes the texel (R, G, B, A of 0 … 1) of a direction. */
 typedef void (*CubeMapFill)(struct vec3 direction, gpointer data, float ret[4]);
 
-/* Of 16 bits a value; filtered or not. */
+/* A cube map of 16 bits a channel; filtered: linearly, else nearest. */
 guint cube_map_new(int size, gboolean filtered, CubeMapFill fill, gpointer data);

@@ -1,8 +1,8 @@
 /*
  * The three measured directions nearest to any other and their weights, as two cube maps (Schneider
  * 2004 §5): the corners of a triangle of the measured ones, and its barycentric coordinates. Not
- * filtered, for beside an edge of a triangle the next texel is of other directions: they are told
- * apart by a third of a degree. Directions below the horizon count as in it.
+ * filtered, because beyond an edge of a triangle the next texel names other directions; the angular
+ * resolution is a third of a degree. Directions below the horizon are clamped to it.
  */
 #pragma once
 

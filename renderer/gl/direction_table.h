@@ -1,7 +1,8 @@
 /*
- * A set of measured directions on the card: for any direction of the hemisphere up to four of them
- * and their weights, as directions.h finds them. Where Schneider 2004 §4 has cube maps, the
- * hemisphere is one square, so that no sample lies below the horizon. Read by directions.glsl.
+ * Interpolation weights of measured directions on the graphics card: for any direction of the
+ * hemisphere up to four measured ones and their weights, as directions.h finds them. Schneider 2004
+ * §4 uses cube maps; here the hemisphere is one square, so that no sample lies below the horizon.
+ * Read by directions.glsl.
  */
 #pragma once
 
@@ -13,5 +14,6 @@
  * directions_pole(). */
 struct direction_textures direction_table_new(Directions *directions, gboolean fade);
 
-/* shares: of each of n directions in the mean that is the pole; 0 without a pole. */
+/* ret_shares: the weight of each of n directions in the mean that stands for the pole; all 0 if the
+ * pole was measured or the set is triangulated. */
 void direction_table_pole_shares(const Directions *directions, float *ret_shares, int n);

@@ -1,6 +1,7 @@
 /*
- * Measured directions on the card that stand for any other: a texture of which they are, and one of
- * how much of each. Filled by direction_table.h and direction_cube.h. Thread of the GL context.
+ * Interpolation weights of measured directions as two textures over all directions: the indices of
+ * the measured ones, and their weights. Filled by direction_table.h and direction_cube.h. Thread of
+ * the GL context.
  */
 #pragma once
 

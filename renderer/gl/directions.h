@@ -1,13 +1,13 @@
 /*
- * Interpolation over a set of measured directions: which of them, and how much of each, stand for
- * any direction of the hemisphere. Weights are not negative, sum to 1, change continuously with the
- * direction, and are those of the measured direction alone where one was measured.
+ * Interpolation over a set of measured directions: for any direction of the hemisphere, up to four
+ * measured ones and their weights. Weights are non-negative, sum to 1, are continuous in the
+ * direction, and are (1, 0, 0, 0) at a measured direction.
  *
  * Sets of rings (a rig's: polar angles times azimuths, any number and offset a ring, a little
  * unevenness allowed) are interpolated bilinearly in θ and φ; above the topmost ring towards a pole
  * that is the mean of that ring, unless a direction was measured there. Any other set is
- * triangulated (Delaunay, in the stereographic plane). Outside of what was measured the nearest
- * measured value holds.
+ * triangulated (Delaunay, in the stereographic plane). Beyond the measured
+ * directions the nearest value is kept.
  *
  * The hemisphere is stored in square tables: (a, b) in [−1, 1]² are x + y and x − y of the
  * direction scaled to |x| + |y| + z = 1.
@@ -45,15 +45,16 @@ gboolean directions_are_rings(const Directions *directions);
  * by the object. */
 const int *directions_pole(const Directions *directions, int *ret_n);
 
-/* direction: a unit vector; below the horizon it counts as lying in it. */
+/* direction: a unit vector; below the horizon it is clamped to it. */
 void directions_weights(Directions *directions, struct vec3 direction,
                         struct direction_weights *ret);
 
-/* By how much reflectance, which contains n·l, falls from the nearest measured light to this
- * direction: 1 within the measured ones, then in proportion to the cosine, 0 below the horizon. */
+/* The factor by which reflectance, which contains n·l, falls from the nearest measured light to
+ * this direction: 1 within the measured ones, beyond them cos θ / cos θ_nearest, 0 below the
+ * horizon. */
 double directions_fade(Directions *directions, struct vec3 direction);
 
-/* Each direction's share (n of them) in the reflectance under a sky of even radiance,
+/* The weight of each of the n directions in the reflectance under a sky of even radiance,
  * (1/π) ∫ BTF dω. */
 void directions_sky(Directions *directions, float *ret_share);
 

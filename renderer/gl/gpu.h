@@ -1,6 +1,6 @@
 /*
- * OpenGL 3.3 core: a context without a window, programs, and errors as sentences. Everything that
- * draws belongs to the thread in which the context was made.
+ * OpenGL 3.3 core: a context without a window, shader programs, textures and render targets, with
+ * OpenGL errors as GErrors. Everything belongs to the thread in which the context was made.
  */
 #pragma once
 
@@ -17,8 +17,8 @@ enum gpu_error {
 
 typedef struct Gpu Gpu;
 
-/* Whether OpenGL's library is there, and with window that through which libepoxy draws into one:
- * where it is not, libepoxy would end the program at the first call. */
+/* Whether the OpenGL library is installed; window: the one that libepoxy needs for a window.
+ * Without it, libepoxy would end the program at the first call. */
 gboolean gpu_find_library(gboolean window, GError **error);
 
 /* Through EGL without a surface (Mesa, or a card's device platform); made current. */
@@ -32,7 +32,7 @@ void gpu_watch(void);
 
 const char *gpu_renderer(void); /* of the current context, never NULL */
 
-/* Fails if OpenGL has an error pending; what: was being done. */
+/* Fails if OpenGL has an error pending. what: the operation, for the message. */
 gboolean gpu_check(const char *what, GError **error);
 
 /* names: of embedded shaders, NULL-ended; the vertex shader first, all others are joined to one

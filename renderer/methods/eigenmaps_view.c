@@ -9,7 +9,8 @@
 
 #define VIEW_TABLE 256
 #define HALF_MAX   65504.0f
-#define FINE_BYTES ((gsize)128 << 20) /* of textures refined at most, see put_layer() */
+#define FINE_BYTES                                                                                 \
+    ((gsize)128 << 20) /* of textures refined at most, see eigenmaps_view_put_layer() */
 #define ANISOTROPY 4.0f
 
 struct EigenmapsView {
@@ -77,7 +78,8 @@ static gboolean add_map(const struct eigenmaps *maps, int term, int light, float
     return TRUE;
 }
 
-/* Twice the samples along one axis, Catmull-Rom between them, as a texture that repeats. */
+/* Doubles the samples along one axis of a repeating texture by Catmull–Rom interpolation at the
+ * offsets ±¼. */
 static void eigenmaps_view_refine(const float *from, int n, gsize step, float *to, gsize to_step) {
     static const float weights[4] = {-9.0f / 128, 111.0f / 128, 29.0f / 128, -3.0f / 128};
     for (int k = 0; k < n; k++)
@@ -104,8 +106,8 @@ static void put_refined(const struct eigenmaps *maps, int layer, const float *te
     glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2 * w, 2 * h, 1, GL_RGB, GL_FLOAT, fine);
 }
 
-/* A level twice as fine above that of the material itself makes bilinear filtering about as sharp
- * as bicubic would be, at no cost to drawing. */
+/* A mip level twice as fine as the material makes bilinear filtering about as sharp as bicubic
+ * filtering, without more fetches. */
 static void eigenmaps_view_put_layer(const EigenmapsView *view, const struct eigenmaps *maps,
                                      int layer, float *texels) {
     for (gsize k = 0; k < 3 * (gsize)maps->width * maps->height; k++)
@@ -169,7 +171,7 @@ static gboolean eigenmaps_view_upload_maps(EigenmapsView *view, const struct eig
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_WRAP_T, GL_REPEAT);
     glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_BASE_LEVEL, view->refined ? 1 : 0);
     glGenerateMipmap(GL_TEXTURE_2D_ARRAY);
-    /* Drawing on the processor it takes many times as long, and more samples a pixel do as well. */
+    /* Software renderers take many times as long with it; supersampling does as well there. */
     gboolean software = strstr(gpu_renderer(), "llvmpipe") || strstr(gpu_renderer(), "softpipe");
     if (!software && epoxy_has_gl_extension("GL_EXT_texture_filter_anisotropic")) {
         GLfloat most = 1.0f;

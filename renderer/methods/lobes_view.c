@@ -116,7 +116,8 @@ static void upload_values(const LobesView *view, const struct lobes *lobes, int 
     }
 }
 
-/* Of one texel under an even sky: each of the lights has 2π/n of it, 1/π of that counts. */
+/* Reflectance of a texel under an even sky, (1/π) ∫ BTF dω, as the sum over SKY² lights of solid
+ * angle 2π / SKY² each. */
 static void add_sky(const struct lobes *lobes, int slice, int texel, const float view[3],
                     float ret[3]) {
     for (int k = 0; k < SKY * SKY; k++) {

@@ -29,7 +29,7 @@ static double texels_of(const struct lpca *lpca, int n) {
     return (double)lpca->n_clusters * pages_of(lpca) * n * n * (n * n + 1.0);
 }
 
-/* As fine as LPCA_GRID_BYTES and the card allow. */
+/* The finest grid that LPCA_GRID_BYTES and the graphics card allow. */
 static int lpca_grid_fitting(const struct lpca *lpca) {
     GLint most = 0;
     int n = MOST;
@@ -40,7 +40,7 @@ static int lpca_grid_fitting(const struct lpca *lpca) {
     return n;
 }
 
-/* Some directions and how much of each. */
+/* A measured direction and its weight. */
 struct share {
     int direction;
     float weight;
@@ -91,7 +91,8 @@ static void mix(const float *values, gsize step, const GArray *shares, float ret
     }
 }
 
-/* One component, first over the lights and then over the views; half holds n_views × (n² + 1). */
+/* Resamples one component, first over the lights and then over the views; half is the intermediate
+ * result, n_views × (n² + 1) × 3. */
 struct resampling {
     const struct lpca *lpca;
     GPtrArray *views, *lights; /* of the lights the last is the sky */
@@ -124,7 +125,7 @@ static guint32 word_of_mean(const float rgb[3]) {
     return word;
 }
 
-/* To signed bytes (Schneider 2004 §6.3). Returns what a step is. */
+/* Quantises a component to signed bytes (Schneider 2004 §6.3). Returns the value of one step. */
 static float put_component(const float *values, gsize n_samples, int i, int n_pages,
                            guint32 *words) {
     const int page = (i - 1) / 4, shift = 8 * ((i - 1) % 4);

@@ -22,7 +22,8 @@ struct LpcaRevised {
     int n, n_columns;
 };
 
-/* Three bytes are stored as four, three halves as eight. */
+/* The finest grid within LPCA_REVISED_BYTES; a card stores RGB bytes as 4 bytes, RGB halves as 8.
+ */
 static int lpca_revised_fitting(const struct lpca *lpca) {
     int n = MOST;
     while (n > DIRECTION_GRID_MIN &&
@@ -53,7 +54,8 @@ static struct lpca *on_grid(const struct lpca *lpca, int n_grid, GError **error)
     return g_steal_pointer(&floats);
 }
 
-/* How much of an even sky a sample of the grid stands for: equal areas are equal solid angles. */
+/* The weight of a grid sample in an even sky, by the trapezoidal rule: equal areas of the map are
+ * equal solid angles. */
 static float sky_share(int n, int light) {
     const int i = light % n, j = light / n;
     const double share = 2.0 / ((n - 1) * (n - 1));
@@ -113,7 +115,8 @@ static gboolean make_volumes(LpcaRevised *r, const struct lpca *grid, GError **e
     return gpu_check("the eigen-BRDFs' 3D textures", error);
 }
 
-/* To signed bytes, which the card reads as −1 … 1, with a scale for each table (§6.3). */
+/* To signed bytes, which the card reads as −1 … 1, with a scale for each table (Schneider 2004
+ * §6.3). */
 static float quantise(const float *values, gsize n, gint8 *ret_steps) {
     float largest = 0;
     for (gsize k = 0; k < n; k++)

@@ -1,13 +1,13 @@
 /*
  * Local PCA as Schneider 2004 §6 draws it. Eigen-BRDFs are sampled on a regular grid of the
- * elevated concentric map, for views and for lights (resample.h); a 3D texture holds n volumes a
- * table, one for each t_l, of (s_v, t_v, s_l), stacked along the third axis. The card interpolates
- * three of the four coordinates, the shader the fourth:
+ * elevated concentric map, for views and for lights (lpca_resample.h); a 3D texture holds n volumes
+ * a table, one for each t_l, of (s_v, t_v, s_l), stacked along the third axis. The card
+ * interpolates three of the four coordinates, the shader the fourth:
  *
  *   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2).
  *
  * Two cube maps give (s_v, t_v) of a view and (z1, z2, w) of a light. The first is filtered; the
- * second cannot be, for z jumps from one volume to the next, so that lights are told apart by a
+ * second cannot be, because z jumps from one volume to the next; its angular resolution is a
  * quarter of a degree. A volume ends at the centres of its outermost samples, so that nothing of
  * its neighbours is seen in it, along no axis.
  *
@@ -22,7 +22,7 @@
 typedef struct LpcaRevised LpcaRevised; /* belongs to the thread of the GL context */
 
 /* levels: a local PCA and its n − 1 mip levels; what is not on a grid yet is resampled to n_grid
- * samples each way (resample.h says how many can be); 0: as many as LPCA_REVISED_BYTES hold, up to
+ * samples each way (lpca_resample.h has the limits); 0: as many as LPCA_REVISED_BYTES hold, up to
  * 16. Copies what it needs. */
 #define LPCA_REVISED_BYTES ((gsize)128 << 20)
 LpcaRevised *lpca_revised_new(struct lpca *const *levels, int n, int n_grid, GError **error);

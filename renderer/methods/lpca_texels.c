@@ -30,8 +30,9 @@ static gboolean check_one(const struct lpca *lpca, GError **error) {
     for (gsize k = 0; k < texels; k++)
         if (lpca->clusters[k] < 0 || lpca->clusters[k] >= lpca->n_clusters) {
             g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                        "texel %" G_GSIZE_FORMAT " is in cluster %d, of %d there are", k,
-                        lpca->clusters[k], lpca->n_clusters);
+                        "texel %" G_GSIZE_FORMAT
+                        " is in cluster %d, but there are only %d clusters",
+                        k, lpca->clusters[k], lpca->n_clusters);
             return FALSE;
         }
     GLint size = 0;
@@ -78,7 +79,8 @@ static gboolean lpca_texels_check_levels(struct lpca *const *levels, int n, GErr
     return TRUE;
 }
 
-/* Components that a level lacks are 0, with weight 0. */
+/* Concatenates the eigen-BRDFs of all levels; components that a level lacks are 0, with weight 0.
+ */
 static void join_brdfs(struct lpca *joined, const struct lpca_pyramid *pyramid) {
     const gsize size = 3 * (gsize)joined->n_views * joined->n_lights;
     const gsize tables = joined->n_components + 1;
@@ -143,8 +145,8 @@ gboolean lpca_pyramid_is_linear(const struct lpca_pyramid *pyramid, GError **err
     return FALSE;
 }
 
-/* What is packed has too many components to be drawn: as many as local PCAs have without options.
- */
+/* A packed material has one cluster with too many components to be drawn: it is clustered anew,
+ * with the default numbers of “mesorig compress”. */
 static gboolean make_drawable(struct lpca **lpca, GError **error) {
     const struct lpca_options options = {.n_clusters = 32, .n_components = 8};
     if ((*lpca)->quantise != LPCA_PACKED || (*lpca)->n_clusters > 1)

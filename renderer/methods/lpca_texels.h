@@ -1,5 +1,5 @@
-/* What all ways to draw a local PCA share: its checks, and the clusters and weights of its texels
- * as textures. Read by lpca_texel.glsl. */
+/* The common part of the methods that draw a local PCA: checks, and the clusters and weights of the
+ * texels as textures, which lpca_texel.glsl reads. */
 #pragma once
 
 #include "gl/directions.h"
@@ -7,7 +7,7 @@
 #include "lpca/lpca_levels.h"
 #include "method.h"
 
-/* A local PCA and its mip levels understood as one: level 0, with the eigen-BRDFs of all levels'
+/* A local PCA and its mip levels as one: level 0, with the eigen-BRDFs of all levels'
  * clusters one after the other. */
 struct lpca_pyramid {
     struct lpca *lpca;
@@ -17,8 +17,8 @@ struct lpca_pyramid {
     int first[LPCA_MAX_LEVELS];                 /* this one */
 };
 
-/* Whether everything in them is there and finite, and they fit together: each with half the texels
- * of the one before, all with the same directions. levels are to outlive it. */
+/* Checks that all values are finite and that the levels fit together: each has half the texels of
+ * the one before, all have the same directions. levels must outlive the pyramid. */
 gboolean lpca_pyramid_init(struct lpca_pyramid *pyramid, struct lpca *const *levels, int n,
                            GError **error);
 void lpca_pyramid_clear(struct lpca_pyramid *pyramid);

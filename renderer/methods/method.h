@@ -1,13 +1,14 @@
 /*
- * The ways to draw a material. Each compression of a BTF is read from a file of its own, held on
- * the card in its own way and evaluated by its own piece of shader; all else about a picture is the
- * same for all of them.
+ * The methods of drawing a material, one for each compressed form of a BTF. A method reads its
+ * file, uploads it to the graphics card and supplies the shader function that evaluates it; the
+ * rest of a picture is the same for all methods.
  */
 #pragma once
 
 #include <glib.h>
 
-#define METHOD_UNITS   8 /* texture units 0 … 7 are a method's, higher ones the view's */
+#define METHOD_UNITS                                                                               \
+    8 /* texture units 0 … 7 are a method's, higher ones belong to viewer and relief */
 #define METHOD_SHADERS 6
 #define METHOD_DEMO    "fabric-ashikhmin" /* shown where no material is named or open yet */
 
@@ -42,7 +43,7 @@ struct method {
     void (*free)(gpointer material);
     /* What the shaders take for constants, as lines “#define NAME value”; may be NULL. g_free() */
     char *(*constants)(gconstpointer material, const struct method_style *style);
-    gint64 (*bytes)(gconstpointer material); /* that it takes on the card */
+    gint64 (*bytes)(gconstpointer material); /* GPU memory */
     /* Sets textures and uniforms of a program in use that has the shaders. */
     void (*bind)(gpointer material, guint program, const struct method_style *style);
 };

@@ -69,7 +69,8 @@ static gboolean find_first(Relief *relief, const struct shadow_scene *scene, GEr
     return shadow_maps_find(relief->first, relief->lamp, scene, towards, 1, error);
 }
 
-/* Of many lamps each gives little: together they take no more than four maps of full size do. */
+/* Further lamps share the memory of four maps of full size: each of many lamps contributes little.
+ */
 static gboolean find_further(Relief *relief, const struct relief_scene *from,
                              struct shadow_scene *scene, GError **error) {
     relief->n_further = from->n_further;
@@ -84,7 +85,7 @@ static gboolean find_further(Relief *relief, const struct relief_scene *from,
                             error);
 }
 
-/* A lamp that is off, as an environment has it, casts none. */
+/* The first lamp casts no shadow when it is off (an environment switches it off). */
 static gboolean find_shadows(Relief *relief, const struct visibility_scene *seen,
                              const struct relief_scene *from, GError **error) {
     struct shadow_scene scene = {*seen, from->radius, from->serial, from->shadow_size};

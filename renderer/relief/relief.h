@@ -1,8 +1,7 @@
 /*
- * What the structure of a material adds to a picture of a mesh: its silhouettes and the shadows it
- * casts (Wang et al. 2005 §4). Before the mesh is drawn, relief_prepare() finds what is seen of it
- * and how far the light of each lamp gets; the programs that draw it have visible.glsl, shadow.glsl
- * and further.glsl.
+ * Silhouettes and cast shadows of a material's structure on a mesh (Wang et al. 2005 §4). Before
+ * the mesh is drawn, relief_prepare() finds the visible surface of each pixel and draws the shadow
+ * maps; the programs that draw the mesh read both in visible.glsl, shadow.glsl and further.glsl.
  */
 #pragma once
 
@@ -19,7 +18,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Relief, relief_free)
 /* NULL: the mesh is smooth. Copies what it needs. On error the former MDF stays. */
 gboolean relief_set_mdf(Relief *relief, const struct mdf_source *mdf, GError **error);
 
-gint64 relief_mdf_bytes(const Relief *relief); /* that it takes on the card */
+gint64 relief_mdf_bytes(const Relief *relief); /* GPU memory of the MDF; 0 without one */
 
 struct relief_scene {
     guint array, n_indices;
@@ -38,8 +37,8 @@ struct relief_scene {
     struct visibility_options visibility;
 };
 
-/* Binds framebuffers of its own. Shadow maps are kept while lamp, mesh, tiles, MDF
- * and what is asked of them stay the same. */
+/* Leaves framebuffers of its own bound. Shadow maps are kept while lamp, mesh, tiles, MDF and
+ * options stay the same. */
 gboolean relief_prepare(Relief *relief, const struct relief_scene *scene, GError **error);
 
 #define RELIEF_FURTHER_UNIT 14 /* of the shadow maps of further lamps */

@@ -1,6 +1,7 @@
 /*
- * Maps of how far the light of lamps far away gets (Wang et al. 2005 §4.2), a layer a lamp:
- * measured from the base of the structure, for what it shades itself is in the BTF already.
+ * Shadow maps of lamps that are infinitely far away (Wang et al. 2005 §4.2), one layer a lamp.
+ * Depth is that of the base of the structure: the shadows that the structure casts on itself are
+ * already part of the BTF.
  */
 #pragma once
 
@@ -22,8 +23,8 @@ struct shadow_scene {
     int size;                        /* of a map, each way */
 };
 
-/* towards: n unit vectors. Those maps are drawn anew whose lamp, mesh, tiles, MDF or options are
- * not what they were. */
+/* towards: n unit vectors. Draws only those maps whose lamp, mesh, tiles, MDF or options have
+ * changed. */
 gboolean shadow_maps_find(ShadowMaps *maps, Visibility *visibility,
                           const struct shadow_scene *scene, const float (*towards)[3], int n,
                           GError **error);
@@ -32,9 +33,9 @@ void shadow_maps_forget(ShadowMaps *maps); /* all are drawn anew at the next cal
 guint shadow_maps_texture(const ShadowMaps *maps);
 int shadow_maps_size(const ShadowMaps *maps);
 
-/* Where a map's right points to, as a unit vector; its up is towards × right. */
+/* The direction of a map's +x as a unit vector; its +y is towards × right. */
 void shadow_maps_right(const float towards[3], float ret[3]);
 
-/* Of a map, for shaders: the distance from a plane towards the lamp that depth 0 stands for, from
- * there to depth 1, and what a point may be farther for all that is not exact. */
+/* Depth range of a map, for shaders, in world units: the distance towards the lamp, from the plane
+ * through the origin, at depth 0; the length from depth 0 to depth 1; the depth bias. */
 void shadow_maps_range(const ShadowMaps *maps, double radius, float ret[3]);

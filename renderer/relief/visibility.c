@@ -108,7 +108,7 @@ static void visibility_clear(guint framebuffer, GLbitfield what) {
     glClear(what);
 }
 
-/* Whether there was anything left to draw, where nothing was found yet. */
+/* Whether any face was left to peel where no visible surface was found yet. */
 static gboolean peel_back(Visibility *v, const struct visibility_scene *s, int layer) {
     GLuint any = 0;
     visibility_clear(v->back[layer & 1].framebuffer, GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
@@ -172,7 +172,7 @@ static gboolean make_first(Visibility *v, int width, int height, GError **error)
     return gpu_check("making lists of faces", error);
 }
 
-/* FALSE: the card has no memory for so many, and none is taken. */
+/* FALSE: the card has no memory for so many faces; the buffer is deleted. */
 static gboolean visibility_make_room(Visibility *v, guint32 faces) {
     if (v->faces == 0)
         glGenBuffers(1, &v->faces);
@@ -187,7 +187,7 @@ static gboolean visibility_make_room(Visibility *v, guint32 faces) {
     return FALSE;
 }
 
-/* Returns how many faces there are; those beyond v->room are missing from the lists. */
+/* Returns the number of faces; those beyond v->room are missing from the lists. */
 static guint32 add_faces(Visibility *v, const struct visibility_scene *s) {
     const GLuint none[4] = {0, 0, 0, 0};
     guint32 n_faces = 0;
@@ -217,7 +217,7 @@ static gboolean visibility_fits(guint32 faces) {
     return HEADER_BYTES + FACE_BYTES * (gint64)faces <= most;
 }
 
-/* FALSE without error: there are more faces than the card holds in lists. */
+/* FALSE without error: the lists do not fit on the card, and the faces are peeled instead. */
 static gboolean visibility_list(Visibility *v, const struct visibility_scene *s, GError **error) {
     guint32 start = (guint32)s->width * s->height, n_faces;
     if (!make_first(v, s->width, s->height, error) ||

@@ -1,10 +1,10 @@
 /*
- * Which part of a mesh is seen through each pixel once the structure of its material counts: rays
- * that enter the mesh near its contour and leave it again without meeting the structure see what is
- * behind (Wang et al. 2005 §4.1).
+ * The visible part of a mesh at each pixel when its material has structure: a ray that enters the
+ * mesh near its contour and leaves it again without meeting the structure sees what lies behind
+ * (Wang et al. 2005 §4.1).
  *
- * The mesh should be closed. Where a ray enters and does not leave, it is taken to meet the
- * structure; where it only leaves, nothing is seen.
+ * The mesh should be closed. A ray that enters and does not leave counts as meeting the structure;
+ * a ray that only leaves sees nothing.
  */
 #pragma once
 
@@ -21,7 +21,7 @@ enum visibility_way {
 
 struct visibility_options {
     enum visibility_way way;
-    int layers;        /* at most so many pairs of faces behind each other */
+    int layers;        /* most pairs of front and back faces behind each other that are tested */
     gboolean straight; /* Wang et al. 2005 as printed: the mesh is flat under each ray */
 };
 

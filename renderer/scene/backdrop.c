@@ -8,7 +8,7 @@
 #include <epoxy/gl.h>
 #include <math.h>
 
-#define MOST 6e4f /* that half floats hold */
+#define MOST 6e4f /* near the largest half float, 65504 */
 
 enum { GROUND, GROUND_LAMPS, ENVIRONMENT, N_PROGRAMS };
 
@@ -48,8 +48,8 @@ void backdrop_free(Backdrop *backdrop) {
     g_free(backdrop);
 }
 
-/* The outline of the mesh's lowest quarter seen from above is taken as a rectangle with rounded
- * corners: a square plane's are sharp, a torus has nothing else. */
+/* The footprint of the mesh (its lowest quarter seen from above) is modelled as a rectangle with
+ * rounded corners: radius 0 for a square plane, half the width for a torus. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius) {
     double reach = 0.0, x = 0.0, y = 0.0, low = 0.0, high = 0.0;
     for (guint k = 0; k < n; k++) {
@@ -77,10 +77,11 @@ gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *
     GLint largest = 0;
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
     if (environment->width > largest) {
-        g_set_error(error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
-                    "an environment of %d × %d to be seen: %s takes %d each way; make it smaller, "
-                    "or leave --backdrop away",
-                    environment->width, environment->height, gpu_renderer(), largest);
+        g_set_error(
+            error, GPU_ERROR, GPU_ERROR_TOO_LARGE,
+            "the environment map has %d × %d pixels, %s takes %d each way; make it smaller, "
+            "or omit --backdrop",
+            environment->width, environment->height, gpu_renderer(), largest);
         return FALSE;
     }
     const gsize n = 3 * (gsize)environment->width * environment->height;
@@ -124,7 +125,7 @@ gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *s, cons
                                                      : GROUND;
     if (which == ENVIRONMENT && backdrop->environment == 0) {
         g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                    "there is no environment to be seen behind the shape: --environment names one");
+                    "--backdrop needs an environment map; name one with --environment FILE.exr");
         return FALSE;
     }
     if (!backdrop_need(backdrop, which, error))

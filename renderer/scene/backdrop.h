@@ -1,6 +1,6 @@
 /*
- * What is seen where no mesh is: a neutral ground that fades into the distance, or a picture of all
- * directions (environment.h).
+ * The background of a picture: a neutral ground that fades into the distance, or an environment map
+ * (environment.h).
  */
 #pragma once
 
@@ -13,13 +13,13 @@ Backdrop *backdrop_new(GError **error);
 void backdrop_free(Backdrop *backdrop); /* NULL is ignored */
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(Backdrop, backdrop_free)
 
-/* What the ground lies under: n × 3 coordinates. */
+/* The points of the mesh, n × 3, under which the ground lies. */
 void backdrop_set_points(Backdrop *backdrop, const float *points, guint n, double radius);
 
 gboolean backdrop_set_environment(Backdrop *backdrop, const struct environment *environment,
                                   GError **error);
 
-/* Where nothing was drawn yet, with alpha 0. The projection is that of camera.h. */
+/* Draws with alpha 0 where nothing was drawn yet. The projection is that of camera.h. */
 gboolean backdrop_draw(Backdrop *backdrop, const struct viewer_settings *settings,
                        const Relief *relief, const float projection[16], const float eye[3],
                        GError **error);

@@ -45,8 +45,9 @@ void camera_matrix(const struct viewer_settings *s, double radius, double reach,
     memcpy(ret_projection, both, sizeof both);
 }
 
-/* At distance d and pan c a point is within the picture if |x − c| ≤ k (d − z): the least d and its
- * c follow from the farthest x + k z and −x + k z. */
+/* With the camera at distance d and pan c, a point (x, z) is inside the picture if |x − c| ≤ k (d −
+ * z), k the tangent of half the field of view. The smallest d and its c follow from the maxima of
+ * x + k z (high) and −x + k z (low): d = (high + low) / 2k, c = (high − low) / 2. */
 struct extent {
     double high, low;
 };
@@ -56,8 +57,9 @@ static void extend(struct extent *e, double x, double k, double z) {
     e->low = MAX(e->low, k * z - x);
 }
 
-/* What lies farther away is smaller, so where there is room to spare the middle of the picture is
- * not the middle of the points. */
+/* Refines the pan so that the projected points are centred: perspective shrinks what is far away,
+ * so along the axis that does not fill the picture the middle of the points is not that of the
+ * picture. */
 static double camera_centre(const float *points, guint n, const vec3 axis, const vec3 back,
                             double distance, double pan) {
     for (int round = 0; round < 4; round++) {

@@ -1,14 +1,13 @@
-/* Where the camera of a view stands. */
+/* The camera of a picture: its matrix, and its distance from a mesh. */
 #pragma once
 
 #include "viewer.h"
 
-/* column-major, of world coordinates; aspect: width / height. What lies within reach of the origin
- * is drawn. */
+/* ret_projection: from world to clip coordinates, column-major. aspect: width / height. Near and
+ * far planes enclose the sphere of radius reach around the origin. */
 void camera_matrix(const struct viewer_settings *settings, double radius, double reach,
                    double aspect, float ret_projection[16], float ret_eye[3]);
 
-/* Stands so near, and so far aside, that all points (n × 3) just fill the picture, with a margin;
- * sets distance and pan. */
+/* Sets distance and pan so that all points (n × 3) just fill the picture, with a margin. */
 void camera_fit(struct viewer_settings *settings, const float *points, guint n, double radius,
                 double aspect);

@@ -1,4 +1,4 @@
-/* Two pictures of one scene in one: side by side, or what one differs from the other by. */
+/* Two pictures of one scene joined: side by side, or as their difference. */
 #pragma once
 
 #include "viewer.h"

@@ -34,7 +34,8 @@ static double light_of(const struct map *map, const struct part *part) {
     return sum;
 }
 
-/* Columns or rows, whichever is longer as it is seen; FALSE for a single pixel. */
+/* Cuts a part into two of equal light along its longer side, measured as an angle at its middle
+ * row; FALSE for a single pixel. (Debevec 2005) */
 static gboolean environment_cut(const struct map *map, struct part *part, struct part *ret_rest) {
     const double middle = G_PI * (part->y0 + part->y1) / 2.0 / map->height;
     const double wide = 2.0 * (part->x1 - part->x0) * sin(middle) / map->width;
@@ -60,7 +61,8 @@ static gboolean environment_cut(const struct map *map, struct part *part, struct
     return TRUE;
 }
 
-/* In the middle of its light. */
+/* The lamp of a part: its direction is the light-weighted mean of the part's, its colour ∫ L dω /
+ * π. */
 static struct viewer_lamp environment_lamp_of(const struct map *map, const struct part *part) {
     double sum[3] = {0.0}, towards[3] = {0.0};
     for (int y = part->y0; y < part->y1; y++)
@@ -101,10 +103,11 @@ int environment_lamps(const float *rgb, int width, int height, int n,
 }
 
 static gboolean environment_refuse(const char *path, const char *why, GError **error) {
-    g_set_error(error, GPU_ERROR, GPU_ERROR_FAILED,
-                "%s is no environment: %s; an EXR with R, G, B of radiance, twice as wide as high, "
-                "is expected",
-                path, why);
+    g_set_error(
+        error, GPU_ERROR, GPU_ERROR_FAILED,
+        "%s is not an environment map: %s; an EXR with R, G, B of radiance, twice as wide as "
+        "high, is expected",
+        path, why);
     return FALSE;
 }
 
@@ -115,13 +118,14 @@ static float *read_rgb(const struct exr_part *part, const char *path, GError **e
                               exr_part_plane(part, "B")};
     g_autofree float *rgb = g_new0(float, 3 * n);
     if (!planes[0] || !planes[1] || !planes[2]) {
-        environment_refuse(path, "it lacks a colour", error);
+        environment_refuse(path, "channel R, G or B is missing", error);
         return NULL;
     }
     for (gsize k = 0; k < 3 * n; k++) {
         rgb[k] = planes[k % 3][k / 3];
         if (!isfinite(rgb[k]) || rgb[k] < 0.0f) {
-            environment_refuse(path, "it holds what is no amount of light", error);
+            environment_refuse(path, "a value is no amount of light (negative or not finite)",
+                               error);
             return NULL;
         }
     }
@@ -136,7 +140,7 @@ struct environment *environment_read(const char *path, GError **error) {
     const struct exr_part *part = file->parts->len > 0 ? file->parts->pdata[0] : NULL;
     float *rgb = NULL;
     if (part == NULL || part->height < 1 || part->width != 2 * part->height)
-        environment_refuse(path, "it has another shape", error);
+        environment_refuse(path, "it has another shape (its width is not twice its height)", error);
     else if ((rgb = read_rgb(part, path, error)) != NULL) {
         ret = g_new(struct environment, 1);
         *ret = (struct environment){part->width, part->height, rgb};

@@ -17,12 +17,13 @@ struct environment {
 struct environment *environment_read(const char *path, GError **error);
 void environment_free(struct environment *environment); /* NULL is ignored */
 
-/* Of height × width × 3. At most n lamps, 1 … VIEWER_MAX_LAMPS; the sum of their light is that of
- * the picture, ∫ L dω / π. Returns how many; black gives none. */
+/* Median cut of rgb (height × width × 3) into at most n lamps, 1 … VIEWER_MAX_LAMPS. The sum of
+ * their light is that of the picture, ∫ L dω / π. Returns the number of lamps; 0 for a black
+ * picture. */
 int environment_lamps(const float *rgb, int width, int height, int n,
                       struct viewer_lamp ret[VIEWER_MAX_LAMPS]);
 
-/* Adds its lamps to what there is, in place of the first lamp and the even sky. FALSE, and nothing
- * changes: it is black. */
+/* Adds its lamps to the settings and switches the first lamp and the even sky off. Fails, and
+ * changes nothing, if the environment is black or no lamp is left. */
 gboolean environment_light(const struct environment *environment, struct viewer_settings *settings,
                            GError **error);

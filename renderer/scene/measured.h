@@ -1,5 +1,5 @@
-/* The honest check: one measured frame, as it was rectified, beside what a method makes of the same
- * pair of directions. */
+/* A check against the measurement: one rectified frame beside the same pair of directions as a
+ * method draws it. */
 #pragma once
 
 #include "reference.h"
@@ -12,8 +12,9 @@ struct measured {
     double error;      /* ‖drawn − measured‖ / ‖measured‖ of linear reflectances */
 };
 
-/* Which measured frame is nearest to camera and light of a plane that lies flat, and, of a texel as
- * many pixels as fit into width (a multiple, 1 at least), the picture. */
+/* Finds the measured frame nearest to the directions of camera and light over a horizontal plane
+ * and draws the comparison; a texel is drawn as the largest whole number of pixels (at least 1)
+ * that fits into width. */
 gboolean measured_compare(const Reference *reference, Viewer *viewer,
                           const struct viewer_settings *settings, int width, struct measured *ret,
                           GError **error);

@@ -1,8 +1,7 @@
 /*
- * The programs of a method. What a picture does not need (more lamps than one, their shadows, an
- * even sky, the parts of a material of another size) is not compiled in: not all drivers skip it
- * where it is only switched off. So there are several, each compiled when a picture first asks for
- * it.
+ * The shader programs of a method. A feature that a picture does not use (further lamps, their
+ * shadows, an even sky) is left out at compile time, because not all drivers skip a branch that is
+ * only switched off by a uniform. Each variant is compiled when a picture first needs it.
  */
 #pragma once
 
@@ -24,5 +23,6 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(Programs, programs_free)
 guint programs_get(Programs *programs, enum program_kind kind, gconstpointer material,
                    const struct viewer_settings *settings, GError **error);
 
-/* How bright the first lamp is, and all further ones, in a program in use that has further.glsl. */
+/* Sets the brightness of the first lamp and all further lamps in a program in use that has
+ * further.glsl. */
 void programs_set_lamps(guint program, const struct viewer_settings *settings);

@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#define CHUNK 4096 /* samples a thread takes at a time */
+#define CHUNK 4096 /* samples that a thread takes at a time */
 
 G_DEFINE_QUARK(reference_error, reference_error)
 
@@ -49,7 +49,7 @@ struct shading {
     const struct layers *layers;
     int view_index;
     float pole_share; /* of this view in the mean that is the views' pole */
-    gint next;        /* sample nobody has taken yet */
+    gint next;        /* atomic: the first sample that no thread has taken */
 };
 
 static void file_clear(gpointer data) {
@@ -167,7 +167,7 @@ static Directions *light_directions(const Reference *r, GError **error) {
                           (const float *)(const void *)r->light_phi->data, r->names->len, error);
 }
 
-/* The next samples nobody has taken. */
+/* Takes the next CHUNK of samples for a thread; FALSE if none are left. */
 static gboolean reference_take(struct shading *s, guint *ret_from, guint *ret_to) {
     guint from = (guint)g_atomic_int_add(&s->next, CHUNK);
     *ret_from = from;
@@ -189,7 +189,8 @@ static struct vec3 reference_vector(const float *v) {
     return vec3(v[0], v[1], v[2]);
 }
 
-/* Directions belong to one thread, so each makes its own; that they can be made is known. */
+/* Finds the directions and weights of all samples. Directions belong to one thread, so each thread
+ * makes its own; shade_samples() has checked that this succeeds. */
 static gpointer reference_prepare(gpointer data) {
     struct shading *s = data;
     g_autoptr(Directions) views = view_directions(s->reference, NULL);
@@ -239,7 +240,8 @@ static float share_of_view(const struct shading *s, const struct sample *sample)
     return share;
 }
 
-/* Adds what one view gives to all samples. */
+/* Adds the contribution of the loaded view to all samples:
+ * BTF(x, v, l) = Σ_a Σ_b g_a(v) h_b(l) BTF(x, v_a, l_b), plus ambient × the sky layer. */
 static gpointer reference_shade(gpointer data) {
     struct shading *s = data;
     for (guint k, to; reference_take(s, &k, &to);)
@@ -323,7 +325,7 @@ struct reference_info reference_info(const Reference *r) {
     };
 }
 
-/* One view after the other into all samples. */
+/* Loads one view after the other and adds it to all samples. */
 static gboolean shade_views(struct shading *s, struct layers *layers, const Directions *views,
                             GError **error) {
     int n_pole;
@@ -385,7 +387,8 @@ static GArray *find_samples(const float *texel, gsize n) {
     return samples;
 }
 
-/* Puts the samples into the view's picture in place of what it has there. */
+/* Replaces the pixels that the viewer drew by the samples; *ret_error is the relative difference.
+ */
 static void put_samples(const struct shading *s, float *picture, double *ret_error) {
     double squares = 0.0, differences = 0.0;
     for (guint k = 0; k < s->n_samples; k++)

@@ -1,7 +1,7 @@
 /*
- * A material on a mesh from its whole BTF, products/btf of a session, instead of its eigen-maps:
- * what these are compared with. Directions are interpolated the same way and texels bilinearly, on
- * the processor, without mipmaps.
+ * Pictures from the uncompressed BTF (products/btf of a session), as the reference for compressed
+ * materials. Directions are interpolated the same way as on the graphics card, texels bilinearly
+ * without mip levels, all on the CPU.
  *
  * Views are read one after the other. Memory: one of them, and some 100 bytes for each sample of
  * the picture that shows the mesh; the picture has REFERENCE_MAX_SAMPLES at most.

@@ -12,8 +12,8 @@
 #include "relief/visibility.h"
 #include "shapes/scene.h"
 
-/* Far away; its light, like that of the first, is 1 where a white diffuser
- * that it lights from its normal is. */
+/* Infinitely far away. Brightness 1, as of the first lamp, gives a white diffuser lit from its
+ * normal the radiance 1. */
 #define VIEWER_MAX_LAMPS RELIEF_MAX_LAMPS
 struct viewer_lamp {
     double theta_deg, phi_deg;
@@ -28,8 +28,8 @@ struct viewer_settings {
     double camera_pan[2];   /* of what it looks at: to the right and up, in radii of the mesh */
     double camera_fov_deg;  /* of the picture's shorter side */
     double light_theta_deg, light_phi_deg; /* a light far away */
-    double lamp;                           /* how bright it is */
-    int n_lamps;                           /* further ones */
+    double lamp;                           /* its brightness */
+    int n_lamps;                           /* number of further lamps */
     struct viewer_lamp lamps[VIEWER_MAX_LAMPS];
     double tiles_u, tiles_v; /* 0: as the mesh has it */
     double exposure_ev;      /* 0: a white diffuser lit from its normal is 0.8 of full scale */
@@ -49,10 +49,10 @@ struct viewer_settings {
 
 extern const struct viewer_settings viewer_settings_default;
 
-/* Says what is out of range, and the range. */
+/* The error names the setting that is out of range, its value and the range. */
 gboolean viewer_settings_check(const struct viewer_settings *settings, GError **error);
 
-/* What reflectance is multiplied by before it is toned. */
+/* The factor on reflectance before the tone curve: 0.8 · 2^EV. */
 double viewer_exposure(const struct viewer_settings *settings);
 
 typedef struct Viewer Viewer;
@@ -73,19 +73,20 @@ gboolean viewer_set_mesh(Viewer *viewer, const struct mesh *mesh, GError **error
 gboolean viewer_set_mdf(Viewer *viewer, const struct mdf_source *mdf, GError **error);
 gboolean viewer_open_mdf(Viewer *viewer, const char *path, GError **error);
 
-/* A picture of all directions; copies it. Lamps that give its light are settings'. */
+/* The environment map behind the mesh; copies it. Its light comes from lamps in the settings, see
+ * environment_light(). */
 struct environment;
 gboolean viewer_set_environment(Viewer *viewer, const struct environment *environment,
                                 GError **error);
 
-/* Bytes that the material and its MDF take on the card, in textures with all their levels. */
+/* GPU memory of the material and its MDF, in bytes: textures with all their mip levels. */
 struct viewer_memory {
     gint64 material, mdf;
 };
 struct viewer_memory viewer_memory(const Viewer *viewer);
 
-/* Of a session that is still being captured: where the nearest of these views is missing, pictures
- * are striped (hatching.h). 0: no stripes. Copies. */
+/* For a session that is still being captured: pictures are hatched where the nearest planned view
+ * is not measured yet (hatching.h). n = 0: no hatching. Copies. */
 void viewer_set_planned(Viewer *viewer, const struct planned_view *views, guint n);
 
 /* Sets camera_distance, if it is 0, and camera_pan so that the mesh fills the picture (width /

@@ -13,7 +13,7 @@ out vec4 colour;
 
 const float DISTANT = 0.022, NEAR = 0.105, SHADOW = 0.35;
 
-// 0 … 1 of what all lamps would give here.
+// The share of the irradiance of all lamps that is not shadowed at p, 0 … 1.
 float arriving(vec3 p) {
 #if LAMP_SHADOWS
     float all = lamp * max(light.z, 0.0), sum = all * lamp_at(p);

@@ -1,4 +1,4 @@
-// Of two finished pictures; see compose.h.
+// Joins two finished pictures: side by side, or grey + gain · (second − first); see compose.h.
 uniform sampler2D first;
 uniform sampler2D second;
 uniform bool difference;

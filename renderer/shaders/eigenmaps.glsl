@@ -5,7 +5,8 @@ uniform sampler2D light_weights;
 uniform int n_terms;
 uniform int n_layers; // a term: the lights, the pole, ambient
 
-// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l); see method.h.
+// BTF(x, v, l) = Σ_i W_i(v) E_i(x, l) (Wang et al. 2005 §5); see method.h. E_i is interpolated between
+// up to four measured lights, W_i looked up in a table over the hemisphere.
 vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     vec2 table = vec2(textureSize(view_weights, 0).xy);
     vec2 at = (square(v) * (table - 1.0) + 0.5) / table;

@@ -1,4 +1,4 @@
-// A plain weave: yarns across each other, whose directions and colours alternate (Kang & Cho 2011 §IV.B).
+// A plain weave: warp and weft yarns cross each other; their directions and colours alternate (Kang & Cho 2011 §IV.B).
 // Each bends down at its sides and where it dives under the next; see microfacet_view.c.
 uniform vec3 diffuse, specular, weft_diffuse;
 uniform vec2 rough;
@@ -9,7 +9,7 @@ vec3 yarn(bool warp, vec3 n, vec3 v, vec3 l) {
                  ROTATION);
 }
 
-// See method.h. Where yarns are smaller than a pixel their mean is left.
+// See method.h. Where yarns are smaller than a pixel the mean of warp and weft takes their place.
 vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     vec2 place = x * weave.x, cell = floor(place), p = 2.0 * fract(place) - 1.0;
     vec2 wide = fwidth(place);

@@ -9,7 +9,7 @@ uniform float ambient_light;
 
 out vec4 colour;
 
-float ambient; // what counts of it now
+float ambient; // ambient_light, or 0 while a further lamp is evaluated
 
 // The rows are t, b and n: local = frame * world. b, not n × t, is where the texture's +y points.
 mat3 local_frame() {

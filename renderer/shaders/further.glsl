@@ -1,4 +1,4 @@
-// Further lamps, all far away, and whether the light of each arrives.
+// Further lamps, all infinitely far away, and the share of the light of each that reaches a point.
 const int MAX_LAMPS = 64; // VIEWER_MAX_LAMPS
 
 uniform int n_lamps;

@@ -1,4 +1,4 @@
-// What shading elsewhere needs; see viewer_render_geometry().
+// Outputs what code outside the GPU needs to shade a sample; see viewer_render_geometry().
 uniform int which;
 
 void main() {

@@ -1,4 +1,4 @@
-// Stripes where the nearest planned view is missing; see marks.h.
+// Stripes where the nearest planned view is missing; see hatching.h.
 uniform sampler2D seen_from; // directions in the local frame; the fourth 0: background
 uniform sampler2D missing;   // of the hemisphere: 1 where the nearest view is missing
 

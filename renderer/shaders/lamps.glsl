@@ -1,5 +1,6 @@
-// All that lights a point p: the lamp, of which so much as lit arrives, the sky, and further lamps.
-uniform float lamp; // how bright the first is
+// Radiance of a point p under the first lamp (of which the share lit arrives), the even sky and all
+// further lamps.
+uniform float lamp; // brightness of the first lamp
 
 vec3 shade(mat3 frame, vec3 v, vec3 p, float lit) {
     ambient = AMBIENT != 0 ? ambient_light : 0.0;

@@ -1,4 +1,5 @@
-// The same search as peel_back.frag and peel_front.frag do layer by layer, over a pixel's list.
+// Does over a pixel's list of faces what peel_back.frag and peel_front.frag do layer by layer (Wang et
+// al. 2005 §4.1): finds the nearest front face behind which the ray meets the structure.
 layout(r32ui, binding = 0) uniform uimage2D first;
 uniform int layers;
 uniform bool straight;

@@ -1,4 +1,4 @@
-// All faces behind a pixel, as a list in the order in which they were drawn.
+// All faces of a pixel as a linked list, in the order in which they were drawn.
 struct face {
     uint next;  // number of the next, from 1; 0: none
     float z;    // distance from the eye

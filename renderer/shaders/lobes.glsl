@@ -8,13 +8,13 @@ uniform usampler2D pole; // which views the pole is the mean of
 uniform int n_pages;
 uniform int n_slices;
 
-int mip = 0; // the level that is looked at
+int mip = 0; // the mip level that is evaluated
 
 vec4 page(ivec2 texel, int slice, int number) {
     return texelFetch(values, ivec3(texel, slice * n_pages + number), mip);
 }
 
-// Reflectance; the model's own.
+// Reflectance of a texel; each model defines it (fields.glsl, ptm.glsl, lafortune.glsl, facets.glsl).
 vec3 reflectance(ivec2 texel, int slice, vec3 v, vec3 l);
 
 float lobe(vec4 xyzn, vec3 w) {
@@ -22,7 +22,7 @@ float lobe(vec4 xyzn, vec3 w) {
     return c > 0.0 ? pow(c, xyzn.w) : 0.0;
 }
 
-// Polynomials may be negative.
+// Clamped, because polynomials may be negative.
 vec3 slice_at(ivec2 texel, int slice, vec3 v, vec3 l) {
 #if SLICED
     if (slice >= n_slices) {
@@ -77,7 +77,7 @@ vec3 at_level(vec2 x, uvec4 views, vec4 g, vec3 v, vec3 l, float lit) {
     return sum;
 }
 
-// See method.h. Parameters cannot be filtered: between two levels both are evaluated.
+// See method.h. Parameters of a model cannot be filtered; reflectances of both mip levels are mixed.
 vec3 btf(vec2 x, vec3 v, vec3 l, float lit) {
     uvec4 views = uvec4(0u);
     vec4 g = vec4(0.0);

@@ -1,5 +1,6 @@
 // Eigen-BRDFs as measured, for every pair of the three views and the three lights around v and l:
-// nine pairs (Schneider 2004 §5).
+// nine pairs (Schneider 2004 §5):
+//   BTF(x, v, l) = Σ_{a,b} g_a(v) h_b(l) (E_0(a, b) + Σ_i w_i(x) E_i(a, b)).
 uniform sampler2DArray brdfs; // x: light · (components + 1) + component, y and layer: see row()
 uniform samplerCube view_indices; // of measured directions, as 1/65535; nearest, as all of these
 uniform samplerCube view_weights;
@@ -12,8 +13,8 @@ uniform int ambient_column; // a light that is an even sky; not of logarithms
 uniform sampler2DArray skies; // reflectance of each texel under it, a layer a view
 #endif
 
-ivec3 views, lights; // the directions, and
-vec3 g, h;           // how much of each
+ivec3 views, lights; // the three measured directions around v and l
+vec3 g, h;           // and their barycentric weights
 
 ivec3 indices(samplerCube map, vec3 d) {
     return ivec3(textureLod(map, d, 0.0).rgb * 65535.0 + 0.5);

@@ -2,14 +2,14 @@
 uniform usamplerBuffer brdfs; // N_PAGES texels a sample
 uniform int n_grid;           // samples each way; the light cell n_grid² is an even sky
 
-// The corners of the simplex around (v, l), counted within a cluster, and how much of each.
+// The corners of the simplex around (v, l), as indices within a cluster, and their weights.
 int corners[5];
 float shares[5];
 // Of the triangle around v alone, under an even sky.
 int sky_corners[3];
 float sky_shares[3];
 
-// So that the larger of two rests comes first, with how far a step along its coordinate goes.
+// Sorts two fractions in descending order, each with the address step along its coordinate.
 void order(inout float a, inout float b, inout int step_a, inout int step_b) {
     bool swap = a < b;
     float less = min(a, b);
@@ -20,8 +20,8 @@ void order(inout float a, inout float b, inout int step_a, inout int step_b) {
     b = less;
 }
 
-// Corners of the simplex in which a point of the unit cube lies: those of its coordinates are
-// stepped first that are largest.
+// Finds the simplex of the 4D grid cell that holds (v, l): from the cell's first corner, step along the
+// coordinates in descending order of their fractions r. Weights: 1 − r_1, r_1 − r_2, …, r_4.
 void prepare(vec3 v, vec3 l, float lit) {
     vec4 place = vec4(square(v), square(l)) * float(n_grid - 1);
     vec4 base = min(floor(place), float(n_grid - 2)), r = place - base;
@@ -53,7 +53,7 @@ void prepare(vec3 v, vec3 l, float lit) {
     shares[4] = lit * r.w;
 }
 
-// Nine bits each and a common exponent.
+// The mean E_0: nine bits a colour and a common exponent, as GL_RGB9_E5.
 vec3 mean_of(uint word) {
     vec3 steps = vec3(word & 511u, (word >> 9) & 511u, (word >> 18) & 511u);
     return steps * uintBitsToFloat(((word >> 27) + 103u) << 23);

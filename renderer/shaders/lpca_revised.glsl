@@ -1,4 +1,5 @@
-// Eigen-BRDFs in a 3D texture; see lpca_revised.h.
+// Eigen-BRDFs in a 3D texture (Schneider 2004 §6); see lpca_revised.h.
+//   E(s_v, t_v, s_l, t_l) = (1 − w) S(s_v, t_v, z1) + w S(s_v, t_v, z2)
 uniform sampler3D means; // halves
 uniform sampler3D brdfs; // signed bytes
 uniform samplerCube view_map;  // s_v, t_v

@@ -1,7 +1,6 @@
-// How microfacets follow a normal n that is not the surface's, z: the squares of x and y of the half
-// vector seen from the frame of the facets, both times w, its z, and w (Kang & Cho 2011); see enum
-// method_rotation. To be exact both axes have to be divided by the root of w = 1 − n_y²: that is left
-// to who divides anyway.
+// The half vector h in the frame of microfacets whose normal n is not the surface normal z (Kang & Cho
+// 2011; how: enum method_rotation). Returns (w h_x², w h_y², h_n, w). The exact rotation divides both
+// tangent axes by √w, w = 1 − n_y²; the caller does so together with its own division.
 vec4 facet_half(vec3 h, vec3 n, int how) {
     float z = dot(n, h);
     if (how == 2)
@@ -10,7 +9,7 @@ vec4 facet_half(vec3 h, vec3 n, int how) {
     return vec4(p * p, z, how == 1 ? 1.0 : 1.0000001 - n.y * n.y); // not 0 where n = ±y
 }
 
-// Diffuse and specular, in the frame whose x is the direction of U.
+// Reflectance: diffuse · n·l + specular · facet_shine(), in the frame whose x is the direction of U.
 vec3 facet(vec3 diffuse, vec3 specular, vec2 rough, vec3 n, vec3 v, vec3 l, int how) {
     float nl = dot(n, l);
     if (nl <= 1e-4)

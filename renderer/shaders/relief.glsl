@@ -1,5 +1,5 @@
-// How far a viewing ray goes below the mesh until it meets the material's structure, from the
-// mesostructure distance function (Wang et al. 2005 §3 and §4.1).
+// The distance that a viewing ray travels below the mesh until it meets the material's structure, from
+// the mesostructure distance function (Wang et al. 2005 §3 and §4.1).
 in vec2 tile_size;
 in vec3 bending;
 
@@ -8,7 +8,7 @@ uniform float reach; // with w = 0: distances are measured from a plane so far f
 
 // Depths below the reference plane, a layer a view; or four maps a layer, see mdf_factors.h.
 uniform sampler2DArray mdf_depths;
-uniform vec2 mdf_range;             // of views, mm: what 0 is, and 1 more
+uniform vec2 mdf_range;             // of views, mm: depth = x + y · texel value
 uniform int mdf_layers;             // of maps; 0: views
 uniform sampler2DArray mdf_factors; // of maps, over the hemisphere; the last layer is without a map
 uniform usampler2D mdf_indices;    // over the hemisphere, see directions.h
@@ -28,8 +28,8 @@ float distance_from_eye() {
     return sight.w > 0.5 ? length(sight.xyz - world) : reach - dot(sight.xyz, world);
 }
 
-// As long as the texture is not made larger by it in its sharper direction: at a contour the other
-// one is as short as can be, and what counts there is the relief.
+// The mip level that fits the less compressed of the texture's two axes: near a contour the other axis
+// shrinks without limit, and a level that followed it would smooth the relief away.
 float level_of_detail() {
     vec2 size = vec2(textureSize(mdf_depths, 0).xy);
     vec2 a = dFdx(texel) * size, b = dFdy(texel) * size;
@@ -68,14 +68,15 @@ float depth_mm(vec2 x, vec3 d, float level) {
 }
 
 struct below {
-    float hit;  // along the ray, from the mesh to the structure
-    float base; // and to where the ray is as deep as the structure gets
+    float hit;  // distance along the ray from the mesh to the structure
+    float base; // distance to where the ray is as deep as the deepest structure
 };
 
-// v: outwards along the ray, in the frame of the mesh. Under a mesh that bends away, a straight ray
-// is less deep after a way t than under a flat one: t v_z − ½ bend t². The MDF knows straight rays
-// only: chords of this parabola, all from where it enters, the last to where it is as deep as the
-// structure or deepest. Chords lie above it, so what one meets before its end the ray meets too.
+// v: unit vector outwards along the ray, in the frame of the mesh. Under a mesh of normal curvature bend
+// a straight ray is at depth t v_z − ½ bend t² after a distance t. The MDF is tabulated for straight rays
+// over a flat surface only, so CHORDS chords of this parabola are tested. All start where the ray enters;
+// the last ends where the ray is as deep as the deepest structure, or at its own deepest point. A chord
+// lies above the parabola: what it meets before its end the ray meets too.
 below below_mesh(vec3 v, float level) {
     vec3 mm = vec3(tile_size / mdf_size, 0.0);
     mm.z = sqrt(mm.x * mm.y);
@@ -100,9 +101,9 @@ below below_mesh(vec3 v, float level) {
     return below(hit, mdf_deepest > 0.0 ? base : 1e30);
 }
 
-// Whether a ray that enters at a front face and leaves, way further on, at a back face meets the
-// structure between them. Under a bent mesh each half of the way has its own chord; a flat one has
-// the test of Wang et al. 2005 §4.1.
+// Whether a ray that enters at a front face and leaves through a back face after the distance way meets
+// the structure between them; front and back are the MDF distances from either end. straight: the test
+// of Wang et al. 2005 §4.1, front + back ≤ way. Else each half of the way has its own chord.
 bool meets(float front, float back, float way) {
     return straight ? front + back <= way : min(front, back) <= 0.5 * way;
 }

@@ -6,7 +6,7 @@ uniform float exposure;
 in vec2 at;
 out vec4 colour;
 
-// Linear up to 0.8, then a shoulder that reaches 1 at infinity with no kink.
+// Tone curve: linear up to 0.8, then 1 − 0.2 exp((0.8 − x) / 0.2), with a continuous slope.
 vec3 tone(vec3 x) {
     return mix(x, 1.0 - 0.2 * exp((0.8 - x) / 0.2), step(0.8, x));
 }
@@ -16,7 +16,7 @@ vec3 srgb(vec3 x) {
                step(0.0031308, x));
 }
 
-// Half a step of noise, so that dark gradients show no bands; a function of the pixel alone.
+// Dither of ± half an 8-bit step (interleaved gradient noise) against banding; depends on the pixel only.
 float noise(vec2 pixel) {
     return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715)))) - 0.5;
 }

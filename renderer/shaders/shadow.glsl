@@ -1,9 +1,9 @@
-// Whether the first lamp's light arrives, by a map of how far it gets (Wang et al. 2005 §4.2).
-uniform bool shadows; // else it does
+// The share of the first lamp's light that reaches a point, from a shadow map (Wang et al. 2005 §4.2).
+uniform bool shadows; // FALSE: the light always arrives
 uniform sampler2DShadow shadow_map;
 uniform vec3 shadow_light; // unit, towards the lamp
-uniform vec3 shadow_right; // where the map's right points to; its up is across both
-uniform vec3 shadow_range; // of the map: of depth 0, from 0 to 1, and slack
+uniform vec3 shadow_right; // direction of the map's +x; its +y is shadow_light × shadow_right
+uniform vec3 shadow_range; // shadow_maps_range(): distance at depth 0, length of the range, bias
 uniform float shadow_radius;
 
 // In the map: 0 … 1 each, z its depth.
@@ -16,7 +16,7 @@ bool outside(vec3 at) {
     return any(lessThan(at.xy, vec2(0.0))) || any(greaterThan(at.xy, vec2(1.0)));
 }
 
-// 0 … 1 of what arrives at p.
+// The share that arrives at p, 0 … 1.
 float lamp_at(vec3 p) {
     if (!shadows)
         return 1.0;

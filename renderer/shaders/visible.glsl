@@ -1,6 +1,6 @@
 // Which fragments are seen once the structure of the material counts; see visibility.h.
 uniform sampler2D seen;
-uniform bool silhouettes; // else all fragments are
+uniform bool silhouettes; // FALSE: all fragments are seen
 uniform float slack;      // of distances from the eye
 
 // From the mesh along the ray to the structure.

@@ -1,4 +1,4 @@
-/* A glTF 2.0 file (.gltf or .glb) as JSON and bytes, of which nothing is believed. */
+/* A glTF 2.0 file (.gltf or .glb) as JSON and bytes. Every length, offset and type is checked. */
 #pragma once
 
 #include "scene.h"

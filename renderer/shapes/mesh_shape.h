@@ -1,6 +1,6 @@
 /*
- * What a mesh is like around each of its vertices: how large the texture lies on it, and how it
- * bends. Both come from the triangles around a vertex, so any mesh has them.
+ * Local geometry of a mesh at each vertex: the scale of the texture coordinates and the curvature,
+ * both estimated from the triangles around the vertex.
  */
 #pragma once
 

@@ -1,5 +1,5 @@
 /*
- * What the material is put on: a mesh with texture coordinates and tangent frames.
+ * The shapes that a material is drawn on: meshes with texture coordinates and tangent frames.
  *
  * u runs along the tangent t (the texture's +x), v along the bitangent b (the texture's +y, so that
  * row 0 of a texture lies at v = 1), b = tangent[3] · n × t. Coordinates are z-up; one tile covers

@@ -1,16 +1,16 @@
 /*
- * A session that is still being captured: eigen-maps of the views that processing has made so far
- * (products/btf), computed in a thread of its own, and which planned views those are.
+ * A session that is still being captured: eigen-maps of the views that processing has written so
+ * far (products/btf), computed in a thread of their own, and the list of planned views.
  */
 #pragma once
 
 #include "eigenmaps/eigenmaps.h"
 #include "scene/hatching.h"
 
-/* Waits for the result; any thread. *ret_n_views: how many there are. */
+/* Computes eigen-maps of the views that exist; *ret_n_views: their number. Blocks; any thread. */
 struct eigenmaps *live_eigenmaps(const char *session, int *ret_n_views, GError **error);
 
-/* Of the plan; a GArray of struct planned_view, or NULL with an error if it is no session. */
+/* All planned views, a GArray of struct planned_view; NULL with an error if session is not one. */
 GArray *live_views(const char *session, GError **error);
 
 typedef struct Live Live; /* belongs to one thread */

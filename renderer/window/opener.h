@@ -1,7 +1,7 @@
 /*
- * Opens materials beside a window: a thread reads the file and puts it on the card, in a GL context
- * of its own that shares textures with the window's, which goes on drawing meanwhile. One after the
- * other, in the order they were asked for.
+ * Opens materials in the background of a window: a thread reads the file and uploads it in a GL
+ * context of its own, which shares textures with the window's, while the window goes on drawing.
+ * Jobs run one after the other, in the order of opener_ask().
  */
 #pragma once
 
@@ -40,5 +40,5 @@ void opened_free(struct opened *opened); /* NULL is ignored */
 
 gboolean opener_is_busy(const Opener *opener);
 
-/* For people, what is under way and how far it is, g_free(); NULL: nothing is. */
+/* Progress of the job under way as text for the user, g_free(); NULL if there is none. */
 char *opener_progress(const Opener *opener);

@@ -1,4 +1,4 @@
-/* Pictures of a session while it is captured, each of more views than the last. */
+/* A series of pictures of a session while it is captured, each from more views than the last. */
 #pragma once
 
 #include "live.h"
@@ -12,11 +12,11 @@ enum series_error {
 
 #define SERIES_MAX 100
 
-/* "20,40,100": rising percentages, 1 … 100. Returns how many; 0: text is none of that. */
+/* "20,40,100": rising percentages, 1 … 100. Returns their number; 0 if text is not such a list. */
 int series_parse(const char *text, int ret_percent[SERIES_MAX]);
 
 /* Waits until that share of the planned views is there: struct planned_view of all. The session
  * need not be there at first. wait_s: so long without a new view is an error. */
 GArray *series_wait(const char *session, int percent, double wait_s, GError **error);
 
-int series_count(const GArray *views); /* of those that are there */
+int series_count(const GArray *views); /* number of measured views */

@@ -1,4 +1,4 @@
-/* A picture as a PNG file with all that it takes to make it again inside, as text. */
+/* Writes a picture with all settings needed to reproduce it, as text chunks of the PNG file. */
 #pragma once
 
 #include "scene/compose.h"

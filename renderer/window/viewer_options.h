@@ -1,4 +1,4 @@
-/* What mesorig-view's command line says. */
+/* The command line of mesorig-view. */
 #pragma once
 
 #include "scene/compose.h"
@@ -30,11 +30,11 @@ struct viewer_options {
 /* For an option group whose data are the options; g_free(). */
 GOptionEntry *viewer_options_entries(struct viewer_options *options);
 
-/* Once they are parsed: fills in what is not said, or says what does not go together. */
+/* After parsing: sets defaults, and fails with a sentence where options exclude each other. */
 gboolean viewer_options_check(struct viewer_options *options, GError **error);
 void viewer_options_clear(struct viewer_options *options);
 
 int viewer_options_sheet_rows(const struct viewer_options *options);
 
-/* Whether --render asks for light (.exr) and not for a picture as it is shown. */
+/* Whether --render writes linear light (.exr) and not a toned picture (.png). */
 gboolean viewer_options_light(const struct viewer_options *options);

@@ -106,7 +106,7 @@ static GLFWwindow *open_window(const struct window_options *options, GError **er
     return glfw;
 }
 
-/* The fullest bin is as high as the picture of them; the square root shows the others. */
+/* Bins relative to the fullest one, as square roots, so that small bins stay visible. */
 static void window_count_levels(struct window *w, const guint8 *rgb) {
     const gsize n = 3 * (gsize)w->scene.width * w->scene.height;
     guint counts[3 * WINDOW_BINS] = {0}, most = 1;
@@ -174,7 +174,7 @@ static gboolean loop(struct window *w, struct window_result *ret, GError **error
     return w->options->screenshot == NULL || window_save(w, w->options->screenshot, error);
 }
 
-/* A picture of something comes before what takes seconds to read. */
+/* Shows a demonstration at once, because reading the material may take seconds. */
 static gboolean draw_demo(struct window *w, struct window_result *ret, GError **error) {
     const gboolean panel = w->panel;
     w->method = method_find(METHOD_DEMO);
