@@ -1,8 +1,8 @@
 /* What the sources of compress share: its methods are the entries of codecs[] and mdf_codecs[]. */
 #pragma once
 
-#include "command/cli.h"
 #include "codecs/codecs.h"
+#include "command/cli.h"
 #include "mdf_codecs/mdf_codec.h"
 
 /* One of codecs[] or of mdf_codecs[], as the command line sees it. */

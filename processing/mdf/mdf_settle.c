@@ -7,14 +7,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STEP 0.75 /* of a texel: neighbours with a larger step in depth lie on different surfaces  \
-                   */
+#define STEP                                                                                       \
+    0.75 /* of a texel: neighbours with a larger step in depth lie on different surfaces           \
+          */
 #define AGREE   0.25 /* of a texel: predictions this close agree */
 #define LEAST   2    /* views that must agree on a prediction */
 #define DENIES  4    /* views that must confirm a prediction for each that sees through it */
 #define GOES_ON 0.5  /* of a texel: largest step between a surface and its continuation */
-#define LIT     4 /* laser positions that must have seen a surface to expect them on its continuation \
-                   */
+#define LIT                                                                                        \
+    4 /* laser positions that must have seen a surface to expect them on its continuation          \
+       */
 #define AROUND 2 /* neighbouring texels with that surface */
 
 /* A point of another view in the texel coordinates of this view. */

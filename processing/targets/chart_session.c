@@ -8,8 +8,9 @@
 
 #include "btf/btf.h"
 
-#define NEAR_DEG 2.0 /* tolerance of the angle of the lights used, beyond that of the nearest one  \
-                      */
+#define NEAR_DEG                                                                                   \
+    2.0 /* tolerance of the angle of the lights used, beyond that of the nearest one               \
+         */
 #define FARTHEST_DEG 20.0 /* largest deviation from the geometry 45°:0° */
 #define CHART_DEG    45.0
 

@@ -11,8 +11,8 @@
  */
 #pragma once
 
-#include "virtual_cameras/gige.h"
 #include "virtual/modbus.h"
+#include "virtual_cameras/gige.h"
 
 #include "base/config.h"
 

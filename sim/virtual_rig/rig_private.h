@@ -3,12 +3,12 @@
 #pragma once
 
 #include "rig.h"
-#include "virtual_cameras/u3v.h"
 #include "virtual/usb_relays.h"
 #include "virtual/usb_tic.h"
+#include "virtual/world_link.h"
+#include "virtual_cameras/u3v.h"
 #include "virtual_cameras/v4l2.h"
 #include "world/world_private.h"
-#include "virtual/world_link.h"
 
 #include "drivers/device.h"
 

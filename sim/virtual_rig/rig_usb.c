@@ -1,10 +1,10 @@
 #include "rig_private.h"
 
 #include "devices/devices.h"
-#include "virtual/testbed.h"
 #include "usb/relays.h"
 #include "usb/tic.h"
 #include "v4l2/v4l2.h"
+#include "virtual/testbed.h"
 
 #include <math.h>
 

@@ -233,7 +233,7 @@ static double wait_raw(const struct video_node *node, const struct video_stream 
 }
 
 static void time_raw(struct latency *ret) {
-    const struct video_wish wish = {.format = "RG12"};
+    const struct video_request wish = {.format = "RG12"};
     struct video_node node;
     struct video_setup setup;
     struct video_stream stream;

@@ -58,7 +58,8 @@ static gboolean compare(const struct options *o, Viewer *view, const struct view
 enum { BTF, STRAIGHT, MDF, N_WAYS };
 
 static gboolean measure(const struct options *o, Displaced *displaced, Viewer *view,
-                        const struct viewer_settings *s, struct scores ret[N_WAYS], GError **error) {
+                        const struct viewer_settings *s, struct scores ret[N_WAYS],
+                        GError **error) {
     g_autofree struct displaced_pixel *truth = silhouettes_trace(displaced, s, o->width, o->height);
     for (int way = 0; way < N_WAYS; way++) {
         struct viewer_settings one = *s;

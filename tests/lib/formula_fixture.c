@@ -7,7 +7,8 @@ void formula_compare(Expected func, gconstpointer data, Viewer *view,
     g_assert_no_error(error);
     float *given[3];
     for (int k = 0; k < 3; k++) {
-        given[k] = viewer_render_geometry(view, settings, (enum viewer_geometry)k, SIZE, SIZE, &error);
+        given[k] =
+            viewer_render_geometry(view, settings, (enum viewer_geometry)k, SIZE, SIZE, &error);
         g_assert_no_error(error);
     }
     int n = 0, wrong = 0;

@@ -32,7 +32,7 @@ Viewer *silhouettes_view(const struct mesh *mesh, const struct mdf_table *mdf) {
     viewer_set_mesh(view, mesh, &error);
     g_assert_no_error(error);
     if (mdf != NULL)
-        viewer_set_mdf(view, mdf, &error);
+        viewer_set_mdf(view, &(struct mdf_source){.table = mdf}, &error);
     g_assert_no_error(error);
     return view;
 }

@@ -1,5 +1,6 @@
 /* Pictures of hemispherical harmonics against hsh_evaluate(), pixel by pixel. */
 #include "lib/formula_fixture.h"
+#include "lib/gpu_fixture.h"
 #include "lib/rings.h"
 
 #include "gl/directions.h"
@@ -86,8 +87,8 @@ static struct hsh *make_hsh(int n_terms) {
                         .n_views = RINGS * A_RING,
                         .n_lights = RINGS * A_RING,
                         .n_terms = n_terms};
-    fill_directions(0, &hsh->view_theta_deg, &hsh->view_phi_deg);
-    fill_directions(5, &hsh->light_theta_deg, &hsh->light_phi_deg);
+    rings_fill(0, &hsh->view_theta_deg, &hsh->view_phi_deg);
+    rings_fill(5, &hsh->light_theta_deg, &hsh->light_phi_deg);
     hsh->values = g_new0(float, hsh_bytes(hsh) / 2);
     for (int k = 0; k < hsh_bytes(hsh) / 2; k++) {
         const int term = k / 3 % n_terms, fall = 1 + term / 4;
@@ -119,7 +120,7 @@ static void check_terms(int n_terms, gboolean nearest, double ambient) {
     struct viewer_settings settings;
     g_autoptr(Viewer) view = viewer_new(NULL, &error);
     g_assert_no_error(error);
-    start_view(view, &settings, mesh);
+    formula_start_view(view, &settings, mesh);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
     struct hsh *hsh = show(view, n_terms);
@@ -127,7 +128,7 @@ static void check_terms(int n_terms, gboolean nearest, double ambient) {
         directions_new(hsh->view_theta_deg, hsh->view_phi_deg, hsh->n_views, &error);
     const struct scene scene = {hsh, views, ambient, nearest};
     g_test_message("%d terms", n_terms);
-    compare_picture(expected, &scene, view, &settings);
+    formula_compare(expected, &scene, view, &settings);
     hsh_free(hsh);
     mesh_free(mesh);
 }
@@ -166,7 +167,9 @@ static void test_bad(struct fixture *f, gconstpointer data) {
 
 int main(int argc, char **argv) {
     g_test_init(&argc, &argv, NULL);
-    g_test_add("/hsh-view/formula", struct fixture, NULL, set_up, test_formula, tear_down);
-    g_test_add("/hsh-view/bad", struct fixture, NULL, set_up, test_bad, tear_down);
+    g_test_add("/hsh-view/formula", struct fixture, NULL, gpu_fixture_set_up, test_formula,
+               gpu_fixture_tear_down);
+    g_test_add("/hsh-view/bad", struct fixture, NULL, gpu_fixture_set_up, test_bad,
+               gpu_fixture_tear_down);
     return g_test_run();
 }

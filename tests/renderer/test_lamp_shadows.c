@@ -33,8 +33,8 @@ static gboolean arrives(const float *p, int lamp) {
 }
 
 /* Of one lamp's shadow on the floor, of which the traced picture knows alone. */
-static double share(const struct viewer_settings *s, int lamp, const float *drawn, const float *seen,
-                    Displaced *displaced) {
+static double share(const struct viewer_settings *s, int lamp, const float *drawn,
+                    const float *seen, Displaced *displaced) {
     struct viewer_settings alone = *s;
     if (lamp > 0) {
         alone.light_theta_deg = lamps[lamp - 1].theta_deg;
@@ -87,7 +87,8 @@ static void test_truth(struct fixture *f, gconstpointer data) {
     for (int way = 0; way < 2; way++) {
         s.silhouettes = way;
         g_autofree float *drawn = draw(view, &s);
-        g_autofree float *seen = viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, W, H, &error);
+        g_autofree float *seen =
+            viewer_render_geometry(view, &s, VIEWER_GEOMETRY_LIT, W, H, &error);
         g_assert_no_error(error);
         for (int k = 0; k < N; k++)
             shares[way][k] = share(&s, k, drawn, seen, displaced);

@@ -67,7 +67,7 @@ static void check_revised(int n_clusters, int n_components, gboolean nearest, do
     formula_start_view(view, &settings, mesh);
     lpca_quantise(grid, LPCA_8BIT);
     viewer_set_method(view, &method_lpca_revised,
-                    lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
+                      lpca_revised_new(from_grid ? &grid : &lpca, 1, n, &error), &error);
     g_assert_no_error(error);
     settings.style.nearest = nearest;
     settings.ambient = ambient;
@@ -187,7 +187,7 @@ static void test_agree(struct fixture *f, gconstpointer data) {
         lpca_quantise(grid, LPCA_8BIT);
         const double reported = lpca_resample_error(grid, btf, 0);
         viewer_set_method(revised, &method_lpca_revised, lpca_revised_new(&grid, 1, 0, &error),
-                        &error);
+                          &error);
         g_assert_no_error(error);
         const double found = apart(original, revised, btf);
         g_test_message("grid of %d: compression %.4f, with resampling %.4f; pictures %.4f apart",

@@ -156,7 +156,7 @@ static void test_compose(struct fixture *f, gconstpointer data) {
     g_autoptr(GError) error = NULL;
     struct mesh *mesh = scene_torus(1.0, 0.4, 64, 32);
     g_autoptr(Viewer) a = view_fixture_view(LIGHT, 3, 8, mesh),
-                    b = view_fixture_view(COSINE, 3, 8, mesh);
+                      b = view_fixture_view(COSINE, 3, 8, mesh);
     g_autoptr(Compose) compose = compose_new(&error);
     const struct viewer_settings s = view_fixture_settings();
     const struct compose hows[] = {

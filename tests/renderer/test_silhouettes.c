@@ -270,10 +270,10 @@ static void test_shadow_kept(struct fixture *f, gconstpointer data) {
     g_autofree float *lit_otherwise = see(view, &s, W, H);
     g_assert_false(same(first, lit_otherwise));
     s.light_phi_deg -= 40.0;
-    g_assert_true(viewer_set_mdf(view, flat, &error));
+    g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = flat}, &error));
     g_autofree float *with_flat = see(view, &s, W, H);
     g_assert_false(same(first, with_flat));
-    g_assert_true(viewer_set_mdf(view, bumps, &error));
+    g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = bumps}, &error));
     g_autofree float *as_before = see(view, &s, W, H);
     g_assert_true(same(first, as_before));
     mesh_free(mesh);

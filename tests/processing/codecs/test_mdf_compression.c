@@ -443,7 +443,7 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
 
     struct mdf_table *flat = mdf_blocks_table(blocks);
     mdf_table_add_grazing(flat);
-    g_assert_true(viewer_set_mdf(view, flat, &error));
+    g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = flat}, &error));
     g_autofree gboolean *raw = outline(view, TRUE);
     g_assert_true(mdf_blocks_write(path, blocks, &error));
     g_assert_true(viewer_open_mdf(view, path, &error));
@@ -453,7 +453,7 @@ static void test_drawn(struct fixture *f, gconstpointer data) {
     struct mdf_factors *few = mdf_factors_compute(t, N_VIEWS, 6, 0, NULL, &error);
     g_assert_no_error(error);
     struct mdf_table *of_few = mdf_factors_table(few);
-    g_assert_true(viewer_set_mdf(view, of_few, &error));
+    g_assert_true(viewer_set_mdf(view, &(struct mdf_source){.table = of_few}, &error));
     g_autofree gboolean *raw_few = outline(view, TRUE);
     g_assert_true(mdf_factors_write(path, few, &error));
     g_assert_true(viewer_open_mdf(view, path, &error));
