@@ -3,7 +3,7 @@
 #include "btf/direction_grid.h"
 #include "gl/cube_map.h"
 #include "gl/gpu.h"
-#include "lpca/lpca_resample.h"
+#include "lpca_codec/lpca_resample.h"
 #include "lpca_texels.h"
 
 #include <epoxy/gl.h>

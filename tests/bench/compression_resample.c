@@ -1,7 +1,7 @@
 #include "compression_resample.h"
 
 #include "btf/triangulation.h"
-#include "lpca/lpca_resample.h"
+#include "lpca_codec/lpca_resample.h"
 
 #include <math.h>
 #include <stdio.h>

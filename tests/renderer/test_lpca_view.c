@@ -1,6 +1,6 @@
 /* Pictures of local PCAs against a plain evaluation of the formula, pixel by pixel. */
 #include "lib/lpca_scene.h"
-#include "lpca/lpca_resample.h"
+#include "lpca_codec/lpca_resample.h"
 #include "methods/lpca_grid.h"
 #include "methods/lpca_revised.h"
 #include "methods/lpca_view.h"

@@ -1,6 +1,6 @@
 #include "base/data_error.h"
 #include "btf/direction_grid.h"
-#include "lpca/lpca_resample.h"
+#include "lpca_codec/lpca_resample.h"
 
 #include "exr/exr.h"
 #include "lpca/lpca_choose.h"

@@ -2,9 +2,9 @@
 
 #include "base/data_error.h"
 #include "btf/direction_grid.h"
-#include "lpca_choose.h"
-#include "lpca_levels.h"
-#include "lpca_pack.h"
+#include "lpca/lpca_choose.h"
+#include "lpca/lpca_levels.h"
+#include "lpca/lpca_pack.h"
 #include "lpca_resample.h"
 
 #include <math.h>

@@ -4,7 +4,7 @@
  */
 #pragma once
 
-#include "lpca.h"
+#include "lpca/lpca.h"
 
 /* A local PCA whose views and lights are the samples of such a grid (lpca->n_grid says so), with
  * the clusters and weights it had; LPCA_FLOAT and LPCA_RGB, from one that is. Eigen-BRDFs are no

@@ -2,6 +2,6 @@
 #pragma once
 
 #include "codec/codec.h"
-#include "lpca.h"
+#include "lpca/lpca.h"
 
 extern const struct codec lpca_codec;
