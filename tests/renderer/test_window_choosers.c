@@ -291,7 +291,7 @@ static void test_while_opening(void) {
     wait_for_source(&u, "eigen-maps, and on the right " METAL);
     const int fd = take(map);
     if (fd >= 0) {
-        choose(&u, 5, 0, 10);
+        choose(&u, 5, 0, 11);
         wait_for_opening(fd);
         choose(&u, 5, 4, 2);
         wait_for_a_look(&u);
