@@ -7,10 +7,20 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* Who has just taken the lock writes its number a moment later. */
 static glong read_holder(int fd) {
-    char text[32] = "";
+    const gint64 until_us = g_get_monotonic_time() + G_USEC_PER_SEC;
+    glong holder = 0;
 
-    return pread(fd, text, sizeof text - 1, 0) > 0 ? strtol(text, NULL, 10) : 0;
+    while (holder == 0 && g_get_monotonic_time() < until_us) {
+        char text[32] = "";
+
+        if (pread(fd, text, sizeof text - 1, 0) > 0)
+            holder = strtol(text, NULL, 10);
+        else
+            g_usleep(1000);
+    }
+    return holder;
 }
 
 static void write_holder(int fd, const char *path) {
