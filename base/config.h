@@ -46,7 +46,8 @@ struct config_problem {
 #define CONFIG_NO_HEADING "unnamed"
 Config *config_load_lenient(const char *path, GError **error);
 
-/* Of config_load_lenient(), in file order; NULL for any other. Owned by the Config. */
+/* The problems that config_load_lenient() has passed over, in file order; NULL for a Config that
+ * another function loaded. Owned by the Config. */
 const struct config_problem *config_problems(const Config *config, gsize *ret_n);
 
 /* The same from memory; path is used in messages and for relative paths. */

@@ -42,5 +42,5 @@ const char *error_details_advice(const GError *error);
 /* The text without its subject and what stands before that; the whole text if it has no subject. */
 const char *error_details_text(const GError *error);
 
-/* What happened alone: without subject and advice. */
+/* The description of the failure alone, without subject and advice. */
 const char *error_details_what(const GError *error);

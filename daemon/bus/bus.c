@@ -153,7 +153,7 @@ static void hold_clock(Bus *bus, gboolean hold) {
     (hold ? clock_hold : clock_release)(bus->devices->clock);
 }
 
-/* What shines on when this program dies is for whoever runs the rig to know before it does. */
+/* Warns of each laser that stays on when this program dies, since its device has no watchdog. */
 static void warn_of_lasers(const struct devices *devices) {
     for (int i = 0; i < devices->geometry.n_lasers; i++) {
         const Laser *laser = devices->lasers[i];

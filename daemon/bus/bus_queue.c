@@ -136,7 +136,8 @@ static gboolean is_safe_state(GDBusMessage *message) {
            !*g_dbus_message_get_signature(message);
 }
 
-/* Of a peer, its connection is all that there is. */
+/* Identifies the client by its unique bus name; a peer-to-peer client has none, so by its
+ * connection. */
 static char *client_of(GDBusConnection *connection, GDBusMessage *message) {
     const char *sender = g_dbus_message_get_sender(message);
     return sender ? g_strdup(sender) : g_strdup_printf("%p", (gpointer)connection);

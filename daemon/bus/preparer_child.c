@@ -47,7 +47,7 @@ static gboolean take_bytes(GVariant *bytes, gpointer to, gsize size) {
     return TRUE;
 }
 
-/* What mesorigd of the same version has written. */
+/* Reads the request of the daemon, which must be of the same version. */
 static gboolean read_request(struct prepare_work *work) {
     g_autoptr(GByteArray) read = g_byte_array_new();
     const char *version;

@@ -154,7 +154,7 @@ static gboolean cli_calibrate_laser_measure(struct job *job, GError **error) {
     return TRUE;
 }
 
-/* What single steps differ by, for reports; and the worst of them. */
+/* Keeps the residuals of single steps for the report, and the largest of them. */
 static void keep_steps(struct job *job) {
     static const char *const keys[5] = {"laser", "arc_deg", "sweep_deg", "tilt_deg", "offset_mm"};
     GString *lists[5];
@@ -220,7 +220,8 @@ static void cli_calibrate_laser_keep(struct job *job) {
     keep_steps(job);
 }
 
-/* What lamps have told, which is no better than the arc's own steps; or what is usual. */
+/* The standard errors of the arc from the calibration of the lamps, at least as large as the arc's
+ * own steps; typical values if the lamps are not calibrated. */
 static struct laser_arc arc_known(const struct calibration *calibration) {
     const struct calibration_arc *arc = &calibration->arc;
     if (!arc->known || !(arc->centre_mm[0] > 0))

@@ -191,7 +191,7 @@ static gboolean contradict(const char *name, const int *balls, int n,
     return FALSE;
 }
 
-/* Of all balls that show it. */
+/* Measures the direction to the lamp from the highlights on all balls in which it is seen. */
 static gboolean cli_calibrate_photos_measure(struct job *job, const struct picture *picture,
                                              GError **error) {
     struct ball_ray rays[BALL_LIGHT_MOST];
